@@ -1,0 +1,1 @@
+"""The crowd layer: scenarios and their simulation."""

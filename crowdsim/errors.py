@@ -1,0 +1,55 @@
+"""What can go wrong, as exceptions that say what, where, what was expected and what there is to choose from."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class CrowdsimError(Exception):
+    """The base of every error that crowdsim raises on purpose.
+
+    ``exit_code`` is what the command line returns for it: 2 for invalid input, 1 for a run that failed.
+    """
+
+    exit_code = 2
+
+
+class BvhError(CrowdsimError):
+    """A file is no BVH, or holds what cannot be used for the purpose at hand."""
+
+
+class MotionError(CrowdsimError):
+    """Clips cannot be used together, or for training."""
+
+
+class RecipeError(CrowdsimError):
+    """A training recipe is invalid."""
+
+
+class ScenarioError(CrowdsimError):
+    """A scenario is invalid."""
+
+
+class PolicyError(CrowdsimError):
+    """A trained bundle is missing, damaged, foreign or of another version."""
+
+
+class TakeError(CrowdsimError):
+    """A recorded run is missing, damaged or does not hold what was asked for."""
+
+
+class OutputError(CrowdsimError):
+    """An output cannot be written where it was asked for."""
+
+
+class RunError(CrowdsimError):
+    """A run failed although its input was valid."""
+
+    exit_code = 1
+
+
+def nearest(word: str, choices: Iterable[str]) -> str:
+    """Return `` (did you mean 'x'?)`` with the choice most like ``word``, or an empty string when none is like it."""
+    match = difflib.get_close_matches(str(word), [str(choice) for choice in choices], n=1, cutoff=0.6)
+    return f" (did you mean '{match[0]}'?)" if match else ""

@@ -1,0 +1,1 @@
+"""The export layer: BVH and point clouds from a take."""

@@ -1,0 +1,1 @@
+"""The graph layer: which frame may follow which, as states and actions."""

@@ -1,0 +1,1 @@
+"""The motion layer: clips in, one motion database out."""

@@ -1,0 +1,147 @@
+"""Quaternions as numpy arrays ``(..., 4)``, wxyz, unit length; everything broadcasts.
+
+The convention is active: ``rotate(q, v)`` turns the vector ``v``. Compiled code keeps its own scalar forms.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[Any]
+
+AXES = {"X": 0, "Y": 1, "Z": 2}
+
+
+def multiply(a: ArrayLike, b: ArrayLike) -> Array:
+    """Return the product a b: first turn by b, then by a. Shapes (..., 4)."""
+    a, b = np.asarray(a), np.asarray(b)
+    aw, ax, ay, az = np.moveaxis(a, -1, 0)
+    bw, bx, by, bz = np.moveaxis(b, -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
+
+
+def conjugate(q: ArrayLike) -> Array:
+    """Return the inverse of unit quaternions. Shape (..., 4)."""
+    return np.asarray(q) * np.array([1.0, -1.0, -1.0, -1.0], dtype=np.asarray(q).dtype)
+
+
+def rotate(q: ArrayLike, v: ArrayLike) -> Array:
+    """Turn vectors v (..., 3) by quaternions q (..., 4)."""
+    q, v = np.asarray(q), np.asarray(v)
+    w, u = q[..., :1], q[..., 1:]
+    t = 2.0 * np.cross(u, v)
+    return v + w * t + np.cross(u, t)
+
+
+def normalise(q: ArrayLike) -> Array:
+    """Return quaternions of unit length. Shape (..., 4)."""
+    q = np.asarray(q)
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
+def continuous(q: ArrayLike, axis: int = 0) -> Array:
+    """Flip signs so that neighbours along ``axis`` lie in the same half of the sphere. Shape (..., 4)."""
+    q = np.moveaxis(np.array(q), axis, 0)
+    dots = np.sum(q[1:] * q[:-1], axis=-1)
+    signs = np.cumprod(np.where(dots < 0.0, -1.0, 1.0), axis=0)
+    q[1:] *= signs[..., None]
+    return np.moveaxis(q, 0, axis)
+
+
+def from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Array:
+    """Return the turn by ``angle`` [rad] about unit ``axis`` (..., 3). Shape (..., 4)."""
+    return from_rotation_vector(np.asarray(axis, dtype=float) * np.asarray(angle, dtype=float)[..., None])
+
+
+def from_rotation_vector(v: ArrayLike) -> Array:
+    """Return the turn by ``|v|`` [rad] about ``v`` (..., 3). Shape (..., 4)."""
+    v = np.asarray(v, dtype=float)
+    angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    return np.concatenate([np.cos(angle / 2), 0.5 * np.sinc(angle / (2 * np.pi)) * v], axis=-1)
+
+
+def to_rotation_vector(q: ArrayLike) -> Array:
+    """Return the shortest rotation vector [rad] of unit quaternions (..., 4). Shape (..., 3)."""
+    q = np.asarray(q, dtype=float)
+    q = np.where(q[..., :1] < 0.0, -q, q)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, q[..., :1])
+    return np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0) * q[..., 1:]
+
+
+def between(a: ArrayLike, b: ArrayLike) -> Array:
+    """Return the shortest turn that takes direction a to direction b (..., 3). Shape (..., 4)."""
+    a = np.asarray(a, dtype=float)
+    b = np.asarray(b, dtype=float)
+    a = a / np.linalg.norm(a, axis=-1, keepdims=True)
+    b = b / np.linalg.norm(b, axis=-1, keepdims=True)
+    dot = np.sum(a * b, axis=-1, keepdims=True)
+    q = np.concatenate([1.0 + dot, np.cross(a, b)], axis=-1)
+    other = np.where(np.abs(a[..., :1]) < 0.9, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+    opposite = np.concatenate([np.zeros_like(dot), np.cross(a, other)], axis=-1)
+    return normalise(np.where(dot < -1.0 + 1e-9, opposite, q))
+
+
+def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
+    """Interpolate on the shorter arc from a to b (..., 4) by t in 0..1, which broadcasts against their leading axes."""
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    t = np.asarray(t, dtype=float)[..., None]
+    dot = np.sum(a * b, axis=-1, keepdims=True)
+    b = np.where(dot < 0.0, -b, b)
+    angle = np.arccos(np.clip(np.abs(dot), -1.0, 1.0))
+    near = angle < 1e-6
+    sine = np.where(near, 1.0, np.sin(angle))
+    wa = np.where(near, 1.0 - t, np.sin((1.0 - t) * angle) / sine)
+    wb = np.where(near, t, np.sin(t * angle) / sine)
+    return normalise(wa * a + wb * b)
+
+
+def about_y(angle: ArrayLike) -> Array:
+    """Return the turn about +y by ``angle`` [rad], which is a heading. Shape (..., 4)."""
+    half = np.asarray(angle, dtype=float) * 0.5
+    zero = np.zeros_like(half)
+    return np.stack([np.cos(half), zero, np.sin(half), zero], axis=-1)
+
+
+def from_euler(angles: ArrayLike, order: str) -> Array:
+    """Return quaternions of intrinsic Euler angles [rad] (..., len(order)), turned in the letters' order, 'ZXY' say.
+
+    Intrinsic means that each turn is about the axes as the turns before it left them, which is how BVH reads.
+    """
+    angles = np.asarray(angles, dtype=float)
+    q = np.zeros((*angles.shape[:-1], 4))
+    q[..., 0] = 1.0
+    for column, letter in enumerate(order):
+        half = angles[..., column] * 0.5
+        turn = np.zeros_like(q)
+        turn[..., 0] = np.cos(half)
+        turn[..., 1 + AXES[letter]] = np.sin(half)
+        q = multiply(q, turn)
+    return q
+
+
+def to_euler(q: ArrayLike, order: str) -> Array:
+    """Return intrinsic Euler angles [rad] (..., 3) of quaternions (..., 4) for an order of three different letters.
+
+    At gimbal lock (the middle angle at a quarter turn) the third angle is zero.
+    """
+    q = normalise(np.asarray(q, dtype=float))
+    i, j, k = (AXES[letter] for letter in order)
+    sign = 1.0 if (j - i) % 3 == 1 else -1.0
+    w, a, b, c = q[..., 0], q[..., 1 + i], q[..., 1 + j], q[..., 1 + k] * sign
+    middle = np.clip(2.0 * (w * b + a * c), -1.0, 1.0)
+    lock = np.abs(middle) > 1.0 - 1e-12
+    first = np.where(lock, 2.0 * np.arctan2(a, w), np.arctan2(2.0 * (w * a - b * c), 1.0 - 2.0 * (a * a + b * b)))
+    third = np.where(lock, 0.0, np.arctan2(2.0 * (w * c - a * b), 1.0 - 2.0 * (b * b + c * c)))
+    return np.stack([first, np.arcsin(middle), sign * third], axis=-1)

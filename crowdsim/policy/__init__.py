@@ -1,0 +1,1 @@
+"""The policy layer: environment grids, rewards, learning, and the trained bundle."""

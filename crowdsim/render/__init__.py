@@ -1,0 +1,1 @@
+"""The render layer: pictures and video from a take."""

@@ -1,0 +1,18 @@
+"""Fixtures that all tests share."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def mocap() -> Path:
+    """Folder of real capture; tests that need it skip without one, and fail where CI should have had it."""
+    folder = os.environ.get("CROWDSIM_MOCAP", "")
+    if folder and Path(folder).is_dir():
+        return Path(folder)
+    reason = f"CROWDSIM_MOCAP names no folder with capture ({folder!r})"
+    if os.environ.get("CI") == "true":
+        pytest.fail(reason)
+    pytest.skip(reason)
