@@ -1,0 +1,165 @@
+"""What a pydantic model expects at a place, found by following a key path through its types, and said in words."""
+
+from __future__ import annotations
+
+import re
+import types
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel, Discriminator, Tag
+from pydantic.fields import FieldInfo
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A place in a schema: its type without ``Annotated`` and ``None``, and the constraints that stand with it.
+
+    A union has ``members``; it is ``tagged`` where a discriminator tells them apart.
+    """
+
+    kind: Any
+    constraints: tuple[Any, ...] = ()
+    optional: bool = False
+    members: tuple[Spot, ...] = ()
+    tagged: bool = False
+
+    @property
+    def model(self) -> type[BaseModel] | None:
+        """The model that stands here, if it is one."""
+        return self.kind if isinstance(self.kind, type) and issubclass(self.kind, BaseModel) else None
+
+    @property
+    def words(self) -> tuple[Any, ...]:
+        """Words that a literal accepts; empty for anything else."""
+        return get_args(self.kind) if get_origin(self.kind) is Literal else ()
+
+    @property
+    def keys(self) -> list[str]:
+        """Keys that a mapping here may have; empty when any may stand here or it is no mapping."""
+        if self.model is None:
+            return []
+        return [info.alias or name for name, info in self.model.model_fields.items()]
+
+
+def spot_of(annotation: Any, constraints: tuple[Any, ...] = (), tagged: bool = False) -> Spot:
+    """Return the spot of a type annotation."""
+    while get_origin(annotation) is Annotated:
+        annotation, *more = get_args(annotation)
+        constraints = (*more, *constraints)
+    flat: list[Any] = []
+    for constraint in constraints:
+        tagged = (
+            tagged or isinstance(constraint, Discriminator) or getattr(constraint, "discriminator", None) is not None
+        )
+        flat += constraint.metadata if isinstance(constraint, FieldInfo) else [constraint]
+    optional = False
+    if get_origin(annotation) in (Union, types.UnionType):
+        members = [member for member in get_args(annotation) if member is not type(None)]
+        optional = len(members) < len(get_args(annotation))
+        if len(members) > 1:
+            return Spot(Union, tuple(flat), optional, tuple(spot_of(member) for member in members), tagged)
+        return replace(spot_of(members[0], tuple(flat), tagged), optional=True)
+    return Spot(annotation, tuple(flat), optional)
+
+
+def step(spot: Spot | None, part: Any) -> Spot | None:
+    """Return the spot one key or index below, or None where the schema says nothing."""
+    if spot is None:
+        return None
+    model, arguments = spot.model, get_args(spot.kind)
+    if model is not None:
+        for name, info in model.model_fields.items():
+            if part in (name, info.alias):
+                return spot_of(info.annotation, tuple(info.metadata), info.discriminator is not None)
+    elif get_origin(spot.kind) in (list, set, frozenset) and arguments:
+        return spot_of(arguments[0])
+    elif get_origin(spot.kind) is tuple and arguments and isinstance(part, int):
+        if len(arguments) == 2 and arguments[1] is Ellipsis:
+            return spot_of(arguments[0])
+        return spot_of(arguments[part]) if part < len(arguments) else None
+    elif get_origin(spot.kind) is dict and len(arguments) == 2:
+        return spot_of(arguments[1])
+    return None
+
+
+def member(spot: Spot, label: str) -> Spot | None:
+    """Return the member of a union that pydantic calls ``label``: a tag, or the name of its type."""
+    for choice in spot.members:
+        if any(isinstance(constraint, Tag) and constraint.tag == label for constraint in choice.constraints):
+            return choice
+    for choice in spot.members:
+        name = getattr(choice.kind, "__name__", "")
+        if label == name or (choice.model is not None and name in re.findall(r"\w+", label)):
+            return choice
+        if choice.model is not None and any(label in tags(info) for info in choice.model.model_fields.values()):
+            return choice
+    return None
+
+
+def tags(info: FieldInfo) -> tuple[Any, ...]:
+    """Return the words that a field of type ``Literal`` accepts."""
+    return get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
+
+
+def discriminator(spot: Spot) -> tuple[str, list[Any]] | None:
+    """Return the key by which the models of a union are told apart, with all its words; None where there is none."""
+    models = [choice.model for choice in spot.members if choice.model is not None]
+    if not models or len(models) < len(spot.members):
+        return None
+    for name in models[0].model_fields:
+        words = [tags(model.model_fields[name]) if name in model.model_fields else () for model in models]
+        if all(words):
+            return name, [word for some in words for word in some]
+    return None
+
+
+def describe(spot: Spot | None) -> str:
+    """Say what is expected at a spot: ``a whole number from 1 to 9``, ``'q' or 'v'``, ``a list``."""
+    if spot is None:
+        return "a value"
+    if spot.members:
+        common = discriminator(spot)
+        if common:
+            return f"a mapping with {common[0]}: {join([repr(word) for word in common[1]])}"
+        return join([describe(choice) for choice in spot.members])
+    if spot.model is not None:
+        return f"a mapping with {join(spot.keys, 'and')}"
+    kind = get_origin(spot.kind) or spot.kind
+    if kind is Literal:
+        return join([f"'{word}'" if isinstance(word, str) else str(word) for word in get_args(spot.kind)])
+    if kind is bool:
+        return "true or false"
+    if kind is int:
+        return "a whole number" + _range(spot)
+    if kind is float:
+        return "a number" + _range(spot)
+    if kind in (list, tuple, set, frozenset):
+        arguments = get_args(spot.kind)
+        if kind is tuple and arguments and arguments[-1] is not Ellipsis:
+            inner = [describe(spot_of(argument)) for argument in arguments]
+            return f"a list of {len(inner)}: {', '.join(inner)}"
+        return f"a list of {describe(spot_of(arguments[0]))} each" if arguments and step(spot, 0) else "a list"
+    if kind is dict:
+        return "a mapping"
+    if kind is str or getattr(kind, "__name__", "") == "Path":
+        return "text"
+    return "a value"
+
+
+def join(words: list[str], last: str = "or") -> str:
+    """Return words as in a sentence: ``a, b or c``."""
+    words = list(dict.fromkeys(words))
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}" if words else "nothing"
+
+
+def _range(spot: Spot) -> str:
+    limits: dict[str, Any] = {}
+    for constraint in spot.constraints:
+        for name in ("ge", "gt", "le", "lt"):
+            if getattr(constraint, name, None) is not None:
+                limits[name] = getattr(constraint, name)
+    if "ge" in limits and "le" in limits:
+        return f" from {limits['ge']} to {limits['le']}"
+    words = {"ge": "of at least", "gt": "above", "le": "of at most", "lt": "below"}
+    return "".join(f" {'and ' if i else ''}{words[name]} {limits[name]}" for i, name in enumerate(limits))
