@@ -1,0 +1,104 @@
+"""What the graph's actions do, seen from the state in which they start: paths over the ground and strikes thrown."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion import ground
+
+if TYPE_CHECKING:
+    from crowdsim.graph.motion_graph import MotionGraph
+    from crowdsim.motion.database import MotionDatabase
+
+Array = NDArray[Any]
+
+
+class Actions(NamedTuple):
+    """The actions of a motion graph as flat arrays, each in the ground frame that the avatar has in the action's state.
+
+    A is the number of actions, S of states, K of strikes in actions (one strike of the database may lie in several). A
+    named tuple, so that compiled code can be handed all of it.
+
+    Attributes:
+        offsets: CSR: actions of state s are ``offsets[s]:offsets[s + 1]``. Shape (S + 1,), int32.
+        next: State in which each action ends. Shape (A,), int32.
+        lengths: Length T of each action [control frames]. Shape (A,), int32.
+        costs: Cost of the transition into each action over the graph's threshold, so that visible ones come near 1; 0
+            where it goes on with the capture. Shape (A,), float32.
+        path_offsets: CSR: the path of action a is ``paths[path_offsets[a]:path_offsets[a + 1]]``. Shape (A + 1,),
+            int32.
+        paths: Ground transform at control frames 1 to T of each action, the last being its displacement [m, rad].
+            Shape (sum of T, 3), float32.
+        strike_offsets: CSR over the strikes of each action, by time. Shape (A + 1,), int32.
+        strike_times: When each strike reaches furthest, in (0, T] [control frames from the state]. Shape (K,), float32.
+        strike_places: Where the fist is then [m]. Shape (K, 3), float32.
+        strike_speeds: Its highest speed before that, over the mean of all strikes of the database. Shape (K,), float32.
+        strike_ids: Number of the strike in the database. Shape (K,), int32.
+    """
+
+    offsets: Array
+    next: Array
+    lengths: Array
+    costs: Array
+    path_offsets: Array
+    paths: Array
+    strike_offsets: Array
+    strike_times: Array
+    strike_places: Array
+    strike_speeds: Array
+    strike_ids: Array
+
+    @property
+    def state_count(self) -> int:
+        """Number of states S."""
+        return len(self.offsets) - 1
+
+    @property
+    def action_count(self) -> int:
+        """Number of actions A."""
+        return len(self.next)
+
+    @property
+    def displacements(self) -> Array:
+        """Ground transform at the end of each action. Shape (A, 3)."""
+        return self.paths[self.path_offsets[1:] - 1]
+
+
+def build_actions(database: MotionDatabase, graph: MotionGraph) -> Actions:
+    """Return the actions of a graph over a database, placed as INTERFACES of the motion graph say.
+
+    The ground transform of control frame ``action_first - 1`` lies on the avatar's when the action starts.
+    """
+    stride = database.stride
+    first = np.asarray(graph.action_first, dtype=np.int64)
+    lengths = np.asarray(graph.action_lengths, dtype=np.int64)
+    path_offsets = np.concatenate([[0], np.cumsum(lengths)])
+    owner = np.repeat(np.arange(len(first)), lengths)
+    frames = first[owner] + np.arange(path_offsets[-1]) - path_offsets[owner]
+    undo = ground.inverse(database.ground[stride * (first - 1)])
+    paths = ground.compose(undo[owner], database.ground[stride * frames])
+
+    low = np.searchsorted(database.strike_frames, stride * (first - 1), side="right")
+    high = np.searchsorted(database.strike_frames, stride * (first + lengths - 1), side="right")
+    strike_offsets = np.concatenate([[0], np.cumsum(high - low)])
+    striker = np.repeat(np.arange(len(first)), high - low)
+    ids = low[striker] + np.arange(strike_offsets[-1]) - strike_offsets[striker]
+    at = database.strike_frames[ids]
+    places = ground.to_world(ground.compose(undo[striker], database.ground[at]), database.strike_places[ids])
+    mean = float(np.mean(database.strike_speeds)) if len(database.strike_speeds) else 1.0
+    return Actions(
+        offsets=np.asarray(graph.action_offsets, dtype=np.int32),
+        next=np.asarray(graph.action_next, dtype=np.int32),
+        lengths=lengths.astype(np.int32),
+        costs=(np.asarray(graph.action_costs) / graph.threshold).astype(np.float32),
+        path_offsets=path_offsets.astype(np.int32),
+        paths=paths.astype(np.float32),
+        strike_offsets=strike_offsets.astype(np.int32),
+        strike_times=(at / stride - (first[striker] - 1)).astype(np.float32),
+        strike_places=places.reshape(-1, 3).astype(np.float32),
+        strike_speeds=(database.strike_speeds[ids] / mean).astype(np.float32),
+        strike_ids=ids.astype(np.int32),
+    )

@@ -1,0 +1,186 @@
+"""A trained policy: the motion, the graph over it, and for each behaviour what its values are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from crowdsim.errors import PolicyError, nearest
+from crowdsim.motion import ground
+from crowdsim.policy.actions import Actions
+from crowdsim.policy.environment import Grid, corners, fade_factor
+from crowdsim.policy.rewards import TargetBody, Term, action_reward, pack_terms
+
+if TYPE_CHECKING:
+    from crowdsim.graph.motion_graph import MotionGraph
+    from crowdsim.motion.database import MotionDatabase
+
+Array = NDArray[Any]
+
+LOOKUPS = ("q", "v")
+
+
+@dataclass(frozen=True)
+class Behaviour:
+    """One thing that an avatar has learned to do to its target, ``approach`` or ``punch`` say.
+
+    Attributes:
+        name: What a scenario calls it.
+        grid: The environment's grid.
+        lookup: ``q``: the table holds Q(action, cell); entry of state s, cell c and its k-th action is
+            ``offsets[s] * cells + c * n + k``, where n is the number of actions of s, so that actions lie side by side.
+            ``v``: it holds V(state, cell) at ``s * cells + c``, and Q(action, e) is the action's own reward, exactly
+            where the target is, plus gamma^T times V interpolated where the target will be.
+        table: The values, flat. Shape (A * cells,) or (S * cells,), float32.
+        scale: Spread of V over states and cells (from its 5th to its 95th percentile). Values are divided by it before
+            behaviours are added up.
+        terms: The reward's terms.
+        discount: gamma, a control frame.
+    """
+
+    name: str
+    grid: Grid
+    lookup: str
+    table: Array
+    scale: float
+    terms: tuple[Term, ...]
+    discount: float
+
+
+class LookupTables(NamedTuple):
+    """All that control needs of a policy as flat arrays, for compiled code, which can be handed all of it at once.
+
+    ``evaluate_actions`` in ``kernels.py`` reads exactly this. B is the number of behaviours.
+
+    Attributes:
+        actions: The graph's actions; see ``Actions``.
+        behaviours: A row for each behaviour. Shape (B, 9), float64, whole numbers where they are places or counts:
+            first and end row in ``axes``; first and end row in ``terms``; look-up (0 is q, 1 is v); number of cells;
+            first entry in ``table``; scale; discount.
+        axes: A row for each axis of each grid. Shape (n, 7), float64: code of ``AXIS_KINDS``, minimum, step, count,
+            whether it wraps, stride in a table, fade.
+        terms: A row for each reward term. Shape (n, 9), float64: code, then the term's numbers as its ``pack`` says.
+        table: The tables of all behaviours, one after another. Flat, float32.
+    """
+
+    actions: Actions
+    behaviours: Array
+    axes: Array
+    terms: Array
+    table: Array
+
+
+@dataclass(frozen=True)
+class Policy:
+    """A trained policy, read from a bundle or just trained.
+
+    Attributes:
+        name: The stem of its recipe.
+        database: The motion.
+        graph: The motion graph.
+        actions: What the graph's actions do, as seen from their states.
+        behaviours: What has been learned.
+        body: Sizes of the target that it was trained for.
+        values: The tables of all behaviours one after another, of which each ``table`` is a part. Flat, float32.
+        recipe: The recipe as it was resolved, plain data.
+        statistics: What ``crowdsim inspect`` tells, plain data.
+        fingerprint: SHA-256 over recipe, capture and sources, in hexadecimal.
+        fingerprints: The same for each of the three alone.
+    """
+
+    name: str
+    database: MotionDatabase
+    graph: MotionGraph
+    actions: Actions
+    behaviours: tuple[Behaviour, ...]
+    body: TargetBody
+    values: Array
+    recipe: Mapping[str, Any]
+    statistics: Mapping[str, Any]
+    fingerprint: str
+    fingerprints: Mapping[str, str]
+
+    def behaviour(self, name: str) -> Behaviour:
+        """Return the behaviour called ``name``.
+
+        Raises:
+            PolicyError: There is none; the message lists those there are.
+        """
+        for behaviour in self.behaviours:
+            if behaviour.name == name:
+                return behaviour
+        known = [behaviour.name for behaviour in self.behaviours]
+        raise PolicyError(
+            f"policy {self.name!r} has no behaviour {name!r}{nearest(name, known)}; it has {', '.join(known)}"
+        )
+
+    def lookup_tables(self) -> LookupTables:
+        """Return the policy as flat arrays for compiled code; the values are not copied."""
+        return build_lookup_tables(self.actions, self.behaviours, self.body, self.values)
+
+
+def build_lookup_tables(
+    actions: Actions, behaviours: tuple[Behaviour, ...], body: TargetBody, values: Array | None = None
+) -> LookupTables:
+    """Return behaviours as flat arrays; ``values`` are their tables one after another, when they lie so already."""
+    rows, axes, terms = [], [np.zeros((0, 7))], [np.zeros((0, 9))]
+    axis_start = term_start = table_start = 0
+    for behaviour in behaviours:
+        axes.append(behaviour.grid.pack())
+        terms.append(pack_terms(behaviour.terms, body))
+        axis_end, term_end = axis_start + len(axes[-1]), term_start + len(terms[-1])
+        lookup, cells = LOOKUPS.index(behaviour.lookup), behaviour.grid.cells
+        numbers = (lookup, cells, table_start, behaviour.scale, behaviour.discount)
+        rows.append((axis_start, axis_end, term_start, term_end, *numbers))
+        axis_start, term_start, table_start = axis_end, term_end, table_start + len(behaviour.table)
+    if values is None:
+        values = np.concatenate([np.asarray(behaviour.table, dtype=np.float32) for behaviour in behaviours])
+    packed = np.array(rows, dtype=np.float64).reshape(-1, 9)
+    return LookupTables(actions, packed, np.concatenate(axes), np.concatenate(terms), np.asarray(values))
+
+
+def action_values(policy: Policy, weights: Mapping[str, float], state: int, target: ArrayLike) -> Array:
+    """Return what each action of a state is worth for a target: slow and plain, the meaning of the compiled version.
+
+    Values of behaviours are divided by their scale, multiplied by their weight and by how much they count at the target
+    (``fade_factor``), and added (paper, section 5).
+
+    Args:
+        policy: The policy.
+        weights: Weight of each behaviour by name; those left out count nothing.
+        state: The avatar's state.
+        target: Centre of the target's head in the avatar's ground frame [m]. Shape (3,).
+
+    Returns:
+        The values. Shape (n,), n being the number of actions of the state.
+    """
+    actions = policy.actions
+    first, end = int(actions.offsets[state]), int(actions.offsets[state + 1])
+    total = np.zeros(end - first)
+    for name, weight in weights.items():
+        behaviour = policy.behaviour(name)
+        factor = weight * fade_factor(behaviour.grid, target) / behaviour.scale
+        if factor == 0.0:
+            continue
+        for k, action in enumerate(range(first, end)):
+            total[k] += factor * _action_value(policy, behaviour, state, action, np.asarray(target, dtype=float))
+    return total
+
+
+def _action_value(policy: Policy, behaviour: Behaviour, state: int, action: int, target: Array) -> float:
+    """Return Q(e, a) of one behaviour."""
+    actions, grid = policy.actions, behaviour.grid
+    first, n = int(actions.offsets[state]), int(actions.offsets[state + 1] - actions.offsets[state])
+    if behaviour.lookup == "q":
+        cells, shares = corners(grid, target)
+        return float(shares @ behaviour.table[first * grid.cells + cells * n + (action - first)])
+    reward = action_reward(actions, action, target, behaviour.terms, policy.body, behaviour.discount)
+    later = ground.to_local(actions.displacements[action].astype(float), target)
+    cells, shares = corners(grid, later)
+    value = float(shares @ behaviour.table[int(actions.next[action]) * grid.cells + cells])
+    return reward + math.pow(behaviour.discount, int(actions.lengths[action])) * value

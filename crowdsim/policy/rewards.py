@@ -1,0 +1,188 @@
+"""What a behaviour is rewarded for: terms that a recipe combines (paper, section 4; equations for r(e, a)).
+
+The reward of one action is the sum of its terms, evaluated exactly where the target is, never interpolated. Time t
+counts control frames from the action's state, and gamma is the discount a frame:
+
+* ``strike``: max over the action's strikes of gamma^t I(t) w(t). I(t) is 1 when the strike lands: its fist is within
+  ``tolerance`` of the surface of the target's head, or of the upright torso under it.
+* ``proximity``: gamma^t exp(-d(t) / sigma), summed over the action's frames (``sum``, which does not depend on where
+  actions are cut) or its greatest (``max``, the paper's). d(t) is how far the target is from where it is wanted.
+* ``transition``: what cuts cost, since they are seen.
+
+To add a term, write its model here, add it to ``TERMS``, and add a branch to ``reward`` in ``kernels.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from crowdsim.motion import ground
+
+if TYPE_CHECKING:
+    from crowdsim.motion.database import MotionDatabase
+    from crowdsim.policy.actions import Actions
+
+Array = NDArray[Any]
+
+TERM_WIDTH = 9
+
+
+class TargetBody(BaseModel):
+    """The body of a target for whom only the head's centre is known; sizes [m] come from the motion database."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    head_radius: float = 0.11
+    torso_radius: float = 0.15
+    neck_drop: float = 0.16
+    """How far the upper end of the torso's capsule lies under the head's centre."""
+    pelvis_drop: float = 0.66
+    """How far its lower end does."""
+
+
+class Term(BaseModel):
+    """What all reward terms share."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    code: ClassVar[int]
+    weight: float = Field(default=1.0, ge=0.0, description="How much the term counts in the sum.")
+
+    def pack(self, body: TargetBody) -> tuple[float, ...]:
+        """Return the term's numbers after its code, as compiled code reads them."""
+        raise NotImplementedError
+
+
+class StrikeTerm(Term):
+    """A strike that lands."""
+
+    code: ClassVar[int] = 0
+    term: Literal["strike"]
+    tolerance: float = Field(default=0.10, gt=0.0, le=1.0, description="Fist to surface at the strike's frame [m].")
+    speed_weight: float = Field(
+        default=0.5,
+        ge=0.0,
+        le=4.0,
+        description="Power of the fist's speed over the mean of all strikes; 0: all count alike.",
+    )
+
+    def pack(self, body: TargetBody) -> tuple[float, ...]:
+        """Return weight, tolerance, speed weight, and the target's sizes."""
+        sizes = (body.head_radius, body.torso_radius, body.neck_drop, body.pelvis_drop)
+        return (self.weight, self.tolerance, self.speed_weight, *sizes)
+
+
+class ProximityTerm(Term):
+    """Being near the target."""
+
+    code: ClassVar[int] = 1
+    term: Literal["proximity"]
+    distance: float = Field(default=0.5, ge=0.0, description="Where the target is wanted: this far away [m].")
+    sigma: float = Field(default=0.5, gt=0.0, description="How fast the reward falls with the distance from there [m].")
+    form: Literal["sum", "max"] = Field(
+        default="sum", description="Summed over the action's frames, or their greatest."
+    )
+    facing: bool = Field(
+        default=False, description="Whether the target is wanted straight ahead, rather than anywhere round."
+    )
+
+    def pack(self, body: TargetBody) -> tuple[float, ...]:
+        """Return weight, distance, sigma, whether it is the greatest, whether the target is wanted ahead."""
+        return (self.weight, self.distance, self.sigma, float(self.form == "max"), float(self.facing))
+
+
+class TransitionTerm(Term):
+    """What a cut costs: its weight times its cost over the graph's threshold, and an amount for each cut."""
+
+    code: ClassVar[int] = 2
+    term: Literal["transition"]
+    each: float = Field(default=0.0, ge=0.0, description="What each cut costs however good it is.")
+
+    def pack(self, body: TargetBody) -> tuple[float, ...]:
+        """Return weight and the amount for each cut."""
+        return (self.weight, self.each)
+
+
+TERMS: dict[str, type[Term]] = {"strike": StrikeTerm, "proximity": ProximityTerm, "transition": TransitionTerm}
+"""Every reward term there is."""
+
+AnyTerm = Annotated[StrikeTerm | ProximityTerm | TransitionTerm, Field(discriminator="term")]
+
+
+def pack_terms(terms: list[Term] | tuple[Term, ...], body: TargetBody) -> Array:
+    """Return terms as compiled code reads them: the code, then the term's own numbers. Shape (n, 9), float64."""
+    rows = np.zeros((len(terms), TERM_WIDTH))
+    for row, term in zip(rows, terms, strict=True):
+        numbers = (float(term.code), *term.pack(body))
+        row[: len(numbers)] = numbers
+    return rows
+
+
+def target_body(database: MotionDatabase) -> TargetBody:
+    """Return the sizes of a target like the performers of a database: radii of its body, medians of how it hangs."""
+    heads = database.heads[:, 1]
+    return TargetBody(
+        head_radius=float(database.body.head_radius),
+        torso_radius=float(database.body.torso_radius),
+        neck_drop=round(float(np.median(heads - database.necks[:, 1])), 4),
+        pelvis_drop=round(float(np.median(heads - database.pelvises[:, 1])), 4),
+    )
+
+
+def surface_distance(point: ArrayLike, head: ArrayLike, body: TargetBody) -> tuple[float, float]:
+    """Return how far a point lies from the surfaces of the head and of the torso under it [m], inside or out."""
+    point, head = np.asarray(point, dtype=float), np.asarray(head, dtype=float)
+    to_head = abs(float(np.linalg.norm(point - head)) - body.head_radius)
+    height = min(max(float(point[1]), float(head[1]) - body.pelvis_drop), float(head[1]) - body.neck_drop)
+    axis = np.array([head[0], height, head[2]])
+    return to_head, abs(float(np.linalg.norm(point - axis)) - body.torso_radius)
+
+
+def action_reward(
+    actions: Actions,
+    action: int,
+    target: ArrayLike,
+    terms: tuple[Term, ...],
+    body: TargetBody,
+    discount: float,
+    velocity: ArrayLike = (0.0, 0.0),
+) -> float:
+    """Return r(e, a) for a target (3,) in the ground frame of the action's state: slow and plain, as said above.
+
+    Args:
+        actions: All actions.
+        action: Which one.
+        target: Centre of the target's head [m].
+        terms: The terms of the behaviour.
+        body: The target's sizes.
+        discount: gamma, a control frame.
+        velocity: How far the target moves over the ground, along x and z [m a control frame].
+    """
+    start = np.asarray(target, dtype=float)
+    step = np.array([velocity[0], 0.0, velocity[1]])  # type: ignore[index]
+    total = 0.0
+    for term in terms:
+        if isinstance(term, StrikeTerm):
+            found = [0.0]
+            for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
+                t = float(actions.strike_times[strike])
+                if min(surface_distance(actions.strike_places[strike], start + t * step, body)) <= term.tolerance:
+                    found.append(discount**t * float(actions.strike_speeds[strike]) ** term.speed_weight)
+            total += term.weight * max(found)
+        elif isinstance(term, ProximityTerm):
+            path = actions.paths[actions.path_offsets[action] : actions.path_offsets[action + 1]].astype(float)
+            values = []
+            for t, place in enumerate(path, start=1):
+                x, _, z = ground.to_local(place, start + t * step)
+                gap = math.hypot(x, z - term.distance) if term.facing else abs(math.hypot(x, z) - term.distance)
+                values.append(discount**t * math.exp(-gap / term.sigma))
+            total += term.weight * (sum(values) if term.form == "sum" else max(values))
+        elif isinstance(term, TransitionTerm):
+            cost = float(actions.costs[action])
+            total -= term.weight * cost + (term.each if cost > 0.0 else 0.0)
+    return total
