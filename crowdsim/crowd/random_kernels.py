@@ -1,0 +1,28 @@
+"""The draws of ``random.py`` in compiled form; kernels that draw repeat ``mix`` and ``uniform`` in their own file."""
+
+import numba as nb
+import numpy as np
+
+
+@nb.njit(cache=True, inline="always")
+def mix(bits):
+    """Scramble 64 bits (SplitMix64's finaliser)."""
+    bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return bits ^ (bits >> np.uint64(31))
+
+
+@nb.njit(cache=True, inline="always")
+def uniform(stream, avatar, draw):
+    """Return a number in [0, 1); ``stream`` is uint64, from ``random.stream``, the others are integers of any type."""
+    golden = np.uint64(0x9E3779B97F4A7C15)
+    bits = mix(stream + (np.uint64(avatar) + np.uint64(1)) * golden)
+    bits = mix(bits + (np.uint64(draw) + np.uint64(1)) * golden)
+    return np.float64(bits >> np.uint64(11)) * 2.0**-53
+
+
+@nb.njit(cache=True)
+def fill_uniform(stream, avatars, draws, out):
+    """Draw one number for each pair of avatar and draw; arrays of one length."""
+    for i in range(out.shape[0]):
+        out[i] = uniform(stream, avatars[i], draws[i])
