@@ -1,0 +1,120 @@
+"""Finds scenarios and policies: a given path, then the working folder, then what ships with the package.
+
+In a wheel the shipped ones are the packages ``crowdsim.scenarios`` and ``crowdsim.policies``; in a checkout they are the
+folders ``scenarios/`` and ``policies/`` beside the package.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, ScenarioError, nearest
+
+FileName = str | os.PathLike[str]
+
+
+def folders(kind: str) -> list[Path]:
+    """Return the folders that are searched for ``kind``, ``"scenarios"`` or ``"policies"``, first things first."""
+    package = Path(__file__).resolve().parent
+    shipped = [package / kind, package.parent / kind]
+    found = [Path.cwd() / kind, *[folder for folder in shipped if folder.is_dir()][:1]]
+    return [folder for i, folder in enumerate(found) if folder.is_dir() and folder not in found[:i]]
+
+
+def scenario_names() -> list[str]:
+    """Return the names of the scenarios that can be found by name."""
+    return _names("scenarios")
+
+
+def policy_names() -> list[str]:
+    """Return the names of the policies that can be found by name: recipes, and trained bundles without a recipe."""
+    bundles = {path.parent.name for folder in folders("policies") for path in folder.glob("*/policy.json")}
+    return sorted({*_names("policies"), *bundles})
+
+
+def find_scenario(name: FileName) -> Path:
+    """Return the file of a scenario that is given by its path or its name.
+
+    Raises:
+        ScenarioError: There is none; the message names those there are.
+    """
+    return _find(name, "scenarios", "scenario", ScenarioError)
+
+
+def find_recipe(name: FileName) -> Path:
+    """Return the file of a training recipe that is given by its path or its name.
+
+    Raises:
+        RecipeError: There is none; the message names those there are.
+    """
+    return _find(name, "policies", "recipe", RecipeError)
+
+
+def bundle_folder(recipe: FileName) -> Path:
+    """Return where the bundle trained from a recipe lies: beside it, or in the user's cache when that is read-only."""
+    recipe = Path(recipe)
+    beside = recipe.parent / recipe.stem
+    if (beside / "policy.json").is_file() or os.access(beside if beside.is_dir() else recipe.parent, os.W_OK):
+        return beside
+    return _cache() / recipe.stem
+
+
+def find_bundle(name: FileName) -> Path:
+    """Return the folder of a trained bundle that is given by its path, its recipe's path or its name.
+
+    Raises:
+        PolicyError: There is none; the message says what to train, or names the policies there are.
+    """
+    path = Path(name)
+    if (path / "policy.json").is_file():
+        return path
+    if path.is_file() and path.suffix in (".yaml", ".yml"):
+        return _trained(bundle_folder(path), path)
+    if len(path.parts) == 1 or path.parent == Path("policies"):
+        for folder in folders("policies"):
+            recipe = folder / f"{path.stem}.yaml"
+            if recipe.is_file():
+                return _trained(bundle_folder(recipe), recipe)
+            if (folder / path.name / "policy.json").is_file():
+                return folder / path.name
+    if path.is_dir():
+        raise PolicyError(f"{path}: is no trained policy, expected a folder with policy.json")
+    raise PolicyError(f"{name}: no such policy{_choices(path.stem, 'policies', policy_names())}")
+
+
+def _trained(bundle: Path, recipe: Path) -> Path:
+    if (bundle / "policy.json").is_file():
+        return bundle
+    raise PolicyError(f"{recipe}: is not trained yet, expected {bundle}; run: crowdsim train {recipe}")
+
+
+def _cache() -> Path:
+    from platformdirs import user_cache_path
+
+    return user_cache_path("crowdsim") / "policies"
+
+
+def _names(kind: str) -> list[str]:
+    return sorted({path.stem for folder in folders(kind) for path in folder.glob("*.yaml")})
+
+
+def _find(name: FileName, kind: str, word: str, error: type[CrowdsimError]) -> Path:
+    path = Path(name)
+    if path.is_file() or (path.exists() and not path.is_dir()):
+        return path
+    # A bare name, or one as the shipped files are called in a checkout.
+    if len(path.parts) == 1 or (path.parent == Path(kind) and path.suffix in (".yaml", ".yml")):
+        for folder in folders(kind):
+            found = folder / (path.name if path.suffix in (".yaml", ".yml") else f"{path.name}.yaml")
+            if found.is_file():
+                return found
+    if path.is_dir():
+        raise error(f"{name}: is a folder, expected a {word}")
+    raise error(f"{name}: no such {word}{_choices(path.stem, kind, _names(kind))}")
+
+
+def _choices(name: str, kind: str, names: list[str]) -> str:
+    if not names:
+        return f", and there are no {kind} to choose from"
+    return f", expected a file or one of {', '.join(names)}{nearest(name, names)}"
