@@ -1,7 +1,7 @@
 """Finds scenarios and policies: a given path, then the working folder, then what ships with the package.
 
-In a wheel the shipped ones are the packages ``crowdsim.scenarios`` and ``crowdsim.policies``; in a checkout they are the
-folders ``scenarios/`` and ``policies/`` beside the package.
+In a wheel the shipped ones are the packages ``crowdsim.scenarios`` and ``crowdsim.policies``; in a checkout they are
+the folders ``scenarios/`` and ``policies/`` beside the package.
 """
 
 from __future__ import annotations
@@ -52,12 +52,11 @@ def find_recipe(name: FileName) -> Path:
 
 
 def bundle_folder(recipe: FileName) -> Path:
-    """Return where the bundle trained from a recipe lies: beside it, or in the user's cache when that is read-only."""
+    """Return where the bundle of a recipe is to be written: beside it, or in the user's cache when that is read-only."""
     recipe = Path(recipe)
     beside = recipe.parent / recipe.stem
-    if (beside / "policy.json").is_file() or os.access(beside if beside.is_dir() else recipe.parent, os.W_OK):
-        return beside
-    return _cache() / recipe.stem
+    writable = os.access(recipe.parent, os.W_OK) and (not beside.exists() or os.access(beside, os.W_OK))
+    return beside if writable else _cache() / recipe.stem
 
 
 def find_bundle(name: FileName) -> Path:
@@ -70,12 +69,12 @@ def find_bundle(name: FileName) -> Path:
     if (path / "policy.json").is_file():
         return path
     if path.is_file() and path.suffix in (".yaml", ".yml"):
-        return _trained(bundle_folder(path), path)
+        return _trained(path)
     if len(path.parts) == 1 or path.parent == Path("policies"):
         for folder in folders("policies"):
             recipe = folder / f"{path.stem}.yaml"
             if recipe.is_file():
-                return _trained(bundle_folder(recipe), recipe)
+                return _trained(recipe)
             if (folder / path.name / "policy.json").is_file():
                 return folder / path.name
     if path.is_dir():
@@ -83,9 +82,11 @@ def find_bundle(name: FileName) -> Path:
     raise PolicyError(f"{name}: no such policy{_choices(path.stem, 'policies', policy_names())}")
 
 
-def _trained(bundle: Path, recipe: Path) -> Path:
-    if (bundle / "policy.json").is_file():
-        return bundle
+def _trained(recipe: Path) -> Path:
+    bundle = bundle_folder(recipe)
+    for folder in (bundle, recipe.parent / recipe.stem):
+        if (folder / "policy.json").is_file():
+            return folder
     raise PolicyError(f"{recipe}: is not trained yet, expected {bundle}; run: crowdsim train {recipe}")
 
 
