@@ -1,0 +1,96 @@
+"""What a recipe says about the motion graph; every default of the graph lives here and nowhere else."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+
+class JointWeights(BaseModel):
+    """How much each kind of joint counts when two frames are compared; left and right count alike.
+
+    Only proportions matter. Fingers, eyes and joints without a role count nothing.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    pelvis: float = Field(
+        default=1.0, ge=0, description="Weight of the pelvis, which carries the root's height and velocity."
+    )
+    spine: float = Field(default=0.0, ge=0, description="Weight of the spine.")
+    chest: float = Field(default=0.5, ge=0, description="Weight of the chest.")
+    neck: float = Field(default=0.0, ge=0, description="Weight of the neck.")
+    head: float = Field(default=1.0, ge=0, description="Weight of the head.")
+    shoulder: float = Field(default=0.5, ge=0, description="Weight of each shoulder.")
+    elbow: float = Field(default=0.5, ge=0, description="Weight of each elbow.")
+    hand: float = Field(default=1.0, ge=0, description="Weight of each hand.")
+    hip: float = Field(default=0.5, ge=0, description="Weight of each hip.")
+    knee: float = Field(default=0.5, ge=0, description="Weight of each knee.")
+    foot: float = Field(default=1.0, ge=0, description="Weight of each foot.")
+    toe: float = Field(default=0.0, ge=0, description="Weight of each toe, where the skeleton has them.")
+
+    def of_role(self, role: str) -> float:
+        """Return the weight of a role of ``body.ROLES``, 'left_hand' say."""
+        return float(getattr(self, role.removeprefix("left_").removeprefix("right_")))
+
+    @model_validator(mode="after")
+    def _some_weight(self) -> JointWeights:
+        if not any(getattr(self, name) for name in type(self).model_fields):
+            raise ValueError("every weight is 0, expected at least one joint that counts")
+        return self
+
+
+class GraphSettings(BaseModel):
+    """The ``graph`` section of a recipe: which frame may follow which.
+
+    Costs are in metres: the root of the weighted mean of squared joint distances in the ground frame, on a body of
+    1.75 m, to which velocities add by ``velocity_weight``.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    threshold: float | None = Field(
+        default=0.15,
+        gt=0,
+        allow_inf_nan=False,
+        description="Highest cost of a transition [m]; null when it is chosen for a number of actions.",
+    )
+    actions: int | None = Field(
+        default=None,
+        ge=2,
+        description="Number of actions for which the threshold is chosen; stands in the place of threshold.",
+    )
+    velocity_weight: float = Field(
+        default=0.10,
+        ge=0,
+        allow_inf_nan=False,
+        description="Metres that a difference in velocity of 1 m/s counts as [s].",
+    )
+    near: float = Field(
+        default=0.3,
+        ge=0,
+        allow_inf_nan=False,
+        description="Frames of one clip that lie closer in time than this are no transitions [s].",
+    )
+    radius: int = Field(
+        default=1,
+        ge=1,
+        le=30,
+        description="A transition is the cheapest among those so many control frames around it; 1 keeps the most.",
+    )
+    joint_weights: JointWeights = Field(
+        default_factory=JointWeights, description="How much each kind of joint counts when frames are compared."
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_of_threshold_and_actions(cls, values: Any) -> Any:
+        if not isinstance(values, dict):
+            return values
+        threshold, actions = values.get("threshold"), values.get("actions")
+        if threshold is not None and actions is not None:
+            raise ValueError("threshold and actions are both given, expected one of the two")
+        if "threshold" in values and threshold is None and actions is None:
+            raise ValueError("threshold is null and actions is not given, expected one of the two")
+        return {**values, "threshold": None} if actions is not None else values

@@ -1,0 +1,197 @@
+import naive_graph
+import numpy as np
+import pytest
+import synthetic_motion
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from crowdsim.errors import MotionError
+from crowdsim.graph.motion_graph import build_graph, graph_of_pairs
+from crowdsim.graph.settings import GraphSettings
+from crowdsim.graph.transitions import Pairs
+
+
+def pairs_of(*rows):
+    ordered = sorted(rows)
+    return Pairs(
+        np.array([row[0] for row in ordered], np.int32),
+        np.array([row[1] for row in ordered], np.int32),
+        np.array([row[2] for row in ordered], np.float32),
+    )
+
+
+def as_dict(graph):
+    result = {}
+    for state, frame in enumerate(graph.state_frames):
+        span = range(graph.action_offsets[state], graph.action_offsets[state + 1])
+        result[int(frame)] = [
+            (int(graph.action_first[a]), int(graph.action_lengths[a]), float(graph.action_costs[a])) for a in span
+        ]
+    return result
+
+
+@st.composite
+def random_pairs(draw):
+    lengths = draw(st.lists(st.integers(2, 30), min_size=1, max_size=4))
+    frames = sum(lengths)
+    index = st.integers(0, frames - 1)
+    couples = draw(st.sets(st.tuples(index, index).filter(lambda p: p[0] < p[1]), max_size=40))
+    rows = [(i, k, draw(st.integers(1, 100)) / 100) for i, k in sorted(couples)]
+    return np.cumsum([0, *lengths]).astype(np.int32), pairs_of(*rows)
+
+
+@settings(max_examples=150, deadline=None)
+@given(case=random_pairs(), threshold=st.integers(20, 100).map(lambda n: n / 100))
+def test_states_and_actions_equal_those_of_the_naive_twin(case, threshold):
+    starts, pairs = case
+    couples = zip(pairs.first.tolist(), pairs.second.tolist(), pairs.costs.tolist(), strict=True)
+    edges = naive_graph.transitions(
+        {(i, k): c for i, k, c in couples if np.float32(c) <= np.float32(threshold)}, starts
+    )
+    kept = naive_graph.component(edges, starts)
+    expected = naive_graph.actions(edges, kept, starts)
+    if not any(len(ways) > 1 for ways in expected.values()):
+        with pytest.raises(MotionError):
+            graph_of_pairs(pairs, starts, threshold)
+        return
+    graph = graph_of_pairs(pairs, starts, threshold)
+    assert set(np.flatnonzero(graph.frames_kept).tolist()) == kept
+    assert as_dict(graph) == expected
+    inside = {(i, j): c for (i, j), c in edges.items() if i in kept and j in kept}
+    sources, targets = graph.transition_from.tolist(), graph.transition_to.tolist()
+    assert dict(zip(zip(sources, targets, strict=True), graph.transition_costs.tolist(), strict=True)) == inside
+
+
+@pytest.fixture(scope="module")
+def wandering():
+    generator = np.random.default_rng(11)
+    return synthetic_motion.database([synthetic_motion.wander(generator, n) for n in (150, 90, 200)])
+
+
+@pytest.fixture(scope="module")
+def graph(wandering):
+    return build_graph(wandering, GraphSettings(threshold=0.3))
+
+
+def test_every_action_ends_in_the_frame_of_its_next_state(graph):
+    assert graph.action_count > graph.state_count > 20
+    last = graph.action_first + graph.action_lengths - 1
+    assert np.array_equal(last, graph.state_frames[graph.action_next])
+    assert graph.action_lengths.min() >= 1
+
+
+def test_every_action_shows_frames_of_one_clip_that_are_all_kept(graph, wandering):
+    for first, length in zip(graph.action_first, graph.action_lengths, strict=True):
+        assert graph.frames_kept[first : first + length].all()
+        assert not np.isin(np.arange(first + 1, first + length), wandering.clip_starts).any()
+
+
+def test_there_is_no_dead_end_and_every_state_reaches_every_state(graph):
+    counts = np.diff(graph.action_offsets)
+    assert counts.min() >= 1
+    ways = {
+        s: graph.action_next[graph.action_offsets[s] : graph.action_offsets[s + 1]].tolist()
+        for s in range(graph.state_count)
+    }
+    assert naive_graph.reachable(ways, 0) == set(range(graph.state_count))
+    backwards = {s: [] for s in ways}
+    for source, targets in ways.items():
+        for target in targets:
+            backwards[target].append(source)
+    assert naive_graph.reachable(backwards, 0) == set(range(graph.state_count))
+
+
+def test_only_frames_that_a_transition_alone_leads_out_of_are_states_with_one_action(graph):
+    single = np.flatnonzero(np.diff(graph.action_offsets) == 1)
+    assert graph.action_cuts[graph.action_offsets[single]].all()
+
+
+def test_costs_are_zero_where_capture_continues_and_that_of_the_transition_elsewhere(graph):
+    cuts = graph.action_cuts
+    assert not graph.action_costs[~cuts].any()
+    sources = graph.state_frames[graph.action_states]
+    assert np.array_equal(sources[cuts], graph.transition_from)
+    assert np.array_equal(graph.action_first[cuts], graph.transition_to)
+    assert np.array_equal(graph.action_costs[cuts], graph.transition_costs)
+    assert graph.transition_costs.max() <= np.float32(0.3)
+
+
+def test_arrays_have_the_documented_types_and_order(graph):
+    for name in ("state_frames", "action_offsets", "action_next", "action_first", "action_lengths"):
+        assert getattr(graph, name).dtype == np.int32, name
+    assert graph.action_costs.dtype == graph.transition_costs.dtype == np.float32
+    assert graph.frames_kept.dtype == bool
+    assert (np.diff(graph.state_frames) > 0).all()
+    assert graph.action_offsets[0] == 0
+    assert graph.action_offsets[-1] == graph.action_count
+
+
+def test_no_transition_joins_frames_near_in_time(wandering):
+    graph = build_graph(wandering, GraphSettings(threshold=1.0, near=1.0))
+    clips = np.searchsorted(wandering.clip_starts, np.arange(wandering.frame_count), side="right")
+    same = clips[graph.transition_from] == clips[graph.transition_to]
+    assert same.any()
+    assert np.abs(graph.transition_from - (graph.transition_to - 1))[same].min() >= 15
+
+
+def test_contacts_agree_at_every_transition(graph, wandering):
+    contacts = wandering.contacts[:: wandering.stride]
+    assert np.array_equal(contacts[graph.transition_from], contacts[graph.transition_to - 1])
+
+
+def test_the_threshold_is_chosen_for_a_number_of_actions(wandering):
+    chosen = build_graph(wandering, GraphSettings(actions=400))
+    assert chosen.action_count == pytest.approx(400, abs=15)
+    given_again = build_graph(wandering, GraphSettings(threshold=chosen.threshold))
+    assert given_again.action_count == chosen.action_count
+    assert not any("asked for" in warning for warning in chosen.warnings)
+
+
+def test_more_actions_than_there_are_is_a_warning(wandering):
+    graph = build_graph(wandering, GraphSettings(actions=1_000_000))
+    assert any("1000000 actions were asked for" in warning for warning in graph.warnings)
+
+
+def test_a_clip_that_drops_out_is_named():
+    generator = np.random.default_rng(5)
+    clips = [synthetic_motion.wander(generator, n) for n in (150, 90)]
+    roots, rotations, headings, contacts = synthetic_motion.wander(generator, 40)
+    graph = build_graph(
+        synthetic_motion.database([*clips, (roots + np.array([0, 5, 0]), rotations, headings, contacts)]),
+        GraphSettings(threshold=0.4),
+    )
+    assert graph.warnings == (
+        "clip 'clip_2' drops out of the motion graph: none of its 40 frames can be reached and left again",
+    )
+
+
+def test_a_graph_without_a_cycle_says_so_in_numbers(wandering):
+    with pytest.raises(MotionError, match=r"no cycle: 440 frames in 3 clips, 0 transitions .* 0\.000 m or less"):
+        build_graph(wandering, GraphSettings(threshold=1e-4))
+
+
+def test_a_single_loop_has_no_decision():
+    with pytest.raises(MotionError, match="single loop of 10 frames without a decision: 1 transitions"):
+        graph_of_pairs(pairs_of((4, 14, 0.1)), np.array([0, 15], np.int32), 0.2)
+
+
+def test_a_walk_that_repeats_exactly_becomes_a_graph_that_never_leaves_its_cycle():
+    database = synthetic_motion.database([synthetic_motion.walk(4)])
+    graph = build_graph(database, GraphSettings(threshold=0.01))
+    shift = (graph.transition_to - 1 - graph.transition_from) % 20
+    assert graph.transition_costs.max() < 1e-4
+    assert not shift.any()
+
+
+def test_the_graph_is_the_same_when_built_again(wandering, graph):
+    again = build_graph(wandering, GraphSettings(threshold=0.3))
+    for name, value in vars(graph).items():
+        other = getattr(again, name)
+        assert other.tobytes() == value.tobytes() if isinstance(value, np.ndarray) else other == value
+
+
+def test_progress_ends_at_its_total(wandering):
+    seen = {}
+    build_graph(wandering, GraphSettings(threshold=0.3), lambda stage, done, total: seen.update({stage: (done, total)}))
+    assert list(seen) == ["features", "transitions", "states"]
+    assert all(done == total for done, total in seen.values())
