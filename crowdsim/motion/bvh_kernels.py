@@ -1,0 +1,330 @@
+"""Compiled number work of BVH files: text to numbers, numbers to text, Euler channels to quaternions and back."""
+
+import math
+
+import numba as nb
+import numpy as np
+
+_POWER_LIMIT = 270
+
+
+def _powers_of_ten():
+    """Return 10**e for |e| <= 270 as sums of two floats, exact to 106 bits."""
+    high = np.empty(2 * _POWER_LIMIT + 1)
+    low = np.empty(2 * _POWER_LIMIT + 1)
+    for e in range(-_POWER_LIMIT, _POWER_LIMIT + 1):
+        ten = 10 ** abs(e)
+        first = float(ten) if e >= 0 else 1 / ten
+        numerator, denominator = first.as_integer_ratio()
+        rest = ten * denominator - numerator if e >= 0 else denominator - numerator * ten
+        high[e + _POWER_LIMIT] = first
+        low[e + _POWER_LIMIT] = rest / (denominator if e >= 0 else denominator * ten)
+    return high, low
+
+
+_HIGH, _LOW = _powers_of_ten()
+
+
+@nb.njit(cache=True)
+def _scale_decimal(mantissa, exponent, truncated):
+    """Return mantissa * 10**exponent rounded once, and whether the rounding is certain; two floats carry the product."""
+    if mantissa <= 9007199254740992 and not truncated:
+        if -22 <= exponent <= 22:
+            if exponent < 0:
+                return mantissa / _HIGH[_POWER_LIMIT - exponent], True
+            return mantissa * _HIGH[_POWER_LIMIT + exponent], True
+        if mantissa == 0:
+            return 0.0, True
+    if exponent < -_POWER_LIMIT or exponent > _POWER_LIMIT:
+        return 0.0, False
+    power, power_rest = _HIGH[exponent + _POWER_LIMIT], _LOW[exponent + _POWER_LIMIT]
+    whole = float(mantissa)
+    whole_rest = float(mantissa - np.int64(whole))
+    product = whole * power
+    t = 134217729.0 * whole
+    a = t - (t - whole)
+    b = whole - a
+    t = 134217729.0 * power
+    c = t - (t - power)
+    d = power - c
+    rest = ((a * c - product) + a * d + b * c) + b * d + (whole * power_rest + whole_rest * power)
+    value = product + rest
+    rest -= value - product
+    doubt = abs(value) * 3e-30
+    if truncated:
+        doubt += abs(value) / whole
+    return value, value + (rest + doubt) == value and value + (rest - doubt) == value
+
+
+@nb.njit(cache=True)
+def parse_numbers(data, start, stop, columns, out, hard, state):
+    """Read decimal numbers between ``start`` and ``stop`` of ``data`` (uint8) into ``out``, which stops it when full.
+
+    Tokens that are no plain decimals go to ``hard`` as (number, start, stop); it stops when that is full. ``state``
+    carries on between calls: place in the data, numbers read, hard tokens, numbers on this line, and lines that hold
+    another count of numbers than ``columns``.
+    """
+    at, count, hards, on_line, odd_lines = state[0], state[1], np.int64(0), state[3], state[4]
+    at = max(at, start)
+    while at < stop:
+        byte = data[at]
+        if byte == 32 or (9 <= byte <= 13):
+            if (byte == 10 or byte == 13) and on_line > 0:
+                if on_line != columns:
+                    odd_lines += 1
+                on_line = 0
+            at += 1
+            continue
+        if count >= out.shape[0] or hards >= hard.shape[0]:
+            break
+        first = at
+        negative = byte == 45
+        if negative or byte == 43:
+            at += 1
+        mantissa = np.int64(0)
+        digits = 0
+        seen = False
+        exponent = 0
+        truncated = False
+        while at < stop:
+            digit = np.int64(data[at]) - 48
+            if digit < 0 or digit > 9:
+                break
+            seen = True
+            if digits < 18:
+                mantissa = mantissa * 10 + digit
+                if mantissa > 0:
+                    digits += 1
+            else:
+                exponent += 1
+                truncated = truncated or digit > 0
+            at += 1
+        if at < stop and data[at] == 46:
+            at += 1
+            while at < stop:
+                digit = np.int64(data[at]) - 48
+                if digit < 0 or digit > 9:
+                    break
+                seen = True
+                if digits < 18:
+                    mantissa = mantissa * 10 + digit
+                    exponent -= 1
+                    if mantissa > 0:
+                        digits += 1
+                else:
+                    truncated = truncated or digit > 0
+                at += 1
+        plain = seen
+        if plain and at < stop and (data[at] == 101 or data[at] == 69):
+            at += 1
+            minus = at < stop and data[at] == 45
+            if minus or (at < stop and data[at] == 43):
+                at += 1
+            power = 0
+            plain = False
+            while at < stop:
+                digit = np.int64(data[at]) - 48
+                if digit < 0 or digit > 9:
+                    break
+                plain = True
+                power = min(power * 10 + digit, 100000)
+                at += 1
+            exponent += -power if minus else power
+        if plain and at < stop:
+            byte = data[at]
+            plain = byte == 32 or (9 <= byte <= 13)
+        if plain:
+            value, plain = _scale_decimal(mantissa, exponent, truncated)
+            out[count] = -value if negative else value
+        if not plain:
+            while at < stop and not (data[at] == 32 or (9 <= data[at] <= 13)):
+                at += 1
+            hard[hards, 0] = count
+            hard[hards, 1] = first
+            hard[hards, 2] = at
+            hards += 1
+        count += 1
+        on_line += 1
+    state[0], state[1], state[2], state[3], state[4] = at, count, hards, on_line, odd_lines
+
+
+@nb.njit(cache=True)
+def count_by_line(data, start, stop, out):
+    """Write (line from ``start`` on, numbers on it) of every line that is not blank; return how many there are."""
+    lines = 0
+    line = 0
+    on_line = 0
+    inside = False
+    for at in range(start, stop):
+        byte = data[at]
+        if byte == 10 or byte == 13:
+            if on_line > 0:
+                out[lines, 0], out[lines, 1] = line, on_line
+                lines += 1
+            on_line = 0
+            if byte == 13 or at == start or data[at - 1] != 13:
+                line += 1
+            inside = False
+        elif byte == 32 or (9 <= byte <= 13):
+            inside = False
+        elif not inside:
+            inside = True
+            on_line += 1
+    if on_line > 0:
+        out[lines, 0], out[lines, 1] = line, on_line
+        lines += 1
+    return lines
+
+
+@nb.njit(cache=True)
+def format_numbers(motion, start, stop, decimals, out):
+    """Write rows ``start`` to ``stop`` as text with fixed decimals, one blank between numbers and a line feed a row.
+
+    Numbers are rounded as their exact decimal value asks, half to even, as ``'%.6f'`` does; zero has no sign. All must
+    be finite and smaller than 2**52 / 10**decimals. Returns the number of bytes written to ``out``.
+    """
+    columns = motion.shape[1]
+    scale = np.int64(1)
+    for _ in range(decimals):
+        scale *= 10
+    factor = float(scale)
+    at = 0
+    for row in range(start, stop):
+        for column in range(columns):
+            value = abs(motion[row, column])
+            product = value * factor
+            whole = np.rint(product)
+            gap = product - whole
+            if gap == 0.5 or gap == -0.5:
+                # The product may have been rounded onto the half: what was lost decides.
+                t = 134217729.0 * value
+                a = t - (t - value)
+                b = value - a
+                t = 134217729.0 * factor
+                c = t - (t - factor)
+                d = factor - c
+                lost = ((a * c - product) + a * d + b * c) + b * d
+                if gap > 0.0 and lost > 0.0:
+                    whole += 1.0
+                elif gap < 0.0 and lost < 0.0:
+                    whole -= 1.0
+            number = np.int64(whole)
+            if number > 0 and motion[row, column] < 0.0:
+                out[at] = 45
+                at += 1
+            units = number // scale
+            part = number - units * scale
+            digits = 1
+            power = np.int64(10)
+            while units >= power:
+                power *= 10
+                digits += 1
+            place = at + digits
+            for _ in range(digits):
+                place -= 1
+                next_units = units // 10
+                out[place] = 48 + (units - next_units * 10)
+                units = next_units
+            at += digits
+            if decimals > 0:
+                out[at] = 46
+                at += decimals + 1
+                place = at
+                for _ in range(decimals):
+                    place -= 1
+                    next_part = part // 10
+                    out[place] = 48 + (part - next_part * 10)
+                    part = next_part
+            out[at] = 32
+            at += 1
+        if columns > 0:
+            at -= 1
+        out[at] = 10
+        at += 1
+    return at
+
+
+@nb.njit(cache=True)
+def channels_to_quaternions(motion, first, columns, axes, out):
+    """Turn Euler channels [deg] into quaternions, each on the side of the sphere of the frame before.
+
+    Joint j has the rotation channels ``columns[first[j]:first[j + 1]]`` of ``motion`` (F, C) about ``axes`` (0, 1, 2
+    for x, y, z), each about the axes as the ones before it left them. ``out`` has the shape (F, J, 4).
+    """
+    to_half = math.pi / 360.0
+    for f in range(motion.shape[0]):
+        for j in range(first.shape[0] - 1):
+            w, x, y, z = 1.0, 0.0, 0.0, 0.0
+            for k in range(first[j], first[j + 1]):
+                half = motion[f, columns[k]] * to_half
+                c, s = math.cos(half), math.sin(half)
+                if axes[k] == 0:
+                    w, x, y, z = w * c - x * s, x * c + w * s, y * c + z * s, z * c - y * s
+                elif axes[k] == 1:
+                    w, x, y, z = w * c - y * s, x * c - z * s, y * c + w * s, z * c + x * s
+                else:
+                    w, x, y, z = w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s
+            if f > 0:
+                dot = w * out[f - 1, j, 0] + x * out[f - 1, j, 1] + y * out[f - 1, j, 2] + z * out[f - 1, j, 3]
+                if dot < 0.0:
+                    w, x, y, z = -w, -x, -y, -z
+            out[f, j, 0], out[f, j, 1], out[f, j, 2], out[f, j, 3] = w, x, y, z
+
+
+@nb.njit(cache=True)
+def quaternions_to_channels(rotations, orders, columns, previous, continued, out):
+    """Write Euler channels [deg] of quaternions (F, J, 4), in each frame the triple nearest to the frame before.
+
+    ``orders`` (J, 3) holds each joint's axes in turn, all different; its channels are the three columns of ``out``
+    (F, C) from ``columns[j]`` on. ``previous`` (J, 3) holds the triples before the first frame where ``continued``
+    is true, and those of the last frame afterwards. With u the axis of the middle turn and s the sign of the order,
+    w + s u, w - s u and the other two components give the half sum and half difference of the outer angles.
+    """
+    degrees = 180.0 / math.pi
+    for j in range(rotations.shape[1]):
+        i0, i1, i2 = orders[j, 0], orders[j, 1], orders[j, 2]
+        sign = 1.0 if (i1 - i0) % 3 == 1 else -1.0
+        a0, b0, c0 = previous[j, 0] / degrees, previous[j, 1] / degrees, previous[j, 2] / degrees
+        known = continued
+        for f in range(rotations.shape[0]):
+            w = rotations[f, j, 0]
+            x, y, z = rotations[f, j, 1 + i0], sign * rotations[f, j, 1 + i1], rotations[f, j, 1 + i2]
+            length = math.sqrt(w * w + x * x + y * y + z * z)
+            up = math.hypot(w + y, x + z)
+            down = math.hypot(w - y, x - z)
+            half_sum = math.atan2(x + z, w + y)
+            half_difference = math.atan2(x - z, w - y)
+            b = sign * (2.0 * math.atan2(up, down) - 0.5 * math.pi)
+            if down < 1e-7 * length:
+                # Locked: only the sum counts, so the first angle stays where it was.
+                a = a0 if known else 0.0
+                c = 2.0 * half_sum - a
+            elif up < 1e-7 * length:
+                a = a0 if known else 0.0
+                c = a - 2.0 * half_difference
+            else:
+                a = half_sum + half_difference
+                c = half_sum - half_difference
+            if known:
+                turn = 2.0 * math.pi
+                best = np.inf
+                besta, bestb, bestc = a, b, c
+                for flip in range(2):
+                    ta, tb, tc = a, b, c
+                    if flip == 1:
+                        ta, tb, tc = a + math.pi, math.pi - b, c + math.pi
+                    ta -= turn * np.rint((ta - a0) / turn)
+                    tb -= turn * np.rint((tb - b0) / turn)
+                    tc -= turn * np.rint((tc - c0) / turn)
+                    far = abs(ta - a0) + abs(tb - b0) + abs(tc - c0)
+                    if far < best:
+                        best, besta, bestb, bestc = far, ta, tb, tc
+                a, b, c = besta, bestb, bestc
+            else:
+                # The usual range for the first frame.
+                a -= 2.0 * math.pi * np.rint(a / (2.0 * math.pi))
+                c -= 2.0 * math.pi * np.rint(c / (2.0 * math.pi))
+            a0, b0, c0, known = a, b, c, True
+            column = columns[j]
+            out[f, column], out[f, column + 1], out[f, column + 2] = a * degrees, b * degrees, c * degrees
+        previous[j, 0], previous[j, 1], previous[j, 2] = a0 * degrees, b0 * degrees, c0 * degrees
