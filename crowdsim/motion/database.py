@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.motion.body import Body
-from crowdsim.motion.skeleton import Skeleton
+from crowdsim.errors import MotionError
+from crowdsim.motion import ground, quaternion
+from crowdsim.motion.body import Body, build_body
+from crowdsim.motion.cleaning import lead_in, on_floor
+from crowdsim.motion.contacts import find_contacts
+from crowdsim.motion.kinematics import clip_kinematics
+from crowdsim.motion.mirroring import mirrored
+from crowdsim.motion.resampling import resample
+from crowdsim.motion.skeleton import Clip, Skeleton
+from crowdsim.motion.strikes import Strikes, find_strikes
+from crowdsim.motion.tracks import Tracks, build_tracks
 
 Array = NDArray[Any]
+Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -77,3 +89,131 @@ class MotionDatabase:
     def seconds(self) -> float:
         """Length of all clips [s]."""
         return self.frame_count / self.control_rate
+
+
+def build_database(
+    clips: Sequence[Clip],
+    control_rate: float = 15.0,
+    playback_rate: float = 60.0,
+    mirror: bool = False,
+    trim: bool = True,
+    calibrate_floor: bool = True,
+    progress: Progress | None = None,
+) -> MotionDatabase:
+    """Make one database of clips in metres, y up.
+
+    Lead-in calibration poses are cut off, every clip's floor goes to zero, clips are resampled to the playback rate and
+    cut to whole control frames, contacts and strikes are found.
+
+    Args:
+        clips: The clips; all on the skeleton of the first.
+        control_rate: Control frames a second.
+        playback_rate: Playback frames a second, a whole multiple of the control rate.
+        mirror: Add every clip's mirror image, after the clips themselves.
+        trim: Cut off lead-in calibration poses.
+        calibrate_floor: Move every clip so that its planted soles stand at y = 0.
+        progress: Called with ("motion", clips done, clips) as the work goes on.
+
+    Raises:
+        MotionError: No clips, a clip too short, skeletons that differ, no human body, or rates that do not divide.
+    """
+    stride = round(playback_rate / control_rate)
+    if stride < 1 or abs(stride * control_rate - playback_rate) > 1e-6 * playback_rate:
+        raise MotionError(
+            f"playback rate {playback_rate:g} is no whole multiple of the control rate {control_rate:g}; "
+            f"expected {control_rate:g}, {2 * control_rate:g}, {3 * control_rate:g} ..."
+        )
+    if not clips:
+        raise MotionError("no clips; expected at least one")
+    first = clips[0]
+    body = build_body(first.skeleton)
+    parts: list[_Part] = []
+    count = len(clips) * (2 if mirror else 1)
+    for clip in clips:
+        difference = first.skeleton.difference(clip.skeleton)
+        if difference:
+            raise MotionError(f"clip {clip.name!r} has another skeleton than {first.name!r}: {difference}")
+        prepared = replace(clip, skeleton=first.skeleton)
+        if trim:
+            prepared = prepared.sliced(lead_in(prepared, body), prepared.frame_count)
+        prepared = resample(prepared, playback_rate)
+        whole = prepared.frame_count // stride * stride
+        if whole < 2 * stride:
+            raise MotionError(
+                f"clip {clip.name!r} has {clip.frame_count} frames ({clip.seconds:.2f} s), expected "
+                f"{2 / control_rate:.2f} s or more after any calibration pose"
+            )
+        prepared = prepared.sliced(0, whole)
+        if calibrate_floor:
+            prepared, _ = on_floor(prepared, body)
+        parts.append(_measure(prepared, body))
+        if progress is not None:
+            progress("motion", len(parts), count)
+    if mirror:
+        for part in list(parts):
+            parts.append(_measure(mirrored(part.clip, body), body))
+            if progress is not None:
+                progress("motion", len(parts), count)
+    return _join(parts, body, control_rate, playback_rate)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A prepared clip with what was found in it."""
+
+    clip: Clip
+    tracks: Tracks
+    contacts: Array
+    strikes: Strikes
+
+
+def _measure(clip: Clip, body: Body) -> _Part:
+    positions, rotations = clip_kinematics(clip)
+    tracks = build_tracks(body, positions, rotations)
+    return _Part(
+        clip,
+        tracks,
+        find_contacts(tracks, body.height, clip.fps),
+        find_strikes(tracks, body.height, clip.fps),
+    )
+
+
+def _join(parts: list[_Part], body: Body, control_rate: float, playback_rate: float) -> MotionDatabase:
+    stride = round(playback_rate / control_rate)
+    lengths = np.array([part.clip.frame_count for part in parts])
+    starts = np.concatenate([[0], np.cumsum(lengths)])
+
+    def local(name: str) -> Array:
+        places = [getattr(part.tracks, name) for part in parts]
+        grounds = [part.tracks.ground for part in parts]
+        grounds = [g if p.ndim == 2 else g[:, None] for g, p in zip(grounds, places, strict=True)]
+        joined = [ground.to_local(g, p) for g, p in zip(grounds, places, strict=True)]
+        return np.concatenate(joined).astype(np.float32)
+
+    def strikes(name: str, shift: bool = False) -> Array:
+        values = [getattr(part.strikes, name) for part in parts]
+        if shift:
+            values = [value + start for value, start in zip(values, starts[:-1], strict=True)]
+        return np.concatenate(values).astype(values[0].dtype)
+
+    return MotionDatabase(
+        skeleton=parts[0].clip.skeleton,
+        body=body,
+        control_rate=float(control_rate),
+        playback_rate=float(playback_rate),
+        clip_names=tuple(part.clip.name for part in parts),
+        clip_starts=(starts // stride).astype(np.int32),
+        root_positions=np.concatenate([part.clip.root_positions for part in parts]).astype(np.float32),
+        rotations=np.concatenate([quaternion.continuous(part.clip.rotations) for part in parts]).astype(np.float32),
+        ground=np.concatenate([part.tracks.ground for part in parts]),
+        contacts=np.concatenate([part.contacts for part in parts]),
+        fists=local("fists"),
+        heads=local("heads"),
+        necks=local("necks"),
+        pelvises=local("pelvises"),
+        strike_frames=strikes("frames", shift=True).astype(np.int32),
+        strike_hands=strikes("hands"),
+        strike_peaks=strikes("peaks", shift=True).astype(np.int32),
+        strike_speeds=strikes("speeds"),
+        strike_places=strikes("places"),
+    )

@@ -8,9 +8,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 Array = NDArray[Any]
+ArrayLike = Any
+"""What numpy makes an array of; its own type does not let a parameter become that array under its name."""
 
 AXES = {"X": 0, "Y": 1, "Z": 2}
 

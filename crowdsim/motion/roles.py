@@ -1,8 +1,8 @@
 """Which joint plays which part of a human body, from names and, where names fail, from the shape of the tree.
 
 Names alone do not settle it: ``LeftShoulder`` is a collar bone to one exporter and an upper arm to the next, ``hip``
-may be the pelvis or the top of a leg. So names only find the ends (head, hands, feet) and give hints on the way; the joints
-between are chosen along the chain from the pelvis to the end, by bone length.
+may be the pelvis or the top of a leg. So names only find the ends (head, hands, feet) and give hints on the way; the
+joints between are chosen along the chain from the pelvis to the end, by bone length.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ class Skeleton:
         return replace(self, offsets=self.offsets * factor, end_offsets=self.end_offsets * factor)
 
     def difference(self, other: Skeleton, tolerance: float = 0.005) -> str:
-        """Return the first difference to another skeleton in words, or an empty string; offsets to ``tolerance`` [m]."""
+        """Return the first difference to another skeleton in words, or nothing; offsets to ``tolerance`` [m]."""
         if self.joint_count != other.joint_count:
             missing = [name for name in self.names if name not in other.names]
             more = [name for name in other.names if name not in self.names]
@@ -95,7 +95,7 @@ class Clip:
     @property
     def frame_count(self) -> int:
         """Number of frames F."""
-        return int(len(self.root_positions))
+        return len(self.root_positions)
 
     @property
     def seconds(self) -> float:

@@ -1,0 +1,76 @@
+"""Foot contacts from motion alone: a foot is planted while its ball is low and slow."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from crowdsim.motion.body import HEIGHT
+from crowdsim.motion.tracks import Tracks, speeds
+
+Array = NDArray[Any]
+
+PLANT_SPEED, RELEASE_SPEED = 0.25, 0.45
+"""Speeds of the ball of the foot below which it is planted and above which it is released, for a body of ``HEIGHT``
+[m/s]: two, so that noise does not make a contact flicker."""
+CONTACT_HEIGHT = 0.07
+"""Height over the floor under which a foot can be planted, for a body of ``HEIGHT`` [m]."""
+_LEAST_CONTACT, _LEAST_GAP = 0.07, 0.05
+"""Shorter contacts and shorter gaps between contacts are noise [s]."""
+
+
+def find_contacts(tracks: Tracks, height: float, fps: float, floor: float = 0.0) -> Array:
+    """Find when the left and right foot are planted.
+
+    Args:
+        tracks: Paths of the body's points.
+        height: Standing height of the body [m]; speeds and lengths scale with it.
+        fps: Frames a second.
+        floor: Height of the floor [m].
+
+    Returns:
+        Whether each foot is planted. Shape (F, 2), bool.
+    """
+    size = height / HEIGHT
+    contacts = np.zeros(tracks.balls.shape[:2], bool)
+    for foot in range(2):
+        speed = gaussian_filter1d(speeds(tracks.balls[:, foot], fps), 0.02 * fps)
+        low = tracks.balls[:, foot, 1] - floor < CONTACT_HEIGHT * size
+        planted = _hysteresis(low & (speed < PLANT_SPEED * size), low & (speed < RELEASE_SPEED * size))
+        planted = ~_without_short(~planted, round(_LEAST_GAP * fps))
+        contacts[:, foot] = _without_short(planted, round(_LEAST_CONTACT * fps))
+    return contacts
+
+
+def find_floor(tracks: Tracks, fps: float) -> float:
+    """Return the height on which the feet stand [m]: the median of soles that do not move."""
+    soles = np.concatenate([tracks.heels, tracks.balls], axis=1)
+    lowest = soles[..., 1].min(axis=1)
+    still = speeds(soles, fps).min(axis=1)
+    return float(np.median(lowest[still <= np.quantile(still, 0.5)]))
+
+
+def runs(flags: Array) -> Array:
+    """Return the half-open ranges in which flags (F,) hold. Shape (n, 2)."""
+    edges = np.diff(np.concatenate([[0], np.asarray(flags, np.int8), [0]]))
+    return np.stack([np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)], axis=1)
+
+
+def _hysteresis(enter: Array, stay: Array) -> Array:
+    """Flags that begin where ``enter`` holds and last, both ways, as long as ``stay`` does."""
+    flags = np.zeros(len(enter), bool)
+    for start, stop in runs(stay):
+        if enter[start:stop].any():
+            flags[start:stop] = True
+    return flags
+
+
+def _without_short(flags: Array, least: int) -> Array:
+    flags = flags.copy()
+    for start, stop in runs(flags):
+        if stop - start < least and start > 0 and stop < len(flags):
+            flags[start:stop] = False
+    return flags

@@ -1,0 +1,74 @@
+"""The paths of the few points of a body that all else asks for: fists, head, trunk, soles, and the ground frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion import quaternion
+from crowdsim.motion.body import Body
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Paths of a body's points in the world, over F frames.
+
+    Attributes:
+        ground: Ground transform: under the pelvis, facing as hips and shoulders do. Shape (F, 3), headings continuous.
+        fists: Left and right fist [m]. Shape (F, 2, 3).
+        shoulders: Left and right shoulder joint [m]. Shape (F, 2, 3).
+        heads: Centre of the head [m]. Shape (F, 3).
+        necks: Upper end of the torso [m]. Shape (F, 3).
+        pelvises: Lower end of the torso [m]. Shape (F, 3).
+        heels: Left and right heel on the sole [m]. Shape (F, 2, 3).
+        balls: Ball of the left and right foot on the sole [m]. Shape (F, 2, 3).
+    """
+
+    ground: Array
+    fists: Array
+    shoulders: Array
+    heads: Array
+    necks: Array
+    pelvises: Array
+    heels: Array
+    balls: Array
+
+
+def build_tracks(body: Body, positions: Array, rotations: Array) -> Tracks:
+    """Follow a body's points through posed frames.
+
+    Args:
+        body: The body.
+        positions: Joint positions in the world [m]. Shape (F, J, 3).
+        rotations: Joint rotations in the world. Shape (F, J, 4).
+    """
+    role = body.roles
+    hands = [role["left_hand"], role["right_hand"]]
+    feet = [role["left_foot"], role["right_foot"]]
+    shoulders = positions[:, [role["left_shoulder"], role["right_shoulder"]]]
+    across = shoulders[:, 0] - shoulders[:, 1] + positions[:, role["left_hip"]] - positions[:, role["right_hip"]]
+    # Facing is left cross up.
+    heading = np.unwrap(np.arctan2(-across[:, 2], across[:, 0]))
+    pelvis = positions[:, role["pelvis"]]
+    return Tracks(
+        ground=np.stack([pelvis[:, 0], pelvis[:, 2], heading], axis=1).astype(float),
+        fists=positions[:, hands] + quaternion.rotate(rotations[:, hands], body.fist_offsets),
+        shoulders=shoulders,
+        heads=positions[:, role["head"]] + quaternion.rotate(rotations[:, role["head"]], body.head_offset),
+        necks=positions[:, role["neck"]],
+        pelvises=pelvis,
+        heels=positions[:, feet] + quaternion.rotate(rotations[:, feet], body.sole_offsets[:, 0]),
+        balls=positions[:, feet] + quaternion.rotate(rotations[:, feet], body.sole_offsets[:, 1]),
+    )
+
+
+def speeds(path: Array, fps: float) -> Array:
+    """Return the speed along paths (F, ..., 3) by central differences [m/s]. Shape (F, ...)."""
+    if len(path) < 2:
+        return np.zeros(path.shape[:-1])
+    return np.asarray(np.linalg.norm(np.gradient(path, axis=0), axis=-1) * fps)
