@@ -1,0 +1,53 @@
+"""Smooth curves of time that the embedded boxer is made of: minimum-jerk steps and pulses, and band-limited noise."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[Any]
+
+
+def ease(x: ArrayLike) -> Array:
+    """Return the minimum-jerk step from 0 to 1 over x in 0..1, flat outside (Flash and Hogan 1985)."""
+    t: Array = np.clip(np.asarray(x, dtype=float), 0.0, 1.0)
+    eased: Array = t * t * t * (t * (6.0 * t - 15.0) + 10.0)
+    return eased
+
+
+def step(times: Array, start: float, end: float, skew: float = 1.0) -> Array:
+    """Return a minimum-jerk step from 0 at ``start`` to 1 at ``end``; a skew above 1 makes it fastest late."""
+    x = np.clip((times - start) / (end - start), 0.0, 1.0)
+    return ease(x if skew == 1.0 else x**skew)
+
+
+def pulse(times: Array, start: float, peak: float, fall: float, end: float, skew: float = 1.0) -> Array:
+    """Return a smooth pulse: up from ``start`` to ``peak``, 1 until ``fall``, down to 0 at ``end``."""
+    return step(times, start, peak, skew) * (1.0 - step(times, fall, end))
+
+
+def window(times: Array, start: float, end: float) -> slice:
+    """Return the frames whose times lie in start..end, one more on either side. ``times`` ascend."""
+    first, last = np.searchsorted(times, [start, end])
+    return slice(max(int(first) - 1, 0), min(int(last) + 1, len(times)))
+
+
+def noise(times: Array, rng: np.random.Generator, low: float, high: float, waves: int = 7) -> Array:
+    """Return smooth noise of unit variance: waves of random phase at frequencies low..high [Hz]. Shape of ``times``."""
+    frequencies = low * (high / low) ** ((np.arange(waves) + rng.uniform(0.0, 1.0, waves)) / waves)
+    phases = rng.uniform(0.0, 2.0 * np.pi, waves)
+    sizes = rng.uniform(0.7, 1.3, waves) * frequencies**-0.5
+    sizes *= np.sqrt(2.0 / np.sum(sizes**2))
+    return np.sin(2.0 * np.pi * np.multiply.outer(times, frequencies) + phases) @ sizes
+
+
+def soft_cap(x: ArrayLike, cap: ArrayLike, softness: float) -> Array:
+    """Return x held below ``cap``, bent smoothly over a band of about ``softness``."""
+    return np.asarray(cap) - softness * np.logaddexp(0.0, (np.asarray(cap) - np.asarray(x)) / softness)
+
+
+def soft_floor(x: ArrayLike, floor: ArrayLike, softness: float) -> Array:
+    """Return x held above ``floor``, bent smoothly over a band of about ``softness``."""
+    return np.asarray(floor) + softness * np.logaddexp(0.0, (np.asarray(x) - np.asarray(floor)) / softness)

@@ -1,0 +1,183 @@
+"""The score that the embedded boxer performs: footsteps, accents of single channels, and reaches of a fist.
+
+Everything is written for an orthodox boxer, whose left side leads; a southpaw is its mirror image. The *stance frame*
+looks at the opponent: +z ahead, +x to the left, turned by the stance's heading.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum, auto
+
+LEAD, REAR = 0, 1
+"""Feet and hands: the lead is the left one of an orthodox boxer."""
+
+
+class Channel(IntEnum):
+    """What an accent changes; lengths [m] and angles [rad] on top of the guard stance.
+
+    Turns and twists grow to the left, bends lean to the left, tilts, flexion and nods lean forward, and heels rise.
+    """
+
+    SHIFT_X = 0
+    SHIFT_Z = auto()
+    HEIGHT = auto()
+    PELVIS_TURN = auto()
+    PELVIS_TILT = auto()
+    PELVIS_BEND = auto()
+    TWIST = auto()
+    FLEX = auto()
+    BEND = auto()
+    HEAD_TURN = auto()
+    HEAD_NOD = auto()
+    HEAD_BEND = auto()
+    LEAD_YAW = auto()
+    REAR_YAW = auto()
+    LEAD_HEEL = auto()
+    REAR_HEEL = auto()
+    LEAD_FORTH = auto()
+    REAR_FORTH = auto()
+    LEAD_RAISE = auto()
+    REAR_RAISE = auto()
+    LEAD_ELBOW = auto()
+    REAR_ELBOW = auto()
+    LEAD_ROLL = auto()
+    REAR_ROLL = auto()
+    LEAD_HAND_X = auto()
+    LEAD_HAND_Y = auto()
+    LEAD_HAND_Z = auto()
+    REAR_HAND_X = auto()
+    REAR_HAND_Y = auto()
+    REAR_HAND_Z = auto()
+    LEAD_SWING_X = auto()
+    LEAD_SWING_Y = auto()
+    LEAD_SWING_Z = auto()
+    REAR_SWING_X = auto()
+    REAR_SWING_Y = auto()
+    REAR_SWING_Z = auto()
+
+
+@dataclass(frozen=True)
+class Accent:
+    """A smooth pulse of one channel: up from ``start`` to ``peak``, held until ``fall``, gone at ``end`` [s]."""
+
+    channel: Channel
+    size: float
+    start: float
+    peak: float
+    fall: float
+    end: float
+    skew: float = 1.0
+
+
+@dataclass(frozen=True)
+class Footstep:
+    """A foot leaves the floor at ``start`` and its ball stands at (x, z), turned by ``yaw``, at ``end`` [s]."""
+
+    foot: int
+    start: float
+    end: float
+    x: float
+    z: float
+    yaw: float
+    lift: float
+
+
+@dataclass(frozen=True)
+class Turn:
+    """The stance's heading grows by ``angle`` [rad] between ``start`` and ``end`` [s]."""
+
+    start: float
+    end: float
+    angle: float
+
+
+@dataclass(frozen=True)
+class Reach:
+    """A fist goes to a target in the stance frame, is there at ``hit`` and back in the guard at ``end`` [s].
+
+    ``bearing`` and ``distance`` are seen from the pelvis at the hit, with the stance's heading; ``height`` is over
+    the floor [m].
+    """
+
+    kind: str
+    hand: int
+    start: float
+    hit: float
+    fall: float
+    end: float
+    bearing: float
+    distance: float
+    height: float
+    skew: float
+
+
+@dataclass(frozen=True)
+class Pivot:
+    """A planted foot turns about its ball by ``angle`` [rad] between ``start`` and ``end`` [s], for good."""
+
+    foot: int
+    start: float
+    end: float
+    angle: float
+
+
+@dataclass(frozen=True)
+class Defence:
+    """A defence of one kind between ``start`` and ``end`` [s]."""
+
+    kind: str
+    start: float
+    end: float
+
+
+@dataclass(frozen=True)
+class Style:
+    """How one clip's boxer stands: what the accents are added to. Lengths [m], angles [rad], rates [Hz].
+
+    Attributes:
+        lead_ball: Ball of the lead foot in the stance frame (x, z).
+        rear_ball: Ball of the rear foot.
+        foot_yaws: Turns of the feet against the heading, lead and rear.
+        heels: Lift of the heels, lead and rear.
+        height: Height of the pelvis.
+        lean: Forward tilt of pelvis and trunk together.
+        blade: Turn of the pelvis away from the opponent (negative, to the right).
+        twist: Turn of the chest against the pelvis.
+        lead_fist: The lead fist in the guard, from the chest joint, in the stance frame (x, y, z).
+        rear_fist: The rear fist.
+        elbows: Swivel of the elbows away from hanging, lead and rear.
+        bounce: Height and rate of the bounce.
+        sway: Size of the sway.
+        breath: Rate of breathing.
+    """
+
+    lead_ball: tuple[float, float]
+    rear_ball: tuple[float, float]
+    foot_yaws: tuple[float, float]
+    heels: tuple[float, float]
+    height: float
+    lean: float
+    blade: float
+    twist: float
+    lead_fist: tuple[float, float, float]
+    rear_fist: tuple[float, float, float]
+    elbows: tuple[float, float]
+    bounce: tuple[float, float]
+    sway: float
+    breath: float
+
+
+@dataclass(frozen=True)
+class Score:
+    """One clip on paper: who stands how, and what happens when."""
+
+    seconds: float
+    style: Style
+    start: tuple[float, float, float]
+    footsteps: tuple[Footstep, ...]
+    pivots: tuple[Pivot, ...]
+    turns: tuple[Turn, ...]
+    accents: tuple[Accent, ...]
+    reaches: tuple[Reach, ...]
+    defences: tuple[Defence, ...]

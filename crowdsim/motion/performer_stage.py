@@ -1,0 +1,280 @@
+"""From a score to a clip: adds up the accents, carries the pelvis, leads the fists, and poses every joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion import ground
+from crowdsim.motion import performer_skeleton as bones
+from crowdsim.motion import quaternion as quat
+from crowdsim.motion.performer_curves import noise, pulse, soft_cap, soft_floor, step, window
+from crowdsim.motion.performer_footwork import Footwork, trace_feet
+from crowdsim.motion.performer_pose import (
+    LEG_REACH,
+    Trunk,
+    ankle_place,
+    foot_turn,
+    girdle,
+    level_toes,
+    pose_arm,
+    pose_head,
+    pose_leg,
+    pose_trunk,
+)
+from crowdsim.motion.performer_score import Channel, Score
+from crowdsim.motion.skeleton import Skeleton
+
+Array = NDArray[Any]
+
+_GUARD_FOLLOWS = 0.62
+"""How far the guard turns with the chest; the rest of it stays towards the opponent."""
+_HEAD_CLEARANCE = 0.165
+"""Least distance of the middle of a fist from the middle of the head [m]."""
+
+
+@dataclass(frozen=True)
+class Staged:
+    """Motion of an orthodox boxer over F frames, with what the ground truth needs.
+
+    Attributes:
+        root_positions: Place of the pelvis [m]. Shape (F, 3).
+        rotations: Local rotations. Shape (F, 22, 4).
+        footwork: Tracks of the feet.
+        fists: Place of the fists, lead and rear [m]. Shape (F, 2, 3).
+    """
+
+    root_positions: Array
+    rotations: Array
+    footwork: Footwork
+    fists: Array
+
+
+def add_accents(score: Score, times: Array) -> Array:
+    """Return the sum of all accents. Shape (F, channels)."""
+    channels = np.zeros((len(times), len(Channel)))
+    for accent in score.accents:
+        part = window(times, accent.start, accent.end)
+        shape = pulse(times[part], accent.start, accent.peak, accent.fall, accent.end, accent.skew)
+        channels[part, accent.channel] += accent.size * shape
+    return channels
+
+
+def _add_life(channels: Array, score: Score, times: Array, loads: Array, rng: np.random.Generator) -> None:
+    """Add what never stops: bounce, breathing, sway, and the small wandering of guard and gaze."""
+    style = score.style
+    rate = style.bounce[1] * (1.0 + 0.06 * noise(times, rng, 0.05, 0.2))
+    phase = 2.0 * np.pi * np.cumsum(rate) * (times[1] - times[0] if len(times) > 1 else 0.0)
+    eager = soft_floor(0.55 + 0.5 * noise(times, rng, 0.06, 0.3), 0.0, 0.15)
+    hop = eager * np.sin(phase + 0.3 * np.sin(phase))
+    breath = np.sin(2.0 * np.pi * style.breath * times + 0.6 * noise(times, rng, 0.05, 0.15))
+    channels[:, Channel.HEIGHT] += style.bounce[0] * hop + 0.003 * breath + 0.006 * noise(times, rng, 0.1, 0.5)
+    channels[:, Channel.LEAD_HEEL] += 1.6 * style.bounce[0] * (hop + eager)
+    channels[:, Channel.REAR_HEEL] += 2.2 * style.bounce[0] * (hop + eager)
+    rock = noise(times, rng, 0.35, 1.0)
+    along = np.subtract(style.lead_ball, style.rear_ball)
+    along /= np.hypot(*along)
+    channels[:, Channel.SHIFT_X] += along[0] * style.sway * rock + 0.4 * style.sway * noise(times, rng, 0.3, 0.9)
+    channels[:, Channel.SHIFT_Z] += along[1] * style.sway * rock + 0.3 * style.sway * noise(times, rng, 0.3, 0.9)
+    channels[:, Channel.SHIFT_X] += 0.035 * along[0] * loads
+    channels[:, Channel.SHIFT_Z] += 0.035 * along[1] * loads
+    for channel, size, low, high in (
+        (Channel.PELVIS_TURN, 0.05, 0.3, 1.0),
+        (Channel.PELVIS_TILT, 0.025, 0.2, 0.8),
+        (Channel.PELVIS_BEND, 0.02, 0.3, 1.0),
+        (Channel.TWIST, 0.05, 0.3, 1.1),
+        (Channel.FLEX, 0.04, 0.15, 0.8),
+        (Channel.BEND, 0.04, 0.3, 1.0),
+        (Channel.HEAD_TURN, 0.06, 0.15, 0.7),
+        (Channel.HEAD_NOD, 0.04, 0.2, 0.8),
+        (Channel.HEAD_BEND, 0.05, 0.15, 0.7),
+        (Channel.LEAD_FORTH, 0.05, 0.3, 1.2),
+        (Channel.REAR_FORTH, 0.05, 0.3, 1.2),
+        (Channel.LEAD_ELBOW, 0.09, 0.2, 1.0),
+        (Channel.REAR_ELBOW, 0.08, 0.2, 1.0),
+        (Channel.LEAD_ROLL, 0.10, 0.2, 1.0),
+        (Channel.REAR_ROLL, 0.10, 0.2, 1.0),
+        (Channel.LEAD_HAND_X, 0.016, 0.3, 1.4),
+        (Channel.LEAD_HAND_Y, 0.020, 0.3, 1.4),
+        (Channel.LEAD_HAND_Z, 0.022, 0.3, 1.4),
+        (Channel.REAR_HAND_X, 0.010, 0.3, 1.3),
+        (Channel.REAR_HAND_Y, 0.013, 0.3, 1.3),
+        (Channel.REAR_HAND_Z, 0.012, 0.3, 1.3),
+    ):
+        channels[:, channel] += size * noise(times, rng, low, high)
+    channels[:, Channel.FLEX] -= 0.012 * breath
+    for channel in (Channel.LEAD_RAISE, Channel.REAR_RAISE):
+        channels[:, channel] += 0.02 * breath + 0.03 * noise(times, rng, 0.2, 0.9)
+
+
+def _carry_pelvis(score: Score, feet: Footwork, channels: Array, ankles: Array) -> tuple[Array, Array]:
+    """Return place and rotation of the pelvis, as high as both legs let it be. Shapes (F, 3) and (F, 4)."""
+    style = score.style
+    turn = quat.from_euler(
+        np.stack(
+            [
+                feet.heading + style.blade + channels[:, Channel.PELVIS_TURN],
+                0.45 * style.lean + channels[:, Channel.PELVIS_TILT],
+                -channels[:, Channel.PELVIS_BEND],
+            ],
+            axis=-1,
+        ),
+        "YXZ",
+    )
+    base = np.stack([feet.carried[:, 0], feet.carried[:, 1], feet.heading], axis=-1)
+    shift = np.stack([channels[:, Channel.SHIFT_X], np.zeros(len(base)), channels[:, Channel.SHIFT_Z]], axis=-1)
+    hips = ground.to_world(base, shift)
+    height = style.height + channels[:, Channel.HEIGHT]
+    reach = LEG_REACH * (bones.THIGH + bones.SHANK)
+    for foot in range(2):
+        drop = quat.rotate(turn, np.array([bones.HIP_HALF * (1 - 2 * foot), -bones.HIP_DROP, 0.0]))
+        flat = ankles[:, foot] - hips - drop
+        far = flat[:, 0] ** 2 + flat[:, 2] ** 2
+        top = ankles[:, foot, 1] + np.sqrt(np.maximum(reach**2 - far, 0.05)) - drop[:, 1]
+        height = soft_cap(height, top, 0.008)
+    hips[:, 1] = height
+    return hips, turn
+
+
+def _guards(score: Score, heading: Array, trunk: Trunk, channels: Array) -> tuple[Array, Array]:
+    """Return where the fists are held in the guard (F, 2, 3), and the frame that the guard turns in (F, 4)."""
+    style = score.style
+    stance = quat.about_y(heading)
+    rest = quat.from_euler(np.array([style.blade + style.twist, 0.0, 0.0]), "YXZ")
+    deviation = quat.multiply(quat.multiply(quat.conjugate(stance), trunk.chest_turn), quat.conjugate(rest))
+    part = quat.from_rotation_vector(_GUARD_FOLLOWS * quat.to_rotation_vector(deviation))
+    frame = quat.multiply(stance, part)
+    fists = np.stack(
+        [
+            trunk.chest + quat.rotate(frame, np.array(place) + channels[:, first : first + 3])
+            for place, first in (
+                (style.lead_fist, Channel.LEAD_HAND_X),
+                (style.rear_fist, Channel.REAR_HAND_X),
+            )
+        ],
+        axis=1,
+    )
+    return fists, frame
+
+
+def _lead_fists(score: Score, times: Array, feet: Footwork, trunk: Trunk, channels: Array, shoulders: Array) -> Array:
+    """Return the paths of both fists: out of the moving guard to the targets and back. Shape (F, 2, 3)."""
+    guards, frame = _guards(score, feet.heading, trunk, channels)
+    fists = guards.copy()
+    length = 0.98 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
+    swings = np.stack(
+        [quat.rotate(frame, channels[:, first : first + 3]) for first in (Channel.LEAD_SWING_X, Channel.REAR_SWING_X)],
+        axis=1,
+    )
+    for reach in score.reaches:
+        at = min(int(np.rint((reach.hit - times[0]) / (times[1] - times[0]))), len(times) - 1)
+        base = np.array([trunk.hips[at, 0], trunk.hips[at, 2], feet.heading[at]])
+        place = np.array([reach.distance * np.sin(reach.bearing), reach.height, reach.distance * np.cos(reach.bearing)])
+        target = ground.to_world(base, place)
+        gap = target - shoulders[at, reach.hand]
+        far = float(np.linalg.norm(gap))
+        target = shoulders[at, reach.hand] + gap * (float(soft_cap(far, length, 0.02)) / far)
+        target = target - swings[at, reach.hand]
+        part = window(times, reach.start, reach.end)
+        gone = step(times[part], reach.start, reach.hit, reach.skew)
+        gone = gone * (1.0 - step(times[part], reach.fall, reach.end))
+        fists[part, reach.hand] += gone[:, None] * (target - guards[part, reach.hand])
+    return fists + swings
+
+
+def _clear_head(fists: Array, head: Array) -> Array:
+    """Push fists out of the head, smoothly."""
+    gap = fists - head[:, None]
+    far = np.linalg.norm(gap, axis=-1, keepdims=True)
+    return head[:, None] + gap * (soft_floor(far, _HEAD_CLEARANCE, 0.008) / np.maximum(far, 1e-6))
+
+
+def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generator) -> Staged:
+    """Perform a score at the given times [s], evenly spaced from 0. Shape (F,)."""
+    feet = trace_feet(score, times)
+    style = score.style
+    channels = add_accents(score, times)
+    _add_life(channels, score, times, feet.loads, rng)
+    rotations = np.zeros((len(times), skeleton.joint_count, 4))
+    rotations[..., 0] = 1.0
+
+    ankles = np.empty((len(times), 2, 3))
+    foot_turns, heels, foot_yaws = [], [], []
+    for foot in range(2):
+        raised = style.heels[foot] + feet.heels[:, foot] + channels[:, Channel.LEAD_HEEL + foot]
+        heel = soft_floor(raised, 0.0, 0.025)
+        yaw = feet.yaws[:, foot] + channels[:, Channel.LEAD_YAW + foot]
+        ball = np.stack(
+            [feet.balls[:, foot, 0], bones.BALL_HEIGHT + feet.lifts[:, foot], feet.balls[:, foot, 1]], axis=-1
+        )
+        foot_turns.append(foot_turn(yaw, heel))
+        ankles[:, foot] = ankle_place(ball, foot_turns[foot])
+        rotations[:, bones.TOES[foot]] = level_toes(heel, feet.points[:, foot])
+        heels.append(heel)
+        foot_yaws.append(yaw)
+
+    hips, hips_turn = _carry_pelvis(score, feet, channels, ankles)
+    trunk = pose_trunk(
+        skeleton,
+        hips,
+        hips_turn,
+        style.twist + channels[:, Channel.TWIST],
+        0.55 * style.lean + channels[:, Channel.FLEX],
+        channels[:, Channel.BEND],
+    )
+    rotations[:, bones.HIPS] = hips_turn
+    rotations[:, bones.SPINE : bones.SPINE2 + 1] = trunk.spine
+
+    for foot in range(2):
+        sign = 1 - 2 * foot
+        hip = hips + quat.rotate(hips_turn, np.array([bones.HIP_HALF * sign, -bones.HIP_DROP, 0.0]))
+        thigh, shank, sole = pose_leg(hips_turn, hip, ankles[:, foot], foot_turns[foot], foot_yaws[foot])
+        rotations[:, bones.UP_LEGS[foot]] = thigh
+        rotations[:, bones.LEGS[foot]] = shank
+        rotations[:, bones.FEET[foot]] = sole
+
+    gaze = quat.from_euler(
+        np.stack(
+            [
+                feet.heading + channels[:, Channel.HEAD_TURN],
+                0.2 + channels[:, Channel.HEAD_NOD] + 0.35 * channels[:, Channel.FLEX],
+                -channels[:, Channel.HEAD_BEND] - 0.45 * channels[:, Channel.BEND],
+            ],
+            axis=-1,
+        ),
+        "YXZ",
+    )
+    rotations[:, [bones.NECK, bones.HEAD]] = pose_head(trunk.chest_turn, gaze)
+    neck = trunk.chest + quat.rotate(trunk.chest_turn, skeleton.offsets[bones.NECK])
+    neck_turn = quat.multiply(trunk.chest_turn, rotations[:, bones.NECK])
+    skull = neck + quat.rotate(neck_turn, skeleton.offsets[bones.HEAD])
+    head_turn = quat.multiply(neck_turn, rotations[:, bones.HEAD])
+    head = skull + quat.rotate(head_turn, np.array([0.0, bones.HEAD_CENTRE, 0.0]))
+
+    collars, shoulders = [], np.empty((len(times), 2, 3))
+    for side in range(2):
+        local = girdle(
+            side, 0.12 + channels[:, Channel.LEAD_FORTH + side], 0.08 + channels[:, Channel.LEAD_RAISE + side]
+        )
+        rotations[:, bones.SHOULDERS[side]] = local
+        collars.append(quat.multiply(trunk.chest_turn, local))
+        root = trunk.chest + quat.rotate(trunk.chest_turn, skeleton.offsets[bones.SHOULDERS[side]])
+        shoulders[:, side] = root + quat.rotate(collars[side], skeleton.offsets[bones.ARMS[side]])
+    fists = _clear_head(_lead_fists(score, times, feet, trunk, channels, shoulders), head)
+    for side in range(2):
+        upper, forearm, hand = pose_arm(
+            side,
+            trunk.chest_turn,
+            collars[side],
+            shoulders[:, side],
+            fists[:, side],
+            style.elbows[side] + channels[:, Channel.LEAD_ELBOW + side],
+            0.3 + channels[:, Channel.LEAD_ROLL + side],
+        )
+        rotations[:, bones.ARMS[side]] = upper
+        rotations[:, bones.FOREARMS[side]] = forearm
+        rotations[:, bones.HANDS[side]] = hand
+    return Staged(hips, quat.continuous(rotations), feet, fists)
