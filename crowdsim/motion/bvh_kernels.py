@@ -23,11 +23,14 @@ def _powers_of_ten():
 
 
 _HIGH, _LOW = _powers_of_ten()
+_PAIRS = np.array([48 + digit for pair in range(100) for digit in (pair // 10, pair % 10)], np.uint8)
+_LEFT = np.array([[*(48 + int(digit) for digit in f"{n:<3}".replace(" ", "0")), len(str(n))] for n in range(1000)])
+_LEFT = _LEFT.astype(np.uint8).reshape(-1)
 
 
 @nb.njit(cache=True)
 def _scale_decimal(mantissa, exponent, truncated):
-    """Return mantissa * 10**exponent rounded once, and whether the rounding is certain; two floats carry the product."""
+    """Return mantissa * 10**exponent rounded once, and whether that rounding is certain."""
     if mantissa <= 9007199254740992 and not truncated:
         if -22 <= exponent <= 22:
             if exponent < 0:
@@ -57,91 +60,108 @@ def _scale_decimal(mantissa, exponent, truncated):
 
 
 @nb.njit(cache=True)
-def parse_numbers(data, start, stop, columns, out, hard, state):
-    """Read decimal numbers between ``start`` and ``stop`` of ``data`` (uint8) into ``out``, which stops it when full.
+def _read_long(data, start, stop):
+    """Read digits and at most one point, however many: mantissa to 18 digits, its power of ten, were digits lost."""
+    mantissa = np.int64(0)
+    digits = 0
+    exponent = 0
+    lost = False
+    behind_point = False
+    for at in range(start, stop):
+        if data[at] == 46:
+            behind_point = True
+            continue
+        digit = np.int64(data[at]) - 48
+        if digits < 18:
+            mantissa = mantissa * 10 + digit
+            digits += mantissa > 0
+            exponent -= behind_point
+        else:
+            lost = lost or digit > 0
+            exponent += not behind_point
+    return mantissa, exponent, lost
+
+
+@nb.njit(cache=True, nogil=True)
+def parse_numbers(data, stop, columns, out, hard, state):
+    """Read decimal numbers of ``data`` (uint8) up to ``stop`` into ``out``, which ends it when full.
 
     Tokens that are no plain decimals go to ``hard`` as (number, start, stop); it stops when that is full. ``state``
-    carries on between calls: place in the data, numbers read, hard tokens, numbers on this line, and lines that hold
-    another count of numbers than ``columns``.
+    carries on between calls: place in the data, numbers read, hard tokens of this call, numbers on this line, and lines
+    that hold another count of numbers than ``columns``. Places are unsigned, which spares a test for negative ones.
     """
-    at, count, hards, on_line, odd_lines = state[0], state[1], np.int64(0), state[3], state[4]
-    at = max(at, start)
-    while at < stop:
+    at, end = np.uint64(state[0]), np.uint64(stop)
+    one, ten = np.uint64(1), np.uint64(10)
+    count, hards, on_line, odd_lines = state[1], np.int64(0), state[3], state[4]
+    while at < end:
         byte = data[at]
         if byte == 32 or (9 <= byte <= 13):
             if (byte == 10 or byte == 13) and on_line > 0:
-                if on_line != columns:
-                    odd_lines += 1
+                odd_lines += on_line != columns
                 on_line = 0
-            at += 1
+            at += one
             continue
         if count >= out.shape[0] or hards >= hard.shape[0]:
             break
         first = at
         negative = byte == 45
-        if negative or byte == 43:
-            at += 1
-        mantissa = np.int64(0)
-        digits = 0
-        seen = False
-        exponent = 0
-        truncated = False
-        while at < stop:
-            digit = np.int64(data[at]) - 48
-            if digit < 0 or digit > 9:
+        at += np.uint64(negative or byte == 43)
+        number_at = at
+        mantissa = np.uint64(0)
+        while at < end:
+            digit = np.uint64(data[at]) - np.uint64(48)
+            if digit > np.uint64(9):
                 break
-            seen = True
-            if digits < 18:
-                mantissa = mantissa * 10 + digit
-                if mantissa > 0:
-                    digits += 1
-            else:
-                exponent += 1
-                truncated = truncated or digit > 0
-            at += 1
-        if at < stop and data[at] == 46:
-            at += 1
-            while at < stop:
-                digit = np.int64(data[at]) - 48
-                if digit < 0 or digit > 9:
+            mantissa = mantissa * ten + digit
+            at += one
+        digits = at - number_at
+        point_shift = np.int64(0)
+        if at < end and data[at] == 46:
+            at += one
+            point = at
+            while at < end:
+                digit = np.uint64(data[at]) - np.uint64(48)
+                if digit > np.uint64(9):
                     break
-                seen = True
-                if digits < 18:
-                    mantissa = mantissa * 10 + digit
-                    exponent -= 1
-                    if mantissa > 0:
-                        digits += 1
-                else:
-                    truncated = truncated or digit > 0
-                at += 1
-        plain = seen
-        if plain and at < stop and (data[at] == 101 or data[at] == 69):
-            at += 1
-            minus = at < stop and data[at] == 45
-            if minus or (at < stop and data[at] == 43):
-                at += 1
-            power = 0
-            plain = False
-            while at < stop:
-                digit = np.int64(data[at]) - 48
-                if digit < 0 or digit > 9:
+                mantissa = mantissa * ten + digit
+                at += one
+            digits += at - point
+            point_shift = -np.int64(at - point)
+        number_end = at
+        power = np.int64(0)
+        plain = digits > np.uint64(0)
+        if at < end and (data[at] == 101 or data[at] == 69) and plain:
+            at += one
+            minus = at < end and data[at] == 45
+            at += np.uint64(minus or (at < end and data[at] == 43))
+            power_at = at
+            while at < end:
+                digit = np.uint64(data[at]) - np.uint64(48)
+                if digit > np.uint64(9):
                     break
-                plain = True
-                power = min(power * 10 + digit, 100000)
-                at += 1
-            exponent += -power if minus else power
-        if plain and at < stop:
+                power = min(power * 10 + np.int64(digit), 100000)
+                at += one
+            plain = at > power_at
+            power = -power if minus else power
+        if plain and at < end:
             byte = data[at]
             plain = byte == 32 or (9 <= byte <= 13)
         if plain:
-            value, plain = _scale_decimal(mantissa, exponent, truncated)
+            whole = np.int64(mantissa)
+            exponent = power + point_shift
+            if digits <= np.uint64(15) and -22 <= exponent <= 0:
+                value = whole / _HIGH[_POWER_LIMIT - exponent]
+            else:
+                lost = False
+                if digits > np.uint64(18):
+                    whole, point_shift, lost = _read_long(data, number_at, number_end)
+                    exponent = power + point_shift
+                value, plain = _scale_decimal(whole, exponent, lost)
             out[count] = -value if negative else value
         if not plain:
-            while at < stop and not (data[at] == 32 or (9 <= data[at] <= 13)):
-                at += 1
-            hard[hards, 0] = count
-            hard[hards, 1] = first
-            hard[hards, 2] = at
+            while at < end and not (data[at] == 32 or (9 <= data[at] <= 13)):
+                at += one
+            hard[hards, 0], hard[hards, 1], hard[hards, 2] = count, first, at
             hards += 1
         count += 1
         on_line += 1
@@ -176,26 +196,29 @@ def count_by_line(data, start, stop, out):
     return lines
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def format_numbers(motion, start, stop, decimals, out):
     """Write rows ``start`` to ``stop`` as text with fixed decimals, one blank between numbers and a line feed a row.
 
     Numbers are rounded as their exact decimal value asks, half to even, as ``'%.6f'`` does; zero has no sign. All must
-    be finite and smaller than 2**52 / 10**decimals. Returns the number of bytes written to ``out``.
+    be finite and smaller than 2**52 / 10**decimals. Places are unsigned, which spares a test for negative ones. Returns
+    the number of bytes written to ``out``, which has room for three more.
     """
     columns = motion.shape[1]
     scale = np.int64(1)
     for _ in range(decimals):
         scale *= 10
     factor = float(scale)
-    at = 0
+    at = np.uint64(0)
+    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
     for row in range(start, stop):
         for column in range(columns):
-            value = abs(motion[row, column])
+            signed = motion[row, column]
+            value = abs(signed)
             product = value * factor
-            whole = np.rint(product)
-            gap = product - whole
-            if gap == 0.5 or gap == -0.5:
+            number = np.int64(product)
+            gap = product - number
+            if gap == 0.5:
                 # The product may have been rounded onto the half: what was lost decides.
                 t = 134217729.0 * value
                 a = t - (t - value)
@@ -204,43 +227,53 @@ def format_numbers(motion, start, stop, decimals, out):
                 c = t - (t - factor)
                 d = factor - c
                 lost = ((a * c - product) + a * d + b * c) + b * d
-                if gap > 0.0 and lost > 0.0:
-                    whole += 1.0
-                elif gap < 0.0 and lost < 0.0:
-                    whole -= 1.0
-            number = np.int64(whole)
-            if number > 0 and motion[row, column] < 0.0:
-                out[at] = 45
-                at += 1
-            units = number // scale
+                number += lost > 0.0 or (lost == 0.0 and number % 2 == 1)
+            else:
+                number += gap > 0.5
+            out[at] = 45
+            at += np.uint64((signed < 0.0) & (number > 0))
+            units = np.int64(value)
             part = number - units * scale
-            digits = 1
-            power = np.int64(10)
-            while units >= power:
-                power *= 10
-                digits += 1
-            place = at + digits
-            for _ in range(digits):
-                place -= 1
-                next_units = units // 10
-                out[place] = 48 + (units - next_units * 10)
-                units = next_units
-            at += digits
+            carry = np.int64(part >= scale)
+            units += carry
+            part -= scale * carry
+            if units < 1000:
+                pick = np.uint64(4 * units)
+                out[at], out[at + one], out[at + two] = _LEFT[pick], _LEFT[pick + one], _LEFT[pick + two]
+                at += np.uint64(_LEFT[pick + three])
+            else:
+                digits = 4
+                power = np.int64(10000)
+                while units >= power:
+                    power *= 10
+                    digits += 1
+                at += np.uint64(digits)
+                place = at
+                for _ in range(digits):
+                    place -= one
+                    rest = units // 10
+                    out[place] = np.uint8(48 + units - rest * 10)
+                    units = rest
             if decimals > 0:
                 out[at] = 46
-                at += decimals + 1
+                at += np.uint64(decimals + 1)
                 place = at
-                for _ in range(decimals):
-                    place -= 1
-                    next_part = part // 10
-                    out[place] = 48 + (part - next_part * 10)
-                    part = next_part
+                left = decimals
+                while left >= 2:
+                    rest = part // 100
+                    pick = np.uint64(2 * (part - rest * 100))
+                    part = rest
+                    place -= two
+                    out[place], out[place + one] = _PAIRS[pick], _PAIRS[pick + one]
+                    left -= 2
+                if left > 0:
+                    out[place - one] = np.uint8(48 + part)
             out[at] = 32
-            at += 1
+            at += one
         if columns > 0:
-            at -= 1
+            at -= one
         out[at] = 10
-        at += 1
+        at += one
     return at
 
 

@@ -186,7 +186,7 @@ def _read_motion(scanner: Scanner, columns: int, declared: int) -> Array:
     state = np.zeros(5, np.int64)
     state[0] = start
     while True:
-        parse_numbers(data, start, stop, columns, values, hard, state)
+        parse_numbers(data, stop, columns, values, hard, state)
         at, count, hards = int(state[0]), int(state[1]), int(state[2])
         for number, first, last in hard[:hards].tolist():
             value = read_number(scanner.data[first:last])
@@ -242,7 +242,7 @@ def _odd_rows(scanner: Scanner, data: Array, start: int, stop: int, values: Arra
     if rest:
         last = scanner.line_of(start) + int(lines[-1, 0])
         scanner.findings.append(
-            f"{scanner.path}:{last}: {len(values)} numbers in all, which is {rest} more than whole rows of {columns}; left out"
+            f"{scanner.path}:{last}: {len(values)} numbers are {rest} more than whole rows of {columns}; left out"
         )
     return values[: len(values) - rest].reshape(-1, columns)
 

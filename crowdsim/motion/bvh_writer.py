@@ -22,7 +22,6 @@ Array = NDArray[Any]
 
 _MOST_DECIMALS = 12
 _DEEPEST_INDENT = 64
-_CHUNK_BYTES = 1 << 20
 
 
 def format_header(bvh: Bvh, frames: int | None = None) -> bytes:
@@ -69,7 +68,7 @@ def format_header(bvh: Bvh, frames: int | None = None) -> bytes:
     return "\n".join(lines).encode()
 
 
-def format_motion(motion: Array, decimals: int = 6) -> bytes:
+def format_motion(motion: Array, decimals: int = 6) -> bytes | bytearray:
     """Return rows of numbers as text, a line each, with fixed decimals, correctly rounded.
 
     Args:
@@ -90,14 +89,9 @@ def format_motion(motion: Array, decimals: int = 6) -> bytes:
         raise BvhError(f"frame {frame}, column {column} is {motion[frame, column]}, which no BVH file can hold")
     if largest * 10.0**decimals >= 2.0**52:
         return b"".join(b" ".join(b"%.*f" % (decimals, value) for value in row) + b"\n" for row in motion.tolist())
-    width = len(str(int(largest) + 1)) + decimals + 3
-    rows = max(1, _CHUNK_BYTES // (width * motion.shape[1]))
-    buffer = np.empty(min(rows, len(motion)) * motion.shape[1] * width, np.uint8)
-    parts = []
-    for start in range(0, len(motion), rows):
-        stop = min(start + rows, len(motion))
-        parts.append(buffer[: format_numbers(motion, start, stop, decimals, buffer)].tobytes())
-    return b"".join(parts)
+    text = bytearray(motion.size * (len(str(int(largest) + 1)) + decimals + 3) + 8)
+    del text[int(format_numbers(motion, 0, len(motion), decimals, np.frombuffer(text, np.uint8))) :]
+    return text
 
 
 def format_bvh(bvh: Bvh, decimals: int = 6) -> bytes:
