@@ -1,0 +1,166 @@
+"""Pictures of a capture: skeleton with roles, root path, contacts, fist speeds, stick figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion import ground
+from crowdsim.motion.capture import Capture
+from crowdsim.motion.contacts import runs
+from crowdsim.motion.report import Study
+
+Array = NDArray[Any]
+
+_SIDES = ("left", "right")
+_COLOURS = ("tab:blue", "tab:red")
+_NEUTRAL = "0.25"
+_FIGURES = 12
+
+
+def plot_capture(capture: Capture, study: Study | None, folder: Path) -> list[Path]:
+    """Write the pictures that a capture allows into a folder, and return their paths."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    folder.mkdir(parents=True, exist_ok=True)
+    stem = capture.clip.name
+    written = []
+
+    def save(figure: Figure, name: str) -> None:
+        path = folder / f"{stem}_{name}.png"
+        FigureCanvasAgg(figure)
+        partial = path.with_name(f".{path.name}.part")
+        figure.savefig(partial, format="png", dpi=100)
+        partial.replace(path)
+        written.append(path)
+
+    figure = Figure(figsize=(12, 8), layout="constrained")
+    _draw_skeleton(figure, capture)
+    save(figure, "skeleton")
+    if study is not None:
+        figure = Figure(figsize=(7, 7), layout="constrained")
+        _draw_path(figure.subplots(), study)
+        save(figure, "path")
+        figure = Figure(figsize=(14, 7), layout="constrained")
+        _draw_time(figure, study)
+        save(figure, "time")
+        figure = Figure(figsize=(16, 6.5), layout="constrained")
+        _draw_figures(figure, capture, study)
+        save(figure, "figures")
+    return written
+
+
+def _joint_colour(capture: Capture, joint: int) -> str:
+    """Blue under a left limb's root, red under a right one's."""
+    parents = capture.clip.skeleton.parents
+    tops = {capture.roles.get(f"{side}_{part}"): side for side in _SIDES for part in ("hip", "shoulder")}
+    while joint >= 0:
+        if joint in tops:
+            return _COLOURS[_SIDES.index(tops[joint])]
+        joint = int(parents[joint])
+    return _NEUTRAL
+
+
+def _draw_skeleton(figure: Any, capture: Capture) -> None:
+    """The rest pose from the front and the side, joints named by role."""
+    skeleton = capture.clip.skeleton
+    rest = skeleton.rest_positions() - skeleton.offsets[0]
+    named = {joint: role for role, joint in capture.roles.items()}
+    for axes, across, title in zip(figure.subplots(1, 2), (0, 2), ("front", "side"), strict=True):
+        sign = -1.0 if across == 0 else 1.0
+        for joint, parent in enumerate(skeleton.parents):
+            if parent >= 0:
+                ends = rest[[parent, joint]]
+                axes.plot(sign * ends[:, across], ends[:, 1], color=_joint_colour(capture, joint), lw=1.5)
+            axes.plot(sign * rest[joint, across], rest[joint, 1], "o", ms=3, color=_joint_colour(capture, joint))
+            if joint in named and (across == 0 or not named[joint].startswith("right")):
+                axes.annotate(
+                    f"{named[joint]}: {skeleton.names[joint]}",
+                    (sign * rest[joint, across], rest[joint, 1]),
+                    fontsize=7,
+                    xytext=(4, 3),
+                    textcoords="offset points",
+                )
+        for parent, offset in zip(skeleton.end_parents, skeleton.end_offsets, strict=True):
+            ends = np.stack([rest[parent], rest[parent] + offset])
+            axes.plot(sign * ends[:, across], ends[:, 1], ":", color=_joint_colour(capture, int(parent)), lw=1)
+        axes.set_aspect("equal")
+        axes.set_title(f"rest pose, {title}")
+        axes.set_xlabel("m" if capture.unit_scale else "file units")
+    axis, scale = capture.up_axis or "unknown", capture.unit_scale
+    figure.suptitle(
+        f"{capture.clip.name}: {skeleton.joint_count} joints, up axis {axis}, "
+        + (f"{scale:g} m a unit" if scale else "unknown scale")
+        + (f", {capture.body.height:.2f} m tall" if capture.body else "")
+    )
+
+
+def _draw_path(axes: Any, study: Study) -> None:
+    """The way of the pelvis from above, with where it looks every second, and the planted feet."""
+    places = study.tracks.ground
+    axes.plot(-places[:, 0], places[:, 1], color=_NEUTRAL, lw=1)
+    every = places[:: round(study.clip.fps)]
+    axes.quiver(-every[:, 0], every[:, 1], -np.sin(every[:, 2]), np.cos(every[:, 2]), width=0.004, scale=22)
+    for foot, (side, colour) in enumerate(zip(_SIDES, _COLOURS, strict=True)):
+        planted = study.tracks.balls[study.contacts[:, foot], foot]
+        axes.plot(-planted[:, 0], planted[:, 2], ".", ms=2, color=colour, alpha=0.4, label=f"{side} foot planted")
+    axes.plot(-places[0, 0], places[0, 1], "o", color="tab:green", label="start")
+    axes.set_aspect("equal")
+    axes.set_xlabel("-x [m]")
+    axes.set_ylabel("z [m]")
+    axes.set_title("path of the pelvis from above, facing once a second")
+    axes.legend(fontsize=8, loc="best")
+
+
+def _draw_time(figure: Any, study: Study) -> None:
+    """Contact strips, and fist speeds relative to the pelvis with the strikes marked."""
+    strips, speeds = figure.subplots(2, 1, sharex=True, height_ratios=[1, 4])
+    seconds = study.start + np.arange(study.clip.frame_count) / study.clip.fps
+    for foot, colour in enumerate(_COLOURS):
+        for start, stop in runs(study.contacts[:, foot]):
+            strips.barh(1 - foot, (stop - start) / study.clip.fps, left=seconds[start], height=0.7, color=colour)
+    strips.set_yticks([1, 0], ["left foot", "right foot"])
+    strips.set_title("planted")
+    for hand, (side, colour) in enumerate(zip(_SIDES, _COLOURS, strict=True)):
+        relative = study.tracks.fists[:, hand] - study.tracks.pelvises
+        speed = np.linalg.norm(np.gradient(relative, axis=0), axis=1) * study.clip.fps
+        speeds.plot(seconds, speed, color=colour, lw=0.9, label=f"{side} fist")
+        ours = study.strikes.hands == hand
+        speeds.plot(seconds[study.strikes.peaks[ours]], study.strikes.speeds[ours], "v", color=colour, ms=7)
+        for frame in study.strikes.frames[ours]:
+            speeds.axvline(seconds[frame], color=colour, lw=0.6, ls=":")
+    count = len(study.strikes.frames)
+    speeds.set_title(f"fist speed relative to the pelvis; {count} strikes: peak (triangle), furthest reach (dotted)")
+    speeds.set_xlabel("seconds in the file")
+    speeds.set_ylabel("m/s")
+    speeds.set_ylim(bottom=0)
+    speeds.legend(fontsize=8, loc="upper right")
+
+
+def _draw_figures(figure: Any, capture: Capture, study: Study) -> None:
+    """Stick figures over the clip from the side and the front, each in its own ground frame."""
+    frames = np.unique(np.linspace(0, study.clip.frame_count - 1, _FIGURES).round().astype(int))
+    parents = study.clip.skeleton.parents
+    spacing = 0.75 * study.positions[..., 1].max(initial=1.0)
+    for axes, view in zip(figure.subplots(2, 1), ("side, facing right", "front"), strict=True):
+        for column, frame in enumerate(frames):
+            local = ground.to_local(study.tracks.ground[frame], study.positions[frame])
+            across = column * spacing + (local[:, 2] if view.startswith("side") else -local[:, 0])
+            for joint, parent in enumerate(parents):
+                if parent >= 0:
+                    axes.plot(
+                        across[[parent, joint]],
+                        local[[parent, joint], 1],
+                        color=_joint_colour(capture, joint),
+                        lw=1.3,
+                        solid_capstyle="round",
+                    )
+            axes.text(column * spacing, -0.16, f"{study.start + frame / study.clip.fps:.2f} s", ha="center", fontsize=7)
+        axes.axhline(0.0, color="0.6", lw=0.8)
+        axes.set_aspect("equal")
+        axes.set_title(view, fontsize=9)
+        axes.set_xticks([])

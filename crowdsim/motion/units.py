@@ -1,0 +1,105 @@
+"""How large a file's unit is and which axis is up in it, found from the body: its rest pose, its poses, its floor."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import MotionError, nearest
+
+Array = NDArray[Any]
+
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "cmu": 0.0254 / 0.45}
+"""Metres in one unit; ``cmu`` is that of the CMU motion capture library's own files, 0.05644 m."""
+
+PLAUSIBLE_HEIGHT = (1.0, 2.4)
+"""Standing heights of human bodies [m]."""
+_TYPICAL_HEIGHT = 1.7
+_UPRIGHT = 0.75
+_AXES = ("x", "y", "z", "-x", "-y", "-z")
+
+
+def parse_unit(unit: str | float) -> float:
+    """Return metres in a unit that is given by name or as a number.
+
+    Raises:
+        MotionError: The name is unknown or the number is not positive and finite.
+    """
+    if isinstance(unit, str) and unit in UNITS:
+        return UNITS[unit]
+    try:
+        scale = float(unit)
+    except ValueError:
+        raise MotionError(
+            f"unit {unit!r} is unknown{nearest(unit, UNITS)}; expected {', '.join(UNITS)} or metres as a number"
+        ) from None
+    if not (math.isfinite(scale) and scale > 0.0):
+        raise MotionError(f"unit is {scale:g}, expected a positive number of metres")
+    return scale
+
+
+def find_scale(height: float) -> float | None:
+    """Return metres in a file unit, from a human body's standing height in it; None when no known unit fits."""
+    if not (math.isfinite(height) and height > 0.0):
+        return None
+    low, high = PLAUSIBLE_HEIGHT
+    fitting = [scale for scale in UNITS.values() if low <= height * scale <= high]
+    return min(fitting, key=lambda scale: abs(math.log(height * scale / _TYPICAL_HEIGHT)), default=None)
+
+
+def find_up_axis(rest: Array, poses: Array, heads: list[int], feet: list[int]) -> str | None:
+    """Return the axis that is up, 'y' or '-z' say; None when neither poses nor floor tell.
+
+    People are on their feet most of the time, so the way from feet to head tells. Where it does not (someone lies or
+    crawls) or contradicts the rest pose, the floor decides: the lowest point of a body stays at one height.
+
+    Args:
+        rest: The rest pose. Shape (J, 3), any unit.
+        poses: Poses of the clip in its world. Shape (n, J, 3), same unit.
+        heads: Joints at the upper end of the body.
+        feet: Joints at the lower end.
+    """
+    votes = []
+    for group in (poses, rest[None]):
+        spans = group[:, heads].mean(axis=1) - group[:, feet].mean(axis=1)
+        lengths = np.linalg.norm(spans, axis=-1, keepdims=True)
+        mean = np.mean(spans / np.where(lengths > 1e-9, lengths, 1.0), axis=0)
+        axis = int(np.argmax(np.abs(mean)))
+        name = ("" if mean[axis] > 0 else "-") + "xyz"[axis]
+        votes.append((name, float(np.abs(mean[axis]))))
+    (posed, clear), (rested, upright) = votes
+    if clear >= _UPRIGHT and (posed == rested or upright < _UPRIGHT or len(poses) < 2):
+        return posed
+    candidates = [name for name, strength in votes if strength >= _UPRIGHT]
+    if not candidates:
+        candidates = ["y", "z"] if len(poses) > 1 else []
+    if not candidates:
+        return None
+    restless = {name: _unrest(poses, name) for name in candidates}
+    steadiest = min(candidates, key=lambda name: restless[name])
+    # Capture that stands clearly on an axis overrules a rest pose, unless the floor speaks plainly for the rest pose.
+    if clear >= _UPRIGHT and restless[steadiest] > 0.5 * restless[posed]:
+        return posed
+    return steadiest
+
+
+def _unrest(poses: Array, axis: str) -> float:
+    """How much the lowest point along an axis wanders, against the body's size."""
+    along = poses[:, :, "xyz".index(axis[-1])] * (-1.0 if axis.startswith("-") else 1.0)
+    size = float(np.linalg.norm(poses.max(axis=1) - poses.min(axis=1), axis=-1).mean())
+    lowest = along.min(axis=1)
+    return float(np.percentile(lowest, 90) - np.percentile(lowest, 10)) / max(size, 1e-9)
+
+
+def parse_up_axis(axis: str) -> str:
+    """Return the axis if it is one.
+
+    Raises:
+        MotionError: It is none.
+    """
+    if axis not in _AXES:
+        raise MotionError(f"up axis {axis!r} is unknown{nearest(axis, _AXES)}; expected {', '.join(_AXES)}")
+    return axis
