@@ -52,7 +52,7 @@ def find_recipe(name: FileName) -> Path:
 
 
 def bundle_folder(recipe: FileName) -> Path:
-    """Return where the bundle of a recipe is to be written: beside it, or in the user's cache when that is read-only."""
+    """Return where the bundle of a recipe is written: beside it, or in the user's cache when that is read-only."""
     recipe = Path(recipe)
     beside = recipe.parent / recipe.stem
     writable = os.access(recipe.parent, os.W_OK) and (not beside.exists() or os.access(beside, os.W_OK))

@@ -45,7 +45,13 @@ class StrictModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-def load_model(path: FileName, model: type[Model], error: type[CrowdsimError], overrides: Sequence[str] = ()) -> Model:
+def load_model(
+    path: FileName,
+    model: type[Model],
+    error: type[CrowdsimError],
+    overrides: Sequence[str] = (),
+    context: dict[str, Any] | None = None,
+) -> Model:
     """Return the model that a YAML file describes.
 
     Args:
@@ -53,11 +59,12 @@ def load_model(path: FileName, model: type[Model], error: type[CrowdsimError], o
         model: What the file holds.
         error: Class of the error to raise.
         overrides: ``KEY=VALUE`` each, such as ``groups[0].count=12`` or ``groups.0.count=12``; laid over the file.
+        context: What the model's validators find in ``info.context``.
 
     Raises:
         CrowdsimError: Of the class ``error``, with every finding in a line of its own and as the tuple ``findings``.
     """
-    value, findings = _read(path, model, overrides)
+    value, findings = _read(path, model, overrides, context)
     if value is None or findings:
         failure = error("\n".join(map(str, findings)))
         failure.findings = tuple(findings)  # type: ignore[attr-defined]
@@ -65,9 +72,11 @@ def load_model(path: FileName, model: type[Model], error: type[CrowdsimError], o
     return value
 
 
-def find_faults(path: FileName, model: type[BaseModel], overrides: Sequence[str] = ()) -> list[Finding]:
+def find_faults(
+    path: FileName, model: type[BaseModel], overrides: Sequence[str] = (), context: dict[str, Any] | None = None
+) -> list[Finding]:
     """Return everything that is wrong with a YAML file, in the order of its lines; an empty list when nothing is."""
-    return _read(path, model, overrides)[1]
+    return _read(path, model, overrides, context)[1]
 
 
 def dump_yaml(data: Any) -> str:
@@ -88,7 +97,9 @@ def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
 _Dumper.add_representer(str, _represent_text)
 
 
-def _read(path: FileName, model: type[Model], overrides: Sequence[str]) -> tuple[Model | None, list[Finding]]:
+def _read(
+    path: FileName, model: type[Model], overrides: Sequence[str], context: dict[str, Any] | None
+) -> tuple[Model | None, list[Finding]]:
     source = str(path)
     try:
         with open(path, "rb") as file:
@@ -115,7 +126,8 @@ def _read(path: FileName, model: type[Model], overrides: Sequence[str]) -> tuple
     value, data = None, entry.plain()
     try:
         # JSON is where pydantic's strict mode takes lists for tuples and whole numbers for floats, yet no other mix.
-        value = model.model_validate_json(json.dumps(data, default=lambda faulty: None), strict=True)
+        text = json.dumps(data, default=lambda faulty: None)
+        value = model.model_validate_json(text, strict=True, context=context)
     except ValidationError as failure:
         findings += translate(failure, entry, top)
         faults_in: Callable[[Any], list[Fault]] | None = getattr(model, "faults_in", None)

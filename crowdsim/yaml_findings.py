@@ -67,7 +67,9 @@ def translate(error: ValidationError, entry: Entry, top: Spot) -> list[Finding]:
         elif common is not None and isinstance(outer.entry.value, dict):
             findings.append(_wrong_tag(outer, *common))
         else:
-            what = f"{show(outer.entry.value)}, expected {describe(outer.spot)}"
+            words = [str(word) for choice in outer.spot.members for word in choice.words] if outer.spot else []
+            near = nearest(str(outer.entry.value), words)
+            what = f"{show(outer.entry.value)}, expected {describe(outer.spot)}{near}"
             findings.append(Finding(outer.entry.place, key_path(outer.path), what))
     return findings
 
@@ -133,7 +135,9 @@ def _findings_of(detail: dict[str, Any], here: _Located) -> list[Finding]:
             return [fault_finding(fault, path, here.entry) for fault in reason.faults]
         if isinstance(reason, Fault):
             return [fault_finding(reason, path, here.entry)]
-        return [Finding(place, key_path(path), f"{show(value)}, {reason}" if _is_leaf(value) else str(reason))]
+        if detail["loc"][-1:] == ("[key]",):
+            return [Finding(here.entry.key_place, key_path(path[:-1]), f"the key is {path[-1]!r}, {reason}")]
+        return [Finding(place, key_path(path), f"{show(value)}, {reason}")]
     if kind == "extra_forbidden":
         keys = here.parent.keys if here.parent else []
         what = f"unknown key, expected {join(keys)}{nearest(str(path[-1]), keys)}"
@@ -171,7 +175,3 @@ def _hint(value: Any, spot: Spot | None) -> str:
     if spot is not None and spot.kind is str and isinstance(value, int | float):
         return " in quotes"
     return ""
-
-
-def _is_leaf(value: Any) -> bool:
-    return not isinstance(value, dict | list)

@@ -85,6 +85,8 @@ def step(spot: Spot | None, part: Any) -> Spot | None:
 
 def member(spot: Spot, label: str) -> Spot | None:
     """Return the member of a union that pydantic calls ``label``: a tag, or the name of its type."""
+    if label.startswith("tagged-union"):
+        return next((choice for choice in spot.members if choice.tagged), None)
     for choice in spot.members:
         if any(isinstance(constraint, Tag) and constraint.tag == label for constraint in choice.constraints):
             return choice

@@ -1,0 +1,125 @@
+"""Outputs of a scenario: what a run writes beside its take."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from crowdsim.crowd.scenario_parts import Metres
+from crowdsim.yaml_files import Fault, StrictModel
+
+Fps = Annotated[float, Field(ge=1, le=1000)]
+Avatars = tuple[Annotated[int, Field(ge=0)], ...]
+Frames = tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=1)]]
+_FPS = "Frames a second; without it the scenario's `fps`."
+_AVATARS = "Numbers of the avatars to write, from 0; without it all."
+_FRAMES = "Output frames to write, the first and the one after the last; without it all."
+
+
+class _Ranged(StrictModel):
+    """An output that can be cut to some frames."""
+
+    frames: Frames | None = Field(default=None, description=_FRAMES)
+
+    @model_validator(mode="after")
+    def _check_frames(self) -> _Ranged:
+        if self.frames is not None and self.frames[0] >= self.frames[1]:
+            raise Fault(f"is {list(self.frames)}, expected the first frame before the last", "frames")
+        return self
+
+
+class TakeOutput(StrictModel):
+    """The take, which every run writes."""
+
+    chunk: int = Field(default=64, ge=1, le=65536, description="Control frames in a chunk of the take.")
+
+
+class BvhOutput(_Ranged):
+    """One BVH file an avatar."""
+
+    fps: Fps | None = Field(default=None, description=_FPS)
+    avatars: Avatars | None = Field(default=None, description=_AVATARS)
+
+
+class CloudOutput(_Ranged):
+    """Point clouds, one file a frame."""
+
+    fps: Fps | None = Field(default=None, description=_FPS)
+    every: int = Field(default=1, ge=1, le=1_000_000, description="Write every n-th output frame.")
+    points: int = Field(default=500, ge=1, le=100_000, description="Points an avatar.")
+    avatars: Avatars | None = Field(default=None, description=_AVATARS)
+
+
+class FollowCamera(StrictModel):
+    """A camera that follows an avatar."""
+
+    kind: Literal["follow"] = Field(description="Follows an avatar.")
+    avatar: int = Field(default=0, ge=0, description="Number of the avatar, from 0.")
+
+
+class CameraKey(StrictModel):
+    """Where the camera is at a time."""
+
+    seconds: float = Field(ge=0, description="Time from the start of the run [s].")
+    position: tuple[Metres, Metres, Metres] = Field(description="Place of the camera, x, y and z [m].")
+    look_at: tuple[Metres, Metres, Metres] = Field(description="What it looks at, x, y and z [m].")
+
+
+class KeyedCamera(StrictModel):
+    """A camera that moves smoothly through keys."""
+
+    kind: Literal["keys"] = Field(description="Moves smoothly through keys.")
+    keys: tuple[CameraKey, ...] = Field(min_length=1, description="Where it is at which time, in order of time.")
+
+    @model_validator(mode="after")
+    def _check(self) -> KeyedCamera:
+        for i in range(1, len(self.keys)):
+            if self.keys[i].seconds <= self.keys[i - 1].seconds:
+                before = self.keys[i - 1].seconds
+                raise Fault(f"is {self.keys[i].seconds}, expected more than {before} before it", "keys", i, "seconds")
+        return self
+
+
+Camera = Literal["auto", "orbit", "top", "side"] | Annotated[FollowCamera | KeyedCamera, Field(discriminator="kind")]
+Pixels = Annotated[int, Field(ge=16, le=8192)]
+
+
+class RenderOutput(_Ranged):
+    """Pictures and video."""
+
+    fps: Annotated[float, Field(ge=1, le=240)] = Field(default=30.0, description="Frames a second.")
+    size: tuple[Pixels, Pixels] = Field(
+        default=(1280, 720), description="Width and height [pixels]; even numbers for video."
+    )
+    camera: Camera = Field(
+        default="auto", description="`auto`, `orbit`, `top`, `side`, one that follows, or one with keys."
+    )
+    mp4: bool = Field(default=True, description="Whether to write video.mp4.")
+    png: bool = Field(default=False, description="Whether to write every frame as PNG.")
+    contact_sheet: int | None = Field(default=None, ge=1, le=400, description="Number of moments on a contact sheet.")
+    caption: bool = Field(default=True, description="Whether a small caption stands in the picture.")
+
+    @model_validator(mode="after")
+    def _check(self) -> RenderOutput:
+        if self.mp4 and (self.size[0] % 2 or self.size[1] % 2):
+            raise Fault(f"is {list(self.size)}, expected even numbers for video", "size")
+        return self
+
+
+class ProfileOutput(StrictModel):
+    """What control cost."""
+
+    csv: bool = Field(default=True, description="Whether to write profile.csv, a row a control frame.")
+    plots: bool = Field(default=False, description="Whether to draw profile.png.")
+
+
+class Outputs(StrictModel):
+    """What a run writes; an output that is not named is not written, but the take always is."""
+
+    take: TakeOutput = Field(default_factory=TakeOutput, description="The take, which every run writes.")
+    bvh: BvhOutput | None = Field(default=None, description="Motion as BVH, one file an avatar.")
+    ply: CloudOutput | None = Field(default=None, description="Point clouds as PLY, one file a frame.")
+    pcd: CloudOutput | None = Field(default=None, description="Point clouds as PCD, one file a frame.")
+    render: RenderOutput | None = Field(default=None, description="Pictures and video.")
+    profile: ProfileOutput | None = Field(default=None, description="What control cost, frame by frame.")

@@ -1,0 +1,168 @@
+"""Words and quantities that all parts of a scenario are made of, the arena, and the types of avatars."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, model_validator
+
+from crowdsim.errors import nearest
+from crowdsim.yaml_files import Fault, Faults, StrictModel
+from crowdsim.yaml_schema import join
+
+_NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}"
+_COLOUR = r"#[0-9a-fA-F]{6}"
+
+SCALES = (0.5, 2.0)
+SPEEDS = (0.25, 4.0)
+
+
+def _name(text: str) -> str:
+    if not re.fullmatch(_NAME, text):
+        raise ValueError("expected a name of letters, digits, '_', '-' and '.', at most 64, a letter or digit first")
+    return text
+
+
+def _colour(text: str) -> str:
+    if not re.fullmatch(_COLOUR, text):
+        raise ValueError("expected a colour as '#rrggbb' in quotes, such as '#c8553d'")
+    return text
+
+
+def _policy(text: str, info: ValidationInfo) -> str:
+    known: list[str] | None = (info.context or {}).get("policies")
+    if known is not None and text not in known:
+        choice = (
+            f"expected {join(known)}{nearest(text, known)}" if known else "and there are no policies to choose from"
+        )
+        raise ValueError(f"no known policy, {choice}")
+    return text
+
+
+Name = Annotated[str, AfterValidator(_name), WithJsonSchema({"type": "string", "pattern": f"^{_NAME}$"})]
+PolicyName = Annotated[Name, AfterValidator(_policy)]
+Colour = Annotated[str, AfterValidator(_colour), WithJsonSchema({"type": "string", "pattern": f"^{_COLOUR}$"})]
+Metres = Annotated[float, Field(ge=-100_000, le=100_000)]
+Point = tuple[Metres, Metres]
+Weight = Annotated[float, Field(ge=0, le=1000)]
+Weights = dict[Name, Weight]
+
+
+class NoArena(StrictModel):
+    """Open ground without a border."""
+
+    kind: Literal["none"] = Field(description="Open ground without a border.")
+
+
+class CircleArena(StrictModel):
+    """A round arena; avatars turn back at its border."""
+
+    kind: Literal["circle"] = Field(description="A round arena; avatars turn back at its border.")
+    radius: float = Field(gt=0, le=100_000, description="Radius [m].")
+    centre: Point = Field(default=(0.0, 0.0), description="Centre, x and z [m].")
+
+
+class RectangleArena(StrictModel):
+    """A rectangular arena; avatars turn back at its border."""
+
+    kind: Literal["rectangle"] = Field(description="A rectangular arena; avatars turn back at its border.")
+    size: tuple[Annotated[float, Field(gt=0, le=200_000)], Annotated[float, Field(gt=0, le=200_000)]] = Field(
+        description="Width along x and depth along z [m]."
+    )
+    centre: Point = Field(default=(0.0, 0.0), description="Centre, x and z [m].")
+
+
+Arena = Annotated[NoArena | CircleArena | RectangleArena, Field(discriminator="kind")]
+
+
+class Uniform(StrictModel):
+    """A factor spread evenly over a range."""
+
+    kind: Literal["uniform"] = Field(description="Spread evenly from `minimum` to `maximum`.")
+    minimum: float = Field(gt=0, le=10, description="Least factor.")
+    maximum: float = Field(gt=0, le=10, description="Greatest factor.")
+
+    @model_validator(mode="after")
+    def _check(self) -> Uniform:
+        if self.minimum > self.maximum:
+            raise Fault(f"is {self.minimum}, expected at most the maximum, {self.maximum}", "minimum")
+        return self
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Least and greatest factor that can be drawn."""
+        return self.minimum, self.maximum
+
+
+class Normal(StrictModel):
+    """A factor of the normal distribution, cut off at two deviations."""
+
+    kind: Literal["normal"] = Field(description="Normally distributed, cut off at two deviations.")
+    mean: float = Field(default=1.0, gt=0, le=10, description="Mean factor.")
+    deviation: float = Field(ge=0, le=10, description="Standard deviation.")
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Least and greatest factor that can be drawn."""
+        return self.mean - 2 * self.deviation, self.mean + 2 * self.deviation
+
+
+Factor = Annotated[float, Field(gt=0, le=10)]
+Distribution = Factor | Annotated[Uniform | Normal, Field(discriminator="kind")]
+
+
+def limits(distribution: Distribution) -> tuple[float, float]:
+    """Return the least and the greatest factor of a distribution; a number alone is both."""
+    return (distribution, distribution) if isinstance(distribution, float | int) else distribution.limits
+
+
+class Candidates(StrictModel):
+    """Which actions an avatar draws among."""
+
+    margin: float = Field(
+        default=0.1, ge=0, le=100, description="How far below the best value a candidate may lie, in normalised values."
+    )
+    maximum: int = Field(
+        default=4, ge=1, le=64, description="How many candidates there are at most; 1 always takes the best."
+    )
+
+
+class AvatarType(StrictModel):
+    """What avatars of one type have in common."""
+
+    extends: Name | None = Field(
+        default=None, description="Another type of this scenario whose settings hold where this one says nothing."
+    )
+    policy: PolicyName = Field(
+        default="boxer", description="Name of the policy (its recipe's file name without .yaml)."
+    )
+    behaviours: Weights = Field(
+        default_factory=dict, description="Weight of each behaviour of the policy; 1 for those that are not named."
+    )
+    candidates: Candidates = Field(default_factory=Candidates, description="Which actions an avatar draws among.")
+    temperature: float = Field(
+        default=0.05,
+        ge=0,
+        le=100,
+        description="Randomness of the draw, in normalised values; 0 always takes the best action.",
+    )
+    scale: Distribution = Field(default=1.0, description="Size of the body, as a factor: a number or a distribution.")
+    speed: Distribution = Field(
+        default=1.0, description="Speed of the motion, as a factor: a number or a distribution."
+    )
+    colour: Colour | None = Field(
+        default=None, description="Colour in pictures as '#rrggbb'; without it the team's colour."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> AvatarType:
+        faults = []
+        for key, value, (least, most) in (("scale", self.scale, SCALES), ("speed", self.speed, SPEEDS)):
+            low, high = limits(value)
+            if low < least or high > most:
+                reach = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+                faults.append(Fault(f"is {reach}, expected factors from {least} to {most}", key))
+        if faults:
+            raise Faults(faults)
+        return self
