@@ -1,0 +1,117 @@
+"""The shape of the house: layers, kernels, what is imported when, and what ships."""
+
+import ast
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import crowdsim
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "crowdsim"
+MODULES = sorted(path for path in PACKAGE.rglob("*.py"))
+LAYERS = ["motion", "graph", "policy", "crowd", "take", "export", "render"]
+LEFT_OF = {
+    "motion": set(),
+    "graph": {"motion"},
+    "policy": {"motion", "graph"},
+    "crowd": {"motion", "graph", "policy"},
+    "take": {"motion", "graph", "policy", "crowd"},
+    "export": {"motion", "graph", "policy", "crowd", "take"},
+    "render": {"motion", "graph", "policy", "crowd", "take"},
+}
+COMMON = {"errors", "assets", "yaml_files", "yaml_findings", "yaml_schema", "yaml_tree"}
+
+
+def imports(path: Path, everywhere: bool = True) -> set[str]:
+    """Absolute names of the modules that a file imports, at its top level only unless ``everywhere``."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    nodes = ast.walk(tree) if everywhere else iter(tree.body)
+    found: set[str] = set()
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            found.update(name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: imports are absolute"
+            found.add(node.module or "")
+            found.update(f"{node.module}.{name.name}" for name in node.names)
+    return found
+
+
+def relative(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+@pytest.mark.parametrize("path", MODULES, ids=relative)
+def test_imports_point_left(path: Path) -> None:
+    parts = path.relative_to(PACKAGE).parts
+    if parts[0] not in LAYERS:
+        return
+    layer = parts[0]
+    for name in imports(path):
+        words = name.split(".")
+        if words[0] != "crowdsim" or len(words) < 2:
+            continue
+        allowed = LEFT_OF[layer] | {layer} | COMMON | {"__version__"}
+        assert words[1] in allowed, f"{relative(path)} imports {name}, which does not lie to its left"
+
+
+@pytest.mark.parametrize("path", [path for path in MODULES if path.stem.endswith("kernels")], ids=relative)
+def test_kernels_import_only_numpy_numba_and_math(path: Path) -> None:
+    roots = {name.split(".")[0] for name in imports(path)}
+    assert roots <= {"numpy", "numba", "math", "__future__"}
+
+
+@pytest.mark.parametrize("path", [path for path in MODULES if not path.stem.endswith("kernels")], ids=relative)
+def test_only_kernels_are_compiled(path: Path) -> None:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    decorators = [
+        ast.unparse(item)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef)
+        for item in node.decorator_list
+    ]
+    assert not [text for text in decorators if "njit" in text or "jit(" in text]
+
+
+@pytest.mark.parametrize("path", MODULES, ids=relative)
+def test_only_point_clouds_import_open3d(path: Path) -> None:
+    if any(name.split(".")[0] == "open3d" for name in imports(path)):
+        assert relative(path) == "crowdsim/export/pointcloud.py"
+    assert not any(name.split(".")[0] in ("open3d", "pickle") for name in imports(path, everywhere=False))
+
+
+def test_help_loads_neither_numba_nor_open3d() -> None:
+    program = (
+        "import sys; sys.argv = ['crowdsim', '--help']\n"
+        "from crowdsim.cli import main\n"
+        "try:\n    main()\nexcept SystemExit as leave:\n    assert not leave.code, leave.code\n"
+        "heavy = {'numba', 'open3d', 'scipy', 'matplotlib', 'zarr'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "inspect" in done.stdout
+
+
+@pytest.mark.parametrize("path", MODULES, ids=relative)
+def test_every_module_imports_and_every_public_name_exists(path: Path) -> None:
+    dotted = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    module = importlib.import_module(dotted)
+    assert module.__doc__
+    for name in getattr(module, "__all__", []):
+        assert getattr(module, name) is not None
+
+
+def test_the_package_says_what_it_has_when_asked_for_what_it_has_not() -> None:
+    with pytest.raises(AttributeError, match="has no attribute 'boxer'; it has __version__"):
+        _ = crowdsim.boxer
+
+
+def test_scenarios_and_policies_ship_inside_the_wheel() -> None:
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert '"crowdsim.scenarios" = "scenarios"' in text
+    assert '"crowdsim.policies" = "policies"' in text
