@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.errors import BvhError, nearest
+from crowdsim.motion.bvh_channel_kernels import channels_to_quaternions, quaternions_to_channels
 from crowdsim.motion.bvh_file import AXIS, Bvh
-from crowdsim.motion.bvh_kernels import channels_to_quaternions, quaternions_to_channels
 from crowdsim.motion.skeleton import Clip, Skeleton
 
 Array = NDArray[Any]

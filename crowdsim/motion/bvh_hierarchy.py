@@ -70,7 +70,8 @@ class Scanner:
         place = self.start if place is None else place
         match = _TOKEN.match(self.data, place)
         found = f"found {show(match[1])}" if match else "the file ends"
-        return BvhError(f"{self.path}:{self.line_of(place)}: {found}, expected {expected}")
+        line = self.line_of(match.start(1) if match else len(self.data))
+        return BvhError(f"{self.path}:{line}: {found}, expected {expected}")
 
     def find(self, what: str, place: int | None = None) -> None:
         """Note a finding about the token at ``place``, by default the last one; only so many."""
@@ -86,13 +87,13 @@ class Scanner:
         while self.data[self.at : self.at + 1].isspace():
             self.at += 1
         brace = self.data.find(b"{", self.at)
-        line_end = _LINE_END.search(self.data, self.at, brace if brace >= 0 else self.at)
+        line_end = _LINE_END.search(self.data, self.at, brace if brace >= 0 else len(self.data))
         if line_end is None and self._is_glued(brace):
             # A brace inside a word, as in hand{1}: part of the name when the line below opens the block.
             end = _LINE_END.search(self.data, brace, brace + _LONGEST_NAME)
             if end is not None and self._token_at(end.start()) == b"{":
                 line_end = end
-        stop = line_end.start() if line_end else max(brace, self.at)
+        stop = line_end.start() if line_end else brace if brace >= 0 else len(self.data)
         name = self.data[self.at : stop]
         self.at = stop
         if self.next() != b"{":

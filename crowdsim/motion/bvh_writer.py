@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import tempfile
+import uuid
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
@@ -88,7 +88,7 @@ def format_motion(motion: Array, decimals: int = 6) -> bytes | bytearray:
         frame, column = np.argwhere(~np.isfinite(motion))[0]
         raise BvhError(f"frame {frame}, column {column} is {motion[frame, column]}, which no BVH file can hold")
     if largest * 10.0**decimals >= 2.0**52:
-        return b"".join(b" ".join(b"%.*f" % (decimals, value) for value in row) + b"\n" for row in motion.tolist())
+        return "".join(" ".join(_fixed(value, decimals) for value in row) + "\n" for row in motion.tolist()).encode()
     text = bytearray(motion.size * (len(str(int(largest) + 1)) + decimals + 3) + 8)
     del text[int(format_numbers(motion, 0, len(motion), decimals, np.frombuffer(text, np.uint8))) :]
     return text
@@ -177,8 +177,9 @@ class BvhWriter:
         self._decimals = decimals
         self._channels = clip_channels(skeleton.joint_count, order, moving)
         self._angles = np.full((skeleton.joint_count, 3), np.nan)
-        still = np.zeros((0, skeleton.joint_count, 4))
-        clip = Clip(self.path.stem, skeleton, fps, np.zeros((0, 3)), still, np.zeros((0, 0, 3)) if moving else None)
+        joints = skeleton.joint_count
+        moved = np.zeros((0, joints, 3)) if moving else None
+        clip = Clip(self.path.stem, skeleton, fps, np.zeros((0, 3)), np.zeros((0, joints, 4)), moved)
         header = format_header(from_clip(clip, order, unit_scale), frames)
         self._temporary = _temporary_beside(path)
         self._append(header)
@@ -227,7 +228,7 @@ class BvhWriter:
         else:
             self.abandon()
 
-    def _append(self, text: bytes) -> None:
+    def _append(self, text: bytes | bytearray) -> None:
         try:
             with open(self._temporary, "ab") as file:
                 file.write(text)
@@ -238,21 +239,22 @@ class BvhWriter:
 
 def _temporary_beside(path: str | os.PathLike[str]) -> Path:
     """Create an empty file in the folder of ``path``, so that renaming stays on one disk."""
-    path = Path(path)
+    temporary = Path(path).parent / f".{Path(path).name[:100]}.{uuid.uuid4().hex}.part"
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name[:100]}.", suffix=".part", dir=path.parent)
+        temporary.touch(exist_ok=False)
     except OSError as error:
         raise _cannot_write(path, error) from error
-    os.close(handle)
-    temporary = Path(name)
-    mask = os.umask(0)
-    os.umask(mask)
-    temporary.chmod(0o666 & ~mask)
     return temporary
 
 
 def _cannot_write(path: str | os.PathLike[str], error: OSError) -> OutputError:
     return OutputError(f"{os.fspath(path)}: cannot be written: {error.strerror or error}")
+
+
+def _fixed(number: float, decimals: int) -> str:
+    """Return a number of any size with fixed decimals, zero without a sign."""
+    text = f"{number:.{decimals}f}"
+    return text if text.strip("-0.") else text.lstrip("-")
 
 
 def _plain(vector: Array) -> str:
