@@ -1,0 +1,104 @@
+"""Points spread evenly over a body's surface, once for each body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion.body import Body
+from crowdsim.motion.skeleton import Skeleton
+
+Array = NDArray[Any]
+
+_GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Points on a body, each riding on a joint; K points.
+
+    Attributes:
+        joints: Joint of each point. Shape (K,), int32.
+        places: Place in that joint's frame [m]. Shape (K, 3).
+        normals: Outward normal there. Shape (K, 3).
+    """
+
+    joints: Array
+    places: Array
+    normals: Array
+
+
+def build_surface(skeleton: Skeleton, body: Body, points: int) -> Surface:
+    """Spread points over the capsules of a body, by area, leaving out what lies inside other capsules at rest.
+
+    Args:
+        skeleton: The skeleton.
+        body: The body on it.
+        points: Number of points K.
+    """
+    rest = skeleton.rest_positions()
+    centres = rest[body.capsule_joints]
+    wanted = points
+    while True:
+        joints, places, normals = _spread(body, wanted)
+        outside = _outside(body, centres, rest[joints] + places)
+        kept = np.flatnonzero(outside)
+        if len(kept) >= points:
+            # Evenly spaced picks keep the spread even.
+            kept = kept[np.floor(np.arange(points) * (len(kept) / points)).astype(int)]
+            return Surface(joints[kept].astype(np.int32), places[kept], normals[kept])
+        wanted += max(1, points - len(kept))
+
+
+def _spread(body: Body, count: int) -> tuple[Array, Array, Array]:
+    """About ``count`` points over all capsules, on golden spirals."""
+    lengths = np.linalg.norm(body.capsule_ends - body.capsule_starts, axis=1)
+    areas = 2 * np.pi * (body.capsule_radii**2).sum(axis=1) + np.pi * body.capsule_radii.sum(axis=1) * lengths
+    shares = np.maximum(1, np.round(count * areas / areas.sum()).astype(int))
+    joints, places, normals = [], [], []
+    for capsule, share in enumerate(shares):
+        place, normal = _on_capsule(
+            body.capsule_starts[capsule], body.capsule_ends[capsule], body.capsule_radii[capsule], int(share)
+        )
+        joints.append(np.full(share, body.capsule_joints[capsule]))
+        places.append(place)
+        normals.append(normal)
+    return np.concatenate(joints), np.concatenate(places), np.concatenate(normals)
+
+
+def _on_capsule(start: Array, end: Array, radii: Array, count: int) -> tuple[Array, Array]:
+    """Points and normals on a capsule whose radius runs from one end's to the other's."""
+    axis = end - start
+    length = float(np.linalg.norm(axis))
+    axis = axis / length if length > 1e-9 else np.array([0.0, 1.0, 0.0])
+    side = np.cross(axis, [1.0, 0.0, 0.0] if abs(axis[0]) < 0.9 else [0.0, 1.0, 0.0])
+    side /= np.linalg.norm(side)
+    other = np.cross(axis, side)
+    low, high = 2 * np.pi * radii[0] ** 2, 2 * np.pi * radii[1] ** 2
+    middle = np.pi * (radii[0] + radii[1]) * length
+    at = (np.arange(count) + 0.5) / count * (low + middle + high)
+    # By Archimedes a sphere's area is even along its axis; the sides are taken as a cylinder's of the mean radius.
+    along = np.where(at < low, at / low - 1.0, np.where(at < low + middle, 0.0, (at - low - middle) / high))
+    share = np.clip((at - low) / max(middle, 1e-12), 0.0, 1.0)
+    radius = radii[0] + (radii[1] - radii[0]) * share
+    turn = np.arange(count) * _GOLDEN
+    ring = np.sqrt(np.maximum(0.0, 1.0 - along**2))
+    around = np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * other
+    normals = ring[:, None] * around + along[:, None] * axis
+    places = start + (share * length)[:, None] * axis + radius[:, None] * normals
+    return places, normals
+
+
+def _outside(body: Body, centres: Array, points: Array) -> Array:
+    """Whether rest-pose points lie in no capsule but at the skin of their own."""
+    outside = np.ones(len(points), bool)
+    for capsule, centre in enumerate(centres):
+        start, end = centre + body.capsule_starts[capsule], centre + body.capsule_ends[capsule]
+        axis = end - start
+        share = np.clip((points - start) @ axis / max(float(axis @ axis), 1e-12), 0.0, 1.0)
+        radius = body.capsule_radii[capsule, 0] * (1 - share) + body.capsule_radii[capsule, 1] * share
+        outside &= np.linalg.norm(points - start - share[:, None] * axis, axis=1) > 0.985 * radius
+    return outside

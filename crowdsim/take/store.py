@@ -1,0 +1,266 @@
+"""Takes on disk: a Zarr group that is written in chunks of frames while a run goes; FORMAT.md beside this file."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import OutputError, TakeError
+from crowdsim.take.take import VARIABLES, Cast, Events, Take
+
+Array = NDArray[Any]
+
+FORMAT = "crowdsim-take"
+VERSION = 1
+_DTYPES = {"action": "<i4", "action_frame": "<f4", "x": "<f4", "z": "<f4", "heading": "<f4", "opponent": "<i4"}
+_UNITS = {"action_frame": "control frames", "x": "m", "z": "m", "heading": "rad"}
+_CAST = {"type": "types", "team": "teams", "policy": "policies", "scale": "scales", "speed": "speeds", "name": "names"}
+_EVENTS = {
+    "frame": ("<f4", "control frames"),
+    "attacker": ("<i4", ""),
+    "victim": ("<i4", ""),
+    "hand": ("|u1", "0 left, 1 right"),
+    "point": ("<f4", "m"),
+    "speed": ("<f4", "m/s"),
+    "landed": ("|b1", ""),
+}
+_AVATARS_A_CHUNK = 65536
+_EVENTS_A_CHUNK = 16384
+
+
+class TakeWriter:
+    """Writes a take chunk by chunk under a temporary name and gives it its own at the end.
+
+    Args:
+        path: Where the take goes, ``RUN/take.zarr``; while it grows it is called ``take.zarr.partial``.
+        cast: What is constant for each avatar.
+        frames: Control frames that are planned.
+        control_rate: Control frames a second.
+        scenario: Name of the scenario.
+        seed: Seed of the run.
+        fingerprints: Fingerprint of each policy's bundle.
+        target_names: Names of scripted targets.
+        chunk: Control frames in a chunk on disk.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        cast: Cast,
+        frames: int,
+        control_rate: float,
+        scenario: str,
+        seed: int,
+        fingerprints: tuple[str, ...],
+        target_names: tuple[str, ...] = (),
+        chunk: int = 64,
+    ) -> None:
+        import zarr
+
+        self.path = path
+        self._partial = path.with_name(path.name + ".partial")
+        self._chunk = chunk
+        self._frames = frames
+        self._done = 0
+        self._events = 0
+        self._kept: list[dict[str, Array]] = []
+        self._kept_targets: list[Array] = []
+        try:
+            if self._partial.exists():
+                shutil.rmtree(self._partial)
+            self._group: Any = zarr.open_group(str(self._partial), mode="w", zarr_format=2)
+        except (OSError, ValueError) as error:
+            raise OutputError(f"{path}: cannot be written: {error}") from None
+        avatars = len(cast.names)
+        self._group.attrs.update(
+            {
+                "format": FORMAT,
+                "version": VERSION,
+                "scenario": scenario,
+                "seed": seed,
+                "control_rate": control_rate,
+                "status": "running",
+                "frames_planned": frames,
+                "type_names": list(cast.type_names),
+                "team_names": list(cast.team_names),
+                "policy_names": list(cast.policy_names),
+                "policy_fingerprints": list(fingerprints),
+                "target_names": list(target_names),
+                "type_colours": [[None if np.isnan(c) else float(c) for c in row] for row in cast.colours],
+            }
+        )
+        for name in VARIABLES:
+            chunks = (min(chunk, frames), max(1, min(avatars, _AVATARS_A_CHUNK)))
+            self._create(self._group, name, (frames, avatars), chunks, _DTYPES[name], ["frame", "avatar"], _UNITS)
+        for name, field in _CAST.items():
+            values = np.asarray(getattr(cast, field))
+            kind = f"<U{max(1, max(map(len, values), default=1))}" if name == "name" else _little(values.dtype)
+            array = self._create(self._group, name, (avatars,), (max(1, avatars),), kind, ["avatar"])
+            array[...] = values.astype(kind)
+        targets = len(target_names)
+        if targets:
+            shape = (frames, targets, 3)
+            dimensions = ["frame", "target", "component"]
+            self._create(
+                self._group, "target", shape, (min(chunk, frames), targets, 3), "<f4", dimensions, {"target": "m"}
+            )
+        events = self._group.create_group("events")
+        for name, (kind, unit) in _EVENTS.items():
+            more = (3,) if name == "point" else ()
+            dimensions = ["event", "component"] if name == "point" else ["event"]
+            self._create(events, name, (0, *more), (_EVENTS_A_CHUNK, *more), kind, dimensions, {name: unit})
+
+    def _create(
+        self,
+        group: Any,
+        name: str,
+        shape: tuple[int, ...],
+        chunks: tuple[int, ...],
+        dtype: str,
+        dimensions: list[str],
+        units: dict[str, str] | None = None,
+    ) -> Any:
+        import numcodecs
+        import zarr
+
+        codec = numcodecs.Zstd(level=1)
+        if hasattr(zarr.Group, "create_array"):
+            array = group.create_array(name, shape=shape, chunks=chunks, dtype=dtype, compressors=codec, fill_value=0)
+        else:
+            array = group.create_dataset(name, shape=shape, chunks=chunks, dtype=dtype, compressor=codec, fill_value=0)
+        array.attrs["_ARRAY_DIMENSIONS"] = dimensions
+        if units and units.get(name):
+            array.attrs["units"] = units[name]
+        return array
+
+    def append(self, chunk: dict[str, Array], events: Events, targets: Array | None = None) -> None:
+        """Add control frames: an array (n, N) for each of ``VARIABLES``, the strikes thrown, and places of targets."""
+        self._kept.append({name: np.asarray(chunk[name], dtype=_DTYPES[name]) for name in VARIABLES})
+        if targets is not None:
+            self._kept_targets.append(np.asarray(targets, dtype=np.float32))
+        self._flush(whole=False)
+        count = len(events.frame)
+        if count:
+            group = self._group["events"]
+            for name in _EVENTS:
+                values = np.asarray(getattr(events, name))
+                array = group[name]
+                array.resize((self._events + count, *array.shape[1:]))
+                array[self._events :] = values
+            self._events += count
+
+    def _flush(self, whole: bool) -> None:
+        """Write whole chunks of what is kept, everything when ``whole``, so that no chunk is written twice."""
+        ready = sum(len(kept["action"]) for kept in self._kept)
+        count = ready if whole else ready // self._chunk * self._chunk
+        if count == 0:
+            return
+        stop = self._done + count
+        for name in VARIABLES:
+            joined = np.concatenate([kept[name] for kept in self._kept])
+            self._write(self._group[name], joined[:count], stop)
+        rest = {name: np.concatenate([kept[name] for kept in self._kept])[count:] for name in VARIABLES}
+        self._kept = [rest] if len(rest["action"]) else []
+        if self._kept_targets:
+            joined = np.concatenate(self._kept_targets)
+            self._write(self._group["target"], joined[:count], stop)
+            self._kept_targets = [joined[count:]]
+        self._done = stop
+
+    def _write(self, array: Any, values: Array, stop: int) -> None:
+        try:
+            array[self._done : stop] = values
+        except OSError as error:
+            raise OutputError(f"{self.path}: cannot be written: {error.strerror or error}") from None
+
+    def close(self, status: str = "done") -> None:
+        """Finish the take and give it its final name; ``status`` is ``done`` or ``interrupted``."""
+        import zarr
+
+        self._flush(whole=True)
+        if self._done < self._frames:
+            names = [*VARIABLES, *(["target"] if "target" in self._group else [])]
+            for name in names:
+                array = self._group[name]
+                array.resize((self._done, *array.shape[1:]))
+        self._group.attrs["status"] = status
+        zarr.consolidate_metadata(str(self._partial))
+        try:
+            if self.path.exists():
+                shutil.rmtree(self.path)
+            os.replace(self._partial, self.path)
+        except OSError as error:
+            raise OutputError(f"{self.path}: cannot be written: {error.strerror or error}") from None
+
+    def abandon(self) -> None:
+        """Remove what has been written."""
+        shutil.rmtree(self._partial, ignore_errors=True)
+
+
+def _little(dtype: Any) -> str:
+    return np.dtype(dtype).newbyteorder("<").str
+
+
+def open_take(path: str | os.PathLike[str]) -> Take:
+    """Open a take for reading; what is recorded per frame is read when it is sliced.
+
+    Args:
+        path: The take, or the run folder that holds ``take.zarr``.
+
+    Raises:
+        TakeError: There is no take, it is damaged, foreign or of another version, or its run is not finished.
+    """
+    import zarr
+
+    folder = Path(path)
+    if not (folder / ".zgroup").exists() and (folder / "take.zarr").exists():
+        folder = folder / "take.zarr"
+    if not (folder / ".zgroup").exists():
+        partial = (folder / "take.zarr.partial").exists()
+        raise TakeError(
+            f"{folder}: no take here"
+            + (", only what a run left that was killed; run its scenario again" if partial else "; expected take.zarr")
+        )
+    try:
+        group: Any = zarr.open_group(str(folder), mode="r")
+        attributes: dict[str, Any] = dict(group.attrs)
+    except Exception as error:
+        raise TakeError(f"{folder}: cannot be read: {error}") from None
+    if attributes.get("format") != FORMAT:
+        raise TakeError(f"{folder}: is no take: its format is {attributes.get('format')!r}, expected {FORMAT!r}")
+    if attributes.get("version") != VERSION:
+        raise TakeError(f"{folder}: is a take of version {attributes.get('version')!r}, expected {VERSION}")
+    try:
+        values: dict[str, Any] = {field: np.asarray(group[name][...]) for name, field in _CAST.items()}
+        colours = [[np.nan if c is None else c for c in row] for row in attributes["type_colours"]]
+        cast = Cast(
+            **values,
+            type_names=tuple(attributes["type_names"]),
+            team_names=tuple(attributes["team_names"]),
+            policy_names=tuple(attributes["policy_names"]),
+            colours=np.array(colours, float).reshape(-1, 3),
+        )
+        events = Events(**{name: np.asarray(group["events"][name][...]) for name in _EVENTS})
+        frames = group["action"].shape[0]
+        return Take(
+            **{name: group[name] for name in VARIABLES},
+            cast=cast,
+            targets=group["target"] if "target" in group else np.zeros((frames, 0, 3), np.float32),
+            target_names=tuple(attributes["target_names"]),
+            events=events,
+            control_rate=float(attributes["control_rate"]),
+            scenario=str(attributes["scenario"]),
+            seed=int(attributes["seed"]),
+            fingerprints=tuple(attributes["policy_fingerprints"]),
+            status=str(attributes["status"]),
+        )
+    except (KeyError, ValueError, OSError) as error:
+        raise TakeError(f"{folder}: is damaged: {error}") from None
