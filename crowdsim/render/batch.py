@@ -1,0 +1,258 @@
+"""From a source to files: many frames by several threads or processes, and what is finished stays."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from crowdsim.errors import CrowdsimError, OutputError, TakeError
+from crowdsim.render.camera import Keys
+from crowdsim.render.contact_sheet import sheet_frames, write_sheet
+from crowdsim.render.source import PoseSource
+from crowdsim.render.stage import Stage, build_stage
+from crowdsim.render.video import encode, ffmpeg, has_mark, join, make_folder, planes, remove_folder, write_png
+
+Array = NDArray[Any]
+Progress = Callable[[str, int, int], None]
+
+SEGMENT = 240
+"""Frames that are encoded together; an interrupted video goes on from the last whole segment."""
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """What a rendering wrote.
+
+    Attributes:
+        files: The files: video.mp4, contact_sheet.png, frames/000000.png ...
+        drawn: Frames drawn.
+        kept: Frames that were there already.
+    """
+
+    files: tuple[Path, ...]
+    drawn: int
+    kept: int
+
+
+@dataclass(frozen=True)
+class _Work:
+    """A segment of frames to draw, and where to."""
+
+    start: int
+    stop: int
+    folder: Path | None
+    part: Path | None
+
+
+def render(
+    source: PoseSource,
+    out: Path,
+    *,
+    size: tuple[int, int] = (1280, 720),
+    frames: tuple[int, int] | None = None,
+    camera: str | Keys = "auto",
+    mp4: bool = True,
+    png: bool = False,
+    contact_sheet: int = 0,
+    caption: bool = True,
+    threads: int | None = None,
+    jobs: int = 1,
+    preset: str = "veryfast",
+    progress: Progress | None = None,
+) -> Rendered:
+    """Draw frames of a source into ``out``: ``video.mp4``, ``frames/000000.png`` ..., ``contact_sheet.png``.
+
+    The same source, camera and size give the same pixels for any range of frames and any number of threads and jobs.
+    Frames of an interrupted rendering are kept when it starts again with the same arguments; no half-written file ever
+    stands under a final name.
+
+    Args:
+        source: Where motion comes from; its rate is the rate of the video.
+        out: The folder, made when missing.
+        size: Width and height [px], even for a video.
+        frames: First frame and the one after the last; all by default.
+        camera: See ``crowdsim.render.camera.parse_camera``; or keys.
+        mp4: Write a video.
+        png: Write every frame as PNG.
+        contact_sheet: Number of moments on a contact sheet; 0 for none.
+        caption: Whether a small caption stands in the pictures.
+        threads: Frames drawn at once in all, as many as there are processors by default.
+        jobs: Processes that share the frames.
+        preset: Of x264.
+        progress: Called with stage, done and total.
+
+    Raises:
+        TakeError: The range of frames is empty or reaches beyond the source.
+        CrowdsimError: The camera, an avatar or the size is invalid.
+        OutputError: A file cannot be written.
+    """
+    start, stop = check_frames(frames, source.frame_count, source.name)
+    if mp4 and (size[0] % 2 or size[1] % 2):
+        raise CrowdsimError(f"size {size[0]}x{size[1]}: a video needs an even width and height")
+    if threads is not None and threads < 1:
+        raise CrowdsimError(f"threads is {threads}, expected 1 or more")
+    if jobs < 1:
+        raise CrowdsimError(f"jobs is {jobs}, expected 1 or more")
+    threads = threads or os.cpu_count() or 1
+    stage = build_stage(source, size, camera, caption)
+    if mp4:
+        ffmpeg()
+    make_folder(out)
+    folder = out / "frames" if png else None
+    if folder:
+        make_folder(folder)
+    parts = out / f".video-{stage.mark[:16]}" if mp4 else None
+    if parts:
+        for other in out.glob(".video-*"):
+            if other != parts:
+                remove_folder(other)
+        make_folder(parts)
+    works, kept = [], 0
+    for low in range(start - start % SEGMENT, stop, SEGMENT):
+        first, last = max(low, start), min(low + SEGMENT, stop)
+        part = parts / f"{first:08d}-{last:08d}.mp4" if parts else None
+        pictures = [folder / f"{frame:06d}.png" for frame in range(first, last)] if folder else []
+        if (part is None or part.exists()) and all(has_mark(path, stage.mark) for path in pictures):
+            kept += last - first if part or folder else 0
+        elif part or folder:
+            works.append(_Work(first, last, folder, part))
+    total, done = stop - start, kept
+
+    def count(more: int) -> None:
+        nonlocal done
+        done += more
+        if progress:
+            progress("frames", done, total)
+
+    if kept and progress:
+        progress("frames", kept, total)
+    drawn = sum(work.stop - work.start for work in works)
+    if jobs > 1 and len(works) > 1:
+        _share(works, source, (size, camera, caption), max(1, threads // jobs), min(jobs, len(works)), preset, count)
+    else:
+        for work in works:
+            _draw_segment(stage, work, threads, preset, count)
+    files = [folder / f"{frame:06d}.png" for frame in range(start, stop)] if folder else []
+    if parts:
+        video = out / "video.mp4"
+        join(video, _segments(parts, start, stop))
+        remove_folder(parts)
+        files.append(video)
+    if contact_sheet > 0:
+        sheet = out / "contact_sheet.png"
+        write_sheet(sheet, stage, sheet_frames(start, stop, contact_sheet), threads, progress)
+        files.append(sheet)
+    return Rendered(tuple(files), drawn, kept)
+
+
+def check_frames(frames: tuple[int, int] | None, count: int, name: str) -> tuple[int, int]:
+    """Return a range of frames that is not empty and lies within a source.
+
+    Raises:
+        TakeError: It does not.
+    """
+    if count < 1:
+        raise TakeError(f"{name}: there is no frame to draw")
+    start, stop = frames if frames is not None else (0, count)
+    if not 0 <= start < stop <= count:
+        raise TakeError(f"{name}: frames {start}:{stop} are not there, expected a range within 0:{count}")
+    return start, stop
+
+
+def _segments(parts: Path, start: int, stop: int) -> list[Path]:
+    """Files of the segments of a range, in order."""
+    lows = range(start - start % SEGMENT, stop, SEGMENT)
+    return [parts / f"{max(low, start):08d}-{min(low + SEGMENT, stop):08d}.mp4" for low in lows]
+
+
+def _draw_segment(stage: Stage, work: _Work, threads: int, preset: str, count: Callable[[int], None]) -> None:
+    """Draw the frames of a segment, several at a time, and write them in order."""
+
+    def draw(frame: int) -> Array | None:
+        path = work.folder / f"{frame:06d}.png" if work.folder else None
+        if path and work.part is None and has_mark(path, stage.mark):
+            return None
+        picture = stage.picture(frame)
+        if path and not has_mark(path, stage.mark):
+            write_png(path, picture, stage.mark)
+        return planes(picture) if work.part else None
+
+    def ordered() -> Iterator[Array | None]:
+        waiting: deque[Future[Array | None]] = deque()
+        with ThreadPoolExecutor(threads) as pool:
+            try:
+                for frame in range(work.start, work.stop):
+                    waiting.append(pool.submit(draw, frame))
+                    if len(waiting) > threads + 1:
+                        yield waiting.popleft().result()
+                        count(1)
+                while waiting:
+                    yield waiting.popleft().result()
+                    count(1)
+            finally:
+                for future in waiting:
+                    future.cancel()
+
+    if work.part:
+        encode(work.part, (block for block in ordered() if block is not None), stage.size, stage.source.fps, preset)
+    else:
+        for _ in ordered():
+            pass
+
+
+_COUNTER: Any = None
+
+
+def _start_worker(counter: Any) -> None:
+    global _COUNTER
+    _COUNTER = counter
+
+
+def _draw_apart(source: PoseSource, settings: tuple[Any, ...], work: _Work, threads: int, preset: str) -> None:
+    """Draw a segment in a process of its own."""
+    size, camera, caption = settings
+
+    def count(more: int) -> None:
+        with _COUNTER.get_lock():
+            _COUNTER.value += more
+
+    _draw_segment(build_stage(source, size, camera, caption), work, threads, preset, count)
+
+
+def _share(
+    works: list[_Work],
+    source: PoseSource,
+    settings: tuple[Any, ...],
+    threads: int,
+    jobs: int,
+    preset: str,
+    count: Callable[[int], None],
+) -> None:
+    """Draw segments in several processes; finished ones stay when another fails."""
+    context = multiprocessing.get_context("spawn")
+    counter = context.Value("q", 0)
+    seen = 0
+    pool = ProcessPoolExecutor(jobs, context, _start_worker, (counter,))
+    try:
+        futures = {pool.submit(_draw_apart, source, settings, work, threads, preset) for work in works}
+        while futures:
+            finished, futures = wait(futures, timeout=0.2)
+            if counter.value > seen:
+                count(counter.value - seen)
+                seen = counter.value
+            for future in finished:
+                error = future.exception()
+                if isinstance(error, CrowdsimError):
+                    raise error
+                if error is not None:
+                    raise OutputError(f"a rendering process failed: {type(error).__name__}: {error}") from error
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)

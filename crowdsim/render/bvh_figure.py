@@ -1,0 +1,184 @@
+"""Any BVH file as a lit figure, which is how motion is looked at."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import BvhError
+from crowdsim.motion.capture import load_capture
+from crowdsim.motion.cleaning import on_floor
+from crowdsim.motion.kinematics import clip_kinematics
+from crowdsim.motion.resampling import resample
+from crowdsim.motion.skeleton import Clip
+from crowdsim.motion.tracks import build_tracks
+from crowdsim.render.scene import Figure, bone_capsules
+from crowdsim.render.source import no_hits
+
+Array = NDArray[Any]
+
+BVH_CAMERA = "front+side"
+MOST_FPS = 60.0
+"""Files of a higher rate are shown at the greatest whole share of it that is no higher."""
+_ANIMAL_SIZE = 1.2
+"""Height to which a figure of unknown scale is brought [m]."""
+
+
+@dataclass(frozen=True)
+class ClipSource:
+    """One figure that performs a clip; a ``PoseSource``.
+
+    Attributes:
+        name: What it is called in captions.
+        fingerprint: Differs whenever a picture would.
+        fps: Frames a second.
+        avatar_names: One name.
+        avatar_teams: Shape (1,).
+        avatar_scales: Shape (1,).
+        avatar_heights: How high the figure reaches over the clip, or how wide, where that is more [m]. Shape (1,).
+        figures: One figure.
+        avatar_figures: Shape (1,).
+        positions: Joint positions [m]. Shape (F, J, 3).
+        rotations: Joint rotations. Shape (F, J, 4).
+        stands: Ground transforms. Shape (F, 3).
+    """
+
+    name: str
+    fingerprint: str
+    fps: float
+    avatar_names: Sequence[str]
+    avatar_teams: Array
+    avatar_scales: Array
+    avatar_heights: Array
+    figures: Sequence[Figure]
+    avatar_figures: Array
+    positions: Array
+    rotations: Array
+    stands: Array
+
+    @property
+    def frame_count(self) -> int:
+        """Number of frames."""
+        return len(self.positions)
+
+    def ground(self, frames: Array) -> Array:
+        """Return the ground transforms at some frames. Shape (n, 1, 3)."""
+        return self.stands[np.asarray(frames), None]
+
+    def poses(self, frame: int) -> list[tuple[Array, Array]]:
+        """Return the pose at a frame."""
+        return [(self.positions[frame : frame + 1], self.rotations[frame : frame + 1])]
+
+    def hits(self, frame: int) -> tuple[Array, Array, Array]:
+        """Return that nothing lands."""
+        return no_hits()
+
+
+def show_rate(fps: float, wanted: float | None = None) -> float:
+    """Return the rate at which a clip of some rate is shown, ``wanted`` where that is given."""
+    return float(wanted) if wanted else fps / max(1, int(np.ceil(fps / MOST_FPS - 1e-6)))
+
+
+def clip_source(clip: Clip, figure: Figure | None = None, stands: Array | None = None, team: int = 0) -> ClipSource:
+    """Return a clip in metres, y up, as a source of pictures.
+
+    Args:
+        clip: The clip, at the rate of the pictures.
+        figure: Its body; capsules along its bones by default.
+        stands: Ground transforms (F, 3); where its root is and where it moves to by default.
+        team: Number of the team whose colours it wears.
+
+    Raises:
+        BvhError: It has no frame, or values that are not finite.
+    """
+    if clip.frame_count < 1:
+        raise BvhError(f"{clip.source or clip.name}: no frames, expected motion to draw")
+    positions, rotations = clip_kinematics(clip)
+    finite = np.isfinite(positions).all(axis=(1, 2)) & np.isfinite(rotations).all(axis=(1, 2))
+    if not finite.all():
+        raise BvhError(f"{clip.source or clip.name}: frame {int(np.argmin(finite))} holds a value that is no number")
+    middles = 0.5 * (positions.min(axis=1) + positions.max(axis=1))
+    if stands is None:
+        way = positions[-1, 0] - positions[0, 0]
+        heading = float(np.arctan2(way[0], way[2])) if np.hypot(way[0], way[2]) > 0.3 else 0.0
+        stands = np.stack([middles[:, 0], middles[:, 2], np.full(len(middles), heading)], axis=1)
+    wide = np.abs(positions[..., [0, 2]] - stands[:, None, :2]).max() / 0.45
+    height = max(float(positions[..., 1].max()), float(wide) * 0.9, 0.2)
+    digest = hashlib.sha256()
+    for array in (positions, rotations):
+        digest.update(np.ascontiguousarray(array, np.float32).tobytes())
+    return ClipSource(
+        name=clip.name,
+        fingerprint=digest.hexdigest(),
+        fps=clip.fps,
+        avatar_names=(clip.name,),
+        avatar_teams=np.array([team]),
+        avatar_scales=np.ones(1),
+        avatar_heights=np.array([height]),
+        figures=(bone_capsules(clip.skeleton) if figure is None else figure,),
+        avatar_figures=np.zeros(1, np.int32),
+        positions=positions.astype(np.float32),
+        rotations=rotations.astype(np.float32),
+        stands=stands,
+    )
+
+
+def bvh_source(
+    path: str | os.PathLike[str], fps: float | None = None, lead_in: bool = False
+) -> tuple[ClipSource, tuple[str, ...]]:
+    """Return a BVH file as a source of pictures, and what is odd about the file.
+
+    A human body is measured and stands on the floor; anything else gets capsules along its bones, is brought to a size
+    at which it can be seen where its unit is unknown, and stands on its lowest point.
+
+    Args:
+        path: The file.
+        fps: Frames a second; the file's own, halved until it is 60 at the most, by default.
+        lead_in: Whether to show a calibration pose at the start too.
+
+    Raises:
+        BvhError: The file is no BVH, has no frame or has values that are not finite.
+    """
+    capture = load_capture(path)
+    clip = capture.clip if lead_in else capture.motion
+    if clip.frame_count < 1:
+        raise BvhError(f"{path}: no frames, expected motion to draw")
+    name = Path(path).stem
+    if not np.isfinite(clip.rotations).all() or not np.isfinite(clip.root_positions).all():
+        bad = ~(np.isfinite(clip.rotations).all(axis=(1, 2)) & np.isfinite(clip.root_positions).all(axis=1))
+        raise BvhError(f"{path}: frame {capture.lead_in + int(np.argmax(bad))} holds a value that is no number")
+    clip = _renamed(resample(clip, show_rate(clip.fps, fps)), name, str(path))
+    if capture.body is not None:
+        if clip.frame_count > 1:
+            clip, _ = on_floor(clip, capture.body)
+        positions, rotations = clip_kinematics(clip)
+        stands = build_tracks(capture.body, positions, rotations).ground
+        return clip_source(clip, capture.body, stands), capture.findings
+    return clip_source(_settled(clip, capture.unit_scale is None)), capture.findings
+
+
+def _renamed(clip: Clip, name: str, source: str) -> Clip:
+    return replace(clip, name=name, source=source)
+
+
+def _settled(clip: Clip, free: bool) -> Clip:
+    """Return a clip on the floor; brought to a common size first where its scale is ``free``."""
+    positions, _ = clip_kinematics(clip)
+    scale = 1.0
+    if free:
+        size = np.median((positions.max(axis=1) - positions.min(axis=1)).max(axis=1))
+        scale = _ANIMAL_SIZE / float(size) if size > 1e-9 else 1.0
+    floor = np.array([0.0, scale * float(np.quantile(positions[..., 1].min(axis=1), 0.1)), 0.0])
+    roots = clip.root_positions * scale - floor
+    moved = clip.translations
+    if moved is not None:
+        moved = moved * scale
+        moved[:, 0] -= floor
+    return replace(clip, skeleton=clip.skeleton.scaled(scale), root_positions=roots, translations=moved)

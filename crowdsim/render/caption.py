@@ -1,0 +1,54 @@
+"""A small caption in the lower left corner of a picture."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+@lru_cache(maxsize=8)
+def _font(height: int) -> Any:
+    from PIL import ImageFont
+
+    return ImageFont.load_default(height)
+
+
+def text_height(picture_height: int) -> int:
+    """Return the height of a caption's letters for a picture [px]."""
+    return max(10, round(picture_height / 45))
+
+
+def draw_caption(picture: Array, text: str, corner: tuple[int, int] | None = None, height: int = 0) -> None:
+    """Write a line of light text with a dark rim into a picture, in place.
+
+    Args:
+        picture: Shape (height, width, 3), uint8.
+        text: The line; what does not fit is cut off.
+        corner: Left and top [px]; the lower left corner by default.
+        height: Height of the letters [px]; by default what suits the picture.
+    """
+    from PIL import Image, ImageDraw
+
+    size = height or text_height(picture.shape[0])
+    font = _font(size)
+    rim = max(1, size // 9)
+    left, top, right, bottom = (int(value) for value in font.getbbox(text or " ", stroke_width=rim))
+    width, high = right - left + 2, bottom - top + 2
+    x, y = corner if corner is not None else (size * 2 // 3, picture.shape[0] - high - size // 2)
+    width, high = min(width, picture.shape[1] - x), min(high, picture.shape[0] - y)
+    if width <= 0 or high <= 0 or x < 0 or y < 0:
+        return
+    masks = []
+    for stroke in (rim, 0):
+        mask = Image.new("L", (width, high))
+        ImageDraw.Draw(mask).text((1 - left, 1 - top), text, fill=255, font=font, stroke_width=stroke)
+        masks.append(np.asarray(mask, np.float32)[..., None] / 255.0)
+    area = picture[y : y + high, x : x + width].astype(np.float32)
+    area += masks[0] * 0.62 * (np.float32(34.0) - area)
+    area += masks[1] * (np.float32(246.0) - area)
+    picture[y : y + high, x : x + width] = (area + 0.5).astype(np.uint8)

@@ -1,0 +1,186 @@
+"""What ``crowdsim render`` asks for, in words, turned into what the renderer takes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from crowdsim.errors import CrowdsimError, OutputError
+from crowdsim.render.batch import Progress, Rendered, render
+from crowdsim.render.bvh_figure import BVH_CAMERA, bvh_source
+from crowdsim.render.camera import Keys, parse_camera
+from crowdsim.render.source import PoseSource
+
+__all__ = [
+    "Outcome",
+    "RenderOptions",
+    "parse_camera",
+    "parse_frames",
+    "parse_size",
+    "render_bvh",
+    "render_many",
+    "render_source",
+]
+
+SMALLEST_SIZE, LARGEST_SIZE = 16, 8192
+
+
+@dataclass(frozen=True)
+class RenderOptions:
+    """How to draw, the same for every file of a batch; see ``crowdsim.render.batch.render``."""
+
+    size: tuple[int, int] = (1280, 720)
+    fps: float | None = None
+    frames: tuple[int | None, int | None] | None = None
+    camera: str | Keys | None = None
+    mp4: bool = True
+    png: bool = False
+    contact_sheet: int = 0
+    caption: bool = True
+    threads: int | None = None
+    jobs: int = 1
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one file of a batch.
+
+    Attributes:
+        path: What was to be drawn.
+        out: Folder of its pictures.
+        rendered: What was written; None when it failed.
+        error: Why it failed; None when it did not.
+        notes: What a user should know: findings of a file, an unfinished run.
+    """
+
+    path: Path
+    out: Path
+    rendered: Rendered | None = None
+    error: CrowdsimError | None = None
+    notes: tuple[str, ...] = field(default=())
+
+
+Open = Callable[[Path, RenderOptions], tuple[PoseSource, tuple[str, ...]]]
+"""Opens one thing to draw at the rate of the options, and says what a user should know about it."""
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """Return the width and height that '1280x720' means.
+
+    Raises:
+        CrowdsimError: It means none.
+    """
+    words = text.lower().replace("×", "x").split("x")
+    if len(words) != 2 or not all(word.strip().isdecimal() for word in words):
+        raise CrowdsimError(f"size {text!r}: expected WIDTHxHEIGHT in pixels, 1280x720 say")
+    width, height = (int(word) for word in words)
+    for value in (width, height):
+        if not SMALLEST_SIZE <= value <= LARGEST_SIZE:
+            raise CrowdsimError(f"size {text!r}: {value} is out of range, expected {SMALLEST_SIZE} to {LARGEST_SIZE}")
+    return width, height
+
+
+def parse_frames(text: str) -> tuple[int | None, int | None]:
+    """Return the first frame and the one after the last that 'A:B' means; either may be missing.
+
+    Raises:
+        CrowdsimError: It means none, or the range is empty.
+    """
+    first, colon, last = text.partition(":")
+    words = (first.strip(), last.strip())
+    if not colon or not all(word == "" or word.isdecimal() for word in words):
+        raise CrowdsimError(f"frames {text!r}: expected FIRST:STOP, the frame after the last, as in 0:100, 100: or :50")
+    start, stop = (int(word) if word else None for word in words)
+    if stop is not None and (start or 0) >= stop:
+        raise CrowdsimError(f"frames {text!r}: the range is empty, expected the first frame before the last")
+    return start, stop
+
+
+def render_source(source: PoseSource, out: Path, options: RenderOptions, progress: Progress | None = None) -> Rendered:
+    """Draw a source into a folder as the options say; errors as of ``render``."""
+    frames = None
+    if options.frames is not None:
+        start, stop = options.frames
+        frames = (start or 0, source.frame_count if stop is None else stop)
+    if options.fps is not None and not 0 < options.fps <= 1000:
+        raise CrowdsimError(f"fps is {options.fps}, expected more than 0 and 1000 at the most")
+    if not (options.mp4 or options.png or options.contact_sheet):
+        raise CrowdsimError("nothing to write, expected --mp4, --png or --contact-sheet")
+    return render(
+        source,
+        out,
+        size=options.size,
+        frames=frames,
+        camera=options.camera or "auto",
+        mp4=options.mp4,
+        png=options.png,
+        contact_sheet=options.contact_sheet,
+        caption=options.caption,
+        threads=options.threads,
+        jobs=options.jobs,
+        progress=progress,
+    )
+
+
+def render_bvh(
+    path: str | os.PathLike[str], out: Path, options: RenderOptions, progress: Progress | None = None
+) -> tuple[Rendered, tuple[str, ...]]:
+    """Draw a BVH file as a figure, by default from the front and the side; return what is odd about it too.
+
+    Raises:
+        BvhError: The file is no BVH or cannot be drawn.
+        TakeError: Frames are asked for that it does not have.
+        OutputError: A file cannot be written.
+    """
+    source, findings = bvh_source(path, options.fps)
+    return render_source(source, out, _with_camera(options, BVH_CAMERA), progress), findings
+
+
+def _with_camera(options: RenderOptions, camera: str) -> RenderOptions:
+    from dataclasses import replace
+
+    return options if options.camera else replace(options, camera=camera)
+
+
+def render_many(
+    paths: Sequence[Path],
+    outs: Sequence[Path],
+    options: RenderOptions,
+    open_source: Open | None = None,
+    progress: Progress | None = None,
+) -> list[Outcome]:
+    """Draw several things one after the other; a failure of one hurts no other.
+
+    Args:
+        paths: BVH files, and whatever else ``open_source`` opens.
+        outs: The folder of each.
+        options: How to draw.
+        open_source: Opens what is no BVH file, a run folder say.
+        progress: Called with stage, done and total; the stage 'files' counts the things themselves.
+
+    Raises:
+        CrowdsimError: Two of them would write into one folder, or the camera is unknown.
+    """
+    if len({out.resolve() for out in outs}) < len(outs):
+        raise CrowdsimError("two things to draw would share an output folder, expected a folder each")
+    if isinstance(options.camera, str):
+        parse_camera(options.camera) if "follow" not in options.camera else None
+    outcomes = []
+    for index, (path, out) in enumerate(zip(paths, outs, strict=True)):
+        notes: tuple[str, ...] = ()
+        try:
+            if path.suffix.lower() == ".bvh" or open_source is None:
+                rendered, notes = render_bvh(path, out, options, progress)
+            else:
+                source, notes = open_source(path, options)
+                rendered = render_source(source, out, options, progress)
+            outcomes.append(Outcome(path, out, rendered, None, notes))
+        except CrowdsimError as error:
+            outcomes.append(Outcome(path, out, None, error, notes))
+        except OSError as error:
+            outcomes.append(Outcome(path, out, None, OutputError(f"{path}: {error.strerror or error}"), notes))
+        if progress and len(paths) > 1:
+            progress("files", index + 1, len(paths))
+    return outcomes

@@ -1,0 +1,75 @@
+"""One picture of several moments of a take."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.render.caption import draw_caption, text_height
+from crowdsim.render.stage import Stage
+from crowdsim.render.video import write_png
+
+Array = NDArray[Any]
+
+_GAP = 6
+_GROUND = 34
+_WIDEST = 2400
+
+
+def sheet_frames(start: int, stop: int, count: int) -> list[int]:
+    """Return ``count`` frames spread over a range, each in the middle of its share; fewer where there are fewer."""
+    count = min(count, stop - start)
+    return [start + int((i + 0.5) * (stop - start) / count) for i in range(count)]
+
+
+def draw_sheet(
+    stage: Stage, frames: list[int], threads: int = 1, progress: Callable[[str, int, int], None] | None = None
+) -> Array:
+    """Draw moments in rows, each with its time. Shape (height, width, 3), uint8.
+
+    Args:
+        stage: What to draw; its size gives the shape of the moments.
+        frames: The moments.
+        threads: How many threads share a picture.
+        progress: Called with stage, done and total.
+    """
+    columns = max(1, math.ceil(math.sqrt(len(frames) * 1.1 * stage.size[1] / stage.size[0] * 1.6)))
+    columns = min(columns, len(frames))
+    width = min(stage.size[0], (_WIDEST - _GAP) // columns - _GAP)
+    height = max(1, round(width * stage.size[1] / stage.size[0]))
+    rows = math.ceil(len(frames) / columns)
+    sheet = np.full((rows * (height + _GAP) + _GAP, columns * (width + _GAP) + _GAP, 3), _GROUND, np.uint8)
+    fine = replace(stage, size=(2 * width, 2 * height), caption=False)
+    for index, frame in enumerate(frames):
+        large = fine.picture(frame, threads).astype(np.uint16)
+        small = (large[::2, ::2] + large[1::2, ::2] + large[::2, 1::2] + large[1::2, 1::2] + 2) // 4
+        moment = small.astype(np.uint8)
+        if stage.caption:
+            text = f"{frame / stage.source.fps:.2f} s" if index else stage.title(frame)
+            draw_caption(moment, text, height=max(11, text_height(height)))
+        y, x = _GAP + (index // columns) * (height + _GAP), _GAP + (index % columns) * (width + _GAP)
+        sheet[y : y + height, x : x + width] = moment
+        if progress:
+            progress("contact sheet", index + 1, len(frames))
+    return sheet
+
+
+def write_sheet(
+    path: Path,
+    stage: Stage,
+    frames: list[int],
+    threads: int = 1,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> None:
+    """Draw moments, see ``draw_sheet``, into a PNG file.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    write_png(path, draw_sheet(stage, frames, threads, progress))

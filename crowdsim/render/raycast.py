@@ -1,0 +1,186 @@
+"""Pictures of capsules over a ground, ray-cast on the processor."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.render import grid_kernels, raycast_kernels, view_kernels
+from crowdsim.render.view import View
+
+Array = NDArray[Any]
+
+SUN_ELEVATION = math.radians(52.0)
+SUN_SOFTNESS = 0.030
+"""Tangent of the sun's apparent radius; the true sun's is 0.005, which looks hard on a smooth floor."""
+SHADOW_REACH = 3.0
+"""How far out of view a capsule may stand whose shadow still shows [m]."""
+CONTACT_REACH = 0.30
+"""Distance from the floor at which a capsule stops to darken it [m]."""
+SMALLEST = 0.12
+"""Capsules that cover fewer pixels than this are left out."""
+_FINE = 28.0
+"""Pixels a metre from which bodies darken their own creases."""
+_NEIGHBOURS = 16
+
+
+@dataclass(frozen=True)
+class Capsules:
+    """Rounded cones in the world, those of one avatar beside one another.
+
+    Attributes:
+        places: Both ends (3, 3) and both radii [m]. Shape (K, 8), float32.
+        paints: Linear red, green, blue and gloss, each 0..1. Shape (K, 4), float32.
+        owners: Avatar of each. Shape (K,), int32.
+    """
+
+    places: Array
+    paints: Array
+    owners: Array
+
+
+@dataclass(frozen=True)
+class Flashes:
+    """Moments at which strikes land.
+
+    Attributes:
+        points: Where [m]. Shape (H, 3).
+        ages: Time since, as a share of the time that a flash lasts, 0..1. Shape (H,).
+        powers: Brightness, about 1. Shape (H,).
+    """
+
+    points: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    ages: Array = field(default_factory=lambda: np.zeros(0))
+    powers: Array = field(default_factory=lambda: np.zeros(0))
+
+
+def sun_direction(azimuth: float, elevation: float = SUN_ELEVATION) -> Array:
+    """Return the unit direction to a sun that stands at heading ``azimuth`` [rad], ``elevation`` [rad] high."""
+    level = math.cos(elevation)
+    return np.array([level * math.sin(azimuth), math.sin(elevation), level * math.cos(azimuth)])
+
+
+def draw(
+    capsules: Capsules,
+    view: View,
+    size: tuple[int, int],
+    sun: Array,
+    flashes: Flashes | None = None,
+    threads: int = 1,
+) -> Array:
+    """Draw one picture; the same arguments give the same bytes for any number of threads.
+
+    Args:
+        capsules: What stands on the ground at y = 0.
+        view: The camera.
+        size: Width and height [px].
+        sun: Unit direction to the sun, above the horizon. Shape (3,).
+        flashes: Strikes that land.
+        threads: How many threads share the picture.
+
+    Returns:
+        Red, green and blue, shape (height, width, 3), uint8.
+    """
+    width, height = size
+    camera = view.pack(width, height)
+    chosen = np.empty(len(capsules.places), np.int32)
+    count = view_kernels.choose_capsules(capsules.places, camera, width, height, SHADOW_REACH, SMALLEST, chosen)
+    chosen = chosen[:count]
+    light = np.zeros(16)
+    across = np.cross(sun, [0.0, 0.0, 1.0] if abs(sun[2]) < 0.9 else [1.0, 0.0, 0.0])
+    across /= np.linalg.norm(across)
+    light[0:3], light[3:6], light[6:9], light[12] = sun, across, np.cross(sun, across), SUN_SOFTNESS
+    cones, shades = np.empty((count, 8), np.float32), np.empty((count, 9), np.float32)
+    segments = np.empty((count, 6), np.float32)
+    view_kernels.view_capsules(capsules.places, chosen, camera, light, cones, shades, segments)
+    owners = np.ascontiguousarray(capsules.owners[chosen])
+    paints = np.ascontiguousarray(capsules.paints[chosen])
+    neighbours = np.empty((count, _NEIGHBOURS), np.int32)
+    view_kernels.near_capsules(cones, owners, camera, _FINE, neighbours)
+    tiles = _lists(segments, (width + 7) // 8, (height + 7) // 8)
+    shadows = _shadow_lists(shades, cones, camera, light, segments)
+    floor, contacts = _contact_lists(cones, camera, segments)
+    picture = np.empty((height, width, 3), np.uint8)
+    lamps = _project_flashes(flashes, camera)
+    shared = (
+        camera, light, floor, cones, shades, paints, owners, neighbours, *tiles, *shadows, *contacts, lamps, picture
+    )  # fmt: skip
+    if threads <= 1:
+        raycast_kernels.draw_tiles(0, 1, *shared)
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(lambda first: raycast_kernels.draw_tiles(first, threads, *shared), range(threads)))
+    return picture
+
+
+def _lists(segments: Array, columns: int, rows: int) -> tuple[Array, Array]:
+    """CSR lists of the segments that touch each cell."""
+    offsets = np.empty(columns * rows + 1, np.int32)
+    grid_kernels.count_entries(segments, columns, rows, offsets)
+    entries = np.empty(max(int(offsets[-1]), 1), np.int32)
+    grid_kernels.fill_entries(segments, columns, rows, offsets, entries)
+    return offsets, entries
+
+
+def _cells(extent_x: float, extent_y: float, finest: float, most: int) -> tuple[float, int, int]:
+    """Size of a cell, columns and rows of a grid over an extent [m] with about ``most`` cells at the most."""
+    cell = max(finest, math.sqrt(max(extent_x, finest) * max(extent_y, finest) / most))
+    cell = max(cell, extent_x / most, extent_y / most)
+    return cell, int(extent_x / cell) + 1, int(extent_y / cell) + 1
+
+
+def _shadow_lists(shades: Array, cones: Array, camera: Array, light: Array, segments: Array) -> tuple[Array, Array]:
+    """Lists of the capsules that may shade each cell of light space; completes ``light``."""
+    if not len(shades):
+        light[11], light[13], light[14] = 1.0, 1, 1
+        return np.zeros(2, np.int32), np.zeros(1, np.int32)
+    bounds = np.empty(4)
+    view_kernels.shadow_bounds(shades, bounds)
+    pad = SUN_SOFTNESS * 2.5 / light[1] + 0.1
+    bounds += [-pad, -pad, pad, pad]
+    cell, columns, rows = _cells(bounds[2] - bounds[0], bounds[3] - bounds[1], 0.08, 400_000)
+    light[9], light[10], light[11], light[13], light[14] = bounds[0], bounds[1], 1.0 / cell, columns, rows
+    light[15] = 0.05
+    view_kernels.shadow_segments(shades, cones, camera, light, segments)
+    return _lists(segments, columns, rows)
+
+
+def _contact_lists(cones: Array, camera: Array, segments: Array) -> tuple[Array, tuple[Array, Array]]:
+    """Grid of the capsules that stand on the floor or just over it, and its lists."""
+    floor = np.array([0.0, 0.0, 1.0, 1.0, 1.0, CONTACT_REACH])
+    if not len(cones):
+        return floor, (np.zeros(2, np.int32), np.zeros(1, np.int32))
+    around = np.abs(cones[:, [3, 5]]) + (cones[:, 6:7] + CONTACT_REACH)
+    low, high = (cones[:, [0, 2]] - around).min(axis=0), (cones[:, [0, 2]] + around).max(axis=0)
+    cell, columns, rows = _cells(float(high[0] - low[0]), float(high[1] - low[1]), 0.15, 200_000)
+    floor[:5] = low[0], low[1], 1.0 / cell, columns, rows
+    view_kernels.contact_segments(cones, camera, floor, segments)
+    return floor, _lists(segments, columns, rows)
+
+
+def _project_flashes(flashes: Flashes | None, camera: Array) -> Array:
+    """Places of flashes on the picture, see ``draw_tiles``; those behind the eye fall out."""
+    if flashes is None or not len(flashes.points):
+        return np.zeros((0, 6), np.float32)
+    basis = camera[3:12].reshape(3, 3)
+    x, y, z = basis @ (np.asarray(flashes.points, float) - camera[:3]).T
+    seen = z > 0.2
+    x, y, z = x[seen], y[seen], z[seen]
+    focal = camera[12]
+    size = np.maximum(0.24 * focal / z, 3.0)
+    return np.stack(
+        [
+            camera[13] + focal * x / z,
+            camera[14] - focal * y / z,
+            np.sqrt(x * x + y * y + z * z) - 0.45,
+            size,
+            np.asarray(flashes.ages, float)[seen],
+            np.asarray(flashes.powers, float)[seen],
+        ],
+        axis=1,
+    ).astype(np.float32)

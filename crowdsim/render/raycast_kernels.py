@@ -1,0 +1,548 @@
+"""Compiled ray-casting of rounded cones over a ground, one tile of 8 x 8 pixels at a time.
+
+A rounded cone is the union of the spheres about ``c(s) = m + s h`` with radius ``r(s) = r + s k``, s in -1..1. For a
+ray ``t d`` from the eye (d of unit length), with the axis moved to the point of the ray nearest to m, the squared
+distance between the ray and c(s) is ``D(s)^2 = d0^2 + A (s - s*)^2``. Two values of s matter:
+
+* ``s_c``, where ``D(s) - r(s)`` is least: that gap, measured in pixels, gives the share of the pixel that is covered;
+* ``s_h``, where the ray enters first, ``t(s) = s (h.d) - sqrt(r(s)^2 - D(s)^2)``: the hit, whose normal points away
+  from c(s_h).
+
+The loops over the 64 pixels of a tile have no branches and work in float32 on one flat scratch array with a fixed
+distance between its rows, so that the compiler can use vector instructions.
+"""
+
+import math
+
+import numba as nb
+import numpy as np
+
+F = np.float32
+N = 64
+DX, DY, DZ, SPREAD = 0, N, 2 * N, 3 * N
+FRONT_T, FRONT_S, FRONT_I = 4 * N, 5 * N, 6 * N
+NEXT_T, NEXT_S, NEXT_I = 7 * N, 8 * N, 9 * N
+EDGE_T, EDGE_S, EDGE_C, EDGE_I = 10 * N, 14 * N, 18 * N, 22 * N
+GROUND_X, GROUND_Z, GROUND_T, WIDTH_X, WIDTH_Z = 26 * N, 27 * N, 28 * N, 29 * N, 30 * N
+REST = 31 * N
+RED, GREEN, BLUE = 32 * N, 33 * N, 34 * N
+SCRATCH = 35 * N
+
+POINTS = 7 * N
+"""Points to be lit in a tile: the floor in every pixel, then up to four edges and two crossing fronts a pixel."""
+X, Y, Z, NX, NY, NZ = 0, POINTS, 2 * POINTS, 3 * POINTS, 4 * POINTS, 5 * POINTS
+WIDTH, SHARE, SUN, SKY, WAY = 6 * POINTS, 7 * POINTS, 8 * POINTS, 9 * POINTS, 10 * POINTS
+POINT_SCRATCH = 11 * POINTS
+FLOOR, NOTHING = -1, -2
+
+FAR = F(1e9)
+TINY = F(1e-9)
+ZERO, HALF, ONE, TWO = F(0.0), F(0.5), F(1.0), F(2.0)
+FULL, FAINT = F(0.996), F(0.004)
+NEAR = F(0.05)
+
+FLAGS = {"contract", "nsz", "arcp", "reassoc", "nnan"}
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _start_tile(buf, x0, y0, camera):
+    """Write the ray of every pixel, and empty the lists of what they meet."""
+    inverse = F(1.0 / camera[12])
+    cx, cy = F(camera[13]), F(camera[14])
+    rx, ry, rz = F(camera[3]), F(camera[4]), F(camera[5])
+    ux, uy, uz = F(camera[6]), F(camera[7]), F(camera[8])
+    fx, fy, fz = F(camera[9]), F(camera[10]), F(camera[11])
+    left, top = F(x0) + HALF - cx, F(y0) + HALF - cy
+    for i in range(N):
+        sx = (left + F(i & 7)) * inverse
+        sy = -(top + F(i >> 3)) * inverse
+        length = ONE / math.sqrt(ONE + sx * sx + sy * sy)
+        buf[DX + i] = (fx + sx * rx + sy * ux) * length
+        buf[DY + i] = (fy + sx * ry + sy * uy) * length
+        buf[DZ + i] = (fz + sx * rz + sy * uz) * length
+        buf[SPREAD + i] = inverse * length
+    for i in range(N):
+        buf[FRONT_T + i] = FAR
+        buf[NEXT_T + i] = FAR
+        buf[REST + i] = ONE
+    for i in range(4 * N):
+        buf[EDGE_T + i] = FAR
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _meet(buf, index, mx, my, mz, hx, hy, hz, r, k):
+    """Let every ray of a tile meet one rounded cone, and sort the meeting into the pixel's list by distance.
+
+    A pixel keeps the two nearest that cover it wholly and the four nearest that cover a part of it.
+    """
+    hh = hx * hx + hy * hy + hz * hz
+    for i in range(N):
+        dx, dy, dz = buf[DX + i], buf[DY + i], buf[DZ + i]
+        t0 = mx * dx + my * dy + mz * dz
+        px, py, pz = mx - t0 * dx, my - t0 * dy, mz - t0 * dz
+        hd = hx * dx + hy * dy + hz * dz
+        ph = px * hx + py * hy + pz * hz
+        a = max(hh - hd * hd, TINY)
+        b = max(a - k * k, TINY)
+        middle = -ph / a
+        d0 = max(px * px + py * py + pz * pz + ph * middle, ZERO)
+        # Where the ray comes nearest to the surface, or is deepest in it.
+        sc = middle + k * math.sqrt(d0 / (a * b))
+        sc = min(max(sc, -ONE), ONE)
+        q = sc - middle
+        rc = r + sc * k
+        dc = d0 + a * q * q
+        gap = math.sqrt(dc) - rc
+        per_pixel = ONE / max((t0 + sc * hd) * buf[SPREAD + i], TINY)
+        cover = min(max(HALF - gap * per_pixel, ZERO), ONE) - min(max(HALF - (gap + TWO * rc) * per_pixel, ZERO), ONE)
+        # Where it enters first.
+        vertex = (r * k + a * middle) / b
+        most = max(r * r - d0 - a * middle * middle + b * vertex * vertex, ZERO)
+        sh = vertex - hd * math.sqrt(most / (b * (b + hd * hd)))
+        sh = min(max(sh, -ONE), ONE)
+        q = sh - middle
+        rh = r + sh * k
+        chord = rh * rh - d0 - a * q * q
+        outside = chord < ZERO
+        s = sc if outside else sh
+        chord = rc * rc - dc if outside else chord
+        t = t0 + s * hd - math.sqrt(max(chord, ZERO))
+        cover = cover if t > NEAR else ZERO
+
+        new_t = t if cover >= FULL else FAR
+        front_t, front_s, front_i = buf[FRONT_T + i], buf[FRONT_S + i], buf[FRONT_I + i]
+        next_t, next_s, next_i = buf[NEXT_T + i], buf[NEXT_S + i], buf[NEXT_I + i]
+        first = new_t < front_t
+        second = new_t < next_t
+        buf[NEXT_T + i] = front_t if first else (new_t if second else next_t)
+        buf[NEXT_S + i] = front_s if first else (s if second else next_s)
+        buf[NEXT_I + i] = front_i if first else (index if second else next_i)
+        buf[FRONT_T + i] = new_t if first else front_t
+        buf[FRONT_S + i] = s if first else front_s
+        buf[FRONT_I + i] = index if first else front_i
+
+        edge_t = t if (cover < FULL) & (cover > FAINT) else FAR
+        edge_s, edge_c, edge_i = s, cover, index
+        for slot in range(4):
+            o = slot * N + i
+            old_t, old_s, old_c, old_i = buf[EDGE_T + o], buf[EDGE_S + o], buf[EDGE_C + o], buf[EDGE_I + o]
+            nearer = edge_t < old_t
+            buf[EDGE_T + o] = edge_t if nearer else old_t
+            buf[EDGE_S + o] = edge_s if nearer else old_s
+            buf[EDGE_C + o] = edge_c if nearer else old_c
+            buf[EDGE_I + o] = edge_i if nearer else old_i
+            edge_t = old_t if nearer else edge_t
+            edge_s = old_s if nearer else edge_s
+            edge_c = old_c if nearer else edge_c
+            edge_i = old_i if nearer else edge_i
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _lay_ground(buf, camera):
+    """Write where every ray meets the floor, relative to the eye, and how wide the pixel lies there."""
+    height = F(camera[1])
+    for i in range(N):
+        dx, dy, dz, spread = buf[DX + i], buf[DY + i], buf[DZ + i], buf[SPREAD + i]
+        down = max(-dy, F(1e-6))
+        t = min(height / down, F(1e6))
+        level = math.sqrt(max(dx * dx + dz * dz, F(1e-8)))
+        wide = t * spread
+        long = wide / down
+        ax, az = abs(dx) / level, abs(dz) / level
+        buf[GROUND_T + i] = t
+        buf[GROUND_X + i] = t * dx
+        buf[GROUND_Z + i] = t * dz
+        buf[WIDTH_X + i] = max(wide * az + long * ax, F(1e-6))
+        buf[WIDTH_Z + i] = max(wide * ax + long * az, F(1e-6))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _rise(x):
+    """Integral of a square wave that is +1 and -1 on alternate units."""
+    half = x * HALF
+    return ONE - abs((half - np.floor(half)) * TWO - ONE)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _checks(x, w):
+    """Mean of that square wave over a window of width ``w``, faded out where the window holds several units."""
+    mean = (_rise(x + HALF * w) - _rise(x - HALF * w)) / w
+    return mean * min(max(F(1.6) - F(0.8) * w, ZERO), ONE)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _stripes(x, w, thick):
+    """Share of a window of width ``w`` that lies on a line of width ``thick`` about every whole number."""
+    low, high = x - HALF * w + HALF * thick, x + HALF * w + HALF * thick
+    below, above = np.floor(low), np.floor(high)
+    return ((above - below) * thick + min(high - above, thick) - min(low - below, thick)) / w
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _add_point(points, ids, pixels, count, buf, i, c, t, s, share, cones):
+    """Note that pixel ``i`` shows cone ``c`` at ``t``, where the normal points away from c(s)."""
+    dx, dy, dz = buf[DX + i], buf[DY + i], buf[DZ + i]
+    x, y, z = t * dx, t * dy, t * dz
+    nx, ny, nz = x - cones[c, 0] - s * cones[c, 3], y - cones[c, 1] - s * cones[c, 4], z - cones[c, 2] - s * cones[c, 5]
+    inverse = ONE / math.sqrt(max(nx * nx + ny * ny + nz * nz, F(1e-12)))
+    points[X + count], points[Y + count], points[Z + count] = x, y, z
+    points[NX + count], points[NY + count], points[NZ + count] = nx * inverse, ny * inverse, nz * inverse
+    points[WIDTH + count], points[SHARE + count], points[WAY + count] = t * buf[SPREAD + i], share, t
+    ids[count], pixels[count] = c, i
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _gather(buf, listed, owners, cones, points, ids, pixels):
+    """List the points that a tile shows, each with its share of the pixel; return how many.
+
+    From near to far, each edge covers its share of what is left, then the front covers the rest, or the floor does.
+    """
+    for i in range(N):
+        seen = (buf[DY + i] < F(-1e-6)) & (buf[FRONT_T + i] >= FAR)
+        ids[i] = FLOOR if seen else NOTHING
+        points[X + i], points[Z + i] = buf[GROUND_X + i], buf[GROUND_Z + i]
+        points[WIDTH + i] = HALF * min(buf[WIDTH_X + i], buf[WIDTH_Z + i])
+        points[SUN + i], points[SKY + i] = ONE, ONE
+    count = N
+    if listed.shape[0] == 0:
+        return count
+    for i in range(N):
+        front_t = buf[FRONT_T + i]
+        if front_t >= FAR and buf[EDGE_T + i] >= FAR:
+            continue
+        owner, last_t, before, rest = -1, ZERO, ONE, ONE
+        for slot in range(4):
+            o = slot * N + i
+            t = buf[EDGE_T + o]
+            if t >= front_t or t >= FAR:
+                break
+            c = listed[int(buf[EDGE_I + o])]
+            # Capsules of one limb share their outline: together they cover what the widest of them does.
+            if owners[c] != owner or t - last_t > F(0.12):
+                before = rest
+            owner, last_t = owners[c], t
+            left = min(rest, before * (ONE - buf[EDGE_C + o]))
+            if rest - left < F(0.003):
+                continue
+            _add_point(points, ids, pixels, count, buf, i, c, t, buf[EDGE_S + o], rest - left, cones)
+            count += 1
+            rest = left
+        if front_t < FAR:
+            front = count
+            c = listed[int(buf[FRONT_I + i])]
+            _add_point(points, ids, pixels, count, buf, i, c, front_t, buf[FRONT_S + i], rest, cones)
+            count += 1
+            gap = buf[NEXT_T + i] - front_t
+            if gap < F(12.0) * points[WIDTH + front]:
+                # Two surfaces cross near the pixel: they share it by how far the crossing line is from its middle.
+                c = listed[int(buf[NEXT_I + i])]
+                _add_point(points, ids, pixels, count, buf, i, c, buf[NEXT_T + i], buf[NEXT_S + i], ZERO, cones)
+                dx, dy, dz = buf[DX + i], buf[DY + i], buf[DZ + i]
+                ax, ay, az = points[NX + front], points[NY + front], points[NZ + front]
+                bx, by, bz = points[NX + count], points[NY + count], points[NZ + count]
+                a = ONE / min(ax * dx + ay * dy + az * dz, F(-0.08))
+                b = ONE / min(bx * dx + by * dy + bz * dz, F(-0.08))
+                gx, gy, gz = ax * a - bx * b, ay * a - by * b, az * a - bz * b
+                slope = points[WIDTH + front] * math.sqrt(gx * gx + gy * gy + gz * gz)
+                if gap < HALF * slope:
+                    points[SHARE + count] = rest * (HALF - gap / slope)
+                    points[SHARE + front] = rest * (HALF + gap / slope)
+                    count += 1
+            rest = ZERO
+        buf[REST + i] = rest
+    return count
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _is_empty(points, ax, ay, az, bx, by, bz, left, top, per_metre, columns, rows, offsets):
+    """Whether no cell of a grid lists anything under the floor that a tile shows; False where that takes long to say.
+
+    The axes a and b of the grid are given in the world; the cells of a row lie beside one another in ``offsets``.
+    """
+    low_u, high_u, low_v, high_v = FAR, -FAR, FAR, -FAR
+    for i in range(N):
+        x, y, z = points[X + i], points[Y + i], points[Z + i]
+        u, v = x * ax + y * ay + z * az, x * bx + y * by + z * bz
+        low_u, high_u = min(low_u, u), max(high_u, u)
+        low_v, high_v = min(low_v, v), max(high_v, v)
+    first = max(np.floor((low_u - left) * per_metre), ZERO)
+    last = min(np.floor((high_u - left) * per_metre), F(columns - 1))
+    above = max(np.floor((low_v - top) * per_metre), ZERO)
+    below = min(np.floor((high_v - top) * per_metre), F(rows - 1))
+    if first > last or above > below:
+        return True
+    if below - above > F(48.0):
+        return False
+    for row in range(int(above), int(below) + 1):
+        if offsets[row * columns + int(last) + 1] > offsets[row * columns + int(first)]:
+            return False
+    return True
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _find_sun(points, ids, count, camera, light, shades, offsets, entries):
+    """Write the share of the sun that every point sees past all cones but its own.
+
+    In light space (u, v across the rays, w towards the sun) a cone is a flat segment with a width. Its edge is soft by
+    the sun's apparent size times the way the light has to go: shadows are sharp where they meet what casts them.
+    """
+    lx, ly, lz = F(light[0]), F(light[1]), F(light[2])
+    ux, uy, uz, vx, vy, vz = F(light[3]), F(light[4]), F(light[5]), F(light[6]), F(light[7]), F(light[8])
+    u0, v0, per_metre, softness, widest = F(light[9]), F(light[10]), F(light[11]), F(light[12]), F(light[15])
+    columns, rows = int(light[13]), int(light[14])
+    ground = F(-camera[1])
+    for i in range(N):
+        points[Y + i] = ground
+    start = N if _is_empty(points, ux, uy, uz, vx, vy, vz, u0, v0, per_metre, columns, rows, offsets) else 0
+    for p in range(start, count):
+        itself = ids[p]
+        if itself == NOTHING:
+            continue
+        x, y, z = points[X + p], points[Y + p], points[Z + p]
+        if itself >= 0 and points[NX + p] * lx + points[NY + p] * ly + points[NZ + p] * lz <= ZERO:
+            points[SUN + p] = ZERO
+            continue
+        u, v, w = x * ux + y * uy + z * uz, x * vx + y * vy + z * vz, x * lx + y * ly + z * lz
+        column, row = np.floor((u - u0) * per_metre), np.floor((v - v0) * per_metre)
+        seen = ONE
+        if column >= ZERO and row >= ZERO and column < columns and row < rows:
+            cell = int(row) * columns + int(column)
+            width = min(points[WIDTH + p], widest)
+            for place in range(offsets[cell], offsets[cell + 1]):
+                c = entries[place]
+                au, av = u - shades[c, 0], v - shades[c, 1]
+                bu, bv = shades[c, 3], shades[c, 4]
+                along = min(max((au * bu + av * bv) * shades[c, 8], ZERO), ONE)
+                du, dv = au - along * bu, av - along * bv
+                radius = shades[c, 6] + along * shades[c, 7]
+                way = shades[c, 2] + along * shades[c, 5] - w
+                soft = max(softness * way, width)
+                reach = radius + soft
+                square = du * du + dv * dv
+                if way <= ZERO or square >= reach * reach or c == itself:
+                    continue
+                dark = min(HALF + HALF * (radius - math.sqrt(square)) / soft, ONE)
+                dark = dark * dark * (F(3.0) - TWO * dark)
+                # What lies beside the point rather than above it casts no shadow on it.
+                dark *= min(way / (F(0.4) * radius), ONE)
+                seen = min(seen, ONE - dark)
+        points[SUN + p] = seen
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _covered(x, y, z, nx, ny, nz, cone, reach):
+    """Return the share of the sky over a point that one cone takes, 0 beyond ``reach`` from its surface."""
+    ox, oy, oz = x - cone[0], y - cone[1], z - cone[2]
+    hx, hy, hz = cone[3], cone[4], cone[5]
+    s = (ox * hx + oy * hy + oz * hz) / max(hx * hx + hy * hy + hz * hz, TINY)
+    s = min(max(s, -ONE), ONE)
+    vx, vy, vz = s * hx - ox, s * hy - oy, s * hz - oz
+    radius = cone[6] + s * cone[7]
+    square = max(vx * vx + vy * vy + vz * vz, TINY)
+    distance = math.sqrt(square)
+    near = min(max(ONE - (distance - radius) / reach, ZERO), ONE)
+    return max(vx * nx + vy * ny + vz * nz, ZERO) / distance * min(radius * radius / square, ONE) * near * near
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _find_sky(points, ids, count, cones, neighbours, floor, offsets, entries):
+    """Write the share of the sky that every point sees past what is near it: feet on the floor, limbs on a body."""
+    left, top, per_metre, reach = F(floor[0]), F(floor[1]), F(floor[2]), F(floor[5])
+    columns, rows = int(floor[3]), int(floor[4])
+    empty = _is_empty(points, ONE, ZERO, ZERO, ZERO, ZERO, ONE, left, top, per_metre, columns, rows, offsets)
+    for p in range(N if empty else 0, count):
+        c = ids[p]
+        x, y, z = points[X + p], points[Y + p], points[Z + p]
+        free = ONE
+        if c >= 0:
+            nx, ny, nz = points[NX + p], points[NY + p], points[NZ + p]
+            for slot in range(neighbours.shape[1]):
+                other = neighbours[c, slot]
+                if other < 0:
+                    break
+                free *= ONE - F(0.75) * _covered(x, y, z, nx, ny, nz, cones[other], F(0.15))
+        elif c == FLOOR:
+            column, row = np.floor((x - left) * per_metre), np.floor((z - top) * per_metre)
+            if column >= ZERO and row >= ZERO and column < columns and row < rows:
+                cell = int(row) * columns + int(column)
+                for place in range(offsets[cell], offsets[cell + 1]):
+                    free *= ONE - _covered(x, y, z, ZERO, ONE, ZERO, cones[entries[place]], reach)
+        points[SKY + p] = free
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _paint_points(buf, points, ids, pixels, count, camera, light, paints):
+    """Add the colour of every point to its pixel: sun, sky, light from the floor, gloss and haze."""
+    lx, ly, lz = F(light[0]), F(light[1]), F(light[2])
+    height, haze = F(camera[1]), F(1.0 / camera[15])
+    for i in range(N):
+        buf[RED + i] *= buf[REST + i]
+        buf[GREEN + i] *= buf[REST + i]
+        buf[BLUE + i] *= buf[REST + i]
+    for p in range(N, count):
+        c, i = ids[p], pixels[p]
+        dx, dy, dz = buf[DX + i], buf[DY + i], buf[DZ + i]
+        nx, ny, nz = points[NX + p], points[NY + p], points[NZ + p]
+        free = points[SKY + p]
+        sun = points[SUN + p] * max(nx * lx + ny * ly + nz * lz, ZERO)
+        sky = free * (HALF + HALF * ny)
+        # Near the floor a body hides the light that would come back from it.
+        floor = free * (HALF - HALF * ny) * min(F(0.35) + F(0.8) * max(points[Y + p] + height, ZERO), ONE)
+        hx, hy, hz = lx - dx, ly - dy, lz - dz
+        shine = max(hx * nx + hy * ny + hz * nz, ZERO) / math.sqrt(max(hx * hx + hy * hy + hz * hz, TINY))
+        shine = shine * shine
+        shine = shine * shine
+        shine = shine * shine
+        shine = shine * shine * shine
+        gloss = paints[c, 3]
+        shine = gloss * min(TWO * sun, ONE) * shine * shine
+        # At a grazing angle everything mirrors the sky.
+        rim = max(ONE + nx * dx + ny * dy + nz * dz, ZERO)
+        rim = rim * rim
+        rim = F(0.35) * gloss * sky * rim * rim
+        far = points[WAY + p] * haze
+        far = far * far
+        fog = far / (ONE + far)
+        share, clear = points[SHARE + p] * fog, points[SHARE + p] * (ONE - fog)
+        red = paints[c, 0] * (F(1.22) * sun + F(0.40) * sky + F(0.20) * floor) + shine + F(0.8) * rim
+        green = paints[c, 1] * (F(1.19) * sun + F(0.45) * sky + F(0.20) * floor) + shine + F(0.9) * rim
+        blue = paints[c, 2] * (F(1.11) * sun + F(0.53) * sky + F(0.19) * floor) + shine + rim
+        buf[RED + i] += clear * red + share * F(0.66)
+        buf[GREEN + i] += clear * green + share * F(0.73)
+        buf[BLUE + i] += clear * blue + share * F(0.81)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _paint_background(buf, points, camera, light):
+    """Write the colour of floor and sky: squares of 1 m, lines every 5 m, fine ones every 0.1 m near the eye."""
+    # Wrapping the eye's place keeps the sums small; 10 m is a common period of all patterns.
+    ex, ez = F(camera[0] - 10.0 * np.floor(camera[0] / 10.0)), F(camera[2] - 10.0 * np.floor(camera[2] / 10.0))
+    haze = F(1.0 / camera[15])
+    sun = F(light[1])
+    for i in range(N):
+        x, z = buf[GROUND_X + i] + ex, buf[GROUND_Z + i] + ez
+        wx, wz = buf[WIDTH_X + i], buf[WIDTH_Z + i]
+        squares = _checks(x, wx) * _checks(z, wz)
+        fifth = F(0.2)
+        line = ONE - (ONE - _stripes(x * fifth, wx * fifth, F(0.008))) * (
+            ONE - _stripes(z * fifth, wz * fifth, F(0.008))
+        )
+        ten = F(10.0)
+        fine = ONE - (ONE - _stripes(x * ten, wx * ten, F(0.06))) * (ONE - _stripes(z * ten, wz * ten, F(0.06)))
+        fine = fine * min(max(F(1.3) - F(45.0) * max(wx, wz), ZERO), ONE)
+        albedo = F(0.40) + F(0.055) * squares
+        albedo = albedo * (ONE - F(0.34) * line) * (ONE - F(0.13) * fine)
+        direct = sun * points[SUN + i]
+        sky = points[SKY + i]
+        far = buf[GROUND_T + i] * haze
+        far = far * far
+        fog = far / (ONE + far)
+        fog = fog if buf[DY + i] < F(-1e-6) else ONE
+        up = ONE - max(buf[DY + i], ZERO)
+        up = ONE - up * up * up
+        clear = ONE - fog
+        buf[RED + i] = clear * albedo * (F(1.22) * direct + F(0.37) * sky) + fog * (F(0.66) - F(0.42) * up)
+        buf[GREEN + i] = clear * albedo * (F(1.19) * direct + F(0.42) * sky) + fog * (F(0.73) - F(0.36) * up)
+        buf[BLUE + i] = clear * albedo * (F(1.11) * direct + F(0.50) * sky) + fog * (F(0.81) - F(0.20) * up)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _flash(buf, x0, y0, flashes):
+    """Add a star and a ring of light for every flash whose square touches the tile."""
+    for f in range(flashes.shape[0]):
+        fx, fy, size = flashes[f, 0] - x0, flashes[f, 1] - y0, flashes[f, 3]
+        reach = 2.2 * size
+        if fx + reach < 0.0 or fy + reach < 0.0 or fx - reach > 8.0 or fy - reach > 8.0:
+            continue
+        depth, age, power = flashes[f, 2], flashes[f, 4], flashes[f, 5]
+        for i in range(N):
+            x, y = ((i & 7) + 0.5 - fx) / size, ((i >> 3) + 0.5 - fy) / size
+            square = x * x + y * y
+            if square >= 4.8 or buf[FRONT_T + i] < depth:
+                continue
+            window = 1.0 - square / 4.8
+            window *= window
+            p, q = x + y, x - y
+            rays = 1.0 / (1.0 + 60.0 * x * x * y * y / (square + 0.02)) + 0.4 / (1.0 + 40.0 * p * p * q * q)
+            core = 1.0 / (1.0 + 30.0 * square)
+            star = core * (1.2 + 1.5 * rays)
+            ring = math.sqrt(square) - 0.3 - 1.3 * age
+            ring = 0.5 / (1.0 + 220.0 * ring * ring)
+            glow = power * window * (star * (1.0 - age) + ring * (1.0 - age)) * (1.0 - age)
+            buf[RED + i] += F(1.5 * glow)
+            buf[GREEN + i] += F(1.15 * glow)
+            buf[BLUE + i] += F(0.55 * glow)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _develop(buf, x0, y0, out):
+    """Write a tile's linear colours as bytes."""
+    for i in range(3 * N):
+        value = max(buf[RED + i], ZERO)
+        # A shoulder keeps highlights from clipping; the square root stands for the display's curve.
+        value = value if value < F(0.8) else F(0.8) + (value - F(0.8)) / (ONE + F(2.0) * (value - F(0.8)))
+        buf[RED + i] = min(math.sqrt(value) * F(255.0) + HALF, F(255.0))
+    high, wide = min(8, out.shape[0] - y0), min(8, out.shape[1] - x0)
+    for y in range(high):
+        for x in range(wide):
+            i = 8 * y + x
+            out[y0 + y, x0 + x, 0] = np.uint8(buf[RED + i])
+            out[y0 + y, x0 + x, 1] = np.uint8(buf[GREEN + i])
+            out[y0 + y, x0 + x, 2] = np.uint8(buf[BLUE + i])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def draw_tiles(
+    first, step, camera, light, floor, cones, shades, paints, owners, neighbours,
+    tile_offsets, tile_entries, light_offsets, light_entries, floor_offsets, floor_entries, flashes, out,
+):  # fmt: skip
+    """Draw every ``step``-th tile of a picture, from tile ``first`` on.
+
+    Tiles do not know each other, so any sharing out of them gives the same picture.
+
+    Args:
+        first: Number of the first tile; tiles count along rows.
+        step: Distance to the next one.
+        camera: Eye (3), right (3), up (3), ahead (3), focal length [px], middle of the picture x, y [px], distance at
+            which haze hides half [m]. Shape (16,).
+        light: Direction to the sun (3), two directions across it (3, 3), corner u, v of the grid of shadows [m], its
+            cells a metre, softness (tangent of the sun's apparent radius), its columns and rows, widest blur [m].
+        floor: Corner x, z of the grid of contacts [m], its cells a metre, its columns and rows, reach [m].
+        cones: Middle relative to the eye (3), half axis (3), middle radius, half the difference. Shape (K, 8), float32.
+        shades: In light space relative to the eye, one end (3), the way to the other (3), first radius, difference to
+            the second, one over the squared flat length. Shape (K, 9), float32.
+        paints: Linear red, green, blue and gloss. Shape (K, 4), float32.
+        owners: Avatar of each cone. Shape (K,), int32.
+        neighbours: Cones of the same avatar that may darken each cone, -1 after the last. Shape (K, n), int32.
+        tile_offsets: CSR offsets of each tile's cones; likewise cells of the grids of shadows and of contacts.
+        tile_entries: The cones.
+        light_offsets: See ``tile_offsets``.
+        light_entries: See ``tile_entries``.
+        floor_offsets: See ``tile_offsets``.
+        floor_entries: See ``tile_entries``.
+        flashes: Place x, y [px], distance [m], size [px], age 0..1, power. Shape (H, 6), float32.
+        out: The picture. Shape (height, width, 3), uint8.
+    """
+    buf, points = np.zeros(SCRATCH, np.float32), np.zeros(POINT_SCRATCH, np.float32)
+    ids, pixels = np.zeros(POINTS, np.int32), np.zeros(POINTS, np.int32)
+    columns, rows = (out.shape[1] + 7) // 8, (out.shape[0] + 7) // 8
+    for tile in range(first, columns * rows, step):
+        x0, y0 = 8 * (tile % columns), 8 * (tile // columns)
+        _start_tile(buf, x0, y0, camera)
+        listed = tile_entries[tile_offsets[tile] : tile_offsets[tile + 1]]
+        for index in range(listed.shape[0]):
+            c = listed[index]
+            _meet(
+                buf, F(index), cones[c, 0], cones[c, 1], cones[c, 2],
+                cones[c, 3], cones[c, 4], cones[c, 5], cones[c, 6], cones[c, 7],
+            )  # fmt: skip
+        _lay_ground(buf, camera)
+        count = _gather(buf, listed, owners, cones, points, ids, pixels)
+        _find_sun(points, ids, count, camera, light, shades, light_offsets, light_entries)
+        _find_sky(points, ids, count, cones, neighbours, floor, floor_offsets, floor_entries)
+        _paint_background(buf, points, camera, light)
+        if count > N:
+            _paint_points(buf, points, ids, pixels, count, camera, light, paints)
+        if flashes.shape[0] > 0:
+            _flash(buf, x0, y0, flashes)
+        _develop(buf, x0, y0, out)

@@ -1,0 +1,83 @@
+"""What pictures are made of: anything that can say where its avatars stand and how they are posed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.render.scene import Figure
+
+Array = NDArray[Any]
+
+
+class PoseSource(Protocol):
+    """Motion of N avatars at the rate of the pictures.
+
+    Frames are output frames, from 0. Every method is a pure function of its arguments, whatever was asked before. With
+    ``jobs`` above one the source goes to other processes, so it must survive ``copy.deepcopy`` and pickling in memory.
+    """
+
+    @property
+    def name(self) -> str:
+        """What it is called in captions."""
+
+    @property
+    def fingerprint(self) -> str:
+        """A text that differs whenever any picture would."""
+
+    @property
+    def fps(self) -> float:
+        """Frames a second."""
+
+    @property
+    def frame_count(self) -> int:
+        """Number of frames."""
+
+    @property
+    def avatar_names(self) -> Sequence[str]:
+        """Name of each avatar. Length N."""
+
+    @property
+    def avatar_teams(self) -> Array:
+        """Number of each avatar's team, from 0. Shape (N,)."""
+
+    @property
+    def avatar_scales(self) -> Array:
+        """Size of each avatar, by which its figure's capsules grow. Shape (N,)."""
+
+    @property
+    def avatar_heights(self) -> Array:
+        """How high each avatar reaches when it stands [m]; cameras leave room for it. Shape (N,)."""
+
+    @property
+    def figures(self) -> Sequence[Figure]:
+        """The kinds of bodies; a ``crowdsim.motion.body.Body`` is a figure."""
+
+    @property
+    def avatar_figures(self) -> Array:
+        """Index of each avatar's figure. Shape (N,)."""
+
+    def ground(self, frames: Array) -> Array:
+        """Return the ground transforms of all avatars at some frames. Shape (n, N, 3)."""
+
+    def poses(self, frame: int) -> list[tuple[Array, Array]]:
+        """Return for each figure the poses of its avatars, ascending, at a frame.
+
+        Returns:
+            World positions [m] (n, J, 3) and rotations (n, J, 4), scaled already, a pair a figure.
+        """
+
+    def hits(self, frame: int) -> tuple[Array, Array, Array]:
+        """Return the strikes that landed within the last 0.4 s before a frame.
+
+        Returns:
+            Points [m] (H, 3), time since [s] (H,), speeds [m/s] (H,).
+        """
+
+
+def no_hits() -> tuple[Array, Array, Array]:
+    """Return what ``hits`` gives where nothing landed."""
+    return np.zeros((0, 3)), np.zeros(0), np.zeros(0)

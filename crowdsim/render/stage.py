@@ -1,0 +1,109 @@
+"""One picture of a source: its cast, its cameras, its flashes and its caption, ready to draw any frame."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import threading
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.render.camera import Keys, Track, build_track, parse_camera, watch
+from crowdsim.render.caption import draw_caption
+from crowdsim.render.raycast import Flashes, draw
+from crowdsim.render.scene import Cast, build_cast
+from crowdsim.render.source import PoseSource
+
+Array = NDArray[Any]
+
+VERSION = 1
+"""Counts changes after which pictures differ."""
+FLASH = 0.28
+"""Time for which a strike that landed flashes [s]."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A source with everything that its pictures share; any number of threads may draw from it.
+
+    Attributes:
+        source: Where motion comes from.
+        cast: Its avatars as figures.
+        tracks: Cameras, side by side from left to right.
+        size: Width and height [px].
+        caption: Whether a caption stands in the picture.
+        mark: A text that differs whenever a picture would.
+    """
+
+    source: PoseSource
+    cast: Cast
+    tracks: tuple[Track, ...]
+    size: tuple[int, int]
+    caption: bool
+    mark: str
+    lock: threading.Lock
+
+    def picture(self, frame: int, threads: int = 1) -> Array:
+        """Draw a frame. Shape (height, width, 3), uint8."""
+        with self.lock:
+            poses = self.source.poses(frame)
+            points, ages, speeds = self.source.hits(frame)
+        capsules = self.cast.place(poses)
+        young = np.asarray(ages) < FLASH
+        flashes = Flashes(
+            np.asarray(points)[young],
+            np.asarray(ages)[young] / FLASH,
+            0.55 + 0.45 * np.clip(np.asarray(speeds)[young] / 9.0, 0.0, 1.0),
+        )
+        width, height = self.size
+        edges = [round(width * i / len(self.tracks)) for i in range(len(self.tracks) + 1)]
+        parts = [
+            draw(capsules, track.view(frame), (right - left, height), track.sun, flashes, threads)
+            for track, left, right in zip(self.tracks, edges[:-1], edges[1:], strict=True)
+        ]
+        picture = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+        if self.caption:
+            draw_caption(picture, self.title(frame))
+        return picture
+
+    def title(self, frame: int) -> str:
+        """Return the caption of a frame: name, avatars, time."""
+        count = len(self.source.avatar_teams)
+        crowd = f"   {count:,} avatars" if count > 1 else ""
+        return f"{self.source.name}{crowd}   {frame / self.source.fps:.2f} s   squares 1 m"
+
+
+def build_stage(source: PoseSource, size: tuple[int, int], camera: str | Keys = "auto", caption: bool = True) -> Stage:
+    """Prepare pictures of a source.
+
+    Args:
+        source: Where motion comes from.
+        size: Width and height [px].
+        camera: Name of a camera, several joined by '+' for pictures side by side, or keys.
+        caption: Whether a caption stands in the picture.
+
+    Raises:
+        CrowdsimError: There is no such camera or avatar.
+    """
+    if isinstance(camera, Keys):
+        kinds: list[str | Keys] = [camera]
+        named = [camera.seconds.tolist(), camera.positions.tolist(), camera.targets.tolist()]
+    else:
+        camera = parse_camera(camera, len(source.avatar_teams), tuple(source.avatar_names))
+        kinds = [*camera.split("+")]
+        named = [camera]
+    crowd = watch(source)
+    part = (max(1, size[0] // len(kinds)), size[1])
+    content = [VERSION, source.fingerprint, source.name, source.fps, source.frame_count, list(size), named, caption]
+    return Stage(
+        source=source,
+        cast=build_cast(source.figures, source.avatar_figures, source.avatar_teams, source.avatar_scales),
+        tracks=tuple(build_track(source, kind, part, crowd) for kind in kinds),
+        size=size,
+        caption=caption,
+        mark=hashlib.sha256(json.dumps(content).encode()).hexdigest()[:32],
+        lock=threading.Lock(),
+    )

@@ -1,0 +1,60 @@
+"""A camera at one moment: where the eye is, where it looks and how wide."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+FIELD = math.radians(36.0)
+"""Angle between the upper and lower edge of the picture [rad]."""
+
+
+@dataclass(frozen=True)
+class View:
+    """An eye in the world.
+
+    Attributes:
+        eye: Its place [m]. Shape (3,).
+        ahead: Unit direction in which it looks. Shape (3,).
+        right: Unit direction to the right of the picture. Shape (3,).
+        haze: Distance at which haze hides half of what is seen [m].
+        field: Angle between the upper and lower edge of the picture [rad].
+    """
+
+    eye: Array
+    ahead: Array
+    right: Array
+    haze: float = 90.0
+    field: float = FIELD
+
+    def pack(self, width: int, height: int) -> Array:
+        """Return the camera as the kernels want it for a picture of this size. Shape (16,), see ``draw_tiles``."""
+        up = np.cross(self.right, self.ahead)
+        focal = 0.5 * height / math.tan(0.5 * self.field)
+        return np.concatenate(
+            [self.eye, self.right, up, self.ahead, [focal, 0.5 * width, 0.5 * height, self.haze]]
+        ).astype(np.float64)
+
+
+def directions(azimuth: float, elevation: float) -> tuple[Array, Array, Array]:
+    """Return right, up and ahead of an eye that looks down by ``elevation`` [rad] towards heading ``azimuth`` [rad]."""
+    sin, cos = math.sin(azimuth), math.cos(azimuth)
+    low, level = math.sin(elevation), math.cos(elevation)
+    right = np.array([-cos, 0.0, sin])
+    ahead = np.array([sin * level, -low, cos * level])
+    return right, np.cross(right, ahead), ahead
+
+
+def look_at(eye: Array, target: Array, haze: float = 90.0, field: float = FIELD) -> View:
+    """Return the view of an eye that looks at a target; both shapes (3,) [m]."""
+    ahead = np.asarray(target, float) - np.asarray(eye, float)
+    ahead /= np.linalg.norm(ahead)
+    azimuth = math.atan2(ahead[0], ahead[2])
+    right = np.array([-math.cos(azimuth), 0.0, math.sin(azimuth)])
+    return View(np.asarray(eye, float), ahead, right, haze, field)

@@ -1,0 +1,197 @@
+"""Compiled preparation of capsules for one camera: placing, culling, projection, light space and neighbours."""
+
+import math
+
+import numba as nb
+
+NEAR = 0.05
+NEIGHBOUR_GAP = 0.15
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def place_capsules(positions, rotations, scales, joints, starts, ends, radii, out_places):
+    """Write the capsules of bodies in the world: both ends (3, 3) and both radii. Shape (n * K, 8), float32."""
+    count = joints.shape[0]
+    for n in range(positions.shape[0]):
+        scale = scales[n]
+        for k in range(count):
+            j, row = joints[k], n * count + k
+            w, x, y, z = rotations[n, j, 0], rotations[n, j, 1], rotations[n, j, 2], rotations[n, j, 3]
+            for end in range(2):
+                if end == 0:
+                    a, b, c = starts[k, 0], starts[k, 1], starts[k, 2]
+                else:
+                    a, b, c = ends[k, 0], ends[k, 1], ends[k, 2]
+                tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+                out_places[row, 3 * end] = positions[n, j, 0] + scale * (a + w * tx + y * tz - z * ty)
+                out_places[row, 3 * end + 1] = positions[n, j, 1] + scale * (b + w * ty + z * tx - x * tz)
+                out_places[row, 3 * end + 2] = positions[n, j, 2] + scale * (c + w * tz + x * ty - y * tx)
+                out_places[row, 6 + end] = scale * radii[k, end]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def choose_capsules(places, camera, width, height, margin, smallest, out_chosen):
+    """Write the capsules that show, or whose shadow may, ascending, and return how many.
+
+    A capsule shows when the sphere about it, widened by ``margin`` [m], reaches into the view, and when it covers
+    ``smallest`` pixels or more.
+    """
+    count = 0
+    tx, ty = 0.5 * width / camera[12], 0.5 * height / camera[12]
+    lx, ly = math.sqrt(1.0 + tx * tx), math.sqrt(1.0 + ty * ty)
+    for c in range(places.shape[0]):
+        ax, ay, az = places[c, 0] - camera[0], places[c, 1] - camera[1], places[c, 2] - camera[2]
+        bx, by, bz = places[c, 3] - camera[0], places[c, 4] - camera[1], places[c, 5] - camera[2]
+        ra, rb = places[c, 6], places[c, 7]
+        mx, my, mz = 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz)
+        long = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2 + (bz - az) ** 2)
+        wide = max(ra, rb)
+        size = 0.5 * long + wide + margin
+        x = mx * camera[3] + my * camera[4] + mz * camera[5]
+        y = mx * camera[6] + my * camera[7] + mz * camera[8]
+        z = mx * camera[9] + my * camera[10] + mz * camera[11]
+        if not (z > -size and abs(x) - tx * z < size * lx and abs(y) - ty * z < size * ly):
+            continue
+        if smallest > 0.0:
+            per_metre = camera[12] / max(z, 1.0)
+            if 2.0 * wide * (long + 1.6 * wide) * per_metre * per_metre < smallest:
+                continue
+        out_chosen[count] = c
+        count += 1
+    return count
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def view_capsules(places, chosen, camera, light, out_cones, out_shades, out_segments):
+    """Write the chosen capsules as rays, light and screen want them, see ``draw_tiles``; segments in tiles."""
+    for n in range(chosen.shape[0]):
+        c = chosen[n]
+        ax, ay, az = places[c, 0] - camera[0], places[c, 1] - camera[1], places[c, 2] - camera[2]
+        bx, by, bz = places[c, 3] - camera[0], places[c, 4] - camera[1], places[c, 5] - camera[2]
+        ra, rb = places[c, 6], places[c, 7]
+        out_cones[n, 0], out_cones[n, 1], out_cones[n, 2] = 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz)
+        out_cones[n, 3], out_cones[n, 4], out_cones[n, 5] = 0.5 * (bx - ax), 0.5 * (by - ay), 0.5 * (bz - az)
+        out_cones[n, 6], out_cones[n, 7] = 0.5 * (ra + rb), 0.5 * (rb - ra)
+        for axis in range(3):
+            o = (3, 6, 0)[axis]
+            out_shades[n, axis] = ax * light[o] + ay * light[o + 1] + az * light[o + 2]
+            out_shades[n, 3 + axis] = (bx - ax) * light[o] + (by - ay) * light[o + 1] + (bz - az) * light[o + 2]
+        out_shades[n, 6], out_shades[n, 7] = ra, rb - ra
+        out_shades[n, 8] = 1.0 / max(out_shades[n, 3] ** 2 + out_shades[n, 4] ** 2, 1e-9)
+        za = ax * camera[9] + ay * camera[10] + az * camera[11]
+        zb = bx * camera[9] + by * camera[10] + bz * camera[11]
+        near = NEAR + max(ra, rb)
+        if za < near and zb < near:
+            out_segments[n, 4] = -1.0
+            continue
+        # An end behind the eye moves along the axis to where it can be projected.
+        if za < near:
+            s = (near - za) / (zb - za)
+            ax, ay, az = ax + s * (bx - ax), ay + s * (by - ay), az + s * (bz - az)
+        elif zb < near:
+            s = (near - zb) / (za - zb)
+            bx, by, bz = bx + s * (ax - bx), by + s * (ay - by), bz + s * (az - bz)
+        _project(ax, ay, az, ra, camera, out_segments[n], 0)
+        _project(bx, by, bz, rb, camera, out_segments[n], 1)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _project(x, y, z, radius, camera, segment, end):
+    """Write a circle in tiles of 8 pixels that encloses the picture of a sphere, and a pixel more."""
+    u = x * camera[3] + y * camera[4] + z * camera[5]
+    v = x * camera[6] + y * camera[7] + z * camera[8]
+    w = x * camera[9] + y * camera[10] + z * camera[11]
+    over = 1.0 / (w * w - radius * radius)
+    across = camera[12] * radius * math.sqrt(max(u * u + v * v + w * w - radius * radius, 0.0)) * over
+    segment[2 * end] = (camera[13] + camera[12] * u * w * over) / 8.0
+    segment[2 * end + 1] = (camera[14] - camera[12] * v * w * over) / 8.0
+    segment[4 + end] = (across + 1.0) / 8.0
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def shadow_bounds(shades, out):
+    """Write the least and greatest u and v that the capsules reach in light space. Shape (4,)."""
+    out[0], out[1], out[2], out[3] = 1e30, 1e30, -1e30, -1e30
+    for c in range(shades.shape[0]):
+        for end in range(2):
+            radius = shades[c, 6] + end * shades[c, 7]
+            for axis in range(2):
+                place = shades[c, axis] + end * shades[c, 3 + axis]
+                out[axis] = min(out[axis], place - radius)
+                out[2 + axis] = max(out[2 + axis], place + radius)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def shadow_segments(shades, cones, camera, light, out):
+    """Write the capsules as segments of the grid of shadows, widened by the softest edge that they can cast."""
+    for c in range(shades.shape[0]):
+        over = max(camera[1] + cones[c, 1] + abs(cones[c, 4]) + cones[c, 6] + abs(cones[c, 7]), 0.0)
+        pad = light[12] * over / light[1] + light[15]
+        for end in range(2):
+            out[c, 2 * end] = (shades[c, 0] + end * shades[c, 3] - light[9]) * light[11]
+            out[c, 2 * end + 1] = (shades[c, 1] + end * shades[c, 4] - light[10]) * light[11]
+            out[c, 4 + end] = (shades[c, 6] + end * shades[c, 7] + pad) * light[11]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def contact_segments(cones, camera, floor, out):
+    """Write the capsules within ``floor[5]`` [m] of the floor as segments of the grid of contacts."""
+    reach = floor[5]
+    for c in range(cones.shape[0]):
+        low = camera[1] + cones[c, 1] - abs(cones[c, 4]) - cones[c, 6] - abs(cones[c, 7])
+        if low > reach:
+            out[c, 4] = -1.0
+            continue
+        for end in range(2):
+            sign = 2.0 * end - 1.0
+            out[c, 2 * end] = (cones[c, 0] + sign * cones[c, 3] - floor[0]) * floor[2]
+            out[c, 2 * end + 1] = (cones[c, 2] + sign * cones[c, 5] - floor[1]) * floor[2]
+            out[c, 4 + end] = (cones[c, 6] + sign * cones[c, 7] + reach) * floor[2]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _axis_distance(p, q):
+    """Return the distance between the axes of two cones."""
+    # With x = p + s hp and y = q + t hq, s and t in -1..1: solve for s, clamp, solve for t, clamp, solve for s again.
+    rx, ry, rz = p[0] - q[0], p[1] - q[1], p[2] - q[2]
+    a = p[3] * p[3] + p[4] * p[4] + p[5] * p[5]
+    e = q[3] * q[3] + q[4] * q[4] + q[5] * q[5]
+    b = p[3] * q[3] + p[4] * q[4] + p[5] * q[5]
+    c = p[3] * rx + p[4] * ry + p[5] * rz
+    f = q[3] * rx + q[4] * ry + q[5] * rz
+    s = min(max((b * f - c * e) / max(a * e - b * b, 1e-9), -1.0), 1.0)
+    t = min(max((b * s + f) / max(e, 1e-9), -1.0), 1.0)
+    s = min(max((b * t - c) / max(a, 1e-9), -1.0), 1.0)
+    dx, dy, dz = rx + s * p[3] - t * q[3], ry + s * p[4] - t * q[4], rz + s * p[5] - t * q[5]
+    return math.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def near_capsules(cones, owners, camera, smallest, out):
+    """Write for each capsule those of the same avatar whose surface is near, ascending, then -1.
+
+    Avatars that show smaller than ``smallest`` pixels a metre have none. Capsules of one avatar lie beside one another.
+    """
+    slots = out.shape[1]
+    count = cones.shape[0]
+    start = 0
+    while start < count:
+        stop = start + 1
+        while stop < count and owners[stop] == owners[start]:
+            stop += 1
+        for c in range(start, stop):
+            out[c, 0] = -1
+        ahead = cones[start, 0] * camera[9] + cones[start, 1] * camera[10] + cones[start, 2] * camera[11]
+        if camera[12] >= smallest * max(ahead, 0.5):
+            for c in range(start, stop):
+                used = 0
+                for other in range(start, stop):
+                    if other == c or used == slots:
+                        continue
+                    touch = cones[c, 6] + abs(cones[c, 7]) + cones[other, 6] + abs(cones[other, 7])
+                    if _axis_distance(cones[c], cones[other]) < touch + NEIGHBOUR_GAP:
+                        out[c, used] = other
+                        used += 1
+                if used < slots:
+                    out[c, used] = -1
+        start = stop
