@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import uuid
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -22,6 +22,7 @@ Array = NDArray[Any]
 
 _MOST_DECIMALS = 12
 _DEEPEST_INDENT = 64
+_BLOCK_NUMBERS = 1 << 16
 
 
 def format_header(bvh: Bvh, frames: int | None = None) -> bytes:
@@ -100,12 +101,19 @@ def format_bvh(bvh: Bvh, decimals: int = 6) -> bytes:
     Raises:
         BvhError: A value is not finite (says the frame, joint and channel), or a name cannot be written.
     """
-    bad = np.argwhere(~np.isfinite(bvh.motion))
-    if len(bad):
-        frame, column = (int(number) for number in bad[0])
+    return b"".join(_blocks(bvh, decimals))
+
+
+def _blocks(bvh: Bvh, decimals: int) -> Iterator[bytes | bytearray]:
+    """Yield the text of a file in blocks, the header first."""
+    if not np.isfinite(bvh.motion).all():
+        frame, column = (int(number) for number in np.argwhere(~np.isfinite(bvh.motion))[0])
         value = bvh.motion[frame, column]
         raise BvhError(f"frame {frame}, {bvh.describe_column(column)} is {value}, which no BVH file can hold")
-    return format_header(bvh) + format_motion(bvh.motion, decimals)
+    yield format_header(bvh)
+    rows = max(1, _BLOCK_NUMBERS // max(1, bvh.motion.shape[1]))
+    for start in range(0, bvh.frame_count, rows):
+        yield format_motion(bvh.motion[start : start + rows], decimals)
 
 
 def write_bvh(
@@ -129,10 +137,11 @@ def write_bvh(
         OutputError: The file cannot be written.
     """
     bvh = from_clip(motion, order, unit_scale) if isinstance(motion, Clip) else motion
-    text = format_bvh(bvh, decimals)
     temporary = _temporary_beside(path)
     try:
-        temporary.write_bytes(text)
+        with open(temporary, "wb") as file:
+            for block in _blocks(bvh, decimals):
+                file.write(block)
         os.replace(temporary, path)
     except OSError as error:
         raise _cannot_write(path, error) from error
