@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -54,6 +54,16 @@ class Poses:
     root_positions: Array
     rotations: Array
     ground: Array
+
+    def at(self, time: int) -> Poses:
+        """Return the poses of one of the times."""
+        here = slice(time, time + 1)
+        return replace(
+            self,
+            root_positions=self.root_positions[here],
+            rotations=self.rotations[here],
+            ground=self.ground[here],
+        )
 
     def joints(self) -> tuple[Array, Array]:
         """Return places (T, n, J, 3) [m] and rotations (T, n, J, 4) of all joints in the world."""
