@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.motion.performer_plan import write_score
+from crowdsim.motion.performer_phrases import THEMES, write_score, write_solo
+from crowdsim.motion.performer_score import Score
 from crowdsim.motion.performer_skeleton import build_skeleton, mirror_joints
 from crowdsim.motion.performer_stage import stage
 from crowdsim.motion.performer_truth import Truth, find_truth, mirror_truth
@@ -76,16 +77,33 @@ def perform(
     lengths = clip_lengths(seconds, fps, np.random.default_rng(root.spawn(1)[0]))
     performances = []
     for index, (frames, sequence) in enumerate(zip(lengths, root.spawn(len(lengths)), strict=True)):
-        performances.append(_perform_clip(f"performer_{index:02d}", frames, fps, stance, sequence))
+        plan, life = (np.random.default_rng(child) for child in sequence.spawn(2))
+        score = write_score(frames / fps, THEMES[index % len(THEMES)], plan)
+        performances.append(_perform_score(f"performer_{index:02d}", score, frames, fps, stance, life))
         if progress is not None:
             progress("perform", index + 1, len(lengths))
     return performances
 
 
-def _perform_clip(name: str, frames: int, fps: float, stance: str, sequence: np.random.SeedSequence) -> Performance:
-    plan, life = (np.random.default_rng(child) for child in sequence.spawn(2))
+def perform_solo(move: str, seed: int = 1, fps: float = 60.0, stance: str = "orthodox") -> Performance:
+    """Perform one move alone, out of the guard and back, facing heading 0.
+
+    Args:
+        move: A punch ("jab", "straight", "lead_hook", "rear_hook", "lead_uppercut", "rear_uppercut"), a key of
+            ``performer_defences.DEFENCES`` or a key of ``performer_phrases.FOOTWORK``.
+        seed: The same seed gives the same bytes.
+        fps: Frames a second.
+        stance: "orthodox" or "southpaw".
+    """
+    plan, life = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
+    score = write_solo(move, plan)
+    return _perform_score(move, score, round(score.seconds * fps), fps, stance, life)
+
+
+def _perform_score(
+    name: str, score: Score, frames: int, fps: float, stance: str, life: np.random.Generator
+) -> Performance:
     times = np.arange(frames) / fps
-    score = write_score(frames / fps, plan)
     skeleton = build_skeleton()
     staged = stage(score, skeleton, times, life)
     clip = Clip(name, skeleton, fps, staged.root_positions, staged.rotations)

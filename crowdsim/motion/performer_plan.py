@@ -1,15 +1,18 @@
-"""The plan of a clip: a boxer who circles, punches in combinations and rests, drawn from a seeded generator."""
+"""The plan of a clip, move by move: each move is drawn anew, so that no two are the same."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from crowdsim.motion import ground
-from crowdsim.motion.performer_punches import RECIPES
+from crowdsim.motion.performer_defences import DEFENCES
+from crowdsim.motion.performer_moves import Part
+from crowdsim.motion.performer_punches import PUNCHES
 from crowdsim.motion.performer_score import (
     LEAD,
     REAR,
     Accent,
+    Channel,
     Defence,
     Footstep,
     Pivot,
@@ -19,161 +22,271 @@ from crowdsim.motion.performer_score import (
     Turn,
 )
 
+_BACKWARD = frozenset({Channel.BEND, Channel.SHIFT_X, Channel.TWIST})
+
 
 def draw_style(rng: np.random.Generator) -> Style:
     """Draw how the boxer of one clip stands."""
-    wide = rng.uniform(0.92, 1.12)
+
+    def near(middle: float, spread: float) -> float:
+        return middle + float(rng.uniform(-spread, spread))
+
+    wide = near(1.02, 0.09)
     return Style(
-        lead_ball=(0.10 * wide + rng.uniform(-0.015, 0.015), 0.25 * wide),
-        rear_ball=(-0.12 * wide + rng.uniform(-0.015, 0.015), -0.21 * wide),
-        foot_yaws=(-0.28 + rng.uniform(-0.08, 0.08), -0.82 + rng.uniform(-0.1, 0.1)),
-        heels=(0.06 + rng.uniform(0.0, 0.06), 0.26 + rng.uniform(-0.06, 0.1)),
-        height=0.875 + rng.uniform(-0.02, 0.015),
-        lean=0.26 + rng.uniform(-0.05, 0.06),
-        blade=-0.55 + rng.uniform(-0.08, 0.08),
-        twist=-0.06 + rng.uniform(-0.06, 0.06),
-        lead_fist=(0.10 + rng.uniform(-0.02, 0.03), 0.11 + rng.uniform(-0.04, 0.04), 0.40 + rng.uniform(-0.04, 0.05)),
-        rear_fist=(-0.07 + rng.uniform(-0.02, 0.02), 0.12 + rng.uniform(-0.03, 0.04), 0.24 + rng.uniform(-0.02, 0.04)),
-        elbows=(0.22 + rng.uniform(-0.1, 0.15), 0.25 + rng.uniform(-0.1, 0.15)),
-        bounce=(rng.uniform(0.006, 0.013), rng.uniform(1.7, 2.3)),
-        sway=rng.uniform(0.016, 0.026),
-        breath=rng.uniform(0.38, 0.55),
+        lead_ball=(near(0.10 * wide, 0.012), 0.25 * wide),
+        rear_ball=(near(-0.12 * wide, 0.012), -0.21 * wide),
+        foot_yaws=(near(-0.28, 0.08), near(-0.80, 0.1)),
+        heels=(near(0.08, 0.03), near(0.27, 0.07)),
+        height=near(0.885, 0.016),
+        lean=near(0.26, 0.05),
+        blade=near(-0.55, 0.07),
+        twist=near(-0.06, 0.05),
+        lead_fist=(near(0.10, 0.025), near(0.22, 0.035), near(0.36, 0.03)),
+        rear_fist=(near(-0.06, 0.015), near(0.215, 0.025), near(0.27, 0.02)),
+        elbows=(near(0.10, 0.12), near(0.12, 0.12)),
+        bounce=(near(0.010, 0.004), near(2.0, 0.3)),
+        sway=near(0.030, 0.006),
+        breath=near(0.46, 0.08),
     )
 
 
 class Choreographer:
-    """Writes a score, phrase by phrase; ``now`` is the time [s] up to which the body is taken."""
+    """Writes a score by moves at given times [s], which may overlap.
 
-    def __init__(self, seconds: float, rng: np.random.Generator) -> None:
-        self.seconds, self.rng = seconds, rng
+    Attributes:
+        rng: Where every number is drawn from.
+        style: How the boxer stands.
+        place: Ground transform of the stance after the steps planned so far.
+        feet_free: When both feet stand again [s].
+        hands_free: When each hand is back in the guard [s].
+    """
+
+    def __init__(self, rng: np.random.Generator, facing: float | None = None) -> None:
+        self.rng = rng
         self.style = draw_style(rng)
-        self.now = 0.0
-        self.place = np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)])
-        self.start = (0.0, 0.0, float(self.place[2]))
-        self.yaws = [self.place[2] + yaw for yaw in self.style.foot_yaws]
-        self.footsteps: list[Footstep] = []
-        self.pivots: list[Pivot] = []
-        self.turns: list[Turn] = []
-        self.accents: list[Accent] = []
-        self.reaches: list[Reach] = []
-        self.defences: list[Defence] = []
+        heading = rng.uniform(-np.pi, np.pi) if facing is None else facing
+        self.place = np.array([0.0, 0.0, heading])
+        self.start = (0.0, 0.0, float(heading))
         self.feet_free = 0.0
         self.hands_free = [0.0, 0.0]
+        self._footsteps: list[Footstep] = []
+        self._pivots: list[Pivot] = []
+        self._turns: list[Turn] = []
+        self._accents: list[Accent] = []
+        self._reaches: list[Reach] = []
+        self._defences: list[Defence] = []
 
     def about(self, middle: float, spread: float = 0.12) -> float:
-        """Draw a number near ``middle``, off by ``spread`` of it at one standard deviation, two at most."""
+        """Draw a number near ``middle``: off by ``spread`` of it at one standard deviation, and by two at most."""
         return middle * (1.0 + spread * float(np.clip(self.rng.normal(), -2.0, 2.0)))
 
-    def footprint(self, foot: int) -> tuple[float, float, float]:
-        """Return where a foot would stand in the stance that the plan is in: x, z, heading."""
-        ball = (self.style.lead_ball, self.style.rear_ball)[foot]
-        x, z = np.array(ball) + self.rng.uniform(-0.018, 0.018, 2)
-        place = ground.to_world(self.place, np.array([x, 0.0, z]))
-        yaw = self.place[2] + self.style.foot_yaws[foot] + self.rng.uniform(-0.07, 0.07)
-        return float(place[0]), float(place[2]), float(yaw)
+    def accent(self, channel: Channel, size: float, start: float, peak: float, fall: float, end: float) -> None:
+        """Add one accent, no faster than a body is."""
+        peak = max(peak, start + 0.07)
+        fall = max(fall, peak)
+        self._accents.append(Accent(channel, size, start, peak, fall, max(end, fall + 0.11)))
 
-    def move(self, start: float, ahead: float, left: float, turn: float, tempo: float) -> float:
+    def move(self, start: float, ahead: float, left: float, turn: float = 0.0, tempo: float = 1.0) -> float:
         """Step with both feet to a new stance; return when the second foot is down [s].
 
         The foot on whose side the way goes moves first, so that feet never cross.
         """
         start = max(start, self.feet_free)
         along = np.subtract(self.style.lead_ball, self.style.rear_ball)
-        first = LEAD if left * along[0] + ahead * along[1] >= 0.0 else REAR
+        towards = left * along[0] + ahead * along[1]
+        first = LEAD if (towards if abs(towards) > 0.01 else turn) >= 0.0 else REAR
         self.place = ground.compose(self.place, [left, ahead, turn])
-        length = float(np.hypot(ahead, left)) + 0.25 * abs(turn)
-        begin = start
+        length = float(np.hypot(ahead, left)) + 0.22 * abs(turn)
+        begin = end = start
         for foot in (first, 1 - first):
-            seconds = self.about(0.2 + 0.17 * length, 0.08) / tempo
-            x, z, yaw = self.footprint(foot)
-            lift = self.about(0.02 + 0.05 * length, 0.2)
-            self.footsteps.append(Footstep(foot, begin, begin + seconds, x, z, yaw, lift))
-            self.yaws[foot] = yaw
-            end = begin + seconds
-            begin = end - self.rng.uniform(0.0, 0.03) if foot == first else begin
+            begin = end - (self.rng.uniform(0.0, 0.04) if foot != first else 0.0)
+            end = begin + self._swing(foot, begin, length, tempo)
         if turn:
-            self.turns.append(Turn(start - 0.04, end + 0.06, turn))
-        self.feet_free = end + 0.03
+            self._turns.append(Turn(start - 0.05, end + 0.05, turn))
+            self._look(turn, start, end)
+        dip = self.about(0.010 + 0.03 * length, 0.2)
+        self.accent(
+            Channel.HEIGHT, -dip, start - 0.15, start + 0.4 * (end - start), start + 0.5 * (end - start), end + 0.2
+        )
+        self.feet_free = end + 0.02
         return end
 
-    def punch(self, kind: str, onset: float, speed: float, to_body: bool = False) -> Reach:
-        """Throw a punch whose fist sets off at ``onset`` [s] and peaks at about ``speed`` [m/s]."""
-        recipe = RECIPES[kind]
-        hand = recipe.hand
-        onset = max(onset, self.hands_free[hand])
-        out = 1.95 * recipe.travel / speed
+    def pivot(self, start: float, turn: float, tempo: float = 1.0) -> float:
+        """Turn on the ball of the lead foot while the rear foot steps round; return when it is down [s]."""
+        start = max(start, self.feet_free)
+        point = ground.to_world(self.place, np.array([self.style.lead_ball[0], 0.0, self.style.lead_ball[1]]))
+        back = ground.compose(
+            [0.0, 0.0, self.place[2] + turn], [-self.style.lead_ball[0], -self.style.lead_ball[1], 0.0]
+        )
+        self.place = np.array([point[0] + back[0], point[2] + back[1], self.place[2] + turn])
+        seconds = self._swing(REAR, start, 0.55 * abs(turn), 0.85 * tempo)
+        end = start + seconds
+        self._pivots.append(Pivot(LEAD, start - 0.04, end + 0.04, turn))
+        self._turns.append(Turn(start - 0.06, end + 0.06, turn))
+        self._look(turn, start, end)
+        self.accent(
+            Channel.LEAD_HEEL,
+            self.about(0.16, 0.2),
+            start - 0.1,
+            start + 0.4 * seconds,
+            start + 0.5 * seconds,
+            end + 0.1,
+        )
+        self.feet_free = end + 0.02
+        return end
+
+    def _look(self, turn: float, start: float, end: float) -> None:
+        """Let the head turn first."""
+        self.accent(Channel.HEAD_TURN, 0.35 * turn, start - 0.16, start + 0.1, start + 0.12, end + 0.1)
+
+    def _swing(self, foot: int, begin: float, length: float, tempo: float) -> float:
+        """Plan the way of one foot to where it belongs in the present stance; return how long it takes [s]."""
+        seconds = float(np.clip(self.about(0.17 + 0.26 * length, 0.08) / tempo, 0.14, 0.5))
+        ball = (self.style.lead_ball, self.style.rear_ball)[foot]
+        x, z = np.array(ball) + self.rng.uniform(-0.02, 0.02, 2)
+        place = ground.to_world(self.place, np.array([x, 0.0, z]))
+        yaw = float(self.place[2]) + self.style.foot_yaws[foot] + self.rng.uniform(-0.07, 0.07)
+        lift = self.about(0.018 + 0.06 * length, 0.2)
+        self._footsteps.append(Footstep(foot, begin, begin + seconds, float(place[0]), float(place[2]), yaw, lift))
+        return seconds
+
+    def punch(
+        self,
+        kind: str,
+        onset: float,
+        to_body: bool = False,
+        bearing: float = 0.0,
+        distance: float | None = None,
+        speed: float | None = None,
+        height: float | None = None,
+    ) -> Reach:
+        """Throw a punch whose fist sets off at ``onset`` [s], later where the hand is not back yet.
+
+        Args:
+            kind: A key of ``PUNCHES``.
+            onset: When the fist sets off [s].
+            to_body: To the body, not to the head.
+            bearing: Where the opponent is, in the stance frame [rad]; the punch's own spread comes on top.
+            distance: Of the target, over the ground [m]; drawn when None.
+            speed: The fist's highest speed relative to the pelvis, roughly [m/s]; drawn when None.
+            height: Of the target [m]; drawn when None.
+        """
+        rng, recipe = self.rng, PUNCHES[kind]
+        onset = max(onset, self.hands_free[recipe.hand])
+        if speed is None:
+            speed = recipe.speed[0] + recipe.speed[1] * float(np.clip(rng.normal(), -1.6, 2.4))
+        if distance is None:
+            distance = float(rng.uniform(*recipe.distance))
+        if height is None:
+            height = float(rng.uniform(*(recipe.body if to_body else recipe.head)))
+        bearing += recipe.bearing[0] + recipe.bearing[1] * float(np.clip(rng.normal(), -2.0, 2.0))
+        least, most = recipe.distance
+        far = float(np.clip(2.0 * (distance - least) / (most - least) - 1.0, -1.0, 1.0))
+        out = max(1.5 * (self._way_out(recipe.hand, bearing, distance, height) + recipe.extra) / speed, 0.11)
         hit = onset + out
-        fall = hit + self.rng.uniform(0.01, 0.04)
-        end = fall + out * self.rng.uniform(1.1, 1.35)
-        vigour = self.about(1.0, 0.1)
+        fall = hit + rng.uniform(0.0, 0.025)
+        end = fall + out * rng.uniform(1.0, 1.2)
+        vigour = self.about(1.0, 0.08)
         for part in recipe.parts:
-            size = self.about(part.size, 0.13) * vigour
-
-            def at(phase: float) -> float:
-                phase += 0.03 * float(self.rng.normal())
-                return onset + phase * out if phase <= 1.0 else hit + (phase - 1.0) * (end - hit)
-
-            start, peak, fall_, stop = (at(p) for p in (part.start, part.peak, part.fall, part.end))
-            peak = max(peak, start + 0.06)
-            fall_ = max(fall_, peak)
-            self.accents.append(Accent(part.channel, size, start, peak, fall_, max(stop, fall_ + 0.1), part.skew))
-        low, high = recipe.body_height if to_body else recipe.height
+            self._play(part, self.about(part.size, 0.12) * vigour, onset, hit, hit, end, 0.03)
+        self._aim(
+            own_turn=1.0 if recipe.hand == REAR else -1.0,
+            bearing=bearing,
+            height=height,
+            far=far,
+            times=(onset, hit, end),
+        )
         reach = Reach(
             kind,
-            hand,
-            onset,
+            recipe.hand,
+            onset - recipe.early * out,
             hit,
             fall,
             end,
-            bearing=recipe.bearing[0] + recipe.bearing[1] * float(np.clip(self.rng.normal(), -2.2, 2.2)),
-            distance=self.rng.uniform(*recipe.distance),
-            height=self.rng.uniform(low, high),
-            skew=recipe.skew,
+            bearing,
+            distance,
+            height,
+            recipe.skew,
+            recipe.rides,
         )
-        self.reaches.append(reach)
-        self.hands_free[hand] = end - 0.15 * (end - hit)
+        self._reaches.append(reach)
+        self.hands_free[recipe.hand] = end - 0.12 * (end - hit)
         return reach
 
-    def phrase(self) -> None:
-        """Write one phrase: a step, a combination, or both."""
-        rng = self.rng
-        choice = rng.uniform()
-        now = self.now
-        if choice < 0.35:
-            angle = rng.uniform(-np.pi, np.pi)
-            far = rng.uniform(0.1, 0.3)
-            now = self.move(now, far * np.cos(angle), far * np.sin(angle), 0.0, self.about(1.1))
-        elif choice < 0.45:
-            turn = rng.uniform(0.3, 0.7) * rng.choice([-1.0, 1.0])
-            now = self.move(now, 0.0, 0.0, float(turn), self.about(1.0))
-        else:
-            if choice < 0.65:
-                self.move(now - 0.02, rng.uniform(0.12, 0.28), rng.uniform(-0.06, 0.06), 0.0, self.about(1.2))
-            combination = (("jab",), ("jab", "straight"), ("jab", "jab", "straight"), ("straight",))[rng.integers(4)]
-            for kind in combination:
-                thrown = self.punch(kind, now, float(np.clip(rng.normal(7.5, 1.2), 5.2, 10.0)))
-                now = thrown.hit + 0.25 * (thrown.end - thrown.hit)
-            now = thrown.end
-        self.now = max(now, self.feet_free - 0.1) + rng.uniform(0.02, 0.45)
+    def _way_out(self, hand: int, bearing: float, distance: float, height: float) -> float:
+        """Return about how far a target is from the fist in the guard [m]."""
+        x, y, z = (self.style.lead_fist, self.style.rear_fist)[hand]
+        target = np.array([distance * np.sin(bearing), height, distance * np.cos(bearing)])
+        return float(np.linalg.norm(target - [x, self.style.height + 0.31 + y, z + 0.09]))
 
-    def write(self) -> Score:
-        """Fill the clip with phrases, guard at both ends."""
-        self.now = 0.45 + self.rng.uniform(0.0, 0.3)
-        while self.now < self.seconds - 2.6:
-            self.phrase()
+    def _aim(
+        self, own_turn: float, bearing: float, height: float, far: float, times: tuple[float, float, float]
+    ) -> None:
+        """Bring trunk and knees to where a target is: turned to it, down to a low one, out to a far one."""
+        onset, hit, end = times
+        out, back = hit - onset, end - hit
+        low = max(1.34 - height, 0.0)
+        for channel, size in (
+            (Channel.PELVIS_TURN, 0.35 * bearing),
+            (Channel.TWIST, 0.35 * bearing + 0.06 * own_turn * far),
+            (Channel.HEAD_TURN, 0.5 * bearing),
+            (Channel.HEIGHT, -0.42 * low),
+            (Channel.FLEX, 0.60 * low + 0.05 * far),
+            (Channel.BEND, -0.22 * low * own_turn),
+            (Channel.SHIFT_Z, 0.02 * far),
+            (Channel.HEAD_NOD, 0.25 * low),
+            (Channel.REAR_HEEL, 0.5 * low),
+        ):
+            if abs(size) > 1e-3:
+                early = self.rng.uniform(0.6, 1.1)
+                self.accent(
+                    channel,
+                    self.about(size, 0.1),
+                    onset - early * out,
+                    hit - 0.08 * out,
+                    hit + 0.1 * back,
+                    end + 0.3 * back,
+                )
+
+    def defend(self, kind: str, start: float, depth: float | None = None, tempo: float = 1.0) -> float:
+        """Defend from ``start`` [s]; return when the guard stands again [s]."""
+        recipe = DEFENCES[kind]
+        depth = self.about(1.0, 0.16) if depth is None else depth
+        side = float(self.rng.choice([-1.0, 1.0])) if kind == "weave" else 1.0
+        rise, hold, back = (self.about(seconds, 0.14) / tempo for seconds in recipe.seconds)
+        height = start + rise
+        fall = height + hold
+        end = fall + back
+        for part in recipe.parts:
+            size = self.about(part.size, 0.1) * depth * (side if part.channel in _BACKWARD else 1.0)
+            self._play(part, size, start, height, fall, end, 0.03)
+        self._defences.append(Defence(kind, start, end))
+        return end
+
+    def _play(
+        self, part: Part, size: float, start: float, height: float, fall: float, end: float, jitter: float
+    ) -> None:
+        """Turn a part's phases into times and add it."""
+
+        def at(phase: float, later: bool) -> float:
+            phase += jitter * float(np.clip(self.rng.normal(), -2.0, 2.0))
+            if phase < 1.0:
+                return start + phase * (height - start)
+            return (fall if later else height) + (phase - 1.0) * (end - fall)
+
+        times = at(part.start, False), at(part.peak, False), at(part.fall, True), at(part.end, True)
+        self.accent(part.channel, size, *times)
+
+    def finish(self, seconds: float) -> Score:
+        """Return the score of a clip of this length [s]."""
         return Score(
-            self.seconds,
-            self.style,
-            self.start,
-            tuple(self.footsteps),
-            tuple(self.pivots),
-            tuple(self.turns),
-            tuple(self.accents),
-            tuple(self.reaches),
-            tuple(self.defences),
+            seconds=seconds,
+            style=self.style,
+            start=self.start,
+            footsteps=tuple(self._footsteps),
+            pivots=tuple(self._pivots),
+            turns=tuple(self._turns),
+            accents=tuple(self._accents),
+            reaches=tuple(self._reaches),
+            defences=tuple(self._defences),
         )
-
-
-def write_score(seconds: float, rng: np.random.Generator) -> Score:
-    """Plan a clip of a given length [s]."""
-    return Choreographer(seconds, rng).write()

@@ -15,10 +15,11 @@ from crowdsim.motion.skeleton import Skeleton
 
 Array = NDArray[Any]
 
-ARM_REACH = 0.985
+ARM_REACH = 0.982
 LEG_REACH = 0.988
 """Share of a limb's length beyond which it does not stretch, so that elbows and knees stay bent."""
 
+_LEFT, _DOWN, _AHEAD = np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 _SPINE_SHARES = (0.28, 0.36, 0.36)
 _NECK_SHARE = 0.42
 
@@ -139,10 +140,11 @@ def pose_arm(
     distance = np.linalg.norm(gap, axis=-1)
     axis = gap / np.maximum(distance, 1e-9)[:, None]
     length = bones.UPPER_ARM + lower
-    distance = soft_cap(soft_floor(distance, 0.17, 0.01), ARM_REACH * length, 0.004)
-    down = quat.rotate(chest_turn, np.array([0.0, -1.0, 0.0]))
-    down = unit(down - axis * np.sum(axis * down, axis=-1, keepdims=True))
-    out = np.cross(down, axis) * sign
+    distance = soft_cap(soft_floor(distance, 0.20, 0.02), ARM_REACH * length, 0.008)
+    # The elbow hangs when the arm points ahead; carried along the shortest turn from there, it is before the chest when
+    # the fist is up, and behind it when the fist is down, and only an arm that points back would leave it undefined.
+    carried = quat.multiply(quat.between(quat.rotate(chest_turn, _AHEAD), axis), chest_turn)
+    down, out = quat.rotate(carried, _DOWN), quat.rotate(carried, _LEFT) * sign
     pole = np.cos(swivel)[:, None] * down + np.sin(swivel)[:, None] * out
     bone, away, fold = triangle(axis, distance, bones.UPPER_ARM, lower, pole)
     x, z = bone * sign, -away

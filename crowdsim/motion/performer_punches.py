@@ -1,110 +1,239 @@
-"""Recipes of the punches: which parts of the body join in, when and how much.
+"""The punches: which parts of the body join in, when and how much.
 
-Phases: 0 is when the fist sets off, 1 when it hits, 2 when it is back. Hips go before the trunk, the trunk before the
-shoulder, the shoulder before the arm.
+Driven from the ground: the foot and the hip go first, then the trunk, the shoulder, and last the arm. Phase 0 is when
+the fist sets off, 1 when it hits, 2 when it is back in the guard.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from crowdsim.motion.performer_moves import Part, Punch
+from crowdsim.motion.performer_score import LEAD, REAR
+from crowdsim.motion.performer_score import Channel as C
 
-from crowdsim.motion.performer_score import LEAD, REAR, Channel
-
-C = Channel
-
-
-@dataclass(frozen=True)
-class Part:
-    """A part that one channel plays in a move, in phases of the move."""
-
-    channel: Channel
-    size: float
-    start: float
-    peak: float
-    fall: float
-    end: float
-    skew: float = 1.0
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """A kind of punch by one hand.
-
-    Attributes:
-        hand: LEAD or REAR.
-        parts: What the body does.
-        bearing: Middle and spread of the target's bearing in the stance frame [rad].
-        distance: Least and greatest distance of the target from the pelvis over the ground [m].
-        height: Least and greatest height of a target at the head [m].
-        body_height: Least and greatest height of a target at the body [m].
-        travel: Rough length of the fist's way out [m], by which a speed becomes a duration.
-        skew: How late the fist is fastest.
-    """
-
-    hand: int
-    parts: tuple[Part, ...]
-    bearing: tuple[float, float]
-    distance: tuple[float, float]
-    height: tuple[float, float]
-    body_height: tuple[float, float]
-    travel: float
-    skew: float
-
-
-JAB = Recipe(
+JAB = Punch(
     hand=LEAD,
     parts=(
-        Part(C.PELVIS_TURN, -0.14, -0.15, 0.75, 1.1, 2.1),
-        Part(C.SHIFT_Z, 0.05, -0.2, 0.9, 1.1, 2.3),
-        Part(C.SHIFT_X, 0.02, -0.2, 0.9, 1.1, 2.3),
-        Part(C.HEIGHT, -0.015, -0.2, 0.9, 1.1, 2.2),
-        Part(C.TWIST, -0.24, 0.0, 0.88, 1.1, 2.1),
-        Part(C.FLEX, 0.07, 0.0, 1.0, 1.1, 2.2),
-        Part(C.BEND, -0.05, 0.0, 1.0, 1.1, 2.2),
-        Part(C.LEAD_FORTH, 0.28, 0.15, 1.0, 1.05, 1.9),
-        Part(C.LEAD_RAISE, 0.24, 0.15, 1.0, 1.05, 1.9),
-        Part(C.LEAD_ELBOW, 0.45, 0.35, 1.0, 1.05, 1.9),
-        Part(C.LEAD_ROLL, 1.0, 0.4, 1.0, 1.05, 1.8),
-        Part(C.REAR_HEEL, 0.14, -0.1, 0.9, 1.1, 2.0),
-        Part(C.HEAD_NOD, 0.06, 0.0, 1.0, 1.1, 2.1),
-        Part(C.REAR_HAND_Y, 0.015, 0.0, 0.9, 1.1, 2.0),
-        Part(C.REAR_HAND_X, 0.015, 0.0, 0.9, 1.1, 2.0),
+        Part(C.REAR_HEEL, 0.16, -0.30, 0.80, 1.10, 2.1),
+        Part(C.PELVIS_TURN, -0.15, -0.70, 0.72, 1.10, 2.2),
+        Part(C.SHIFT_Z, 0.031, -1.20, 0.90, 1.15, 2.4),
+        Part(C.SHIFT_X, 0.012, -1.20, 0.90, 1.15, 2.4),
+        Part(C.HEIGHT, -0.015, -0.30, 0.90, 1.10, 2.3),
+        Part(C.TWIST, -0.25, -0.25, 0.88, 1.08, 2.1),
+        Part(C.FLEX, 0.06, -0.10, 0.95, 1.10, 2.3),
+        Part(C.BEND, -0.05, 0.00, 0.95, 1.10, 2.2),
+        Part(C.LEAD_FORTH, 0.30, 0.12, 0.98, 1.05, 1.9),
+        Part(C.LEAD_RAISE, 0.26, 0.12, 0.98, 1.05, 1.9),
+        Part(C.LEAD_ELBOW, 0.50, 0.30, 1.00, 1.05, 1.9),
+        Part(C.LEAD_ROLL, 1.05, 0.40, 1.00, 1.05, 1.8),
+        Part(C.HEAD_NOD, 0.05, 0.00, 0.95, 1.10, 2.2),
+        Part(C.REAR_HAND_Y, 0.012, 0.00, 0.90, 1.10, 2.0),
+        Part(C.REAR_HAND_X, 0.015, 0.00, 0.90, 1.10, 2.0),
     ),
-    bearing=(0.0, 0.22),
-    distance=(0.62, 0.95),
-    height=(1.3, 1.6),
-    body_height=(0.95, 1.2),
-    travel=0.55,
+    bearing=(0.02, 0.24),
+    distance=(0.84, 1.04),
+    head=(1.30, 1.62),
+    body=(0.95, 1.20),
+    speed=(6.6, 0.9),
+    extra=0.08,
     skew=1.2,
+    rides=0.00,
+    early=0.00,
 )
 
-STRAIGHT = Recipe(
+STRAIGHT = Punch(
     hand=REAR,
     parts=(
-        Part(C.REAR_HEEL, 0.55, -0.2, 0.85, 1.1, 2.1),
-        Part(C.REAR_YAW, 0.6, -0.2, 0.85, 1.15, 2.2),
-        Part(C.PELVIS_TURN, 0.6, -0.2, 0.8, 1.1, 2.15),
-        Part(C.SHIFT_Z, 0.09, -0.25, 0.9, 1.15, 2.3),
-        Part(C.SHIFT_X, 0.05, -0.25, 0.9, 1.15, 2.3),
-        Part(C.HEIGHT, -0.02, -0.2, 0.8, 1.1, 2.2),
-        Part(C.TWIST, 0.42, 0.0, 0.92, 1.1, 2.1),
-        Part(C.FLEX, 0.12, 0.0, 1.0, 1.1, 2.2),
-        Part(C.BEND, 0.06, 0.0, 1.0, 1.1, 2.2),
-        Part(C.REAR_FORTH, 0.32, 0.2, 1.0, 1.05, 1.9),
-        Part(C.REAR_RAISE, 0.26, 0.2, 1.0, 1.05, 1.9),
-        Part(C.REAR_ELBOW, 0.45, 0.35, 1.0, 1.05, 1.9),
-        Part(C.REAR_ROLL, 1.0, 0.4, 1.0, 1.05, 1.8),
-        Part(C.HEAD_NOD, 0.06, 0.0, 1.0, 1.1, 2.1),
-        Part(C.LEAD_HAND_X, -0.05, 0.0, 0.9, 1.1, 2.0),
-        Part(C.LEAD_HAND_Y, 0.03, 0.0, 0.9, 1.1, 2.0),
-        Part(C.LEAD_HAND_Z, -0.10, 0.0, 0.9, 1.1, 2.0),
+        Part(C.REAR_HEEL, 0.50, -0.90, 0.80, 1.12, 2.2),
+        Part(C.REAR_YAW, 0.62, -0.85, 0.85, 1.15, 2.3),
+        Part(C.PELVIS_TURN, 0.55, -0.80, 0.76, 1.10, 2.2),
+        Part(C.SHIFT_Z, 0.056, -1.20, 0.90, 1.15, 2.4),
+        Part(C.SHIFT_X, 0.031, -1.20, 0.90, 1.15, 2.4),
+        Part(C.HEIGHT, -0.03, -0.30, 0.85, 1.10, 2.3),
+        Part(C.TWIST, 0.42, -0.30, 0.90, 1.08, 2.15),
+        Part(C.FLEX, 0.12, -0.10, 0.95, 1.10, 2.3),
+        Part(C.BEND, 0.07, -0.10, 0.95, 1.10, 2.2),
+        Part(C.REAR_FORTH, 0.34, 0.18, 0.98, 1.05, 1.9),
+        Part(C.REAR_RAISE, 0.28, 0.18, 0.98, 1.05, 1.9),
+        Part(C.REAR_ELBOW, 0.50, 0.30, 1.00, 1.05, 1.9),
+        Part(C.REAR_ROLL, 1.05, 0.40, 1.00, 1.05, 1.8),
+        Part(C.HEAD_NOD, 0.05, 0.00, 0.95, 1.10, 2.2),
+        Part(C.LEAD_HAND_X, -0.04, 0.00, 0.90, 1.10, 2.0),
+        Part(C.LEAD_HAND_Y, 0.03, 0.00, 0.90, 1.10, 2.0),
+        Part(C.LEAD_HAND_Z, -0.10, 0.00, 0.90, 1.10, 2.0),
     ),
-    bearing=(0.05, 0.22),
-    distance=(0.62, 1.0),
-    height=(1.3, 1.6),
-    body_height=(0.95, 1.2),
-    travel=0.75,
+    bearing=(0.04, 0.24),
+    distance=(0.82, 1.10),
+    head=(1.30, 1.62),
+    body=(0.95, 1.20),
+    speed=(7.8, 1.1),
+    extra=0.20,
     skew=1.25,
+    rides=0.00,
+    early=0.00,
 )
 
-RECIPES = {"jab": JAB, "straight": STRAIGHT}
+LEAD_HOOK = Punch(
+    hand=LEAD,
+    parts=(
+        Part(C.LEAD_HEEL, 0.42, -0.70, 0.85, 1.15, 2.3),
+        Part(C.LEAD_YAW, -0.62, -0.70, 0.95, 1.25, 2.5),
+        Part(C.PELVIS_TURN, 0.09, -1.40, -0.50, -0.45, 0.4),
+        Part(C.PELVIS_TURN, -0.44, -0.60, 1.00, 1.15, 2.3),
+        Part(C.SHIFT_Z, 0.031, -0.80, 0.10, 0.30, 1.2),
+        Part(C.SHIFT_X, 0.025, -0.80, 0.10, 0.30, 1.3),
+        Part(C.SHIFT_Z, -0.019, 0.20, 1.00, 1.20, 2.3),
+        Part(C.HEIGHT, -0.035, -0.80, 0.10, 0.40, 1.6),
+        Part(C.TWIST, 0.16, -1.30, -0.20, -0.15, 0.6),
+        Part(C.TWIST, -0.42, -0.10, 1.12, 1.15, 2.2),
+        Part(C.FLEX, 0.06, -0.60, 0.40, 1.10, 2.2),
+        Part(C.BEND, 0.08, -0.80, 0.20, 0.40, 1.4),
+        Part(C.BEND, -0.05, 0.40, 1.05, 1.20, 2.2),
+        Part(C.LEAD_FORTH, 0.22, 0.25, 1.00, 1.10, 2.0),
+        Part(C.LEAD_RAISE, 0.30, -0.10, 0.80, 1.10, 2.0),
+        Part(C.LEAD_ELBOW, 1.32, -0.90, 0.50, 1.12, 2.0),
+        Part(C.LEAD_ROLL, -0.25, 0.00, 0.80, 1.10, 2.0),
+        Part(C.LEAD_HAND_Y, -0.05, -0.60, 0.20, 0.30, 1.0),
+        Part(C.LEAD_SWING_X, 0.21, -0.80, 0.40, 0.40, 1.06),
+        Part(C.LEAD_SWING_Z, -0.22, -0.70, 0.40, 0.40, 1.10),
+        Part(C.LEAD_SWING_X, -0.06, 0.55, 1.18, 1.20, 1.9),
+        Part(C.HEAD_NOD, 0.05, 0.00, 0.95, 1.10, 2.2),
+        Part(C.REAR_HAND_Y, 0.02, 0.00, 0.90, 1.10, 2.0),
+        Part(C.REAR_HAND_X, 0.02, 0.00, 0.90, 1.10, 2.0),
+    ),
+    bearing=(0.08, 0.28),
+    distance=(0.56, 0.80),
+    head=(1.28, 1.60),
+    body=(0.95, 1.20),
+    speed=(8.2, 1.2),
+    extra=0.32,
+    skew=1.15,
+    rides=0.50,
+    early=0.50,
+)
+
+REAR_HOOK = Punch(
+    hand=REAR,
+    parts=(
+        Part(C.REAR_HEEL, 0.52, -0.90, 0.82, 1.15, 2.3),
+        Part(C.REAR_YAW, 0.70, -0.85, 0.90, 1.20, 2.4),
+        Part(C.PELVIS_TURN, -0.06, -1.40, -0.60, -0.55, 0.3),
+        Part(C.PELVIS_TURN, 0.64, -0.75, 0.98, 1.15, 2.3),
+        Part(C.SHIFT_Z, 0.043, -1.20, 0.90, 1.15, 2.4),
+        Part(C.SHIFT_X, 0.037, -1.20, 0.90, 1.15, 2.4),
+        Part(C.HEIGHT, -0.04, -0.50, 0.50, 1.00, 2.2),
+        Part(C.TWIST, -0.10, -1.30, -0.25, -0.20, 0.5),
+        Part(C.TWIST, 0.52, -0.15, 1.12, 1.15, 2.2),
+        Part(C.FLEX, 0.10, -0.30, 0.80, 1.10, 2.3),
+        Part(C.BEND, 0.09, -0.10, 0.95, 1.10, 2.2),
+        Part(C.REAR_FORTH, 0.26, 0.25, 1.00, 1.10, 2.0),
+        Part(C.REAR_RAISE, 0.28, -0.10, 0.85, 1.10, 2.0),
+        Part(C.REAR_ELBOW, 1.24, -0.90, 0.52, 1.12, 2.0),
+        Part(C.REAR_ROLL, 0.10, 0.00, 0.80, 1.10, 2.0),
+        Part(C.REAR_SWING_X, -0.21, -0.80, 0.40, 0.40, 1.06),
+        Part(C.REAR_SWING_Z, -0.22, -0.70, 0.40, 0.40, 1.10),
+        Part(C.REAR_SWING_X, 0.06, 0.55, 1.18, 1.20, 1.9),
+        Part(C.HEAD_NOD, 0.05, 0.00, 0.95, 1.10, 2.2),
+        Part(C.LEAD_HAND_X, -0.03, 0.00, 0.90, 1.10, 2.0),
+        Part(C.LEAD_HAND_Y, 0.03, 0.00, 0.90, 1.10, 2.0),
+        Part(C.LEAD_HAND_Z, -0.10, 0.00, 0.90, 1.10, 2.0),
+    ),
+    bearing=(-0.02, 0.28),
+    distance=(0.58, 0.84),
+    head=(1.28, 1.60),
+    body=(0.95, 1.20),
+    speed=(8.6, 1.2),
+    extra=0.40,
+    skew=1.2,
+    rides=0.50,
+    early=0.50,
+)
+
+LEAD_UPPERCUT = Punch(
+    hand=LEAD,
+    parts=(
+        Part(C.LEAD_HEEL, 0.28, 0.05, 0.95, 1.15, 2.2),
+        Part(C.LEAD_YAW, -0.30, 0.00, 0.95, 1.20, 2.3),
+        Part(C.HEIGHT, -0.075, -1.30, 0.00, 0.10, 0.95),
+        Part(C.HEIGHT, 0.025, 0.20, 0.98, 1.15, 2.2),
+        Part(C.PELVIS_TURN, 0.11, -1.30, -0.05, 0.00, 0.8),
+        Part(C.PELVIS_TURN, -0.28, -0.40, 0.85, 1.15, 2.2),
+        Part(C.SHIFT_X, 0.031, -1.30, 0.00, 0.40, 1.6),
+        Part(C.SHIFT_Z, 0.031, -0.90, 0.30, 0.90, 2.2),
+        Part(C.BEND, 0.17, -1.30, 0.00, 0.10, 1.1),
+        Part(C.TWIST, 0.14, -1.30, 0.00, 0.05, 0.8),
+        Part(C.TWIST, -0.28, -0.15, 0.96, 1.12, 2.2),
+        Part(C.FLEX, 0.13, -1.30, 0.00, 0.10, 0.95),
+        Part(C.FLEX, -0.07, 0.25, 1.00, 1.15, 2.2),
+        Part(C.LEAD_HAND_Y, -0.20, -1.20, 0.05, 0.15, 0.95),
+        Part(C.LEAD_HAND_Z, -0.08, -1.20, 0.00, 0.05, 0.7),
+        Part(C.LEAD_SWING_Y, -0.15, -0.30, 0.48, 0.50, 1.15),
+        Part(C.LEAD_SWING_Z, 0.03, 0.10, 0.60, 0.60, 1.20),
+        Part(C.LEAD_SWING_Y, 0.06, 0.55, 1.20, 1.24, 2.0),
+        Part(C.LEAD_FORTH, 0.20, 0.20, 1.00, 1.10, 1.9),
+        Part(C.LEAD_RAISE, -0.06, -1.20, 0.00, 0.10, 0.8),
+        Part(C.LEAD_RAISE, 0.22, 0.20, 1.00, 1.10, 1.9),
+        Part(C.LEAD_ELBOW, -0.18, -0.80, 0.20, 1.05, 1.9),
+        Part(C.LEAD_ROLL, -1.35, -0.80, 0.55, 1.10, 1.9),
+        Part(C.HEAD_NOD, 0.06, -0.50, 0.40, 1.00, 2.0),
+        Part(C.REAR_HAND_Y, 0.02, 0.00, 0.90, 1.10, 2.0),
+    ),
+    bearing=(0.04, 0.20),
+    distance=(0.54, 0.76),
+    head=(1.27, 1.52),
+    body=(1.00, 1.22),
+    speed=(6.8, 0.9),
+    extra=0.22,
+    skew=1.25,
+    rides=0.25,
+    early=0.15,
+)
+
+REAR_UPPERCUT = Punch(
+    hand=REAR,
+    parts=(
+        Part(C.REAR_HEEL, 0.50, -0.70, 0.85, 1.15, 2.2),
+        Part(C.REAR_YAW, 0.55, -0.65, 0.90, 1.20, 2.3),
+        Part(C.HEIGHT, -0.085, -1.30, 0.00, 0.10, 0.95),
+        Part(C.HEIGHT, 0.02, 0.20, 0.98, 1.15, 2.2),
+        Part(C.PELVIS_TURN, -0.06, -1.30, -0.10, -0.05, 0.6),
+        Part(C.PELVIS_TURN, 0.53, -0.60, 0.84, 1.15, 2.2),
+        Part(C.SHIFT_X, -0.019, -1.30, -0.05, 0.00, 0.9),
+        Part(C.SHIFT_X, 0.025, 0.00, 0.95, 1.15, 2.3),
+        Part(C.SHIFT_Z, 0.050, -0.20, 0.90, 1.15, 2.3),
+        Part(C.BEND, -0.15, -1.30, 0.00, 0.10, 1.1),
+        Part(C.TWIST, -0.08, -1.30, 0.00, 0.05, 0.8),
+        Part(C.TWIST, 0.38, -0.20, 0.94, 1.12, 2.2),
+        Part(C.FLEX, 0.14, -1.30, 0.00, 0.10, 1.1),
+        Part(C.REAR_HAND_Y, -0.20, -1.20, 0.05, 0.15, 0.95),
+        Part(C.REAR_HAND_Z, -0.08, -1.20, 0.00, 0.05, 0.7),
+        Part(C.REAR_SWING_Y, -0.15, -0.30, 0.48, 0.50, 1.15),
+        Part(C.REAR_SWING_Z, 0.03, 0.10, 0.60, 0.60, 1.20),
+        Part(C.REAR_SWING_Y, 0.06, 0.55, 1.20, 1.24, 2.0),
+        Part(C.REAR_FORTH, 0.24, 0.20, 1.00, 1.10, 1.9),
+        Part(C.REAR_RAISE, -0.06, -1.20, 0.00, 0.10, 0.8),
+        Part(C.REAR_RAISE, 0.22, 0.20, 1.00, 1.10, 1.9),
+        Part(C.REAR_ELBOW, -0.20, -0.80, 0.20, 1.05, 1.9),
+        Part(C.REAR_ROLL, -1.35, -0.80, 0.55, 1.10, 1.9),
+        Part(C.HEAD_NOD, 0.06, -0.50, 0.40, 1.00, 2.0),
+        Part(C.LEAD_HAND_X, -0.03, 0.00, 0.90, 1.10, 2.0),
+        Part(C.LEAD_HAND_Z, -0.09, 0.00, 0.90, 1.10, 2.0),
+    ),
+    bearing=(0.02, 0.20),
+    distance=(0.56, 0.82),
+    head=(1.27, 1.52),
+    body=(1.00, 1.22),
+    speed=(7.2, 0.9),
+    extra=0.30,
+    skew=1.25,
+    rides=0.25,
+    early=0.15,
+)
+
+PUNCHES = {
+    "jab": JAB,
+    "straight": STRAIGHT,
+    "lead_hook": LEAD_HOOK,
+    "rear_hook": REAR_HOOK,
+    "lead_uppercut": LEAD_UPPERCUT,
+    "rear_uppercut": REAR_UPPERCUT,
+}

@@ -67,7 +67,6 @@ class Accent:
     peak: float
     fall: float
     end: float
-    skew: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ class Reach:
     """A fist goes to a target in the stance frame, is there at ``hit`` and back in the guard at ``end`` [s].
 
     ``bearing`` and ``distance`` are seen from the pelvis at the hit, with the stance's heading; ``height`` is over
-    the floor [m].
+    the floor [m]. ``rides`` is how far the target turns with the chest, 0 to 1.
     """
 
     kind: str
@@ -110,6 +109,7 @@ class Reach:
     distance: float
     height: float
     skew: float
+    rides: float
 
 
 @dataclass(frozen=True)

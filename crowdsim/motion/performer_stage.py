@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from crowdsim.motion import ground
 from crowdsim.motion import performer_skeleton as bones
 from crowdsim.motion import quaternion as quat
-from crowdsim.motion.performer_curves import noise, pulse, soft_cap, soft_floor, step, window
+from crowdsim.motion.performer_curves import noise, pulse, soft_cap, soft_floor, window
+from crowdsim.motion.performer_fists import clear_head, lead_fists
 from crowdsim.motion.performer_footwork import Footwork, trace_feet
 from crowdsim.motion.performer_pose import (
     LEG_REACH,
-    Trunk,
     ankle_place,
     foot_turn,
     girdle,
@@ -25,15 +25,13 @@ from crowdsim.motion.performer_pose import (
     pose_leg,
     pose_trunk,
 )
-from crowdsim.motion.performer_score import Channel, Score
+from crowdsim.motion.performer_score import Channel, Reach, Score
 from crowdsim.motion.skeleton import Skeleton
 
 Array = NDArray[Any]
 
-_GUARD_FOLLOWS = 0.62
-"""How far the guard turns with the chest; the rest of it stays towards the opponent."""
-_HEAD_CLEARANCE = 0.165
-"""Least distance of the middle of a fist from the middle of the head [m]."""
+_GAZE_FOLLOWS = 0.25
+"""How far the head turns with the chest; the rest of it stays on the opponent."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +43,16 @@ class Staged:
         rotations: Local rotations. Shape (F, 22, 4).
         footwork: Tracks of the feet.
         fists: Place of the fists, lead and rear [m]. Shape (F, 2, 3).
+        shoulders: Place of the shoulder joints [m]. Shape (F, 2, 3).
+        reaches: The punches as they were carried out.
     """
 
     root_positions: Array
     rotations: Array
     footwork: Footwork
     fists: Array
+    shoulders: Array
+    reaches: tuple[Reach, ...]
 
 
 def add_accents(score: Score, times: Array) -> Array:
@@ -58,7 +60,7 @@ def add_accents(score: Score, times: Array) -> Array:
     channels = np.zeros((len(times), len(Channel)))
     for accent in score.accents:
         part = window(times, accent.start, accent.end)
-        shape = pulse(times[part], accent.start, accent.peak, accent.fall, accent.end, accent.skew)
+        shape = pulse(times[part], accent.start, accent.peak, accent.fall, accent.end)
         channels[part, accent.channel] += accent.size * shape
     return channels
 
@@ -82,13 +84,13 @@ def _add_life(channels: Array, score: Score, times: Array, loads: Array, rng: np
     channels[:, Channel.SHIFT_X] += 0.035 * along[0] * loads
     channels[:, Channel.SHIFT_Z] += 0.035 * along[1] * loads
     for channel, size, low, high in (
-        (Channel.PELVIS_TURN, 0.05, 0.3, 1.0),
-        (Channel.PELVIS_TILT, 0.025, 0.2, 0.8),
-        (Channel.PELVIS_BEND, 0.02, 0.3, 1.0),
-        (Channel.TWIST, 0.05, 0.3, 1.1),
-        (Channel.FLEX, 0.04, 0.15, 0.8),
-        (Channel.BEND, 0.04, 0.3, 1.0),
-        (Channel.HEAD_TURN, 0.06, 0.15, 0.7),
+        (Channel.PELVIS_TURN, 0.10, 0.4, 1.5),
+        (Channel.PELVIS_TILT, 0.035, 0.3, 1.2),
+        (Channel.PELVIS_BEND, 0.035, 0.4, 1.4),
+        (Channel.TWIST, 0.08, 0.4, 1.5),
+        (Channel.FLEX, 0.05, 0.25, 1.2),
+        (Channel.BEND, 0.05, 0.3, 1.3),
+        (Channel.HEAD_TURN, 0.07, 0.2, 1.0),
         (Channel.HEAD_NOD, 0.04, 0.2, 0.8),
         (Channel.HEAD_BEND, 0.05, 0.15, 0.7),
         (Channel.LEAD_FORTH, 0.05, 0.3, 1.2),
@@ -97,12 +99,12 @@ def _add_life(channels: Array, score: Score, times: Array, loads: Array, rng: np
         (Channel.REAR_ELBOW, 0.08, 0.2, 1.0),
         (Channel.LEAD_ROLL, 0.10, 0.2, 1.0),
         (Channel.REAR_ROLL, 0.10, 0.2, 1.0),
-        (Channel.LEAD_HAND_X, 0.016, 0.3, 1.4),
-        (Channel.LEAD_HAND_Y, 0.020, 0.3, 1.4),
-        (Channel.LEAD_HAND_Z, 0.022, 0.3, 1.4),
-        (Channel.REAR_HAND_X, 0.010, 0.3, 1.3),
-        (Channel.REAR_HAND_Y, 0.013, 0.3, 1.3),
-        (Channel.REAR_HAND_Z, 0.012, 0.3, 1.3),
+        (Channel.LEAD_HAND_X, 0.018, 0.4, 1.8),
+        (Channel.LEAD_HAND_Y, 0.022, 0.4, 1.8),
+        (Channel.LEAD_HAND_Z, 0.026, 0.4, 1.8),
+        (Channel.REAR_HAND_X, 0.012, 0.4, 1.6),
+        (Channel.REAR_HAND_Y, 0.016, 0.4, 1.6),
+        (Channel.REAR_HAND_Z, 0.013, 0.4, 1.6),
     ):
         channels[:, channel] += size * noise(times, rng, low, high)
     channels[:, Channel.FLEX] -= 0.012 * breath
@@ -137,59 +139,6 @@ def _carry_pelvis(score: Score, feet: Footwork, channels: Array, ankles: Array) 
         height = soft_cap(height, top, 0.008)
     hips[:, 1] = height
     return hips, turn
-
-
-def _guards(score: Score, heading: Array, trunk: Trunk, channels: Array) -> tuple[Array, Array]:
-    """Return where the fists are held in the guard (F, 2, 3), and the frame that the guard turns in (F, 4)."""
-    style = score.style
-    stance = quat.about_y(heading)
-    rest = quat.from_euler(np.array([style.blade + style.twist, 0.0, 0.0]), "YXZ")
-    deviation = quat.multiply(quat.multiply(quat.conjugate(stance), trunk.chest_turn), quat.conjugate(rest))
-    part = quat.from_rotation_vector(_GUARD_FOLLOWS * quat.to_rotation_vector(deviation))
-    frame = quat.multiply(stance, part)
-    fists = np.stack(
-        [
-            trunk.chest + quat.rotate(frame, np.array(place) + channels[:, first : first + 3])
-            for place, first in (
-                (style.lead_fist, Channel.LEAD_HAND_X),
-                (style.rear_fist, Channel.REAR_HAND_X),
-            )
-        ],
-        axis=1,
-    )
-    return fists, frame
-
-
-def _lead_fists(score: Score, times: Array, feet: Footwork, trunk: Trunk, channels: Array, shoulders: Array) -> Array:
-    """Return the paths of both fists: out of the moving guard to the targets and back. Shape (F, 2, 3)."""
-    guards, frame = _guards(score, feet.heading, trunk, channels)
-    fists = guards.copy()
-    length = 0.98 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
-    swings = np.stack(
-        [quat.rotate(frame, channels[:, first : first + 3]) for first in (Channel.LEAD_SWING_X, Channel.REAR_SWING_X)],
-        axis=1,
-    )
-    for reach in score.reaches:
-        at = min(int(np.rint((reach.hit - times[0]) / (times[1] - times[0]))), len(times) - 1)
-        base = np.array([trunk.hips[at, 0], trunk.hips[at, 2], feet.heading[at]])
-        place = np.array([reach.distance * np.sin(reach.bearing), reach.height, reach.distance * np.cos(reach.bearing)])
-        target = ground.to_world(base, place)
-        gap = target - shoulders[at, reach.hand]
-        far = float(np.linalg.norm(gap))
-        target = shoulders[at, reach.hand] + gap * (float(soft_cap(far, length, 0.02)) / far)
-        target = target - swings[at, reach.hand]
-        part = window(times, reach.start, reach.end)
-        gone = step(times[part], reach.start, reach.hit, reach.skew)
-        gone = gone * (1.0 - step(times[part], reach.fall, reach.end))
-        fists[part, reach.hand] += gone[:, None] * (target - guards[part, reach.hand])
-    return fists + swings
-
-
-def _clear_head(fists: Array, head: Array) -> Array:
-    """Push fists out of the head, smoothly."""
-    gap = fists - head[:, None]
-    far = np.linalg.norm(gap, axis=-1, keepdims=True)
-    return head[:, None] + gap * (soft_floor(far, _HEAD_CLEARANCE, 0.008) / np.maximum(far, 1e-6))
 
 
 def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generator) -> Staged:
@@ -247,6 +196,8 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
         ),
         "YXZ",
     )
+    facing = quat.multiply(trunk.chest_turn, quat.about_y(-style.blade - style.twist))
+    gaze = quat.slerp(gaze, facing, _GAZE_FOLLOWS)
     rotations[:, [bones.NECK, bones.HEAD]] = pose_head(trunk.chest_turn, gaze)
     neck = trunk.chest + quat.rotate(trunk.chest_turn, skeleton.offsets[bones.NECK])
     neck_turn = quat.multiply(trunk.chest_turn, rotations[:, bones.NECK])
@@ -263,7 +214,8 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
         collars.append(quat.multiply(trunk.chest_turn, local))
         root = trunk.chest + quat.rotate(trunk.chest_turn, skeleton.offsets[bones.SHOULDERS[side]])
         shoulders[:, side] = root + quat.rotate(collars[side], skeleton.offsets[bones.ARMS[side]])
-    fists = _clear_head(_lead_fists(score, times, feet, trunk, channels, shoulders), head)
+    reached, reaches = lead_fists(score, times, feet.heading, trunk, channels, shoulders)
+    fists = clear_head(reached, head)
     for side in range(2):
         upper, forearm, hand = pose_arm(
             side,
@@ -277,4 +229,4 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
         rotations[:, bones.ARMS[side]] = upper
         rotations[:, bones.FOREARMS[side]] = forearm
         rotations[:, bones.HANDS[side]] = hand
-    return Staged(hips, quat.continuous(rotations), feet, fists)
+    return Staged(hips, quat.continuous(rotations), feet, fists, shoulders, reaches)

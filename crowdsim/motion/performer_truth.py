@@ -22,7 +22,7 @@ class TrueStrike:
     Attributes:
         kind: jab, straight, lead_hook, rear_hook, lead_uppercut or rear_uppercut.
         hand: 0 for the left hand, 1 for the right.
-        frame: Frame of the fist's furthest reach from the pelvis.
+        frame: Frame of the fist's furthest reach from the middle between the shoulders.
         peak: Frame of the fist's highest speed relative to the pelvis on the way there.
         speed: That speed [m/s].
         place: The fist at ``frame``, in the stance's ground frame there (x, y, z) [m].
@@ -75,9 +75,9 @@ def find_truth(score: Score, staged: Staged, times: Array) -> Truth:
     stance = np.stack([hips[:, 0], hips[:, 2], staged.footwork.heading], axis=-1)
     relative = fists - hips[:, None]
     speed = np.linalg.norm(np.gradient(relative, axis=0), axis=-1) * fps
-    far = np.linalg.norm(relative, axis=-1)
+    far = np.linalg.norm(fists - staged.shoulders.mean(axis=1, keepdims=True), axis=-1)
     strikes = []
-    for reach in sorted(score.reaches, key=lambda reach: reach.hit):
+    for reach in sorted(staged.reaches, key=lambda reach: reach.hit):
         hand = reach.hand
         first = max(int(np.ceil((reach.hit - 0.05) * fps)), 0)
         last = min(int((reach.hit + 0.07) * fps) + 1, len(times))

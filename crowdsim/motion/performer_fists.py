@@ -1,0 +1,121 @@
+"""The paths of the fists: the guard, out of it to a target, back into it, and never through the head."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion import ground
+from crowdsim.motion import performer_skeleton as bones
+from crowdsim.motion import quaternion as quat
+from crowdsim.motion.performer_curves import soft_cap, soft_floor, step, window
+from crowdsim.motion.performer_pose import Trunk
+from crowdsim.motion.performer_score import Channel, Reach, Score
+
+Array = NDArray[Any]
+
+_GUARD_FOLLOWS = 0.45
+"""How far the guard turns with the chest; the rest of it stays towards the opponent."""
+_HEAD_CLEARANCE = 0.165
+"""Least distance of the middle of a fist from the middle of the head [m]."""
+_FULL_REACH = 0.975 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
+"""How far from the shoulder a punch is aimed at the most [m]."""
+_SLOWEST, _FASTEST = 5.4, 11.0
+"""Speeds between which a punching fist peaks relative to the pelvis [m/s]."""
+_SHORTEST = 0.085
+"""Least time of a fist's way out [s]."""
+
+
+def hold_guard(score: Score, heading: Array, trunk: Trunk, channels: Array) -> tuple[Array, Array]:
+    """Return where the fists are held in the guard (F, 2, 3), and the frame that the guard turns in (F, 4)."""
+    style = score.style
+    stance = quat.about_y(heading)
+    rest = quat.about_y(style.blade + style.twist)
+    deviation = quat.multiply(quat.multiply(quat.conjugate(stance), trunk.chest_turn), quat.conjugate(rest))
+    part = quat.from_rotation_vector(_GUARD_FOLLOWS * quat.to_rotation_vector(deviation))
+    frame = quat.multiply(stance, part)
+    fists = np.stack(
+        [
+            trunk.chest + quat.rotate(frame, np.array(place) + channels[:, first : first + 3])
+            for place, first in (
+                (style.lead_fist, Channel.LEAD_HAND_X),
+                (style.rear_fist, Channel.REAR_HAND_X),
+            )
+        ],
+        axis=1,
+    )
+    return fists, frame
+
+
+def lead_fists(
+    score: Score, times: Array, heading: Array, trunk: Trunk, channels: Array, shoulders: Array
+) -> tuple[Array, tuple[Reach, ...]]:
+    """Take the fists out of the moving guard to their targets and back.
+
+    A fist that would be slower than a punch sets off later, and one that would be too fast sets off earlier.
+
+    Args:
+        score: What is performed.
+        times: Times of the frames [s], evenly spaced. Shape (F,).
+        heading: Heading of the stance [rad]. Shape (F,).
+        trunk: The trunk.
+        channels: Sums of the accents. Shape (F, channels).
+        shoulders: Shoulder joints, lead and rear [m]. Shape (F, 2, 3).
+
+    Returns:
+        Place of the fists [m], shape (F, 2, 3), and the reaches as they were carried out.
+    """
+    guards, frame = hold_guard(score, heading, trunk, channels)
+    swings = np.stack(
+        [quat.rotate(frame, channels[:, first : first + 3]) for first in (Channel.LEAD_SWING_X, Channel.REAR_SWING_X)],
+        axis=1,
+    )
+    fists = guards + swings
+    spacing = times[1] - times[0] if len(times) > 1 else 1.0
+    done = []
+    for planned in score.reaches:
+        hand = planned.hand
+        at = min(int(np.rint((planned.hit - times[0]) / spacing)), len(times) - 1)
+        target = _target(planned, trunk.hips[at], float(heading[at]), shoulders[at, hand]) - swings[at, hand]
+        local = quat.rotate(quat.conjugate(trunk.chest_turn[at]), target - trunk.chest[at])
+        part = window(times, planned.start - 0.1, planned.end)
+        ridden = trunk.chest[part] + quat.rotate(trunk.chest_turn[part], local)
+        way = target + planned.rides * (ridden - target) - guards[part, hand]
+        relative = fists[part, hand] - trunk.hips[part]
+        reach = planned
+        for _ in range(5):
+            path = relative + _gone(reach, times[part])[:, None] * way
+            out = times[part] <= reach.hit + 0.02
+            speed = np.linalg.norm(np.diff(path[out], axis=0), axis=-1).max(initial=0.0) / spacing
+            later = np.clip(speed / (1.03 * _SLOWEST), 0.75, 1.0) * np.clip(speed / (0.97 * _FASTEST), 1.0, 1.25)
+            if _SLOWEST <= speed <= _FASTEST:
+                break
+            start = max(reach.hit - later * (reach.hit - reach.start), planned.start - 0.1)
+            reach = replace(reach, start=min(start, reach.hit - _SHORTEST))
+        fists[part, hand] += _gone(reach, times[part])[:, None] * way
+        done.append(reach)
+    return fists, tuple(done)
+
+
+def _gone(reach: Reach, times: Array) -> Array:
+    """Share of the way to the target: 0 in the guard, 1 at the hit."""
+    return step(times, reach.start, reach.hit, reach.skew) * (1.0 - step(times, reach.fall, reach.end))
+
+
+def _target(reach: Reach, hips: Array, heading: float, shoulder: Array) -> Array:
+    """Return a target in the world [m], drawn in to where the arm reaches."""
+    place = np.array([reach.distance * np.sin(reach.bearing), reach.height, reach.distance * np.cos(reach.bearing)])
+    target = ground.to_world(np.array([hips[0], hips[2], heading]), place)
+    gap = target - shoulder
+    far = float(np.linalg.norm(gap))
+    return np.asarray(shoulder + gap * (float(soft_cap(far, _FULL_REACH, 0.02)) / far))
+
+
+def clear_head(fists: Array, head: Array) -> Array:
+    """Return the fists (F, 2, 3) pushed out of the head (F, 3), smoothly."""
+    gap = fists - head[:, None]
+    far = np.linalg.norm(gap, axis=-1, keepdims=True)
+    return head[:, None] + gap * (soft_floor(far, _HEAD_CLEARANCE, 0.008) / np.maximum(far, 1e-6))
