@@ -3,8 +3,8 @@
 import numpy as np
 
 
-def pairs(features, clip_starts, contacts, near, radius, ceiling):
-    """Return {(i, k): cost} of the local minima i < k; exact ties are left to the caller's data to avoid."""
+def pairs(features, clip_starts, contacts, near, ceiling):
+    """Return {(i, k): cost} of the local minima i < k of costs no two of which are equal."""
     frames = len(features)
     clip = [max(c for c in range(len(clip_starts) - 1) if clip_starts[c] <= f) for f in range(frames)]
     cost = np.sqrt(((features[:, None].astype(float) - features[None].astype(float)) ** 2).sum(axis=-1))
@@ -17,8 +17,8 @@ def pairs(features, clip_starts, contacts, near, radius, ceiling):
                 continue
             around = [
                 cost[m, n]
-                for m in range(max(0, i - radius), min(frames, i + radius + 1))
-                for n in range(max(0, k - radius), min(frames, k + radius + 1))
+                for m in range(max(0, i - 1), min(frames, i + 2))
+                for n in range(max(0, k - 1), min(frames, k + 2))
                 if (m, n) != (i, k) and clip[m] == clip[i] and clip[n] == clip[k]
             ]
             if all(cost[i, k] < other for other in around):
@@ -36,6 +36,22 @@ def transitions(found, clip_starts):
         if i not in last:
             result[k, i + 1] = cost
     return result
+
+
+def cheapest(edges, most):
+    """Return the ``most`` cheapest transitions of each source."""
+    result = {}
+    for source in {i for i, _ in edges}:
+        ways = sorted((cost, j) for (i, j), cost in edges.items() if i == source)
+        result.update({(source, j): cost for cost, j in ways[:most]})
+    return result
+
+
+def largest_worth_apart(worth, spacing):
+    """Return the largest sum of entries no two of which are less than ``spacing`` apart, by trying everything."""
+    if not worth:
+        return 0
+    return max(largest_worth_apart(worth[1:], spacing), worth[0] + largest_worth_apart(worth[spacing:], spacing))
 
 
 def reachable(ways, frame):

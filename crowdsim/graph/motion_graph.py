@@ -1,17 +1,10 @@
-"""The motion graph, and the states and actions that control sees in it.
-
-Frames are nodes. A frame's ways out are the next frame of its clip and its transitions. Of these the largest strongly
-connected component is kept, so that every frame kept can be reached from every other. A *state* is a frame with more
-than one way out, an *action* the captured motion from a way out to the next state (the paper's section 3). Because an
-action shows neighbouring frames of one clip, a frame that only a transition leads out of, as at the end of a clip, is a
-state too, with one action.
-"""
+"""The motion graph of a database: features, transitions, states and actions in one call."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,73 +13,14 @@ from numpy.typing import NDArray
 from crowdsim.errors import MotionError
 from crowdsim.graph.features import frame_features
 from crowdsim.graph.settings import GraphSettings
-from crowdsim.graph.transitions import Pairs, control_contacts, directed, find_pairs
+from crowdsim.graph.states import MotionGraph, graph_of_transitions
+from crowdsim.graph.transitions import Transitions, decision_frames, find_transitions
 from crowdsim.motion.database import MotionDatabase
+
+__all__ = ["MotionGraph", "build_graph"]
 
 Array = NDArray[Any]
 Progress = Callable[[str, int, int], None]
-
-_PAIRS_PER_ACTION = 4
-"""Pairs to collect for each action wanted: most of them lie in the component kept, and give more than one action."""
-
-
-@dataclass(frozen=True)
-class MotionGraph:
-    """States and actions of a motion database: S states, A actions, F control frames, T transitions kept.
-
-    Attributes:
-        state_frames: Control frame of each state, ascending. Shape (S,), int32.
-        action_offsets: Actions of state s are ``action_offsets[s]`` up to ``action_offsets[s + 1]``: the one that
-            continues the capture first, where there is one, then the others by their first frame. Shape (S + 1,),
-            int32.
-        action_next: State in which each action ends. Shape (A,), int32.
-        action_first: Control frame shown one frame after the state's frame. Shape (A,), int32. The action shows frames
-            ``action_first`` to ``action_first + T - 1``, placed so that the ground transform of frame
-            ``action_first - 1`` lies on that of the avatar when it stands in the state. Its last frame is that of the
-            state ``action_next``.
-        action_lengths: Frames T that each action shows, at least 1. Shape (A,), int32.
-        action_costs: Cost of the transition into each action [m]; 0 where it continues the capture. Shape (A,),
-            float32.
-        frames_kept: Whether each frame belongs to the component kept. Shape (F,), bool.
-        transition_from: Frame after which each transition happens, ascending. Shape (T,), int32.
-        transition_to: Frame shown next. Shape (T,), int32.
-        transition_costs: Distance of ``transition_from`` and ``transition_to - 1`` [m]. Shape (T,), float32.
-        threshold: Largest cost allowed [m].
-        warnings: What a user should know of, a sentence each.
-    """
-
-    state_frames: Array
-    action_offsets: Array
-    action_next: Array
-    action_first: Array
-    action_lengths: Array
-    action_costs: Array
-    frames_kept: Array
-    transition_from: Array
-    transition_to: Array
-    transition_costs: Array
-    threshold: float
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def state_count(self) -> int:
-        """Number of states S."""
-        return len(self.state_frames)
-
-    @property
-    def action_count(self) -> int:
-        """Number of actions A."""
-        return len(self.action_next)
-
-    @property
-    def action_states(self) -> Array:
-        """State in which each action begins. Shape (A,), int32."""
-        return np.repeat(np.arange(self.state_count, dtype=np.int32), np.diff(self.action_offsets))
-
-    @property
-    def action_cuts(self) -> Array:
-        """Whether each action begins with a transition rather than the captured next frame. Shape (A,), bool."""
-        return self.action_first != self.state_frames[self.action_states] + 1
 
 
 def build_graph(
@@ -104,157 +38,102 @@ def build_graph(
     """
     settings = settings or GraphSettings()
     features = frame_features(database, settings, progress)
-    most = None if settings.actions is None else _PAIRS_PER_ACTION * settings.actions
-    pairs = find_pairs(
-        features,
-        database.clip_starts,
-        control_contacts(database),
-        near=max(1, math.ceil(settings.near * database.control_rate - 1e-9)),
-        radius=settings.radius,
-        ceiling=np.inf if settings.threshold is None else settings.threshold,
-        most=most,
-        progress=progress,
-    )
-    warnings: list[str] = []
-    if settings.actions is None:
-        threshold = float(settings.threshold or 0.0)
+    transitions = _find(database, features, settings, settings.threshold, progress)
+    if settings.threshold is None:
+        graph = _graph_of_actions(database, transitions, settings, settings.actions or 0)
     else:
-        threshold = _threshold_for_actions(pairs, database.clip_starts, settings.actions, warnings)
-    graph = graph_of_pairs(pairs, database.clip_starts, threshold, database.clip_names)
+        try:
+            graph = _graph_at(database, transitions, settings, settings.threshold)
+        except MotionError as error:
+            every = _find(database, features, settings, None, progress)
+            raise MotionError(f"{error} ({_hint(database, every, settings)})") from None
     if progress is not None:
         progress("states", 1, 1)
-    return MotionGraph(**{**vars(graph), "warnings": (*warnings, *graph.warnings)})
+    return graph
 
 
-def graph_of_pairs(pairs: Pairs, clip_starts: Array, threshold: float, clip_names: tuple[str, ...] = ()) -> MotionGraph:
-    """Build states and actions of all pairs that cost no more than a threshold.
-
-    Args:
-        pairs: Pairs of frames that look alike.
-        clip_starts: First frame of each clip, and F. Shape (C + 1,).
-        threshold: Largest cost [m].
-        clip_names: Names of the clips for messages.
-
-    Raises:
-        MotionError: The graph has no cycle, or only one loop without a decision.
-    """
-    frames = int(clip_starts[-1])
-    chosen = pairs.chosen(np.flatnonzero(pairs.costs <= np.float32(threshold)))
-    sources, targets, costs = directed(chosen, clip_starts)
-    kept = largest_component(sources, targets, clip_starts)
-    if not kept.any():
-        raise MotionError(_no_cycle(pairs, len(sources), clip_starts, threshold))
-    inside = kept[sources] & kept[targets]
-    sources, targets, costs = sources[inside], targets[inside], costs[inside]
-    continues = _continues(kept, clip_starts)
-    ways = continues + np.bincount(sources, minlength=frames)
-    if ways.max() < 2:
-        raise MotionError(
-            f"the motion graph is a single loop of {int(kept.sum())} frames without a decision: "
-            f"{len(sources)} transitions cost {threshold:.3f} m or less; raise graph.threshold or add capture"
-        )
-    state_frames = np.flatnonzero(kept & ((ways > 1) | ~continues)).astype(np.int32)
-    onward = state_frames[continues[state_frames]]
-    starts = np.concatenate([onward, sources])
-    firsts = np.concatenate([onward + np.int32(1), targets])
-    prices = np.concatenate([np.zeros(len(onward), np.float32), costs])
-    order = np.lexsort((firsts, np.arange(len(starts)) >= len(onward), starts))
-    starts, firsts, prices = starts[order], firsts[order], prices[order]
-    # Every frame that is no state leads on to the next of its clip, so the next state is the first at or after it.
-    nexts = np.searchsorted(state_frames, firsts).astype(np.int32)
-    offsets = np.searchsorted(starts, state_frames).astype(np.int32)
-    return MotionGraph(
-        state_frames=state_frames,
-        action_offsets=np.append(offsets, np.int32(len(starts))),
-        action_next=nexts,
-        action_first=firsts,
-        action_lengths=state_frames[nexts] - firsts + np.int32(1),
-        action_costs=prices,
-        frames_kept=kept,
-        transition_from=sources,
-        transition_to=targets,
-        transition_costs=costs,
-        threshold=float(threshold),
-        warnings=_dropped_clips(kept, clip_starts, clip_names),
+def _find(
+    database: MotionDatabase,
+    features: Array,
+    settings: GraphSettings,
+    threshold: float | None,
+    progress: Progress | None,
+) -> Transitions:
+    """Return the cheapest transitions of each frame, up to a threshold if there is one."""
+    contacts = np.ascontiguousarray(database.contacts[:: database.stride])
+    near = _frames(settings.near, database.control_rate)
+    ceiling = np.inf if threshold is None else threshold
+    return find_transitions(
+        features, database.clip_starts, contacts, near, settings.branching, ceiling=ceiling, progress=progress
     )
 
 
-def largest_component(sources: Array, targets: Array, clip_starts: Array) -> Array:
-    """Return which frames lie in the largest strongly connected component; none where there is no cycle. Shape (F,).
-
-    Among components of one size the one that holds the earliest frame is taken.
-    """
-    from scipy.sparse import csr_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    frames = int(clip_starts[-1])
-    onward = np.flatnonzero(_continues(np.ones(frames, bool), clip_starts))
-    rows = np.concatenate([onward, sources])
-    columns = np.concatenate([onward + 1, targets])
-    edges = csr_matrix((np.ones(len(rows), np.int8), (rows, columns)), shape=(frames, frames))
-    _, labels = connected_components(edges, directed=True, connection="strong")
-    sizes = np.bincount(labels, minlength=1)
-    if frames == 0 or sizes.max() < 2:
-        return np.zeros(frames, bool)
-    earliest = int(np.flatnonzero(sizes[labels] == sizes.max())[0])
-    kept: Array = labels == labels[earliest]
-    return kept
+def _graph_at(
+    database: MotionDatabase, transitions: Transitions, settings: GraphSettings, threshold: float
+) -> MotionGraph:
+    """Return the graph of the transitions up to a threshold, at frames that lie apart."""
+    below = transitions.chosen(transitions.costs <= np.float32(threshold))
+    # What costs nearly the threshold is worth little, and a little more than nothing.
+    worth = np.float32(threshold) - below.costs + 1e-6
+    spacing = _frames(settings.spacing, database.control_rate)
+    decisions = decision_frames(below, worth, database.clip_starts, spacing)
+    chosen = below.chosen(decisions[below.sources])
+    return graph_of_transitions(chosen, database.clip_starts, threshold, database.clip_names)
 
 
-def _continues(kept: Array, clip_starts: Array) -> Array:
-    """Return whether each kept frame's captured next frame exists and is kept. Shape (F,), bool."""
-    result = np.zeros(len(kept), bool)
-    result[:-1] = kept[:-1] & kept[1:]
-    result[np.asarray(clip_starts)[1:] - 1] = False
-    return result
-
-
-def _threshold_for_actions(pairs: Pairs, clip_starts: Array, wanted: int, warnings: list[str]) -> float:
-    """Return the threshold that gives the number of actions nearest to ``wanted``, by bisection over the costs."""
-    costs = np.unique(pairs.costs)
-    if not len(costs):
-        return 0.0
-
-    def actions(rank: int) -> int:
-        try:
-            return graph_of_pairs(pairs, clip_starts, float(costs[rank])).action_count
-        except MotionError:
-            return 0
-
-    low, high = -1, len(costs) - 1
-    most = actions(high)
-    if most < wanted:
-        warnings.append(
-            f"{wanted} actions were asked for, and all {len(pairs)} local minima of the distance give only {most}"
+def _graph_of_actions(
+    database: MotionDatabase, transitions: Transitions, settings: GraphSettings, wanted: int
+) -> MotionGraph:
+    """Return the graph whose number of actions is nearest to ``wanted``."""
+    costs = np.unique(transitions.costs)
+    most = _graph_at(database, transitions, settings, float(costs[-1]) if len(costs) else 0.0)
+    if most.action_count < wanted:
+        more = (
+            f"{wanted} actions were asked for, and there are only {most.action_count}; "
+            "a higher graph.branching or a lower graph.spacing gives more"
         )
-        return float(costs[high])
+        return replace(most, warnings=(more, *most.warnings))
+    rank = _lowest_rank(database, transitions, settings, costs, wanted)
+    graph = _graph_at(database, transitions, settings, float(costs[rank]))
+    if rank > 0 and graph.action_count > wanted:
+        try:
+            fewer = _graph_at(database, transitions, settings, float(costs[rank - 1]))
+        except MotionError:
+            return graph
+        if wanted - fewer.action_count < graph.action_count - wanted:
+            return fewer
+    return graph
+
+
+def _lowest_rank(
+    database: MotionDatabase, transitions: Transitions, settings: GraphSettings, costs: Array, wanted: int
+) -> int:
+    """Return by bisection the rank of the least of the ascending ``costs`` that gives ``wanted`` actions or more.
+
+    The highest of them gives as many.
+    """
+    low, high = -1, len(costs) - 1
     while high - low > 1:
         middle = (low + high) // 2
-        if actions(middle) < wanted:
-            low = middle
-        else:
-            high = middle
-    if low >= 0 and wanted - actions(low) < actions(high) - wanted and actions(low) > 0:
-        high = low
-    return float(costs[high])
+        try:
+            enough = _graph_at(database, transitions, settings, float(costs[middle])).action_count >= wanted
+        except MotionError:
+            enough = False
+        low, high = (low, middle) if enough else (middle, high)
+    return high
 
 
-def _dropped_clips(kept: Array, clip_starts: Array, clip_names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return a sentence for each clip of which no frame is kept."""
-    return tuple(
-        f"clip {name!r} drops out of the motion graph: none of its {stop - start} frames can be reached and left again"
-        for name, start, stop in zip(clip_names, clip_starts[:-1], clip_starts[1:], strict=False)
-        if not kept[start:stop].any()
-    )
+def _hint(database: MotionDatabase, transitions: Transitions, settings: GraphSettings) -> str:
+    """Return which threshold would give a graph."""
+    costs = np.unique(transitions.costs)
+    try:
+        _graph_at(database, transitions, settings, float(costs[-1]) if len(costs) else 0.0)
+    except MotionError:
+        return "no threshold gives one"
+    least = float(costs[_lowest_rank(database, transitions, settings, costs, 2)])
+    return f"the least threshold that gives one is {math.ceil(least * 1e3) / 1e3:.3f} m"
 
 
-def _no_cycle(pairs: Pairs, transitions: int, clip_starts: Array, threshold: float) -> str:
-    """Return why there is no cycle, in numbers."""
-    cheapest = (
-        f"the cheapest local minimum costs {pairs.costs.min():.3f} m" if len(pairs) else "there is no local minimum"
-    )
-    return (
-        f"the motion graph has no cycle: {int(clip_starts[-1])} frames in {len(clip_starts) - 1} clips, "
-        f"{transitions} transitions that cost {threshold:.3f} m or less, and {cheapest}; "
-        "raise graph.threshold, or add capture that comes back to poses it has shown"
-    )
+def _frames(seconds: float, rate: float) -> int:
+    """Return the least number of frames that last this long, at least 1."""
+    return max(1, math.ceil(seconds * rate - 1e-9))

@@ -51,7 +51,7 @@ class GraphSettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     threshold: float | None = Field(
-        default=0.15,
+        default=0.25,
         gt=0,
         allow_inf_nan=False,
         description="Highest cost of a transition [m]; null when it is chosen for a number of actions.",
@@ -60,6 +60,18 @@ class GraphSettings(BaseModel):
         default=None,
         ge=2,
         description="Number of actions for which the threshold is chosen; stands in the place of threshold.",
+    )
+    branching: int = Field(
+        default=12,
+        ge=1,
+        le=1000,
+        description="Most transitions out of a frame; the cheapest are kept.",
+    )
+    spacing: float = Field(
+        default=0.2,
+        ge=0,
+        allow_inf_nan=False,
+        description="Least time between decisions of a clip [s]; 0 allows transitions after every frame.",
     )
     velocity_weight: float = Field(
         default=0.10,
@@ -72,12 +84,6 @@ class GraphSettings(BaseModel):
         ge=0,
         allow_inf_nan=False,
         description="Frames of one clip that lie closer in time than this are no transitions [s].",
-    )
-    radius: int = Field(
-        default=1,
-        ge=1,
-        le=30,
-        description="A transition is the cheapest among those so many control frames around it; 1 keeps the most.",
     )
     joint_weights: JointWeights = Field(
         default_factory=JointWeights, description="How much each kind of joint counts when frames are compared."

@@ -1,13 +1,14 @@
-"""Transitions: pairs of frames that look alike, found as local minima of their distance.
+"""Transitions: from a frame to one that follows a frame much like it.
 
-After frame i the frame j may be shown where the cost of (i, j - 1) is below a threshold and the lowest among its
-neighbours in the plane (as far as ``radius`` in both directions), where the same feet are planted in i and j - 1, and
-where the two are not near in time (the paper's section 3). The cost is symmetric, so a pair (i, k) stands for two
-transitions: i to k + 1 and k to i + 1.
+After frame i the frame j may be shown where the cost of (i, j - 1) is below a threshold and the lowest among its eight
+neighbours in the plane, where the same feet are planted in i and j - 1, and where the two are not near in time (the
+paper's section 3, after Lee et al. 2002). Of each frame's transitions the cheapest few are kept: the poses of a guard,
+to which a boxer comes back all the time, look like hundreds of others, and more of them would add nothing but work.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -15,8 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.graph.transitions_kernels import local_minima, square_distances
-from crowdsim.motion.database import MotionDatabase
+from crowdsim.graph.transitions_kernels import keep_cheapest, local_minima, square_distances
 
 Array = NDArray[Any]
 Progress = Callable[[str, int, int], None]
@@ -26,127 +26,127 @@ _BLOCK_BYTES = 16e6
 
 
 @dataclass(frozen=True)
-class Pairs:
-    """Pairs of frames that look alike, in the order of (first, second); N of them.
+class Transitions:
+    """Transitions in the order of (source, target); T of them.
 
     Attributes:
-        first: The earlier frame of each pair. Shape (N,), int32.
-        second: The later frame. Shape (N,), int32.
-        costs: Distance of the two [m]. Shape (N,), float32.
+        sources: Frame after which each transition happens. Shape (T,), int32.
+        targets: Frame shown next. Shape (T,), int32.
+        costs: Distance of ``sources`` and ``targets - 1`` [m]. Shape (T,), float32.
     """
 
-    first: Array
-    second: Array
+    sources: Array
+    targets: Array
     costs: Array
 
     def __len__(self) -> int:
-        return len(self.first)
+        return len(self.sources)
 
-    def chosen(self, which: Array) -> Pairs:
-        """Return the pairs that ``which`` indexes."""
-        return Pairs(self.first[which], self.second[which], self.costs[which])
+    def chosen(self, which: Array) -> Transitions:
+        """Return the transitions for which ``which`` is true."""
+        return Transitions(self.sources[which], self.targets[which], self.costs[which])
 
 
-def find_pairs(
+def find_transitions(
     features: Array,
     clip_starts: Array,
     contacts: Array,
     near: int,
-    radius: int = 1,
+    most: int,
     ceiling: float = np.inf,
-    most: int | None = None,
     progress: Progress | None = None,
-) -> Pairs:
-    """Return the pairs of frames that are local minima of the distance between their features.
+) -> Transitions:
+    """Return the cheapest transitions of each frame.
 
-    Blocks of frames go through all threads one after another; the result is the same for any number of threads.
+    Blocks of frames go through all threads one after another; the result is the same for any number of threads. Where
+    costs are equal the earlier frame is taken.
 
     Args:
-        features: One row for each frame [m]. Shape (F, D).
+        features: One row for each frame, whose distances are the costs [m]. Shape (F, D).
         clip_starts: First frame of each clip, and F. Shape (C + 1,). Frames beside each other in different clips are no
             neighbours.
         contacts: Whether the left and right foot are planted. Shape (F, 2).
         near: Frames of one clip must be this far apart, at least 1.
-        radius: How far the neighbours reach among which a pair must be the cheapest; 1 compares with eight of them.
+        most: Transitions to keep of each frame, at least 1.
         ceiling: Largest cost [m].
-        most: About how many pairs to keep, the cheapest; between once and twice as many come back where there are more.
         progress: Called with ('transitions', frames done, F).
     """
     frames = len(features)
-    # The columns that vary most come first, so that distant frames are known as such early.
-    order = np.argsort(-features.var(axis=0, dtype=np.float64), kind="stable")
-    rows = np.ascontiguousarray(features[:, order], dtype=np.float32)
+    rows = _prepared(features)
     columns = np.ascontiguousarray(rows.T)
     clips = np.repeat(np.arange(len(clip_starts) - 1, dtype=np.int32), np.diff(clip_starts))
+    last = np.zeros(frames, bool)
+    last[np.asarray(clip_starts)[1:] - 1] = True
     feet = (contacts[:, 0] + 2 * contacts[:, 1].astype(np.uint8)).astype(np.uint8)
     block = int(np.clip(_BLOCK_BYTES // (4 * max(frames, 1)), 16, 512))
-    squares = np.empty((block + 2 * radius, frames), np.float32)
-    found_columns = np.empty((block, frames), np.int32)
+    squares = np.empty((block + 2, frames), np.float32)
+    found_frames = np.empty((block, frames), np.int32)
     found_squares = np.empty((block, frames), np.float32)
     counts = np.zeros(block, np.int64)
-    parts: list[Pairs] = []
-    total = 0
-    limit = np.float32(min(float(ceiling) ** 2, np.finfo(np.float32).max))
+    best_frames = np.zeros((frames, most), np.int32)
+    best_squares = np.full((frames, most), np.inf, np.float32)
+    # One rounding above, so that a cost of exactly the ceiling is met; the last word is the caller's comparison below.
+    highest = np.float32(min(np.nextafter(np.float32(ceiling), np.float32(np.inf)).astype(float) ** 2, 1e30))
     for start in range(0, frames, block):
         stop = min(frames, start + block)
-        top, bottom = max(0, start - radius), min(frames, stop + radius)
+        top, bottom = max(0, start - 1), min(frames, stop + 1)
+        limit = min(highest, best_squares[:, -1].max())
         square_distances(rows, columns, top, bottom, limit, squares)
-        local_minima(
-            squares, top, start, stop, clips, feet, max(near, 1), radius, limit, found_columns, found_squares, counts
-        )
-        used = counts[: stop - start]
-        mask = np.arange(frames) < used[:, None]
-        parts.append(
-            Pairs(
-                np.repeat(np.arange(start, stop, dtype=np.int32), used),
-                found_columns[: stop - start][mask],
-                np.sqrt(found_squares[: stop - start][mask]),
-            )
-        )
-        total += len(parts[-1])
-        if most is not None and total > 2 * most:
-            parts = [cheapest(_joined(parts), most)]
-            total = len(parts[0])
-            limit = np.float32(min(limit, parts[0].costs.max() ** 2))
+        local_minima(squares, top, start, stop, clips, feet, max(near, 1), limit, found_frames, found_squares, counts)
+        keep_cheapest(start, stop - start, found_frames, found_squares, counts, last, best_frames, best_squares)
         if progress is not None:
             progress("transitions", stop, frames)
-    return _joined(parts)
+    costs = np.sqrt(best_squares)
+    kept = np.isfinite(best_squares) & (costs <= np.float32(ceiling))
+    sources = np.repeat(np.arange(frames, dtype=np.int32), kept.sum(axis=1))
+    targets = best_frames[kept] + np.int32(1)
+    order = np.lexsort((targets, sources))
+    return Transitions(sources[order], targets[order], costs[kept][order])
 
 
-def cheapest(pairs: Pairs, most: int) -> Pairs:
-    """Return the ``most`` cheapest pairs, and those as cheap as the last of them."""
-    if len(pairs) <= most:
-        return pairs
-    bound = np.partition(pairs.costs, most - 1)[most - 1]
-    return pairs.chosen(np.flatnonzero(pairs.costs <= bound))
+def decision_frames(transitions: Transitions, worth: Array, clip_starts: Array, spacing: int) -> Array:
+    """Choose the frames at which transitions may happen: at least ``spacing`` apart in a clip, of the largest worth.
 
+    Decisions at every frame would make a body no quicker than decisions every 0.2 s, and tables three times as large
+    (``benchmarks/graph.py``).
 
-def directed(pairs: Pairs, clip_starts: Array) -> tuple[Array, Array, Array]:
-    """Return both transitions of each pair, where the frame to show lies in its clip, sorted by (from, to).
+    Args:
+        transitions: The transitions.
+        worth: What each is worth, above 0. Shape (T,).
+        clip_starts: First frame of each clip, and F. Shape (C + 1,).
+        spacing: Least number of frames from one decision to the next; 1 keeps every frame.
 
     Returns:
-        Frame after which each transition happens (N,) int32, frame shown next (N,) int32, cost (N,) float32.
+        Whether each frame is chosen. Shape (F,), bool.
     """
-    sources = np.concatenate([pairs.first, pairs.second])
-    targets = np.concatenate([pairs.second, pairs.first]) + np.int32(1)
-    costs = np.concatenate([pairs.costs, pairs.costs])
-    inside = ~np.isin(targets, clip_starts)
-    sources, targets, costs = sources[inside], targets[inside], costs[inside]
-    order = np.lexsort((targets, sources))
-    return sources[order], targets[order], costs[order]
+    frames = int(clip_starts[-1])
+    totals = np.bincount(transitions.sources, weights=worth, minlength=frames)
+    if spacing <= 1:
+        result: Array = totals > 0
+        return result
+    chosen = np.zeros(frames, bool)
+    for start, stop in itertools.pairwise(clip_starts):
+        gains = totals[start:stop].tolist()
+        # best[f] is the largest worth of the first f frames: leave frame f - 1, or take it and what lies apart from it.
+        best = [0.0] * (len(gains) + 1)
+        for frame, gain in enumerate(gains, 1):
+            best[frame] = max(best[frame - 1], best[max(0, frame - spacing)] + gain)
+        frame = len(gains)
+        while frame > 0:
+            if best[frame] > best[frame - 1]:
+                chosen[start + frame - 1] = True
+                frame -= spacing
+            else:
+                frame -= 1
+    return chosen
 
 
-def control_contacts(database: MotionDatabase) -> Array:
-    """Return whether the left and right foot are planted at each control frame. Shape (F, 2), bool."""
-    return np.ascontiguousarray(database.contacts[:: database.stride][: database.frame_count])
+def _prepared(features: Array) -> Array:
+    """Return features as the kernels take them: columns that vary most first, padded to a multiple of four.
 
-
-def _joined(parts: list[Pairs]) -> Pairs:
-    """Return pairs of several blocks as one."""
-    if not parts:
-        return Pairs(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0, np.float32))
-    return Pairs(
-        np.concatenate([part.first for part in parts]),
-        np.concatenate([part.second for part in parts]),
-        np.concatenate([part.costs for part in parts]),
-    )
+    Distances stay, and distant frames are known as such early.
+    """
+    order = np.argsort(-features.var(axis=0, dtype=np.float64), kind="stable")
+    rows = np.zeros((len(features), -(-features.shape[1] // 4) * 4), np.float32)
+    rows[:, : features.shape[1]] = features[:, order]
+    return rows

@@ -24,7 +24,7 @@ def test_settings_come_back_from_what_they_are_written_as():
         ({"threshold": float("inf")}, "finite"),
         ({"treshold": 0.1}, "Extra inputs"),
         ({"joint_weights": {"paw": 1}}, "Extra inputs"),
-        ({"radius": 0}, "greater than or equal to 1"),
+        ({"branching": 0}, "greater than or equal to 1"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused(values, message):

@@ -1,3 +1,6 @@
+import itertools
+import re
+
 import naive_graph
 import numpy as np
 import pytest
@@ -6,14 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crowdsim.errors import MotionError
-from crowdsim.graph.motion_graph import build_graph, graph_of_pairs
+from crowdsim.graph.motion_graph import build_graph
 from crowdsim.graph.settings import GraphSettings
-from crowdsim.graph.transitions import Pairs
+from crowdsim.graph.states import graph_of_transitions
+from crowdsim.graph.statistics import frames_kept_by_clip, graph_statistics
+from crowdsim.graph.transitions import Transitions
 
 
-def pairs_of(*rows):
-    ordered = sorted(rows)
-    return Pairs(
+def transitions_of(edges):
+    ordered = [(i, j, cost) for (i, j), cost in sorted(edges.items())]
+    return Transitions(
         np.array([row[0] for row in ordered], np.int32),
         np.array([row[1] for row in ordered], np.int32),
         np.array([row[2] for row in ordered], np.float32),
@@ -31,30 +36,30 @@ def as_dict(graph):
 
 
 @st.composite
-def random_pairs(draw):
+def random_edges(draw):
     lengths = draw(st.lists(st.integers(2, 30), min_size=1, max_size=4))
-    frames = sum(lengths)
-    index = st.integers(0, frames - 1)
-    couples = draw(st.sets(st.tuples(index, index).filter(lambda p: p[0] < p[1]), max_size=40))
-    rows = [(i, k, draw(st.integers(1, 100)) / 100) for i, k in sorted(couples)]
-    return np.cumsum([0, *lengths]).astype(np.int32), pairs_of(*rows)
+    starts = np.cumsum([0, *lengths]).astype(np.int32)
+    frame = st.integers(0, sum(lengths) - 1)
+    couples = draw(st.sets(st.tuples(frame, frame), max_size=60))
+    edges = {
+        (i, j): float(np.float32(draw(st.integers(0, 100)) / 100))
+        for i, j in sorted(couples)
+        if j not in starts and j not in (i, i + 1)
+    }
+    return starts, edges
 
 
-@settings(max_examples=150, deadline=None)
-@given(case=random_pairs(), threshold=st.integers(20, 100).map(lambda n: n / 100))
-def test_states_and_actions_equal_those_of_the_naive_twin(case, threshold):
-    starts, pairs = case
-    couples = zip(pairs.first.tolist(), pairs.second.tolist(), pairs.costs.tolist(), strict=True)
-    edges = naive_graph.transitions(
-        {(i, k): c for i, k, c in couples if np.float32(c) <= np.float32(threshold)}, starts
-    )
+@settings(max_examples=100, deadline=None)
+@given(case=random_edges())
+def test_states_and_actions_equal_those_of_the_naive_twin(case):
+    starts, edges = case
     kept = naive_graph.component(edges, starts)
     expected = naive_graph.actions(edges, kept, starts)
     if not any(len(ways) > 1 for ways in expected.values()):
-        with pytest.raises(MotionError):
-            graph_of_pairs(pairs, starts, threshold)
+        with pytest.raises(MotionError, match="no cycle" if not kept else "single loop"):
+            graph_of_transitions(transitions_of(edges), starts, 1.0)
         return
-    graph = graph_of_pairs(pairs, starts, threshold)
+    graph = graph_of_transitions(transitions_of(edges), starts, 1.0)
     assert set(np.flatnonzero(graph.frames_kept).tolist()) == kept
     assert as_dict(graph) == expected
     inside = {(i, j): c for (i, j), c in edges.items() if i in kept and j in kept}
@@ -149,7 +154,20 @@ def test_the_threshold_is_chosen_for_a_number_of_actions(wandering):
 
 def test_more_actions_than_there_are_is_a_warning(wandering):
     graph = build_graph(wandering, GraphSettings(actions=1_000_000))
-    assert any("1000000 actions were asked for" in warning for warning in graph.warnings)
+    assert f"1000000 actions were asked for, and there are only {graph.action_count}" in graph.warnings[0]
+
+
+def test_states_of_a_clip_lie_apart_but_where_a_clip_ends(wandering):
+    graph = build_graph(wandering, GraphSettings(threshold=0.3, spacing=0.4))
+    sources = np.unique(graph.transition_from)
+    clips = np.searchsorted(wandering.clip_starts, sources, side="right")
+    assert np.diff(sources)[np.diff(clips) == 0].min() == 6
+    assert build_graph(wandering, GraphSettings(threshold=0.3, spacing=0)).state_count > 2 * graph.state_count
+
+
+def test_no_state_has_more_ways_out_than_allowed_beside_the_captured_one(wandering):
+    graph = build_graph(wandering, GraphSettings(threshold=0.3, branching=3))
+    assert np.diff(graph.action_offsets).max() == 4
 
 
 def test_a_clip_that_drops_out_is_named():
@@ -165,19 +183,32 @@ def test_a_clip_that_drops_out_is_named():
     )
 
 
-def test_a_graph_without_a_cycle_says_so_in_numbers(wandering):
-    with pytest.raises(MotionError, match=r"no cycle: 440 frames in 3 clips, 0 transitions .* 0\.000 m or less"):
+def test_a_graph_without_a_cycle_says_so_in_numbers_and_which_threshold_gives_one(wandering):
+    with pytest.raises(MotionError, match=r"no cycle: 440 frames in 3 clips, and 0 transitions") as caught:
         build_graph(wandering, GraphSettings(threshold=1e-4))
+    least = float(re.search(r"the least threshold that gives one is (\d\.\d{3}) m", str(caught.value)).group(1))
+    assert build_graph(wandering, GraphSettings(threshold=least)).action_count >= 2
+    with pytest.raises(MotionError):
+        build_graph(wandering, GraphSettings(threshold=least - 0.001))
+
+
+def test_motion_that_never_comes_back_has_no_graph_at_any_threshold():
+    generator = np.random.default_rng(5)
+    database = synthetic_motion.database([synthetic_motion.wander(generator, 4)])
+    with pytest.raises(MotionError, match=r"no cycle: 4 frames in 1 clips, and 0 .* \(no threshold gives one\)"):
+        build_graph(database)
+    with pytest.raises(MotionError, match="no cycle"):
+        build_graph(database, GraphSettings(actions=10))
 
 
 def test_a_single_loop_has_no_decision():
     with pytest.raises(MotionError, match="single loop of 10 frames without a decision: 1 transitions"):
-        graph_of_pairs(pairs_of((4, 14, 0.1)), np.array([0, 15], np.int32), 0.2)
+        graph_of_transitions(transitions_of({(14, 5): 0.1}), np.array([0, 15], np.int32), 0.2)
 
 
 def test_a_walk_that_repeats_exactly_becomes_a_graph_that_never_leaves_its_cycle():
     database = synthetic_motion.database([synthetic_motion.walk(4)])
-    graph = build_graph(database, GraphSettings(threshold=0.01))
+    graph = build_graph(database, GraphSettings(threshold=0.01, spacing=0))
     shift = (graph.transition_to - 1 - graph.transition_from) % 20
     assert graph.transition_costs.max() < 1e-4
     assert not shift.any()
@@ -195,3 +226,44 @@ def test_progress_ends_at_its_total(wandering):
     build_graph(wandering, GraphSettings(threshold=0.3), lambda stage, done, total: seen.update({stage: (done, total)}))
     assert list(seen) == ["features", "transitions", "states"]
     assert all(done == total for done, total in seen.values())
+
+
+def test_statistics_count_what_the_arrays_hold(graph, wandering):
+    numbers = graph_statistics(graph, 15.0)
+    assert (numbers.states, numbers.actions) == (graph.state_count, graph.action_count)
+    assert numbers.transitions == len(graph.transition_from)
+    assert numbers.frames == graph.frames_kept.sum() == frames_kept_by_clip(graph, wandering.clip_starts).sum()
+    assert numbers.branching == pytest.approx(graph.action_count / graph.state_count)
+
+
+def test_frames_kept_are_counted_by_clip(graph, wandering):
+    counts = [graph.frames_kept[a:b].sum() for a, b in itertools.pairwise(wandering.clip_starts)]
+    assert frames_kept_by_clip(graph, wandering.clip_starts).tolist() == counts
+
+
+def test_cuts_a_second_and_uncut_time_equal_those_of_a_long_random_walk(graph):
+    generator = np.random.default_rng(2)
+    state, frames, cuts, run, runs = 0, 0, 0, 0, []
+    offsets, lengths = graph.action_offsets.tolist(), graph.action_lengths.tolist()
+    nexts, is_cut = graph.action_next.tolist(), graph.action_cuts.tolist()
+    for draw in generator.random(60_000).tolist():
+        action = offsets[state] + int(draw * (offsets[state + 1] - offsets[state]))
+        if is_cut[action]:
+            runs.append(run)
+            cuts, run = cuts + 1, 0
+        run += lengths[action]
+        frames += lengths[action]
+        state = nexts[action]
+    numbers = graph_statistics(graph, 15.0)
+    assert numbers.transitions_per_second == pytest.approx(cuts / frames * 15.0, rel=0.03)
+    assert numbers.uncut_seconds == pytest.approx(np.median(runs) / 15.0, abs=1.1 / 15.0)
+
+
+def test_a_coin_at_the_end_of_one_loop_cuts_as_often_as_reckoned_by_hand():
+    # After frame 4 comes frame 1 or frame 2, both by a cut: runs of 4 or 3 frames, as often as each other.
+    edges = {(4, 1): 0.1, (4, 2): 0.1}
+    graph = graph_of_transitions(transitions_of(edges), np.array([0, 6], np.int32), 0.2)
+    numbers = graph_statistics(graph, 10.0)
+    assert numbers.action_frames == 3.5
+    assert numbers.transitions_per_second == pytest.approx(10.0 / 3.5)
+    assert numbers.uncut_seconds == pytest.approx(0.3)

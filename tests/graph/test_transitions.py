@@ -1,3 +1,5 @@
+import itertools
+
 import naive_graph
 import numba
 import numpy as np
@@ -8,11 +10,11 @@ from hypothesis import strategies as st
 
 from crowdsim.graph.features import frame_features
 from crowdsim.graph.settings import GraphSettings
-from crowdsim.graph.transitions import Pairs, cheapest, control_contacts, directed, find_pairs
+from crowdsim.graph.transitions import Transitions, decision_frames, find_transitions
 
 
-def as_dict(pairs):
-    return {(int(i), int(k)): float(c) for i, k, c in zip(pairs.first, pairs.second, pairs.costs, strict=True)}
+def as_dict(found):
+    return {(int(i), int(j)): float(c) for i, j, c in zip(found.sources, found.targets, found.costs, strict=True)}
 
 
 def random_case(seed, lengths):
@@ -24,83 +26,110 @@ def random_case(seed, lengths):
     return features.astype(np.float32), np.cumsum([0, *lengths]).astype(np.int32), contacts
 
 
-@settings(max_examples=25, deadline=None)
+def same_bytes(one, other):
+    return all(a.tobytes() == b.tobytes() for a, b in zip(vars(one).values(), vars(other).values(), strict=True))
+
+
+@settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     lengths=st.lists(st.integers(1, 45), min_size=1, max_size=4),
     near=st.integers(1, 8),
-    radius=st.integers(1, 4),
+    most=st.sampled_from([1, 2, 5, 100]),
     ceiling=st.sampled_from([0.3, 0.6, 1.5, np.inf]),
 )
-def test_pairs_equal_those_of_the_naive_twin(seed, lengths, near, radius, ceiling):
+def test_transitions_equal_those_of_the_naive_twin(seed, lengths, near, most, ceiling):
     features, starts, contacts = random_case(seed, lengths)
-    found = as_dict(find_pairs(features, starts, contacts, near, radius, ceiling))
-    expected = naive_graph.pairs(features, starts, contacts, near, radius, ceiling)
+    found = as_dict(find_transitions(features, starts, contacts, near, most, ceiling))
+    pairs = naive_graph.pairs(features, starts, contacts, near, ceiling)
+    expected = naive_graph.cheapest(naive_graph.transitions(pairs, starts), most)
     assert found.keys() == expected.keys()
-    for pair, cost in found.items():
-        assert cost == pytest.approx(expected[pair], rel=1e-5)
+    for edge, cost in found.items():
+        assert cost == pytest.approx(expected[edge], rel=1e-5)
 
 
-def test_pairs_do_not_depend_on_the_block_size_and_are_sorted(monkeypatch):
+def test_transitions_do_not_depend_on_the_block_size_and_are_sorted(monkeypatch):
     features, starts, contacts = random_case(3, [150, 80, 90])
-    whole = find_pairs(features, starts, contacts, 4, 2, 1.0)
-    monkeypatch.setattr("crowdsim.graph.transitions._BLOCK_BYTES", 4 * 320 * 16)
-    blocks = find_pairs(features, starts, contacts, 4, 2, 1.0)
-    assert len(whole) > 50
-    assert np.array_equal(np.lexsort((whole.second, whole.first)), np.arange(len(whole)))
-    for one, other in zip(vars(whole).values(), vars(blocks).values(), strict=True):
-        assert one.tobytes() == other.tobytes()
+    whole = find_transitions(features, starts, contacts, 4, 6, 1.0)
+    monkeypatch.setattr("crowdsim.graph.transitions._BLOCK_BYTES", 1)
+    assert len(whole) > 200
+    assert np.array_equal(np.lexsort((whole.targets, whole.sources)), np.arange(len(whole)))
+    assert same_bytes(whole, find_transitions(features, starts, contacts, 4, 6, 1.0))
 
 
-def test_pairs_are_the_same_bytes_for_one_thread_and_two():
+def test_transitions_are_the_same_bytes_for_one_thread_and_two():
     features, starts, contacts = random_case(4, [300, 200])
     before = numba.get_num_threads()
+    results = []
     try:
-        results = []
         for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
             numba.set_num_threads(threads)
-            results.append(find_pairs(features, starts, contacts, 4, 1, 1.0))
+            results.append(find_transitions(features, starts, contacts, 4, 12, 1.0))
     finally:
         numba.set_num_threads(before)
-    assert len(results[0]) > 50
-    for one, other in zip(vars(results[0]).values(), vars(results[1]).values(), strict=True):
-        assert one.tobytes() == other.tobytes()
+    assert len(results[0]) > 500
+    assert same_bytes(*results)
 
 
-def test_a_bound_on_the_number_of_pairs_keeps_exactly_the_cheapest(monkeypatch):
-    monkeypatch.setattr("crowdsim.graph.transitions._BLOCK_BYTES", 1)
-    features, starts, contacts = random_case(5, [400])
-    every = find_pairs(features, starts, contacts, 4)
-    most = len(every) // 10
-    bounded = find_pairs(features, starts, contacts, 4, most=most)
-    assert most <= len(bounded) < len(every)
-    assert as_dict(cheapest(bounded, most)) == as_dict(cheapest(every, most))
-    assert len(cheapest(every, most)) == most
+def test_a_ceiling_leaves_off_the_dear_ones_of_the_cheapest_and_nothing_else():
+    features, starts, contacts = random_case(6, [200, 100])
+    every = find_transitions(features, starts, contacts, 4, 8)
+    ceiling = float(np.median(every.costs))
+    assert same_bytes(
+        every.chosen(every.costs <= np.float32(ceiling)), find_transitions(features, starts, contacts, 4, 8, ceiling)
+    )
 
 
-def test_a_walk_that_repeats_exactly_has_pairs_at_cost_zero_one_period_apart_and_nowhere_else():
+def test_a_walk_that_repeats_exactly_has_transitions_at_cost_zero_whole_periods_apart_and_nowhere_else():
     period = 20
     database = synthetic_motion.database([synthetic_motion.walk(3, period)])
     features = frame_features(database, GraphSettings())
-    found = find_pairs(features, database.clip_starts, control_contacts(database), near=5)
+    contacts = database.contacts[:: database.stride]
+    found = find_transitions(features, database.clip_starts, contacts, near=5, most=100)
     zero = found.costs < 1e-5
-    # Velocities at the ends of a clip are one-sided differences, so its first frames differ a little.
-    assert zero.sum() >= 5
-    assert set((found.second - found.first)[zero]) == {period, 2 * period}
+    assert zero.sum() >= 10
+    assert set((found.targets - 1 - found.sources)[zero]) == {-40, -20, 20, 40}
     assert found.costs[~zero].min(initial=1.0) > 0.01
 
 
-def test_a_motionless_clip_yields_scattered_pairs_and_not_all_of_them():
+def test_a_motionless_clip_yields_scattered_transitions_and_not_all_of_them():
     frames = 60
     features = np.ones((frames, 6), np.float32)
-    found = find_pairs(features, np.array([0, frames], np.int32), np.ones((frames, 2), bool), near=5)
-    possible = (frames - 5) * (frames - 4) // 2
+    contacts = np.ones((frames, 2), bool)
+    found = find_transitions(features, np.array([0, frames], np.int32), contacts, near=5, most=1000)
+    possible = (frames - 5) * (frames - 4)
     assert possible / 20 < len(found) < possible / 5
     assert not found.costs.any()
 
 
-def test_transitions_go_both_ways_but_not_past_the_end_of_a_clip():
-    pairs = Pairs(np.array([2, 4], np.int32), np.array([8, 9], np.int32), np.array([0.1, 0.2], np.float32))
-    sources, targets, costs = directed(pairs, np.array([0, 5, 10], np.int32))
-    assert list(zip(sources.tolist(), targets.tolist(), strict=True)) == [(2, 9), (8, 3)]
-    assert costs.tolist() == pytest.approx([0.1, 0.1])
+def test_feet_that_touch_the_floor_otherwise_are_no_transition():
+    features, starts, contacts = random_case(7, [200])
+    found = find_transitions(features, starts, contacts, 4, 100)
+    assert len(found) > 100
+    assert np.array_equal(contacts[found.sources], contacts[found.targets - 1])
+    free = find_transitions(features, starts, np.ones_like(contacts), 4, 100)
+    assert set(as_dict(found)) < set(as_dict(free))
+
+
+def test_no_transition_leads_past_the_end_of_a_clip():
+    features, starts, contacts = random_case(8, [5] * 30)
+    found = find_transitions(features, starts, np.ones_like(contacts), 1, 100)
+    assert np.isin(starts[1:] - 1, found.sources).any()
+    assert not np.isin(found.targets, starts).any()
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    worths=st.lists(st.lists(st.integers(0, 9), min_size=1, max_size=11), min_size=1, max_size=3),
+    spacing=st.integers(1, 5),
+)
+def test_decisions_lie_apart_and_are_worth_as_much_as_trying_everything_finds(worths, spacing):
+    flat = np.concatenate(worths).astype(float)
+    starts = np.cumsum([0, *map(len, worths)]).astype(np.int32)
+    sources = np.flatnonzero(flat).astype(np.int32)
+    transitions = Transitions(sources, sources + 1, flat[sources].astype(np.float32))
+    chosen = decision_frames(transitions, flat[sources], starts, spacing)
+    assert flat[chosen].sum() == sum(naive_graph.largest_worth_apart(worth, spacing) for worth in worths)
+    assert flat[chosen].all()
+    for start, stop in itertools.pairwise(starts):
+        assert np.diff(np.flatnonzero(chosen[start:stop])).min(initial=spacing) >= spacing

@@ -1,0 +1,144 @@
+"""Pictures of a motion graph: the distance matrix with its transitions, ways out of states, lengths of actions."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import OutputError
+from crowdsim.graph.features import frame_features
+from crowdsim.graph.settings import GraphSettings
+from crowdsim.graph.states import MotionGraph
+from crowdsim.motion.database import MotionDatabase
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[Any]
+
+_PIXELS = 1400
+"""Most rows and columns that a distance matrix is drawn with."""
+
+
+def plot_graph(database: MotionDatabase, graph: MotionGraph, settings: GraphSettings, folder: Path) -> list[Path]:
+    """Write all pictures of a graph as PNG files and return their paths.
+
+    Args:
+        database: The motion that the graph was built from.
+        graph: The graph.
+        settings: What it was built with.
+        folder: Where to write; made where it is missing.
+
+    Raises:
+        OutputError: The folder or a file cannot be written.
+    """
+    figures = {
+        "distances.png": distance_figure(database, graph, settings),
+        "degrees.png": degree_figure(graph),
+        "action_lengths.png": length_figure(graph, database.control_rate),
+    }
+    return [_save(figure, folder / name) for name, figure in figures.items()]
+
+
+def distance_figure(database: MotionDatabase, graph: MotionGraph, settings: GraphSettings) -> Figure:
+    """Draw the cost between all frames, dark where they are alike, with the transitions of the graph as dots.
+
+    A dot at column i and row j - 1 is the transition after frame i to frame j.
+    """
+    frames = database.frame_count
+    step = max(1, -(-frames // _PIXELS))
+    features = frame_features(database, settings)[::step].astype(np.float64)
+    lengths = (features**2).sum(axis=1)
+    squares = lengths[:, None] + lengths[None, :] - 2.0 * features @ features.T
+    costs = np.sqrt(np.maximum(squares, 0.0))
+    figure = _figure(11.0, 10.0)
+    axes = figure.add_subplot()
+    image = axes.imshow(
+        costs,
+        cmap="gray",
+        vmin=0.0,
+        vmax=float(np.percentile(costs, 90)),
+        extent=(-0.5, frames - 0.5, frames - 0.5, -0.5),
+        interpolation="nearest",
+    )
+    figure.colorbar(image, ax=axes, label="cost between two frames [m]", fraction=0.04)
+    dots = axes.scatter(
+        graph.transition_from,
+        graph.transition_to - 1,
+        c=graph.transition_costs,
+        s=max(0.3, 6000.0 / max(len(graph.transition_from), 1)),
+        cmap="autumn_r",
+        linewidths=0,
+    )
+    figure.colorbar(dots, ax=axes, label="cost of a transition [m]", fraction=0.04)
+    for start in database.clip_starts[1:-1]:
+        axes.axhline(start - 0.5, color="tab:blue", linewidth=0.4)
+        axes.axvline(start - 0.5, color="tab:blue", linewidth=0.4)
+    middles = (database.clip_starts[:-1] + database.clip_starts[1:]) / 2
+    axes.set_yticks(middles, database.clip_names, fontsize=6)
+    axes.set_xlabel("control frame i")
+    axes.set_title(f"{len(graph.transition_from)} transitions up to {graph.threshold:.3f} m: after i shows row + 1")
+    return figure
+
+
+def degree_figure(graph: MotionGraph) -> Figure:
+    """Draw how many states have how many actions, and from how many states each one can be reached at once."""
+    figure = _figure(10.0, 4.0)
+    ways_out = np.diff(graph.action_offsets)
+    ways_in = np.bincount(graph.action_next, minlength=graph.state_count)
+    for place, (counts, label) in enumerate([(ways_out, "actions of a state"), (ways_in, "actions into a state")], 1):
+        axes = figure.add_subplot(1, 2, place)
+        _bars(axes, counts)
+        axes.set_xlabel(label)
+        axes.set_ylabel("states")
+        axes.set_title(f"{graph.state_count} states, mean {counts.mean():.1f}, most {counts.max()}", fontsize=10)
+    return figure
+
+
+def length_figure(graph: MotionGraph, control_rate: float) -> Figure:
+    """Draw how many actions last how long."""
+    figure = _figure(6.0, 4.0)
+    axes = figure.add_subplot()
+    _bars(axes, graph.action_lengths)
+    mean = graph.action_lengths.mean()
+    axes.set_xlabel(f"control frames of an action ({control_rate:g} a second)")
+    axes.set_ylabel("actions")
+    axes.set_title(f"{graph.action_count} actions, mean {mean:.1f} frames = {mean / control_rate:.2f} s", fontsize=10)
+    return figure
+
+
+def _figure(width: float, height: float) -> Figure:
+    """Return an empty figure that belongs to no window."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _bars(axes: Any, counts: Array) -> None:
+    """Draw a histogram of whole numbers, several to a bar where there are many."""
+    most = int(counts.max())
+    width = max(1, -(-most // 60))
+    axes.hist(counts, bins=np.arange(0, most + 2 * width, width) - 0.5, color="tab:blue")
+
+
+def _save(figure: Figure, path: Path) -> Path:
+    """Write a figure under a temporary name and rename it."""
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.png")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(temporary, dpi=120, metadata={"Software": "crowdsim"})
+        os.replace(temporary, path)
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+    return path
