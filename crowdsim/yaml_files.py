@@ -33,7 +33,7 @@ from crowdsim.yaml_tree import (
     scalar,
 )
 
-__all__ = ["Fault", "Faults", "Finding", "StrictModel", "dump_yaml", "find_faults", "load_model"]
+__all__ = ["Fault", "Faults", "Finding", "StrictModel", "dump_yaml", "find_faults", "load_model", "where"]
 
 Model = TypeVar("Model", bound=BaseModel)
 FileName = str | PathLike[str]
@@ -77,6 +77,19 @@ def find_faults(
 ) -> list[Finding]:
     """Return everything that is wrong with a YAML file, in the order of its lines; an empty list when nothing is."""
     return _read(path, model, overrides, context)[1]
+
+
+def where(path: FileName, key: Sequence[str | int]) -> str:
+    """Return ``PATH:LINE:COLUMN: key.path`` of a key in a file, or of the nearest one above it that the file has."""
+    place = Place(str(path))
+    try:
+        with open(path, "rb") as file:
+            entry, _ = read_tree(file.read(MAXIMUM_BYTES + 1), str(path))
+        if entry is not None:
+            place = fault_finding(Fault("", *key), (), entry).place
+    except (TreeError, OSError, ValueError):
+        pass
+    return f"{place}: {key_path(tuple(key))}"
 
 
 def dump_yaml(data: Any) -> str:

@@ -24,7 +24,8 @@ from crowdsim.crowd.scenario_groups import (
 from crowdsim.crowd.scenario_outputs import Outputs
 from crowdsim.crowd.scenario_parts import Arena, AvatarType, Name, NoArena
 from crowdsim.errors import ScenarioError
-from crowdsim.yaml_files import Fault, Faults, Finding, StrictModel, dump_yaml, find_faults, load_model
+from crowdsim.yaml_files import Fault, Faults, Finding, StrictModel, dump_yaml, find_faults, load_model, where
+from crowdsim.yaml_tree import key_path
 
 VERSION = 1
 MAXIMUM_SEED = 2**63 - 1
@@ -69,6 +70,7 @@ class Scenario(StrictModel):
     outputs: Outputs = Field(default_factory=Outputs, description="What a run writes beside its take.")
 
     _folder: Path = PrivateAttr(default=Path())
+    _source: Path | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
     def _check(self, info: ValidationInfo) -> Scenario:
@@ -106,6 +108,10 @@ class Scenario(StrictModel):
         """Files that the scenario reads, as paths in its folder; a copy of the scenario needs them beside it."""
         named = [group.placement.file for group in self.groups if isinstance(group.placement, PointsPlacement)]
         return tuple(dict.fromkeys(file for file in named if file is not None))
+
+    def where(self, *key: str | int) -> str:
+        """Return where a key stands, for messages: file, line, column and key path, or the scenario's name and key."""
+        return where(self._source, key) if self._source else f"{self.name}: {key_path(key)}"
 
     def control_frames(self, rate: float) -> int:
         """Return the length in control frames at ``rate`` control frames a second; at least 1."""
@@ -166,7 +172,9 @@ def load_scenario(
             raise ScenarioError(f"{file}: with fraction {fraction}: {'; '.join(reasons)}") from None
         # A validated copy counts every key as set; types must still know what their file says to be merged.
         scenario = scenario.model_copy(update={key: getattr(changed, key) for key in changes})
-    return resolve_scenario(scenario, file.parent)
+    resolved = resolve_scenario(scenario, file.parent)
+    resolved._source = file
+    return resolved
 
 
 def find_scenario_faults(path: FileName, overrides: Sequence[str] = ()) -> list[Finding]:

@@ -1,0 +1,275 @@
+"""Where avatars stand and look at the start, of which type they are, and how large and quick each is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd import placement_kernels as kernels
+from crowdsim.crowd.placement_points import read_points
+from crowdsim.crowd.random import Purpose, normal, stream, uniform
+from crowdsim.crowd.scenario import Scenario
+from crowdsim.crowd.scenario_groups import (
+    ArmyPlacement,
+    DiscPlacement,
+    GridPlacement,
+    Group,
+    LinePlacement,
+    PointsPlacement,
+    RingPlacement,
+)
+from crowdsim.crowd.scenario_parts import Arena, CircleArena, Distribution, RectangleArena, Uniform
+from crowdsim.errors import ScenarioError
+
+Array = NDArray[Any]
+
+LEAST_DISTANCE = 0.1
+_DARTS = 24
+
+
+@dataclass(frozen=True)
+class Placed:
+    """All avatars of a scenario as they stand at the start, waiting groups included.
+
+    Attributes:
+        x, z: Places [m]. Shape (N,).
+        heading: Where they look [rad], in -pi..pi. Shape (N,).
+        group, team, type: Indices into ``groups``, ``teams`` and ``types``. Shape (N,), int32.
+        scale, speed: Factors of body size and of speed. Shape (N,).
+        present: Whether the avatar is there from the start; others wait for an event. Shape (N,), bool.
+        groups, teams, types: Names.
+    """
+
+    x: Array
+    z: Array
+    heading: Array
+    group: Array
+    team: Array
+    type: Array
+    scale: Array
+    speed: Array
+    present: Array
+    groups: tuple[str, ...]
+    teams: tuple[str, ...]
+    types: tuple[str, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of avatars N."""
+        return len(self.x)
+
+
+def place_groups(scenario: Scenario) -> Placed:
+    """Place all groups of a scenario, in their order; the same seed gives the same bytes.
+
+    Raises:
+        ScenarioError: Not all avatars fit; the message says how many did.
+    """
+    groups = scenario.groups
+    starts = np.concatenate([[0], np.cumsum([group.count for group in groups])])
+    total = int(starts[-1])
+    x, z, headings = np.empty(total), np.empty(total), np.empty(total)
+    types = tuple(scenario.types)
+    kind, index = np.empty(total, np.int32), np.repeat(np.arange(len(groups), dtype=np.int32), np.diff(starts))
+    for i, group in enumerate(groups):
+        start, stop = int(starts[i]), int(starts[i + 1])
+        _place(scenario, i, start, stop, x, z, headings)
+        _check_arena(scenario, i, x[start:stop], z[start:stop])
+        kind[start:stop] = _types_of(scenario.seed, group, types, np.arange(start, stop))
+    _check_conflicts(scenario, starts, x, z)
+    teams = scenario.teams
+    team = np.array([teams.index(group.team) for group in groups], np.int32)[index]
+    for i in range(len(groups)):
+        _turn(scenario, i, slice(int(starts[i]), int(starts[i + 1])), team, x, z, headings)
+    numbers = np.arange(total)
+    scale, speed = np.empty(total), np.empty(total)
+    for t, name in enumerate(types):
+        own = numbers[kind == t]
+        scale[own] = _draw(scenario.seed, Purpose.SCALE, own, scenario.types[name].scale)
+        speed[own] = _draw(scenario.seed, Purpose.SPEED, own, scenario.types[name].speed)
+    names = tuple(group.name or f"group{i + 1}" for i, group in enumerate(groups))
+    present = np.array([not group.waits for group in groups])[index]
+    return Placed(x, z, headings, index, team, kind, scale, speed, present, names, teams, types)
+
+
+def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: Array, heading: Array) -> None:
+    """Write places and the placement's own headings of one group."""
+    group = scenario.groups[index]
+    placement, count, here = group.placement, group.count, slice(start, stop)
+    if isinstance(placement, DiscPlacement):
+        _throw(scenario, index, placement, start, stop, x, z)
+        heading[here] = _bearing(placement.centre, x[here], z[here])
+    elif isinstance(placement, GridPlacement):
+        columns = min(placement.columns or int(np.ceil(np.sqrt(count))), count)
+        row, column = np.divmod(np.arange(count), columns)
+        # The first row stands in front, and a last row that is not full stands in the middle.
+        filled = np.where(row == count // columns, count - count // columns * columns, columns)
+        across = ((filled - 1) / 2 - column) * placement.spacing
+        ahead = (-(-count // columns) - 1) / 2 - row
+        x[here], z[here] = _turned(placement.centre, placement.turn, across, ahead * placement.spacing)
+        heading[here] = np.radians(placement.turn)
+    elif isinstance(placement, RingPlacement):
+        ratio = placement.distance / (2 * placement.radius)
+        room = 1 if ratio > 1 else int(np.pi / np.arcsin(ratio) + 1e-9)
+        where = f"on a ring of radius {placement.radius:g} m"
+        least = placement.distance / 2 / np.sin(np.pi / count) if count > 1 else 0.0
+        _check_room(scenario, index, room, where, placement.distance, f"a radius of {_up(least)} m")
+        angle = np.radians(placement.turn) + 2 * np.pi * np.arange(count) / count
+        x[here] = placement.centre[0] + placement.radius * np.sin(angle)
+        z[here] = placement.centre[1] + placement.radius * np.cos(angle)
+        heading[here] = angle + np.pi
+    elif isinstance(placement, LinePlacement):
+        dx, dz = placement.end[0] - placement.start[0], placement.end[1] - placement.start[1]
+        length = float(np.hypot(dx, dz))
+        room = int(length / placement.distance + 1e-9) + 1
+        where = f"on a line of {length:g} m"
+        _check_room(
+            scenario, index, room, where, placement.distance, f"a line of {_up((count - 1) * placement.distance)} m"
+        )
+        along = np.linspace(0.0, 1.0, count) if count > 1 else np.array([0.5])
+        x[here], z[here] = placement.start[0] + along * dx, placement.start[1] + along * dz
+        heading[here] = np.arctan2(-dz, dx)
+    elif isinstance(placement, ArmyPlacement):
+        files = -(-count // placement.ranks)
+        rank, file = np.divmod(np.arange(count), files)
+        filled = np.where(rank == count // files, count - count // files * files, files)
+        sign = 1.0 if placement.side == "left" else -1.0
+        away = sign * (placement.gap / 2 + rank * placement.spacing)
+        x[here], z[here] = _turned(
+            placement.centre, placement.turn, away, (file - (filled - 1) / 2) * placement.spacing
+        )
+        heading[here] = np.radians(placement.turn) - sign * np.pi / 2
+    elif isinstance(placement, PointsPlacement):
+        points = read_points(scenario, index, placement)
+        if len(points) < count:
+            what = f"{len(points)} of {count} avatars fit, for there are {len(points)} points, expected {count} or more"
+            raise ScenarioError(f"{scenario.where('groups', index, 'placement')}: {what}")
+        x[here], z[here] = points[:count, 0], points[:count, 1]
+        centre = (float(x[here].mean()), float(z[here].mean()))
+        heading[here] = np.radians(points[:count, 2]) if points.shape[1] == 3 else _bearing(centre, x[here], z[here])
+
+
+def _throw(scenario: Scenario, index: int, placement: DiscPlacement, start: int, stop: int, x: Array, z: Array) -> None:
+    least, count = placement.distance, stop - start
+    heads, following = _buckets(stop)
+    kernels.insert_points(0, start, least, heads, following, x, z)
+    seeds = stream(scenario.seed, Purpose.PLACE)
+    centre_x, centre_z = placement.centre
+    reached = kernels.throw_darts(
+        seeds, start, stop, centre_x, centre_z, placement.radius, least, _DARTS, heads, following, x, z
+    )
+    # Random discs cover little more than half of the plane.
+    needed = _up(least / 2 * np.sqrt(count / 0.5))
+    where = f"in a disc of radius {placement.radius:g} m"
+    _check_room(scenario, index, reached - start, where, least, f"a radius of about {needed} m")
+
+
+def _check_room(scenario: Scenario, index: int, room: int, where: str, distance: float, cure: str) -> None:
+    count = scenario.groups[index].count
+    if room < count:
+        what = f"{room} of {count} avatars fit {where} at least {distance:g} m apart"
+        place = scenario.where("groups", index, "placement")
+        raise ScenarioError(f"{place}: {what}, expected {cure}, a smaller distance or fewer avatars")
+
+
+def _check_arena(scenario: Scenario, index: int, x: Array, z: Array) -> None:
+    inside = _inside(scenario.arena, x, z)
+    fit = int(np.count_nonzero(inside))
+    if fit < len(x):
+        what = f"{fit} of {len(x)} avatars stand inside the arena, expected all; it is {_arena_words(scenario.arena)}"
+        raise ScenarioError(f"{scenario.where('groups', index, 'placement')}: {what}")
+
+
+def _check_conflicts(scenario: Scenario, starts: Array, x: Array, z: Array) -> None:
+    heads, following = _buckets(len(x))
+    second = kernels.first_conflict(LEAST_DISTANCE, heads, following, x, z)
+    if second >= 0:
+        distance = np.hypot(x[:second] - x[second], z[:second] - z[second])
+        first = int(np.argmin(distance))
+        index = int(np.searchsorted(starts, second, side="right") - 1)
+        what = f"avatar {scenario.avatar_name(second)} would stand {distance[first]:.2f} m from "
+        what += f"{scenario.avatar_name(first)}, expected {LEAST_DISTANCE} m or more"
+        raise ScenarioError(f"{scenario.where('groups', index, 'placement')}: {what}")
+
+
+def _buckets(count: int) -> tuple[Array, Array]:
+    return np.full(1 << max(4, int(count).bit_length()), -1, np.int32), np.full(count, -1, np.int32)
+
+
+def _inside(arena: Arena, x: Array, z: Array) -> Array:
+    if isinstance(arena, CircleArena):
+        return np.hypot(x - arena.centre[0], z - arena.centre[1]) <= arena.radius * (1 + 1e-9)
+    if isinstance(arena, RectangleArena):
+        half = np.asarray(arena.size) / 2 * (1 + 1e-9)
+        return (np.abs(x - arena.centre[0]) <= half[0]) & (np.abs(z - arena.centre[1]) <= half[1])
+    return np.ones(len(x), bool)
+
+
+def _arena_words(arena: Arena) -> str:
+    if isinstance(arena, CircleArena):
+        return f"a circle of radius {arena.radius:g} m"
+    if isinstance(arena, RectangleArena):
+        return f"a rectangle of {arena.size[0]:g} m by {arena.size[1]:g} m"
+    return "open ground"
+
+
+def _turn(scenario: Scenario, index: int, here: slice, team: Array, x: Array, z: Array, heading: Array) -> None:
+    """Turn the avatars of a group as ``facing`` says."""
+    group = scenario.groups[index]
+    facing, placement = group.facing, group.placement
+    if isinstance(facing, float | int):
+        heading[here] = np.radians(facing)
+    elif facing == "random":
+        numbers = np.arange(here.start, here.stop)
+        heading[here] = 2 * np.pi * uniform(scenario.seed, Purpose.FACING, numbers)
+    elif facing == "enemies":
+        others = team != team[here.start]
+        others = others if others.any() else np.ones(len(x), bool)
+        heading[here] = _bearing((float(x[others].mean()), float(z[others].mean())), x[here], z[here])
+    elif facing in ("centre", "outwards"):
+        middle = (float(x[here].mean()), float(z[here].mean()))
+        centre = getattr(placement, "centre", middle)
+        heading[here] = _bearing(centre, x[here], z[here]) + (np.pi if facing == "outwards" else 0.0)
+    heading[here] = np.mod(heading[here] + np.pi, 2 * np.pi) - np.pi
+
+
+def _bearing(towards: tuple[float, float], x: Array, z: Array) -> Array:
+    return np.arctan2(towards[0] - x, towards[1] - z)
+
+
+def _turned(centre: tuple[float, float], degrees: float, across: Array, ahead: Array) -> tuple[Array, Array]:
+    """Return places given to the left and ahead of a centre that is turned about +y."""
+    cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return centre[0] + across * cos + ahead * sin, centre[1] - across * sin + ahead * cos
+
+
+def _types_of(seed: int, group: Group, types: tuple[str, ...], avatars: Array) -> Array:
+    """Return the index of each avatar's type; those of a mix are drawn by its weights."""
+    if group.type is not None:
+        return np.full(len(avatars), types.index(group.type), np.int32)
+    mix = group.mix or {}
+    names = [name for name in types if mix.get(name, 0) > 0]
+    edges = np.cumsum([mix[name] for name in names])
+    chosen = np.searchsorted(edges / edges[-1], uniform(seed, Purpose.TYPE, avatars), side="right")
+    return np.array([types.index(name) for name in names], np.int32)[np.minimum(chosen, len(names) - 1)]
+
+
+def _draw(seed: int, purpose: Purpose, avatars: Array, distribution: Distribution) -> Array:
+    if isinstance(distribution, float | int):
+        return np.full(len(avatars), float(distribution))
+    if isinstance(distribution, Uniform):
+        width = distribution.maximum - distribution.minimum
+        return distribution.minimum + width * uniform(seed, purpose, avatars)
+    low, high = distribution.limits
+    return np.clip(distribution.mean + distribution.deviation * normal(seed, purpose, avatars), low, high)
+
+
+def _up(length: float) -> str:
+    """Return a length rounded up to three digits."""
+    if length <= 0:
+        return "0"
+    digit = 10.0 ** (np.floor(np.log10(length)) - 2)
+    return f"{np.ceil(length / digit) * digit:g}"
