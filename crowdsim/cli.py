@@ -170,6 +170,237 @@ def _print_capture(path: Path, told: dict[str, Any]) -> None:
         print(f"{path}: {finding}", file=sys.stderr)
 
 
+Threads = Annotated[int, typer.Option("--threads", min=1, max=1024, help="Threads; results never depend on them.")]
+Force = Annotated[bool, typer.Option("--force", help="Do it again although it is done.")]
+Mocap = Annotated[
+    Path | None,
+    typer.Option(help="Folder of motion capture, for recipes that train from it.", envvar="CROWDSIM_MOCAP"),
+]
+
+
+def _cores() -> int:
+    import os
+
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@app.command()
+def train(
+    recipe: Annotated[str, typer.Argument(help="A recipe's file, or its name.")],
+    mocap: Mocap = None,
+    threads: Threads = _cores(),
+    force: Force = False,
+) -> None:
+    """Train a policy from motion capture or from the embedded boxer."""
+    from crowdsim.policy.train import train_recipe
+
+    with Bars() as bars:
+        folder, trained = train_recipe(recipe, mocap, threads, force, bars)
+    print(f"{folder}: {'trained' if trained else 'up to date'}")
+
+
+@app.command()
+def run(
+    scenarios: Annotated[list[str], typer.Argument(help="Scenario files, or their names.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Run folder; with several scenarios the folder they go into.")
+    ] = None,
+    threads: Threads = _cores(),
+    seed: Annotated[int | None, typer.Option(min=0, help="Another seed.")] = None,
+    override: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Another value, groups[0].count=12 say.")
+    ] = None,
+    frames: Annotated[int | None, typer.Option(min=1, help="Another length [control frames].")] = None,
+    fraction: Annotated[float | None, typer.Option(help="Share of every group's avatars, 0.01 say.")] = None,
+    mocap: Mocap = None,
+    force: Force = False,
+) -> None:
+    """Run scenarios: simulate, and write take and outputs."""
+    from crowdsim.crowd.scenario import load_scenario
+    from crowdsim.runner import Interrupted, run_to
+
+    command = " ".join(["crowdsim", *sys.argv[1:]])
+    failures: list[tuple[str, CrowdsimError]] = []
+    for name in scenarios:
+        try:
+            scenario = load_scenario(name, override or (), seed, frames, fraction)
+            folder = Path("output") / scenario.name if out is None else out / scenario.name if scenarios[1:] else out
+            with Bars() as bars:
+                report = run_to(folder, scenario, threads, mocap, force, command, bars)
+            _print_report(report)
+        except Interrupted as stop:
+            print(stop, file=sys.stderr)
+            sys.exit(128 + stop.number)
+        except CrowdsimError as error:
+            if not scenarios[1:]:
+                raise
+            print(error, file=sys.stderr)
+            failures.append((name, error))
+    if failures:
+        print(
+            f"{len(failures)} of {len(scenarios)} runs failed: {', '.join(name for name, _ in failures)}",
+            file=sys.stderr,
+        )
+        sys.exit(1)
+
+
+def _print_report(report: Any) -> None:
+    for note in report.notes:
+        print(note, file=sys.stderr)
+    if report.done_before:
+        print(f"{report.folder}: this run is done already; --force does it again")
+        return
+    print(f"{report.folder}")
+    print(f"  {report.avatars} avatars, {report.control_frames} control frames")
+    print(f"  {report.strikes} strikes thrown, {report.landed} landed")
+    for kind, count in report.outputs.items():
+        print(f"  {kind}: {count} file{'s' if count > 1 else ''}")
+    seconds = report.seconds
+    print("  " + ", ".join(f"{stage} {seconds[stage]:.2f} s" for stage in seconds))
+
+
+@app.command()
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
+    bvh: Annotated[bool, typer.Option("--bvh", help="Write BVH, one file an avatar.")] = False,
+    ply: Annotated[bool, typer.Option("--ply", help="Write PLY point clouds, one file a frame.")] = False,
+    pcd: Annotated[bool, typer.Option("--pcd", help="Write PCD point clouds, one file a frame.")] = False,
+    avatars: Annotated[str | None, typer.Option(help="Numbers of avatars: 0-9 or 0,3,5-7; all by default.")] = None,
+    frames: Annotated[str | None, typer.Option(help="Output frames A:B, half-open; all by default.")] = None,
+    fps: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Output frames a second.")] = 60.0,
+    every: Annotated[int, typer.Option(min=1, help="Write every n-th output frame of point clouds.")] = 1,
+    points: Annotated[int, typer.Option(min=1, max=100_000, help="Points an avatar.")] = 500,
+    out: Annotated[Path | None, typer.Option(help="Folder that bvh/, ply/ and pcd/ go into; the run's.")] = None,
+    threads: Threads = _cores(),
+) -> None:
+    """Export a run's take as BVH or point clouds, without simulating again."""
+    from crowdsim.export.bvh import export_bvh
+    from crowdsim.export.select import parse_avatars, parse_range
+    from crowdsim.runner import open_run
+    from crowdsim.take.poses import PoseSampler
+
+    if not (bvh or ply or pcd):
+        raise CrowdsimError("nothing to export, expected --bvh, --ply or --pcd")
+    take, policies, notes = open_run(folder)
+    for note in notes:
+        print(note, file=sys.stderr)
+    chosen = parse_avatars(avatars, take.avatar_count)
+    span = parse_range(frames, take.output_frames(fps), fps)
+    sampler = PoseSampler(take, policies, threads)
+    target = out or folder / "export"
+    _make_folder(target)
+    with Bars() as bars:
+        if bvh:
+            files = export_bvh(sampler, target / "bvh", fps, span, chosen, bars)
+            print(f"{target / 'bvh'}: {len(files)} files")
+        for kind, wanted in (("ply", ply), ("pcd", pcd)):
+            if wanted:
+                from crowdsim.export.pointcloud import CloudBuilder, export_clouds
+
+                builder = CloudBuilder(sampler, fps, points, chosen)
+                files = export_clouds(builder, target / kind, kind, span, every, threads, bars)
+                print(f"{target / kind}: {len(files)} files")
+
+
+@app.command()
+def render(
+    things: Annotated[list[Path], typer.Argument(metavar="RUN|FILE.bvh ...", help="Run folders and BVH files.")],
+    out: Annotated[Path | None, typer.Option(help="Folder of the pictures; with several things their parent.")] = None,
+    size: Annotated[str, typer.Option(help="Width and height, 1280x720 say.")] = "1280x720",
+    fps: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Pictures a second.")] = 30.0,
+    frames: Annotated[str | None, typer.Option(help="Output frames A:B, half-open; all by default.")] = None,
+    camera: Annotated[
+        str | None, typer.Option(help="auto, orbit, top, side, follow:AVATAR; front+side for BVH files.")
+    ] = None,
+    png: Annotated[bool, typer.Option("--png", help="Write numbered PNG.")] = False,
+    mp4: Annotated[bool, typer.Option("--mp4", help="Write video.mp4; so it is when nothing else is named.")] = False,
+    contact_sheet: Annotated[int, typer.Option(min=0, max=400, help="Write one PNG of N moments.")] = 0,
+    caption: Annotated[bool, typer.Option(help="A small caption in the picture.")] = True,
+    threads: Threads = _cores(),
+    jobs: Annotated[int, typer.Option(min=1, max=256, help="Processes that draw.")] = 1,
+) -> None:
+    """Render runs and BVH files to PNG, MP4 and contact sheets."""
+    from crowdsim.render.command import RenderOptions, parse_frames, parse_size, render_many
+    from crowdsim.render.take_source import TakeSource
+    from crowdsim.runner import open_run
+    from crowdsim.take.poses import PoseSampler
+
+    options = RenderOptions(
+        size=parse_size(size),
+        fps=fps,
+        frames=None if frames is None else parse_frames(frames),
+        camera=camera,
+        mp4=mp4 or not (png or contact_sheet),
+        png=png,
+        contact_sheet=contact_sheet,
+        caption=caption,
+        threads=threads,
+        jobs=jobs,
+    )
+
+    def open_source(path: Path, wanted: RenderOptions) -> tuple[TakeSource, tuple[str, ...]]:
+        take, policies, notes = open_run(path)
+        return TakeSource(PoseSampler(take, policies, threads), wanted.fps or 30.0), tuple(notes)
+
+    if out is not None and len(things) == 1:
+        outs = [out]
+    else:
+        outs = [
+            out / thing.stem if out is not None else thing.with_suffix("") if thing.suffix.lower() == ".bvh" else thing
+            for thing in things
+        ]
+    for folder in outs:
+        _make_folder(folder)
+    with Bars() as bars:
+        outcomes = render_many(things, outs, options, open_source, bars)
+    failed = [outcome for outcome in outcomes if outcome.error is not None]
+    for outcome in outcomes:
+        for note in outcome.notes:
+            print(f"{outcome.path}: {note}", file=sys.stderr)
+        if outcome.rendered is not None:
+            for path in outcome.rendered.files[:4]:
+                print(path)
+        else:
+            print(outcome.error, file=sys.stderr)
+    if failed:
+        error = failed[0].error
+        sys.exit(1 if len(things) > 1 or error is None else error.exit_code)
+
+
+@app.command()
+def validate(files: Annotated[list[Path], typer.Argument(help="Scenarios and recipes.")]) -> None:
+    """Check scenarios and recipes; print every finding with its line and column."""
+    from crowdsim.validation import find_file_faults
+
+    findings = [finding for path in files for finding in find_file_faults(path)]
+    for finding in findings:
+        print(finding, file=sys.stderr)
+    if findings:
+        sys.exit(2)
+    print(f"{len(files)} file{'s' if len(files) > 1 else ''} without a finding")
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of scenario files, for editors."""
+    from crowdsim.crowd.scenario import scenario_schema
+
+    print(scenario_schema(), end="")
+
+
+@app.command()
+def verify(folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")]) -> None:
+    """Hold every file of a run against the checksums in its manifest."""
+    from crowdsim.manifest import read_manifest, verify
+
+    findings = verify(folder)
+    for finding in findings:
+        print(finding, file=sys.stderr)
+    if findings:
+        sys.exit(1)
+    print(f"{folder}: {len(read_manifest(folder)['files'])} files, all as they were written")
+
+
 def _make_folder(folder: Path) -> None:
     """Make a folder for outputs.
 
