@@ -170,6 +170,14 @@ def _print_capture(path: Path, told: dict[str, Any]) -> None:
         print(f"{path}: {finding}", file=sys.stderr)
 
 
+def _count_cores() -> int:
+    import os
+
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+_CORES = _count_cores()
+
 Threads = Annotated[int, typer.Option("--threads", min=1, max=1024, help="Threads; results never depend on them.")]
 Force = Annotated[bool, typer.Option("--force", help="Do it again although it is done.")]
 Mocap = Annotated[
@@ -178,17 +186,11 @@ Mocap = Annotated[
 ]
 
 
-def _cores() -> int:
-    import os
-
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 @app.command()
 def train(
     recipe: Annotated[str, typer.Argument(help="A recipe's file, or its name.")],
     mocap: Mocap = None,
-    threads: Threads = _cores(),
+    threads: Threads = _CORES,
     force: Force = False,
 ) -> None:
     """Train a policy from motion capture or from the embedded boxer."""
@@ -201,11 +203,11 @@ def train(
 
 @app.command()
 def run(
-    scenarios: Annotated[list[str], typer.Argument(help="Scenario files, or their names.")],
+    scenarios: Annotated[list[str], typer.Argument(metavar="SCENARIO ...", help="Scenario files, or their names.")],
     out: Annotated[
         Path | None, typer.Option(help="Run folder; with several scenarios the folder they go into.")
     ] = None,
-    threads: Threads = _cores(),
+    threads: Threads = _CORES,
     seed: Annotated[int | None, typer.Option(min=0, help="Another seed.")] = None,
     override: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Another value, groups[0].count=12 say.")
@@ -271,7 +273,7 @@ def export(
     every: Annotated[int, typer.Option(min=1, help="Write every n-th output frame of point clouds.")] = 1,
     points: Annotated[int, typer.Option(min=1, max=100_000, help="Points an avatar.")] = 500,
     out: Annotated[Path | None, typer.Option(help="Folder that bvh/, ply/ and pcd/ go into; the run's.")] = None,
-    threads: Threads = _cores(),
+    threads: Threads = _CORES,
 ) -> None:
     """Export a run's take as BVH or point clouds, without simulating again."""
     from crowdsim.export.bvh import export_bvh
@@ -316,7 +318,7 @@ def render(
     mp4: Annotated[bool, typer.Option("--mp4", help="Write video.mp4; so it is when nothing else is named.")] = False,
     contact_sheet: Annotated[int, typer.Option(min=0, max=400, help="Write one PNG of N moments.")] = 0,
     caption: Annotated[bool, typer.Option(help="A small caption in the picture.")] = True,
-    threads: Threads = _cores(),
+    threads: Threads = _CORES,
     jobs: Annotated[int, typer.Option(min=1, max=256, help="Processes that draw.")] = 1,
 ) -> None:
     """Render runs and BVH files to PNG, MP4 and contact sheets."""
@@ -368,7 +370,7 @@ def render(
 
 
 @app.command()
-def validate(files: Annotated[list[Path], typer.Argument(help="Scenarios and recipes.")]) -> None:
+def validate(files: Annotated[list[Path], typer.Argument(metavar="FILE ...", help="Scenarios and recipes.")]) -> None:
     """Check scenarios and recipes; print every finding with its line and column."""
     from crowdsim.validation import find_file_faults
 
