@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
+from crowdsim.motion import quaternion
+from crowdsim.motion.joint_tree import JointTree
 from crowdsim.motion.roles import find_roles
 from crowdsim.motion.skeleton import Skeleton
 
@@ -65,38 +67,37 @@ class Body:
     capsule_parts: Array
 
 
-def standing_height(skeleton: Skeleton, roles: Mapping[str, int]) -> float:
+def standing_height(skeleton: Skeleton, roles: Mapping[str, int], places: Array | None = None) -> float:
     """Return the height of the standing body from its bones, in the unit of the offsets.
 
     Legs and trunk up to the base of the skull make 84 % of a human's height (after Winter's table of segments), and
     bone lengths, unlike poses, cannot lie.
+
+    Args:
+        skeleton: The skeleton.
+        roles: Its joints by role.
+        places: Joint positions of any true pose, for the way from the hips to the spine. Shape (J, 3); the rest pose
+            when None.
     """
-    lengths = np.linalg.norm(skeleton.offsets, axis=1)
-    legs = [_along(skeleton, lengths, roles[f"{side}_hip"], roles[f"{side}_foot"]) for side in ("left", "right")]
-    trunk = _along(skeleton, lengths, roles["pelvis"], roles["head"])
-    rest = skeleton.rest_positions()
-    hips = 0.5 * (rest[roles["left_hip"]] + rest[roles["right_hip"]])
-    trunk += float(
-        np.linalg.norm(rest[roles["spine"]] - hips) - np.linalg.norm(rest[roles["spine"]] - rest[roles["pelvis"]])
-    )
+    tree = JointTree(skeleton, None)
+    legs = [tree.way(roles[f"{side}_hip"], roles[f"{side}_foot"]) for side in ("left", "right")]
+    places = skeleton.rest_positions() if places is None else places
+    # The trunk begins between the hips; the pelvis joint may lie above or below.
+    hips = 0.5 * (places[roles["left_hip"]] + places[roles["right_hip"]])
+    trunk = tree.way(roles["spine"], roles["head"]) + float(np.linalg.norm(places[roles["spine"]] - hips))
     return (float(np.mean(legs)) + trunk) / 0.84
 
 
-def _along(skeleton: Skeleton, lengths: Array, start: int, end: int) -> float:
-    """Length of the bones from ``start`` to ``end``; zero where they do not lie on one chain."""
-    total = 0.0
-    while end != start and end >= 0:
-        total += float(lengths[end])
-        end = int(skeleton.parents[end])
-    return total if end == start else 0.0
-
-
-def build_body(skeleton: Skeleton, roles: Mapping[str, int] | None = None) -> Body:
+def build_body(
+    skeleton: Skeleton, roles: Mapping[str, int] | None = None, pose: tuple[Array, Array] | None = None
+) -> Body:
     """Measure a skeleton in metres as a human body.
 
     Args:
         skeleton: The skeleton [m].
         roles: Its joints by role; found by ``find_roles`` when None.
+        pose: Positions (J, 3) and rotations (J, 4) in the world of a pose in which the body stands, for skeletons whose
+            rest pose is no pose of a body, such as those whose bones all lie along one axis; the rest pose when None.
 
     Raises:
         MotionError: The skeleton is no human body.
@@ -107,16 +108,16 @@ def build_body(skeleton: Skeleton, roles: Mapping[str, int] | None = None) -> Bo
             f"no human body found in the {skeleton.joint_count} joints {', '.join(skeleton.names[:8])} ...; "
             "expected a head, two hands and two feet on a trunk"
         )
-    height = standing_height(skeleton, roles)
+    stance = _Stance(skeleton, roles, pose)
+    height = standing_height(skeleton, roles, stance.places)
     size = height / HEIGHT
-    rest = skeleton.rest_positions()
-    fists = np.stack([_fist(skeleton, roles, rest, side, height) for side in ("left", "right")])
-    soles = np.stack([_sole(skeleton, roles, rest, side, size) for side in ("left", "right")])
-    head = _head(skeleton, roles, rest, height)
-    capsules = _Capsules(rest, size)
-    _shape_trunk(capsules, skeleton, roles, head)
+    fists = np.stack([_fist(stance, side, height) for side in ("left", "right")])
+    soles = np.stack([_sole(stance, side, size) for side in ("left", "right")])
+    head = _head(stance, height)
+    capsules = _Capsules(stance, size)
+    _shape_trunk(capsules, head)
     for index, side in enumerate(("left", "right")):
-        _shape_limbs(capsules, roles, side, fists[index], soles[index])
+        _shape_limbs(capsules, side, fists[index], soles[index])
     return Body(
         roles=roles,
         height=height,
@@ -133,55 +134,86 @@ def build_body(skeleton: Skeleton, roles: Mapping[str, int] | None = None) -> Bo
     )
 
 
+class _Stance:
+    """The pose in which a body is measured: places of joints, and ways between them in the joints' own frames."""
+
+    def __init__(self, skeleton: Skeleton, roles: Mapping[str, int], pose: tuple[Array, Array] | None) -> None:
+        self.skeleton, self.roles, self.posed = skeleton, roles, pose is not None
+        self.places = skeleton.rest_positions() if pose is None else np.asarray(pose[0], float)
+        self.turns = None if pose is None else np.asarray(pose[1], float)
+
+    def own(self, joint: int, vector: Array) -> Array:
+        """A vector of the world in the frame of a joint."""
+        return vector if self.turns is None else quaternion.rotate(quaternion.conjugate(self.turns[joint]), vector)
+
+    def way(self, joint: int, start: int, end: int) -> Array:
+        """The way from one joint to another in the frame of a third."""
+        return self.own(joint, self.places[end] - self.places[start])
+
+    def at(self, role: str) -> int:
+        """The joint of a role."""
+        return self.roles[role]
+
+    def ends(self, joint: int) -> Array:
+        """Places of the end sites that hang on a joint, in its frame. Shape (n, 3)."""
+        return self.skeleton.end_offsets[self.skeleton.end_parents == joint]
+
+
 def _unit(v: Array) -> Array:
     length = float(np.linalg.norm(v))
     return v / length if length > 1e-9 else np.array([0.0, 1.0, 0.0])
 
 
-def _ends(skeleton: Skeleton, joint: int) -> Array:
-    """Places of the end sites that hang on a joint, in its frame. Shape (n, 3)."""
-    return skeleton.end_offsets[skeleton.end_parents == joint]
-
-
-def _fist(skeleton: Skeleton, roles: Mapping[str, int], rest: Array, side: str, height: float) -> Array:
+def _fist(stance: _Stance, side: str, height: float) -> Array:
     """Middle of the fist: the knuckles where there are fingers, else a little beyond the wrist."""
-    hand = roles[f"{side}_hand"]
-    ahead = _unit(rest[hand] - rest[roles[f"{side}_elbow"]])
-    places = [skeleton.offsets[child] for child in skeleton.children(hand)]
-    places = [place for place in places if np.dot(place, ahead) > 0.02 * height]
+    hand = stance.at(f"{side}_hand")
+    ahead = _unit(stance.way(hand, stance.at(f"{side}_elbow"), hand))
+    places = [stance.skeleton.offsets[child] for child in stance.skeleton.children(hand)]
+    places = [
+        place for place in places if 0.02 * height < np.dot(place, ahead) and np.linalg.norm(place) < 0.1 * height
+    ]
     if places:
         return np.asarray(np.mean(places, axis=0))
     return np.asarray(ahead * 0.045 * height)
 
 
-def _head(skeleton: Skeleton, roles: Mapping[str, int], rest: Array, height: float) -> Array:
+def _head(stance: _Stance, height: float) -> Array:
     """Centre of the head above the joint at the base of the skull."""
-    up = rest[roles["head"]] - rest[roles["neck"]] if roles["neck"] != roles["head"] else np.zeros(3)
-    ends = _ends(skeleton, roles["head"])
+    head, neck = stance.at("head"), stance.at("neck")
+    up = stance.way(head, neck if neck != head else stance.at("chest"), head)
+    ends = stance.ends(head)
     if len(ends) and 0.05 * height < np.linalg.norm(ends[0]) < 0.2 * height:
         up = ends[0]
     return _unit(up) * 0.05 * height
 
 
-def _sole(skeleton: Skeleton, roles: Mapping[str, int], rest: Array, side: str, size: float) -> Array:
+def _sole(stance: _Stance, side: str, size: float) -> Array:
     """Heel and ball on the sole, from the joint or the end site at the front of the foot."""
-    foot = roles[f"{side}_foot"]
-    down = _unit(rest[foot] - rest[roles[f"{side}_knee"]])
-    if np.abs(down).max() > 0.9:
-        axis = int(np.argmax(np.abs(down)))
-        down = np.eye(3)[axis] * np.sign(down[axis])
-    toe = roles.get(f"{side}_toe")
-    ends = _ends(skeleton, foot)
+    foot = stance.at(f"{side}_foot")
+    if stance.posed:
+        down = stance.own(foot, np.array([0.0, -1.0, 0.0]))
+    else:
+        down = _unit(stance.way(foot, stance.at(f"{side}_knee"), foot))
+        if np.abs(down).max() > 0.9:
+            axis = int(np.argmax(np.abs(down)))
+            down = np.eye(3)[axis] * np.sign(down[axis])
+    toe = stance.roles.get(f"{side}_toe")
+    ends = stance.ends(foot)
+    ends = ends[np.linalg.norm(ends, axis=1) > 0.02 * size] if len(ends) else ends
+    across = stance.way(foot, stance.at("right_hip"), stance.at("left_hip"))
+    forward = _unit(np.cross(across, -down))
     if toe is not None:
-        ball = rest[toe] - rest[foot]
-    elif len(ends):
+        ball = stance.way(foot, foot, toe)
+    elif len(ends) and np.linalg.norm(np.cross(ends, down), axis=1).max() > 0.04 * size:
         ball = ends[int(np.argmax(np.linalg.norm(ends, axis=1)))]
     else:
-        hips = rest[roles["left_hip"]] - rest[roles["right_hip"]]
-        ball = 0.05 * size * down + 0.12 * size * _unit(np.cross(hips, -down))
+        ends = ends[:0]
+        ball = size * (0.07 * down + 0.13 * forward)
     drop = float(np.dot(ball, down))
-    ahead = _unit(ball - drop * down)
-    length = float(np.dot(ball, ahead))
+    level = ball - drop * down
+    # A toe right under the ankle, or none at all, says nothing of where the foot points.
+    ahead = _unit(level) if np.linalg.norm(level) > 0.03 * size else forward
+    length = float(np.clip(np.dot(ball, ahead), 0.06 * size, 0.17 * size if toe is not None else 0.24 * size))
     if toe is None and len(ends):
         length *= 0.72
     sole = max(drop + _SOLE * size, 0.03 * size) if toe is not None else max(drop, 0.03 * size)
@@ -191,8 +223,8 @@ def _sole(skeleton: Skeleton, roles: Mapping[str, int], rest: Array, side: str, 
 class _Capsules:
     """Collects capsules; radii are given for a body of ``HEIGHT``."""
 
-    def __init__(self, rest: Array, size: float) -> None:
-        self.rest, self.size = rest, size
+    def __init__(self, stance: _Stance, size: float) -> None:
+        self.stance, self.size = stance, size
         self.joints: list[int] = []
         self.starts: list[Array] = []
         self.ends: list[Array] = []
@@ -211,24 +243,25 @@ class _Capsules:
         self, start: int, end: int, radii: tuple[float, float], part: str, span: tuple[float, float] = (0.0, 1.0)
     ) -> None:
         """Add a capsule along the bone between two joints, or along a span of it."""
-        bone = self.rest[end] - self.rest[start]
+        bone = self.stance.way(start, start, end)
         self.add(start, bone * span[0], bone * span[1], radii, part)
 
 
-def _shape_trunk(capsules: _Capsules, skeleton: Skeleton, roles: Mapping[str, int], head: Array) -> None:
-    rest = capsules.rest
-    pelvis, neck = roles["pelvis"], roles["neck"]
+def _shape_trunk(capsules: _Capsules, head: Array) -> None:
+    stance = capsules.stance
+    roles, parents = stance.roles, stance.skeleton.parents
+    pelvis, neck, chest = roles["pelvis"], roles["neck"], roles["chest"]
     inward = 0.75
-    hips = [rest[roles[f"{side}_hip"]] - rest[pelvis] for side in ("left", "right")]
+    hips = [stance.way(pelvis, pelvis, roles[f"{side}_hip"]) for side in ("left", "right")]
     capsules.add(pelvis, hips[0] * inward, hips[1] * inward, (0.1, 0.1), "trunks")
     chain = [neck]
-    while chain[-1] != pelvis and skeleton.parents[chain[-1]] >= 0:
-        chain.append(int(skeleton.parents[chain[-1]]))
-    chain = chain[::-1]
-    for start, end in itertools.pairwise(chain):
+    while chain[-1] not in (pelvis, roles["spine"]) and parents[chain[-1]] >= 0:
+        chain.append(int(parents[chain[-1]]))
+    if chain[-1] != pelvis:
+        chain.append(pelvis)
+    for start, end in itertools.pairwise(chain[::-1]):
         capsules.bone(start, end, (0.115, 0.115) if end != neck else (0.12, 0.075), "shirt")
-    chest = roles["chest"]
-    shoulders = [rest[roles[f"{side}_shoulder"]] - rest[chest] for side in ("left", "right")]
+    shoulders = [stance.way(chest, chest, roles[f"{side}_shoulder"]) for side in ("left", "right")]
     middle = 0.5 * (shoulders[0] + shoulders[1])
     ends = [middle + 0.8 * (shoulder - middle) for shoulder in shoulders]
     capsules.add(chest, ends[0], ends[1], (0.07, 0.07), "shirt")
@@ -237,7 +270,8 @@ def _shape_trunk(capsules: _Capsules, skeleton: Skeleton, roles: Mapping[str, in
     capsules.add(roles["head"], head, head, (HEAD_RADIUS, HEAD_RADIUS), "head")
 
 
-def _shape_limbs(capsules: _Capsules, roles: Mapping[str, int], side: str, fist: Array, sole: Array) -> None:
+def _shape_limbs(capsules: _Capsules, side: str, fist: Array, sole: Array) -> None:
+    roles = capsules.stance.roles
     shoulder, elbow, hand = (roles[f"{side}_{role}"] for role in ("shoulder", "elbow", "hand"))
     hip, knee, foot = (roles[f"{side}_{role}"] for role in ("hip", "knee", "foot"))
     capsules.bone(shoulder, elbow, (0.056, 0.043), "skin")

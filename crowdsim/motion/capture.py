@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,21 +12,23 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
 from crowdsim.motion import units
-from crowdsim.motion.body import Body, build_body, standing_height
+from crowdsim.motion.body import Body, standing_height
 from crowdsim.motion.bvh import Bvh, read_bvh, to_clip
 from crowdsim.motion.cleaning import lead_in
-from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.motion.roles import find_roles
+from crowdsim.motion.joint_tree import JointTree
+from crowdsim.motion.measuring import finite_frames, human_roles, measure_body, sample_poses
 from crowdsim.motion.skeleton import Clip, Skeleton
 
 Array = NDArray[Any]
 
-_SAMPLES = 64
-"""Poses looked at to find roles and axes."""
 _FLIP = np.deg2rad(100.0)
 _FLIP_SPEED = 50.0
 """A joint that turns further than this in one frame [rad], faster than this [rad/s], has flipped."""
 _MOST_FLIPS = 20
+_LOOSE = 0.03
+"""Share of the body's height by which a joint of a limb may move against its parent, as skin does."""
+_BLOCKING = re.compile(r"\brows? of\b|\bnot finite\b|\bis -?(nan|inf)\b|\bnothing moves\b")
+"""What findings of the file itself say when its motion is incomplete or wrong."""
 
 
 @dataclass(frozen=True)
@@ -34,14 +37,15 @@ class Capture:
 
     Attributes:
         bvh: The file as it stands.
-        clip: Its motion, y up, in metres where the scale is known and in file units where it is not; all frames, lead-in
-            included. Without a frame when the file has none.
+        clip: Its motion, y up, in metres where the scale is known and in file units where it is not; all frames,
+            lead-in included. Without a frame when the file has none.
         body: The human body on its skeleton; None when there is none, or no scale for it.
         roles: Joint of each role; empty when this is no human body.
         unit_scale: Metres in a file unit; None when unknown.
         up_axis: The axis that is up in the file; None when unknown (y is taken).
         lead_in: Frames at the start that are a calibration pose and the jump out of it.
         findings: What is odd, a line each.
+        faults: Those of the findings for which the file cannot be trained on.
     """
 
     bvh: Bvh
@@ -52,6 +56,7 @@ class Capture:
     up_axis: str | None
     lead_in: int
     findings: tuple[str, ...]
+    faults: tuple[str, ...] = ()
 
     @property
     def motion(self) -> Clip:
@@ -75,49 +80,58 @@ def load_capture(path: str | os.PathLike[str], unit: str | float | None = None, 
     axis = None if up_axis is None else units.parse_up_axis(up_axis)
     bvh = read_bvh(path)
     findings = [_without_path(finding, str(path)) for finding in bvh.findings]
+    faults = [finding for finding in findings if _BLOCKING.search(finding)]
+
+    def fault(what: str) -> None:
+        findings.append(what)
+        faults.append(what)
+
     raw = to_clip(bvh)
-    finite = np.isfinite(raw.root_positions).all(axis=1) & np.isfinite(raw.rotations).all(axis=(1, 2))
-    poses = _sample_poses(raw, finite)
-    roles = find_roles(raw.skeleton, poses if len(poses) else None)
-    rest = raw.skeleton.rest_positions()
-    if roles and not _is_human(raw.skeleton, roles, poses if len(poses) else rest[None]):
-        roles = {}
+    poses = sample_poses(raw)[0]
+    roles = human_roles(raw)
     if not roles:
-        findings.append(f"no human body found in {raw.skeleton.joint_count} joints: {_names(raw.skeleton)}")
+        fault(f"no human body found in {raw.skeleton.joint_count} joints: {_names(raw.skeleton)}")
     if axis is None:
-        heads, feet = _ends(raw.skeleton, roles)
+        rest = raw.skeleton.rest_positions()
+        heads, feet = _ends(raw.skeleton, roles, poses)
         axis = units.find_up_axis(rest, poses if len(poses) else rest[None], heads, feet)
         if axis is None:
             findings.append("up axis unknown, y is taken: the body neither stands nor keeps to a floor")
     if scale is None and roles:
-        height = standing_height(raw.skeleton, roles)
+        height = standing_height(raw.skeleton, roles, poses[0] if len(poses) else None)
         scale = units.find_scale(height)
         if scale is None:
-            sizes = ", ".join(f"{height * metres:.2f} m in {name}" for name, metres in units.UNITS.items())
-            findings.append(f"unknown scale: the body would stand {sizes}; expected 1 m to 2.4 m")
+            fault(units.describe_heights(height))
     elif scale is None:
-        findings.append("unknown scale: without a human body there is nothing to measure it by")
-    clip = to_clip(bvh, scale or 1.0, axis or "y")
+        fault("unknown scale: without a human body there is nothing to measure it by")
+    clip = to_clip(bvh, scale or 1.0, axis or "y") if (scale or 1.0) != 1.0 or (axis or "y") != "y" else raw
     if clip.frame_count <= 1:
-        findings.append("no frames, expected motion" if clip.frame_count == 0 else "a single frame, expected motion")
-    body = build_body(clip.skeleton, roles) if roles and scale is not None else None
-    usable = clip.frame_count > 1 and bool(finite.all())
-    start = lead_in(clip, body) if body is not None and usable else 0
-    if usable:
-        findings.extend(_flips(clip, start))
+        fault("no frames, expected motion" if clip.frame_count == 0 else "a single frame, expected motion")
+    body = measure_body(clip, roles) if roles and scale is not None else None
+    start = 0
+    if clip.frame_count > 1 and bool(finite_frames(clip).all()):
+        start = lead_in(clip, body) if body is not None else 0
+        for flip in _flips(clip, start):
+            fault(flip)
         findings.extend(_moving_joints(clip, body))
-    return Capture(bvh, clip, body, roles, scale, axis, start, tuple(findings))
+    return Capture(bvh, clip, body, roles, scale, axis, start, tuple(findings), tuple(faults))
 
 
-def usable_clip(capture: Capture) -> Clip:
-    """Return a capture's clip if it can be trained on.
+def usable_clip(capture: Capture, strict: bool = True) -> Clip:
+    """Return a capture's clip, lead-in included, if it can be trained on.
+
+    Args:
+        capture: The capture.
+        strict: Refuse wrong row counts and flips of joints too, not only what has no motion of a body of known size.
 
     Raises:
         MotionError: It cannot: the file and every reason, a line each.
     """
-    if capture.body is not None and capture.clip.frame_count > 1 and not capture.findings:
+    whole = capture.body is not None and capture.clip.frame_count > 1 and bool(finite_frames(capture.clip).all())
+    if whole and not (strict and capture.faults):
         return capture.clip
-    raise MotionError("\n".join(f"{capture.clip.source}: {finding}" for finding in capture.findings))
+    source = capture.clip.source
+    raise MotionError("\n".join(f"{source}: {fault}" for fault in capture.faults))
 
 
 def _without_path(finding: str, path: str) -> str:
@@ -129,57 +143,13 @@ def _names(skeleton: Skeleton) -> str:
     return shown + (" ..." if skeleton.joint_count > 6 else "")
 
 
-def _sample_poses(clip: Clip, finite: Array) -> Array:
-    """Joint positions of a few frames spread over the clip. Shape (n, J, 3)."""
-    frames = np.flatnonzero(finite)
-    if len(frames) > _SAMPLES:
-        frames = frames[np.linspace(0, len(frames) - 1, _SAMPLES).astype(int)]
-    moved = None if clip.translations is None else clip.translations[frames]
-    return forward_kinematics(clip.skeleton, clip.root_positions[frames], clip.rotations[frames], moved)[0]
-
-
-def _ends(skeleton: Skeleton, roles: dict[str, int]) -> tuple[list[int], list[int]]:
-    """Joints at the top and at the bottom of a body; of a body that is no human's, its root and its leaves."""
+def _ends(skeleton: Skeleton, roles: dict[str, int], poses: Array) -> tuple[list[int], list[int]]:
+    """Joints at the top and at the bottom of a body; of one that is no human's, where limbs begin and end."""
     if roles:
         return [roles["head"]], [roles["left_foot"], roles["right_foot"]]
-    leaves = [joint for joint in range(skeleton.joint_count) if not skeleton.children(joint)]
-    return [0], leaves or [0]
-
-
-def _is_human(skeleton: Skeleton, roles: dict[str, int], poses: Array) -> bool:
-    """Whether proportions are a human's: two long legs and arms, not four legs or a pair of wings."""
-    lengths = np.linalg.norm(skeleton.offsets, axis=1)
-
-    def along(start: str, end: str) -> float:
-        total, joint = 0.0, roles[end]
-        while joint != roles[start] and joint >= 0:
-            total += float(lengths[joint])
-            joint = int(skeleton.parents[joint])
-        return total
-
-    legs = [along(f"{side}_hip", f"{side}_foot") for side in ("left", "right")]
-    arms = [along(f"{side}_shoulder", f"{side}_hand") for side in ("left", "right")]
-    trunk = along("pelvis", "head")
-    if min(*legs, *arms, trunk) <= 0.0:
-        return False
-    leg, arm = float(np.mean(legs)), float(np.mean(arms))
-    proportionate = 0.4 < arm / leg < 1.35 and 0.35 < trunk / leg < 1.5
-    symmetric = abs(legs[0] - legs[1]) < 0.2 * leg and abs(arms[0] - arms[1]) < 0.2 * arm
-    return proportionate and symmetric and _is_upright(skeleton, roles, poses)
-
-
-def _is_upright(skeleton: Skeleton, roles: dict[str, int], poses: Array) -> bool:
-    """Whether the trunk goes on where the legs end, as in anyone who stands, and does not lie across them."""
-    rest = skeleton.rest_positions()
-    aligned = []
-    for group in (rest[None], poses):
-        hips = 0.5 * (group[:, roles["left_hip"]] + group[:, roles["right_hip"]])
-        feet = 0.5 * (group[:, roles["left_foot"]] + group[:, roles["right_foot"]])
-        shoulders = 0.5 * (group[:, roles["left_shoulder"]] + group[:, roles["right_shoulder"]])
-        legs, trunk = hips - feet, shoulders - hips
-        scale = np.linalg.norm(legs, axis=-1) * np.linalg.norm(trunk, axis=-1)
-        aligned.append(float(np.median(np.sum(legs * trunk, axis=-1) / np.maximum(scale, 1e-12))))
-    return max(aligned) > 0.6
+    tree = JointTree(skeleton, poses)
+    limbs = [limb for pair in tree.mirrored_pairs() for limb in pair]
+    return [tree.parents[limb] for limb in limbs], [tree.main_chain(limb)[-1] for limb in limbs]
 
 
 def _flips(clip: Clip, start: int) -> list[str]:
@@ -198,14 +168,18 @@ def _flips(clip: Clip, start: int) -> list[str]:
 
 
 def _moving_joints(clip: Clip, body: Body | None) -> list[str]:
-    """Joints that move against their parents by more than skin does."""
+    """Joints of limbs and trunk that move against their parents by more than skin does."""
     if clip.translations is None or body is None:
         return []
-    span = np.ptp(clip.translations[:, 1:], axis=0).max(axis=-1, initial=0.0)
-    moving = np.flatnonzero(span > 0.03 * body.height) + 1
+    tree = JointTree(clip.skeleton, None)
+    bones = {joint for end in body.roles.values() for joint in tree.path(end)}
+    bones -= set(tree.path(body.roles["pelvis"]))
+    bones -= set(tree.path(body.roles["spine"])[:-1])
+    chosen = np.array(sorted(bones))
+    span = np.ptp(clip.translations[:, chosen], axis=0).max(axis=-1, initial=0.0)
+    moving = np.flatnonzero(span > _LOOSE * body.height)
     if not len(moving):
         return []
-    worst = int(moving[np.argmax(span[moving - 1])])
-    return [
-        f"{len(moving)} joints move against their parents, {clip.skeleton.names[worst]!r} by {span[worst - 1]:.3f} m"
-    ]
+    worst = int(moving[np.argmax(span[moving])])
+    name = clip.skeleton.names[chosen[worst]]
+    return [f"{len(moving)} joints move against their parents, {name!r} by {span[worst]:.3f} m"]

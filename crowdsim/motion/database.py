@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
 from crowdsim.motion import ground, quaternion
-from crowdsim.motion.body import Body, build_body
+from crowdsim.motion.body import Body
 from crowdsim.motion.cleaning import lead_in, on_floor
 from crowdsim.motion.contacts import find_contacts
 from crowdsim.motion.kinematics import clip_kinematics
+from crowdsim.motion.measuring import measure_body
 from crowdsim.motion.mirroring import mirrored
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip, Skeleton
@@ -126,7 +127,7 @@ def build_database(
     if not clips:
         raise MotionError("no clips; expected at least one")
     first = clips[0]
-    body = build_body(first.skeleton)
+    body = measure_body(first)
     parts: list[_Part] = []
     count = len(clips) * (2 if mirror else 1)
     for clip in clips:

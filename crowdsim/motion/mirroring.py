@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
-from crowdsim.motion.roles import split_name
+from crowdsim.motion.joint_names import split_name
 from crowdsim.motion.skeleton import Clip, Skeleton
 
 Array = NDArray[Any]

@@ -12,12 +12,14 @@ from crowdsim.errors import MotionError, nearest
 
 Array = NDArray[Any]
 
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "cmu": 0.0254 / 0.45}
+UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "cmu": 0.0254 / 0.45}
 """Metres in one unit; ``cmu`` is that of the CMU motion capture library's own files, 0.05644 m."""
 
 PLAUSIBLE_HEIGHT = (1.0, 2.4)
 """Standing heights of human bodies [m]."""
 _TYPICAL_HEIGHT = 1.7
+_PLAINLY = 2.0
+"""How much further from the typical height another unit must put a body for a unit to be plain, as a share of logs."""
 _UPRIGHT = 0.75
 _AXES = ("x", "y", "z", "-x", "-y", "-z")
 
@@ -34,7 +36,7 @@ def parse_unit(unit: str | float) -> float:
         scale = float(unit)
     except ValueError:
         raise MotionError(
-            f"unit {unit!r} is unknown{nearest(unit, UNITS)}; expected {', '.join(UNITS)} or metres as a number"
+            f"unit {unit!r} is unknown{nearest(str(unit), UNITS)}; expected {', '.join(UNITS)} or metres as a number"
         ) from None
     if not (math.isfinite(scale) and scale > 0.0):
         raise MotionError(f"unit is {scale:g}, expected a positive number of metres")
@@ -42,12 +44,32 @@ def parse_unit(unit: str | float) -> float:
 
 
 def find_scale(height: float) -> float | None:
-    """Return metres in a file unit, from a human body's standing height in it; None when no known unit fits."""
+    """Return metres in a file unit, from a human body's standing height in it; None when no unit fits, or two do.
+
+    Where two units would make a human of it, the one that makes the more usual one is taken if that is plain.
+    """
     if not (math.isfinite(height) and height > 0.0):
         return None
     low, high = PLAUSIBLE_HEIGHT
-    fitting = [scale for scale in UNITS.values() if low <= height * scale <= high]
-    return min(fitting, key=lambda scale: abs(math.log(height * scale / _TYPICAL_HEIGHT)), default=None)
+    fitting = sorted(
+        (abs(math.log(height * scale / _TYPICAL_HEIGHT)), scale)
+        for scale in UNITS.values()
+        if low <= height * scale <= high
+    )
+    if not fitting or (len(fitting) > 1 and fitting[1][0] < _PLAINLY * fitting[0][0]):
+        return None
+    return fitting[0][1]
+
+
+def describe_heights(height: float) -> str:
+    """Return in words why no unit is known for a body of a standing height in file units."""
+    low, high = PLAUSIBLE_HEIGHT
+    sizes = {name: height * scale for name, scale in UNITS.items()}
+    told = ", ".join(f"{size:.3g} m in {name}" for name, size in sizes.items())
+    fitting = [name for name, size in sizes.items() if low <= size <= high]
+    if len(fitting) > 1:
+        return f"unknown scale: the body would stand {told}; {' and '.join(fitting)} are as likely"
+    return f"unknown scale: the body would stand {told}; expected {low:g} m to {high:g} m"
 
 
 def find_up_axis(rest: Array, poses: Array, heads: list[int], feet: list[int]) -> str | None:
@@ -64,6 +86,9 @@ def find_up_axis(rest: Array, poses: Array, heads: list[int], feet: list[int]) -
     """
     votes = []
     for group in (poses, rest[None]):
+        if not heads:
+            votes.append(("y", 0.0))
+            continue
         spans = group[:, heads].mean(axis=1) - group[:, feet].mean(axis=1)
         lengths = np.linalg.norm(spans, axis=-1, keepdims=True)
         mean = np.mean(spans / np.where(lengths > 1e-9, lengths, 1.0), axis=0)
