@@ -182,7 +182,7 @@ class Choreographer:
         bearing += recipe.bearing[0] + recipe.bearing[1] * float(np.clip(rng.normal(), -2.0, 2.0))
         least, most = recipe.distance
         far = float(np.clip(2.0 * (distance - least) / (most - least) - 1.0, -1.0, 1.0))
-        out = max(1.5 * (self._way_out(recipe.hand, bearing, distance, height) + recipe.extra) / speed, 0.11)
+        out = max(1.38 * (self._way_out(recipe.hand, bearing, distance, height) + recipe.extra) / speed, 0.11)
         hit = onset + out
         fall = hit + rng.uniform(0.0, 0.025)
         end = fall + out * rng.uniform(1.0, 1.2)
