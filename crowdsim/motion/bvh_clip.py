@@ -29,7 +29,7 @@ UP_AXES: dict[str, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
 _ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 _POSITIONS = ("Xposition", "Yposition", "Zposition")
 _STILL = 1e-5
-_MOST_POSES = 1 << 27
+_MOST_POSES = 1 << 26
 
 
 def turn_up(vectors: ArrayLike, up_axis: str) -> Array:
