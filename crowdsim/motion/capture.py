@@ -16,7 +16,7 @@ from crowdsim.motion.body import Body, standing_height
 from crowdsim.motion.bvh import Bvh, read_bvh, to_clip
 from crowdsim.motion.cleaning import lead_in
 from crowdsim.motion.joint_tree import JointTree
-from crowdsim.motion.measuring import finite_frames, human_roles, measure_body, sample_poses
+from crowdsim.motion.measuring import finite_frames, human_roles, measure_body, rests_like_a_body, sample_poses
 from crowdsim.motion.skeleton import Clip, Skeleton
 
 Array = NDArray[Any]
@@ -92,9 +92,7 @@ def load_capture(path: str | os.PathLike[str], unit: str | float | None = None, 
     if not roles:
         fault(f"no human body found in {raw.skeleton.joint_count} joints: {_names(raw.skeleton)}")
     if axis is None:
-        rest = raw.skeleton.rest_positions()
-        heads, feet = _ends(raw.skeleton, roles, poses)
-        axis = units.find_up_axis(rest, poses if len(poses) else rest[None], heads, feet)
+        axis = _find_up_axis(raw.skeleton, roles, poses)
         if axis is None:
             findings.append("up axis unknown, y is taken: the body neither stands nor keeps to a floor")
     if scale is None and roles:
@@ -143,13 +141,20 @@ def _names(skeleton: Skeleton) -> str:
     return shown + (" ..." if skeleton.joint_count > 6 else "")
 
 
-def _ends(skeleton: Skeleton, roles: dict[str, int], poses: Array) -> tuple[list[int], list[int]]:
-    """Joints at the top and at the bottom of a body; of one that is no human's, where limbs begin and end."""
+def _find_up_axis(skeleton: Skeleton, roles: dict[str, int], poses: Array) -> str | None:
+    """The axis that is up in a file; None when nothing tells."""
+    rest = skeleton.rest_positions()
+    group = poses if len(poses) else rest[None]
     if roles:
-        return [roles["head"]], [roles["left_foot"], roles["right_foot"]]
-    tree = JointTree(skeleton, poses)
+        feet = [roles["left_foot"], roles["right_foot"]]
+        return units.find_up_axis(rest if rests_like_a_body(skeleton, roles) else None, group, [roles["head"]], feet)
+    # Of a body that is no human's, legs hang down from where they begin; arms and wings even out.
+    tree = JointTree(skeleton, group)
     limbs = [limb for pair in tree.mirrored_pairs() for limb in pair]
-    return [tree.parents[limb] for limb in limbs], [tree.main_chain(limb)[-1] for limb in limbs]
+    tops, tips = [tree.parents[limb] for limb in limbs], [tree.main_chain(limb)[-1] for limb in limbs]
+    axis = units.find_up_axis(None, group, tops, tips)
+    # Files of other than humans have y or z up; limbs that point elsewhere are no legs.
+    return axis if axis in (None, "y", "z") else units.find_up_axis(None, group, [], [])
 
 
 def _flips(clip: Clip, start: int) -> list[str]:

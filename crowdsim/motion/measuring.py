@@ -90,9 +90,10 @@ def human_roles(clip: Clip) -> dict[str, int]:
 def _is_upright(skeleton: Skeleton, roles: Mapping[str, int], poses: Array) -> bool:
     """Whether the trunk goes on where the legs end, as in anyone who stands, and does not lie across them."""
     aligned = []
-    for group in (skeleton.rest_positions()[None], poses):
-        if len(group) == 0:
-            continue
+    groups = [poses] if len(poses) else []
+    if rests_like_a_body(skeleton, roles) or not groups:
+        groups.append(skeleton.rest_positions()[None])
+    for group in groups:
         hips = 0.5 * (group[:, roles["left_hip"]] + group[:, roles["right_hip"]])
         feet = 0.5 * (group[:, roles["left_foot"]] + group[:, roles["right_foot"]])
         shoulders = 0.5 * (group[:, roles["left_shoulder"]] + group[:, roles["right_shoulder"]])

@@ -72,33 +72,23 @@ def describe_heights(height: float) -> str:
     return f"unknown scale: the body would stand {told}; expected {low:g} m to {high:g} m"
 
 
-def find_up_axis(rest: Array, poses: Array, heads: list[int], feet: list[int]) -> str | None:
+def find_up_axis(rest: Array | None, poses: Array, heads: list[int], feet: list[int]) -> str | None:
     """Return the axis that is up, 'y' or '-z' say; None when neither poses nor floor tell.
 
     People are on their feet most of the time, so the way from feet to head tells. Where it does not (someone lies or
     crawls) or contradicts the rest pose, the floor decides: the lowest point of a body stays at one height.
 
     Args:
-        rest: The rest pose. Shape (J, 3), any unit.
+        rest: The rest pose, shape (J, 3), any unit; None where it is no pose of a body.
         poses: Poses of the clip in its world. Shape (n, J, 3), same unit.
-        heads: Joints at the upper end of the body.
+        heads: Joints at the upper end of the body; none where it is unknown what is up in it.
         feet: Joints at the lower end.
     """
-    votes = []
-    for group in (poses, rest[None]):
-        if not heads:
-            votes.append(("y", 0.0))
-            continue
-        spans = group[:, heads].mean(axis=1) - group[:, feet].mean(axis=1)
-        lengths = np.linalg.norm(spans, axis=-1, keepdims=True)
-        mean = np.mean(spans / np.where(lengths > 1e-9, lengths, 1.0), axis=0)
-        axis = int(np.argmax(np.abs(mean)))
-        name = ("" if mean[axis] > 0 else "-") + "xyz"[axis]
-        votes.append((name, float(np.abs(mean[axis]))))
-    (posed, clear), (rested, upright) = votes
+    posed, clear = _way_up(poses, heads, feet)
+    rested, upright = _way_up(poses[:0] if rest is None else rest[None], heads, feet)
     if clear >= _UPRIGHT and (posed == rested or upright < _UPRIGHT or len(poses) < 2):
         return posed
-    candidates = [name for name, strength in votes if strength >= _UPRIGHT]
+    candidates = [name for name, strength in ((posed, clear), (rested, upright)) if strength >= _UPRIGHT]
     if not candidates:
         candidates = ["y", "z"] if len(poses) > 1 else []
     if not candidates:
@@ -109,6 +99,17 @@ def find_up_axis(rest: Array, poses: Array, heads: list[int], feet: list[int]) -
     if clear >= _UPRIGHT and restless[steadiest] > 0.5 * restless[posed]:
         return posed
     return steadiest
+
+
+def _way_up(group: Array, heads: list[int], feet: list[int]) -> tuple[str, float]:
+    """The axis along which heads lie over feet, and how plainly so: 0 not at all, 1 in every pose."""
+    if not heads or not feet or len(group) == 0:
+        return "y", 0.0
+    spans = group[:, heads].mean(axis=1) - group[:, feet].mean(axis=1)
+    lengths = np.linalg.norm(spans, axis=-1, keepdims=True)
+    mean = np.mean(spans / np.where(lengths > 1e-9, lengths, 1.0), axis=0)
+    axis = int(np.argmax(np.abs(mean)))
+    return ("" if mean[axis] > 0 else "-") + "xyz"[axis], float(np.abs(mean[axis]))
 
 
 def _unrest(poses: Array, axis: str) -> float:
