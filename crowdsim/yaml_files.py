@@ -160,23 +160,23 @@ def _override(entry: Entry, top: Spot, text: str) -> list[Finding]:
     path: Path = ()
     created: tuple[dict[str, Entry], str] | None = None
 
-    def refused(where: Path, what: str) -> list[Finding]:
+    def refused(at: Path, what: str) -> list[Finding]:
         if created is not None:
             del created[0][created[1]]
-        return [Finding(place, key_path(where), what)]
+        return [Finding(place, key_path(at), what)]
 
     for i, part in enumerate(parts):
         spot = _entered(spot, entry)
-        if entry.value is None and step(spot, 0) is not None and part.isdigit():
+        if entry.value is None and spot is not None and spot.is_list:
             entry.value = []
         if isinstance(entry.value, list):
-            where: Any = int(part) if part.isdigit() else part
-            if not part.isdigit() or where >= len(entry.value):
+            at: Any = int(part) if part.isdigit() else part
+            if not part.isdigit() or at >= len(entry.value):
                 count = len(entry.value)
                 some = f"an index from 0 to {count - 1}" if count else "none: the list is empty"
                 return refused(path, f"there is no item {part}, expected {some}")
         else:
-            where = part
+            at = part
             if entry.value is None:
                 entry.value = {}
             if not isinstance(entry.value, dict):
@@ -185,14 +185,14 @@ def _override(entry: Entry, top: Spot, text: str) -> list[Finding]:
             if spot is not None and spot.keys and part not in spot.keys:
                 what = f"unknown key, expected {join(spot.keys)}{nearest(part, spot.keys)}"
                 return refused((*path, part), what)
-        path, spot = (*path, where), step(spot, where)
+        path, spot = (*path, at), step(spot, at)
         if i == len(parts) - 1:
-            entry.value[where], findings = _parse(words, spot, path, place)
+            entry.value[at], findings = _parse(words, spot, path, place)
             return findings
-        if isinstance(entry.value, dict) and where not in entry.value:
-            created = created or (entry.value, where)
-            entry.value[where] = Entry(None, place, place)
-        entry = entry.value[where]
+        if isinstance(entry.value, dict) and at not in entry.value:
+            created = created or (entry.value, at)
+            entry.value[at] = Entry(None, place, place)
+        entry = entry.value[at]
     return []
 
 

@@ -35,6 +35,11 @@ class Spot:
         return get_args(self.kind) if get_origin(self.kind) is Literal else ()
 
     @property
+    def is_list(self) -> bool:
+        """Whether items are counted here."""
+        return (get_origin(self.kind) or self.kind) in (list, tuple)
+
+    @property
     def keys(self) -> list[str]:
         """Keys that a mapping here may have; empty when any may stand here or it is no mapping."""
         if self.model is None:
@@ -91,8 +96,10 @@ def member(spot: Spot, label: str) -> Spot | None:
         if any(isinstance(constraint, Tag) and constraint.tag == label for constraint in choice.constraints):
             return choice
     for choice in spot.members:
-        name = getattr(choice.kind, "__name__", "")
-        if label == name or (choice.model is not None and name in re.findall(r"\w+", label)):
+        name = getattr(get_origin(choice.kind) or choice.kind, "__name__", "")
+        if label.removeprefix("constrained-").partition("[")[0] == name.lower() or (
+            choice.model is not None and name in re.findall(r"\w+", label)
+        ):
             return choice
         if choice.model is not None and any(label in tags(info) for info in choice.model.model_fields.values()):
             return choice

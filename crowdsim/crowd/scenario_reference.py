@@ -51,7 +51,7 @@ def _section(name: str, definition: dict[str, Any], definitions: dict[str, Any])
     lines += ["| key | value | default | meaning |", "|---|---|---|---|"]
     for key, value in definition["properties"].items():
         default = "required" if key in required else _default(value)
-        lines.append(f"| `{key}` | {_kind(value, definitions)} | {default} | {_cell(value.get('description', ''))} |")
+        lines.append(f"| `{key}` | {_kind(value, definitions)} | {default} | {_meaning(value, definitions)} |")
     return "\n".join(lines) + "\n"
 
 
@@ -106,5 +106,8 @@ def _scalar(value: dict[str, Any]) -> str:
     return f"{text} {', '.join(limits)}" if limits else text
 
 
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("\n", " ")
+def _meaning(value: dict[str, Any], definitions: dict[str, Any]) -> str:
+    """Return the description, which a reference leaves out where it is the same as that of what it refers to."""
+    named = definitions[value["$ref"].rsplit("/", 1)[1]] if "$ref" in value else {}
+    text = str(value.get("description") or named.get("description", ""))
+    return text.split("\n")[0].replace("|", "\\|")
