@@ -10,6 +10,7 @@ How files are read:
 * A joint's position channels replace its OFFSET, the root's too, wherever they stand among its channels.
 * White space and line ends do not matter, nor does the case of keywords. A name is what stands on the line after ROOT,
   JOINT or End. Text is UTF-8, else Latin-1, or UTF-16 with a byte order mark.
+* Numbers may have exponents, and decimal commas.
 * A frame time is a rounded or truncated 1 / rate; ``fps`` is that rate.
 * With several ROOTs all are read, and clips take the first one.
 

@@ -10,7 +10,7 @@ from crowdsim.errors import BvhError, nearest
 from crowdsim.motion.bvh_file import CHANNELS
 
 _TOKEN = re.compile(rb"\s*([{}]|[^\s{}]+)")
-_NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
+_NUMBER = re.compile(rb"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
 _BAD_NUMBER = re.compile(rb"([+-]?)(?:1\.#)?(nan|inf|infinity|qnan|snan|ind|j)\d*(\([a-z0-9]*\))?", re.IGNORECASE)
 _LINE_END = re.compile(rb"\r\n|\r|\n")
 _LONGEST_NAME = 256
@@ -18,9 +18,9 @@ _MOST_FINDINGS = 20
 
 
 def read_number(token: bytes) -> float | None:
-    """Return the number that a token spells, also 'nan', '-inf' and Windows' '-1.#IND', or None."""
+    """Return the number that a token spells, or None: '1.5', '1,5', '-2e-3', 'nan', '-inf', Windows' '-1.#IND'."""
     if _NUMBER.fullmatch(token):
-        return float(token)
+        return float(token.replace(b",", b"."))
     bad = _BAD_NUMBER.fullmatch(token)
     if bad is None:
         return None

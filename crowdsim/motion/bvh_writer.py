@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from crowdsim.errors import BvhError, OutputError
 from crowdsim.motion.bvh_clip import channel_motion, clip_channels, from_clip
 from crowdsim.motion.bvh_file import Bvh
+from crowdsim.motion.bvh_hierarchy import Scanner
 from crowdsim.motion.bvh_kernels import format_numbers
 from crowdsim.motion.skeleton import Clip, Skeleton
 
@@ -275,8 +276,12 @@ def _writable(name: str) -> str:
     """Return a name that reads back as itself.
 
     Raises:
-        BvhError: The name is empty or would break the line.
+        BvhError: It does not: it is empty, breaks the line, or has blanks at its ends or before a brace.
     """
-    if not name.strip() or name != name.strip() or any(mark in name for mark in "\r\n"):
-        raise BvhError(f"joint name {name!r} cannot be written, expected one line without blanks at its ends")
-    return name
+    try:
+        text = name.encode()
+        if text and Scanner(text + b"\n{", "").name() == text:
+            return name
+    except (BvhError, UnicodeEncodeError):
+        pass
+    raise BvhError(f"joint name {name!r} cannot be written, expected one line without blanks at its ends")

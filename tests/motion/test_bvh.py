@@ -120,6 +120,14 @@ def test_joints_without_a_name_get_one_and_a_finding():
     assert walk.findings == ("walk.bvh:20: joint without a name, called 'joint2'",)
 
 
+def test_decimal_commas_are_decimal_points():
+    walk = bvh(
+        PLAIN, **{"OFFSET 0 -9 0.5": "OFFSET 0 -9 0,5", "1.5 91 -2e1 .5 -5.": "1,5 91 -2e1 ,5 -5,", "0.008": "0,008"}
+    )
+    same(walk, bvh(PLAIN))
+    assert bvh(PLAIN, **{"1.5 91": "0,12345678901234567890 91"}).motion[1, 0] == 0.12345678901234567890
+
+
 def test_end_sites_keep_their_labels_and_order():
     walk = bvh(
         PLAIN, **{"End Site\n    {\n      OFFSET 1": "End Nub x\n    {\n      OFFSET 1", "0.5": "0.5\nCHANNELS 0"}
@@ -270,7 +278,7 @@ def test_offsets_that_are_not_finite_or_missing_become_zero_and_a_finding():
         ("ROOT Hips", "JOINT Hips", "2: found 'JOINT', expected 'ROOT' and a name"),
         ("ROOT Hips\n{", "ROOT Hips\n", "4: found 'OFFSET', expected '{'"),
         ("OFFSET 1 2 3", "OFFSET 1 2", "5: found 'CHANNELS', expected a number, the z of an OFFSET"),
-        ("OFFSET 1 2 3", "OFFSET 1,5 2 3", "4: found '1,5', expected a number, the x of an OFFSET"),
+        ("OFFSET 1 2 3", "OFFSET 1,5,6 2 3", "4: found '1,5,6', expected a number, the x of an OFFSET"),
         ("OFFSET 1 2 3", "OFFSET 1_0 2 3", "4: found '1_0', expected a number, the x of an OFFSET"),
         ("OFFSET 1 2 3", "OFFSETS", "4: found 'OFFSETS', expected OFFSET, CHANNELS, JOINT, End Site or '}'"),
         ("CHANNELS 6 X", "CHANNELS six X", "5: found 'six', expected the number of channels"),
@@ -299,7 +307,7 @@ def test_offsets_that_are_not_finite_or_missing_become_zero_and_a_finding():
         ("0.00833333", "fast", "31: found 'fast', expected a number of seconds"),
         ("50 60 7", "50 sixty 7", "32: found 'sixty', expected a number"),
         ("50 60 7", "50 6-0 7", "32: found '6-0', expected a number"),
-        ("50 60 7", "50 0,5 7", "32: found '0,5', expected a number"),
+        ("50 60 7", "50 0,5, 7", "32: found '0,5,', expected a number"),
         ("50 60 7", "50 " + "x" * 100 + " 7", f"32: found '{'x' * 37}...', expected a number"),
     ],
 )

@@ -128,7 +128,7 @@ def test_a_file_read_written_and_read_holds_the_same():
     two = PLAIN[: PLAIN.index("MOTION")] + PLAIN[PLAIN.index("ROOT") : PLAIN.index("MOTION")]
     with_two_roots = bvh(two)
     same(parse_bvh(format_bvh(with_two_roots)), with_two_roots)
-    odd = bvh(PLAIN, **{"End Site": "End nub 1", "Chest": "a : b", "OFFSET 0 10 0": "OFFSET 1e-7 123456.789 -0"})
+    odd = bvh(PLAIN, **{"End Site": "End nub 1", "Chest": "a : b{1}ü", "OFFSET 0 10 0": "OFFSET 1e-7 123456.789 -0"})
     same(parse_bvh(format_bvh(odd)), odd)
 
 
@@ -256,7 +256,7 @@ def test_a_file_that_cannot_be_written_is_an_output_error(tmp_path):
 
 def test_what_no_file_can_hold_is_refused():
     clip = walking_clip(3)
-    for name in ("", " a", "a\nb"):
+    for name in ("", " a", "a ", "a\nb", "a\rb", "a {b", "\udcff"):
         skeleton = Skeleton((name, *clip.skeleton.names[1:]), clip.skeleton.parents, clip.skeleton.offsets)
         with pytest.raises(BvhError, match=r"joint name .* cannot be written"):
             format_header(from_clip(Clip("a", skeleton, 60.0, clip.root_positions, clip.rotations)))
@@ -294,6 +294,20 @@ def test_other_readers_see_the_same_places(tmp_path):
             if joint.Name in clip.skeleton.names:
                 place = places[frame, clip.skeleton.names.index(joint.Name)]
                 np.testing.assert_allclose(np.array(list(joint.PositionWorld)) / 100, place, atol=1e-4)
+
+
+@pytest.mark.mocap
+def test_real_capture_keeps_its_channels_in_its_own_rotation_orders(mocap):
+    walk = read_bvh(mocap / "fight_daz" / "cmu_135_04_front_kick.bvh")
+    orders = [walk.rotation_order(joint) for joint in range(walk.joint_count)]
+    assert set(orders) == {"ZYX", "ZXY"}
+    back = parse_bvh(format_bvh(from_clip(to_clip(walk, 0.01), orders)))
+    assert back.channels == walk.channels
+    np.testing.assert_allclose(back.motion[:, :3], walk.motion[:, :3], atol=1e-6)
+    angles, before = back.motion.reshape(-1, 44, 3)[:, 1:], walk.motion.reshape(-1, 44, 3)[:, 1:]
+    other = np.stack([before[..., 0] + 180, 180 - before[..., 1], before[..., 2] + 180], axis=-1)
+    gaps = [np.abs((angles - same_turn + 180) % 360 - 180).max(axis=-1) for same_turn in (before, other)]
+    assert np.minimum(*gaps).max() < 1e-4
 
 
 @pytest.mark.mocap
