@@ -1,0 +1,194 @@
+"""The model that both solvers learn on: what each action earns in each cell, and where the target is seen afterwards.
+
+With s a state, c a cell, a an action of s that takes T(a) control frames to the state s'(a):
+
+    Q(a, c) = sum over o of p(o) [ r(a, c, o) + gamma^T(a) * next(s'(a), e(a, c, o)) ]
+
+The target moves meanwhile in one of the ways o, each with its probability p(o); e is where it is seen at the end, which
+is between grid points. ``next`` is what the best action is worth there, by one of two backups (``BACKUPS``):
+
+* ``max_of_interpolated``: the greatest interpolated Q, max over a' of sum of w Q(a', cell). It is the paper's.
+* ``interpolation_of_max``: V(s', cell) = max over a' of Q(a', cell), interpolated. It is cheaper by the number of
+  actions a state has, and never smaller, since every corner may take another action.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.policy.actions import Actions
+from crowdsim.policy.environment import AXIS_KINDS, Grid
+from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, Term, pack_terms
+
+Array = NDArray[Any]
+
+BACKUPS = ("max_of_interpolated", "interpolation_of_max")
+
+
+@dataclass(frozen=True)
+class Movement:
+    """How the target may move during an action: a discrete distribution of displacements.
+
+    Attributes:
+        probabilities: Probability of each way. Shape (O,).
+        velocities: Displacement over the ground, along x and z [m a control frame]. Shape (O, 2).
+    """
+
+    probabilities: Array
+    velocities: Array
+
+
+def build_movement(speed: float = 0.0, directions: int = 4, still: float = 0.5, control_rate: float = 15.0) -> Movement:
+    """Return a target that stands with probability ``still``, else walks in one of ``directions`` at ``speed`` [m/s].
+
+    With a speed of 0 or ``still`` at 1 it never moves.
+    """
+    if speed <= 0.0 or still >= 1.0:
+        return Movement(np.ones(1), np.zeros((1, 2)))
+    angles = 2.0 * math.pi * np.arange(directions) / directions
+    steps = speed / control_rate * np.stack([np.sin(angles), np.cos(angles)], axis=-1)
+    probabilities = np.full(directions + 1, (1.0 - still) / directions)
+    probabilities[0] = still
+    return Movement(probabilities, np.concatenate([np.zeros((1, 2)), steps]))
+
+
+@dataclass(frozen=True)
+class Model:
+    """The model as flat arrays. A actions, M moving cells, D moving axes, C cells, O ways in which the target moves.
+
+    Attributes:
+        grid: The environment.
+        discount: gamma, a control frame.
+        offsets: CSR: actions of each state. Shape (S + 1,), int32.
+        next: State in which each action ends. Shape (A,), int32.
+        discounts: gamma^T of each action. Shape (A,), float32.
+        lowers: Lower corner of the moving cells around the place where each cell's target is seen after each action.
+            Shape (O, A, M), uint16, or int32 when there are many cells.
+        shares: Share of the next grid point on each moving axis. Shape (O, A, M, D), float32.
+        steps: From a lower corner to all its corners, in cells of the table. Shape (M, 2^D), int32.
+        probabilities: p(o). Shape (O,), float32.
+        reward_rows: Row of ``rewards`` of each action, -1 when its reward is the same everywhere. Shape (A,), int32.
+        rewards: r(a, c, o). Shape (O, R, C), float32.
+        constants: The reward of actions that have no row. Shape (A,), float32.
+    """
+
+    grid: Grid
+    discount: float
+    offsets: Array
+    next: Array
+    discounts: Array
+    lowers: Array
+    shares: Array
+    steps: Array
+    probabilities: Array
+    reward_rows: Array
+    rewards: Array
+    constants: Array
+
+    @property
+    def state_count(self) -> int:
+        """Number of states S."""
+        return len(self.offsets) - 1
+
+    @property
+    def action_count(self) -> int:
+        """Number of actions A."""
+        return len(self.next)
+
+    @property
+    def expected_rewards(self) -> Array:
+        """Rewards averaged over the ways in which the target moves. Shape (R, C), float32."""
+        if len(self.probabilities) == 1:
+            return self.rewards[0]
+        return np.tensordot(self.probabilities, self.rewards, axes=1).astype(np.float32)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that successors and rewards take."""
+        return int(self.lowers.nbytes + self.shares.nbytes + self.rewards.nbytes)
+
+
+def build_model(
+    actions: Actions,
+    grid: Grid,
+    terms: tuple[Term, ...],
+    body: TargetBody,
+    discount: float,
+    movement: Movement | None = None,
+) -> Model:
+    """Return the model of one behaviour over the actions of a graph.
+
+    Args:
+        actions: The graph's actions.
+        grid: The environment.
+        terms: The reward's terms.
+        body: Sizes of the target.
+        discount: gamma, a control frame.
+        movement: How the target moves; without it, it stands still.
+    """
+    from crowdsim.policy import kernels
+
+    movement = build_movement() if movement is None else movement
+    moving, layers = len(grid.moving_axes), grid.layers
+    axes = grid.pack()[:moving]
+    axes[:, 5] /= layers
+    targets = grid.targets()
+    count, cells, ways = actions.action_count, grid.cells // layers, len(movement.probabilities)
+
+    lowers = np.empty((ways, count, cells), np.uint16 if cells <= 65536 else np.int32)
+    shares = np.empty((ways, count, cells, moving), np.float32)
+    kernels.fill_successors(actions, axes, targets[::layers].copy(), movement.velocities, lowers, shares)
+
+    packed = pack_terms(terms, body)
+    depends = np.zeros(count, bool)
+    for term in terms:
+        if isinstance(term, StrikeTerm):
+            depends |= np.diff(actions.strike_offsets) > 0
+        elif isinstance(term, ProximityTerm) or term.code not in (0, 1, 2):
+            depends[:] = True
+    chosen = np.flatnonzero(depends)
+    rewards = np.empty((ways, len(chosen), grid.cells), np.float32)
+    kernels.fill_rewards(actions, chosen, targets, movement.velocities, packed, math.log(discount), rewards)
+    rows = np.full(count, -1, np.int32)
+    rows[chosen] = np.arange(len(chosen))
+    constants = np.empty((1, count, 1), np.float32)
+    kernels.fill_rewards(
+        actions, np.arange(count), np.full((1, 3), 1e6), np.zeros((1, 2)), packed, math.log(discount), constants
+    )
+    return Model(
+        grid=grid,
+        discount=discount,
+        offsets=actions.offsets,
+        next=actions.next,
+        discounts=(discount ** actions.lengths.astype(np.float64)).astype(np.float32),
+        lowers=lowers,
+        shares=shares,
+        steps=corner_steps(grid),
+        probabilities=movement.probabilities.astype(np.float32),
+        reward_rows=rows,
+        rewards=rewards,
+        constants=constants[0, :, 0],
+    )
+
+
+def corner_steps(grid: Grid) -> Array:
+    """Return the way from each moving cell to the corners above it, in cells of the table. Shape (M, 2^D), int32.
+
+    Corner ``i`` takes the upper grid point on axis d where bit d of ``i`` is set.
+    """
+    moving = grid.moving_axes
+    places = np.indices(tuple(axis.count for axis in moving)).reshape(len(moving), -1)
+    steps = np.zeros((places.shape[1], 2 ** len(moving)), np.int32)
+    for d, axis in enumerate(moving):
+        assert AXIS_KINDS[axis.name].moves
+        upper = (places[d] + 1) % axis.count if axis.wraps else np.minimum(places[d] + 1, axis.count - 1)
+        step = (upper - places[d]) * grid.strides[d]
+        for corner in range(steps.shape[1]):
+            if corner >> d & 1:
+                steps[:, corner] += step
+    return steps

@@ -1,0 +1,354 @@
+"""Compiled sweeps over the model of ``model.py``, which says what the arrays are.
+
+Values V lie flat at ``state * cells + cell``, Q-values at ``offsets[state] * cells + cell * n + k``. Every sweep reads
+the table of the sweep before and writes another, so its result does not depend on the number of threads.
+"""
+
+import numpy as np
+from numba import njit, prange
+
+
+@njit(cache=True)
+def corner_weights(shares, outcome, action, cell, weights):
+    """Write the multilinear weights of the corners of one successor, in the order of ``model.corner_steps``."""
+    weights[0] = 1.0
+    count = 1
+    for d in range(shares.shape[3]):
+        share = shares[outcome, action, cell, d]
+        for corner in range(count):
+            weights[count + corner] = weights[corner] * share
+            weights[corner] *= np.float32(1.0) - share
+        count *= 2
+
+
+@njit(cache=True, error_model="numpy")
+def back_up_action(model, values, action, layers, weights, row):
+    """Write Q(action, .) for all cells to ``row``, by interpolated V."""
+    ways, moving = model.lowers.shape[0], model.lowers.shape[2]
+    cells = moving * layers
+    base = model.next[action] * cells
+    corners = model.steps.shape[1]
+    discount = model.discounts[action]
+    reward_row = model.reward_rows[action]
+    constant = model.constants[action]
+    if reward_row < 0:
+        for c in range(cells):
+            row[c] = constant
+    else:
+        for c in range(cells):
+            row[c] = model.rewards[reward_row, c]
+    for outcome in range(ways):
+        factor = discount * model.probabilities[outcome]
+        for m in range(moving):
+            lower = np.int64(model.lowers[outcome, action, m])
+            entry = base + lower * layers
+            first = m * layers
+            if corners == 4:
+                u, v = model.shares[outcome, action, m, 0], model.shares[outcome, action, m, 1]
+                one = np.float32(1.0)
+                w0, w1 = factor * (one - u) * (one - v), factor * u * (one - v)
+                w2, w3 = factor * (one - u) * v, factor * u * v
+                e1, e2, e3 = entry + model.steps[lower, 1], entry + model.steps[lower, 2], entry + model.steps[lower, 3]
+                for h in range(layers):
+                    later = w0 * values[entry + h] + w1 * values[e1 + h] + w2 * values[e2 + h] + w3 * values[e3 + h]
+                    row[first + h] += later
+            else:
+                corner_weights(model.shares, outcome, action, m, weights)
+                for corner in range(corners):
+                    at = entry + model.steps[lower, corner]
+                    weight = factor * weights[corner]
+                    for h in range(layers):
+                        row[first + h] += weight * values[at + h]
+
+
+@njit(cache=True, error_model="numpy")
+def improve_by_action(model, values, action, k, lanes, out, best):
+    """Raise ``out`` and ``best``, the state's V and best action of each cell, to Q(action, .) where that is greater.
+
+    For a target that stands still and two moving axes: everything in one pass over the cells. The length of ``lanes``
+    is known when the kernel is compiled, so that the loops over it become vector instructions.
+    """
+    layers = len(lanes)
+    base = model.next[action] * len(out)
+    discount, constant = model.discounts[action], model.constants[action]
+    row = model.reward_rows[action]
+    rewards = model.rewards[max(row, 0)]
+    lowers, shares = model.lowers[0, action], model.shares[0, action]
+    for m in range(len(lowers)):
+        lower = np.int64(lowers[m])
+        at = m * layers
+        w1 = discount * shares[m, 0]
+        w3 = w1 * shares[m, 1]
+        w2 = discount * shares[m, 1] - w3
+        w0 = discount - w1 - w2
+        w1 -= w3
+        e0 = base + lower * layers
+        e1, e2, e3 = e0 + model.steps[lower, 1], e0 + model.steps[lower, 2], e0 + model.steps[lower, 3]
+        if row >= 0:
+            for h in range(len(lanes)):
+                later = w0 * values[e0 + h] + w1 * values[e1 + h] + w2 * values[e2 + h] + w3 * values[e3 + h]
+                value = rewards[at + h] + later
+                better = (k == 0) | (value > out[at + h])
+                out[at + h] = value if better else out[at + h]
+                best[at + h] = k if better else best[at + h]
+        else:
+            for h in range(len(lanes)):
+                later = w0 * values[e0 + h] + w1 * values[e1 + h] + w2 * values[e2 + h] + w3 * values[e3 + h]
+                value = constant + later
+                better = (k == 0) | (value > out[at + h])
+                out[at + h] = value if better else out[at + h]
+                best[at + h] = k if better else best[at + h]
+
+
+@njit(cache=True, parallel=True)
+def improve(model, lanes, values, out, best, residuals):
+    """Do one Bellman sweep: V'(s, c) = max over a of Q(a, c); write which action is best, and each state's change.
+
+    ``lanes`` is a tuple of as many numbers as the grid has layers.
+    """
+    cells = model.lowers.shape[2] * len(lanes)
+    simple = len(model.probabilities) == 1 and model.steps.shape[1] == 4
+    for s in prange(len(model.offsets) - 1):
+        first = model.offsets[s]
+        state_out, state_best = out[s * cells : (s + 1) * cells], best[s * cells : (s + 1) * cells]
+        if simple:
+            for k in range(model.offsets[s + 1] - first):
+                improve_by_action(model, values, first + k, k, lanes, state_out, state_best)
+        else:
+            weights = np.empty(model.steps.shape[1], values.dtype)
+            row = np.empty(cells, values.dtype)
+            for k in range(model.offsets[s + 1] - first):
+                back_up_action(model, values, first + k, len(lanes), weights, row)
+                for c in range(cells):
+                    better = (k == 0) | (row[c] > state_out[c])
+                    state_out[c] = row[c] if better else state_out[c]
+                    state_best[c] = k if better else state_best[c]
+        residual = 0.0
+        for c in range(cells):
+            residual = max(residual, abs(state_out[c] - values[s * cells + c]))
+        residuals[s] = residual
+
+
+@njit(cache=True, parallel=True)
+def gather_best(model, layers, best, earned, entries, weights):
+    """Write what ``follow`` needs of the best actions: reward, entries of V behind them, their discounted weights."""
+    moving, corners = model.lowers.shape[2], model.steps.shape[1]
+    cells = moving * layers
+    for s in prange(len(model.offsets) - 1):
+        share = np.empty(corners, weights.dtype)
+        for c in range(cells):
+            at = s * cells + c
+            m, h = c // layers, c % layers
+            a = model.offsets[s] + best[at]
+            row = model.reward_rows[a]
+            earned[at] = model.rewards[row, c] if row >= 0 else model.constants[a]
+            for outcome in range(len(model.probabilities)):
+                corner_weights(model.shares, outcome, a, m, share)
+                lower = np.int64(model.lowers[outcome, a, m])
+                factor = model.discounts[a] * model.probabilities[outcome]
+                for corner in range(corners):
+                    place = outcome * corners + corner
+                    entries[at, place] = model.next[a] * cells + lower * layers + model.steps[lower, corner] + h
+                    weights[at, place] = factor * share[corner]
+
+
+@njit(cache=True, parallel=True)
+def follow(earned, entries, weights, values, out):
+    """Do one sweep of policy evaluation: V'(s, c) = Q(best action, c)."""
+    for at in prange(len(out)):
+        total = earned[at]
+        for place in range(entries.shape[1]):
+            total += weights[at, place] * values[entries[at, place]]
+        out[at] = total
+
+
+@njit(cache=True, parallel=True)
+def q_from_values(model, layers, values, out):
+    """Write Q(a, c) of every action by interpolated V, in the layout of a Q-table."""
+    cells = model.lowers.shape[2] * layers
+    for s in prange(len(model.offsets) - 1):
+        weights = np.empty(model.steps.shape[1], values.dtype)
+        row = np.empty(cells, values.dtype)
+        first = model.offsets[s]
+        n = model.offsets[s + 1] - first
+        for k in range(n):
+            back_up_action(model, values, first + k, layers, weights, row)
+            for c in range(cells):
+                out[first * cells + c * n + k] = row[c]
+
+
+@njit(cache=True, parallel=True)
+def values_from_q(offsets, cells, q, out):
+    """Write V(s, c) = max over a of Q(a, c)."""
+    for s in prange(len(offsets) - 1):
+        first = offsets[s]
+        n = offsets[s + 1] - first
+        for c in range(cells):
+            entry = first * cells + c * n
+            best = q[entry]
+            for k in range(1, n):
+                best = max(best, q[entry + k])
+            out[s * cells + c] = best
+
+
+@njit(cache=True, fastmath={"nnan", "nsz", "reassoc", "contract"})
+def greatest_between(q, entry, n, lower, layers, steps, weights, corners):
+    """Return the greatest interpolated Q of a state, the table of whose layer starts at ``entry``."""
+    low = entry + lower * layers * n
+    if corners == 4:
+        q0, q1 = q[low : low + n], q[low + steps[lower, 1] * n : low + steps[lower, 1] * n + n]
+        q2 = q[low + steps[lower, 2] * n : low + steps[lower, 2] * n + n]
+        q3 = q[low + steps[lower, 3] * n : low + steps[lower, 3] * n + n]
+        w0, w1, w2, w3 = weights[0], weights[1], weights[2], weights[3]
+        best = w0 * q0[0] + w1 * q1[0] + w2 * q2[0] + w3 * q3[0]
+        for k in range(n):
+            best = max(best, w0 * q0[k] + w1 * q1[k] + w2 * q2[k] + w3 * q3[k])
+        return best
+    best = weights[0] * q[low]
+    for corner in range(1, corners):
+        best += weights[corner] * q[low + steps[lower, corner] * n]
+    for k in range(1, n):
+        value = weights[0] * q[low + k]
+        for corner in range(1, corners):
+            value += weights[corner] * q[low + steps[lower, corner] * n + k]
+        best = max(best, value)
+    return best
+
+
+@njit(cache=True)
+def back_up_q(model, layers, q, action, m, h, weights):
+    """Return the paper's backup of one entry: r + gamma^T max over a' of interpolated Q(a', e), over all outcomes."""
+    cells = model.lowers.shape[2] * layers
+    row = model.reward_rows[action]
+    total = model.rewards[row, m * layers + h] if row >= 0 else model.constants[action]
+    after = model.next[action]
+    n = model.offsets[after + 1] - model.offsets[after]
+    start = model.offsets[after] * cells + h * n
+    for outcome in range(len(model.probabilities)):
+        corner_weights(model.shares, outcome, action, m, weights)
+        lower = np.int64(model.lowers[outcome, action, m])
+        best = greatest_between(q, start, n, lower, layers, model.steps, weights, len(weights))
+        total += model.discounts[action] * model.probabilities[outcome] * best
+    return total
+
+
+@njit(cache=True, parallel=True)
+def improve_q(model, layers, q, out, residuals):
+    """Do one sweep of the paper's backup over every action of every state and every cell."""
+    moving = model.lowers.shape[2]
+    for s in prange(len(model.offsets) - 1):
+        weights = np.empty(model.steps.shape[1], q.dtype)
+        first = model.offsets[s]
+        n = model.offsets[s + 1] - first
+        residual = 0.0
+        for k in range(n):
+            for m in range(moving):
+                for h in range(layers):
+                    entry = first * moving * layers + (m * layers + h) * n + k
+                    out[entry] = back_up_q(model, layers, q, first + k, m, h, weights)
+                    residual = max(residual, abs(out[entry] - q[entry]))
+        residuals[s] = residual
+
+
+@njit(cache=True, parallel=True)
+def improve_best_q(model, layers, q, entries, values):
+    """Back up only the action that is best so far in every state and cell; write which entries change, and to what."""
+    cells = model.lowers.shape[2] * layers
+    for s in prange(len(model.offsets) - 1):
+        weights = np.empty(model.steps.shape[1], q.dtype)
+        first = model.offsets[s]
+        n = model.offsets[s + 1] - first
+        for c in range(cells):
+            entry = first * cells + c * n
+            best = 0
+            for k in range(1, n):
+                best = k if q[entry + k] > q[entry + best] else best
+            entries[s * cells + c] = entry + best
+            values[s * cells + c] = back_up_q(model, layers, q, first + best, c // layers, c % layers, weights)
+
+
+@njit(cache=True)
+def hash_uniform(seed, purpose, index):
+    """Return a number in 0..1 that depends on the three whole numbers alone (splitmix64's finisher)."""
+    mixed = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(purpose) * np.uint64(0xD1B54A32D192ED03)
+    mixed += np.uint64(index) * np.uint64(0x8CB92BA72F3D8DD7) + np.uint64(0x2545F4914F6CDD1D)
+    for _ in range(2):
+        mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        mixed = mixed ^ (mixed >> np.uint64(31))
+    return float(mixed >> np.uint64(11)) / 9007199254740992.0
+
+
+@njit(cache=True)
+def observe(model, layers, q, action, m, h, draw, weights):
+    """Do one trial of an action with the target in cell (m, h); return r + gamma^T max over a' of Q(a', e)."""
+    cells = model.lowers.shape[2] * layers
+    outcome = 0
+    while outcome < len(model.probabilities) - 1 and draw >= model.probabilities[outcome]:
+        draw -= model.probabilities[outcome]
+        outcome += 1
+    row = model.reward_rows[action]
+    earned = model.rewards[outcome, row, m * layers + h] if row >= 0 else model.constants[action]
+    corner_weights(model.shares, outcome, action, m, weights)
+    after = model.next[action]
+    n = model.offsets[after + 1] - model.offsets[after]
+    start = model.offsets[after] * cells + h * n
+    lower = np.int64(model.lowers[outcome, action, m])
+    best = greatest_between(q, start, n, lower, layers, model.steps, weights, len(weights))
+    return earned + model.discounts[action] * best
+
+
+@njit(cache=True, parallel=True)
+def try_everything(model, layers, q, out, visits, step_sizes, seed, round_number, changes):
+    """Do one round of exploration: every action of every state is tried once in every cell.
+
+    Q := Q + alpha (observed - Q), where what is observed reads the table of the round before, and alpha is
+    ``step_sizes`` at the number of visits that the entry has had.
+    """
+    moving = model.lowers.shape[2]
+    for s in prange(len(model.offsets) - 1):
+        weights = np.empty(model.steps.shape[1], q.dtype)
+        first = model.offsets[s]
+        n = model.offsets[s + 1] - first
+        change = 0.0
+        for k in range(n):
+            for m in range(moving):
+                for h in range(layers):
+                    entry = first * moving * layers + (m * layers + h) * n + k
+                    draw = hash_uniform(seed, round_number, entry)
+                    error = observe(model, layers, q, first + k, m, h, draw, weights) - q[entry]
+                    out[entry] = q[entry] + step_sizes[min(visits[entry], len(step_sizes) - 1)] * error
+                    visits[entry] += 1
+                    change += abs(error)
+        changes[s] = change
+
+
+@njit(cache=True, parallel=True)
+def try_best(model, layers, q, entries, values, visits, step_sizes, seed, round_number):
+    """Do one round of exploitation: in every state and cell the action that is best so far is tried once.
+
+    Writes which entries change, and to what, so that all trials read the table of the round before.
+    """
+    cells = model.lowers.shape[2] * layers
+    for s in prange(len(model.offsets) - 1):
+        weights = np.empty(model.steps.shape[1], q.dtype)
+        first = model.offsets[s]
+        n = model.offsets[s + 1] - first
+        for c in range(cells):
+            entry = first * cells + c * n
+            best = 0
+            for k in range(1, n):
+                best = k if q[entry + k] > q[entry + best] else best
+            entry += best
+            draw = hash_uniform(seed, round_number, entry)
+            error = observe(model, layers, q, first + best, c // layers, c % layers, draw, weights) - q[entry]
+            entries[s * cells + c] = entry
+            values[s * cells + c] = q[entry] + step_sizes[min(visits[entry], len(step_sizes) - 1)] * error
+            visits[entry] += 1
+
+
+@njit(cache=True, parallel=True)
+def put(q, entries, values):
+    """Write values to entries, no two of which are the same."""
+    for place in prange(len(entries)):
+        q[entries[place]] = values[place]
