@@ -94,7 +94,7 @@ def draw(
     light = np.zeros(16)
     across = np.cross(sun, [0.0, 0.0, 1.0] if abs(sun[2]) < 0.9 else [1.0, 0.0, 0.0])
     across /= np.linalg.norm(across)
-    light[0:3], light[3:6], light[6:9], light[12] = sun, across, np.cross(sun, across), SUN_SOFTNESS
+    light[0:3], light[3:6], light[6:9], light[14] = sun, across, np.cross(sun, across), SUN_SOFTNESS
     cones, shades = np.empty((count, 8), np.float32), np.empty((count, 9), np.float32)
     segments = np.empty((count, 6), np.float32)
     view_kernels.view_capsules(capsules.places, chosen, camera, light, cones, shades, segments)
@@ -137,14 +137,14 @@ def _cells(extent_x: float, extent_y: float, finest: float, most: int) -> tuple[
 def _shadow_lists(shades: Array, cones: Array, camera: Array, light: Array, segments: Array) -> tuple[Array, Array]:
     """Lists of the capsules that may shade each cell of light space; completes ``light``."""
     if not len(shades):
-        light[11], light[13], light[14] = 1.0, 1, 1
+        light[11], light[12], light[13] = 1.0, 1, 1
         return np.zeros(2, np.int32), np.zeros(1, np.int32)
     bounds = np.empty(4)
     view_kernels.shadow_bounds(shades, bounds)
     pad = SUN_SOFTNESS * 2.5 / light[1] + 0.1
     bounds += [-pad, -pad, pad, pad]
     cell, columns, rows = _cells(bounds[2] - bounds[0], bounds[3] - bounds[1], 0.08, 400_000)
-    light[9], light[10], light[11], light[13], light[14] = bounds[0], bounds[1], 1.0 / cell, columns, rows
+    light[9], light[10], light[11], light[12], light[13] = bounds[0], bounds[1], 1.0 / cell, columns, rows
     light[15] = 0.05
     view_kernels.shadow_segments(shades, cones, camera, light, segments)
     return _lists(segments, columns, rows)

@@ -33,7 +33,13 @@ POINTS = 7 * N
 X, Y, Z, NX, NY, NZ = 0, POINTS, 2 * POINTS, 3 * POINTS, 4 * POINTS, 5 * POINTS
 WIDTH, SHARE, SUN, SKY, WAY = 6 * POINTS, 7 * POINTS, 8 * POINTS, 9 * POINTS, 10 * POINTS
 POINT_SCRATCH = 11 * POINTS
+TOGETHER = 24
+"""Cones up to which all points of a tile meet each of them; beyond, eight points at a time look for fewer."""
 FLOOR, NOTHING = -1, -2
+# Unsigned numbers tell the compiler that an index is never negative, without which it uses no vector instructions.
+U = np.uint64
+AT_X, AT_Y, AT_Z, AT_NX, AT_NY, AT_NZ = U(X), U(Y), U(Z), U(NX), U(NY), U(NZ)
+AT_WIDTH, AT_SUN, AT_SKY = U(WIDTH), U(SUN), U(SKY)
 
 FAR = F(1e9)
 TINY = F(1e-9)
@@ -192,17 +198,18 @@ def _add_point(points, ids, pixels, count, buf, i, c, t, s, share, cones):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
-def _gather(buf, listed, owners, cones, points, ids, pixels):
+def _gather(buf, listed, camera, owners, cones, points, ids, pixels):
     """List the points that a tile shows, each with its share of the pixel; return how many.
 
     From near to far, each edge covers its share of what is left, then the front covers the rest, or the floor does.
     """
+    ground = F(-camera[1])
     for i in range(N):
         seen = (buf[DY + i] < F(-1e-6)) & (buf[FRONT_T + i] >= FAR)
         ids[i] = FLOOR if seen else NOTHING
-        points[X + i], points[Z + i] = buf[GROUND_X + i], buf[GROUND_Z + i]
+        points[X + i], points[Y + i], points[Z + i] = buf[GROUND_X + i], ground, buf[GROUND_Z + i]
+        points[NX + i], points[NY + i], points[NZ + i] = ZERO, ONE, ZERO
         points[WIDTH + i] = HALF * min(buf[WIDTH_X + i], buf[WIDTH_Z + i])
-        points[SUN + i], points[SKY + i] = ONE, ONE
     count = N
     if listed.shape[0] == 0:
         return count
@@ -254,120 +261,170 @@ def _gather(buf, listed, owners, cones, points, ids, pixels):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
-def _is_empty(points, ax, ay, az, bx, by, bz, left, top, per_metre, columns, rows, offsets):
-    """Whether no cell of a grid lists anything under the floor that a tile shows; False where that takes long to say.
+def _cell(u, v, grid):
+    """Return the number of the cell of a grid that a place lies in, -1 outside."""
+    column, row = np.floor((u - F(grid[0])) * F(grid[2])), np.floor((v - F(grid[1])) * F(grid[2]))
+    if column >= ZERO and row >= ZERO and column < grid[3] and row < grid[4]:
+        return int(row) * int(grid[3]) + int(column)
+    return -1
 
-    The axes a and b of the grid are given in the world; the cells of a row lie beside one another in ``offsets``.
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _collect(points, start, stop, ax, ay, az, bx, by, bz, grid, offsets, entries, stamps, near, most):
+    """List every cone of the cells of a grid that some points may lie in, each once.
+
+    Return how many, or -1 where there are more than ``most``. The axes a and b of the grid are given in the world. The
+    points of the floor, whole rows of pixels, lie between those at the corners.
     """
     low_u, high_u, low_v, high_v = FAR, -FAR, FAR, -FAR
-    for i in range(N):
-        x, y, z = points[X + i], points[Y + i], points[Z + i]
+    floor = stop <= N
+    for q in range(4 if floor else stop - start):
+        p = start + (7 * (q & 1) + (stop - start - 8) * (q >> 1) if floor else q)
+        x, y, z = points[X + p], points[Y + p], points[Z + p]
         u, v = x * ax + y * ay + z * az, x * bx + y * by + z * bz
         low_u, high_u = min(low_u, u), max(high_u, u)
         low_v, high_v = min(low_v, v), max(high_v, v)
+    left, top, per_metre, columns, rows = F(grid[0]), F(grid[1]), F(grid[2]), int(grid[3]), int(grid[4])
     first = max(np.floor((low_u - left) * per_metre), ZERO)
     last = min(np.floor((high_u - left) * per_metre), F(columns - 1))
     above = max(np.floor((low_v - top) * per_metre), ZERO)
     below = min(np.floor((high_v - top) * per_metre), F(rows - 1))
     if first > last or above > below:
-        return True
+        return 0
     if below - above > F(48.0):
-        return False
+        return -1
+    left_cell, right_cell = int(first), int(last) + 1
+    stamp = stamps[-1] + 1
+    stamps[-1] = stamp
+    count = 0
     for row in range(int(above), int(below) + 1):
-        if offsets[row * columns + int(last) + 1] > offsets[row * columns + int(first)]:
-            return False
-    return True
+        begin, end = offsets[row * columns + left_cell], offsets[row * columns + right_cell]
+        if end - begin > 16 * most:
+            return -1
+        for place in range(begin, end):
+            c = entries[place]
+            if stamps[c] != stamp:
+                stamps[c] = stamp
+                if count == most:
+                    return -1
+                near[count] = c
+                count += 1
+    return count
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
-def _find_sun(points, ids, count, camera, light, shades, offsets, entries):
-    """Write the share of the sun that every point sees past all cones but its own.
+def _cast_shadow(points, ids, start, stop, c, shades, lx, ly, lz, ux, uy, uz, vx, vy, vz, softness, widest):
+    """Take from some points the share of the sun that cone ``c`` hides from them, save from its own.
 
     In light space (u, v across the rays, w towards the sun) a cone is a flat segment with a width. Its edge is soft by
     the sun's apparent size times the way the light has to go: shadows are sharp where they meet what casts them.
     """
+    su, sv, sw, bu, bv, bw = shades[c, 0], shades[c, 1], shades[c, 2], shades[c, 3], shades[c, 4], shades[c, 5]
+    first, more, over = shades[c, 6], shades[c, 7], shades[c, 8]
+    for q in range(stop - start):
+        p = U(start) + U(q)
+        x, y, z = points[AT_X + p], points[AT_Y + p], points[AT_Z + p]
+        au, av = x * ux + y * uy + z * uz - su, x * vx + y * vy + z * vz - sv
+        along = min(max((au * bu + av * bv) * over, ZERO), ONE)
+        du, dv = au - along * bu, av - along * bv
+        radius = first + along * more
+        way = max(sw + along * bw - (x * lx + y * ly + z * lz), ZERO)
+        soft = max(softness * way, min(points[AT_WIDTH + p], widest))
+        gap = math.sqrt(du * du + dv * dv) - radius
+        dark = min(max(HALF - HALF * gap / soft, ZERO), ONE)
+        # What lies beside the point rather than above it casts no shadow on it.
+        dark = dark * dark * (F(3.0) - TWO * dark) * min(way / (F(0.4) * radius), ONE)
+        dark = ZERO if ids[p] == c else dark
+        points[AT_SUN + p] = min(points[AT_SUN + p], ONE - dark)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _cast_shadows(points, ids, start, stop, listed, shades, light):
+    """Take from some points the share of the sun that each of some cones hides."""
     lx, ly, lz = F(light[0]), F(light[1]), F(light[2])
     ux, uy, uz, vx, vy, vz = F(light[3]), F(light[4]), F(light[5]), F(light[6]), F(light[7]), F(light[8])
-    u0, v0, per_metre, softness, widest = F(light[9]), F(light[10]), F(light[11]), F(light[12]), F(light[15])
-    columns, rows = int(light[13]), int(light[14])
-    ground = F(-camera[1])
-    for i in range(N):
-        points[Y + i] = ground
-    start = N if _is_empty(points, ux, uy, uz, vx, vy, vz, u0, v0, per_metre, columns, rows, offsets) else 0
-    for p in range(start, count):
-        itself = ids[p]
-        if itself == NOTHING:
-            continue
-        x, y, z = points[X + p], points[Y + p], points[Z + p]
-        if itself >= 0 and points[NX + p] * lx + points[NY + p] * ly + points[NZ + p] * lz <= ZERO:
-            points[SUN + p] = ZERO
-            continue
-        u, v, w = x * ux + y * uy + z * uz, x * vx + y * vy + z * vz, x * lx + y * ly + z * lz
-        column, row = np.floor((u - u0) * per_metre), np.floor((v - v0) * per_metre)
-        seen = ONE
-        if column >= ZERO and row >= ZERO and column < columns and row < rows:
-            cell = int(row) * columns + int(column)
-            width = min(points[WIDTH + p], widest)
-            for place in range(offsets[cell], offsets[cell + 1]):
-                c = entries[place]
-                au, av = u - shades[c, 0], v - shades[c, 1]
-                bu, bv = shades[c, 3], shades[c, 4]
-                along = min(max((au * bu + av * bv) * shades[c, 8], ZERO), ONE)
-                du, dv = au - along * bu, av - along * bv
-                radius = shades[c, 6] + along * shades[c, 7]
-                way = shades[c, 2] + along * shades[c, 5] - w
-                soft = max(softness * way, width)
-                reach = radius + soft
-                square = du * du + dv * dv
-                if way <= ZERO or square >= reach * reach or c == itself:
-                    continue
-                dark = min(HALF + HALF * (radius - math.sqrt(square)) / soft, ONE)
-                dark = dark * dark * (F(3.0) - TWO * dark)
-                # What lies beside the point rather than above it casts no shadow on it.
-                dark *= min(way / (F(0.4) * radius), ONE)
-                seen = min(seen, ONE - dark)
-        points[SUN + p] = seen
+    softness, widest = F(light[14]), F(light[15])
+    for index in range(listed.shape[0]):
+        _cast_shadow(
+            points, ids, start, stop, listed[index], shades, lx, ly, lz, ux, uy, uz, vx, vy, vz, softness, widest
+        )
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
-def _covered(x, y, z, nx, ny, nz, cone, reach):
-    """Return the share of the sky over a point that one cone takes, 0 beyond ``reach`` from its surface."""
-    ox, oy, oz = x - cone[0], y - cone[1], z - cone[2]
-    hx, hy, hz = cone[3], cone[4], cone[5]
-    s = (ox * hx + oy * hy + oz * hz) / max(hx * hx + hy * hy + hz * hz, TINY)
-    s = min(max(s, -ONE), ONE)
-    vx, vy, vz = s * hx - ox, s * hy - oy, s * hz - oz
-    radius = cone[6] + s * cone[7]
-    square = max(vx * vx + vy * vy + vz * vz, TINY)
-    distance = math.sqrt(square)
-    near = min(max(ONE - (distance - radius) / reach, ZERO), ONE)
-    return max(vx * nx + vy * ny + vz * nz, ZERO) / distance * min(radius * radius / square, ONE) * near * near
+def _find_sun(points, ids, count, light, grid, shades, offsets, entries, stamps, near):
+    """Write the share of the sun that every point sees past all cones but its own."""
+    ux, uy, uz, vx, vy, vz = F(light[3]), F(light[4]), F(light[5]), F(light[6]), F(light[7]), F(light[8])
+    for p in range(count):
+        points[SUN + p] = ONE
+    for part in range(2):
+        start, stop = (0, N) if part == 0 else (N, count)
+        several = _collect(points, start, stop, ux, uy, uz, vx, vy, vz, grid, offsets, entries, stamps, near, TOGETHER)
+        if several >= 0:
+            _cast_shadows(points, ids, start, stop, near[:several], shades, light)
+            continue
+        for low in range(start, stop, 8):
+            high = min(low + 8, stop)
+            several = _collect(
+                points, low, high, ux, uy, uz, vx, vy, vz, grid, offsets, entries, stamps, near, near.shape[0]
+            )
+            if several >= 0:
+                _cast_shadows(points, ids, low, high, near[:several], shades, light)
+                continue
+            for p in range(low, high):
+                x, y, z = points[X + p], points[Y + p], points[Z + p]
+                cell = _cell(x * ux + y * uy + z * uz, x * vx + y * vy + z * vz, grid)
+                if cell >= 0:
+                    _cast_shadows(points, ids, p, p + 1, entries[offsets[cell] : offsets[cell + 1]], shades, light)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
-def _find_sky(points, ids, count, cones, neighbours, floor, offsets, entries):
+def _cover_sky(points, ids, start, stop, only, c, cones, strength, reach):
+    """Take from the points of cone ``only`` the share of their sky that cone ``c`` hides, none beyond ``reach``."""
+    mx, my, mz, r, k = cones[c, 0], cones[c, 1], cones[c, 2], cones[c, 6], cones[c, 7]
+    hx, hy, hz = cones[c, 3], cones[c, 4], cones[c, 5]
+    over = ONE / max(hx * hx + hy * hy + hz * hz, TINY)
+    fade = ONE / reach
+    for q in range(stop - start):
+        p = U(start) + U(q)
+        ox, oy, oz = points[AT_X + p] - mx, points[AT_Y + p] - my, points[AT_Z + p] - mz
+        s = min(max((ox * hx + oy * hy + oz * hz) * over, -ONE), ONE)
+        vx, vy, vz = s * hx - ox, s * hy - oy, s * hz - oz
+        radius = r + s * k
+        square = max(vx * vx + vy * vy + vz * vz, TINY)
+        distance = math.sqrt(square)
+        near = min(max(ONE - (distance - radius) * fade, ZERO), ONE)
+        facing = max(vx * points[AT_NX + p] + vy * points[AT_NY + p] + vz * points[AT_NZ + p], ZERO) / distance
+        share = facing * min(radius * radius / square, ONE) * near * near
+        free = points[AT_SKY + p]
+        points[AT_SKY + p] = free * (ONE - strength * share) if ids[p] == only else free
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _find_sky(points, ids, count, cones, neighbours, grid, reach, offsets, entries, stamps, near):
     """Write the share of the sky that every point sees past what is near it: feet on the floor, limbs on a body."""
-    left, top, per_metre, reach = F(floor[0]), F(floor[1]), F(floor[2]), F(floor[5])
-    columns, rows = int(floor[3]), int(floor[4])
-    empty = _is_empty(points, ONE, ZERO, ZERO, ZERO, ZERO, ONE, left, top, per_metre, columns, rows, offsets)
-    for p in range(N if empty else 0, count):
-        c = ids[p]
-        x, y, z = points[X + p], points[Y + p], points[Z + p]
-        free = ONE
-        if c >= 0:
-            nx, ny, nz = points[NX + p], points[NY + p], points[NZ + p]
-            for slot in range(neighbours.shape[1]):
-                other = neighbours[c, slot]
-                if other < 0:
-                    break
-                free *= ONE - F(0.75) * _covered(x, y, z, nx, ny, nz, cones[other], F(0.15))
-        elif c == FLOOR:
-            column, row = np.floor((x - left) * per_metre), np.floor((z - top) * per_metre)
-            if column >= ZERO and row >= ZERO and column < columns and row < rows:
-                cell = int(row) * columns + int(column)
+    for p in range(count):
+        points[SKY + p] = ONE
+    several = _collect(
+        points, 0, N, ONE, ZERO, ZERO, ZERO, ZERO, ONE, grid, offsets, entries, stamps, near, near.shape[0]
+    )
+    for index in range(several):
+        _cover_sky(points, ids, 0, N, FLOOR, near[index], cones, ONE, reach)
+    if several < 0:
+        for p in range(N):
+            cell = _cell(points[X + p], points[Z + p], grid)
+            if cell >= 0 and ids[p] == FLOOR:
                 for place in range(offsets[cell], offsets[cell + 1]):
-                    free *= ONE - _covered(x, y, z, ZERO, ONE, ZERO, cones[entries[place]], reach)
-        points[SKY + p] = free
+                    _cover_sky(points, ids, p, p + 1, FLOOR, entries[place], cones, ONE, reach)
+    stamp = stamps[-1] + 1
+    stamps[-1] = stamp
+    for first in range(N, count):
+        c = ids[first]
+        if stamps[c] != stamp:
+            stamps[c] = stamp
+            for slot in range(neighbours.shape[1]):
+                if neighbours[c, slot] < 0:
+                    break
+                _cover_sky(points, ids, first, count, c, neighbours[c, slot], cones, F(0.75), F(0.15))
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
@@ -506,7 +563,7 @@ def draw_tiles(
         camera: Eye (3), right (3), up (3), ahead (3), focal length [px], middle of the picture x, y [px], distance at
             which haze hides half [m]. Shape (16,).
         light: Direction to the sun (3), two directions across it (3, 3), corner u, v of the grid of shadows [m], its
-            cells a metre, softness (tangent of the sun's apparent radius), its columns and rows, widest blur [m].
+            cells a metre, its columns and rows, softness (tangent of the sun's apparent radius), widest blur [m].
         floor: Corner x, z of the grid of contacts [m], its cells a metre, its columns and rows, reach [m].
         cones: Middle relative to the eye (3), half axis (3), middle radius, half the difference. Shape (K, 8), float32.
         shades: In light space relative to the eye, one end (3), the way to the other (3), first radius, difference to
@@ -525,6 +582,7 @@ def draw_tiles(
     """
     buf, points = np.zeros(SCRATCH, np.float32), np.zeros(POINT_SCRATCH, np.float32)
     ids, pixels = np.zeros(POINTS, np.int32), np.zeros(POINTS, np.int32)
+    stamps, near = np.zeros(cones.shape[0] + 1, np.int32), np.empty(64, np.int32)
     columns, rows = (out.shape[1] + 7) // 8, (out.shape[0] + 7) // 8
     for tile in range(first, columns * rows, step):
         x0, y0 = 8 * (tile % columns), 8 * (tile // columns)
@@ -537,9 +595,9 @@ def draw_tiles(
                 cones[c, 3], cones[c, 4], cones[c, 5], cones[c, 6], cones[c, 7],
             )  # fmt: skip
         _lay_ground(buf, camera)
-        count = _gather(buf, listed, owners, cones, points, ids, pixels)
-        _find_sun(points, ids, count, camera, light, shades, light_offsets, light_entries)
-        _find_sky(points, ids, count, cones, neighbours, floor, floor_offsets, floor_entries)
+        count = _gather(buf, listed, camera, owners, cones, points, ids, pixels)
+        _find_sun(points, ids, count, light, light[9:14], shades, light_offsets, light_entries, stamps, near)
+        _find_sky(points, ids, count, cones, neighbours, floor, F(floor[5]), floor_offsets, floor_entries, stamps, near)
         _paint_background(buf, points, camera, light)
         if count > N:
             _paint_points(buf, points, ids, pixels, count, camera, light, paints)

@@ -126,7 +126,7 @@ def shadow_segments(shades, cones, camera, light, out):
     """Write the capsules as segments of the grid of shadows, widened by the softest edge that they can cast."""
     for c in range(shades.shape[0]):
         over = max(camera[1] + cones[c, 1] + abs(cones[c, 4]) + cones[c, 6] + abs(cones[c, 7]), 0.0)
-        pad = light[12] * over / light[1] + light[15]
+        pad = light[14] * over / light[1] + light[15]
         for end in range(2):
             out[c, 2 * end] = (shades[c, 0] + end * shades[c, 3] - light[9]) * light[11]
             out[c, 2 * end + 1] = (shades[c, 1] + end * shades[c, 4] - light[10]) * light[11]
