@@ -6,7 +6,7 @@ import numba as nb
 import numpy as np
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def channels_to_quaternions(motion, first, columns, axes, out):
     """Turn Euler channels [deg] into quaternions, each on the side of the sphere of the frame before.
 
@@ -33,7 +33,7 @@ def channels_to_quaternions(motion, first, columns, axes, out):
             out[f, j, 0], out[f, j, 1], out[f, j, 2], out[f, j, 3] = w, x, y, z
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def quaternions_to_channels(rotations, orders, columns, previous, continued, out):
     """Write Euler channels [deg] of quaternions (F, J, 4), in each frame the triple nearest to the frame before.
 
@@ -43,50 +43,49 @@ def quaternions_to_channels(rotations, orders, columns, previous, continued, out
     w + s u, w - s u and the other two components give the half sum and half difference of the outer angles.
     """
     degrees = 180.0 / math.pi
-    for j in range(rotations.shape[1]):
-        i0, i1, i2 = orders[j, 0], orders[j, 1], orders[j, 2]
-        sign = 1.0 if (i1 - i0) % 3 == 1 else -1.0
-        a0, b0, c0 = previous[j, 0] / degrees, previous[j, 1] / degrees, previous[j, 2] / degrees
-        known = continued
-        for f in range(rotations.shape[0]):
+    for f in range(rotations.shape[0]):
+        known = continued or f > 0
+        for j in range(rotations.shape[1]):
+            i0, i1, i2 = orders[j, 0], orders[j, 1], orders[j, 2]
+            sign = 1.0 if (i1 - i0) % 3 == 1 else -1.0
             w = rotations[f, j, 0]
             x, y, z = rotations[f, j, 1 + i0], sign * rotations[f, j, 1 + i1], rotations[f, j, 1 + i2]
-            length = math.sqrt(w * w + x * x + y * y + z * z)
-            up = math.hypot(w + y, x + z)
-            down = math.hypot(w - y, x - z)
-            half_sum = math.atan2(x + z, w + y)
-            half_difference = math.atan2(x - z, w - y)
-            b = sign * (2.0 * math.atan2(up, down) - 0.5 * math.pi)
-            if down < 1e-7 * length:
-                # Locked: only the sum counts, so the first angle stays where it was.
-                a = a0 if known else 0.0
-                c = 2.0 * half_sum - a
-            elif up < 1e-7 * length:
-                a = a0 if known else 0.0
-                c = a - 2.0 * half_difference
-            else:
+            plus, minus, total, apart = w + y, w - y, x + z, x - z
+            up = math.sqrt(plus * plus + total * total)
+            down = math.sqrt(minus * minus + apart * apart)
+            half_sum = degrees * math.atan2(total, plus)
+            half_difference = degrees * math.atan2(apart, minus)
+            a0, b0, c0 = previous[j, 0], previous[j, 1], previous[j, 2]
+            b = sign * (2.0 * degrees * math.atan2(up, down) - 90.0)
+            if min(up, down) > 1e-7 * (up + down):
                 a = half_sum + half_difference
                 c = half_sum - half_difference
+            else:
+                # Locked: only the sum or the difference counts, so the first angle stays where it was.
+                a = a0 if known else 0.0
+                c = 2.0 * half_sum - a if down < up else a - 2.0 * half_difference
             if known:
-                turn = 2.0 * math.pi
                 best = np.inf
-                besta, bestb, bestc = a, b, c
                 for flip in range(2):
                     ta, tb, tc = a, b, c
                     if flip == 1:
-                        ta, tb, tc = a + math.pi, math.pi - b, c + math.pi
-                    ta -= turn * np.rint((ta - a0) / turn)
-                    tb -= turn * np.rint((tb - b0) / turn)
-                    tc -= turn * np.rint((tc - c0) / turn)
+                        ta, tb, tc = a + 180.0, 180.0 - b, c + 180.0
+                    ta -= 360.0 * math.floor((ta - a0) / 360.0 + 0.5)
+                    tb -= 360.0 * math.floor((tb - b0) / 360.0 + 0.5)
+                    tc -= 360.0 * math.floor((tc - c0) / 360.0 + 0.5)
                     far = abs(ta - a0) + abs(tb - b0) + abs(tc - c0)
                     if far < best:
-                        best, besta, bestb, bestc = far, ta, tb, tc
-                a, b, c = besta, bestb, bestc
+                        best = far
+                        previous[j, 0], previous[j, 1], previous[j, 2] = ta, tb, tc
+                if best == np.inf:
+                    # Not a rotation: the writer refuses it.
+                    previous[j, 0], previous[j, 1], previous[j, 2] = np.nan, np.nan, np.nan
             else:
                 # The usual range for the first frame.
-                a -= 2.0 * math.pi * np.rint(a / (2.0 * math.pi))
-                c -= 2.0 * math.pi * np.rint(c / (2.0 * math.pi))
-            a0, b0, c0, known = a, b, c, True
+                previous[j, 0] = a - 360.0 * math.floor(a / 360.0 + 0.5)
+                previous[j, 1] = b
+                previous[j, 2] = c - 360.0 * math.floor(c / 360.0 + 0.5)
             column = columns[j]
-            out[f, column], out[f, column + 1], out[f, column + 2] = a * degrees, b * degrees, c * degrees
-        previous[j, 0], previous[j, 1], previous[j, 2] = a0 * degrees, b0 * degrees, c0 * degrees
+            out[f, column] = previous[j, 0]
+            out[f, column + 1] = previous[j, 1]
+            out[f, column + 2] = previous[j, 2]

@@ -84,10 +84,10 @@ def _read_long(data, start, stop):
 def parse_numbers(data, stop, columns, out, hard, state):
     """Read decimal numbers of ``data`` (uint8) up to ``stop`` into ``out``, which ends it when full.
 
-    A comma does for a decimal point. Tokens that are no plain decimals go to ``hard`` as (number, start, stop); it stops
-    when that is full. ``state`` carries on between calls: place in the data, numbers read, hard tokens of this call,
-    numbers on this line, and lines that hold another count of numbers than ``columns``. Places are unsigned, which
-    spares a test for negative ones.
+    A comma does for a decimal point. Tokens that are no plain decimals go to ``hard`` as (number, start, stop); it
+    stops when that is full. ``state`` carries on between calls: place in the data, numbers read, hard tokens of this
+    call, numbers on this line, and lines that hold another count of numbers than ``columns``. Places are unsigned,
+    which spares a test for negative ones.
     """
     at, end = np.uint64(state[0]), np.uint64(stop)
     one, ten = np.uint64(1), np.uint64(10)
