@@ -166,7 +166,11 @@ def _override(entry: Entry, top: Spot, text: str) -> list[Finding]:
         return [Finding(place, key_path(at), what)]
 
     for i, part in enumerate(parts):
-        spot = _entered(spot, entry)
+        chosen = _entered(spot, entry)
+        # A scalar gives way where its key may as well hold a mapping: seconds for a number of frames.
+        if chosen is not spot and chosen is not None and part in chosen.keys and not isinstance(entry.value, dict):
+            entry.value = {}
+        spot = chosen
         if entry.value is None and spot is not None and spot.is_list:
             entry.value = []
         if isinstance(entry.value, list):

@@ -170,5 +170,7 @@ def _range(spot: Spot) -> str:
                 limits[name] = getattr(constraint, name)
     if "ge" in limits and "le" in limits:
         return f" from {limits['ge']} to {limits['le']}"
+    if "gt" in limits and "le" in limits:
+        return f" above {limits['gt']} and up to {limits['le']}"
     words = {"ge": "of at least", "gt": "above", "le": "of at most", "lt": "below"}
     return "".join(f" {'and ' if i else ''}{words[name]} {limits[name]}" for i, name in enumerate(limits))
