@@ -21,6 +21,8 @@ _GUARD_FOLLOWS = 0.45
 """How far the guard turns with the chest; the rest of it stays towards the opponent."""
 _HEAD_CLEARANCE = 0.165
 """Least distance of the middle of a fist from the middle of the head [m]."""
+_LEAST_DEPTH = 0.16
+"""Least distance of a fist straight in front of its shoulder [m]."""
 _FULL_REACH = 0.975 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
 """How far from the shoulder a punch is aimed at the most [m]."""
 _SLOWEST, _FASTEST = 5.4, 11.0
@@ -73,31 +75,33 @@ def lead_fists(
         [quat.rotate(frame, channels[:, first : first + 3]) for first in (Channel.LEAD_SWING_X, Channel.REAR_SWING_X)],
         axis=1,
     )
-    fists = guards + swings
+    arcs = quat.about_y(channels[:, [Channel.LEAD_ARC, Channel.REAR_ARC]])
+    centre = shoulders.mean(axis=1)
     spacing = times[1] - times[0] if len(times) > 1 else 1.0
+    fists = guards + swings
     done = []
     for planned in score.reaches:
         hand = planned.hand
         at = min(int(np.rint((planned.hit - times[0]) / spacing)), len(times) - 1)
-        target = _target(planned, trunk.hips[at], float(heading[at]), shoulders[at, hand]) - swings[at, hand]
-        local = quat.rotate(quat.conjugate(trunk.chest_turn[at]), target - trunk.chest[at])
+        target = _target(planned, trunk.hips[at], float(heading[at]), shoulders[at, hand])
+        target = centre[at] + quat.rotate(quat.conjugate(arcs[at, hand]), target - centre[at]) - swings[at, hand]
         part = window(times, planned.start - 0.1, planned.end)
-        ridden = trunk.chest[part] + quat.rotate(trunk.chest_turn[part], local)
-        way = target + planned.rides * (ridden - target) - guards[part, hand]
-        relative = fists[part, hand] - trunk.hips[part]
+        way = target - guards[part, hand]
+        start = fists[part, hand].copy()
         reach = planned
         for _ in range(5):
-            path = relative + _gone(reach, times[part])[:, None] * way
+            path = start + _gone(reach, times[part])[:, None] * way
+            path = centre[part] + quat.rotate(arcs[part, hand], path - centre[part]) - trunk.hips[part]
             out = times[part] <= reach.hit + 0.02
             speed = np.linalg.norm(np.diff(path[out], axis=0), axis=-1).max(initial=0.0) / spacing
-            later = np.clip(speed / (1.03 * _SLOWEST), 0.75, 1.0) * np.clip(speed / (0.97 * _FASTEST), 1.0, 1.25)
             if _SLOWEST <= speed <= _FASTEST:
                 break
-            start = max(reach.hit - later * (reach.hit - reach.start), planned.start - 0.1)
-            reach = replace(reach, start=min(start, reach.hit - _SHORTEST))
-        fists[part, hand] += _gone(reach, times[part])[:, None] * way
+            later = np.clip(speed / (1.03 * _SLOWEST), 0.75, 1.0) * np.clip(speed / (0.97 * _FASTEST), 1.0, 1.25)
+            begin = max(reach.hit - later * (reach.hit - reach.start), planned.start - 0.1)
+            reach = replace(reach, start=min(begin, reach.hit - _SHORTEST))
+        fists[part, hand] = start + _gone(reach, times[part])[:, None] * way
         done.append(reach)
-    return fists, tuple(done)
+    return centre[:, None] + quat.rotate(arcs, fists - centre[:, None]), tuple(done)
 
 
 def _gone(reach: Reach, times: Array) -> Array:
@@ -112,6 +116,19 @@ def _target(reach: Reach, hips: Array, heading: float, shoulder: Array) -> Array
     gap = target - shoulder
     far = float(np.linalg.norm(gap))
     return np.asarray(shoulder + gap * (float(soft_cap(far, _FULL_REACH, 0.02)) / far))
+
+
+def keep_ahead(fists: Array, shoulders: Array, chest_turn: Array) -> Array:
+    """Return the fists (F, 2, 3) held in front of their shoulders, as the chest (F, 4) faces, smoothly.
+
+    A fist beside its shoulder may be level with it; one straight before it stays ``_LEAST_DEPTH`` away.
+    """
+    ahead = quat.rotate(chest_turn, np.array([0.0, 0.0, 1.0]))[:, None]
+    gap = fists - shoulders
+    depth = np.sum(gap * ahead, axis=-1, keepdims=True)
+    aside = np.sum((gap - depth * ahead) ** 2, axis=-1, keepdims=True)
+    least = (_LEAST_DEPTH + 0.03) * np.exp(-aside / 0.15**2) - 0.03
+    return fists + ahead * (soft_floor(depth, least, 0.03) - depth)
 
 
 def clear_head(fists: Array, head: Array) -> Array:

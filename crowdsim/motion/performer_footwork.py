@@ -14,7 +14,7 @@ from crowdsim.motion.performer_score import Score
 
 Array = NDArray[Any]
 
-_PUSH, _SETTLE = 0.15, 0.24
+_PUSH, _SETTLE = 0.18, 0.32
 """The body moves before a foot leaves the floor, and comes to rest after it is down [s]."""
 
 

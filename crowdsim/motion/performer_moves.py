@@ -36,7 +36,6 @@ class Punch:
         speed: Middle and spread of the fist's highest speed relative to the pelvis [m/s].
         extra: Length of the way out beyond the straight line from guard to target [m].
         skew: How late the fist is fastest.
-        rides: How far the target turns with the chest, so that the trunk sweeps the fist through it: 0 to 1.
         early: How long before phase 0 the arm begins to unfold, as a share of the way out.
     """
 
@@ -49,7 +48,6 @@ class Punch:
     speed: tuple[float, float]
     extra: float
     skew: float
-    rides: float
     early: float
 
 

@@ -141,12 +141,12 @@ class Choreographer:
 
     def _swing(self, foot: int, begin: float, length: float, tempo: float) -> float:
         """Plan the way of one foot to where it belongs in the present stance; return how long it takes [s]."""
-        seconds = float(np.clip(self.about(0.17 + 0.26 * length, 0.08) / tempo, 0.14, 0.5))
+        seconds = float(np.clip(self.about(0.14 + 0.25 * length, 0.08) / tempo, 0.12, 0.45))
         ball = (self.style.lead_ball, self.style.rear_ball)[foot]
         x, z = np.array(ball) + self.rng.uniform(-0.02, 0.02, 2)
         place = ground.to_world(self.place, np.array([x, 0.0, z]))
         yaw = float(self.place[2]) + self.style.foot_yaws[foot] + self.rng.uniform(-0.07, 0.07)
-        lift = self.about(0.018 + 0.06 * length, 0.2)
+        lift = self.about(0.024 + 0.06 * length, 0.2)
         self._footsteps.append(Footstep(foot, begin, begin + seconds, float(place[0]), float(place[2]), yaw, lift))
         return seconds
 
@@ -207,7 +207,6 @@ class Choreographer:
             distance,
             height,
             recipe.skew,
-            recipe.rides,
         )
         self._reaches.append(reach)
         self.hands_free[recipe.hand] = end - 0.12 * (end - hit)

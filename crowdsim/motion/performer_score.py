@@ -17,6 +17,8 @@ class Channel(IntEnum):
     """What an accent changes; lengths [m] and angles [rad] on top of the guard stance.
 
     Turns and twists grow to the left, bends lean to the left, tilts, flexion and nods lean forward, and heels rise.
+    Forth and raise move a shoulder, elbow lifts it outwards, roll turns a fist palm down, hand moves the guard, swing
+    moves a fist in the guard's frame, and arc turns it about the middle between the shoulders.
     """
 
     SHIFT_X = 0
@@ -55,6 +57,8 @@ class Channel(IntEnum):
     REAR_SWING_X = auto()
     REAR_SWING_Y = auto()
     REAR_SWING_Z = auto()
+    LEAD_ARC = auto()
+    REAR_ARC = auto()
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,7 @@ class Reach:
     """A fist goes to a target in the stance frame, is there at ``hit`` and back in the guard at ``end`` [s].
 
     ``bearing`` and ``distance`` are seen from the pelvis at the hit, with the stance's heading; ``height`` is over
-    the floor [m]. ``rides`` is how far the target turns with the chest, 0 to 1.
+    the floor [m].
     """
 
     kind: str
@@ -109,7 +113,6 @@ class Reach:
     distance: float
     height: float
     skew: float
-    rides: float
 
 
 @dataclass(frozen=True)

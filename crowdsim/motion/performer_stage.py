@@ -12,7 +12,7 @@ from crowdsim.motion import ground
 from crowdsim.motion import performer_skeleton as bones
 from crowdsim.motion import quaternion as quat
 from crowdsim.motion.performer_curves import noise, pulse, soft_cap, soft_floor, window
-from crowdsim.motion.performer_fists import clear_head, lead_fists
+from crowdsim.motion.performer_fists import clear_head, keep_ahead, lead_fists
 from crowdsim.motion.performer_footwork import Footwork, trace_feet
 from crowdsim.motion.performer_pose import (
     LEG_REACH,
@@ -215,7 +215,7 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
         root = trunk.chest + quat.rotate(trunk.chest_turn, skeleton.offsets[bones.SHOULDERS[side]])
         shoulders[:, side] = root + quat.rotate(collars[side], skeleton.offsets[bones.ARMS[side]])
     reached, reaches = lead_fists(score, times, feet.heading, trunk, channels, shoulders)
-    fists = clear_head(reached, head)
+    fists = clear_head(keep_ahead(reached, shoulders, trunk.chest_turn), head)
     for side in range(2):
         upper, forearm, hand = pose_arm(
             side,
