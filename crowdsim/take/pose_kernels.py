@@ -126,20 +126,21 @@ def _blend(frame, fraction, rotations, roots, starts, ends, time, cut_times, tur
 
 
 @nb.njit(cache=True, nogil=True)
-def blend_poses(first, stop, frames, fractions, grounds, times, rotations, roots, cut_offsets, cut_times, turns,
-                turn_rates, moves, half, scales, out_roots, out_rotations):  # fmt: skip
+def blend_poses(first, stop, frames, fractions, grounds, times, rotations, roots, cut_starts, cut_stops, cut_times,
+                turns, turn_rates, moves, half, scales, out_roots, out_rotations):  # fmt: skip
     """Poses of avatars ``first`` to ``stop`` at every time, in the world.
 
     Args:
-        first: First avatar.
+        first: First column.
         stop: One past the last.
-        frames: Playback frame of each avatar at each time; -1 where it is absent. Shape (T, N), int32.
+        frames: Playback frame of each column's avatar at each time; -1 where it is absent. Shape (T, N), int32.
         fractions: How far on to the next frame. Shape (T, N).
         grounds: Ground transform of each avatar at each time. Shape (T, N, 3).
-        times: Shape (T,) [s].
+        times: Shape (T, N) or (T, 1) [s].
         rotations: Database rotations, the root's without the heading. Shape (P, J, 4).
         roots: Place of the root in the frame's ground frame. Shape (P, 3).
-        cut_offsets: CSR: cuts of avatar n are ``cut_offsets[n]:cut_offsets[n + 1]``, in order of time.
+        cut_starts: First cut of each column's avatar; they are in order of time. Shape (N,).
+        cut_stops: One past its last cut. Shape (N,).
         cut_times: Shape (C,) [s].
         turns: See ``measure_cuts``.
         turn_rates: Likewise.
@@ -150,22 +151,24 @@ def blend_poses(first, stop, frames, fractions, grounds, times, rotations, roots
         out_rotations: Local rotations, the root's in the world. Shape (T, N, J, 4).
     """
     joints = rotations.shape[1]
+    shared = times.shape[1] == 1
     sums = np.empty((joints, 3))
     for n in range(first, stop):
-        low = cut_offsets[n]
-        for t in range(times.shape[0]):
+        low = cut_starts[n]
+        for t in range(frames.shape[0]):
             if frames[t, n] < 0:
                 for k in range(3):
                     out_roots[t, n, k] = np.nan
                 out_rotations[t, n] = np.nan
                 continue
-            while low < cut_offsets[n + 1] and cut_times[low] <= times[t] - half:
+            time = times[t, 0 if shared else n]
+            while low < cut_stops[n] and cut_times[low] <= time - half:
                 low += 1
             high = low
-            while high < cut_offsets[n + 1] and cut_times[high] < times[t] + half:
+            while high < cut_stops[n] and cut_times[high] < time + half:
                 high += 1
             root, pose = out_roots[t, n], out_rotations[t, n]
-            _blend(frames[t, n], fractions[t, n], rotations, roots, low, high, times[t], cut_times, turns, turn_rates,
+            _blend(frames[t, n], fractions[t, n], rotations, roots, low, high, time, cut_times, turns, turn_rates,
                    moves, half, scales[n], sums, root, pose)  # fmt: skip
             cos, sin = math.cos(grounds[t, n, 2]), math.sin(grounds[t, n, 2])
             x, z = root[0], root[2]
