@@ -19,7 +19,7 @@ from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip
 from crowdsim.motion.tracks import build_tracks
-from crowdsim.render.scene import Figure, bone_capsules
+from crowdsim.render.figure import Figure, bone_capsules
 from crowdsim.render.source import no_hits
 
 Array = NDArray[Any]
@@ -75,6 +75,15 @@ class ClipSource:
     def poses(self, frame: int) -> list[tuple[Array, Array]]:
         """Return the pose at a frame."""
         return [(self.positions[frame : frame + 1], self.rotations[frame : frame + 1])]
+
+    @property
+    def avatar_colours(self) -> Array:
+        """Colour of the figure: its team's. Shape (1, 3)."""
+        return np.full((1, 3), np.nan)
+
+    def markers(self, frame: int) -> Array:
+        """Return that there is nothing but the figure."""
+        return np.zeros((0, 3))
 
     def hits(self, frame: int) -> tuple[Array, Array, Array]:
         """Return that nothing lands."""

@@ -214,9 +214,13 @@ def _framing(crowd: Crowd, kind: str, size: tuple[int, int]) -> Callable[[int], 
     limits = np.empty((len(crowd.places), 4))
     middles = np.empty(len(crowd.places))
     for moment, places in enumerate(crowd.places):
-        flat = normals[:, [0, 2]] @ places[:, :2].T
-        limits[moment] = (flat + reach).max(axis=1)
-        ahead = places[:, :2] @ basis[2, [0, 2]]
+        here = np.isfinite(places[:, 0])
+        if not here.any():
+            limits[moment], middles[moment] = limits[moment - 1], middles[moment - 1]
+            continue
+        flat = normals[:, [0, 2]] @ places[here, :2].T
+        limits[moment] = (flat + reach[:, here]).max(axis=1)
+        ahead = places[here, :2] @ basis[2, [0, 2]]
         middles[moment] = 0.5 * (ahead.min() + ahead.max())
     tall = float(np.median(crowd.heights))
     eyes = _solve(_envelope(limits, crowd), basis, tx, ty, _smooth(middles, crowd) - 2.2 * tall)

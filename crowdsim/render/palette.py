@@ -25,10 +25,14 @@ def team_hue(team: int) -> float:
     return _HUES[team] if team < len(_HUES) else (team * _GOLDEN + 0.17) % 1.0
 
 
-def avatar_paints(teams: Sequence[int] | Array) -> Array:
+def avatar_paints(teams: Sequence[int] | Array, colours: Array | None = None) -> Array:
     """Return the paint of every part of every avatar: linear red, green, blue and gloss. Shape (N, 6, 4), float32.
 
     Where all avatars are of one team, or each is a team of its own, avatars have hues of their own.
+
+    Args:
+        teams: Team of each avatar. Shape (N,).
+        colours: Colour that an avatar has instead, NaN for none: red, green, blue in 0..1. Shape (N, 3).
     """
     teams = np.asarray(teams, dtype=int)
     _, numbers = np.unique(teams, return_inverse=True)
@@ -40,8 +44,11 @@ def avatar_paints(teams: Sequence[int] | Array) -> Array:
             hue, vivid = (avatar * _GOLDEN) % 1.0, 0.62 + 0.25 * ((avatar * 0.7548776662 + 0.1) % 1.0)
         else:
             hue, vivid = (team_hue(int(team)) + 0.036 * (shade - 0.5)) % 1.0, 0.80
+        if colours is not None and np.isfinite(colours[avatar]).all():
+            red, green, blue = (float(value) for value in colours[avatar])
+            hue, vivid, _ = colorsys.rgb_to_hsv(red, green, blue)
         skin = np.array(_SKINS[(avatar * 3 + avatar // 5) % len(_SKINS)])
-        colours = {
+        dress = {
             "skin": skin,
             "head": skin * 0.97,
             "glove": np.array(colorsys.hsv_to_rgb(hue, 0.88, 0.86)),
@@ -50,6 +57,6 @@ def avatar_paints(teams: Sequence[int] | Array) -> Array:
             "shoe": np.array((0.20, 0.20, 0.22)),
         }
         for part, name in enumerate(PARTS):
-            paints[avatar, part, :3] = colours[name] ** 2.0
+            paints[avatar, part, :3] = dress[name] ** 2.0
             paints[avatar, part, 3] = _GLOSS[name]
     return paints

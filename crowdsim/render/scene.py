@@ -4,89 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.motion.body import PARTS
-from crowdsim.motion.skeleton import Skeleton
+from crowdsim.render.figure import Figure, dress
 from crowdsim.render.palette import avatar_paints
 from crowdsim.render.raycast import Capsules
 from crowdsim.render.view_kernels import place_capsules
 
 Array = NDArray[Any]
 
-
-class Figure(Protocol):
-    """Capsules on the joints of a skeleton; ``crowdsim.motion.body.Body`` is one."""
-
-    @property
-    def capsule_joints(self) -> Array:
-        """Joint that each capsule rides on. Shape (K,), int32."""
-
-    @property
-    def capsule_starts(self) -> Array:
-        """One end in that joint's frame [m]. Shape (K, 3)."""
-
-    @property
-    def capsule_ends(self) -> Array:
-        """The other end [m]. Shape (K, 3)."""
-
-    @property
-    def capsule_radii(self) -> Array:
-        """Radius at both ends [m]. Shape (K, 2)."""
-
-    @property
-    def capsule_parts(self) -> Array:
-        """Index into ``crowdsim.motion.body.PARTS`` of each. Shape (K,), uint8."""
-
-
-@dataclass(frozen=True)
-class BoneFigure:
-    """Capsules along every bone of a skeleton; the attributes are those of ``Figure``."""
-
-    capsule_joints: Array
-    capsule_starts: Array
-    capsule_ends: Array
-    capsule_radii: Array
-    capsule_parts: Array
-
-
-def bone_capsules(skeleton: Skeleton) -> BoneFigure:
-    """Return a capsule along every bone and end site of any skeleton, thicker towards the root.
-
-    A joint's weight is the length of all bones beyond it; thickness follows its square root, so that a trunk is thick
-    and fingers are thin whatever the animal. Bones of no length show as spheres.
-    """
-    count = skeleton.joint_count
-    starts = [int(parent) for parent in skeleton.parents[1:]] + [int(parent) for parent in skeleton.end_parents]
-    offsets = np.concatenate([np.asarray(skeleton.offsets[1:], float), np.asarray(skeleton.end_offsets, float)])
-    lengths = np.linalg.norm(offsets, axis=1) if len(offsets) else np.zeros(0)
-    beyond = np.zeros(count)
-    for end, parent in enumerate(skeleton.end_parents):
-        beyond[parent] += lengths[count - 1 + end]
-    for joint in range(count - 1, 0, -1):
-        beyond[skeleton.parents[joint]] += beyond[joint] + lengths[joint - 1]
-    size = max(float(beyond[0]), 1e-6)
-
-    def radius(weight: float, length: float) -> float:
-        return float(np.clip(0.03 * size**0.5 * weight**0.5 * 0.35, 0.0025 * size, max(0.35 * length, 0.004 * size)))
-
-    radii = []
-    for index, (start, length) in enumerate(zip(starts, lengths, strict=True)):
-        after = beyond[index + 1] if index < count - 1 else 0.0
-        near = min(beyond[start], after + length)
-        radii.append((radius(near, float(length)), radius(max(after, 0.2 * near), float(length))))
-    if not starts:
-        starts, offsets, radii = [0], np.zeros((1, 3)), [(0.05, 0.05)]
-    return BoneFigure(
-        capsule_joints=np.array(starts, np.int32),
-        capsule_starts=np.zeros((len(starts), 3)),
-        capsule_ends=offsets,
-        capsule_radii=np.array(radii, float).reshape(-1, 2),
-        capsule_parts=np.full(len(starts), PARTS.index("shirt"), np.uint8),
-    )
+_BALL, _BALL_PAINT = 0.13, (0.85, 0.50, 0.03, 0.3)
+"""Radius [m] and paint of a marker."""
 
 
 @dataclass(frozen=True)
@@ -107,13 +38,15 @@ class Cast:
     paints: Array
     owners: Array
 
-    def place(self, poses: Sequence[tuple[Array, Array]]) -> Capsules:
+    def place(self, poses: Sequence[tuple[Array, Array]], markers: Array | None = None) -> Capsules:
         """Return the capsules of one frame.
 
         Args:
             poses: World positions (n, J, 3) and rotations (n, J, 4) of the members of each figure.
+            markers: Places of things that are no avatars, which show as balls [m]. Shape (G, 3).
         """
-        places = np.empty((len(self.owners), 8), np.float32)
+        balls = 0 if markers is None else len(markers)
+        places = np.empty((len(self.owners) + balls, 8), np.float32)
         row = 0
         for figure, avatars, (positions, rotations) in zip(self.figures, self.members, poses, strict=True):
             rows = len(avatars) * len(figure.capsule_joints)
@@ -128,11 +61,20 @@ class Cast:
                 places[row : row + rows],
             )
             row += rows
-        return Capsules(places, self.paints, self.owners)
+        if markers is None or not balls:
+            return Capsules(places, self.paints, self.owners)
+        places[row:] = np.concatenate([markers, markers, np.full((balls, 2), _BALL)], axis=1)
+        paints = np.concatenate([self.paints, np.tile(np.array(_BALL_PAINT, np.float32), (balls, 1))])
+        owners = np.concatenate([self.owners, len(self.scales) + np.arange(balls, dtype=np.int32)])
+        return Capsules(places, paints, owners)
 
 
 def build_cast(
-    figures: Sequence[Figure], avatar_figures: Array, teams: Sequence[int] | Array, scales: Array | None = None
+    figures: Sequence[Figure],
+    avatar_figures: Array,
+    teams: Sequence[int] | Array,
+    scales: Array | None = None,
+    colours: Array | None = None,
 ) -> Cast:
     """Dress avatars: which figure each has, and which colours.
 
@@ -141,9 +83,11 @@ def build_cast(
         avatar_figures: Index of each avatar's figure. Shape (N,).
         teams: Team of each avatar. Shape (N,).
         scales: Size of each avatar, 1 by default. Shape (N,).
+        colours: Colour that an avatar has instead of its team's, NaN for none: red, green, blue in 0..1. Shape (N, 3).
     """
+    figures = [dress(figure) for figure in figures]
     avatar_figures = np.asarray(avatar_figures)
-    by_part = avatar_paints(teams)
+    by_part = avatar_paints(teams, colours)
     members, paints, owners = [], [], []
     for index, figure in enumerate(figures):
         avatars = np.flatnonzero(avatar_figures == index).astype(np.int32)

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.render.scene import Figure
+from crowdsim.render.figure import Figure
 
 Array = NDArray[Any]
 
@@ -16,8 +16,8 @@ Array = NDArray[Any]
 class PoseSource(Protocol):
     """Motion of N avatars at the rate of the pictures.
 
-    Frames are output frames, from 0. Every method is a pure function of its arguments, whatever was asked before. With
-    ``jobs`` above one the source goes to other processes, so it must survive ``copy.deepcopy`` and pickling in memory.
+    Frames are output frames, from 0. Every method is a pure function of its arguments, whatever was asked before and
+    whichever thread asks. With ``jobs`` above one the source goes to other processes through pickle.
     """
 
     @property
@@ -60,14 +60,18 @@ class PoseSource(Protocol):
     def avatar_figures(self) -> Array:
         """Index of each avatar's figure. Shape (N,)."""
 
+    @property
+    def avatar_colours(self) -> Array:
+        """Colour of each avatar instead of its team's: red, green, blue in 0..1, NaN for none. Shape (N, 3)."""
+
     def ground(self, frames: Array) -> Array:
-        """Return the ground transforms of all avatars at some frames. Shape (n, N, 3)."""
+        """Return the ground transforms of all avatars at some frames; NaN while absent. Shape (n, N, 3)."""
 
     def poses(self, frame: int) -> list[tuple[Array, Array]]:
         """Return for each figure the poses of its avatars, ascending, at a frame.
 
         Returns:
-            World positions [m] (n, J, 3) and rotations (n, J, 4), scaled already, a pair a figure.
+            World positions [m] (n, J, 3) and rotations (n, J, 4), scaled already and NaN while absent, a pair a figure.
         """
 
     def hits(self, frame: int) -> tuple[Array, Array, Array]:
@@ -76,6 +80,9 @@ class PoseSource(Protocol):
         Returns:
             Points [m] (H, 3), time since [s] (H,), speeds [m/s] (H,).
         """
+
+    def markers(self, frame: int) -> Array:
+        """Return the places of things that are no avatars, such as scripted targets [m]. Shape (G, 3)."""
 
 
 def no_hits() -> tuple[Array, Array, Array]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import threading
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,14 +43,11 @@ class Stage:
     size: tuple[int, int]
     caption: bool
     mark: str
-    lock: threading.Lock
 
     def picture(self, frame: int, threads: int = 1) -> Array:
         """Draw a frame. Shape (height, width, 3), uint8."""
-        with self.lock:
-            poses = self.source.poses(frame)
-            points, ages, speeds = self.source.hits(frame)
-        capsules = self.cast.place(poses)
+        points, ages, speeds = self.source.hits(frame)
+        capsules = self.cast.place(self.source.poses(frame), self.source.markers(frame))
         young = np.asarray(ages) < FLASH
         flashes = Flashes(
             np.asarray(points)[young],
@@ -100,10 +96,11 @@ def build_stage(source: PoseSource, size: tuple[int, int], camera: str | Keys = 
     content = [VERSION, source.fingerprint, source.name, source.fps, source.frame_count, list(size), named, caption]
     return Stage(
         source=source,
-        cast=build_cast(source.figures, source.avatar_figures, source.avatar_teams, source.avatar_scales),
+        cast=build_cast(
+            source.figures, source.avatar_figures, source.avatar_teams, source.avatar_scales, source.avatar_colours
+        ),
         tracks=tuple(build_track(source, kind, part, crowd) for kind in kinds),
         size=size,
         caption=caption,
         mark=hashlib.sha256(json.dumps(content).encode()).hexdigest()[:32],
-        lock=threading.Lock(),
     )

@@ -1,154 +1,136 @@
-"""A take as what pictures are made of."""
+"""A recorded run as a source of pictures."""
 
 from __future__ import annotations
 
 import hashlib
+import threading
+from collections import OrderedDict
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.render.scene import Figure
+from crowdsim.policy.policy import Policy
+from crowdsim.render.figure import Figure
 from crowdsim.take.poses import Poses, PoseSampler
+from crowdsim.take.take import Take
 
 Array = NDArray[Any]
 
-_SHOWN = 0.4
-"""How long a landed strike flashes [s]."""
-_POSES_AT_ONCE = 12_000
-_NOWHERE = -1000.0
-"""Height at which absent avatars are kept out of the picture [m]."""
+_BLOCK_BYTES = 48 << 20
+_MOST_FRAMES = 32
+_FLASH_REACH = 0.4
+"""How far back ``hits`` looks [s]."""
 
 
 class TakeSource:
-    """Avatars of a take at the rate of the pictures; see ``PoseSource``.
+    """Motion of a take at a frame rate; a ``PoseSource``.
+
+    Poses are sampled in blocks of frames at fixed places, of which the last few are kept, since what a pose needs of
+    the take around it is the same for its neighbours.
 
     Args:
-        sampler: Poses of the take.
-        fps: Pictures a second.
+        take: The take.
+        policies: Its policies, in the order of ``take.cast.policy_names``.
+        fps: Frames a second.
+        name: What it is called in captions; the scenario's name by default.
+        threads: Threads that share the sampling of a block.
+
+    Raises:
+        TakeError: The policies are not those that the take was recorded with.
     """
 
-    def __init__(self, sampler: PoseSampler, fps: float) -> None:
-        take = sampler.take
-        self._sampler, self._fps = sampler, float(fps)
-        self._count = take.output_frames(fps)
-        self._block: tuple[int, int, list[Poses]] = (0, 0, [])
-        self._at_once = max(1, _POSES_AT_ONCE // max(1, take.avatar_count))
-        landed = np.asarray(take.events.landed, dtype=bool)
-        self._hit_times = np.asarray(take.events.frame, dtype=np.float64)[landed] / take.control_rate
-        self._hit_points = np.asarray(take.events.point, dtype=np.float64)[landed].reshape(-1, 3)
-        self._hit_speeds = np.asarray(take.events.speed, dtype=np.float64)[landed]
-        order = np.argsort(self._hit_times, kind="stable")
-        self._hit_times, self._hit_points = self._hit_times[order], self._hit_points[order]
-        self._hit_speeds = self._hit_speeds[order]
+    def __init__(
+        self, take: Take, policies: Sequence[Policy], fps: float, name: str | None = None, threads: int = 1
+    ) -> None:
+        self.take, self.fps, self.name = take, float(fps), name or take.scenario
+        self._arguments = (take, tuple(policies), fps, name, threads)
+        self._sampler = PoseSampler(take, policies, threads)
+        self.frame_count = take.output_frames(fps)
+        cast = take.cast
+        self.avatar_names = tuple(str(value) for value in cast.names)
+        self.avatar_teams = np.asarray(cast.teams, int)
+        self.avatar_scales = np.asarray(cast.scales, float)
+        # Samples come for the policies that have avatars, in their order.
+        present = [index for index in range(len(policies)) if (cast.policies == index).any()]
+        self.figures: tuple[Figure, ...] = tuple(policies[index].database.body for index in present)
+        self.avatar_figures = np.searchsorted(present, cast.policies).astype(np.int32)
+        heights = np.array([policy.database.body.height for policy in policies])
+        self.avatar_heights = heights[cast.policies] * self.avatar_scales
+        self.avatar_colours = np.asarray(cast.colours, float)[cast.types]
+        self.fingerprint = _digest(take)
+        joints = max(policy.database.skeleton.joint_count for policy in policies)
+        self._block = int(np.clip(_BLOCK_BYTES // (take.avatar_count * joints * 16), 1, _MOST_FRAMES))
+        self._blocks: OrderedDict[int, list[Poses]] = OrderedDict()
+        self._lock = threading.Lock()
+        landed = np.asarray(take.events.landed, bool)
+        times = np.asarray(take.events.frame, float)[landed] / take.control_rate
+        order = np.argsort(times, kind="stable")
+        self._hit_times = times[order]
+        self._hit_points = np.asarray(take.events.point, float)[landed][order]
+        self._hit_speeds = np.asarray(take.events.speed, float)[landed][order]
 
-    @property
-    def name(self) -> str:
-        """Name of the scenario."""
-        return self._sampler.take.scenario
-
-    @property
-    def fingerprint(self) -> str:
-        """A text that differs whenever the take does."""
-        take = self._sampler.take
-        digest = hashlib.sha256()
-        for part in (take.scenario, take.seed, take.status, take.fingerprints, take.cast.type_names, self._fps):
-            digest.update(repr(part).encode())
-        for array in (take.x, take.z, take.heading, take.action, take.action_frame):
-            digest.update(np.ascontiguousarray(array[:]).tobytes())
-        for values in (take.cast.policies, take.cast.scales, take.cast.teams, take.events.frame, take.events.landed):
-            digest.update(np.ascontiguousarray(values).tobytes())
-        return digest.hexdigest()
-
-    @property
-    def fps(self) -> float:
-        """Frames a second."""
-        return self._fps
-
-    @property
-    def frame_count(self) -> int:
-        """Number of frames."""
-        return self._count
-
-    @property
-    def avatar_names(self) -> Sequence[str]:
-        """Name of each avatar."""
-        return [str(name) for name in self._sampler.take.cast.names]
-
-    @property
-    def avatar_teams(self) -> Array:
-        """Number of each avatar's team."""
-        return np.asarray(self._sampler.take.cast.teams, dtype=np.int64)
-
-    @property
-    def avatar_scales(self) -> Array:
-        """Size of each avatar."""
-        return np.asarray(self._sampler.take.cast.scales, dtype=np.float64)
-
-    @property
-    def avatar_heights(self) -> Array:
-        """How high each avatar reaches when it stands [m]."""
-        heights = np.array([policy.database.body.height for policy in self._sampler.policies])
-        return heights[self.avatar_figures] * self.avatar_scales
-
-    @property
-    def figures(self) -> Sequence[Figure]:
-        """Body of each policy."""
-        return [policy.database.body for policy in self._sampler.policies]
-
-    @property
-    def avatar_figures(self) -> Array:
-        """Policy of each avatar."""
-        return np.asarray(self._sampler.take.cast.policies, dtype=np.int64)
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Build again from the arguments on the other side."""
+        return TakeSource, self._arguments
 
     def ground(self, frames: Array) -> Array:
-        """Return the ground transforms of all avatars at some frames; absent ones stand where they were or will be."""
-        take = self._sampler.take
-        clock = np.asarray(frames) / self._fps * take.control_rate
-        before = np.clip(np.floor(clock + 1e-9).astype(np.int64), 0, take.frame_count - 1)
-        after = np.minimum(before + 1, take.frame_count - 1)
-        part = np.clip(clock - before, 0.0, 1.0)[:, None]
-        first, stop = int(before.min()), int(after.max()) + 1
-        told = [np.asarray(values[first:stop], dtype=np.float64) for values in (take.x, take.z, take.heading)]
-        told[2] = np.unwrap(np.nan_to_num(told[2]), axis=0)
-        placed = []
-        for values in told:
-            low, high = values[before - first], values[after - first]
-            mixed = low + np.where(np.isfinite(high), (high - low) * part, 0.0)
-            if not np.isfinite(mixed).all():
-                there = np.isfinite(mixed)
-                fallback = np.nanmean(np.where(there, mixed, np.nan)) if there.any() else 0.0
-                mixed = np.where(there, mixed, fallback)
-            placed.append(mixed)
-        return np.stack(placed, axis=-1)
+        """Return the ground transforms of all avatars at some frames; NaN while absent. Shape (n, N, 3)."""
+        control = np.clip(np.asarray(frames) / self.fps * self.take.control_rate, 0, self.take.frame_count - 1)
+        before = np.floor(control + 1e-9).astype(np.int64)
+        after = np.minimum(before + 1, self.take.frame_count - 1)
+        first, stop = int(before[0]), int(after[-1]) + 1
+        rows = np.stack(
+            [np.asarray(array[first:stop], float) for array in (self.take.x, self.take.z, self.take.heading)], -1
+        )
+        rows[np.asarray(self.take.action[first:stop]) < 0] = np.nan
+        part = np.clip(control - before, 0.0, 1.0)[:, None, None]
+        low, high = rows[before - first], rows[after - first]
+        high = np.where(np.isfinite(high), high, low)
+        turn = np.mod(high[..., 2] - low[..., 2] + np.pi, 2 * np.pi) - np.pi
+        high = np.concatenate([high[..., :2], (low[..., 2] + turn)[..., None]], axis=-1)
+        return np.asarray(low + part * (high - low))
 
     def poses(self, frame: int) -> list[tuple[Array, Array]]:
-        """Return the posed avatars of each policy at a frame."""
-        first, stop, blocks = self._block
-        if not first <= frame < stop:
-            first = frame // self._at_once * self._at_once
-            stop = min(first + self._at_once, self._count)
-            blocks = self._sampler.sample(first, stop, self._fps)
-            self._block = (first, stop, blocks)
-        by_policy = {poses.policy: poses for poses in blocks}
-        told = []
-        for index, policy in enumerate(self._sampler.policies):
-            if index not in by_policy:
-                joints = policy.database.skeleton.joint_count
-                told.append((np.zeros((0, joints, 3), np.float32), np.zeros((0, joints, 4), np.float32)))
-                continue
-            positions, rotations = by_policy[index].at(frame - first).joints()
-            absent = ~np.isfinite(positions[0, :, 0, 0])
-            if absent.any():
-                positions[0, absent] = (0.0, _NOWHERE, 0.0)
-                rotations[0, absent] = (1.0, 0.0, 0.0, 0.0)
-            told.append((positions[0], rotations[0]))
-        return told
+        """Return the poses of each body's avatars at a frame: places (n, J, 3) [m] and rotations (n, J, 4)."""
+        start = frame - frame % self._block
+        with self._lock:
+            block = self._blocks.get(start)
+            if block is None:
+                block = self._sampler.sample(start, min(start + self._block, self.frame_count), self.fps)
+                self._blocks[start] = block
+                while len(self._blocks) > 2:
+                    self._blocks.popitem(last=False)
+        posed = []
+        for poses in block:
+            places, turns = poses.at(frame - start).joints()
+            posed.append((places[0], turns[0]))
+        return posed
 
     def hits(self, frame: int) -> tuple[Array, Array, Array]:
-        """Return the strikes that landed a short time before a frame."""
-        now = frame / self._fps
-        low = int(np.searchsorted(self._hit_times, now - _SHOWN, side="right"))
-        high = int(np.searchsorted(self._hit_times, now, side="right"))
-        return self._hit_points[low:high], now - self._hit_times[low:high], self._hit_speeds[low:high]
+        """Return points [m], time since [s] and speeds [m/s] of the strikes that landed a moment before a frame."""
+        now = frame / self.fps
+        first, stop = np.searchsorted(self._hit_times, [now - _FLASH_REACH, now + 1e-6])
+        return self._hit_points[first:stop], now - self._hit_times[first:stop], self._hit_speeds[first:stop]
+
+    def markers(self, frame: int) -> Array:
+        """Return where the scripted targets are at a frame [m]. Shape (G, 3)."""
+        control = min(frame / self.fps * self.take.control_rate, self.take.frame_count - 1)
+        before = int(control + 1e-9)
+        rows = np.asarray(self.take.targets[before : before + 2], float)
+        return np.asarray(rows[0] + max(control - before, 0.0) * (rows[-1] - rows[0]))
+
+
+def _digest(take: Take) -> str:
+    """A text that differs between takes: of what was asked for, of a few frames and of all strikes."""
+    digest = hashlib.sha256(
+        repr((take.scenario, take.seed, take.fingerprints, take.control_rate, take.frame_count, take.status)).encode()
+    )
+    cast, events = take.cast, take.events
+    for array in (cast.types, cast.teams, cast.policies, cast.scales, cast.speeds, cast.colours, events.point):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    for frame in np.unique(np.linspace(0, take.frame_count - 1, 8).astype(int)):
+        for variable in (take.action, take.action_frame, take.x, take.z, take.heading):
+            digest.update(np.ascontiguousarray(variable[int(frame)]).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,112 @@
+"""Figures: the capsules that stand for a body, on the joints of its skeleton."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion.body import PARTS, Body
+from crowdsim.motion.skeleton import Skeleton
+
+Array = NDArray[Any]
+
+
+class Figure(Protocol):
+    """Capsules on the joints of a skeleton; ``crowdsim.motion.body.Body`` is one."""
+
+    @property
+    def capsule_joints(self) -> Array:
+        """Joint that each capsule rides on. Shape (K,), int32."""
+
+    @property
+    def capsule_starts(self) -> Array:
+        """One end in that joint's frame [m]. Shape (K, 3)."""
+
+    @property
+    def capsule_ends(self) -> Array:
+        """The other end [m]. Shape (K, 3)."""
+
+    @property
+    def capsule_radii(self) -> Array:
+        """Radius at both ends [m]. Shape (K, 2)."""
+
+    @property
+    def capsule_parts(self) -> Array:
+        """Index into ``crowdsim.motion.body.PARTS`` of each. Shape (K,), uint8."""
+
+
+@dataclass(frozen=True)
+class BoneFigure:
+    """Capsules along every bone of a skeleton; the attributes are those of ``Figure``."""
+
+    capsule_joints: Array
+    capsule_starts: Array
+    capsule_ends: Array
+    capsule_radii: Array
+    capsule_parts: Array
+
+
+def bone_capsules(skeleton: Skeleton) -> BoneFigure:
+    """Return a capsule along every bone and end site of any skeleton, thicker towards the root.
+
+    A joint's weight is the length of all bones beyond it; thickness follows its square root, so that a trunk is thick
+    and fingers are thin whatever the animal. Bones of no length show as spheres.
+    """
+    count = skeleton.joint_count
+    starts = [int(parent) for parent in skeleton.parents[1:]] + [int(parent) for parent in skeleton.end_parents]
+    offsets = np.concatenate([np.asarray(skeleton.offsets[1:], float), np.asarray(skeleton.end_offsets, float)])
+    lengths = np.linalg.norm(offsets, axis=1) if len(offsets) else np.zeros(0)
+    beyond = np.zeros(count)
+    for end, parent in enumerate(skeleton.end_parents):
+        beyond[parent] += lengths[count - 1 + end]
+    for joint in range(count - 1, 0, -1):
+        beyond[skeleton.parents[joint]] += beyond[joint] + lengths[joint - 1]
+    size = max(float(beyond[0]), 1e-6)
+
+    def radius(weight: float, length: float) -> float:
+        return float(np.clip(0.03 * size**0.5 * weight**0.5 * 0.35, 0.0025 * size, max(0.35 * length, 0.004 * size)))
+
+    radii = []
+    for index, (start, length) in enumerate(zip(starts, lengths, strict=True)):
+        after = beyond[index + 1] if index < count - 1 else 0.0
+        near = min(beyond[start], after + length)
+        radii.append((radius(near, float(length)), radius(max(after, 0.2 * near), float(length))))
+    if not starts:
+        starts, offsets, radii = [0], np.zeros((1, 3)), [(0.05, 0.05)]
+    return BoneFigure(
+        capsule_joints=np.array(starts, np.int32),
+        capsule_starts=np.zeros((len(starts), 3)),
+        capsule_ends=offsets,
+        capsule_radii=np.array(radii, float).reshape(-1, 2),
+        capsule_parts=np.full(len(starts), PARTS.index("shirt"), np.uint8),
+    )
+
+
+def dress(figure: Figure) -> Figure:
+    """Return a body with a headguard in its team's colour and a nose, so that one sees where it looks.
+
+    Any other figure comes back as it is.
+    """
+    if not isinstance(figure, Body):
+        return figure
+    up = _unit(figure.head_offset)
+    ahead = (figure.sole_offsets[:, 1] - figure.sole_offsets[:, 0]).sum(axis=0)
+    ahead = _unit(ahead - up * float(ahead @ up))
+    joint, centre, radius = figure.roles["head"], figure.head_offset, figure.head_radius
+    guard = centre + radius * (0.10 * up - 0.16 * ahead)
+    nose = centre + radius * (0.94 * ahead - 0.10 * up)
+    return BoneFigure(
+        capsule_joints=np.append(figure.capsule_joints, [joint, joint]).astype(np.int32),
+        capsule_starts=np.concatenate([figure.capsule_starts, [guard, nose]]),
+        capsule_ends=np.concatenate([figure.capsule_ends, [guard, nose - 0.02 * radius * up]]),
+        capsule_radii=np.concatenate([figure.capsule_radii, [[1.05 * radius] * 2, [0.17 * radius] * 2]]),
+        capsule_parts=np.append(figure.capsule_parts, [PARTS.index("glove"), PARTS.index("head")]).astype(np.uint8),
+    )
+
+
+def _unit(v: Array) -> Array:
+    length = float(np.linalg.norm(v))
+    return v / length if length > 1e-9 else np.array([0.0, 0.0, 1.0])
