@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crowdsim.crowd import random_kernels
+from crowdsim.crowd import placement_kernels, random_kernels
 from crowdsim.crowd.random import Purpose, normal, stream, uniform
 
 MASK = 2**64 - 1
@@ -29,7 +29,7 @@ def test_numpy_draws_as_written_in_integers(seed, purpose, avatar, draw):
     assert float(uniform(seed, purpose, avatar, draw)) == naive_uniform(seed, purpose, avatar, draw)
 
 
-@pytest.mark.parametrize("kernels", [random_kernels])
+@pytest.mark.parametrize("kernels", [random_kernels, placement_kernels])
 def test_kernels_draw_the_same_bits_as_numpy(kernels):
     for seed in (0, 1, 7, 2**63 - 1):
         for avatar, draw in ((0, 0), (1, 0), (999_999, 12), (np.int32(5), np.int64(2**33))):
