@@ -1,0 +1,66 @@
+"""Points on bodies: on the skin, evenly, facing out."""
+
+import numpy as np
+import pytest
+
+from crowdsim.export.cloud_kernels import place_points
+from crowdsim.export.surface import build_surface
+from crowdsim.motion import quaternion
+from crowdsim.motion.body import build_body
+from crowdsim.motion.performer import perform
+
+
+@pytest.fixture(scope="module")
+def clip():
+    return perform(4.0, seed=1)[0].clip
+
+
+def distances_to_capsules(body, centres, points):
+    found = []
+    for capsule, centre in enumerate(centres):
+        start, end = centre + body.capsule_starts[capsule], centre + body.capsule_ends[capsule]
+        axis = end - start
+        share = np.clip((points - start) @ axis / max(axis @ axis, 1e-12), 0, 1)
+        radius = body.capsule_radii[capsule, 0] * (1 - share) + body.capsule_radii[capsule, 1] * share
+        found.append(np.linalg.norm(points - start - share[:, None] * axis, axis=1) - radius)
+    return np.array(found).min(axis=0)
+
+
+@pytest.mark.parametrize("count", [1, 7, 500, 4000])
+def test_points_lie_on_the_skin_and_inside_nothing(clip, count: int) -> None:
+    body = build_body(clip.skeleton)
+    surface = build_surface(clip.skeleton, body, count)
+    assert surface.places.shape == (count, 3)
+    rest = clip.skeleton.rest_positions()
+    gaps = distances_to_capsules(body, rest[body.capsule_joints], rest[surface.joints] + surface.places)
+    assert gaps.min() > -0.003
+    assert gaps.max() < 0.01
+    np.testing.assert_allclose(np.linalg.norm(surface.normals, axis=1), 1.0, atol=1e-9)
+
+
+def test_points_are_spread_evenly(clip) -> None:
+    body = build_body(clip.skeleton)
+    surface = build_surface(clip.skeleton, body, 2000)
+    places = clip.skeleton.rest_positions()[surface.joints] + surface.places
+    gaps = np.linalg.norm(places[:, None] - places[None], axis=-1)
+    np.fill_diagonal(gaps, np.inf)
+    nearest = gaps.min(axis=1)
+    assert np.percentile(nearest, 95) < 3.0 * np.percentile(nearest, 50)
+
+
+def test_points_ride_on_their_joints(clip) -> None:
+    body = build_body(clip.skeleton)
+    surface = build_surface(clip.skeleton, body, 50)
+    generator = np.random.default_rng(5)
+    positions = generator.normal(size=(3, clip.skeleton.joint_count, 3)).astype(np.float32)
+    rotations = quaternion.normalise(generator.normal(size=(3, clip.skeleton.joint_count, 4))).astype(np.float32)
+    scales = np.array([1.0, 0.5, 2.0], np.float32)
+    places, normals = np.full((151, 3), np.inf, np.float32), np.full((151, 3), np.inf, np.float32)
+    place_points(positions, rotations, scales, surface.joints, surface.places, surface.normals, 1, places, normals)
+    assert np.isinf(places[0]).all()
+    for avatar in range(3):
+        turns = rotations[avatar, surface.joints]
+        here = slice(1 + avatar * 50, 51 + avatar * 50)
+        expected = positions[avatar, surface.joints] + quaternion.rotate(turns, surface.places * scales[avatar])
+        np.testing.assert_allclose(places[here], expected, atol=1e-5)
+        np.testing.assert_allclose(normals[here], quaternion.rotate(turns, surface.normals), atol=1e-5)

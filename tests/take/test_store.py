@@ -1,0 +1,156 @@
+"""Takes on disk: what is written is what is read, by us and by others."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crowdsim.errors import OutputError, TakeError
+from crowdsim.take.store import TakeWriter, open_take
+from crowdsim.take.take import VARIABLES, Cast, Events
+
+AVATARS = 5
+CAST = Cast(
+    names=np.array([f"red_{i}" for i in range(AVATARS)]),
+    types=np.zeros(AVATARS, np.int16),
+    teams=np.array([0, 0, 1, 1, 1], np.int16),
+    policies=np.zeros(AVATARS, np.int16),
+    scales=np.linspace(0.9, 1.1, AVATARS).astype(np.float32),
+    speeds=np.ones(AVATARS, np.float32),
+    type_names=("boxer",),
+    team_names=("red", "blue"),
+    policy_names=("boxer",),
+    colours=np.full((1, 3), np.nan),
+)
+NO_EVENTS = Events(*(np.zeros((0, 3) if name == "point" else 0) for name in Events.__dataclass_fields__))
+
+
+def events(*frames: float) -> Events:
+    count = len(frames)
+    return Events(
+        frame=np.array(frames),
+        attacker=np.arange(count, dtype=np.int32),
+        victim=np.full(count, 2, np.int32),
+        hand=np.ones(count, np.uint8),
+        point=np.arange(3.0 * count).reshape(-1, 3),
+        speed=np.full(count, 7.5),
+        landed=np.arange(count) % 2 == 0,
+    )
+
+
+def chunk(first: int, frames: int) -> dict[str, np.ndarray]:
+    base = (first + np.arange(frames))[:, None] * 10.0 + np.arange(AVATARS)
+    return {name: base + index for index, name in enumerate(VARIABLES)}
+
+
+def write(path: Path, sizes: list[int], planned: int | None = None, chunk_rows: int = 4) -> TakeWriter:
+    frames = sum(sizes) if planned is None else planned
+    writer = TakeWriter(path, CAST, frames, 15.0, "test", 3, ("abc",), ("ball",), chunk_rows)
+    first = 0
+    for size in sizes:
+        writer.append(chunk(first, size), events(first + 0.5), np.full((size, 1, 3), float(first)))
+        first += size
+    return writer
+
+
+@pytest.mark.parametrize("sizes", [[10], [1, 2, 3, 4], [4, 4, 2], [3, 7]])
+def test_a_take_reads_back_as_it_was_written_however_it_came_in(tmp_path: Path, sizes: list[int]) -> None:
+    write(tmp_path / "take.zarr", sizes).close()
+    take = open_take(tmp_path)
+    expected = chunk(0, 10)
+    for name in VARIABLES:
+        np.testing.assert_array_equal(getattr(take, name)[:], expected[name])
+    assert take.frame_count == 10
+    assert take.avatar_count == AVATARS
+    assert take.status == "done"
+    assert take.seed == 3
+    assert list(take.cast.names) == list(CAST.names)
+    np.testing.assert_array_equal(take.cast.scales, CAST.scales)
+    assert take.target_names == ("ball",)
+    assert len(take.events.frame) == len(sizes)
+    assert take.events.landed.all()
+
+
+def test_the_bytes_do_not_depend_on_how_frames_came_in(tmp_path: Path) -> None:
+    write(tmp_path / "a.zarr", [10]).close()
+    write(tmp_path / "b.zarr", [1, 1, 3, 5]).close()
+    one, other = (
+        {path.relative_to(tmp_path / name): path.read_bytes() for path in sorted((tmp_path / name).rglob("*.*"))
+         if path.is_file() and "events" not in path.parts and path.name != ".zmetadata" and "target" not in path.parts}
+        for name in ("a.zarr", "b.zarr")
+    )  # fmt: skip
+    assert one == other
+
+
+def test_xarray_opens_a_take_with_its_dimensions_and_units(tmp_path: Path) -> None:
+    xarray = pytest.importorskip("xarray")
+    write(tmp_path / "take.zarr", [6]).close()
+    data = xarray.open_zarr(tmp_path / "take.zarr")
+    assert data.action.dims == ("frame", "avatar")
+    assert data.x.attrs["units"] == "m"
+    assert data.target.dims == ("frame", "target", "component")
+    assert dict(data.sizes) == {"frame": 6, "avatar": AVATARS, "target": 1, "component": 3}
+    strikes = xarray.open_zarr(tmp_path / "take.zarr", group="events")
+    assert strikes.point.dims == ("event", "component")
+
+
+def test_an_avatar_frame_takes_24_bytes() -> None:
+    from crowdsim.take.store import _DTYPES
+
+    assert sum(np.dtype(_DTYPES[name]).itemsize for name in VARIABLES) == 24
+
+
+def test_nothing_has_the_final_name_before_the_take_is_closed(tmp_path: Path) -> None:
+    writer = write(tmp_path / "take.zarr", [8])
+    assert not (tmp_path / "take.zarr").exists()
+    with pytest.raises(TakeError, match="only what a run left that was killed"):
+        open_take(tmp_path)
+    writer.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["take.zarr"]
+
+
+def test_an_interrupted_take_keeps_the_frames_that_were_done(tmp_path: Path) -> None:
+    write(tmp_path / "take.zarr", [3, 3], planned=100).close("interrupted")
+    take = open_take(tmp_path)
+    assert take.status == "interrupted"
+    assert take.frame_count == 6
+    np.testing.assert_array_equal(take.x[:], chunk(0, 6)["x"])
+
+
+def test_abandoning_leaves_nothing(tmp_path: Path) -> None:
+    write(tmp_path / "take.zarr", [5]).abandon()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match=r"take\.zarr: cannot be written"):
+        write(tmp_path / "file" / "take.zarr", [1])
+
+
+def test_foreign_and_damaged_takes_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(TakeError, match=r"no take here; expected take\.zarr"):
+        open_take(tmp_path)
+    write(tmp_path / "take.zarr", [4]).close()
+    attributes = tmp_path / "take.zarr" / ".zattrs"
+    told = json.loads(attributes.read_text())
+    attributes.write_text(json.dumps({**told, "format": "other"}))
+    (tmp_path / "take.zarr" / ".zmetadata").unlink()
+    with pytest.raises(TakeError, match="is no take: its format is 'other', expected 'crowdsim-take'"):
+        open_take(tmp_path)
+    attributes.write_text(json.dumps({**told, "version": 99}))
+    with pytest.raises(TakeError, match="is a take of version 99, expected 1"):
+        open_take(tmp_path)
+    attributes.write_text(json.dumps({name: value for name, value in told.items() if name != "team_names"}))
+    with pytest.raises(TakeError, match="is damaged: 'team_names'"):
+        open_take(tmp_path)
+
+
+def test_output_frames_reach_from_the_first_control_frame_to_the_last(tmp_path: Path) -> None:
+    write(tmp_path / "take.zarr", [16]).close()
+    take = open_take(tmp_path)
+    assert take.seconds == 1.0
+    assert take.output_frames(60) == 61
+    assert take.output_frames(24) == 25
+    assert take.output_frames(7) == 8

@@ -1,0 +1,56 @@
+"""Manifests: every changed bit is found."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from crowdsim.errors import TakeError
+from crowdsim.manifest import read_manifest, verify, write_manifest
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "bvh").mkdir()
+    (tmp_path / "bvh" / "a.bvh").write_bytes(b"HIERARCHY\n" * 100)
+    (tmp_path / "scenario.resolved.yaml").write_text("version: 1\n")
+    write_manifest(tmp_path, {"status": "done", "seed": 4})
+    return tmp_path
+
+
+def test_an_untouched_run_has_no_finding(folder: Path) -> None:
+    assert verify(folder) == []
+    told = read_manifest(folder)
+    assert told["seed"] == 4
+    assert set(told["files"]) == {"bvh/a.bvh", "scenario.resolved.yaml"}
+    assert "numpy" in told["versions"]
+
+
+def test_a_changed_bit_a_lost_file_and_a_new_one_are_found(folder: Path) -> None:
+    path = folder / "bvh" / "a.bvh"
+    data = bytearray(path.read_bytes())
+    data[500] ^= 1
+    path.write_bytes(data)
+    (folder / "scenario.resolved.yaml").unlink()
+    (folder / "more.txt").write_text("x")
+    assert verify(folder) == [
+        f"{path}: has changed: its SHA-256 is not the one in manifest.json",
+        f"{folder / 'scenario.resolved.yaml'}: is missing",
+        f"{folder / 'more.txt'}: is not in manifest.json",
+    ]
+    path.write_bytes(data[:-1])
+    assert verify(folder)[0] == f"{path}: has 999 bytes, expected 1000"
+
+
+def test_what_is_no_manifest_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TakeError, match=r"no manifest\.json here, so this is no finished run"):
+        verify(tmp_path)
+    (tmp_path / "manifest.json").write_text("{")
+    with pytest.raises(TakeError, match="is damaged"):
+        verify(tmp_path)
+    (tmp_path / "manifest.json").write_text(json.dumps({"format": "other"}))
+    with pytest.raises(TakeError, match="is no manifest of a run"):
+        verify(tmp_path)
+    (tmp_path / "manifest.json").write_text(json.dumps({"format": "crowdsim-run", "version": 7}))
+    with pytest.raises(TakeError, match="is of version 7, expected 1"):
+        verify(tmp_path)
