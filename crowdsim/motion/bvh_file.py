@@ -86,7 +86,12 @@ class Bvh:
         """Return a column in words: ``joint 'chest', channel Xrotation``."""
         first = self.first_channels()
         joint = int(np.searchsorted(first, column, side="right")) - 1
-        return f"joint {self.names[joint]!r}, channel {self.channels[joint][column - int(first[joint])]}"
+        return f"joint {quoted(self.names[joint])}, channel {self.channels[joint][column - int(first[joint])]}"
+
+
+def quoted(name: str) -> str:
+    """Return a name as it can stand in a message: quoted, and cut when it is long."""
+    return repr(name if len(name) <= 60 else name[:57] + "...")
 
 
 def snap_rate(text: str, frame_time: float) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import BvhError
-from crowdsim.motion.bvh_file import Bvh, snap_rate
+from crowdsim.motion.bvh_file import Bvh, quoted, snap_rate
 from crowdsim.motion.bvh_hierarchy import Hierarchy, Scanner, read_hierarchy, read_number, show
 from crowdsim.motion.bvh_kernels import count_by_line, parse_numbers
 
@@ -106,7 +106,7 @@ def _unique_names(tree: Hierarchy, encoding: str, scanner: Scanner) -> tuple[str
     names = tuple(name.decode(encoding) for name in tree.names)
     if len(set(names)) < len(names):
         often, count = Counter(names).most_common(1)[0]
-        scanner.findings.append(f"{scanner.path}: {count} joints are called {often!r}")
+        scanner.findings.append(f"{scanner.path}: {count} joints are called {quoted(often)}")
     return names
 
 
@@ -115,16 +115,16 @@ def _check_tree(scanner: Scanner, tree: Hierarchy, names: tuple[str, ...], colum
     where = scanner.path
     roots = [names[joint] for joint, parent in enumerate(tree.parents) if parent < 0]
     if len(roots) > 1:
-        shown = ", ".join(map(repr, roots[:4])) + (" ..." if len(roots) > 4 else "")
+        shown = ", ".join(map(quoted, roots[:4])) + (" ..." if len(roots) > 4 else "")
         scanner.findings.append(f"{where}: {len(roots)} ROOTs ({shown}), only the first one's skeleton is used")
     bare = [name for name, offset in zip(names, tree.offsets, strict=True) if offset is None]
     if bare:
-        scanner.findings.append(f"{where}: joint {bare[0]!r} has no OFFSET, 0 taken ({len(bare)} such joints)")
+        scanner.findings.append(f"{where}: joint {quoted(bare[0])} has no OFFSET, 0 taken ({len(bare)} such joints)")
     scaled = [
         name for name, own in zip(names, tree.channels, strict=True) if any(c.endswith("scale") for c in own or ())
     ]
     if scaled:
-        scanner.findings.append(f"{where}: joint {scaled[0]!r} has scale channels, which are not used")
+        scanner.findings.append(f"{where}: joint {quoted(scaled[0])} has scale channels, which are not used")
     if columns == 0:
         scanner.findings.append(f"{where}: no joint has channels, so nothing moves")
 

@@ -431,7 +431,7 @@ SCRAPS = [
 ]
 
 
-@settings(max_examples=600, deadline=2000, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=400, deadline=60_000, suppress_health_check=[HealthCheck.too_slow])
 @given(
     st.sampled_from(SEEDS),
     st.lists(
@@ -455,7 +455,7 @@ def test_mutated_text_is_read_or_refused_and_never_crashes(text, edits, encoding
         assert walk.fps > 0
 
 
-@settings(max_examples=300, deadline=2000)
+@settings(max_examples=200, deadline=60_000)
 @given(st.binary(max_size=300), st.booleans())
 def test_random_bytes_are_read_or_refused(data, with_start):
     walk, message = read_or_message(b"HIERARCHY\nROOT a\n{" * with_start + data)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from naive_ik import end_place
 
 from crowdsim.motion import quaternion
-from crowdsim.motion.ik import reach_with_joints, two_bone
+from crowdsim.motion.ik import flexion, hinge_axis, reach_with_joints, two_bone
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
 
@@ -227,6 +227,20 @@ def test_a_limb_without_length_or_a_target_that_is_not_finite_leaves_it_as_it_is
         np.testing.assert_array_equal(reach.upper_rotations, turns[0])
         np.testing.assert_array_equal(reach.middle_rotations, turns[1])
         np.testing.assert_array_equal(reach.end_positions, [0, 1, 1])
+
+
+def test_the_hinge_of_a_limb_is_found_from_its_poses():
+    rng = np.random.default_rng(9)
+    turns = quaternion.normalise(rng.normal(size=(60, 4)))
+    hinge = np.array([0.6, 0.0, 0.8])
+    bends = rng.uniform(0.0, 2.0, 60)
+    uppers = rng.normal(size=(60, 3))
+    middles = uppers + quaternion.rotate(turns, -Y * 0.3)
+    ends = middles + quaternion.rotate(turns, quaternion.rotate(quaternion.from_axis_angle(hinge, bends), -Y)) * 0.25
+    np.testing.assert_allclose(hinge_axis(uppers, middles, ends, turns), hinge, atol=1e-9)
+    np.testing.assert_allclose(flexion(uppers, middles, ends), bends, atol=1e-9)
+    straight = middles + (middles - uppers)
+    np.testing.assert_array_equal(hinge_axis(uppers, middles, straight, turns), np.zeros(3))
 
 
 def test_wrong_limits_are_refused():
