@@ -173,7 +173,11 @@ def _fist(stance: _Stance, side: str, height: float) -> Array:
         place for place in places if 0.02 * height < np.dot(place, ahead) and np.linalg.norm(place) < 0.1 * height
     ]
     if places:
-        return np.asarray(np.mean(places, axis=0))
+        # Bones of the palm begin at the wrist, and a thumb alone lies aside: the fist is no nearer and no further.
+        middle = np.mean(places, axis=0)
+        reach = float(np.clip(np.linalg.norm(middle), 0.04 * height, 0.055 * height))
+        ahead = _unit(_unit(middle) + (ahead if len(places) == 1 else 0.0))
+        return np.asarray(ahead * reach)
     return np.asarray(ahead * 0.045 * height)
 
 
