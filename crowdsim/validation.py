@@ -31,7 +31,7 @@ def _is_recipe(path: Path) -> bool:
     keys = set()
     try:
         for event in yaml.parse(text, Loader=yaml.SafeLoader):
-            if isinstance(event, yaml.ScalarEvent) and event.start_mark.column == 0:
+            if isinstance(event, yaml.ScalarEvent) and event.start_mark is not None and event.start_mark.column == 0:
                 keys.add(event.value)
     except yaml.YAMLError:
         pass
