@@ -62,7 +62,7 @@ class StrikeTerm(Term):
     """A strike that lands."""
 
     code: ClassVar[int] = 0
-    term: Literal["strike"]
+    kind: Literal["strike"]
     tolerance: float = Field(default=0.10, gt=0.0, le=1.0, description="Fist to surface at the strike's frame [m].")
     speed_weight: float = Field(
         default=0.5,
@@ -81,7 +81,7 @@ class ProximityTerm(Term):
     """Being near the target."""
 
     code: ClassVar[int] = 1
-    term: Literal["proximity"]
+    kind: Literal["proximity"]
     distance: float = Field(default=0.5, ge=0.0, description="Where the target is wanted: this far away [m].")
     sigma: float = Field(default=0.5, gt=0.0, description="How fast the reward falls with the distance from there [m].")
     form: Literal["sum", "max"] = Field(
@@ -100,7 +100,7 @@ class TransitionTerm(Term):
     """What a cut costs: its weight times its cost over the graph's threshold, and an amount for each cut."""
 
     code: ClassVar[int] = 2
-    term: Literal["transition"]
+    kind: Literal["transition"]
     each: float = Field(default=0.0, ge=0.0, description="What each cut costs however good it is.")
 
     def pack(self, body: TargetBody) -> tuple[float, ...]:
@@ -111,7 +111,7 @@ class TransitionTerm(Term):
 TERMS: dict[str, type[Term]] = {"strike": StrikeTerm, "proximity": ProximityTerm, "transition": TransitionTerm}
 """Every reward term there is."""
 
-AnyTerm = Annotated[StrikeTerm | ProximityTerm | TransitionTerm, Field(discriminator="term")]
+AnyTerm = Annotated[StrikeTerm | ProximityTerm | TransitionTerm, Field(discriminator="kind")]
 
 
 def pack_terms(terms: list[Term] | tuple[Term, ...], body: TargetBody) -> Array:

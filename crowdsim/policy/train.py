@@ -1,0 +1,281 @@
+"""Training: from a recipe to a bundle, and only when there is none yet or the one there is stale."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim import assets
+from crowdsim.errors import CrowdsimError, MotionError, PolicyError, RecipeError
+from crowdsim.motion.database import MotionDatabase
+from crowdsim.policy import bundle
+from crowdsim.policy.actions import Actions, build_actions
+from crowdsim.policy.fingerprint import capture_files, combine, fingerprints_of
+from crowdsim.policy.policy import Behaviour, Policy
+from crowdsim.policy.recipe import BehaviourSpec, QLearningSpec, Recipe, load_recipe, plain
+from crowdsim.policy.rewards import TargetBody, target_body
+from crowdsim.policy.solution import Progress, Solution, q_table
+
+Array = NDArray[Any]
+FileName = str | os.PathLike[str]
+
+
+def train_recipe(
+    name: FileName,
+    mocap: FileName | None = None,
+    threads: int = 1,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> tuple[Path, bool]:
+    """Train a recipe into its bundle, unless that is up to date; return its folder, and whether it was trained.
+
+    Args:
+        name: The recipe's file, or its name.
+        mocap: Folder of motion capture.
+        threads: Threads to use; the bundle has the same bytes for any number.
+        force: Train even when the bundle is up to date.
+        progress: Called with (stage, done, total).
+
+    Raises:
+        RecipeError: The recipe is invalid.
+        PolicyError: Capture is missing.
+        MotionError: The motion cannot be used: clips, strikes, graph.
+        OutputError: The bundle cannot be written; nothing is left half-written.
+    """
+    path = assets.find_recipe(name)
+    recipe = load_recipe(path)
+    folder = assets.bundle_folder(path)
+    if not force and not stale(folder, recipe, mocap):
+        return folder, False
+    with _naming(path):
+        policy, timings = train_policy(recipe, path.stem, mocap, threads, progress)
+    bundle.write_bundle(folder, policy, timings)
+    return folder, True
+
+
+def ready_policy(
+    name: FileName, mocap: FileName | None = None, threads: int = 1, progress: Progress | None = None
+) -> Policy:
+    """Return the trained policy of a recipe or a bundle by path or name; trained first when it is missing or stale.
+
+    Where the capture is not at hand, a bundle that was trained on it before is taken as it is.
+
+    Raises:
+        RecipeError: There is no such recipe, or it is invalid.
+        PolicyError: The bundle is foreign or damaged, or must be trained and its capture is missing.
+        MotionError: The motion cannot be used.
+        OutputError: The bundle cannot be written.
+    """
+    given = Path(name)
+    if (given / "policy.json").is_file():
+        return bundle.read_bundle(given)
+    try:
+        assets.find_recipe(name)
+    except RecipeError:
+        return bundle.read_bundle(assets.find_bundle(name))
+    folder, _ = train_recipe(name, mocap, threads, False, progress)
+    return bundle.read_bundle(folder)
+
+
+def stale(folder: Path, recipe: Recipe, mocap: FileName | None = None) -> str:
+    """Return why the bundle in a folder is not what the recipe would train now, or an empty string when it is.
+
+    Raises:
+        PolicyError: A bundle stands there that is foreign or damaged.
+    """
+    if not (folder / "policy.json").is_file():
+        return "there is none yet"
+    try:
+        document = bundle.read_document(folder)
+    except PolicyError as error:
+        if "version" in str(error):
+            return "it is of another format version"
+        raise
+    try:
+        files = capture_files(recipe, mocap) if recipe.motion.capture is not None and mocap else None
+    except PolicyError:
+        files = None
+    now = fingerprints_of(recipe, files)
+    changed = [part for part, value in now.items() if document["fingerprints"].get(part) != value]
+    return f"its {' and '.join(changed)} changed" if changed else ""
+
+
+def train_policy(
+    recipe: Recipe,
+    name: str,
+    mocap: FileName | None = None,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> tuple[Policy, dict[str, Any]]:
+    """Return a policy trained by a recipe, and what training took: seconds by stage and by behaviour.
+
+    Raises:
+        PolicyError: Capture is missing.
+        MotionError: The motion cannot be used.
+    """
+    from crowdsim.graph.motion_graph import build_graph
+    from crowdsim.policy.statistics import policy_statistics
+
+    with _threads(threads):
+        started = time.perf_counter()
+        files = capture_files(recipe, mocap)
+        prints = fingerprints_of(recipe, files)
+        database = load_motion(recipe, files, progress)
+        moved = time.perf_counter()
+        if any(spec.strikes for spec in recipe.behaviours.values()):
+            from crowdsim.policy.ranges import check_strikes
+
+            check_strikes(database)
+        graph = build_graph(database, recipe.graph, progress)
+        actions = build_actions(database, graph)
+        body = target_body(database)
+        timings: dict[str, Any] = {
+            "motion": moved - started,
+            "graph": time.perf_counter() - moved,
+            "behaviours": {},
+        }
+        behaviours, told = [], {}
+        for label, spec in recipe.behaviours.items():
+            begun = time.perf_counter()
+            behaviour, solution = train_behaviour(label, spec, database, actions, body, recipe.precision, progress)
+            behaviours.append(behaviour)
+            told[label] = solution
+            timings["behaviours"][label] = {
+                "seconds": time.perf_counter() - begun,
+                "solver_seconds": solution.seconds,
+                "updates_per_second": solution.updates / max(solution.seconds, 1e-9),
+            }
+        values = np.concatenate([behaviour.table for behaviour in behaviours])
+        ends = np.cumsum([len(behaviour.table) for behaviour in behaviours])
+        behaviours = [
+            Behaviour(**{**vars(behaviour), "table": values[end - len(behaviour.table) : end]})
+            for behaviour, end in zip(behaviours, ends, strict=True)
+        ]
+        policy = Policy(
+            name=name,
+            database=database,
+            graph=graph,
+            actions=actions,
+            behaviours=tuple(behaviours),
+            body=body,
+            values=values,
+            recipe=plain(recipe),
+            statistics={},
+            fingerprint=combine(prints),
+            fingerprints=prints,
+        )
+        statistics = policy_statistics(policy, told)
+    return Policy(**{**vars(policy), "statistics": statistics}), timings
+
+
+def load_motion(recipe: Recipe, files: list[Path], progress: Progress | None = None) -> MotionDatabase:
+    """Return the motion database that a recipe asks for, from the given files or from the embedded boxer.
+
+    Raises:
+        MotionError: A file cannot be used: which, and why.
+        BvhError: A file is no BVH.
+    """
+    from crowdsim.motion.capture import load_capture, usable_clip
+    from crowdsim.motion.database import build_database
+    from crowdsim.motion.performer import perform
+
+    performer, capture = recipe.motion.performer, recipe.motion.capture
+    if performer is not None:
+        performed = perform(performer.seconds, performer.seed, recipe.playback_rate, performer.stance, progress)
+        clips = [performance.clip for performance in performed]
+    else:
+        assert capture is not None
+        clips = []
+        for done, path in enumerate(files, start=1):
+            clips.append(usable_clip(load_capture(path, capture.unit, capture.up_axis), capture.strict))
+            if progress is not None:
+                progress("read capture", done, len(files))
+    return build_database(
+        clips,
+        recipe.control_rate,
+        recipe.playback_rate,
+        mirror=recipe.motion.mirror,
+        trim=recipe.motion.trim,
+        progress=progress,
+    )
+
+
+def train_behaviour(
+    name: str,
+    spec: BehaviourSpec,
+    database: MotionDatabase,
+    actions: Actions,
+    body: TargetBody,
+    precision: str = "float32",
+    progress: Progress | None = None,
+) -> tuple[Behaviour, Solution]:
+    """Return one behaviour trained over the actions of a graph, and what its solver found."""
+    from crowdsim.policy.model import build_model, build_movement
+    from crowdsim.policy.q_learning import q_learning
+    from crowdsim.policy.ranges import resolve_grid
+    from crowdsim.policy.value_iteration import value_iteration
+
+    def report(stage: str, done: int, total: int) -> None:
+        if progress is not None:
+            progress(f"{name}: {stage}", done, total)
+
+    grid = resolve_grid(spec, database)
+    terms = tuple(spec.rewards)
+    target = spec.target
+    movement = build_movement(target.speed, target.directions, target.still, database.control_rate)
+    report("model", 0, 1)
+    model = build_model(actions, grid, terms, body, spec.discount, movement)
+    report("model", 1, 1)
+    if isinstance(spec.solver, QLearningSpec):
+        options = spec.solver.model_dump(exclude={"kind"})
+        solution = q_learning(model, progress=report, **options)
+    else:
+        options = spec.solver.model_dump(exclude={"kind"})
+        solution = value_iteration(model, spec.backup, progress=report, **options)
+    if spec.lookup == "v":
+        table = solution.values.ravel()
+    else:
+        table = solution.q if solution.q is not None else q_table(model, solution.values)
+    low, high = np.percentile(solution.values[:: max(1, model.state_count // 2000)], [5.0, 95.0])
+    stored = bundle.decode(*bundle.encode(np.asarray(table, dtype=np.float32), precision))
+    behaviour = Behaviour(
+        name=name,
+        grid=grid,
+        lookup=spec.lookup,
+        table=stored,
+        scale=max(float(high - low), 1e-6),
+        terms=terms,
+        discount=spec.discount,
+    )
+    return behaviour, solution
+
+
+@contextmanager
+def _threads(count: int) -> Iterator[None]:
+    """Let compiled code run on so many threads, and on as many as before afterwards."""
+    import numba
+    from numba import config
+
+    before = numba.get_num_threads()
+    numba.set_num_threads(max(1, min(count, int(getattr(config, "NUMBA_NUM_THREADS", 1)))))
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Put the recipe's file before what is wrong with what it names."""
+    try:
+        yield
+    except (MotionError, PolicyError) as error:
+        kind: type[CrowdsimError] = type(error)
+        raise kind(f"{path}: {error}") from None
