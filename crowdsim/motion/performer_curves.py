@@ -12,15 +12,15 @@ Array = NDArray[Any]
 
 def ease(x: ArrayLike) -> Array:
     """Return the minimum-jerk step from 0 to 1 over x in 0..1, flat outside (Flash and Hogan 1985)."""
-    t: Array = np.clip(np.asarray(x, dtype=float), 0.0, 1.0)
+    t: Array = np.minimum(np.maximum(np.asarray(x, dtype=float), 0.0), 1.0)
     eased: Array = t * t * t * (t * (6.0 * t - 15.0) + 10.0)
     return eased
 
 
 def step(times: Array, start: float, end: float, skew: float = 1.0) -> Array:
     """Return a minimum-jerk step from 0 at ``start`` to 1 at ``end``; a skew above 1 makes it fastest late."""
-    x = np.clip((times - start) / (end - start), 0.0, 1.0)
-    return ease(x if skew == 1.0 else x**skew)
+    x = (times - start) / (end - start)
+    return ease(x if skew == 1.0 else np.minimum(np.maximum(x, 0.0), 1.0) ** skew)
 
 
 def pulse(times: Array, start: float, peak: float, fall: float, end: float, skew: float = 1.0) -> Array:
@@ -30,8 +30,7 @@ def pulse(times: Array, start: float, peak: float, fall: float, end: float, skew
 
 def window(times: Array, start: float, end: float) -> slice:
     """Return the frames whose times lie in start..end, one more on either side. ``times`` ascend."""
-    first, last = np.searchsorted(times, [start, end])
-    return slice(max(int(first) - 1, 0), min(int(last) + 1, len(times)))
+    return slice(max(int(times.searchsorted(start)) - 1, 0), min(int(times.searchsorted(end)) + 1, len(times)))
 
 
 def noise(times: Array, rng: np.random.Generator, low: float, high: float, waves: int = 7) -> Array:

@@ -21,13 +21,13 @@ _GUARD_FOLLOWS = 0.45
 """How far the guard turns with the chest; the rest of it stays towards the opponent."""
 _HEAD_CLEARANCE = 0.165
 """Least distance of the middle of a fist from the middle of the head [m]."""
-_LEAST_DEPTH = 0.16
+_LEAST_DEPTH = 0.20
 """Least distance of a fist straight in front of its shoulder [m]."""
 _FULL_REACH = 0.975 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
 """How far from the shoulder a punch is aimed at the most [m]."""
-_SLOWEST, _FASTEST = 5.4, 11.0
+_SLOWEST, _FASTEST = 5.2, 11.0
 """Speeds between which a punching fist peaks relative to the pelvis [m/s]."""
-_SHORTEST = 0.085
+_SHORTEST = 0.11
 """Least time of a fist's way out [s]."""
 
 
@@ -119,7 +119,7 @@ def _target(reach: Reach, hips: Array, heading: float, shoulder: Array) -> Array
 
 
 def keep_ahead(fists: Array, shoulders: Array, chest_turn: Array) -> Array:
-    """Return the fists (F, 2, 3) held in front of their shoulders, as the chest (F, 4) faces, smoothly.
+    """Return the fists (F, 2, 3) held in front of their shoulders, as the chest (F, 4) faces, and off them, smoothly.
 
     A fist beside its shoulder may be level with it; one straight before it stays ``_LEAST_DEPTH`` away.
     """
@@ -128,11 +128,16 @@ def keep_ahead(fists: Array, shoulders: Array, chest_turn: Array) -> Array:
     depth = np.sum(gap * ahead, axis=-1, keepdims=True)
     aside = np.sum((gap - depth * ahead) ** 2, axis=-1, keepdims=True)
     least = (_LEAST_DEPTH + 0.03) * np.exp(-aside / 0.15**2) - 0.03
-    return fists + ahead * (soft_floor(depth, least, 0.03) - depth)
+    gap = gap + ahead * (soft_floor(depth, least, 0.03) - depth)
+    return shoulders + _lengthen(gap, _LEAST_DEPTH, 0.03)
 
 
 def clear_head(fists: Array, head: Array) -> Array:
     """Return the fists (F, 2, 3) pushed out of the head (F, 3), smoothly."""
-    gap = fists - head[:, None]
+    return head[:, None] + _lengthen(fists - head[:, None], _HEAD_CLEARANCE, 0.008)
+
+
+def _lengthen(gap: Array, least: float, softness: float) -> Array:
+    """Return vectors (..., 3) that are no shorter than ``least``."""
     far = np.linalg.norm(gap, axis=-1, keepdims=True)
-    return head[:, None] + gap * (soft_floor(far, _HEAD_CLEARANCE, 0.008) / np.maximum(far, 1e-6))
+    return np.asarray(gap * (soft_floor(far, least, softness) / np.maximum(far, 1e-6)))

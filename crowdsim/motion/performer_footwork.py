@@ -17,6 +17,9 @@ Array = NDArray[Any]
 _PUSH, _SETTLE = 0.18, 0.32
 """The body moves before a foot leaves the floor, and comes to rest after it is down [s]."""
 
+_LEAN = 0.2
+"""Time before and after a step in which the weight goes over to the other foot and comes back [s]."""
+
 
 @dataclass(frozen=True)
 class Footwork:
@@ -91,7 +94,7 @@ def trace_feet(score: Score, times: Array) -> Footwork:
         near = window(times, swing.start - 0.12, swing.end)
         off = np.clip((times[near] - swing.start + 0.12) / (length + 0.06), 0.0, 1.0)
         heels[near, foot] += (0.18 + 0.5 * float(np.hypot(*shift))) * 64.0 * (off * (1.0 - off)) ** 3
-        leaning = window(times, swing.start - 0.15, swing.end + 0.12)
-        at = np.clip((times[leaning] - swing.start + 0.15) / (length + 0.27), 0.0, 1.0)
+        leaning = window(times, swing.start - _LEAN, swing.end + _LEAN)
+        at = np.clip((times[leaning] - swing.start + _LEAN) / (length + 2.0 * _LEAN), 0.0, 1.0)
         loads[leaning] += (1.0 if foot else -1.0) * 64.0 * (at * (1.0 - at)) ** 3
     return Footwork(heading, balls, lifts, yaws, heels, points, planted, carried, loads)

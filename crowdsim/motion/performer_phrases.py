@@ -113,7 +113,7 @@ class _Boxer:
             to_body = bool(rng.uniform() < 0.22)
             least, most = recipe.distance
             distance = float(rng.uniform(least, most if close < len(kinds) else 0.8 * most + 0.2 * least))
-            speed = tempo * (recipe.speed[0] + recipe.speed[1] * float(np.clip(rng.normal(), -1.6, 2.4)))
+            speed = tempo * (recipe.speed[0] + recipe.speed[1] * plan.normal(1.6, 2.4))
             if previous is not None:
                 load = 0.10 if kind in _CLOSE else 0.02
                 onset = previous.hit + load + abs(float(rng.normal(0.0, 0.05)))

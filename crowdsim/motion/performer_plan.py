@@ -22,6 +22,8 @@ from crowdsim.motion.performer_score import (
     Turn,
 )
 
+_WOUND = {Channel.PELVIS_TURN: 0.2, Channel.TWIST: 0.2, Channel.LEAD_ARC: 0.8, Channel.REAR_ARC: 0.8}
+"""What is left of winding up when the punch before has turned the body already."""
 _BACKWARD = frozenset({Channel.BEND, Channel.SHIFT_X, Channel.TWIST})
 
 
@@ -45,7 +47,7 @@ def draw_style(rng: np.random.Generator) -> Style:
         rear_fist=(near(-0.06, 0.015), near(0.215, 0.025), near(0.27, 0.02)),
         elbows=(near(0.10, 0.12), near(0.12, 0.12)),
         bounce=(near(0.010, 0.004), near(2.0, 0.3)),
-        sway=near(0.030, 0.006),
+        sway=near(0.042, 0.008),
         breath=near(0.46, 0.08),
     )
 
@@ -78,7 +80,11 @@ class Choreographer:
 
     def about(self, middle: float, spread: float = 0.12) -> float:
         """Draw a number near ``middle``: off by ``spread`` of it at one standard deviation, and by two at most."""
-        return middle * (1.0 + spread * float(np.clip(self.rng.normal(), -2.0, 2.0)))
+        return middle * (1.0 + spread * self.normal(2.0))
+
+    def normal(self, least: float, most: float | None = None) -> float:
+        """Draw from the normal distribution, cut off at ``-least`` and at ``most`` (``least`` when None)."""
+        return min(max(float(self.rng.standard_normal()), -least), least if most is None else most)
 
     def accent(self, channel: Channel, size: float, start: float, peak: float, fall: float, end: float) -> None:
         """Add one accent, no faster than a body is."""
@@ -174,21 +180,25 @@ class Choreographer:
         rng, recipe = self.rng, PUNCHES[kind]
         onset = max(onset, self.hands_free[recipe.hand])
         if speed is None:
-            speed = recipe.speed[0] + recipe.speed[1] * float(np.clip(rng.normal(), -1.6, 2.4))
+            speed = recipe.speed[0] + recipe.speed[1] * self.normal(1.6, 2.4)
         if distance is None:
             distance = float(rng.uniform(*recipe.distance))
         if height is None:
             height = float(rng.uniform(*(recipe.body if to_body else recipe.head)))
-        bearing += recipe.bearing[0] + recipe.bearing[1] * float(np.clip(rng.normal(), -2.0, 2.0))
+        bearing += recipe.bearing[0] + recipe.bearing[1] * self.normal(2.0)
         least, most = recipe.distance
         far = float(np.clip(2.0 * (distance - least) / (most - least) - 1.0, -1.0, 1.0))
-        out = max(1.38 * (self._way_out(recipe.hand, bearing, distance, height) + recipe.extra) / speed, 0.11)
+        out = max(1.38 * (self._way_out(recipe.hand, bearing, distance, height) + recipe.extra) / speed, 0.125)
         hit = onset + out
         fall = hit + rng.uniform(0.0, 0.025)
         end = fall + out * rng.uniform(1.0, 1.2)
         vigour = self.about(1.0, 0.08)
+        wound = any(other.hand != recipe.hand and other.hit > onset - 0.35 for other in self._reaches[-2:])
         for part in recipe.parts:
-            self._play(part, self.about(part.size, 0.12) * vigour, onset, hit, hit, end, 0.03)
+            size = self.about(part.size, 0.12) * vigour
+            if wound and part.start < 0.0:
+                size *= _WOUND.get(part.channel, 1.0) if part.end < 1.2 else 1.0
+            self._play(part, size, onset, hit, hit, end, 0.03)
         self._aim(
             own_turn=1.0 if recipe.hand == REAR else -1.0,
             bearing=bearing,
@@ -268,7 +278,7 @@ class Choreographer:
         """Turn a part's phases into times and add it."""
 
         def at(phase: float, later: bool) -> float:
-            phase += jitter * float(np.clip(self.rng.normal(), -2.0, 2.0))
+            phase += jitter * self.normal(2.0)
             if phase < 1.0:
                 return start + phase * (height - start)
             return (fall if later else height) + (phase - 1.0) * (end - fall)

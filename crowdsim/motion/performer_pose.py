@@ -140,7 +140,7 @@ def pose_arm(
     distance = np.linalg.norm(gap, axis=-1)
     axis = gap / np.maximum(distance, 1e-9)[:, None]
     length = bones.UPPER_ARM + lower
-    distance = soft_cap(soft_floor(distance, 0.20, 0.02), ARM_REACH * length, 0.008)
+    distance = soft_cap(soft_floor(distance, 0.17, 0.01), ARM_REACH * length, 0.008)
     # The elbow hangs when the arm points ahead; carried along the shortest turn from there, it is before the chest when
     # the fist is up, and behind it when the fist is down, and only an arm that points back would leave it undefined.
     carried = quat.multiply(quat.between(quat.rotate(chest_turn, _AHEAD), axis), chest_turn)

@@ -30,6 +30,8 @@ from crowdsim.motion.skeleton import Skeleton
 
 Array = NDArray[Any]
 
+_LOWEST = 0.57
+"""Height of the pelvis in the deepest crouch [m]."""
 _GAZE_FOLLOWS = 0.25
 """How far the head turns with the chest; the rest of it stays on the opponent."""
 
@@ -81,8 +83,8 @@ def _add_life(channels: Array, score: Score, times: Array, loads: Array, rng: np
     along /= np.hypot(*along)
     channels[:, Channel.SHIFT_X] += along[0] * style.sway * rock + 0.4 * style.sway * noise(times, rng, 0.3, 0.9)
     channels[:, Channel.SHIFT_Z] += along[1] * style.sway * rock + 0.3 * style.sway * noise(times, rng, 0.3, 0.9)
-    channels[:, Channel.SHIFT_X] += 0.035 * along[0] * loads
-    channels[:, Channel.SHIFT_Z] += 0.035 * along[1] * loads
+    channels[:, Channel.SHIFT_X] += 0.028 * along[0] * loads
+    channels[:, Channel.SHIFT_Z] += 0.028 * along[1] * loads
     for channel, size, low, high in (
         (Channel.PELVIS_TURN, 0.10, 0.4, 1.5),
         (Channel.PELVIS_TILT, 0.035, 0.3, 1.2),
@@ -129,7 +131,7 @@ def _carry_pelvis(score: Score, feet: Footwork, channels: Array, ankles: Array) 
     base = np.stack([feet.carried[:, 0], feet.carried[:, 1], feet.heading], axis=-1)
     shift = np.stack([channels[:, Channel.SHIFT_X], np.zeros(len(base)), channels[:, Channel.SHIFT_Z]], axis=-1)
     hips = ground.to_world(base, shift)
-    height = style.height + channels[:, Channel.HEIGHT]
+    height = soft_floor(style.height + channels[:, Channel.HEIGHT], _LOWEST, 0.03)
     reach = LEG_REACH * (bones.THIGH + bones.SHANK)
     for foot in range(2):
         drop = quat.rotate(turn, np.array([bones.HIP_HALF * (1 - 2 * foot), -bones.HIP_DROP, 0.0]))
