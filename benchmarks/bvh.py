@@ -6,9 +6,9 @@ The file is made here: a body of 31 joints and 96 channels in smooth synthetic m
 one process, single-threaded but for polars, the best of several runs; compilation and imports are done before.
 
 Reading is from a path to an array of numbers, in megabytes of file a second. The BVH readers read the hierarchy too,
-numpy and polars are told where the numbers begin. Writing is from an array of numbers to text in memory, in megabytes of
-text a second; the BVH libraries write only to a file and are compared with the row `crowdsim, to a file`. bvhio, which is
-slower than 20 MB/s, is timed on a tenth of the frames.
+numpy and polars are told where the numbers begin. Writing is from an array of numbers to text in memory, in megabytes
+of text a second; the BVH libraries write only to a file and are compared with the row `crowdsim, to a file`. bvhio,
+which is slower than 20 MB/s, is timed on a tenth of the frames.
 """
 
 from __future__ import annotations
