@@ -184,6 +184,10 @@ def _check_arena(scenario: Scenario, index: int, x: Array, z: Array) -> None:
 
 
 def _check_conflicts(scenario: Scenario, starts: Array, x: Array, z: Array) -> None:
+    """Refuse avatars in one place, which given points and groups that know nothing of each other can bring about."""
+    kinds = {group.placement.kind for group in scenario.groups}
+    if kinds == {"disc"} or (len(scenario.groups) == 1 and kinds != {"points"}):
+        return
     heads, following = _buckets(len(x))
     second = kernels.first_conflict(LEAST_DISTANCE, heads, following, x, z)
     if second >= 0:
