@@ -1,0 +1,171 @@
+"""The flat arrays that a simulation is made of, as named tuples, which compiled code can be handed whole.
+
+Rows and columns have their names in ``kernels.py``. Few arrays with many rows, rather than many arrays: compiling a
+kernel takes time in proportion to the number of arrays that it is handed.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd import kernels
+
+Array = NDArray[Any]
+
+
+class Model(NamedTuple):
+    """All policies of a run, one after another: states, actions, frames and tables have numbers of the whole run.
+
+    A is the number of actions, S of states, K of strikes in actions, L of playback frames, P of policies.
+
+    Attributes:
+        offsets: CSR: actions of state s are ``offsets[s]:offsets[s + 1]``. Shape (S + 1,), int32.
+        actions: For each action the state in which it ends, its length T [control frames], the playback frame that lies
+            on the avatar when it starts, and its first row in ``paths`` and in ``strikes``; the last row closes these
+            two. Shape (A + 1, 5), int32.
+        moves: Where each action ends, seen from its start: x, z [m], cosine and sine of the turn; then the cost of the
+            transition into it over the graph's threshold. Shape (A, 5), float64.
+        paths: Ground transform at control frames 1 to T of each action. Shape (., 3), float32.
+        strikes: For each strike its time [control frames from the state], the fist's place seen from the action's start
+            [m], its speed over the mean of all, its speed [m/s], the hand. Shape (K, 7), float32.
+        behaviours: As in ``policy.LookupTables``, places moved. Shape (B, 9), float64.
+        axes: Likewise. Shape (n, 7), float64.
+        terms: Likewise. Shape (n, 9), float64.
+        table: Likewise. Flat, float32.
+        ground: Ground transform of each playback frame in its clip's world. Shape (L, 3), float64.
+        bodies: Centre of the head, upper and lower end of the torso, in the frame's ground frame [m]. Shape (L, 9),
+            float32.
+        policies: For each policy the playback frames in a control frame, its first row in ``behaviours``, its first
+            action and its first state; the last row closes these three. Shape (P + 1, 4), int32.
+        sizes: Radius of head and torso, drop from the head to neck and pelvis, and a strike's tolerance [m].
+            Shape (P, 5), float64.
+    """
+
+    offsets: Array
+    actions: Array
+    moves: Array
+    paths: Array
+    strikes: Array
+    behaviours: Array
+    axes: Array
+    terms: Array
+    table: Array
+    ground: Array
+    bodies: Array
+    policies: Array
+    sizes: Array
+
+
+class Avatars(NamedTuple):
+    """What changes, a struct of arrays: an avatar's *slot* is its column, its *number* who it is.
+
+    Slots follow the index, so that neighbours in space are neighbours in memory; those of absent avatars come last.
+    Nothing that is computed depends on slots. "Before" is one control frame ago.
+
+    Rows of ``whole``: number; policy; mood (row of ``World.moods``); team; skip, the team that the opponent may not be
+    of (-1 nearest of anyone, -2 ``fixed`` says); fixed (number of the opponent, -2 - k for target k, -1 for nobody);
+    opponent, likewise; opponent before the last decision; decisions taken; action; action before, -1 when there was no
+    decision in this frame.
+
+    Rows of ``real``: scale of the body; speed [frames of motion in a control frame]; phase, frames of the action done
+    (an action shows its frame ``min(phase, T)``; what goes beyond is motion that the next action starts with); phase
+    before, in the action before; base, on which the ground transforms of playback frames are set (x, z, cosine and
+    sine times scale, turn); x, z [m] and heading [rad] where it stands; x and z where its action ends.
+
+    Attributes:
+        whole: Shape (11, N), int32.
+        real: Shape (14, N), float64.
+        slot_of: Slot of each number. Shape (N,), int32.
+    """
+
+    whole: Array
+    real: Array
+    slot_of: Array
+
+    @property
+    def number(self) -> Array:
+        """Who is in each slot. Shape (N,)."""
+        return self.whole[kernels.NUMBER]
+
+    @property
+    def team(self) -> Array:
+        """Team of each slot. Shape (N,)."""
+        return self.whole[kernels.TEAM]
+
+    @property
+    def skip(self) -> Array:
+        """Team that the opponent of each slot may not be of. Shape (N,)."""
+        return self.whole[kernels.SKIP]
+
+    @property
+    def opponent(self) -> Array:
+        """Opponent of each slot. Shape (N,)."""
+        return self.whole[kernels.OPPONENT]
+
+    @property
+    def x(self) -> Array:
+        """Where each slot stands [m]. Shape (N,)."""
+        return self.real[kernels.X]
+
+    @property
+    def z(self) -> Array:
+        """Where each slot stands [m]. Shape (N,)."""
+        return self.real[kernels.Z]
+
+
+class World(NamedTuple):
+    """What avatars share: how they choose, the arena, and scripted targets; M moods, G targets.
+
+    Attributes:
+        weights: Weight of each behaviour of the policy. Shape (M, B), float64.
+        moods: How far below the best value a candidate may lie, how many candidates there are at most, the randomness
+            of the draw, and how much nearer another opponent must be [m]. Shape (M, 4), float64.
+        arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]. Shape (5,).
+        crowding: The numbers of ``Crowding``. Shape (6,), float64.
+        targets: Places of scripted targets, from the frame before the first that is run on [m]. Shape (frames, G, 3),
+            float64.
+        stream: What seed and purpose contribute to a draw. Shape (1,), uint64.
+    """
+
+    weights: Array
+    moods: Array
+    arena: Array
+    crowding: Array
+    targets: Array
+    stream: Array
+
+
+class Record(NamedTuple):
+    """What a chunk of frames tells of each avatar, by number.
+
+    Attributes:
+        whole: Action and opponent. Shape (2, frames, N), int32.
+        real: Frame of the action, x, z, heading. Shape (4, frames, N), float32.
+    """
+
+    whole: Array
+    real: Array
+
+    def rows(self, first: int, last: int) -> Record:
+        """Return some of the frames, as views."""
+        return Record(self.whole[:, first:last], self.real[:, first:last])
+
+
+class Strikes(NamedTuple):
+    """Strikes thrown.
+
+    Attributes:
+        whole: Attacker, victim, hand, whether it landed. Shape (S, 4), int32.
+        real: Frame, place x, y, z [m], speed [m/s]. Shape (S, 5), float64.
+    """
+
+    whole: Array
+    real: Array
+
+
+def empty_record(frames: int, count: int) -> Record:
+    """Return a record with room for some frames."""
+    return Record(np.empty((2, frames, count), np.int32), np.empty((4, frames, count), np.float32))

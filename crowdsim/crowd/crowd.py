@@ -1,0 +1,225 @@
+"""A crowd before its first frame: who stands where, how each chooses, whom each fights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from crowdsim.crowd import kernels
+from crowdsim.crowd.arrays import Avatars, Model
+from crowdsim.crowd.model import entry_actions
+from crowdsim.crowd.random import Purpose, uniform
+from crowdsim.errors import RunError
+
+Array = NDArray[Any]
+
+ANYONE, SCRIPTED = -1, -2
+"""Values of ``Crowd.skip`` beside a team: the nearest of anyone; whom ``Crowd.fixed`` names."""
+
+
+@dataclass(frozen=True)
+class Crowding:
+    """How avatars keep out of one another, and in the arena.
+
+    Attributes:
+        end: What an action costs that ends in the middle of a neighbour, in normalised values; less towards its edge.
+        path: What it costs to pass through there.
+        radius: Radius of the disc that a body takes up [m], for a scale of 1.
+        gap: How far discs should stay apart [m].
+        outside: What a metre beyond the arena's border costs.
+        turn: How far outside avatars go for the middle instead of their opponent [m].
+        reach: How far neighbours are looked for [m].
+        most: How many neighbours count, the nearest ones.
+    """
+
+    end: float = 20.0
+    path: float = 10.0
+    radius: float = 0.2
+    gap: float = 0.08
+    outside: float = 10.0
+    turn: float = 0.25
+    reach: float = 1.5
+    most: int = 12
+
+    def numbers(self) -> Array:
+        """Return what kernels read. Shape (6,)."""
+        return np.array([self.end, self.path, self.radius, self.gap, self.outside, self.turn])
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """Who is in a run; N avatars, M moods (ways to choose, one a group and type), P policies.
+
+    Attributes:
+        x: Places at the start [m]. Shape (N,).
+        z: Likewise. Shape (N,).
+        heading: Where avatars look at the start [rad]. Shape (N,).
+        policy: Index of each avatar's policy. Shape (N,).
+        team: Shape (N,).
+        group: Shape (N,).
+        mood: Row of ``weights`` and the like. Shape (N,).
+        scale: Size of the body over its skeleton's. Shape (N,).
+        speed: Frames of motion in a control frame. Shape (N,).
+        skip: Team that an avatar does not fight, ``ANYONE`` or ``SCRIPTED``. Shape (N,).
+        fixed: With ``SCRIPTED``: an avatar, -2 - k for target k, or -1 for nobody. Shape (N,).
+        present: Whether it is there from the start. Shape (N,), bool.
+        weights: Weight of each behaviour of the policy. Shape (M, B).
+        margins: How far below the best value a candidate may lie. Shape (M,).
+        most: How many candidates there are at most. Shape (M,).
+        temperatures: Randomness of the draw. Shape (M,).
+        hysteresis: How much nearer another opponent must be [m]. Shape (M,).
+        arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]. Shape (5,).
+        crowding: How avatars keep out of one another.
+        seed: Seed of every draw.
+    """
+
+    x: Array
+    z: Array
+    heading: Array
+    policy: Array
+    team: Array
+    group: Array
+    mood: Array
+    scale: Array
+    speed: Array
+    skip: Array
+    fixed: Array
+    present: Array
+    weights: Array
+    margins: Array
+    most: Array
+    temperatures: Array
+    hysteresis: Array
+    arena: Array = field(default_factory=lambda: np.zeros(5))
+    crowding: Crowding = field(default_factory=Crowding)
+    seed: int = 0
+
+    @property
+    def count(self) -> int:
+        """Number of avatars N."""
+        return len(self.x)
+
+
+def build_crowd(
+    x: ArrayLike,
+    z: ArrayLike,
+    heading: ArrayLike = 0.0,
+    policy: ArrayLike = 0,
+    team: ArrayLike | None = None,
+    scale: ArrayLike = 1.0,
+    speed: ArrayLike = 1.0,
+    weights: ArrayLike = (1.0, 1.0),
+    margin: float = 0.1,
+    most: int = 4,
+    temperature: float = 0.05,
+    hysteresis: float = 0.3,
+    **other: Any,
+) -> Crowd:
+    """Return a crowd of one mood; without teams everyone fights anyone. ``other`` are further fields of ``Crowd``."""
+    xs = np.asarray(x, dtype=float)
+
+    def each(values: ArrayLike, dtype: Any) -> Array:
+        return np.broadcast_to(np.asarray(values), xs.shape).astype(dtype)
+
+    teams = each(0 if team is None else team, np.int32)
+    fields: dict[str, Any] = {
+        "x": xs,
+        "z": each(z, float),
+        "heading": each(heading, float),
+        "policy": each(policy, np.int16),
+        "team": teams,
+        "group": np.zeros(len(xs), np.int32),
+        "mood": np.zeros(len(xs), np.int16),
+        "scale": each(scale, np.float32),
+        "speed": each(speed, np.float32),
+        "skip": each(ANYONE, np.int32) if team is None else teams,
+        "fixed": each(-1, np.int32),
+        "present": np.ones(len(xs), bool),
+        "weights": np.atleast_2d(np.asarray(weights, dtype=float)),
+        "margins": np.array([margin]),
+        "most": np.array([most], np.int32),
+        "temperatures": np.array([temperature]),
+        "hysteresis": np.array([hysteresis]),
+    }
+    return Crowd(**{**fields, **other})
+
+
+def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Avatars:
+    """Return the avatars at their places, each in a state drawn from its policy's, about to take its first decision.
+
+    Args:
+        crowd: The crowd.
+        model: Its policies.
+        order: Number of the avatar in each slot; by default the present ones come first. Shape (N,).
+
+    Raises:
+        RunError: A place is not finite.
+    """
+    count = crowd.count
+    numbers = np.argsort(~crowd.present, kind="stable") if order is None else np.asarray(order)
+    numbers = numbers[np.argsort(~crowd.present[numbers], kind="stable")].astype(np.int32)
+    slot_of = np.empty(count, np.int32)
+    slot_of[numbers] = np.arange(count, dtype=np.int32)
+
+    avatars = Avatars(np.zeros((11, count), np.int32), np.zeros((14, count)), slot_of)
+    whole, real = avatars.whole, avatars.real
+    whole[kernels.NUMBER] = numbers
+    for row, values in (
+        (kernels.POLICY, crowd.policy),
+        (kernels.MOOD, crowd.mood),
+        (kernels.TEAM, crowd.team),
+        (kernels.SKIP, crowd.skip),
+        (kernels.FIXED, crowd.fixed),
+    ):
+        whole[row] = np.asarray(values)[numbers]
+    real[kernels.SCALE], real[kernels.SPEED] = crowd.scale[numbers], crowd.speed[numbers]
+    enter(avatars, crowd, model, np.arange(count))
+    return avatars
+
+
+def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
+    """Put avatars where they start, in the last frame of an action that ends in their first state."""
+    numbers = avatars.number[slots]
+    x, z, heading = crowd.x[numbers], crowd.z[numbers], crowd.heading[numbers]
+    bad = np.flatnonzero(~np.isfinite(x + z + heading))
+    if len(bad):
+        i = bad[0]
+        raise RunError(
+            f"avatar {numbers[i]} starts at ({x[i]}, {z[i]}) with heading {heading[i]}, expected finite numbers"
+        )
+    entries = entry_actions(model)
+    drawn = uniform(crowd.seed, Purpose.START, numbers)
+    action = np.empty(len(slots), np.int32)
+    whole, real = avatars.whole, avatars.real
+    policy, scale = whole[kernels.POLICY, slots], real[kernels.SCALE, slots]
+    starts = model.policies[:, kernels.STATES]
+    for p in range(len(starts) - 1):
+        states = np.arange(starts[p], starts[p + 1])
+        states = states[entries[states] >= 0]
+        own = policy == p
+        action[own] = entries[states[(drawn[own] * len(states)).astype(np.int64)]]
+    length = model.actions[action, kernels.LENGTH]
+    ground = model.ground[model.actions[action, kernels.ORIGIN] + length * model.policies[policy, kernels.STRIDE]]
+    turn = heading - ground[:, 2]
+    cos, sin = np.cos(turn) * scale, np.sin(turn) * scale
+    for row, values in (
+        (kernels.BASE_X, x - ground[:, 0] * cos - ground[:, 1] * sin),
+        (kernels.BASE_Z, z + ground[:, 0] * sin - ground[:, 1] * cos),
+        (kernels.BASE_COS, cos),
+        (kernels.BASE_SIN, sin),
+        (kernels.BASE_TURN, turn),
+        (kernels.X, x),
+        (kernels.Z, z),
+        (kernels.HEADING, heading),
+        (kernels.END_X, x),
+        (kernels.END_Z, z),
+        (kernels.PHASE, length),
+        (kernels.PHASE_BEFORE, length),
+    ):
+        real[row, slots] = values
+    whole[kernels.ACTION, slots] = action
+    whole[kernels.ACTION_BEFORE, slots] = -1
+    whole[kernels.OPPONENT, slots] = whole[kernels.OPPONENT_BEFORE, slots] = -1

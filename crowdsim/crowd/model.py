@@ -1,0 +1,143 @@
+"""The policies of a run as one set of flat arrays, so that one kernel serves avatars of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd import kernels
+from crowdsim.crowd.arrays import Model
+from crowdsim.errors import RunError
+
+if TYPE_CHECKING:
+    from crowdsim.policy.policy import Policy
+
+Array = NDArray[Any]
+
+TOLERANCE = 0.10
+"""From fist to surface where a strike lands [m], for a policy whose recipe rewards no strikes."""
+
+
+def build_model(policies: Sequence[Policy]) -> Model:
+    """Return all policies one after another; a single policy's table is not copied.
+
+    Raises:
+        RunError: The policies run at different control rates.
+    """
+    rates = {policy.database.control_rate for policy in policies}
+    if len(rates) > 1:
+        names = ", ".join(f"{policy.name} at {policy.database.control_rate:g} Hz" for policy in policies)
+        raise RunError(f"policies of one run decide at different rates: {names}; expected one control rate")
+    tables = [policy.lookup_tables() for policy in policies]
+    actions = [table.actions for table in tables]
+    starts = {
+        "state": _starts([action.state_count for action in actions]),
+        "action": _starts([action.action_count for action in actions]),
+        "path": _starts([len(action.paths) for action in actions]),
+        "strike": _starts([len(action.strike_times) for action in actions]),
+        "frame": _starts([len(policy.database.ground) for policy in policies]),
+        "behaviour": _starts([len(table.behaviours) for table in tables]),
+        "axis": _starts([len(table.axes) for table in tables]),
+        "term": _starts([len(table.terms) for table in tables]),
+        "table": _starts([len(table.table) for table in tables]),
+    }
+    behaviours = []
+    for p, table in enumerate(tables):
+        rows = np.array(table.behaviours, dtype=float).reshape(-1, 9)
+        rows[:, 0:2] += starts["axis"][p]
+        rows[:, 2:4] += starts["term"][p]
+        # Places in a table count from the policy's own first action or state; here from the run's.
+        first = np.where(rows[:, 4] == 0.0, starts["action"][p], starts["state"][p])
+        rows[:, 6] += starts["table"][p] - first * rows[:, 5]
+        behaviours.append(rows)
+    origins = [
+        start + policy.database.stride * (np.asarray(policy.graph.action_first, np.int64) - 1)
+        for start, policy in zip(starts["frame"], policies, strict=False)
+    ]
+    sizes = [
+        (*(getattr(policy.body, name) for name in ("head_radius", "torso_radius", "neck_drop", "pelvis_drop")), reach)
+        for policy, reach in zip(policies, map(_tolerance, policies), strict=True)
+    ]
+    parts = [np.asarray(table.table) for table in tables]
+    values = (parts[0] if len(parts) == 1 else np.concatenate(parts)).view(np.ndarray)
+    values.flags.writeable = False  # mapped or not, kernels are compiled for one type
+    ways = np.concatenate([action.displacements for action in actions]).astype(float)
+    closing = np.array([[-1, 0, 0, starts["path"][-1], starts["strike"][-1]]])
+    columns = [
+        _moved([action.next for action in actions], starts["state"]),
+        _joined([action.lengths for action in actions], np.int32),
+        _joined(origins, np.int32),
+        _moved([action.path_offsets[:-1] for action in actions], starts["path"]),
+        _moved([action.strike_offsets[:-1] for action in actions], starts["strike"]),
+    ]
+    costs = _joined([action.costs for action in actions], np.float64)
+    databases = [policy.database for policy in policies]
+    return Model(
+        offsets=_csr([action.offsets for action in actions], starts["action"]),
+        actions=np.concatenate([np.column_stack(columns), closing]).astype(np.int32),
+        moves=np.column_stack([ways[:, :2], np.cos(ways[:, 2]), np.sin(ways[:, 2]), costs]),
+        paths=_joined([action.paths for action in actions], np.float32),
+        strikes=np.concatenate([_strikes(policy) for policy in policies]),
+        behaviours=np.concatenate(behaviours),
+        axes=_joined([table.axes for table in tables], np.float64),
+        terms=_joined([table.terms for table in tables], np.float64),
+        table=values,
+        ground=_joined([database.ground for database in databases], np.float64),
+        bodies=np.concatenate(
+            [np.column_stack([database.heads, database.necks, database.pelvises]) for database in databases]
+        ).astype(np.float32),
+        policies=np.column_stack(
+            [
+                [*(database.stride for database in databases), 0],
+                starts["behaviour"],
+                starts["action"],
+                starts["state"],
+            ]
+        ).astype(np.int32),
+        sizes=np.array(sizes, dtype=float),
+    )
+
+
+def entry_actions(model: Model) -> Array:
+    """Return the cheapest action that ends in each state, the first among equals; -1 for none. Shape (S,), int32."""
+    ends = model.actions[:-1, kernels.NEXT]
+    order = np.lexsort((np.arange(len(ends)), model.moves[:, kernels.COST], ends))
+    entries = np.full(len(model.offsets) - 1, -1, np.int32)
+    states, first = np.unique(ends[order], return_index=True)
+    entries[states] = order[first]
+    return entries
+
+
+def _tolerance(policy: Policy) -> float:
+    found = [
+        term.tolerance for behaviour in policy.behaviours for term in behaviour.terms if hasattr(term, "tolerance")
+    ]
+    return float(max(found, default=TOLERANCE))
+
+
+def _strikes(policy: Policy) -> Array:
+    actions, database = policy.actions, policy.database
+    speeds, hands = database.strike_speeds[actions.strike_ids], database.strike_hands[actions.strike_ids]
+    places = np.reshape(actions.strike_places, (-1, 3))
+    return np.column_stack([actions.strike_times, places, actions.strike_speeds, speeds, hands]).astype(np.float32)
+
+
+def _starts(counts: Sequence[int]) -> Array:
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+
+def _joined(parts: Sequence[Array], dtype: Any) -> Array:
+    return np.concatenate([np.asarray(part) for part in parts]).astype(dtype)
+
+
+def _moved(parts: Sequence[Array], starts: Array) -> Array:
+    moved = [np.asarray(part, np.int64) + start for part, start in zip(parts, starts, strict=False)]
+    return np.concatenate(moved).astype(np.int32)
+
+
+def _csr(parts: Sequence[Array], starts: Array) -> Array:
+    inner = [np.asarray(part[:-1], np.int64) + start for part, start in zip(parts, starts, strict=False)]
+    return np.concatenate([*inner, starts[-1:]]).astype(np.int32)

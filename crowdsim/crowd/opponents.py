@@ -1,0 +1,167 @@
+"""Who is near whom: the index over a large crowd, in whose order its avatars are stored.
+
+Every index gives the same answers: the nearest opponent by squared distance in float64, the lower number among
+equals, and the neighbours within reach. ``kd_tree`` is what ``auto`` takes; ``grid`` and ``scipy`` find opponents their
+own way, for comparison, and leave the neighbours to the trees.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd.arrays import Avatars
+from crowdsim.crowd.kd_tree import Forest, fit_forest, plan_forest, sort_forest
+from crowdsim.crowd.kd_tree_kernels import observe
+from crowdsim.crowd.workers import Workers
+
+Array = NDArray[Any]
+
+SEARCHES = ("auto", "kd_tree", "grid", "scipy")
+
+FEW_TEAMS = 8
+"""Up to so many teams have a tree each; more share one, whose nodes know when all below are of one team."""
+
+SORT_EVERY = 16
+"""Frames after which avatars are brought into the order of newly built trees; between, trees are only refitted."""
+
+
+class Index(Protocol):
+    """What a simulation asks of an index; ``first`` to ``last`` are places in ``due``."""
+
+    def update(self, avatars: Avatars, present: int) -> None:
+        """Take up where the first ``present`` slots stand now; sort their storage when the time has come."""
+
+    def observe(
+        self, avatars: Avatars, due: Array, first: int, last: int, reach: float, opponents: Array, counts: Array,
+        neighbours: Array,
+    ) -> None:  # fmt: skip
+        """Write the nearest opponent's slot, and the slots of neighbours, for each of ``due[first:last]``."""
+
+    def reset(self) -> None:
+        """Forget the order, since other avatars are present, or they fight otherwise."""
+
+
+class TreeIndex:
+    """KD-trees over the avatars' own arrays, which it keeps sorted.
+
+    Args:
+        workers: Threads for building and fitting.
+        sort_every: Frames between sorting the storage.
+    """
+
+    def __init__(self, workers: Workers, sort_every: int = SORT_EVERY) -> None:
+        self._workers = workers
+        self._sort_every = sort_every
+        self._forest: Forest | None = None
+        self._age = 0
+
+    def reset(self) -> None:
+        """Forget the order, since other avatars are present, or they fight otherwise."""
+        self._forest = None
+
+    def update(self, avatars: Avatars, present: int) -> None:
+        """Take up where the first ``present`` slots stand now; sort their storage when the time has come."""
+        if self._forest is None:
+            self._forest = self._group(avatars, present)
+            self._age = self._sort_every
+        if self._age >= self._sort_every:
+            self._sort(avatars, present)
+            self._age = 0
+        self._age += 1
+        fit_forest(self._forest, self._workers)
+
+    def _group(self, avatars: Avatars, present: int) -> Forest:
+        """Store teams one after another where each has a tree, and plan the trees."""
+        counts = np.array([present])
+        teams = np.unique(avatars.team[:present])
+        if 1 < len(teams) <= FEW_TEAMS and (avatars.skip[:present] >= 0).any():
+            counts = np.array([np.count_nonzero(avatars.team[:present] == team) for team in teams])
+            store_in_order(avatars, np.argsort(avatars.team[:present], kind="stable"))
+        return plan_forest(
+            avatars.x[:present], avatars.z[:present], avatars.number[:present], avatars.team[:present], counts
+        )
+
+    def _sort(self, avatars: Avatars, present: int) -> None:
+        assert self._forest is not None
+        forest = Forest(**{**vars(self._forest), "xs": avatars.x[:present].copy(), "zs": avatars.z[:present].copy()})
+        store_in_order(avatars, sort_forest(forest, self._workers))
+
+    def observe(
+        self, avatars: Avatars, due: Array, first: int, last: int, reach: float, opponents: Array, counts: Array,
+        neighbours: Array,
+    ) -> None:  # fmt: skip
+        """Write the nearest opponent's slot, and the slots of neighbours, for each of ``due[first:last]``."""
+        self._observe(avatars, avatars.skip, due, first, last, reach, opponents, counts, neighbours)
+
+    def _observe(
+        self, avatars: Avatars, skip: Array, due: Array, first: int, last: int, reach: float, opponents: Array,
+        counts: Array, neighbours: Array,
+    ) -> None:  # fmt: skip
+        f = self._forest
+        assert f is not None
+        observe(
+            f.xs, f.zs, f.number, f.team, f.starts, f.depths, f.nodes, f.boxes, f.box_teams, due, skip,
+            avatars.opponent, avatars.slot_of, reach, first, last, opponents, counts, neighbours,
+        )  # fmt: skip
+
+
+class ScipyIndex(TreeIndex):
+    """scipy's KDTree for the opponents: one over everyone, and one over all others for each team."""
+
+    def update(self, avatars: Avatars, present: int) -> None:
+        """Take up where the first ``present`` slots stand now."""
+        from scipy.spatial import cKDTree
+
+        super().update(avatars, present)
+        points = np.column_stack([avatars.x[:present], avatars.z[:present]])
+        self._trees = {}
+        for skip in np.unique(avatars.skip[:present]):
+            if skip > -2:
+                slots = np.flatnonzero(avatars.team[:present] != skip)
+                self._trees[int(skip)] = (slots, cKDTree(points[slots]) if len(slots) else None)
+
+    def observe(
+        self, avatars: Avatars, due: Array, first: int, last: int, reach: float, opponents: Array, counts: Array,
+        neighbours: Array,
+    ) -> None:  # fmt: skip
+        """Write the nearest opponent's slot, and the slots of neighbours, for each of ``due[first:last]``."""
+        nobody = np.full(len(avatars.skip), -2, np.int32)
+        self._observe(avatars, nobody, due, first, last, reach, opponents, counts, neighbours)
+        asking = due[first:last]
+        for skip, (slots, tree) in self._trees.items():
+            rows = np.flatnonzero(avatars.skip[asking] == skip)
+            if tree is None or len(rows) == 0:
+                continue
+            own = asking[rows]
+            points = np.column_stack([avatars.x[own], avatars.z[own]])
+            distances, _ = tree.query(points, k=min(2, len(slots)))
+            nearest = distances.reshape(len(own), -1)[:, -1 if skip == -1 else 0]
+            near = tree.query_ball_point(points, np.where(np.isfinite(nearest), nearest * (1 + 1e-9) + 1e-12, 0.0))
+            for row, slot, found in zip(rows, own, near, strict=True):
+                candidates = slots[found]
+                candidates = candidates[candidates != slot]
+                if len(candidates):
+                    dx, dz = avatars.x[candidates] - avatars.x[slot], avatars.z[candidates] - avatars.z[slot]
+                    best = np.lexsort((avatars.number[candidates], dx * dx + dz * dz))[0]
+                    opponents[first + row] = candidates[best]
+
+
+def build_index(search: str, workers: Workers, sort_every: int = SORT_EVERY) -> Index:
+    """Return an index by its name, one of ``SEARCHES``."""
+    if search in ("auto", "kd_tree"):
+        return TreeIndex(workers, sort_every)
+    if search == "scipy":
+        return ScipyIndex(workers, sort_every)
+    raise ValueError(f"search is {search!r}, expected one of {', '.join(SEARCHES)}")
+
+
+def store_in_order(avatars: Avatars, order: Array) -> None:
+    """Bring the first slots into another order; ``order`` is where each slot's avatar is now. Shape (n,)."""
+    count = len(order)
+    for rows in (avatars.whole, avatars.real):
+        for row in rows:
+            row[:count] = row[:count][order]
+    avatars.slot_of[avatars.number[:count]] = np.arange(count, dtype=np.int32)

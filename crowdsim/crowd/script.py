@@ -1,0 +1,124 @@
+"""What a scenario has planned: scripted targets, and events at a frame or on a condition."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+class TargetPath(Protocol):
+    """Where a scripted target is."""
+
+    def places(self, seconds: Array) -> Array:
+        """Return the target at given times [s] as points [m]. Shape (n, 3)."""
+
+
+@dataclass(frozen=True)
+class CirclePath:
+    """A target that goes round in a circle, from +z on towards +x.
+
+    Attributes:
+        radius: Radius [m].
+        speed: Speed along the circle [m/s].
+        centre: Centre, x and z [m].
+        height: Height [m].
+    """
+
+    radius: float
+    speed: float
+    centre: tuple[float, float]
+    height: float
+
+    def places(self, seconds: Array) -> Array:
+        """Return the target at given times [s] as points [m]. Shape (n, 3)."""
+        angle = np.maximum(seconds, 0.0) * self.speed / self.radius
+        x = self.centre[0] + self.radius * np.sin(angle)
+        z = self.centre[1] + self.radius * np.cos(angle)
+        return np.stack([x, np.full_like(x, self.height), z], axis=-1)
+
+
+@dataclass(frozen=True)
+class LinePath:
+    """A target that moves from point to point on straight lines.
+
+    Attributes:
+        points: Points, x and z each [m]. Shape (K, 2).
+        speed: Speed along the lines [m/s].
+        loop: Whether it goes on to the first point after the last.
+        height: Height [m].
+    """
+
+    points: Array
+    speed: float
+    loop: bool
+    height: float
+
+    def places(self, seconds: Array) -> Array:
+        """Return the target at given times [s] as points [m]. Shape (n, 3)."""
+        corners = np.asarray(self.points, dtype=float)
+        if self.loop:
+            corners = np.concatenate([corners, corners[:1]])
+        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+        way = np.maximum(seconds, 0.0) * self.speed
+        if self.loop and along[-1] > 0.0:
+            way = np.mod(way, along[-1])
+        x, z = np.interp(way, along, corners[:, 0]), np.interp(way, along, corners[:, 1])
+        return np.stack([x, np.full_like(x, self.height), z], axis=-1)
+
+
+@dataclass(frozen=True)
+class Change:
+    """Something that happens once, before decisions, and changes what the arrays of a crowd say.
+
+    Attributes:
+        frame: Control frame at which it happens; None where a condition says.
+        strikes: With a condition: strikes that must have landed; 0 for none.
+        team: Team that must have landed them, -1 for all together.
+        near: With a condition: two groups, and the distance between them [m] that must be undercut.
+        weights: New weights of behaviours; NaN leaves one as it is. Shape (M, B).
+        temperatures: New temperatures, likewise. Shape (M,).
+        hysteresis: New hysteresis [m], likewise. Shape (M,).
+        who: Avatars that ``skip``, ``fixed`` and ``present`` concern. Shape (N,), bool.
+        skip: Their new ``Crowd.skip``. Shape (N,).
+        fixed: Their new ``Crowd.fixed``. Shape (N,).
+        present: Whether they enter (True) or leave (False).
+    """
+
+    frame: int | None = None
+    strikes: int = 0
+    team: int = -1
+    near: tuple[int, int, float] | None = None
+    weights: Array | None = None
+    temperatures: Array | None = None
+    hysteresis: Array | None = None
+    who: Array | None = None
+    skip: Array | None = None
+    fixed: Array | None = None
+    present: bool | None = None
+
+
+@dataclass(frozen=True)
+class Script:
+    """What a run has planned.
+
+    Attributes:
+        targets: Paths of scripted targets.
+        changes: What happens on the way, in this order where several things happen at once.
+    """
+
+    targets: tuple[TargetPath, ...] = ()
+    changes: tuple[Change, ...] = ()
+
+
+def target_places(paths: Sequence[TargetPath], first: int, count: int, rate: float) -> Array:
+    """Return where scripted targets are in ``count`` control frames from ``first`` on [m]. Shape (count, G, 3)."""
+    seconds = np.arange(first, first + count) / rate
+    if not paths:
+        return np.zeros((count, 0, 3))
+    return np.stack([path.places(seconds) for path in paths], axis=1)

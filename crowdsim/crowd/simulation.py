@@ -1,0 +1,469 @@
+"""The simulation: a crowd that is run control frame by control frame, and tells of itself in chunks of plain arrays.
+
+At every frame those whose action has ended observe and choose, all from the state at that frame; then the frame is
+recorded, and all move on. A small crowd runs many frames in one compiled call; a large one goes stage by stage, each
+stage shared out among threads. Both give the same bytes, for any number of threads and any order of storage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from time import perf_counter_ns
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd import kernels
+from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World, empty_record
+from crowdsim.crowd.crowd import Crowd, build_avatars, enter
+from crowdsim.crowd.model import build_model
+from crowdsim.crowd.opponents import SEARCHES, Index, build_index
+from crowdsim.crowd.random import Purpose, stream
+from crowdsim.crowd.script import Change, Script, target_places
+from crowdsim.crowd.workers import Workers
+from crowdsim.errors import RunError, nearest
+
+if TYPE_CHECKING:
+    from crowdsim.policy.policy import Policy
+
+Array = NDArray[Any]
+
+STAGES = ("index", "observe", "choose", "advance", "strikes", "record")
+"""What a control frame's time is spent on."""
+
+VARIABLES = ("action", "action_frame", "x", "z", "heading", "opponent")
+"""What is recorded for every control frame and avatar."""
+
+SMALL = 400
+"""Most avatars whose opponents are found by comparing with everyone, many frames in one compiled call."""
+
+_BATCH = 4096
+_CHUNK_AVATAR_FRAMES = 1_000_000
+
+
+@dataclass(frozen=True)
+class Events:
+    """Strikes thrown, in the order of time, then of attackers; S strikes.
+
+    Attributes:
+        frame: When, in control frames from the start, between frames too. Shape (S,), float64.
+        attacker: Avatar that struck. Shape (S,), int32.
+        victim: Its opponent, an avatar or ``-2 - target``; -1 for nobody. Shape (S,), int32.
+        hand: 0 left, 1 right. Shape (S,), uint8.
+        point: Where the fist was [m]. Shape (S, 3), float32.
+        speed: Its highest speed before [m/s]. Shape (S,), float32.
+        landed: Whether it landed. Shape (S,), bool.
+    """
+
+    frame: Array
+    attacker: Array
+    victim: Array
+    hand: Array
+    point: Array
+    speed: Array
+    landed: Array
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some control frames of a run; arrays (frames, N) by avatar number.
+
+    Attributes:
+        first: The first of the frames.
+        action: Action that each avatar does, a number of its policy's graph; -1 where it is absent. int32.
+        action_frame: Frames of that action done. float32.
+        x: Where it stands [m]. float32.
+        z: Likewise. float32.
+        heading: Where it looks [rad], in -pi..pi. float32.
+        opponent: Avatar that it fights, ``-2 - k`` for scripted target k, -1 for nobody. int32.
+        targets: Places of scripted targets [m]. Shape (frames, G, 3), float32.
+        events: Strikes thrown on the way to these frames.
+        timings: Time of each of ``STAGES`` [ns], in a run that is profiled. Shape (frames, 6), int64.
+    """
+
+    first: int
+    action: Array
+    action_frame: Array
+    x: Array
+    z: Array
+    heading: Array
+    opponent: Array
+    targets: Array
+    events: Events
+    timings: Array | None = None
+
+    @property
+    def frames(self) -> int:
+        """Number of control frames."""
+        return len(self.action)
+
+    def variables(self) -> dict[str, Array]:
+        """Return what is recorded for each frame and avatar, by name."""
+        return {name: getattr(self, name) for name in VARIABLES}
+
+
+class Simulation:
+    """A crowd on its way.
+
+    Args:
+        crowd: The crowd.
+        policies: Its policies.
+        script: What is planned.
+        threads: Threads for large crowds.
+        search: Index for large crowds, one of ``opponents.SEARCHES``.
+        order: Number of the avatar in each slot at the start; it changes no result. Shape (N,).
+        profiled: Take the time of every stage.
+
+    Raises:
+        RunError: The policies do not go together, or a place is not finite.
+    """
+
+    def __init__(
+        self,
+        crowd: Crowd,
+        policies: Sequence[Policy],
+        script: Script | None = None,
+        threads: int = 1,
+        search: str = "auto",
+        order: Array | None = None,
+        profiled: bool = False,
+        model: Model | None = None,
+    ) -> None:
+        if search not in SEARCHES:
+            raise ValueError(f"search is {search!r}, expected one of {', '.join(SEARCHES)}{nearest(search, SEARCHES)}")
+        self.crowd = crowd
+        self.model = build_model(policies) if model is None else model
+        self.avatars: Avatars = build_avatars(crowd, self.model, order)
+        self.present = int(np.count_nonzero(crowd.present))
+        self.frame = 0
+        self.rate = float(policies[0].database.control_rate)
+        self._script = script or Script()
+        self._pending = list(self._script.changes)
+        self._landed = np.zeros(int(crowd.team.max(initial=0)) + 1, np.int64)
+        self._workers = Workers(threads)
+        self._search = search
+        self._index: Index = build_index(search, self._workers)
+        self._profiled = profiled
+        self._fresh = np.arange(self.present, dtype=np.int32)
+        self._due = np.empty(crowd.count, np.int32)
+        self._world = World(
+            weights=np.array(crowd.weights, dtype=float),
+            moods=np.column_stack([crowd.margins, crowd.most, crowd.temperatures, crowd.hysteresis]).astype(float),
+            arena=np.array(crowd.arena, dtype=float),
+            crowding=crowd.crowding.numbers(),
+            targets=np.zeros((2, 0, 3)),
+            stream=np.array([stream(crowd.seed, Purpose.CHOICE)], np.uint64),
+        )
+
+    def close(self) -> None:
+        """End the threads."""
+        self._workers.close()
+
+    def run(self, frames: int) -> Chunk:
+        """Run the next ``frames`` control frames and return them.
+
+        Raises:
+            RunError: An avatar's place or values are not finite; the message names avatar and frame.
+        """
+        first, count = self.frame, self.crowd.count
+        record = empty_record(frames, count)
+        timings = np.zeros((frames, len(STAGES)), np.int64) if self._profiled else None
+        strikes = []
+        done = 0
+        while done < frames:
+            self._happen()
+            if self.present < count:
+                self._blank(record, done, frames)
+            step = self._until_next_change(frames - done)
+            rows = record.rows(done, done + step)
+            times = None if timings is None else timings[done : done + step]
+            if self.present <= SMALL and self._search in ("auto", "kd_tree"):
+                ran, thrown = self._run_small(rows, times)
+            else:
+                ran, thrown = self._run_stages(rows, times)
+            strikes.append(thrown)
+            done += ran
+        targets = target_places(self._script.targets, first, frames, self.rate)
+        return Chunk(
+            first=first,
+            action=record.whole[0],
+            action_frame=record.real[0],
+            x=record.real[1],
+            z=record.real[2],
+            heading=record.real[3],
+            opponent=record.whole[1],
+            targets=targets.astype(np.float32),
+            events=_in_order(strikes),
+            timings=timings,
+        )
+
+    def _run_small(self, rows: Record, timings: Array | None) -> tuple[int, Strikes]:
+        """Run as many frames as there are rows, or as there is room for strikes, in one compiled call."""
+        frames, present = rows.whole.shape[1], self.present
+        world = self._world_at(self.frame - 1, frames + 1)
+        strikes = _room(16 * present + present * frames // 2)
+        fault = np.full(2, -1, np.int64)
+        fresh = len(self._fresh) > 0
+        if fresh and len(self._fresh) < present:
+            # Those who have just entered decide before the others move.
+            return self._run_stages(rows.rows(0, 1), None if timings is None else timings[:1])
+        ran, held = kernels.run_frames(
+            self.model, self.avatars, world, present, self.frame, frames, fresh, self.crowd.crowding.reach,
+            self.crowd.crowding.most, rows, strikes, timings, fault,
+        )  # fmt: skip
+        if fault[1] >= 0:
+            self._lose(int(fault[1]), int(fault[0]))
+        self._fresh = self._fresh[:0]
+        self.frame += ran
+        thrown = Strikes(strikes.whole[:held], strikes.real[:held])
+        self._count_landed(thrown)
+        return int(ran), thrown
+
+    def _run_stages(self, rows: Record, timings: Array | None) -> tuple[int, Strikes]:
+        """Run one frame, each stage shared out among threads."""
+        avatars, model, present, workers = self.avatars, self.model, self.present, self._workers
+        clock = [perf_counter_ns()]
+        fresh = self._fresh
+        if len(fresh) == present:
+            due = fresh
+        else:
+            due = self._advance()
+            if len(fresh):
+                due = np.union1d(due, fresh).astype(np.int32)
+        self._fresh = fresh[:0]
+        clock.append(perf_counter_ns())
+        before = avatars.number[due] if len(due) else due
+        self._index.update(avatars, present)
+        slots = avatars.slot_of[before]
+        slots.sort()
+        due = slots
+        clock.append(perf_counter_ns())
+        world = self._world_at(self.frame - 1, 2)
+        chosen = np.empty(len(due), np.int32)
+        observing = self._decide(world, due, chosen)
+        clock.append(perf_counter_ns())
+        workers.each(lambda first, last: kernels.switch(model, avatars, due, chosen, first, last), len(due))
+        clock.append(perf_counter_ns())
+        thrown = self._strike(world)
+        clock.append(perf_counter_ns())
+        workers.each(lambda first, last: kernels.write_record(model, avatars, rows, 0, first, last), present)
+        clock.append(perf_counter_ns())
+        if timings is not None:
+            spent = np.diff(clock)
+            timings[0] = (
+                spent[1], int(spent[2] * observing), spent[2] - int(spent[2] * observing), spent[0] + spent[3],
+                spent[4], spent[5],
+            )  # fmt: skip
+        self.frame += 1
+        self._count_landed(thrown)
+        return 1, thrown
+
+    def _advance(self) -> Array:
+        """Move everyone by one frame; return the slots of those whose action has ended."""
+        found: dict[int, int] = {}
+
+        def move(first: int, last: int) -> None:
+            found[first] = kernels.advance(self.model, self.avatars, first, last, self._due)
+
+        self._workers.each(move, self.present)
+        for held in found.values():
+            if held < 0:
+                self._lose(-1 - held, self.frame)
+        return np.concatenate([self._due[first : first + held] for first, held in sorted(found.items())])
+
+    def _decide(self, world: World, due: Array, chosen: Array) -> float:
+        """Let avatars observe and choose; return the share of the time that observing took."""
+        near = self.crowd.crowding
+        lost: list[int] = []
+        spent = [0, 1]
+
+        def decide(first: int, last: int) -> None:
+            size = min(_BATCH, last - first)
+            opponents, counts = np.empty(size, np.int32), np.empty(size, np.int32)
+            neighbours = np.empty((size, near.most), np.int32)
+            cells, shares, values = np.empty(256, np.int64), np.empty(256), np.empty(4096)
+            for start in range(first, last, _BATCH):
+                batch = due[start : min(start + _BATCH, last)]
+                begun = perf_counter_ns()
+                self._index.observe(self.avatars, batch, 0, len(batch), near.reach, opponents, counts, neighbours)
+                observed = perf_counter_ns()
+                slot = kernels.choose(
+                    self.model, self.avatars, world, self.present, 1, batch, 0, len(batch), opponents, counts,
+                    neighbours, cells, shares, values, chosen[start:last],
+                )  # fmt: skip
+                spent[0] += observed - begun
+                spent[1] += perf_counter_ns() - begun
+                if slot >= 0:
+                    lost.append(slot)
+
+        self._workers.each(decide, len(due), grain=1024)
+        if lost:
+            self._lose(min(lost, key=lambda slot: self.avatars.number[slot]), self.frame)
+        return spent[0] / spent[1]
+
+    def _strike(self, world: World) -> Strikes:
+        """List the strikes thrown on the way to this frame."""
+        found: dict[int, Strikes] = {}
+
+        def throw(first: int, last: int) -> None:
+            room = 64 + (last - first) // 8
+            while True:
+                strikes = _room(room)
+                held = kernels.strike(
+                    self.model, self.avatars, world, self.present, 1, self.frame, first, last, *strikes, 0
+                )
+                if held <= room:
+                    found[first] = Strikes(strikes.whole[:held], strikes.real[:held])
+                    return
+                room = held
+
+        self._workers.each(throw, self.present)
+        parts = [found[first] for first in sorted(found)]
+        return Strikes(*(np.concatenate(part) for part in zip(*parts, strict=True))) if parts else _room(0)
+
+    def _world_at(self, first: int, frames: int) -> World:
+        if not self._script.targets:
+            return self._world._replace(targets=np.zeros((frames, 0, 3)))
+        return self._world._replace(targets=target_places(self._script.targets, first, frames, self.rate))
+
+    def _blank(self, record: Record, first: int, last: int) -> None:
+        """Mark avatars as absent in the record; those that are present write over it."""
+        record.whole[:, first:last] = -1
+        record.real[0, first:last] = 0.0
+        record.real[1:, first:last] = np.nan
+
+    def _lose(self, slot: int, frame: int) -> None:
+        avatar = int(self.avatars.number[slot])
+        x, z = self.avatars.x[slot], self.avatars.z[slot]
+        raise RunError(
+            f"avatar {avatar} at control frame {frame}: its place ({x:g}, {z:g}) or the values of its actions are not "
+            "finite numbers; the policy's tables or motion are damaged"
+        )
+
+    def _until_next_change(self, most: int) -> int:
+        """Return how many frames can be run before something may happen."""
+        for change in self._pending:
+            most = min(most, 1 if change.frame is None else max(change.frame - self.frame, 1))
+        return most
+
+    def _count_landed(self, thrown: Strikes) -> None:
+        if self._pending:
+            attackers = thrown.whole[thrown.whole[:, 3] > 0, 0]
+            self._landed += np.bincount(self.crowd.team[attackers], minlength=len(self._landed))
+
+    def _happen(self) -> None:
+        """Make changes whose time has come, before this frame's decisions."""
+        for change in list(self._pending):
+            if self._is_time(change):
+                self._pending.remove(change)
+                self._make(change)
+
+    def _is_time(self, change: Change) -> bool:
+        if change.frame is not None:
+            return self.frame >= change.frame
+        if change.near is not None:
+            return self.frame > 0 and self._distance(change.near[0], change.near[1]) < change.near[2]
+        landed = self._landed.sum() if change.team < 0 else self._landed[change.team]
+        return bool(landed >= change.strikes > 0)
+
+    def _distance(self, one: int, other: int) -> float:
+        """Return the least distance between avatars of two groups [m]."""
+        from scipy.spatial import cKDTree
+
+        group = self.crowd.group[self.avatars.number[: self.present]]
+        points = np.column_stack([self.avatars.x[: self.present], self.avatars.z[: self.present]])
+        if not (group == one).any() or not (group == other).any():
+            return float("inf")
+        return float(cKDTree(points[group == one]).query(points[group == other])[0].min())
+
+    def _make(self, change: Change) -> None:
+        for values, new in (
+            (self._world.weights, change.weights),
+            (self._world.moods[:, kernels.TEMPERATURE], change.temperatures),
+            (self._world.moods[:, kernels.HYSTERESIS], change.hysteresis),
+        ):
+            if new is not None:
+                np.copyto(values, new, where=~np.isnan(new))
+        if change.who is None:
+            return
+        concerned = change.who[self.avatars.number]
+        if change.skip is not None and change.fixed is not None:
+            numbers = self.avatars.number[concerned]
+            self.avatars.whole[kernels.SKIP, concerned] = change.skip[numbers]
+            self.avatars.whole[kernels.FIXED, concerned] = change.fixed[numbers]
+        if change.present is not None:
+            self._admit(concerned, change.present)
+        self._index.reset()
+
+    def _admit(self, concerned: Array, present: bool) -> None:
+        """Let avatars enter or leave: those who are present are stored first."""
+        from crowdsim.crowd.opponents import store_in_order
+
+        here = np.arange(self.crowd.count) < self.present
+        fresh = self.avatars.number[self._fresh]
+        entering = self.avatars.number[concerned & ~here] if present else fresh[:0]
+        now = here | concerned if present else here & ~concerned
+        store_in_order(self.avatars, np.argsort(~now, kind="stable"))
+        self.present = int(np.count_nonzero(now))
+        slots = self.avatars.slot_of[entering]
+        enter(self.avatars, self.crowd, self.model, slots)
+        slots = np.concatenate([slots, self.avatars.slot_of[fresh]])
+        self._fresh = np.unique(slots[slots < self.present]).astype(np.int32)
+
+
+def simulate(
+    crowd: Crowd,
+    policies: Sequence[Policy],
+    frames: int,
+    script: Script | None = None,
+    threads: int = 1,
+    search: str = "auto",
+    order: Array | None = None,
+    profiled: bool = False,
+    chunk: int | None = None,
+) -> Iterator[Chunk]:
+    """Run a crowd and yield its frames in chunks; stop asking to stop it.
+
+    Args:
+        crowd: The crowd; see ``cast.cast_crowd`` for a scenario's.
+        policies: Its policies.
+        frames: Control frames.
+        script: What is planned.
+        threads: Threads for large crowds.
+        search: Index for large crowds, one of ``opponents.SEARCHES``.
+        order: Number of the avatar in each slot at the start; it changes no result. Shape (N,).
+        profiled: Take the time of every stage.
+        chunk: Control frames in a chunk; by default a million avatar-frames, at most 256.
+
+    Raises:
+        RunError: An avatar's place or values are not finite; the message names avatar and frame.
+    """
+    size = chunk or min(max(_CHUNK_AVATAR_FRAMES // max(crowd.count, 1), 1), 256)
+    simulation = Simulation(crowd, policies, script, threads, search, order, profiled)
+    try:
+        while simulation.frame < frames:
+            yield simulation.run(min(size, frames - simulation.frame))
+    finally:
+        simulation.close()
+
+
+def _room(count: int) -> Strikes:
+    return Strikes(np.empty((count, 4), np.int32), np.empty((count, 5)))
+
+
+def _in_order(parts: list[Strikes]) -> Events:
+    whole = np.concatenate([part.whole for part in parts])
+    real = np.concatenate([part.real for part in parts])
+    order = np.lexsort((whole[:, 2], whole[:, 0], real[:, 0]))
+    whole, real = whole[order], real[order]
+    return Events(
+        frame=real[:, 0].copy(),
+        attacker=whole[:, 0].copy(),
+        victim=whole[:, 1].copy(),
+        hand=whole[:, 2].astype(np.uint8),
+        point=real[:, 1:4].astype(np.float32),
+        speed=real[:, 4].astype(np.float32),
+        landed=whole[:, 3] > 0,
+    )
