@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,26 +56,26 @@ def distance_figure(database: MotionDatabase, graph: MotionGraph, settings: Grap
     lengths = (features**2).sum(axis=1)
     squares = lengths[:, None] + lengths[None, :] - 2.0 * features @ features.T
     costs = np.sqrt(np.maximum(squares, 0.0))
-    figure = _figure(11.0, 10.0)
-    axes = figure.add_subplot()
+    figure = _figure(11.0, 12.0)
+    axes = figure.add_axes((0.17, 0.2, 0.81, 0.81 * 11.0 / 12.0))
     image = axes.imshow(
         costs,
         cmap="gray",
         vmin=0.0,
-        vmax=float(np.percentile(costs, 90)),
+        vmax=max(float(np.percentile(costs, 75)), 1e-6),
         extent=(-0.5, frames - 0.5, frames - 0.5, -0.5),
         interpolation="nearest",
     )
-    figure.colorbar(image, ax=axes, label="cost between two frames [m]", fraction=0.04)
+    _scale(figure, 0.04, image, "cost between two frames [m]")
     dots = axes.scatter(
         graph.transition_from,
         graph.transition_to - 1,
         c=graph.transition_costs,
-        s=max(0.3, 6000.0 / max(len(graph.transition_from), 1)),
-        cmap="autumn_r",
+        s=float(np.clip(30000.0 / max(len(graph.transition_from), 1), 1.5, 20.0)),
+        cmap="rainbow",
         linewidths=0,
     )
-    figure.colorbar(dots, ax=axes, label="cost of a transition [m]", fraction=0.04)
+    _scale(figure, 0.11, dots, "cost of a transition [m]")
     for start in database.clip_starts[1:-1]:
         axes.axhline(start - 0.5, color="tab:blue", linewidth=0.4)
         axes.axvline(start - 0.5, color="tab:blue", linewidth=0.4)
@@ -88,7 +88,7 @@ def distance_figure(database: MotionDatabase, graph: MotionGraph, settings: Grap
 
 def degree_figure(graph: MotionGraph) -> Figure:
     """Draw how many states have how many actions, and from how many states each one can be reached at once."""
-    figure = _figure(10.0, 4.0)
+    figure = _figure(10.0, 4.0, "constrained")
     ways_out = np.diff(graph.action_offsets)
     ways_in = np.bincount(graph.action_next, minlength=graph.state_count)
     for place, (counts, label) in enumerate([(ways_out, "actions of a state"), (ways_in, "actions into a state")], 1):
@@ -102,7 +102,7 @@ def degree_figure(graph: MotionGraph) -> Figure:
 
 def length_figure(graph: MotionGraph, control_rate: float) -> Figure:
     """Draw how many actions last how long."""
-    figure = _figure(6.0, 4.0)
+    figure = _figure(6.0, 4.0, "constrained")
     axes = figure.add_subplot()
     _bars(axes, graph.action_lengths)
     mean = graph.action_lengths.mean()
@@ -112,14 +112,19 @@ def length_figure(graph: MotionGraph, control_rate: float) -> Figure:
     return figure
 
 
-def _figure(width: float, height: float) -> Figure:
+def _figure(width: float, height: float, layout: Literal["constrained"] | None = None) -> Figure:
     """Return an empty figure that belongs to no window."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     return figure
+
+
+def _scale(figure: Figure, bottom: float, colours: Any, label: str) -> None:
+    """Put a scale of colours under the axes."""
+    figure.colorbar(colours, cax=figure.add_axes((0.3, bottom, 0.55, 0.012)), label=label, orientation="horizontal")
 
 
 def _bars(axes: Any, counts: Array) -> None:

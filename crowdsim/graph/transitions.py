@@ -25,6 +25,10 @@ _BLOCK_BYTES = 16e6
 """Size of a block of distances, which bounds memory and says how often progress is told."""
 
 
+_TILE = 128
+"""Frames whose distances to a frame are reckoned side by side."""
+
+
 @dataclass(frozen=True)
 class Transitions:
     """Transitions in the order of (source, target); T of them.
@@ -73,13 +77,13 @@ def find_transitions(
     """
     frames = len(features)
     rows = _prepared(features)
-    columns = np.ascontiguousarray(rows.T)
+    tiles = np.ascontiguousarray(rows.reshape(-1, _TILE, rows.shape[1]).transpose(0, 2, 1))
     clips = np.repeat(np.arange(len(clip_starts) - 1, dtype=np.int32), np.diff(clip_starts))
     last = np.zeros(frames, bool)
     last[np.asarray(clip_starts)[1:] - 1] = True
     feet = (contacts[:, 0] + 2 * contacts[:, 1].astype(np.uint8)).astype(np.uint8)
     block = int(np.clip(_BLOCK_BYTES // (4 * max(frames, 1)), 16, 512))
-    squares = np.empty((block + 2, frames), np.float32)
+    squares = np.empty((block + 3, len(rows)), np.float32)
     found_frames = np.empty((block, frames), np.int32)
     found_squares = np.empty((block, frames), np.float32)
     counts = np.zeros(block, np.int64)
@@ -89,9 +93,10 @@ def find_transitions(
     highest = np.float32(min(np.nextafter(np.float32(ceiling), np.float32(np.inf)).astype(float) ** 2, 1e30))
     for start in range(0, frames, block):
         stop = min(frames, start + block)
-        top, bottom = max(0, start - 1), min(frames, stop + 1)
+        top = max(0, start - 1)
+        bottom = top + -(-(min(frames, stop + 1) - top) // 2) * 2
         limit = min(highest, best_squares[:, -1].max())
-        square_distances(rows, columns, top, bottom, limit, squares)
+        square_distances(rows, tiles, top, bottom, limit, squares)
         local_minima(squares, top, start, stop, clips, feet, max(near, 1), limit, found_frames, found_squares, counts)
         keep_cheapest(start, stop - start, found_frames, found_squares, counts, last, best_frames, best_squares)
         if progress is not None:
@@ -142,11 +147,13 @@ def decision_frames(transitions: Transitions, worth: Array, clip_starts: Array, 
 
 
 def _prepared(features: Array) -> Array:
-    """Return features as the kernels take them: columns that vary most first, padded to a multiple of four.
+    """Return features as the kernels take them: columns that vary most first, rows and columns padded.
 
-    Distances stay, and distant frames are known as such early.
+    Distances between frames stay, and distant ones are known as such early. Frames that pad are far from all others.
     """
+    frames, depth = features.shape
     order = np.argsort(-features.var(axis=0, dtype=np.float64), kind="stable")
-    rows = np.zeros((len(features), -(-features.shape[1] // 4) * 4), np.float32)
-    rows[:, : features.shape[1]] = features[:, order]
+    rows = np.zeros((-(-(frames + 1) // _TILE) * _TILE, -(-depth // 4) * 4), np.float32)
+    rows[:frames, :depth] = features[:, order]
+    rows[frames:] = 1e17
     return rows

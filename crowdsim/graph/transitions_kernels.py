@@ -3,51 +3,57 @@
 import numba as nb
 import numpy as np
 
-_TILE = 128
 _DEPTH = 12
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def square_distances(features, columns, start, stop, limit, out):
+def square_distances(features, tiles, start, stop, limit, out):
     """Write squared distances of frames ``start``..``stop`` to themselves and all later frames.
 
+    Two rows go through a tile of columns at a time, four features at a time, so that every number loaded is used often.
+
     Args:
-        features: Features of each frame (F, D), D a multiple of 4.
-        columns: The same transposed (D, F).
+        features: Features of each frame; D is a multiple of 4, F a multiple of the tile's width W (F, D).
+        tiles: The same by tiles of W frames, a tile's frames last (F / W, D, W).
         start: First frame.
-        stop: One past the last frame.
+        stop: One past the last frame; an even number of frames from ``start``.
         limit: Where all partial sums of a tile exceed it they are left at that, so an entry above it is only a lower
             bound.
         out: Row r belongs to frame ``start + r``; what lies before its own column is of no meaning (stop - start, F).
     """
-    depth, frames = columns.shape
-    for r in nb.prange(stop - start):
+    count, depth, width = tiles.shape
+    for pair in nb.prange((stop - start) // 2):
+        r = 2 * pair
         i = start + r
-        sums = np.empty(_TILE, np.float32)
-        for left in range(i // _TILE * _TILE, frames, _TILE):
-            width = min(_TILE, frames - left)
-            sums[:] = np.float32(0.0)
+        sums = np.empty(width, np.float32)
+        below_sums = np.empty(width, np.float32)
+        for t in range(i // width, count):
+            tile = tiles[t]
+            for c in range(width):
+                sums[c] = np.float32(0.0)
+                below_sums[c] = np.float32(0.0)
             for top in range(0, depth, _DEPTH):
                 for d in range(top, min(depth, top + _DEPTH), 4):
-                    here_0, here_1, here_2, here_3 = (
-                        features[i, d],
-                        features[i, d + 1],
-                        features[i, d + 2],
-                        features[i, d + 3],
-                    )
+                    a_0, a_1, a_2, a_3 = features[i, d], features[i, d + 1], features[i, d + 2], features[i, d + 3]
+                    b_0, b_1 = features[i + 1, d], features[i + 1, d + 1]
+                    b_2, b_3 = features[i + 1, d + 2], features[i + 1, d + 3]
+                    there_0, there_1, there_2, there_3 = tile[d], tile[d + 1], tile[d + 2], tile[d + 3]
                     for c in range(width):
-                        gap_0 = columns[d, left + c] - here_0
-                        gap_1 = columns[d + 1, left + c] - here_1
-                        gap_2 = columns[d + 2, left + c] - here_2
-                        gap_3 = columns[d + 3, left + c] - here_3
-                        sums[c] += (gap_0 * gap_0 + gap_1 * gap_1) + (gap_2 * gap_2 + gap_3 * gap_3)
-                below = 0
+                        x_0, x_1, x_2, x_3 = there_0[c], there_1[c], there_2[c], there_3[c]
+                        g_0, g_1, g_2, g_3 = x_0 - a_0, x_1 - a_1, x_2 - a_2, x_3 - a_3
+                        sums[c] += (g_0 * g_0 + g_1 * g_1) + (g_2 * g_2 + g_3 * g_3)
+                        g_0, g_1, g_2, g_3 = x_0 - b_0, x_1 - b_1, x_2 - b_2, x_3 - b_3
+                        below_sums[c] += (g_0 * g_0 + g_1 * g_1) + (g_2 * g_2 + g_3 * g_3)
+                near = 0
                 for c in range(width):
-                    below += sums[c] <= limit
-                if below == 0:
+                    near += (sums[c] <= limit) | (below_sums[c] <= limit)
+                if near == 0:
                     break
+            upper = out[r, t * width : (t + 1) * width]
+            lower = out[r + 1, t * width : (t + 1) * width]
             for c in range(width):
-                out[r, left + c] = sums[c]
+                upper[c] = sums[c]
+                lower[c] = below_sums[c]
 
 
 @nb.njit(cache=True, inline="always")
