@@ -127,7 +127,75 @@ def inspect(
 ) -> None:
     """Tell what is in a BVH file, a trained policy or a run, and draw it."""
     path = Path(thing)
-    _inspect_bvh(path, as_json, plots, unit, up)
+    if path.is_dir() and not (path / "policy.json").exists():
+        _inspect_run(path, as_json, plots)
+    elif path.is_file() and path.suffix not in (".yaml", ".yml"):
+        _inspect_bvh(path, as_json, plots, unit, up)
+    elif path.suffix.lower() == ".bvh":
+        raise CrowdsimError(f"{path}: no such file")
+    else:
+        _inspect_bundle(thing, as_json, plots)
+
+
+def _inspect_bundle(name: str, as_json: bool, plots: Path | None) -> None:
+    from crowdsim import assets
+    from crowdsim.policy.bundle import read_bundle, read_timings
+    from crowdsim.policy.statistics import inspect_bundle
+
+    folder = assets.find_bundle(name)
+    policy = read_bundle(folder)
+    told = inspect_bundle(policy, read_timings(folder))
+    if plots is not None:
+        from crowdsim.graph.plots import plot_graph
+        from crowdsim.graph.settings import GraphSettings
+        from crowdsim.policy.plots import plot_bundle
+
+        _make_folder(plots)
+        settings = GraphSettings.model_validate(policy.recipe["graph"])
+        for picture in [*plot_graph(policy.database, policy.graph, settings, plots), *plot_bundle(policy, plots)]:
+            print(picture, file=sys.stderr)
+    if as_json:
+        _print_json(told)
+        return
+    print(folder)
+    _print_tree(told, 1)
+
+
+def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
+    from crowdsim.manifest import NAME, read_manifest
+    from crowdsim.runner import open_run
+    from crowdsim.take.poses import PoseSampler
+    from crowdsim.take.quality import measure_take
+
+    take, policies, notes = open_run(folder)
+    for note in notes:
+        print(note, file=sys.stderr)
+    sampler = PoseSampler(take, policies, _CORES)
+    with Bars() as bars:
+        told = measure_take(sampler, progress=bars)
+    seconds = read_manifest(folder)["seconds"] if (folder / NAME).exists() else {}
+    told["control_seconds"], told["wall_seconds"] = seconds.get("control"), seconds.get("total")
+    if plots is not None:
+        from crowdsim.take.plots import plot_take
+
+        _make_folder(plots)
+        for picture in plot_take(sampler, plots):
+            print(picture, file=sys.stderr)
+    if as_json:
+        _print_json(told)
+        return
+    print(folder)
+    _print_tree(told, 1)
+
+
+def _print_tree(told: Any, depth: int) -> None:
+    """Print plain data as indented lines, numbers to four digits."""
+    for key, value in told.items():
+        if isinstance(value, dict):
+            print("  " * depth + f"{key}:")
+            _print_tree(value, depth + 1)
+        else:
+            print("  " * depth + f"{key}: {f'{value:.4g}' if isinstance(value, float) else value}")
 
 
 def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None, up: str | None) -> None:
