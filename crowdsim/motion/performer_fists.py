@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from crowdsim.motion import ground
 from crowdsim.motion import performer_skeleton as bones
 from crowdsim.motion import quaternion as quat
-from crowdsim.motion.performer_curves import soft_cap, soft_floor, step, window
+from crowdsim.motion.performer_curves import pulse, soft_cap, soft_floor, step, window
 from crowdsim.motion.performer_pose import Trunk
-from crowdsim.motion.performer_score import Channel, Reach, Score
+from crowdsim.motion.performer_score import BENDS, Channel, Reach, Score
 
 Array = NDArray[Any]
 
@@ -25,7 +25,7 @@ _LEAST_DEPTH = 0.20
 """Least distance of a fist straight in front of its shoulder [m]."""
 _FULL_REACH = 0.975 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
 """How far from the shoulder a punch is aimed at the most [m]."""
-_SLOWEST, _FASTEST = 5.2, 11.0
+_SLOWEST, _FASTEST = 5.3, 11.0
 """Speeds between which a punching fist peaks relative to the pelvis [m/s]."""
 _SHORTEST = 0.11
 """Least time of a fist's way out [s]."""
@@ -71,37 +71,48 @@ def lead_fists(
         Place of the fists [m], shape (F, 2, 3), and the reaches as they were carried out.
     """
     guards, frame = hold_guard(score, heading, trunk, channels)
-    swings = np.stack(
-        [quat.rotate(frame, channels[:, first : first + 3]) for first in (Channel.LEAD_SWING_X, Channel.REAR_SWING_X)],
-        axis=1,
-    )
-    arcs = quat.about_y(channels[:, [Channel.LEAD_ARC, Channel.REAR_ARC]])
     centre = shoulders.mean(axis=1)
     spacing = times[1] - times[0] if len(times) > 1 else 1.0
-    fists = guards + swings
+    fists, arcs = guards.copy(), np.zeros(guards.shape[:2])
     done = []
     for planned in score.reaches:
         hand = planned.hand
         at = min(int(np.rint((planned.hit - times[0]) / spacing)), len(times) - 1)
-        target = _target(planned, trunk.hips[at], float(heading[at]), shoulders[at, hand])
-        target = centre[at] + quat.rotate(quat.conjugate(arcs[at, hand]), target - centre[at]) - swings[at, hand]
-        part = window(times, planned.start - 0.1, planned.end)
-        way = target - guards[part, hand]
-        start = fists[part, hand].copy()
-        reach = planned
-        for _ in range(5):
-            path = start + _gone(reach, times[part])[:, None] * way
-            path = centre[part] + quat.rotate(arcs[part, hand], path - centre[part]) - trunk.hips[part]
-            out = times[part] <= reach.hit + 0.02
-            speed = np.linalg.norm(np.diff(path[out], axis=0), axis=-1).max(initial=0.0) / spacing
+        target = _target(planned, trunk.hips[at], float(heading[at]), shoulders[at, hand]) - centre[at]
+        first = min([accent.start for accent in planned.path], default=planned.start)
+        last = max([accent.end for accent in planned.path], default=planned.end)
+        part = window(times, min(first, planned.start) - 0.1, max(last, planned.end))
+        swing, arc = _bends(planned, times[part])
+        swing = quat.rotate(frame[part], swing)
+        inside = at - part.start
+        out = (times[part] >= 0.4 * planned.start + 0.6 * planned.hit - spacing) & (times[part] <= planned.hit + 0.02)
+        reach, size = planned, 1.0
+        for _ in range(8):
+            turn = quat.about_y(arcs[part, hand] + size * arc)
+            aim = centre[at] + quat.rotate(quat.conjugate(turn[inside]), target) - size * swing[inside]
+            gone = _gone(reach, times[part])[:, None]
+            path = fists[part, hand] + size * swing + gone * (aim - guards[part, hand])
+            turned = centre[part] + quat.rotate(turn, path - centre[part]) - trunk.hips[part]
+            speed = float(np.linalg.norm(np.diff(turned[out], axis=0), axis=-1).max(initial=0.0)) / spacing
             if _SLOWEST <= speed <= _FASTEST:
                 break
-            later = np.clip(speed / (1.03 * _SLOWEST), 0.75, 1.0) * np.clip(speed / (0.97 * _FASTEST), 1.0, 1.25)
-            begin = max(reach.hit - later * (reach.hit - reach.start), planned.start - 0.1)
+            later = min(max(speed / _SLOWEST, 0.8), 1.0) * min(max(speed / _FASTEST, 1.0), 1.25)
+            begin = max(reach.hit - 0.97 * later * (reach.hit - reach.start), planned.start - 0.1)
             reach = replace(reach, start=min(begin, reach.hit - _SHORTEST))
-        fists[part, hand] = start + _gone(reach, times[part])[:, None] * way
+            size *= min(max(_SLOWEST / max(speed, 0.1), 1.0), 1.12) * min(max(_FASTEST / max(speed, 0.1), 0.85), 1.0)
+        fists[part, hand] = path
+        arcs[part, hand] += size * arc
         done.append(reach)
-    return centre[:, None] + quat.rotate(arcs, fists - centre[:, None]), tuple(done)
+    return centre[:, None] + quat.rotate(quat.about_y(arcs), fists - centre[:, None]), tuple(done)
+
+
+def _bends(reach: Reach, times: Array) -> tuple[Array, Array]:
+    """Return swing (F, 3) [m] and arc (F,) [rad] of the way of a fist."""
+    bends = np.zeros((len(times), 4))
+    for accent in reach.path:
+        column = BENDS[reach.hand].index(accent.channel)
+        bends[:, column] += accent.size * pulse(times, accent.start, accent.peak, accent.fall, accent.end)
+    return bends[:, :3], bends[:, 3]
 
 
 def _gone(reach: Reach, times: Array) -> Array:

@@ -93,11 +93,13 @@ class _Boxer:
         if abs(bearing) > 0.3:
             plan.move(begin - 0.12, rng.uniform(0.0, 0.15), 0.08 * np.sign(bearing), bearing, plan.about(1.25))
             bearing = 0.0
-        elif stepping < 0.45:
+        elif stepping < 0.40:
             plan.move(
-                begin - rng.uniform(0.0, 0.1), rng.uniform(0.06, 0.26), rng.uniform(-0.08, 0.08), 0.0, plan.about(1.2)
+                begin - rng.uniform(0.0, 0.1), rng.uniform(0.06, 0.28), rng.uniform(-0.08, 0.08), 0.0, plan.about(1.2)
             )
-        elif stepping < 0.53:
+        elif stepping < 0.46:
+            plan.move(begin - 0.05, -rng.uniform(0.1, 0.24), rng.uniform(-0.08, 0.08), 0.0, plan.about(1.2))
+        elif stepping < 0.55:
             plan.move(
                 begin - 0.05,
                 rng.uniform(-0.05, 0.15),

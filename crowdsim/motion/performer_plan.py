@@ -9,6 +9,7 @@ from crowdsim.motion.performer_defences import DEFENCES
 from crowdsim.motion.performer_moves import Part
 from crowdsim.motion.performer_punches import PUNCHES
 from crowdsim.motion.performer_score import (
+    BENDS,
     LEAD,
     REAR,
     Accent,
@@ -24,6 +25,7 @@ from crowdsim.motion.performer_score import (
 
 _WOUND = {Channel.PELVIS_TURN: 0.2, Channel.TWIST: 0.2, Channel.LEAD_ARC: 0.8, Channel.REAR_ARC: 0.8}
 """What is left of winding up when the punch before has turned the body already."""
+_ELBOWS = frozenset({Channel.LEAD_ELBOW, Channel.REAR_ELBOW})
 _BACKWARD = frozenset({Channel.BEND, Channel.SHIFT_X, Channel.TWIST})
 
 
@@ -194,10 +196,13 @@ class Choreographer:
         end = fall + out * rng.uniform(1.0, 1.2)
         vigour = self.about(1.0, 0.08)
         wound = any(other.hand != recipe.hand and other.hit > onset - 0.35 for other in self._reaches[-2:])
+        before = len(self._accents)
         for part in recipe.parts:
             size = self.about(part.size, 0.12) * vigour
             if wound and part.start < 0.0:
                 size *= _WOUND.get(part.channel, 1.0) if part.end < 1.2 else 1.0
+            if part.channel in _ELBOWS and part.size > 1.0:
+                size *= 1.0 - max(1.34 - height, 0.0)
             self._play(part, size, onset, hit, hit, end, 0.03)
         self._aim(
             own_turn=1.0 if recipe.hand == REAR else -1.0,
@@ -206,6 +211,8 @@ class Choreographer:
             far=far,
             times=(onset, hit, end),
         )
+        path = tuple(accent for accent in self._accents[before:] if accent.channel in BENDS[recipe.hand])
+        self._accents[before:] = [accent for accent in self._accents[before:] if accent not in path]
         reach = Reach(
             kind,
             recipe.hand,
@@ -217,6 +224,7 @@ class Choreographer:
             distance,
             height,
             recipe.skew,
+            path,
         )
         self._reaches.append(reach)
         self.hands_free[recipe.hand] = end - 0.12 * (end - hit)

@@ -61,6 +61,12 @@ class Channel(IntEnum):
     REAR_ARC = auto()
 
 
+BENDS = tuple(
+    tuple(Channel[f"{side}_{name}"] for name in ("SWING_X", "SWING_Y", "SWING_Z", "ARC")) for side in ("LEAD", "REAR")
+)
+"""Channels that bend the way of each fist."""
+
+
 @dataclass(frozen=True)
 class Accent:
     """A smooth pulse of one channel: up from ``start`` to ``peak``, held until ``fall``, gone at ``end`` [s]."""
@@ -100,7 +106,7 @@ class Reach:
     """A fist goes to a target in the stance frame, is there at ``hit`` and back in the guard at ``end`` [s].
 
     ``bearing`` and ``distance`` are seen from the pelvis at the hit, with the stance's heading; ``height`` is over
-    the floor [m].
+    the floor [m]. ``path`` bends the way of the fist: accents of its swing and arc.
     """
 
     kind: str
@@ -113,6 +119,7 @@ class Reach:
     distance: float
     height: float
     skew: float
+    path: tuple[Accent, ...] = ()
 
 
 @dataclass(frozen=True)
