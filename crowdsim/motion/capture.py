@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from crowdsim.errors import MotionError
 from crowdsim.motion import units
 from crowdsim.motion.body import Body, standing_height
-from crowdsim.motion.bvh import Bvh, read_bvh, to_clip
+from crowdsim.motion.bvh import Bvh, read_bvh, to_clip, turn_up
 from crowdsim.motion.cleaning import lead_in
 from crowdsim.motion.joint_tree import JointTree
 from crowdsim.motion.measuring import finite_frames, human_roles, measure_body, rests_like_a_body, sample_poses
@@ -102,7 +102,7 @@ def load_capture(path: str | os.PathLike[str], unit: str | float | None = None, 
             fault(units.describe_heights(height))
     elif scale is None:
         fault("unknown scale: without a human body there is nothing to measure it by")
-    clip = to_clip(bvh, scale or 1.0, axis or "y") if (scale or 1.0) != 1.0 or (axis or "y") != "y" else raw
+    clip = _in_metres(raw, scale or 1.0, axis or "y")
     if clip.frame_count <= 1:
         fault("no frames, expected motion" if clip.frame_count == 0 else "a single frame, expected motion")
     body = measure_body(clip, roles) if roles and scale is not None else None
@@ -157,16 +157,42 @@ def _find_up_axis(skeleton: Skeleton, roles: dict[str, int], poses: Array) -> st
     return axis if axis in (None, "y", "z") else units.find_up_axis(None, group, [], [])
 
 
+def _in_metres(clip: Clip, scale: float, up_axis: str) -> Clip:
+    """The clip in metres and y up, as ``to_clip`` with this scale and axis makes it."""
+    if scale == 1.0 and up_axis == "y":
+        return clip
+    turn = up_axis != "y"
+
+    def move(places: Array) -> Array:
+        return np.asarray(turn_up(places * scale, up_axis) if turn else places * scale)
+
+    rotations = clip.rotations
+    if turn:
+        rotations = np.concatenate([rotations[..., :1], turn_up(rotations[..., 1:], up_axis)], axis=-1)
+    skeleton = replace(clip.skeleton, offsets=move(clip.skeleton.offsets), end_offsets=move(clip.skeleton.end_offsets))
+    return replace(
+        clip,
+        skeleton=skeleton,
+        root_positions=move(clip.root_positions),
+        rotations=rotations,
+        translations=None if clip.translations is None else move(clip.translations),
+    )
+
+
 def _flips(clip: Clip, start: int) -> list[str]:
     """Joints that turn further in one frame than a body can."""
-    dots = np.abs(np.sum(clip.rotations[start + 1 :] * clip.rotations[start:-1], axis=-1))
-    angles = 2.0 * np.arccos(np.clip(dots, 0.0, 1.0))
-    places = np.argwhere((angles > _FLIP) & (angles * clip.fps > _FLIP_SPEED))
-    found = [
-        f"joint {clip.skeleton.names[joint]!r} flips by {np.rad2deg(angles[frame, joint]):.0f} degrees "
-        f"between frames {start + frame} and {start + frame + 1}"
-        for frame, joint in places[:_MOST_FLIPS]
-    ]
+    least = max(_FLIP, _FLIP_SPEED / clip.fps)
+    if least >= np.pi:
+        return []
+    dots = np.abs(np.einsum("fjc,fjc->fj", clip.rotations[start + 1 :], clip.rotations[start:-1]))
+    places = np.argwhere(dots < np.cos(0.5 * least))
+    found = []
+    for frame, joint in places[:_MOST_FLIPS]:
+        angle = np.rad2deg(2.0 * np.arccos(dots[frame, joint]))
+        found.append(
+            f"joint {clip.skeleton.names[joint]!r} flips by {angle:.0f} degrees "
+            f"between frames {start + frame} and {start + frame + 1}"
+        )
     if len(places) > _MOST_FLIPS:
         found.append(f"{len(places) - _MOST_FLIPS} more flips of joints")
     return found
