@@ -39,7 +39,7 @@ _REACH = 0.40
 _LAP = 30.0
 """Time of one lap of the orbit [s]."""
 _HAZE, _LEAST_HAZE = 3.6, 34.0
-_ELEVATIONS = {"auto": 24.0, "side": 7.0, "front": 7.0, "top": 90.0, "orbit": 22.0}
+_ELEVATIONS = {"auto": 13.0, "side": 7.0, "front": 7.0, "top": 90.0, "orbit": 12.0}
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,7 @@ def _elevation(kind: str, avatars: int) -> float:
     """How far down a camera looks [rad]: steeper over large crowds."""
     degrees = _ELEVATIONS[kind]
     if kind in ("auto", "orbit"):
-        degrees += 3.5 * math.log10(max(avatars, 1))
+        degrees += 5.5 * math.log10(max(avatars, 1))
     return math.radians(degrees)
 
 

@@ -36,7 +36,7 @@ def avatar_paints(teams: Sequence[int] | Array, colours: Array | None = None) ->
     """
     teams = np.asarray(teams, dtype=int)
     _, numbers = np.unique(teams, return_inverse=True)
-    alone = len(teams) > 2 and (numbers.max() == 0 or numbers.max() + 1 == len(teams))
+    alone = len(teams) > 1 and (numbers.max() == 0 or numbers.max() + 1 == len(teams) > 2)
     paints = np.zeros((len(teams), len(PARTS), 4), np.float32)
     for avatar, team in enumerate(numbers):
         shade = (avatar * _GOLDEN + 0.3) % 1.0

@@ -210,7 +210,7 @@ def _gather(buf, listed, camera, owners, cones, points, ids, pixels):
         points[X + i], points[Y + i], points[Z + i] = buf[GROUND_X + i], ground, buf[GROUND_Z + i]
         points[NX + i], points[NY + i], points[NZ + i] = ZERO, ONE, ZERO
         points[WIDTH + i] = HALF * min(buf[WIDTH_X + i], buf[WIDTH_Z + i])
-    count = N
+    count = np.int64(N)
     if listed.shape[0] == 0:
         return count
     for i in range(N):
@@ -358,7 +358,9 @@ def _find_sun(points, ids, count, light, grid, shades, offsets, entries, stamps,
         points[SUN + p] = ONE
     for part in range(2):
         start, stop = (0, N) if part == 0 else (N, count)
-        several = _collect(points, start, stop, ux, uy, uz, vx, vy, vz, grid, offsets, entries, stamps, near, TOGETHER)
+        several = _collect(
+            points, start, stop, ux, uy, uz, vx, vy, vz, grid, offsets, entries, stamps, near, np.int64(TOGETHER)
+        )
         if several >= 0:
             _cast_shadows(points, ids, start, stop, near[:several], shades, light)
             continue
@@ -402,19 +404,20 @@ def _cover_sky(points, ids, start, stop, only, c, cones, strength, reach):
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
 def _find_sky(points, ids, count, cones, neighbours, grid, reach, offsets, entries, stamps, near):
     """Write the share of the sky that every point sees past what is near it: feet on the floor, limbs on a body."""
+    start, stop, floor = np.int64(0), np.int64(N), np.int32(FLOOR)
     for p in range(count):
         points[SKY + p] = ONE
     several = _collect(
-        points, 0, N, ONE, ZERO, ZERO, ZERO, ZERO, ONE, grid, offsets, entries, stamps, near, near.shape[0]
+        points, start, stop, ONE, ZERO, ZERO, ZERO, ZERO, ONE, grid, offsets, entries, stamps, near, near.shape[0]
     )
     for index in range(several):
-        _cover_sky(points, ids, 0, N, FLOOR, near[index], cones, ONE, reach)
+        _cover_sky(points, ids, start, stop, floor, near[index], cones, ONE, reach)
     if several < 0:
         for p in range(N):
             cell = _cell(points[X + p], points[Z + p], grid)
             if cell >= 0 and ids[p] == FLOOR:
                 for place in range(offsets[cell], offsets[cell + 1]):
-                    _cover_sky(points, ids, p, p + 1, FLOOR, entries[place], cones, ONE, reach)
+                    _cover_sky(points, ids, p, p + 1, floor, entries[place], cones, ONE, reach)
     stamp = stamps[-1] + 1
     stamps[-1] = stamp
     for first in range(N, count):
