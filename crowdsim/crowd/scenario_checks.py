@@ -22,16 +22,16 @@ def name_faults(data: Any) -> list[Fault]:
     data = _mapping(data)
     types = _mapping(data.get("types"))
     groups = [_mapping(group) for group in _list(data.get("groups"))]
-    teams = [group.get("team", "one") for group in groups]
-    names = [group.get("name") or f"group{i + 1}" for i, group in enumerate(groups)]
+    teams = [str(group.get("team", "one")) for group in groups]
+    names = [str(group.get("name") or f"group{i + 1}") for i, group in enumerate(groups)]
     targets = _mapping(data.get("targets"))
     faults: list[Fault] = []
 
-    def refer(path: tuple[str | int, ...], word: str, known: list[Any]) -> None:
+    def refer(path: tuple[str | int, ...], word: str, known: list[str]) -> None:
         name = _mapping_at(data, path)
         if isinstance(name, str) and name not in known:
-            have = join([str(other) for other in known])
-            faults.append(Fault(f"is {name!r}, expected a {word}: {have}{nearest(name, map(str, known))}", *path))
+            choice = f": {join(known)}{nearest(name, known)}" if known else ", and there are none"
+            faults.append(Fault(f"is {name!r}, expected a {word}{choice}", *path))
 
     for name, kind in types.items():
         base = _mapping(kind).get("extends")
@@ -46,11 +46,12 @@ def name_faults(data: Any) -> list[Fault]:
         refer(("groups", i, "type"), "type", list(types))
         for name in _mapping(group.get("mix")):
             if name not in types:
-                what = f"no such type, expected {join(list(types))}{nearest(name, types)}"
+                choice = f"expected {join(list(types))}{nearest(name, types)}" if types else "and there are none"
+                what = f"no such type, {choice}"
                 faults.append(Fault(what, "groups", i, "mix", name))
-        before = [str(other).casefold() for other in names[:i]]
-        if str(names[i]).casefold() in before:
-            what = f"is {names[i]!r} like groups[{before.index(str(names[i]).casefold())}], expected a name of its own"
+        before = [other.casefold() for other in names[:i]]
+        if names[i].casefold() in before:
+            what = f"is {names[i]!r} like groups[{before.index(names[i].casefold())}], expected a name of its own"
             faults.append(Fault(what, "groups", i, "name"))
     for path in _opponents_paths(data):
         refer((*path, "group"), "group", names)

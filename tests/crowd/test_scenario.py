@@ -6,6 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from crowdsim import assets
 from crowdsim.crowd.placement import place_groups
@@ -363,3 +366,54 @@ def test_avatars_are_named_by_group_and_number():
     assert [scenario.avatar_name(i) for i in (0, 10, 11)] == ["group1_00", "group1_10", "x_0"]
     with pytest.raises(IndexError):
         scenario.avatar_name(12)
+
+
+def places_in(data, path=()):
+    for key in data if isinstance(data, dict) else range(len(data)) if isinstance(data, list) else ():
+        yield (*path, key)
+        yield from places_in(data[key], (*path, key))
+
+
+JUNK = [
+    None,
+    True,
+    -1,
+    0,
+    1e9,
+    10**30,
+    "",
+    "x",
+    "none",
+    [],
+    [1],
+    [[1]],
+    [None],
+    {},
+    {"kind": "disc"},
+    {"kind": 3},
+    {"a": {}},
+]
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.randoms(use_true_random=False), st.sampled_from(SHIPPED))
+def test_any_damage_gives_findings_of_one_line_or_a_scenario_that_resolves(random, path):
+    data = yaml.safe_load(path.read_text())
+    for _ in range(random.randint(1, 3)):
+        *above, key = random.choice(list(places_in(data)) or [("name",)])
+        parent = data
+        for part in above:
+            parent = parent[part]
+        if random.random() < 0.2:
+            del parent[key]
+        else:
+            parent[random.choice([key, "kindd"]) if isinstance(parent, dict) else key] = random.choice(JUNK)
+        if not data:
+            break
+    Path("s.yaml").write_text(yaml.safe_dump(data))
+    found = find_scenario_faults("s.yaml")
+    for finding in found:
+        assert re.fullmatch(r"s\.yaml:\d+:\d+: [^ ]+: .+|s\.yaml:1:1: the file .+", str(finding)), finding
+    if not found:
+        Path("r.yaml").write_text(dump_scenario(load_scenario("s.yaml")))
+        assert load_scenario("r.yaml") == load_scenario("s.yaml")
