@@ -218,8 +218,10 @@ def _parse(words: str, spot: Spot | None, path: Path, place: Place) -> tuple[Ent
     except TreeError as failure:
         return Entry(FAULTY, place, place), [Finding(place, key_path(path), failure.finding.message)]
     entry = _moved(entry or Entry(None if not findings else FAULTY, place, place), place)
-    if spot is not None and spot.kind is str and isinstance(entry.value, bool | int | float):
-        entry.value = words.strip()
+    # Numbers and what looks like a comment, such as a colour, are text where text is expected.
+    told = isinstance(entry.value, str | dict | list) or scalar(words.strip()) is None
+    if spot is not None and spot.kind is str and not told:
+        entry.value, findings = words.strip(), []
     return entry, [Finding(place, key_path(path), finding.message) for finding in findings]
 
 

@@ -149,6 +149,8 @@ def _findings_of(detail: dict[str, Any], here: _Located) -> list[Finding]:
         return [_wrong_tag(here, *(common or (str(context["discriminator"]).strip("'"), [])))]
     if kind in ("too_short", "too_long"):
         count = len(value)
+        if kind == "too_short" and count >= context["min_length"]:
+            return []  # pydantic counts valid items only; the others have findings of their own
         bounds = [f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"]
         return [Finding(place, key_path(path), f"has {count} item{'s'[: count != 1]}, expected {bounds[0]}")]
     if kind == "string_too_short":

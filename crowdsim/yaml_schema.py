@@ -146,9 +146,12 @@ def describe(spot: Spot | None) -> str:
     if kind in (list, tuple, set, frozenset):
         arguments = get_args(spot.kind)
         if kind is tuple and arguments and arguments[-1] is not Ellipsis:
-            inner = [describe(spot_of(argument)) for argument in arguments]
-            return f"a list of {len(inner)}: {', '.join(inner)}"
-        return f"a list of {describe(spot_of(arguments[0]))} each" if arguments and step(spot, 0) else "a list"
+            each = [describe(spot_of(argument)) for argument in arguments]
+            return f"a list of {len(each)}: {', '.join(each)}"
+        if not arguments:
+            return "a list"
+        inner = spot_of(arguments[0])
+        return "a list of mappings" if inner.model or discriminator(inner) else f"a list, each item {describe(inner)}"
     if kind is dict:
         return "a mapping"
     if kind is str or getattr(kind, "__name__", "") == "Path":

@@ -92,6 +92,8 @@ KEYS = "name, seed, duration, size, places, either, named, mode"
         ("name: a\nsize: [1]", "2:7: size[1]: missing, expected a number"),
         ("name: a\nsize: [1, .nan]", "2:11: size[1]: is .nan, expected a finite number"),
         ("name: a\nsize: [1, 1e999]", "2:11: size[1]: is 1e999, expected a finite number"),
+        ("name: a\nplaces: 4", "2:9: places: is 4, expected a list of mappings"),
+        ("name: a\nseeds: []", "2:1: seeds: unknown key, expected " + KEYS + " or note (did you mean 'seed'?)"),
         ("name: a\nsize: 4", "2:7: size: is 4, expected a list of 2: a number, a number"),
         (
             "name: a\nplaces: [{kind: dics}]",
@@ -222,6 +224,9 @@ def test_overrides_are_typed_by_the_schema(write):
     assert (show.seed, show.size, show.duration, show.note) == (1000, (3.0, 4.0), Seconds(seconds=1), "true")
     assert show.named["x"].flat is True
     assert load_model(path, Show, RecipeError, ["mode=slow", "mode=null"]).mode is None
+    assert load_model(path, Show, RecipeError, ["note=#ff0000"]).note == "#ff0000"
+    assert load_model(path, Show, RecipeError, ["note=x", "note="]).note is None
+    assert load_model(path, Show, RecipeError, ["name='null'", "duration=5", "duration.seconds=2"]).name == "null"
 
 
 @pytest.mark.parametrize(

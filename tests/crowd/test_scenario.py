@@ -226,6 +226,16 @@ def test_nobody_to_fight_is_a_mistake():
     ]
 
 
+def test_a_faulty_group_is_not_a_missing_one():
+    one = BASE.split("  - {name: blue")[0]
+    assert findings(one.replace("count: 3", "count: 0")) == [
+        "8:48: groups[0].count: is 0, expected a whole number from 1 to 10000000"
+    ]
+    assert findings(one.split("  - {")[0].replace("groups:", "groups: []")) == [
+        "7:9: groups: has 0 items, expected at least 1"
+    ]
+
+
 def test_too_many_avatars_files_and_points_are_mistakes():
     many = BASE.replace("count: 3", "count: 10000000")
     assert findings(many) == ["8:3: groups: there are 10,000,002 avatars, expected at most 10,000,000"]
