@@ -393,7 +393,6 @@ def render(
     from crowdsim.render.command import RenderOptions, parse_frames, parse_size, render_many
     from crowdsim.render.take_source import TakeSource
     from crowdsim.runner import open_run
-    from crowdsim.take.poses import PoseSampler
 
     options = RenderOptions(
         size=parse_size(size),
@@ -410,7 +409,7 @@ def render(
 
     def open_source(path: Path, wanted: RenderOptions) -> tuple[TakeSource, tuple[str, ...]]:
         take, policies, notes = open_run(path)
-        return TakeSource(PoseSampler(take, policies, threads), wanted.fps or 30.0), tuple(notes)
+        return TakeSource(take, policies, wanted.fps or 30.0, threads=threads), tuple(notes)
 
     if out is not None and len(things) == 1:
         outs = [out]

@@ -88,19 +88,24 @@ def load_policies(
     """
     from crowdsim.policy.train import ready_policy
 
-    used = {name for group in scenario.groups for name in group.type_names}
+    used: set[str] = set()
+    for group in scenario.groups:
+        used.update(
+            [group.type] if group.type is not None else [name for name, share in (group.mix or {}).items() if share]
+        )
     names = dict.fromkeys(kind.policy for name, kind in scenario.types.items() if name in used)
-    return [ready_policy(str(name), mocap, threads, progress) for name in names]
+    return [ready_policy(name, mocap, threads, progress) for name in names]
 
 
 def build_cast(scenario: Scenario, placed: Any, policies: Sequence[Policy]) -> Cast:
     """Return what is constant for each avatar."""
-    kinds = [scenario.types[name] for name in placed.types]
-    names = [policy.name for policy in policies]
-    owner = np.array([names.index(str(kind.policy)) if str(kind.policy) in names else 0 for kind in kinds], np.int16)
+    from crowdsim.crowd.cast import policies_of_types
+
+    kinds = list(scenario.types.values())
+    owner = policies_of_types(scenario, policies)
     colours = [[np.nan] * 3 if kind.colour is None else _rgb(kind.colour) for kind in kinds]
     return Cast(
-        names=np.array(scenario.avatar_names()),
+        names=np.array([scenario.avatar_name(number) for number in range(placed.count)]),
         types=placed.type.astype(np.int16),
         teams=placed.team.astype(np.int16),
         policies=owner[placed.type],
@@ -108,7 +113,7 @@ def build_cast(scenario: Scenario, placed: Any, policies: Sequence[Policy]) -> C
         speeds=placed.speed.astype(np.float32),
         type_names=tuple(placed.types),
         team_names=tuple(placed.teams),
-        policy_names=tuple(names),
+        policy_names=tuple(policy.name for policy in policies),
         colours=np.array(colours, float).reshape(-1, 3),
     )
 
@@ -419,7 +424,8 @@ def write_outputs(
 
         since = perf_counter()
         options = render_options(wanted.render, threads)
-        rendered = render_source(TakeSource(sampler, wanted.render.fps), folder, options, progress)
+        source = TakeSource(take, policies, wanted.render.fps, threads=threads)
+        rendered = render_source(source, folder, options, progress)
         report.outputs["pictures"] = len(rendered.files)
         report.seconds["render"] = perf_counter() - since
 
@@ -474,11 +480,11 @@ def open_run(folder: Path, threads: int = 1) -> tuple[Take, list[Policy], list[s
         TakeError: There is no take, or it is damaged.
         PolicyError: A policy is missing, or not the one it was recorded with.
     """
-    from crowdsim.policy.policy import load_policy
+    from crowdsim.policy.bundle import read_bundle
     from crowdsim.take.store import open_take
 
     take = open_take(folder)
-    policies = [load_policy(assets.find_bundle(name)) for name in take.cast.policy_names]
+    policies = [read_bundle(assets.find_bundle(name)) for name in take.cast.policy_names]
     notes = []
     if take.status != "done" or not (folder / MANIFEST).exists():
         notes.append(f"{folder}: the run is not finished; {take.frame_count} control frames are there")

@@ -144,7 +144,7 @@ class TakeWriter:
     def append(self, chunk: dict[str, Array], events: Events, targets: Array | None = None) -> None:
         """Add control frames: an array (n, N) for each of ``VARIABLES``, the strikes thrown, and places of targets."""
         self._kept.append({name: np.asarray(chunk[name], dtype=_DTYPES[name]) for name in VARIABLES})
-        if targets is not None:
+        if targets is not None and np.shape(targets)[1]:
             self._kept_targets.append(np.asarray(targets, dtype=np.float32))
         self._flush(whole=False)
         count = len(events.frame)

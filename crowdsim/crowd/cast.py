@@ -1,0 +1,201 @@
+"""From a scenario and its policies to a crowd and a script: words become numbers here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd.crowd import ANYONE, SCRIPTED, Crowd
+from crowdsim.crowd.placement import Placed
+from crowdsim.crowd.scenario import Scenario
+from crowdsim.crowd.scenario_events import (
+    AddEvent,
+    Condition,
+    DistanceCondition,
+    Event,
+    FrameCondition,
+    RetargetEvent,
+    SecondsCondition,
+    StrikesCondition,
+    WeightsEvent,
+)
+from crowdsim.crowd.scenario_groups import (
+    AnyoneOpponents,
+    CircleTarget,
+    FixedOpponents,
+    Opponents,
+    OtherTeamOpponents,
+    Target,
+    TargetOpponents,
+)
+from crowdsim.crowd.scenario_parts import Arena, CircleArena, RectangleArena
+from crowdsim.crowd.script import Change, CirclePath, LinePath, Script, TargetPath
+from crowdsim.errors import ScenarioError, nearest
+
+if TYPE_CHECKING:
+    from crowdsim.policy.policy import Policy
+
+Array = NDArray[Any]
+
+
+def policies_of_types(scenario: Scenario, policies: Sequence[Policy]) -> Array:
+    """Return the policy of each type, by index; 0 for a type that no avatar has. Shape (types,), int16."""
+    names = [policy.name for policy in policies]
+    return np.array(
+        [names.index(kind.policy) if kind.policy in names else 0 for kind in scenario.types.values()], np.int16
+    )
+
+
+def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -> tuple[Crowd, Script]:
+    """Return the crowd of a scenario before its first frame, and what is planned.
+
+    Avatars of a group and type share a mood: weights, candidates, temperature and hysteresis.
+
+    Args:
+        scenario: The scenario, resolved.
+        placed: Its avatars as they stand at the start.
+        policies: The policies that its types use.
+
+    Raises:
+        ScenarioError: A type weighs a behaviour that its policy has not learned.
+    """
+    moods, mood = np.unique(np.stack([placed.group, placed.type], axis=1), axis=0, return_inverse=True)
+    mood = mood.reshape(-1)
+    owners = policies_of_types(scenario, policies)
+    width = max(len(policy.behaviours) for policy in policies)
+    kinds = list(scenario.types.items())
+    weights = np.zeros((len(moods), width))
+    for row, (_, kind) in enumerate(moods):
+        name, settings = kinds[kind]
+        weights[row] = _weights(policies[owners[kind]], settings.behaviours, width, 1.0, f"types.{name}")
+    settings = [kinds[kind][1] for _, kind in moods]
+    skip, fixed = np.empty(placed.count, np.int32), np.full(placed.count, -1, np.int32)
+    for index, group in enumerate(scenario.groups):
+        _set_opponents(scenario, placed, placed.group == index, group.opponents, skip, fixed)
+    crowd = Crowd(
+        x=placed.x,
+        z=placed.z,
+        heading=placed.heading,
+        policy=owners[placed.type],
+        team=placed.team.astype(np.int32),
+        group=placed.group.astype(np.int32),
+        mood=mood.astype(np.int16),
+        scale=placed.scale.astype(np.float32),
+        speed=placed.speed.astype(np.float32),
+        skip=skip,
+        fixed=fixed,
+        present=placed.present,
+        weights=weights,
+        margins=np.array([kind.candidates.margin for kind in settings]),
+        most=np.array([kind.candidates.maximum for kind in settings], np.int32),
+        temperatures=np.array([kind.temperature for kind in settings]),
+        hysteresis=np.array([_hysteresis(scenario.groups[group].opponents) for group, _ in moods]),
+        arena=_arena(scenario.arena),
+        seed=scenario.seed,
+    )
+    rate = float(policies[0].database.control_rate)
+    changes = tuple(
+        _change(scenario, placed, policies, crowd, moods, owners, event, i, rate)
+        for i, event in enumerate(scenario.events)
+    )
+    return crowd, Script(tuple(_path(target) for target in scenario.targets.values()), changes)
+
+
+def _weights(policy: Policy, given: dict[str, float], width: int, default: float, where: str) -> Array:
+    """Weights of a policy's behaviours in its order, filled up to ``width``."""
+    names = [behaviour.name for behaviour in policy.behaviours]
+    for name in given:
+        if name not in names:
+            raise ScenarioError(
+                f"{where}.behaviours.{name}: policy {policy.name!r} has no such behaviour{nearest(name, names)}; "
+                f"it has {', '.join(names)}"
+            )
+    told = [given.get(name, default) for name in names]
+    return np.array(told + [default] * (width - len(told)))
+
+
+def _hysteresis(opponents: Opponents | None) -> float:
+    return opponents.hysteresis if isinstance(opponents, OtherTeamOpponents | AnyoneOpponents) else 0.0
+
+
+def _set_opponents(
+    scenario: Scenario, placed: Placed, who: Array, opponents: Opponents | None, skip: Array, fixed: Array
+) -> None:
+    """Write whom some avatars fight, as ``Crowd.skip`` and ``Crowd.fixed`` say it."""
+    fixed[who] = -1
+    if opponents is None or isinstance(opponents, AnyoneOpponents):
+        skip[who] = ANYONE
+    elif isinstance(opponents, OtherTeamOpponents):
+        skip[who] = placed.team[who]
+    elif isinstance(opponents, TargetOpponents):
+        skip[who] = SCRIPTED
+        fixed[who] = -2 - list(scenario.targets).index(opponents.target)
+    elif isinstance(opponents, FixedOpponents):
+        skip[who] = SCRIPTED
+        members = np.flatnonzero(placed.group == placed.groups.index(opponents.group))
+        ours = np.flatnonzero(who)
+        chosen = members[np.arange(len(ours)) % len(members)] if opponents.member is None else members[opponents.member]
+        fixed[ours] = np.where(chosen == ours, -1, chosen)
+
+
+def _arena(arena: Arena) -> Array:
+    if isinstance(arena, CircleArena):
+        return np.array([1.0, *arena.centre, arena.radius, arena.radius])
+    if isinstance(arena, RectangleArena):
+        return np.array([2.0, *arena.centre, arena.size[0] / 2, arena.size[1] / 2])
+    return np.zeros(5)
+
+
+def _path(target: Target) -> TargetPath:
+    if isinstance(target, CircleTarget):
+        return CirclePath(target.radius, target.speed, target.centre, target.height)
+    return LinePath(np.array(target.points, dtype=float), target.speed, target.loop, target.height)
+
+
+def _when(scenario: Scenario, placed: Placed, condition: Condition, rate: float) -> dict[str, Any]:
+    """A condition as fields of a ``Change``."""
+    if isinstance(condition, FrameCondition):
+        return {"frame": condition.frame}
+    if isinstance(condition, SecondsCondition):
+        return {"frame": round(condition.seconds * rate)}
+    if isinstance(condition, StrikesCondition):
+        team = -1 if condition.team is None else placed.teams.index(condition.team)
+        return {"strikes": condition.count, "team": team}
+    assert isinstance(condition, DistanceCondition)
+    groups = (placed.groups.index(condition.group), placed.groups.index(condition.to))
+    return {"near": (*groups, condition.below)}
+
+
+def _change(
+    scenario: Scenario,
+    placed: Placed,
+    policies: Sequence[Policy],
+    crowd: Crowd,
+    moods: Array,
+    owners: Array,
+    event: Event,
+    index: int,
+    rate: float,
+) -> Change:
+    """An event as a ``Change``."""
+    when = _when(scenario, placed, event.when, rate)
+    group = None if event.group is None else placed.groups.index(event.group)
+    who = np.ones(placed.count, bool) if group is None else placed.group == group
+    if isinstance(event, WeightsEvent):
+        rows = np.ones(len(moods), bool) if group is None else moods[:, 0] == group
+        weights = np.full(crowd.weights.shape, np.nan)
+        for row in np.flatnonzero(rows):
+            policy = policies[owners[moods[row, 1]]]
+            weights[row] = _weights(policy, event.behaviours, crowd.weights.shape[1], np.nan, f"events[{index}]")
+        heat = np.where(rows, np.nan if event.temperature is None else event.temperature, np.nan)
+        return Change(**when, weights=weights, temperatures=heat)
+    if isinstance(event, RetargetEvent):
+        skip, fixed = crowd.skip.copy(), crowd.fixed.copy()
+        _set_opponents(scenario, placed, who, event.opponents, skip, fixed)
+        rows = np.ones(len(moods), bool) if group is None else moods[:, 0] == group
+        margin = np.where(rows, _hysteresis(event.opponents), np.nan)
+        return Change(**when, who=who, skip=skip, fixed=fixed, hysteresis=margin)
+    return Change(**when, who=who, present=isinstance(event, AddEvent))
