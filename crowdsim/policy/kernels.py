@@ -5,6 +5,7 @@
 
 import math
 
+import numpy as np
 from numba import njit, prange
 
 
@@ -239,3 +240,158 @@ def fill_rewards(actions, chosen, targets, velocities, terms, log_discount, out)
                 out[outcome, place, c] = reward(
                     actions, chosen[place], x, y, z, vx, vz, terms, 0, len(terms), log_discount
                 )
+
+
+@njit(cache=True)
+def table_value(tables, behaviour, state, x, y, z, cells, weights):
+    """Return V(s, e) by a behaviour's table of the look-up v."""
+    numbers = tables.behaviours[behaviour]
+    corners, _ = find_corners(tables.axes, int(numbers[0]), int(numbers[1]), x, y, z, cells, weights)
+    entry = int(numbers[6]) + state * int(numbers[5])
+    value = 0.0
+    for corner in range(corners):
+        value += weights[corner] * tables.table[entry + cells[corner]]
+    return value
+
+
+@njit(cache=True)
+def best_by_search(tables, behaviour, state, x, y, z, width, depth, scratch):
+    """Return the best action of a state by beam search: exact rewards, and V behind the leaves.
+
+    Of all actions of all nodes the ``width`` with the highest reward so far and V behind it go on, ``depth`` times.
+
+    Args:
+        tables: ``LookupTables``; the behaviour's look-up is v.
+        behaviour: Its row.
+        state: The avatar's state.
+        x: Target's place in the avatar's ground frame [m].
+        y: Likewise.
+        z: Likewise.
+        width: Nodes that go on.
+        depth: Actions on the way to a leaf.
+        scratch: Nodes: first action, state, x, z, discount and reward so far, worth. Shape (2, enough, 7), float64.
+    """
+    actions = tables.actions
+    numbers = tables.behaviours[behaviour]
+    log_discount = math.log(numbers[8])
+    cells, weights = np.empty(64, np.int64), np.empty(64)
+    now, later = scratch[0], scratch[1]
+    now[0, 0], now[0, 1], now[0, 2], now[0, 3], now[0, 4], now[0, 5] = -1.0, state, x, z, 1.0, 0.0
+    count = 1
+    for _ in range(depth):
+        found = 0
+        for node in range(count):
+            s = int(now[node, 1])
+            for a in range(actions.offsets[s], actions.offsets[s + 1]):
+                nx, nz = now[node, 2], now[node, 3]
+                earned = reward(
+                    actions, a, nx, y, nz, 0.0, 0.0, tables.terms, int(numbers[2]), int(numbers[3]), log_discount
+                )
+                px, pz = after_action(actions, a, nx, nz)
+                factor = now[node, 4] * math.exp(log_discount * actions.lengths[a])
+                total = now[node, 5] + now[node, 4] * earned
+                behind = table_value(tables, behaviour, actions.next[a], px, y, pz, cells, weights)
+                later[found, 0] = a if now[node, 0] < 0.0 else now[node, 0]
+                later[found, 1], later[found, 2], later[found, 3] = actions.next[a], px, pz
+                later[found, 4], later[found, 5], later[found, 6] = factor, total, total + factor * behind
+                found += 1
+        order = np.argsort(-later[:found, 6])
+        count = min(width, found)
+        for node in range(count):
+            now[node] = later[order[node]]
+    return int(now[0, 0])
+
+
+@njit(cache=True)
+def lot(seed, index):
+    """Return a number in 0..1 that depends on two whole numbers alone (splitmix64's finisher)."""
+    mixed = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(index) * np.uint64(0x8CB92BA72F3D8DD7)
+    for _ in range(2):
+        mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        mixed = mixed ^ (mixed >> np.uint64(31))
+    return float(mixed >> np.uint64(11)) / 9007199254740992.0
+
+
+@njit(cache=True, nogil=True)
+def run_episodes(tables, behaviour, choice, states, targets, velocity, horizon, width, depth, seed, numbers, out, used):
+    """Let one avatar after another do its best to a target; write what came of it.
+
+    Args:
+        tables: ``LookupTables``.
+        behaviour: The behaviour's row.
+        choice: 0 by the table, 1 at random, 2 by beam search.
+        states: State in which each starts. Shape (N,).
+        targets: Target in the avatar's ground frame at the start [m]. Shape (N, 3).
+        velocity: Speed of the target [m a frame], in a direction drawn for every action; 0 is still.
+        horizon: Control frames that count.
+        width: Of the beam.
+        depth: Of the beam.
+        seed: Of the draws.
+        numbers: Number of each episode, on which its draws depend. Shape (N,).
+        out: Written: discounted return; least distance over the ground within the horizon [m]; frame of the first
+            strike that lands, or -1; strikes landed; cuts; frames; decisions; frame of first being within 0.6 m, or
+            -1. Shape (N, 8).
+        used: Written: 1 for every action that was done. Shape (A,).
+    """
+    actions = tables.actions
+    facts = tables.behaviours[behaviour]
+    first_term, end_term = int(facts[2]), int(facts[3])
+    log_discount = math.log(facts[8])
+    most = 0
+    for s in range(len(actions.offsets) - 1):
+        most = max(most, actions.offsets[s + 1] - actions.offsets[s])
+    for i in range(len(states)):
+        cells, weights, values = np.empty(64, np.int64), np.empty(64), np.empty(most)
+        scratch = np.empty((2, max(1, width) * most if choice == 2 else 1, 7))
+        behaviour_weights = np.zeros(len(tables.behaviours))
+        behaviour_weights[behaviour] = 1.0
+        state = states[i]
+        x, y, z = targets[i, 0], targets[i, 1], targets[i, 2]
+        out[i] = 0.0
+        out[i, 1], out[i, 2], out[i, 7] = math.sqrt(x * x + z * z), -1.0, -1.0
+        frame = 0
+        while frame < horizon:
+            first = actions.offsets[state]
+            n = actions.offsets[state + 1] - first
+            decision = int(out[i, 6])
+            if choice == 0:
+                for k in range(n):
+                    values[k] = 0.0
+                behaviour_values(tables, behaviour, state, x, y, z, 1.0, cells, weights, values)
+                a = first + np.argmax(values[:n])
+            elif choice == 1:
+                a = first + min(int(lot(seed, numbers[i] * 100003 + 2 * decision) * n), n - 1)
+            else:
+                a = best_by_search(tables, behaviour, state, x, y, z, width, depth, scratch)
+            used[a] = 1
+            angle = 2.0 * math.pi * lot(seed, numbers[i] * 100003 + 2 * decision + 1)
+            vx, vz = velocity * math.sin(angle), velocity * math.cos(angle)
+            earned = reward(actions, a, x, y, z, vx, vz, tables.terms, first_term, end_term, log_discount)
+            out[i, 0] += math.exp(frame * log_discount) * earned
+            for t in range(1, actions.lengths[a] + 1):
+                if frame + t <= horizon:
+                    row = actions.path_offsets[a] + t - 1
+                    dx, dz = x + t * vx - actions.paths[row, 0], z + t * vz - actions.paths[row, 1]
+                    distance = math.sqrt(dx * dx + dz * dz)
+                    out[i, 1] = min(out[i, 1], distance)
+                    if distance <= 0.6 and out[i, 7] < 0.0:
+                        out[i, 7] = frame + t
+            for strike in range(actions.strike_offsets[a], actions.strike_offsets[a + 1]):
+                t = actions.strike_times[strike]
+                px, py, pz = actions.strike_places[strike]
+                for row in range(first_term, end_term):
+                    if tables.terms[row, 0] != 0.0 or frame + t > horizon:
+                        continue
+                    if strike_lands(px, py, pz, x + t * vx, y, z + t * vz, tables.terms, row):
+                        out[i, 3] += 1.0
+                        if out[i, 2] < 0.0:
+                            out[i, 2] = frame + t
+                        break
+            length = actions.lengths[a]
+            x, z = after_action(actions, a, x + length * vx, z + length * vz)
+            state = actions.next[a]
+            frame += length
+            out[i, 4] += 1.0 if actions.costs[a] > 0.0 else 0.0
+            out[i, 6] += 1.0
+        out[i, 5] = frame

@@ -1,0 +1,126 @@
+"""How good a behaviour is: episodes from random starts, by its table, at random, or by searching at run time."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.policy.policy import Behaviour, Policy, build_lookup_tables
+
+Array = NDArray[Any]
+
+CHOICES = {"table": 0, "random": 1, "search": 2}
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """What came of N episodes.
+
+    Attributes:
+        returns: Discounted reward over the horizon. Shape (N,).
+        distances: Least distance to the target over the ground [m]. Shape (N,).
+        arrivals: When the target was first within 0.6 m [s], NaN where it never was. Shape (N,).
+        landings: When a strike first landed [s], NaN where none did. Shape (N,).
+        landed: Strikes landed. Shape (N,).
+        seconds_a_decision: Mean processor time that a decision took [s].
+        cuts_per_second: Transitions a second.
+        uncut_seconds: Mean time from one cut to the next [s].
+        actions_used: How many of the graph's actions were done at all.
+    """
+
+    returns: Array
+    distances: Array
+    arrivals: Array
+    landings: Array
+    landed: Array
+    seconds_a_decision: float
+    cuts_per_second: float
+    uncut_seconds: float
+    actions_used: int
+
+
+def random_starts(
+    policy: Policy,
+    count: int,
+    distance: tuple[float, float],
+    bearing: tuple[float, float],
+    height: tuple[float, float],
+    seed: int = 0,
+) -> tuple[Array, Array]:
+    """Return states and targets drawn evenly: over the states, and in a range of distance, bearing and height.
+
+    Returns:
+        States, shape (N,), int32, and targets in the avatar's ground frame, shape (N, 3) [m].
+    """
+    draw = np.random.default_rng(seed)
+    states = draw.integers(0, policy.actions.state_count, count).astype(np.int32)
+    far, angle = draw.uniform(*distance, count), draw.uniform(*bearing, count)
+    high = draw.uniform(*height, count)
+    return states, np.stack([far * np.sin(angle), high, far * np.cos(angle)], axis=-1)
+
+
+def run_episodes(
+    policy: Policy,
+    behaviour: Behaviour,
+    states: Array,
+    targets: Array,
+    seconds: float = 10.0,
+    choice: str = "table",
+    width: int = 1,
+    depth: int = 1,
+    target_speed: float = 0.0,
+    seed: int = 0,
+    threads: int = 1,
+) -> Episodes:
+    """Let an avatar pursue a target from each start, and return what came of it.
+
+    Args:
+        policy: Its motion and actions.
+        behaviour: What it does; also one that is no part of the policy, over the same actions.
+        states: Where each starts. Shape (N,).
+        targets: Where the target is then [m]. Shape (N, 3).
+        seconds: Length of an episode [s].
+        choice: ``table``, ``random``, or ``search``: a beam search with V behind its leaves.
+        width: Width of the beam.
+        depth: Its depth in actions.
+        target_speed: Speed of the target, in a direction drawn anew for every action [m/s].
+        seed: Of the draws.
+        threads: Threads to use; results are the same for any number.
+    """
+    from crowdsim.policy import kernels
+
+    tables = build_lookup_tables(policy.actions, (behaviour,), policy.body)
+    rate = policy.database.control_rate
+    horizon = round(seconds * rate)
+    out, used = np.empty((len(states), 8)), np.zeros(policy.actions.action_count, np.uint8)
+    states, targets = np.asarray(states, np.int32), np.asarray(targets, float)
+    numbers = np.arange(len(states))
+
+    def play(some: slice) -> float:
+        started = time.thread_time()
+        kernels.run_episodes(
+            tables, 0, CHOICES[choice], states[some], targets[some], target_speed / rate, horizon,
+            width, depth, seed, numbers[some], out[some], used,
+        )  # fmt: skip
+        return time.thread_time() - started
+
+    play(slice(0, 1))  # compiled here, so that the times below are those of decisions
+    with ThreadPoolExecutor(threads) as pool:
+        spent = sum(pool.map(play, [slice(first, None, threads) for first in range(threads)]))
+    never = out < 0.0
+    return Episodes(
+        returns=out[:, 0],
+        distances=out[:, 1],
+        arrivals=np.where(never[:, 7], np.nan, out[:, 7] / rate),
+        landings=np.where(never[:, 2], np.nan, out[:, 2] / rate),
+        landed=out[:, 3],
+        seconds_a_decision=spent / float(out[:, 6].sum()),
+        cuts_per_second=float(out[:, 4].sum() / out[:, 5].sum() * rate),
+        uncut_seconds=float(out[:, 5].sum() / rate / max(out[:, 4].sum(), 1.0)),
+        actions_used=int(used.sum()),
+    )
