@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 SYSTEM_PACKAGES := libgl1 libegl1 libgomp1 libusb-1.0-0 libx11-6
 
-.PHONY: demo test test-slow lint system clean
+.PHONY: demo test test-slow bench docs-pictures lint system clean
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
@@ -33,6 +33,16 @@ test: system $(VENV)/.installed-test lint
 
 test-slow: system $(VENV)/.installed-test
 	$(BIN)/python -m pytest -m "slow and not browser"
+
+$(VENV)/.installed-bench: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,bench]'
+	touch $@ $(VENV)/.installed-test $(VENV)/.installed
+
+bench: system $(VENV)/.installed-bench
+	$(BIN)/python benchmarks/run_all.py
+
+docs-pictures: $(VENV)/.installed
+	$(BIN)/python docs/make_pictures.py
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .

@@ -482,3 +482,7 @@ def _make_folder(folder: Path) -> None:
         raise OutputError(f"{folder}: is a file, expected a folder to write into") from None
     except OSError as error:
         raise OutputError(f"{folder}: cannot be made: {error.strerror}") from None
+
+
+if __name__ == "__main__":
+    main()
