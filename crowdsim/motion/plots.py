@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.motion import ground
+from crowdsim.motion import ground, quaternion
+from crowdsim.motion.body import ROLES
 from crowdsim.motion.capture import Capture
 from crowdsim.motion.contacts import runs
+from crowdsim.motion.measuring import rests_like_a_body, sample_poses
 from crowdsim.motion.report import Study
 
 Array = NDArray[Any]
@@ -38,7 +40,7 @@ def plot_capture(capture: Capture, study: Study | None, folder: Path) -> list[Pa
         partial.replace(path)
         written.append(path)
 
-    figure = Figure(figsize=(12, 8), layout="constrained")
+    figure = Figure(figsize=(20, 6), layout="constrained")
     _draw_skeleton(figure, capture)
     save(figure, "skeleton")
     if study is not None:
@@ -66,37 +68,98 @@ def _joint_colour(capture: Capture, joint: int) -> str:
 
 
 def _draw_skeleton(figure: Any, capture: Capture) -> None:
-    """The rest pose from the front and the side, joints named by role."""
-    skeleton = capture.clip.skeleton
-    rest = skeleton.rest_positions() - skeleton.offsets[0]
-    named = {joint: role for role, joint in capture.roles.items()}
-    for axes, across, title in zip(figure.subplots(1, 2), (0, 2), ("front", "side"), strict=True):
-        sign = -1.0 if across == 0 else 1.0
+    """The body from the front and the side; the front names the limbs, the side the trunk, in the margins."""
+    skeleton, body = capture.clip.skeleton, capture.body
+    places, ends, what = _shown_pose(capture)
+    for axes, view in zip(figure.subplots(1, 2), ("front", "side"), strict=True):
+        # From the front the figure's left is on the viewer's right, from the side it looks to the right.
+        across = 0 if view == "front" else 2
         for joint, parent in enumerate(skeleton.parents):
+            colour = _joint_colour(capture, joint)
             if parent >= 0:
-                ends = rest[[parent, joint]]
-                axes.plot(sign * ends[:, across], ends[:, 1], color=_joint_colour(capture, joint), lw=1.5)
-            axes.plot(sign * rest[joint, across], rest[joint, 1], "o", ms=3, color=_joint_colour(capture, joint))
-            if joint in named and (across == 0 or not named[joint].startswith("right")):
-                axes.annotate(
-                    f"{named[joint]}: {skeleton.names[joint]}",
-                    (sign * rest[joint, across], rest[joint, 1]),
-                    fontsize=7,
-                    xytext=(4, 3),
-                    textcoords="offset points",
-                )
-        for parent, offset in zip(skeleton.end_parents, skeleton.end_offsets, strict=True):
-            ends = np.stack([rest[parent], rest[parent] + offset])
-            axes.plot(sign * ends[:, across], ends[:, 1], ":", color=_joint_colour(capture, int(parent)), lw=1)
-        axes.set_aspect("equal")
-        axes.set_title(f"rest pose, {title}")
+                bone = places[[parent, joint]]
+                axes.plot(bone[:, across], bone[:, 1], color=colour, lw=1.5)
+            axes.plot(places[joint, across], places[joint, 1], "o", ms=3, color=colour)
+        for parent, end in zip(skeleton.end_parents, ends, strict=True):
+            bone = np.stack([places[parent], end])
+            axes.plot(bone[:, across], bone[:, 1], ":", color=_joint_colour(capture, int(parent)), lw=1)
+        _name_roles(axes, capture, places, view)
+        # Both views have one scale, with room for names beside.
+        middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
+        size = max(float(np.ptp(places, axis=0).max()), 1e-6)
+        axes.set_aspect("equal", adjustable="box")
+        axes.set_xlim(middle[across] - 1.3 * size, middle[across] + 1.3 * size)
+        axes.set_ylim(middle[1] - 0.62 * size, middle[1] + 0.62 * size)
+        axes.set_title(f"{what}, {view}")
         axes.set_xlabel("m" if capture.unit_scale else "file units")
     axis, scale = capture.up_axis or "unknown", capture.unit_scale
     figure.suptitle(
         f"{capture.clip.name}: {skeleton.joint_count} joints, up axis {axis}, "
-        + (f"{scale:g} m a unit" if scale else "unknown scale")
-        + (f", {capture.body.height:.2f} m tall" if capture.body else "")
+        + (f"{scale:.6g} m a unit" if scale else "unknown scale")
+        + (f", {body.height:.2f} m tall" if body else "" if capture.roles else ", no human body")
     )
+
+
+def _shown_pose(capture: Capture) -> tuple[Array, Array, str]:
+    """Joints (J, 3) and end sites (E, 3) of the pose that is drawn, facing +z, and what pose it is."""
+    skeleton, roles = capture.clip.skeleton, capture.roles
+    places = skeleton.rest_positions() - skeleton.offsets[0]
+    turns, what = None, "rest pose"
+    if roles:
+        positions, rotations = sample_poses(capture.motion)
+        feet = [roles["left_foot"], roles["right_foot"]]
+        rise = places[roles["head"], 1] - places[feet, 1].mean()
+        if len(positions) and (not rests_like_a_body(skeleton, roles) or rise < 0.4 * np.ptp(places, axis=0).max()):
+            frame = int(np.argmax(positions[:, roles["head"], 1] - positions[:, feet, 1].mean(axis=1)))
+            places, turns = positions[frame] - positions[frame, 0], rotations[frame]
+            what = "standing (the rest pose is none)"
+    ends = (
+        skeleton.end_offsets if turns is None else quaternion.rotate(turns[skeleton.end_parents], skeleton.end_offsets)
+    )
+    ends = places[skeleton.end_parents] + ends
+    if roles:
+        across = places[roles["left_hip"]] - places[roles["right_hip"]]
+        facing = np.array([0.0, 0.0, np.arctan2(-across[2], across[0])])
+        places, ends = ground.to_local(facing, places), ground.to_local(facing, ends)
+    return places, ends, what
+
+
+def _name_roles(axes: Any, capture: Capture, places: Array, view: str) -> None:
+    """Write roles and joint names into the margins, each with a line to its joint, spread so that none overlap."""
+    roles, names = capture.roles, capture.clip.skeleton.names
+    across = 0 if view == "front" else 2
+    low, high = float(places[:, 1].min()), float(places[:, 1].min() + max(np.ptp(places[:, 1]), 1e-6))
+    reach = float(np.abs(places[:, across]).max(initial=0.0)) + 0.08 * (high - low)
+    if view == "front":
+        margins = {1.0: [r for r in roles if r.startswith("left")], -1.0: [r for r in roles if r.startswith("right")]}
+    else:
+        margins = {1.0: [role for role in roles if not role.startswith(("left", "right"))]}
+    for sign, chosen in margins.items():
+        # Level arms are named from the shoulder outwards.
+        chosen = sorted(
+            chosen, key=lambda role: (-round(places[roles[role], 1] / (0.06 * (high - low))), ROLES.index(role))
+        )
+        heights = _spread(places[[roles[role] for role in chosen], 1], 0.055 * (high - low))
+        for role, height in zip(chosen, heights, strict=True):
+            place = places[roles[role]]
+            axes.annotate(
+                f"{role}: {names[roles[role]]}",
+                (place[across], place[1]),
+                xytext=(sign * reach, height),
+                fontsize=8,
+                color=_joint_colour(capture, roles[role]),
+                ha="left" if sign > 0 else "right",
+                va="center",
+                arrowprops={"arrowstyle": "-", "color": "0.75", "lw": 0.6, "shrinkA": 2, "shrinkB": 2},
+            )
+
+
+def _spread(heights: Array, gap: float) -> Array:
+    """Move falling heights apart to at least ``gap``, about their own middle."""
+    spread = np.array(heights, dtype=float)
+    for index in range(1, len(spread)):
+        spread[index] = min(spread[index], spread[index - 1] - gap)
+    return spread + (np.mean(heights) - np.mean(spread) if len(spread) else 0.0)
 
 
 def _draw_path(axes: Any, study: Study) -> None:
@@ -149,7 +212,7 @@ def _draw_figures(figure: Any, capture: Capture, study: Study) -> None:
     for axes, view in zip(figure.subplots(2, 1), ("side, facing right", "front"), strict=True):
         for column, frame in enumerate(frames):
             local = ground.to_local(study.tracks.ground[frame], study.positions[frame])
-            across = column * spacing + (local[:, 2] if view.startswith("side") else -local[:, 0])
+            across = column * spacing + (local[:, 2] if view.startswith("side") else local[:, 0])
             for joint, parent in enumerate(parents):
                 if parent >= 0:
                     axes.plot(
