@@ -14,7 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.motion.performer_phrases import THEMES, write_score, write_solo
+from crowdsim.errors import nearest
+from crowdsim.motion.performer_defences import DEFENCES
+from crowdsim.motion.performer_phrases import FOOTWORK, THEMES, write_score, write_solo
+from crowdsim.motion.performer_punches import PUNCHES
 from crowdsim.motion.performer_score import Score
 from crowdsim.motion.performer_skeleton import build_skeleton, mirror_joints
 from crowdsim.motion.performer_stage import stage
@@ -26,6 +29,8 @@ Array = NDArray[Any]
 CLIP_SECONDS = 30.0
 """About how long one clip is."""
 STANCES = ("orthodox", "southpaw")
+MOVES = (*PUNCHES, *DEFENCES, *FOOTWORK)
+"""What can be performed alone."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +76,7 @@ def perform(
     """
     if not (seconds > 0.0 and fps > 0.0):
         raise ValueError(f"seconds {seconds} and fps {fps}; expected both above 0")
-    if stance not in STANCES:
-        raise ValueError(f"unknown stance {stance!r}; expected one of {', '.join(STANCES)}")
+    _check_stance(stance)
     root = np.random.SeedSequence(seed)
     lengths = clip_lengths(seconds, fps, np.random.default_rng(root.spawn(1)[0]))
     performances = []
@@ -85,16 +89,26 @@ def perform(
     return performances
 
 
+def _check_stance(stance: str) -> None:
+    if stance not in STANCES:
+        raise ValueError(f"unknown stance {stance!r}; expected one of {', '.join(STANCES)}")
+
+
 def perform_solo(move: str, seed: int = 1, fps: float = 60.0, stance: str = "orthodox") -> Performance:
     """Perform one move alone, out of the guard and back, facing heading 0.
 
     Args:
-        move: A punch ("jab", "straight", "lead_hook", "rear_hook", "lead_uppercut", "rear_uppercut"), a key of
-            ``performer_defences.DEFENCES`` or a key of ``performer_phrases.FOOTWORK``.
+        move: A word of ``MOVES``.
         seed: The same seed gives the same bytes.
         fps: Frames a second.
         stance: "orthodox" or "southpaw".
+
+    Raises:
+        ValueError: The move or the stance is unknown.
     """
+    if move not in MOVES:
+        raise ValueError(f"unknown move {move!r}; expected one of {', '.join(MOVES)}{nearest(move, MOVES)}")
+    _check_stance(stance)
     plan, life = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
     score = write_solo(move, plan)
     return _perform_score(move, score, round(score.seconds * fps), fps, stance, life)

@@ -21,12 +21,13 @@ _GUARD_FOLLOWS = 0.45
 """How far the guard turns with the chest; the rest of it stays towards the opponent."""
 _HEAD_CLEARANCE = 0.165
 """Least distance of the middle of a fist from the middle of the head [m]."""
-_LEAST_DEPTH = 0.20
-"""Least distance of a fist straight in front of its shoulder [m]."""
+_LEAST_DEPTH, _LEAST_BESIDE = 0.20, 0.07
+"""Least distance of a fist before its shoulder, straight in front of it and beside it [m]."""
 _FULL_REACH = 0.975 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
 """How far from the shoulder a punch is aimed at the most [m]."""
 _SLOWEST, _FASTEST = 5.3, 11.0
 """Speeds between which a punching fist peaks relative to the pelvis [m/s]."""
+_ATTEMPTS = 12
 _SHORTEST = 0.11
 """Least time of a fist's way out [s]."""
 
@@ -73,6 +74,7 @@ def lead_fists(
     guards, frame = hold_guard(score, heading, trunk, channels)
     centre = shoulders.mean(axis=1)
     spacing = times[1] - times[0] if len(times) > 1 else 1.0
+    ahead = quat.rotate(trunk.chest_turn, np.array([0.0, 0.0, 1.0]))
     fists, arcs = guards.copy(), np.zeros(guards.shape[:2])
     done = []
     for planned in score.reaches:
@@ -87,14 +89,15 @@ def lead_fists(
         inside = at - part.start
         out = (times[part] >= 0.4 * planned.start + 0.6 * planned.hit - spacing) & (times[part] <= planned.hit + 0.02)
         reach, size = planned, 1.0
-        for _ in range(8):
+        for attempt in range(_ATTEMPTS):
             turn = quat.about_y(arcs[part, hand] + size * arc)
             aim = centre[at] + quat.rotate(quat.conjugate(turn[inside]), target) - size * swing[inside]
             gone = _gone(reach, times[part])[:, None]
             path = fists[part, hand] + size * swing + gone * (aim - guards[part, hand])
-            turned = centre[part] + quat.rotate(turn, path - centre[part]) - trunk.hips[part]
-            speed = float(np.linalg.norm(np.diff(turned[out], axis=0), axis=-1).max(initial=0.0)) / spacing
-            if _SLOWEST <= speed <= _FASTEST:
+            turned = centre[part] + quat.rotate(turn, path - centre[part])
+            relative = keep_ahead(turned, shoulders[part, hand], ahead[part])[out] - trunk.hips[part][out]
+            speed = float(np.linalg.norm(np.diff(relative, axis=0), axis=-1).max(initial=0.0)) / spacing
+            if _SLOWEST <= speed <= _FASTEST or attempt == _ATTEMPTS - 1:
                 break
             later = min(max(speed / _SLOWEST, 0.8), 1.0) * min(max(speed / _FASTEST, 1.0), 1.25)
             begin = max(reach.hit - 0.97 * later * (reach.hit - reach.start), planned.start - 0.1)
@@ -103,7 +106,8 @@ def lead_fists(
         fists[part, hand] = path
         arcs[part, hand] += size * arc
         done.append(reach)
-    return centre[:, None] + quat.rotate(quat.about_y(arcs), fists - centre[:, None]), tuple(done)
+    fists = centre[:, None] + quat.rotate(quat.about_y(arcs), fists - centre[:, None])
+    return keep_ahead(fists, shoulders, ahead[:, None]), tuple(done)
 
 
 def _bends(reach: Reach, times: Array) -> tuple[Array, Array]:
@@ -129,16 +133,15 @@ def _target(reach: Reach, hips: Array, heading: float, shoulder: Array) -> Array
     return np.asarray(shoulder + gap * (float(soft_cap(far, _FULL_REACH, 0.02)) / far))
 
 
-def keep_ahead(fists: Array, shoulders: Array, chest_turn: Array) -> Array:
-    """Return the fists (F, 2, 3) held in front of their shoulders, as the chest (F, 4) faces, and off them, smoothly.
+def keep_ahead(fists: Array, shoulders: Array, ahead: Array) -> Array:
+    """Return fists (..., 3) held in front of their shoulders (..., 3), as the chest faces (..., 3), and off them.
 
-    A fist beside its shoulder may be level with it; one straight before it stays ``_LEAST_DEPTH`` away.
+    A fist beside its shoulder may be nearly level with it, so that the elbow does not go far behind the back.
     """
-    ahead = quat.rotate(chest_turn, np.array([0.0, 0.0, 1.0]))[:, None]
     gap = fists - shoulders
     depth = np.sum(gap * ahead, axis=-1, keepdims=True)
     aside = np.sum((gap - depth * ahead) ** 2, axis=-1, keepdims=True)
-    least = (_LEAST_DEPTH + 0.03) * np.exp(-aside / 0.15**2) - 0.03
+    least = (_LEAST_DEPTH - _LEAST_BESIDE) * np.exp(-aside / 0.15**2) + _LEAST_BESIDE
     gap = gap + ahead * (soft_floor(depth, least, 0.03) - depth)
     return shoulders + _lengthen(gap, _LEAST_DEPTH, 0.03)
 

@@ -190,7 +190,7 @@ class Choreographer:
         bearing += recipe.bearing[0] + recipe.bearing[1] * self.normal(2.0)
         least, most = recipe.distance
         far = float(np.clip(2.0 * (distance - least) / (most - least) - 1.0, -1.0, 1.0))
-        out = max(1.38 * (self._way_out(recipe.hand, bearing, distance, height) + recipe.extra) / speed, 0.125)
+        out = max(1.27 * (self._way_out(recipe.hand, bearing, distance, height) + recipe.extra) / speed, 0.125)
         hit = onset + out
         fall = hit + rng.uniform(0.0, 0.025)
         end = fall + out * rng.uniform(1.0, 1.2)

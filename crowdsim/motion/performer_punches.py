@@ -42,7 +42,7 @@ JAB = Punch(
 STRAIGHT = Punch(
     hand=REAR,
     parts=(
-        Part(C.REAR_HEEL, 0.50, -0.90, 0.80, 1.12, 2.2),
+        Part(C.REAR_HEEL, 0.36, -0.90, 0.80, 1.12, 2.2),
         Part(C.REAR_YAW, 0.62, -0.85, 0.85, 1.15, 2.3),
         Part(C.PELVIS_TURN, 0.55, -0.80, 0.76, 1.10, 2.2),
         Part(C.SHIFT_Z, 0.048, -1.20, 0.90, 1.15, 2.4),
@@ -111,7 +111,7 @@ LEAD_HOOK = Punch(
 REAR_HOOK = Punch(
     hand=REAR,
     parts=(
-        Part(C.REAR_HEEL, 0.52, -0.90, 0.82, 1.15, 2.3),
+        Part(C.REAR_HEEL, 0.38, -0.90, 0.82, 1.15, 2.3),
         Part(C.REAR_YAW, 0.70, -0.85, 0.90, 1.20, 2.4),
         Part(C.PELVIS_TURN, -0.06, -1.40, -0.60, -0.55, 0.3),
         Part(C.PELVIS_TURN, 0.64, -0.75, 0.98, 1.15, 2.3),
@@ -185,7 +185,7 @@ LEAD_UPPERCUT = Punch(
 REAR_UPPERCUT = Punch(
     hand=REAR,
     parts=(
-        Part(C.REAR_HEEL, 0.50, -0.70, 0.85, 1.15, 2.2),
+        Part(C.REAR_HEEL, 0.36, -0.70, 0.85, 1.15, 2.2),
         Part(C.REAR_YAW, 0.55, -0.65, 0.90, 1.20, 2.3),
         Part(C.HEIGHT, -0.085, -1.30, 0.00, 0.10, 0.95),
         Part(C.HEIGHT, 0.02, 0.20, 0.98, 1.15, 2.2),

@@ -12,7 +12,7 @@ from crowdsim.motion import ground
 from crowdsim.motion import performer_skeleton as bones
 from crowdsim.motion import quaternion as quat
 from crowdsim.motion.performer_curves import noise, pulse, soft_cap, soft_floor, window
-from crowdsim.motion.performer_fists import clear_head, keep_ahead, lead_fists
+from crowdsim.motion.performer_fists import clear_head, lead_fists
 from crowdsim.motion.performer_footwork import Footwork, trace_feet
 from crowdsim.motion.performer_pose import (
     LEG_REACH,
@@ -32,6 +32,8 @@ Array = NDArray[Any]
 
 _LOWEST = 0.57
 """Height of the pelvis in the deepest crouch [m]."""
+_HIGHEST_HEEL = 0.95
+"""Lift of a heel over the ball of the foot at the most [rad]."""
 _GAZE_FOLLOWS = 0.25
 """How far the head turns with the chest; the rest of it stays on the opponent."""
 
@@ -156,7 +158,7 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
     foot_turns, heels, foot_yaws = [], [], []
     for foot in range(2):
         raised = style.heels[foot] + feet.heels[:, foot] + channels[:, Channel.LEAD_HEEL + foot]
-        heel = soft_floor(raised, 0.0, 0.025)
+        heel = soft_cap(soft_floor(raised, 0.0, 0.025), _HIGHEST_HEEL, 0.08)
         yaw = feet.yaws[:, foot] + channels[:, Channel.LEAD_YAW + foot]
         ball = np.stack(
             [feet.balls[:, foot, 0], bones.BALL_HEIGHT + feet.lifts[:, foot], feet.balls[:, foot, 1]], axis=-1
@@ -217,7 +219,7 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
         root = trunk.chest + quat.rotate(trunk.chest_turn, skeleton.offsets[bones.SHOULDERS[side]])
         shoulders[:, side] = root + quat.rotate(collars[side], skeleton.offsets[bones.ARMS[side]])
     reached, reaches = lead_fists(score, times, feet.heading, trunk, channels, shoulders)
-    fists = clear_head(keep_ahead(reached, shoulders, trunk.chest_turn), head)
+    fists = clear_head(reached, head)
     for side in range(2):
         upper, forearm, hand = pose_arm(
             side,

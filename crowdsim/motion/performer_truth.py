@@ -93,9 +93,9 @@ def find_truth(score: Score, staged: Staged, times: Array) -> Truth:
                 peak,
                 float(speed[peak, hand]),
                 (float(place[0]), float(place[1]), float(place[2])),
-                reach.start,
-                reach.hit,
-                reach.end,
+                float(reach.start),
+                float(reach.hit),
+                float(reach.end),
             )
         )
     defences = tuple(
