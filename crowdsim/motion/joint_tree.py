@@ -85,7 +85,7 @@ class JointTree:
 
     def is_nub(self, joint: int) -> bool:
         """Whether a joint only marks where the bone before it ends: a leaf without an end site of its own."""
-        if self.children[joint]:
+        if self.children[joint] or not np.any(self.skeleton.end_offsets):
             return False
         ends = self.skeleton.end_offsets[self.skeleton.end_parents == joint]
         scale = max(float(self.lengths[joint]), 1e-9)

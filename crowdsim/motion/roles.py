@@ -118,15 +118,14 @@ def _ends_by_shape(tree: JointTree) -> list[dict[str, int]]:
             hub_legs, hub_arms = tree.parents[legs[0]], tree.parents[arms[0]]
             if arms is legs or hub_legs == hub_arms:
                 continue
-            leg_ends = [_limb_end(tree, limb) for limb in legs]
-            arm_ends = [_limb_end(tree, limb) for limb in arms]
-            if None in leg_ends or None in arm_ends:
+            leg_ends, arm_ends = _pair_ends(tree, legs), _pair_ends(tree, arms)
+            if not leg_ends or not arm_ends:
                 continue
-            limbs = [tree.path(end) for end in (*leg_ends, *arm_ends)]  # type: ignore[arg-type]
+            limbs = [tree.path(end) for end in (*leg_ends, *arm_ends)]
             crown = _crown(tree, hub_arms, limbs)
             if crown is None:
                 continue
-            left = _left_of(tree, legs, leg_ends, crown)  # type: ignore[arg-type]
+            left = _left_of(tree, legs, leg_ends, crown)
             same = _on_side(tree, arms, legs, left)
             ways.append(
                 {
@@ -137,16 +136,23 @@ def _ends_by_shape(tree: JointTree) -> list[dict[str, int]]:
                     "right_hand": arm_ends[1 - same],
                 }
             )
-    return ways  # type: ignore[return-value]
+    return ways
 
 
-def _limb_end(tree: JointTree, limb: int) -> int | None:
-    """The wrist or ankle of a limb: the joint after its two longest bones in a row."""
-    chain = tree.limb(limb)
-    if len(chain) < 3:
-        return None
-    lengths = np.diff(tree.depth[[tree.parents[limb], *chain]])
-    return chain[1 + int(np.argmax(np.minimum(lengths[1:], lengths[:-1])))]
+def _pair_ends(tree: JointTree, pair: tuple[int, int]) -> list[int]:
+    """The wrists or ankles of a pair of limbs: the joint after the two longest bones in a row; empty without one.
+
+    The limb that reaches less far tells for both: the other may hold a sword.
+    """
+    chains = [tree.main_chain(limb) for limb in pair]
+    plain = min(pair, key=lambda limb: (float(tree.depth[tree.main_chain(limb)[-1]]), limb))
+    limb = tree.limb(plain)
+    if len(limb) < 3:
+        return []
+    lengths = np.diff(tree.depth[[tree.parents[plain], *limb]])
+    end = limb[1 + int(np.argmax(np.minimum(lengths[1:], lengths[:-1])))]
+    place = chains[pair.index(plain)].index(end)
+    return [chain[place] for chain in chains] if 2 <= place < min(map(len, chains)) else []
 
 
 def _crown(tree: JointTree, hub: int, limbs: list[list[int]]) -> int | None:
@@ -175,10 +181,10 @@ def _left_of(tree: JointTree, legs: tuple[int, int], feet: list[int], crown: int
         across = pose[legs[0]] - pose[legs[1]]
         ahead = np.zeros(3)
         for leg, foot in zip(legs, feet, strict=True):
-            chain = tree.limb(leg)
+            chain = tree.main_chain(leg)
             at = chain.index(foot)
-            hip, knee, ankle = pose[chain[max(at - 2, 0)]], pose[chain[at - 1]], pose[foot]
-            ahead += knee - 0.5 * (hip + ankle)
+            ankle = pose[foot]
+            ahead += pose[chain[1:at]].mean(axis=0) - 0.5 * (pose[leg] + ankle)
             if chain[at + 1 :]:
                 ahead += pose[chain[-1]] - ankle
             else:
