@@ -158,9 +158,12 @@ def watch(source: PoseSource) -> Crowd:
 def _find_facing(places: Array) -> float:
     """Heading in which to look so that the crowd lies along the width of the picture."""
     if places.shape[1] == 1:
-        heading = places[:, 0, 2]
-        return float(math.atan2(np.sin(heading).mean(), np.cos(heading).mean()) + math.pi)
+        heading = places[np.isfinite(places[:, 0, 2]), 0, 2]
+        return float(math.atan2(np.sin(heading).sum(), np.cos(heading).sum()) + math.pi)
     flat = places[..., :2].reshape(-1, 2)
+    flat = flat[np.isfinite(flat[:, 0])]
+    if len(flat) < 2:
+        return math.pi
     spread = np.cov((flat - flat.mean(axis=0)).T)
     angle = 0.5 * math.atan2(2.0 * spread[0, 1], spread[0, 0] - spread[1, 1])
     across = math.hypot(2.0 * spread[0, 1], spread[0, 0] - spread[1, 1])
@@ -236,10 +239,10 @@ def _framing(crowd: Crowd, kind: str, size: tuple[int, int]) -> Callable[[int], 
 
 def _orbiting(crowd: Crowd, size: tuple[int, int]) -> Callable[[int], View]:
     """A camera that circles the crowd and frames it."""
-    low, high = crowd.places[..., :2].min(axis=1), crowd.places[..., :2].max(axis=1)
-    centres = _smooth(0.5 * (low + high), crowd)
+    flat = _filled(crowd.places[..., :2])
+    centres = _smooth(0.5 * (flat.min(axis=1) + flat.max(axis=1)), crowd)
     tall = float(crowd.heights.max())
-    radii = np.linalg.norm(crowd.places[..., :2] - centres[:, None], axis=-1).max(axis=1)
+    radii = np.linalg.norm(flat - centres[:, None], axis=-1).max(axis=1)
     radii = _envelope(radii[:, None], crowd)[:, 0] + _REACH * tall
     elevation = _elevation("orbit", len(crowd.heights))
 
@@ -263,6 +266,7 @@ def _following(source: PoseSource, avatar: int) -> Callable[[int], View]:
     frames = np.arange(0, max(source.frame_count, 1) - 1 + step, step).clip(max=max(source.frame_count - 1, 0))
     block = max(1, 2_000_000 // max(len(source.avatar_teams), 1))
     path = np.concatenate([source.ground(frames[i : i + block])[:, avatar] for i in range(0, len(frames), block)])
+    path = _filled(path[:, None])[:, 0]
     tall = float(source.avatar_heights[avatar])
     places = _hann(path[:, :2], round(0.8 * source.fps / step))
     headings = _hann(np.unwrap(path[:, 2])[:, None], round(1.6 * source.fps / step))
@@ -277,6 +281,22 @@ def _following(source: PoseSource, avatar: int) -> Callable[[int], View]:
         return look_at(eye, stand + tall * (0.7 * forward + np.array([0.0, 0.55, 0.0])), 48.0)
 
     return view
+
+
+def _filled(places: Array) -> Array:
+    """Places (M, n, k), those of absent avatars by where they were last or will be first, else the middle of all."""
+    filled = places.copy()
+    present = np.isfinite(places[..., 0])
+    middle = places[present].mean(axis=0) if present.any() else np.zeros(places.shape[-1])
+    moments = np.arange(len(places))
+    for avatar in np.flatnonzero(~present.all(axis=0)):
+        here = moments[present[:, avatar]]
+        if len(here):
+            nearest_moment = here[np.maximum(np.searchsorted(here, moments, side="right") - 1, 0)]
+            filled[:, avatar] = places[nearest_moment, avatar]
+        else:
+            filled[:, avatar] = middle
+    return filled
 
 
 def _keyed(keys: Keys, fps: float) -> Callable[[int], View]:

@@ -52,7 +52,7 @@ class BoneFigure:
 def bone_capsules(skeleton: Skeleton) -> BoneFigure:
     """Return a capsule along every bone and end site of any skeleton, thicker towards the root.
 
-    A joint's weight is the length of all bones beyond it; thickness follows its square root, so that a trunk is thick
+    A joint's weight is the length of all bones beyond it; thickness follows a root of it, so that a trunk is thick
     and fingers are thin whatever the animal. Bones of no length show as spheres.
     """
     count = skeleton.joint_count
@@ -64,10 +64,15 @@ def bone_capsules(skeleton: Skeleton) -> BoneFigure:
         beyond[parent] += lengths[count - 1 + end]
     for joint in range(count - 1, 0, -1):
         beyond[skeleton.parents[joint]] += beyond[joint] + lengths[joint - 1]
-    size = max(float(beyond[0]), 1e-6)
+    size = max(float(beyond[0]), 1e-9)
+    rest = skeleton.rest_positions()
+    extent = max(
+        float(np.linalg.norm(rest.max(axis=0) - rest.min(axis=0))), 0.5 * float(lengths.max(initial=0.0)), 1e-3
+    )
 
     def radius(weight: float, length: float) -> float:
-        return float(np.clip(0.03 * size**0.5 * weight**0.5 * 0.35, 0.0025 * size, max(0.35 * length, 0.004 * size)))
+        thick = 0.055 * extent * (weight / size) ** 0.4
+        return float(np.clip(thick, 0.006 * extent, max(0.45 * length, 0.008 * extent)))
 
     radii = []
     for index, (start, length) in enumerate(zip(starts, lengths, strict=True)):

@@ -71,7 +71,7 @@ def encode(path: Path, pictures: Iterable[Array], size: tuple[int, int], fps: fl
 
 
 def join(path: Path, parts: list[Path]) -> None:
-    """Put MP4 files of equal format, all in one folder, one behind the other, without encoding again.
+    """Put MP4 files of equal format, all in one folder and plainly named, one behind the other, without encoding again.
 
     Raises:
         OutputError: The file cannot be written.
@@ -126,7 +126,8 @@ def _run(command: list[str], path: Path, blocks: Iterable[Array]) -> None:
             if process.stdin is not None and not process.stdin.closed:
                 with contextlib.suppress(OSError):
                     process.stdin.close()
-            part.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                part.unlink()
 
 
 def write_png(path: Path, picture: Array, mark: str = "") -> None:
@@ -149,7 +150,8 @@ def write_png(path: Path, picture: Array, mark: str = "") -> None:
         full = ", the disk is full" if error.errno == errno.ENOSPC else ""
         raise OutputError(f"{path}: cannot write picture: {error.strerror or error}{full}") from error
     finally:
-        part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            part.unlink()
 
 
 def has_mark(path: Path, mark: str) -> bool:

@@ -1,0 +1,278 @@
+"""Pictures are what geometry says they are, and the same for any sharing out of the work."""
+
+import hashlib
+import math
+
+import naive_raycast as naive
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from crowdsim.render import raycast_kernels as kernels
+from crowdsim.render.raycast import Capsules, Flashes, draw, sun_direction
+from crowdsim.render.view import View, directions, look_at
+
+SUN = sun_direction(0.7)
+
+
+def capsules(*rows, owners=None):
+    """Capsules of red paint from rows of both ends and both radii."""
+    places = np.array(rows, np.float32).reshape(-1, 8)
+    paints = np.tile(np.array([0.7, 0.05, 0.05, 0.2], np.float32), (len(places), 1))
+    return Capsules(places, paints, np.arange(len(places), dtype=np.int32) if owners is None else owners)
+
+
+def crowd(count, seed=0):
+    rng = np.random.default_rng(seed)
+    starts = rng.uniform(-3, 3, (count, 3)) + np.array([0, 4, 0])
+    return capsules(
+        *np.concatenate([starts, starts + rng.normal(size=(count, 3)) * 0.5, rng.uniform(0.02, 0.3, (count, 2))], 1)
+    )
+
+
+VIEW = look_at(np.array([0.0, 3.0, 9.0]), np.array([0.0, 1.5, 0.0]))
+
+
+def digest(picture):
+    return hashlib.sha256(picture.tobytes()).hexdigest()
+
+
+cones = st.builds(
+    lambda way, middle, half, radius, share: np.array(
+        [*(np.array([middle[0], middle[1], -1.0]) * way), *half, radius, radius * share], np.float32
+    ),
+    st.floats(1.5, 80.0),
+    st.tuples(st.floats(-0.02, 0.02), st.floats(-0.02, 0.02)),
+    st.tuples(*[st.floats(-0.4, 0.4)] * 3),
+    st.floats(0.02, 0.3),
+    st.floats(-0.6, 0.6),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(cones)
+def test_rays_meet_rounded_cones_where_the_spheres_are_that_make_them(cone):
+    way = float(np.linalg.norm(cone[:3]))
+    focal = 8.0 * way / (2.5 * (np.linalg.norm(cone[3:6]) + cone[6] + abs(cone[7])))
+    camera = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, -1, focal, 4.0, 4.0, 50.0])
+    buf = np.zeros(kernels.SCRATCH, np.float32)
+    kernels._start_tile(buf, 0, 0, camera)
+    kernels._meet(buf, np.float32(0), *(np.float32(value) for value in cone))
+    for pixel in range(64):
+        ray = np.array([buf[kernels.DX + pixel], buf[kernels.DY + pixel], buf[kernels.DZ + pixel]], float)
+        ray /= np.linalg.norm(ray)
+        wide = way / focal
+        distance = naive.gap(ray, cone.astype(float))
+        if distance < -0.75 * wide and naive.spheres(cone.astype(float))[1].min() > wide:
+            t, normal = naive.first_hit(ray, cone.astype(float))
+            s = buf[kernels.FRONT_S + pixel]
+            found = ray * buf[kernels.FRONT_T + pixel] - cone[:3] - s * cone[3:6]
+            assert buf[kernels.FRONT_T + pixel] == pytest.approx(t, abs=2e-3 + 1e-4 * t)
+            # Normals turn fast near the rim; a millimetre of distance allows a few degrees there.
+            assert found @ normal / np.linalg.norm(found) > 0.98
+        elif distance > 0.75 * wide:
+            assert buf[kernels.FRONT_T + pixel] == kernels.FAR
+            assert buf[kernels.EDGE_T + pixel] == kernels.FAR
+
+
+@pytest.mark.parametrize("way", [3.0, 20.0, 150.0])
+def test_coverage_of_a_ball_sums_to_the_area_of_its_disc(way):
+    radius = 0.5
+    focal = 60.0 * way
+    shares = 0.0
+    for y0 in range(0, 72, 8):
+        for x0 in range(0, 72, 8):
+            camera = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, -1, focal, 36.3, 35.6, 50.0])
+            buf = np.zeros(kernels.SCRATCH, np.float32)
+            kernels._start_tile(buf, x0, y0, camera)
+            kernels._meet(buf, np.float32(0), *(np.float32(v) for v in (0, 0, -way, 0, 0, 0, radius, 0)))
+            shares += np.count_nonzero(buf[kernels.FRONT_T : kernels.FRONT_T + 64] < kernels.FAR)
+            edges = buf[kernels.EDGE_T : kernels.EDGE_T + 64] < kernels.FAR
+            shares += buf[kernels.EDGE_C : kernels.EDGE_C + 64][edges].sum()
+    seen = focal * radius / math.sqrt(way * way - radius * radius)
+    assert shares == pytest.approx(math.pi * seen * seen, rel=0.01)
+
+
+def test_thin_capsules_cover_as_much_as_they_are_wide():
+    camera = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, -1, 100.0, 4.0, 4.0, 50.0])
+    buf = np.zeros(kernels.SCRATCH, np.float32)
+    kernels._start_tile(buf, 0, 0, camera)
+    radius = 0.0015
+    kernels._meet(buf, *(np.float32(v) for v in (0, 0.003, 0, -1, 0, 5, 0, radius, 0)))
+    cover = buf[kernels.EDGE_C : kernels.EDGE_C + 64].reshape(8, 8).sum(axis=1)
+    assert cover == pytest.approx(np.full(8, 100.0 * 2 * radius), rel=0.03)
+
+
+@pytest.mark.parametrize("threads", [2, 3, 5])
+def test_any_number_of_threads_gives_the_same_pixels(threads):
+    scene = crowd(60)
+    one = draw(scene, VIEW, (203, 117), SUN)
+    assert digest(draw(scene, VIEW, (203, 117), SUN, threads=threads)) == digest(one)
+    assert one.shape == (117, 203, 3)
+    assert len(np.unique(one.reshape(-1, 3), axis=0)) > 300
+
+
+def test_the_order_of_avatars_does_not_show():
+    scene = crowd(60)
+    order = np.random.default_rng(3).permutation(60)
+    mixed = Capsules(scene.places[order], scene.paints[order], scene.owners[order])
+    there, here = draw(mixed, VIEW, (160, 96), SUN), draw(scene, VIEW, (160, 96), SUN)
+    assert np.abs(there.astype(int) - here).max() <= 1
+
+
+def test_a_scene_far_from_the_origin_looks_like_one_at_it():
+    scene = crowd(40)
+    shift = np.array([1230.0, 0.0, -870.0])
+    moved = scene.places.astype(float)
+    moved[:, :3] += shift
+    moved[:, 3:6] += shift
+    far = draw(
+        Capsules(moved.astype(np.float32), scene.paints, scene.owners),
+        View(VIEW.eye + shift, VIEW.ahead, VIEW.right),
+        (160, 96),
+        SUN,
+    )
+    difference = np.abs(draw(scene, VIEW, (160, 96), SUN).astype(int) - far)
+    assert np.quantile(difference, 0.99) <= 2
+
+
+def test_what_is_nearer_hides_what_is_behind():
+    back = [0, 1, -1, 0, 2, -1, 0.4, 0.4]
+    front = [-0.4, 1.5, 1, 0.4, 1.5, 1, 0.1, 0.1]
+    scene = capsules(back, front)
+    scene.paints[1, :3] = [0.05, 0.7, 0.05]
+    picture = draw(scene, look_at(np.array([0, 1.5, 6.0]), np.array([0, 1.5, 0.0])), (96, 96), SUN).astype(int)
+    assert picture[48, 48, 1] > 2 * picture[48, 48, 0]
+    assert picture[56, 48, 0] > 2 * picture[56, 48, 1]
+
+
+def shares_of_sun(scene, view, size=(64, 64)):
+    """Share of the sun in every pixel, by the picture of a white floor against that of an empty one."""
+    empty = draw(
+        Capsules(np.zeros((0, 8), np.float32), np.zeros((0, 4), np.float32), np.zeros(0, np.int32)), view, size, SUN
+    )
+    return draw(scene, view, size, SUN)[..., 0].astype(float) / empty[..., 0]
+
+
+def test_shadows_lie_where_rays_to_the_sun_are_stopped():
+    right, _, ahead = directions(0.4, math.pi / 2)
+    eye = np.array([0.0, 14.0, 0.0])
+    view = View(eye, ahead, right, 1e6, math.radians(25.0))
+    scene = capsules([-0.8, 1.0, 0.2, 0.6, 1.3, -0.4, 0.15, 0.3], [0.9, 0.6, 0.9, 0.9, 0.6, 0.9, 0.2, 0.2])
+    cone = [
+        np.concatenate(
+            [(row[:3] + row[3:6]) / 2, (row[3:6] - row[:3]) / 2, [(row[6] + row[7]) / 2, (row[7] - row[6]) / 2]]
+        )
+        for row in scene.places.astype(float)
+    ]
+    ratio = shares_of_sun(scene, view)
+    half = math.tan(math.radians(12.5))
+    up = np.cross(view.right, view.ahead)
+    wrong = checked = 0
+    for y in range(2, 62, 3):
+        for x in range(2, 62, 3):
+            ray = view.ahead + half * ((x - 31.5) / 32 * view.right - (y - 31.5) / 32 * up)
+            point = eye + ray * (-eye[1] / ray[1])
+            shades = [
+                naive.is_shaded(point + np.array([dx, 0, dz]), SUN, cone) for dx in (-0.1, 0.1) for dz in (-0.1, 0.1)
+            ]
+            seen = any(
+                np.isfinite(naive.first_hit(ray / np.linalg.norm(ray), np.concatenate([c[:3] - eye, c[3:]]))[0])
+                for c in cone
+            )
+            if not seen and all(shades) != any(shades):
+                continue
+            if not seen:
+                checked += 1
+                wrong += (ratio[y, x] < 0.75) != all(shades)
+    assert checked > 250
+    assert wrong == 0
+
+
+def test_a_lone_ball_does_not_shade_itself():
+    scene = capsules([0, 5, 0, 0, 5, 0, 1, 1])
+    view = look_at(np.array([0, 5, 0]) + 6 * SUN, np.array([0, 5.0, 0]), 1e6)
+    red = draw(scene, view, (96, 96), SUN)[..., 0].astype(float)
+    y, x = np.mgrid[:96, :96] - 47.5
+    inside = np.hypot(x, y) < 20
+    middle = red[47:49, 47:49].mean()
+    # Seen from the sun, light falls off smoothly from the middle to the rim.
+    assert red[inside].min() > 0.75 * middle
+    assert np.abs(np.diff(red, axis=1))[inside[:, 1:] & inside[:, :-1]].max() < 12
+
+
+def test_shadows_meet_what_stands_on_the_floor():
+    scene = capsules([0, 0.05, 0, 0, 1.7, 0, 0.05, 0.05])
+    away = -SUN * [1, 0, 1] / np.linalg.norm(SUN[[0, 2]])
+    right, _, ahead = directions(0.0, math.pi / 2)
+    view = View(np.array([0.0, 9.0, 0.0]), ahead, right, 1e6, math.radians(20.0))
+    picture = shares_of_sun(scene, view, (256, 256))
+    metre = 128 / (9.0 * math.tan(math.radians(10.0)))
+    for way in (0.12, 0.3, 0.6, 1.0):
+        place = way * away
+        x, y = 128 + metre * float(place @ right), 128 - metre * float(place @ np.cross(right, ahead))
+        assert picture[int(y), int(x)] < 0.75
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(-9, 9), st.floats(0.002, 0.75))
+def test_the_floor_is_the_mean_of_its_squares_over_a_pixel(x, wide):
+    found = kernels._checks(np.float32(x + 20), np.float32(wide))
+    assert found == pytest.approx(naive.checker(x + 20, 0.5, wide, 1e-6, 2001), abs=0.02)
+
+
+def test_squares_fade_out_where_a_pixel_holds_several():
+    view = look_at(np.array([0.0, 2.0, 0.0]), np.array([0.3, 1.8, 5.0]), 1e5)
+    empty = Capsules(np.zeros((0, 8), np.float32), np.zeros((0, 4), np.float32), np.zeros(0, np.int32))
+    picture = draw(empty, view, (320, 200), SUN)[..., 0].astype(float)
+    horizon = int(100 - 100 * math.tan(math.atan2(0.2, 5.0)) / math.tan(math.radians(18.0)))
+    far, near = picture[horizon + 2 : horizon + 8], picture[-40:]
+    assert far.std(axis=1).max() < 2.0
+    assert near.std(axis=1).max() > 5.0
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        [0, 1, 0, 0, 1, 0, 0.2, 0.2],
+        [0, 1, 0, 0, 2, 0, 0.0, 0.0],
+        [0, 1, 0, 0, 1.01, 0, 0.5, 0.1],
+        [0, 1, 200, 0, 1, -200, 0.1, 0.1],
+        [0, 3, 9, 0, 3, 9, 0.5, 0.5],
+        [0, 3, 12, 0, 3, 15, 0.5, 0.5],
+        [0, -5, 0, 0, -4, 0, 0.5, 0.5],
+        [np.nan, 1, 0, 0, 1, 0, 0.2, 0.2],
+        [0, 1, 0, 0, 1, 0, 500.0, 500.0],
+    ],
+    ids=["ball", "thread", "ball in ball", "through the eye", "about the eye", "behind", "below", "nan", "giant"],
+)
+def test_odd_capsules_neither_crash_nor_spoil_the_picture(row):
+    picture = draw(capsules(row), VIEW, (64, 48), SUN)
+    assert picture.shape == (48, 64, 3)
+    empty = draw(
+        Capsules(np.zeros((0, 8), np.float32), np.zeros((0, 4), np.float32), np.zeros(0, np.int32)), VIEW, (64, 48), SUN
+    )
+    if np.isnan(row).any() or row[2] == 12:
+        np.testing.assert_array_equal(picture, empty)
+
+
+def test_flashes_brighten_the_place_where_they_are_and_fade():
+    scene = crowd(1)
+    point = np.array([[0.0, 1.5, 0.0]])
+    plain = draw(scene, VIEW, (128, 96), SUN).astype(int)
+    glow = [
+        draw(scene, VIEW, (128, 96), SUN, Flashes(point, np.array([age]), np.ones(1))).astype(int) - plain
+        for age in (0.0, 0.5, 0.99)
+    ]
+    assert glow[0].min() >= 0
+    assert glow[0][44:52, 60:68].max() > 40
+    assert glow[0].sum() > glow[1].sum() > glow[2].sum()
+    assert glow[0][:10, :10].max() == 0
+
+
+def test_flashes_behind_something_are_hidden():
+    scene = capsules([-3, 1.5, 3, 3, 1.5, 3, 1.4, 1.4])
+    hidden = Flashes(np.array([[0.0, 1.5, -2.0]]), np.zeros(1), np.ones(1))
+    plain = draw(scene, VIEW, (128, 96), SUN)
+    np.testing.assert_array_equal(draw(scene, VIEW, (128, 96), SUN, hidden), plain)
