@@ -337,8 +337,8 @@ def observe(
 
     Queries of one leaf share the points around it. ``skipped`` (N,) is the team that a point's opponent may not be of:
     -1 for none (nearest of anyone), -2 where no opponent is asked for. ``opponent`` (N,) is the number of the opponent
-    so far, or negative, and ``slot_of`` tells where a number is: it bounds the search and changes no result. The outputs
-    run along with ``due``; ``out_neighbours`` (Q, K) holds the nearest ``out_counts`` ones, in no particular order.
+    so far, or negative, and ``slot_of`` tells where a number is: it bounds the search and changes no result. The
+    outputs run along with ``due``; ``out_neighbours`` (Q, K) holds the nearest ``out_counts`` ones, in no order.
     """
     stack = np.empty(64, np.int64)
     far = np.empty(64)

@@ -25,14 +25,14 @@ HEAD, NECK, PELVIS = 0, 3, 6
 STRIDE, BEHAVIOURS, ACTIONS, STATES = range(4)
 MARGIN, MOST, TEMPERATURE, HYSTERESIS = range(4)
 
-_clock_type = types.int32(types.int32, types.CPointer(types.int64))  # type: ignore[call-overload]
+_clock_type = types.int32(types.int32, types.CPointer(types.int64))
 _clock_gettime = types.ExternalFunction("clock_gettime", _clock_type)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _now(buffer):
     """Return a steady time [ns]; ``buffer`` has room for two numbers."""
-    _clock_gettime(1, buffer.ctypes)
+    _clock_gettime(1, buffer.ctypes)  # type: ignore[call-overload]
     return buffer[0] * 1_000_000_000 + buffer[1]
 
 

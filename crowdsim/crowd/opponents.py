@@ -58,6 +58,11 @@ class TreeIndex:
         self._forest: Forest | None = None
         self._age = 0
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of the trees' boxes."""
+        return 0 if self._forest is None else self._forest.boxes.nbytes + self._forest.box_teams.nbytes
+
     def reset(self) -> None:
         """Forget the order, since other avatars are present, or they fight otherwise."""
         self._forest = None

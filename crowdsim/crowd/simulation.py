@@ -157,6 +157,12 @@ class Simulation:
             stream=np.array([stream(crowd.seed, Purpose.CHOICE)], np.uint64),
         )
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of the avatars and of one recorded frame, beside the policies."""
+        avatars = sum(values.nbytes for values in self.avatars) + self._due.nbytes
+        return avatars + 24 * self.crowd.count + getattr(self._index, "nbytes", 0)
+
     def close(self) -> None:
         """End the threads."""
         self._workers.close()
@@ -231,6 +237,8 @@ class Simulation:
         else:
             due = self._advance()
             if len(fresh):
+                # They have not moved yet: they stand at the end of the action that brings them in.
+                avatars.real[kernels.PHASE, fresh] = avatars.real[kernels.PHASE_BEFORE, fresh]
                 due = np.union1d(due, fresh).astype(np.int32)
         self._fresh = fresh[:0]
         clock.append(perf_counter_ns())

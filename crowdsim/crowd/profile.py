@@ -1,0 +1,223 @@
+"""What control costs: the time of every stage of every frame, summed up, written and drawn.
+
+A simulation that is profiled takes these times itself (``Chunk.timings``); one that is not reads no clock.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter_ns
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd.simulation import STAGES, Simulation
+
+if TYPE_CHECKING:
+    from crowdsim.crowd.crowd import Crowd
+    from crowdsim.crowd.scenario_outputs import ProfileOutput
+    from crowdsim.crowd.script import Script
+    from crowdsim.policy.policy import Policy
+
+Array = NDArray[Any]
+Progress = Callable[[str, int, int], None]
+
+PAPER_NANOSECONDS = 300_000.0
+"""What the paper's control cost an avatar and frame: 9 s for 30 avatars and 1000 frames on a 2.4 GHz Pentium 4."""
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What one stage cost a control frame, in milliseconds, and in nanoseconds an avatar-frame."""
+
+    stage: str
+    mean: float
+    p50: float
+    p95: float
+    p99: float
+    maximum: float
+    nanoseconds: float
+
+
+@dataclass(frozen=True)
+class Profile:
+    """What a run's control cost.
+
+    Attributes:
+        avatars: Number of avatars.
+        threads: Threads.
+        timings: Time of each of ``STAGES`` [ns]. Shape (frames, 6), int64.
+        whole: Time of all frames together, taken around them [ns]; compiling is not part of it.
+        compiling: Time of the first frame of all, which compiles kernels or loads them [ns].
+        bytes_per_avatar: Memory of the simulation, an avatar, beside the policies.
+    """
+
+    avatars: int
+    threads: int
+    timings: Array
+    whole: int
+    compiling: int
+    bytes_per_avatar: float
+
+    @property
+    def costs(self) -> tuple[Costs, ...]:
+        """What each stage cost, and all together under ``control``, which leaves recording out."""
+        return stage_costs(self.timings, self.avatars)
+
+
+def stage_costs(timings: Array, avatars: int) -> tuple[Costs, ...]:
+    """Return what each stage cost, then ``control``: all stages but recording; timings (frames, 6) [ns]."""
+    columns = {stage: timings[:, k] for k, stage in enumerate(STAGES)}
+    columns["control"] = timings[:, : len(STAGES) - 1].sum(axis=1)
+    found = []
+    for stage, spent in columns.items():
+        milliseconds = np.asarray(spent, dtype=float) * 1e-6
+        p50, p95, p99 = np.percentile(milliseconds, [50, 95, 99])
+        mean = float(milliseconds.mean())
+        found.append(
+            Costs(
+                stage=stage,
+                mean=mean,
+                p50=float(p50),
+                p95=float(p95),
+                p99=float(p99),
+                maximum=float(milliseconds.max()),
+                nanoseconds=mean * 1e6 / max(avatars, 1),
+            )
+        )
+    return tuple(found)
+
+
+def profile_crowd(
+    crowd: Crowd,
+    policies: Sequence[Policy],
+    frames: int,
+    script: Script | None = None,
+    threads: int = 1,
+    search: str = "auto",
+    progress: Progress | None = None,
+) -> Profile:
+    """Run a crowd for what it costs; what it does is thrown away.
+
+    Args:
+        crowd: The crowd.
+        policies: Its policies.
+        frames: Control frames to measure, after two that only compile.
+        script: What is planned.
+        threads: Threads for large crowds.
+        search: Index for large crowds.
+        progress: Called with ("control", frames done, frames).
+    """
+    begun = perf_counter_ns()
+    warm = Simulation(crowd, policies, script, threads, search, profiled=True)
+    for _ in range(2):
+        warm.run(1)
+    warm.close()
+    compiling = perf_counter_ns() - begun
+    simulation = Simulation(crowd, policies, script, threads, search, profiled=True)
+    size = min(max(1_000_000 // max(crowd.count, 1), 1), 256)
+    parts = []
+    whole = 0
+    try:
+        while simulation.frame < frames:
+            started = perf_counter_ns()
+            chunk = simulation.run(min(size, frames - simulation.frame))
+            whole += perf_counter_ns() - started
+            assert chunk.timings is not None
+            parts.append(chunk.timings)
+            if progress is not None:
+                progress("control", simulation.frame, frames)
+    finally:
+        simulation.close()
+    return Profile(
+        crowd.count, threads, np.concatenate(parts), whole, compiling, simulation.nbytes / max(crowd.count, 1)
+    )
+
+
+def profile_table(profile: Profile) -> str:
+    """Return a profile as a table for people."""
+    lines = [f"{profile.avatars} avatars, {len(profile.timings)} control frames, threads: {profile.threads}"]
+    lines.append(f"{'stage':<10}{'mean':>10}{'p50':>10}{'p95':>10}{'p99':>10}{'max':>10}  {'ns/avatar-frame':>16}")
+    for cost in profile.costs:
+        times = "".join(f"{value:>10.3f}" for value in (cost.mean, cost.p50, cost.p95, cost.p99, cost.maximum))
+        lines.append(f"{cost.stage:<10}{times}  {cost.nanoseconds:>16.0f}")
+    scopes, whole = profile.timings.sum() * 1e-6, profile.whole * 1e-6
+    lines.append(f"milliseconds a frame; stages add up to {scopes:.1f} ms of {whole:.1f} ms")
+    lines.append(f"compiling, or loading what was compiled: {profile.compiling * 1e-9:.2f} s")
+    return "\n".join(lines)
+
+
+def write_profile(folder: Path, timings: Array, avatars: int, wanted: ProfileOutput) -> None:
+    """Write ``profile.csv``, and ``profile.png`` where plots are wanted, into a run's folder."""
+    if wanted.csv:
+        write_csv(folder / "profile.csv", timings, avatars)
+    if wanted.plots:
+        draw_profile(folder / "profile.png", timings, avatars)
+
+
+def write_csv(path: Path, timings: Array, avatars: int) -> None:
+    """Write a row for each control frame: the time of each stage and of all but recording [us]."""
+    rows = ["frame,avatars," + ",".join(f"{stage}_us" for stage in STAGES) + ",control_us"]
+    for frame, spent in enumerate(timings.tolist()):
+        times = ",".join(f"{value / 1000:.3f}" for value in (*spent, sum(spent[:-1])))
+        rows.append(f"{frame},{avatars},{times}")
+    part = path.with_name(path.name + ".part")
+    part.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    os.replace(part, path)
+
+
+def draw_profile(path: Path, timings: Array, avatars: int) -> None:
+    """Draw what control cost: a histogram over frames, and the stages over time."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    microseconds = np.asarray(timings, dtype=float) * 1e-3
+    control = microseconds[:, :-1].sum(axis=1)
+    figure = Figure(figsize=(10, 4), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2)
+    left.hist(control, bins=min(60, max(10, len(control) // 10)), color="#4878a8")
+    left.axvline(float(np.median(control)), color="#c8553d", label=f"median {np.median(control):.1f} µs")
+    left.set(xlabel="control of a frame [µs]", ylabel="frames", title=f"{avatars} avatars")
+    left.legend()
+    window = max(1, len(control) // 200)
+    whole = len(control) // window * window
+    frames = np.arange(whole).reshape(-1, window).mean(axis=1)
+    smooth = microseconds[:whole].reshape(-1, window, len(STAGES)).mean(axis=1)
+    right.stackplot(frames, smooth.T, labels=STAGES)
+    right.set(xlabel="control frame", ylabel="time [µs]", title="stages")
+    right.legend(loc="upper right", fontsize=8)
+    _save(figure, path)
+
+
+def draw_scaling(path: Path, profiles: Sequence[Profile]) -> None:
+    """Draw avatars against the cost of an avatar-frame, log-log, a line for each number of threads."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 5), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    for threads in sorted({profile.threads for profile in profiles}):
+        mine = sorted((p for p in profiles if p.threads == threads), key=lambda p: p.avatars)
+        costs = [profile.costs[-1].nanoseconds for profile in mine]
+        label = f"{threads} thread{'s' if threads > 1 else ''}"
+        axes.plot([profile.avatars for profile in mine], costs, marker="o", label=label)
+    axes.axhline(PAPER_NANOSECONDS, color="#888888", linestyle="--", label="Lee and Lee 2005: 0.30 ms")
+    counts = [profile.avatars for profile in profiles]
+    real = np.geomspace(max(min(counts), 1), max(max(counts), 10), 50)
+    axes.plot(real, 1e9 / 15 / real, color="#c8553d", linestyle=":", label="real time at 15 Hz")
+    axes.set(xscale="log", yscale="log", xlabel="avatars", ylabel="control of an avatar-frame [ns]")
+    axes.grid(alpha=0.3, which="both")
+    axes.legend()
+    _save(figure, path)
+
+
+def _save(figure: Any, path: Path) -> None:
+    part = path.with_name(path.name + ".part")
+    figure.savefig(part, format="png", dpi=110)
+    os.replace(part, path)

@@ -1,0 +1,145 @@
+"""What a run amounts to in a few numbers, gathered from its chunks as they come."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from crowdsim.crowd.kd_tree import build_forest, neighbours
+from crowdsim.crowd.simulation import Chunk
+
+if TYPE_CHECKING:
+    from crowdsim.policy.policy import Policy
+
+Array = NDArray[Any]
+
+BODY_RADIUS = 0.2
+"""Radius of the disc that a body of scale 1 takes up [m]."""
+
+_OVERLAP_AVATAR_FRAMES = 2_000_000
+
+
+@dataclass(frozen=True)
+class CrowdStatistics:
+    """A run in numbers.
+
+    Attributes:
+        avatars: Number of avatars.
+        control_frames: Number of control frames.
+        seconds: Their time [s].
+        strikes_thrown: Strikes that reached their furthest point.
+        strikes_landed: Those that landed.
+        hits_per_minute_per_avatar: Strikes landed over the minutes that avatars were present.
+        overlap_share: Share of avatar-frames in which a body's disc overlaps another's.
+        opponent_changes: How often an avatar took another opponent.
+        transitions_per_second: Cuts from one piece of captured motion to another, an avatar and second.
+    """
+
+    avatars: int
+    control_frames: int
+    seconds: float
+    strikes_thrown: int
+    strikes_landed: int
+    hits_per_minute_per_avatar: float
+    overlap_share: float
+    opponent_changes: int
+    transitions_per_second: float
+
+
+class StatisticsCounter:
+    """Counts a run's chunks as they come.
+
+    Args:
+        policies: The policies of the run.
+        policy: Policy of each avatar. Shape (N,).
+        scale: Scale of each avatar. Shape (N,).
+        planned: Control frames planned; of many avatar-frames only every so many-th frame is looked at for overlaps.
+    """
+
+    def __init__(self, policies: Sequence[Policy], policy: ArrayLike, scale: ArrayLike, planned: int = 1) -> None:
+        self._rate = float(policies[0].database.control_rate)
+        self._policy, self._scale = np.asarray(policy, np.int64), np.asarray(scale, dtype=float)
+        self._starts = np.concatenate([[0], np.cumsum([one.actions.action_count for one in policies])])
+        self._cuts = np.concatenate([np.asarray(one.actions.costs) > 0 for one in policies])
+        self._every = max(1, -(-planned * len(self._scale) // _OVERLAP_AVATAR_FRAMES))
+        self._last: tuple[Array, Array, Array] | None = None
+        self._frames = self._present = self._thrown = self._landed = self._changes = self._transitions = 0
+        self._looked = self._overlapping = 0
+
+    def add(self, chunk: Chunk) -> None:
+        """Count one more chunk."""
+        self._frames += chunk.frames
+        self._present += int(np.count_nonzero(chunk.action >= 0))
+        self._thrown += len(chunk.events.frame)
+        self._landed += int(np.count_nonzero(chunk.events.landed))
+        for k in range(chunk.frames):
+            action, done, opponent = chunk.action[k], chunk.action_frame[k], chunk.opponent[k]
+            if self._last is not None:
+                before, done_before, opponent_before = self._last
+                here = (action >= 0) & (before >= 0)
+                switched = here & ((action != before) | (done <= done_before))
+                whose = self._starts[self._policy[switched]] + action[switched]
+                self._transitions += int(np.count_nonzero(self._cuts[whose]))
+                known = here & (opponent != -1) & (opponent_before != -1)
+                self._changes += int(np.count_nonzero(known & (opponent != opponent_before)))
+            self._last = (action, done, opponent)
+            if (chunk.first + k) % self._every == 0:
+                here = action >= 0
+                self._looked += int(np.count_nonzero(here))
+                self._overlapping += int(
+                    np.count_nonzero(overlapping(chunk.x[k, here], chunk.z[k, here], self._scale[here]))
+                )
+
+    def finish(self) -> CrowdStatistics:
+        """Return what has been counted."""
+        minutes = self._present / self._rate / 60
+        return CrowdStatistics(
+            avatars=len(self._scale),
+            control_frames=self._frames,
+            seconds=self._frames / self._rate,
+            strikes_thrown=self._thrown,
+            strikes_landed=self._landed,
+            hits_per_minute_per_avatar=self._landed / minutes if minutes else 0.0,
+            overlap_share=self._overlapping / self._looked if self._looked else 0.0,
+            opponent_changes=self._changes,
+            transitions_per_second=self._transitions / (minutes * 60) if minutes else 0.0,
+        )
+
+
+def gather_statistics(
+    chunks: Iterable[Chunk], policies: Sequence[Policy], policy: ArrayLike, scale: ArrayLike, planned: int = 1
+) -> CrowdStatistics:
+    """Return the numbers of a run; see ``StatisticsCounter`` for the arguments."""
+    counter = StatisticsCounter(policies, policy, scale, planned)
+    for chunk in chunks:
+        counter.add(chunk)
+    return counter.finish()
+
+
+def overlapping(x: ArrayLike, z: ArrayLike, scale: ArrayLike = 1.0, radius: float = BODY_RADIUS) -> Array:
+    """Return whether each body's disc overlaps another's: closer than the two radii, each times its scale.
+
+    Args:
+        x: Places [m]. Shape (N,).
+        z: Likewise. Shape (N,).
+        scale: Scale of each body. Shape (N,) or ().
+        radius: Radius for scale 1 [m].
+    """
+    xs, zs = np.asarray(x, dtype=float), np.asarray(z, dtype=float)
+    radii = np.broadcast_to(np.asarray(scale, dtype=float) * radius, xs.shape)
+    if len(xs) < 2:
+        return np.zeros(len(xs), bool)
+    forest, order = build_forest(xs, zs)
+    own = np.arange(len(xs), dtype=np.int32)
+    counts, near = neighbours(forest, forest.xs, forest.zs, own, float(2 * radii.max()), 16)
+    listed = np.arange(near.shape[1]) < counts[:, None]
+    others = np.where(listed, near, 0)
+    distance = np.hypot(forest.xs[:, None] - forest.xs[others], forest.zs[:, None] - forest.zs[others])
+    closer = listed & (distance < radii[order][:, None] + radii[order][others])
+    result = np.empty(len(xs), bool)
+    result[order] = closer.any(axis=1)
+    return result

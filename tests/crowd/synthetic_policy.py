@@ -1,0 +1,105 @@
+"""Small policies for tests of control: random motion, a graph over it, random tables."""
+
+import numpy as np
+
+from crowdsim.graph.motion_graph import MotionGraph
+from crowdsim.motion.body import Body
+from crowdsim.motion.database import MotionDatabase
+from crowdsim.motion.skeleton import Skeleton
+from crowdsim.policy.actions import build_actions
+from crowdsim.policy.environment import Axis, build_grid
+from crowdsim.policy.policy import Behaviour, Policy
+from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TransitionTerm, target_body
+
+
+def database(rng, frames=40, stride=4):
+    """Return one clip of a body that wanders and throws punches."""
+    count = frames * stride
+    ground = np.cumsum(rng.normal(0, [0.02, 0.02, 0.03], (count, 3)), axis=0)
+    heads = np.array([0.0, 1.6, 0.05]) + rng.normal(0, 0.02, (count, 3))
+    strikes = np.sort(rng.choice(np.arange(stride, count - stride), frames // 3, replace=False))
+    places = rng.normal([0, 1.4, 0.6], [0.15, 0.1, 0.1], (len(strikes), 3))
+    nothing = np.zeros((0, 3))
+    body = Body(
+        roles={"pelvis": 0}, height=1.75, fist_offsets=np.zeros((2, 3)), head_offset=np.zeros(3),
+        sole_offsets=np.zeros((2, 2, 3)), head_radius=0.11, torso_radius=0.15, capsule_joints=np.zeros(0, np.int32),
+        capsule_starts=nothing, capsule_ends=nothing, capsule_radii=np.zeros((0, 2)),
+        capsule_parts=np.zeros(0, np.uint8),
+    )  # fmt: skip
+    return MotionDatabase(
+        skeleton=Skeleton(("pelvis",), np.array([-1], np.int32), np.zeros((1, 3))),
+        body=body,
+        control_rate=15.0,
+        playback_rate=15.0 * stride,
+        clip_names=("clip",),
+        clip_starts=np.array([0, frames], np.int32),
+        root_positions=np.zeros((count, 3), np.float32),
+        rotations=np.zeros((count, 1, 4), np.float32),
+        ground=ground,
+        contacts=np.zeros((count, 2), bool),
+        fists=np.zeros((count, 2, 3), np.float32),
+        heads=heads.astype(np.float32),
+        necks=(heads - [0, 0.15, 0]).astype(np.float32),
+        pelvises=(heads - [0, 0.65, 0]).astype(np.float32),
+        strike_frames=strikes.astype(np.int32),
+        strike_hands=rng.integers(0, 2, len(strikes)).astype(np.uint8),
+        strike_peaks=strikes.astype(np.int32),
+        strike_speeds=rng.uniform(4, 9, len(strikes)).astype(np.float32),
+        strike_places=places.astype(np.float32),
+    )
+
+
+def graph(rng, frames=40, ways=3):
+    """Return a graph in which every state continues the capture, or goes on after other states."""
+    states = np.unique(np.concatenate([rng.choice(np.arange(1, frames - 1), frames // 3, replace=False), [frames - 1]]))
+    count = len(states)
+    offsets, following, first, lengths, costs = [0], [], [], [], []
+    for s in range(count):
+        jumps = rng.choice(count - 1, min(ways, count - 1), replace=False)
+        for j in dict.fromkeys([*([s] if s < count - 1 else [0]), *jumps]):
+            following.append(j + 1)
+            first.append(states[j] + 1)
+            lengths.append(states[j + 1] - states[j])
+            costs.append(0.0 if j == s else rng.uniform(0.05, 0.2))
+        offsets.append(len(following))
+    whole = {"action_offsets": offsets, "action_next": following, "action_first": first, "action_lengths": lengths}
+    return MotionGraph(
+        state_frames=states.astype(np.int32),
+        **{name: np.array(values, np.int32) for name, values in whole.items()},
+        action_costs=np.array(costs, np.float32),
+        frames_kept=np.ones(frames, bool),
+        transition_from=np.zeros(0, np.int32),
+        transition_to=np.zeros(0, np.int32),
+        transition_costs=np.zeros(0, np.float32),
+        threshold=0.2,
+    )
+
+
+def policy(seed=0, lookup="v", frames=40, stride=4, name="synthetic"):
+    """Return a policy of random motion with random values for approach and punch."""
+    rng = np.random.default_rng(seed)
+    motion, model = database(rng, frames, stride), graph(rng, frames)
+    actions, body = build_actions(motion, model), target_body(motion)
+    approach = build_grid([Axis("distance", 0.0, 4.0, 5, fade=2.0), Axis("bearing", -np.pi, np.pi, 6, wraps=True)])
+    punch = build_grid(
+        [
+            Axis("distance", 0.2, 1.4, 4, fade=0.4),
+            Axis("bearing", -np.pi, np.pi, 5, wraps=True),
+            Axis("height", 1.2, 1.7, 3, fade=0.3),
+        ]
+    )
+    terms = {
+        "approach": (ProximityTerm(kind="proximity", facing=bool(seed % 2)), TransitionTerm(kind="transition")),
+        "punch": (
+            StrikeTerm(kind="strike", tolerance=0.3),
+            ProximityTerm(kind="proximity", form="max"),
+            TransitionTerm(kind="transition", weight=0.1, each=0.05),
+        ),
+    }
+    behaviours = []
+    for grid, (title, rewards) in zip((approach, punch), terms.items(), strict=True):
+        rows = actions.state_count if lookup == "v" else actions.action_count
+        table = rng.uniform(0, 5, rows * grid.cells).astype(np.float32)
+        behaviours.append(Behaviour(title, grid, lookup, table, 2.0, rewards, 0.97))
+    values = np.concatenate([behaviour.table for behaviour in behaviours])
+    return Policy(name, motion, model, actions, tuple(behaviours), body, values, {}, {}, "", {})

@@ -1,0 +1,269 @@
+import dataclasses
+
+import naive_crowd
+import numpy as np
+import pytest
+from synthetic_policy import policy
+
+from crowdsim.crowd import kernels, simulation
+from crowdsim.crowd.crowd import Crowding, build_crowd
+from crowdsim.crowd.model import build_model
+from crowdsim.crowd.random import Purpose, stream, uniform
+from crowdsim.crowd.script import Change, CirclePath, LinePath, Script
+from crowdsim.crowd.simulation import VARIABLES, Simulation, simulate
+from crowdsim.errors import RunError
+from crowdsim.policy.policy import action_values
+
+POLICIES = [policy(0, "v", name="one"), policy(1, "q", frames=50, stride=2, name="two")]
+
+
+def crowd(count=12, seed=0, spacing=1.0, policies=2, **other):
+    rng = np.random.default_rng(seed)
+    side = int(np.ceil(np.sqrt(count)))
+    z, x = np.divmod(np.arange(count), side)
+    fields = {
+        "policy": rng.integers(0, policies, count),
+        "scale": rng.uniform(0.9, 1.1, count),
+        "speed": rng.uniform(0.8, 1.4, count),
+        "arena": np.array([1.0, side / 2, side / 2, side * 0.7, side * 0.7]),
+        "seed": seed,
+        **other,
+    }
+    jitter = rng.normal(0, 0.1, (2, count))
+    return build_crowd(x * spacing + jitter[0], z * spacing + jitter[1], rng.uniform(-3, 3, count), **fields)
+
+
+def whole(chunks):
+    """All chunks as one: what is recorded, and the strikes."""
+    parts = list(chunks)
+    record = {name: np.concatenate([getattr(part, name) for part in parts]) for name in VARIABLES}
+    fields = [field.name for field in dataclasses.fields(parts[0].events)]
+    events = {name: np.concatenate([getattr(part.events, name) for part in parts]) for name in fields}
+    return record, events
+
+
+def bytes_of(chunks):
+    record, events = whole(chunks)
+    return {**{k: v.tobytes() for k, v in record.items()}, **{f"events.{k}": v.tobytes() for k, v in events.items()}}
+
+
+@pytest.mark.parametrize(
+    ("name", "fields", "targets"),
+    [
+        ("free for all", {}, ()),
+        ("two teams", {"team": np.arange(12) % 2}, ()),
+        ("fixed opponents", {"skip": np.full(12, -2), "fixed": np.roll(np.arange(12), 3)}, ()),
+        ("nobody to fight", {"skip": np.full(12, -2), "fixed": np.full(12, -1)}, ()),
+        (
+            "scripted targets",
+            {"skip": np.full(12, -2), "fixed": np.where(np.arange(12) % 2, -2, -3)},
+            (CirclePath(2.0, 1.0, (1.0, 1.0), 1.5), LinePath(np.array([[0.0, 0.0], [3.0, 1.0]]), 0.7, True, 1.6)),
+        ),
+        ("a rectangle", {"arena": np.array([2.0, 1.5, 1.5, 1.0, 2.0])}, ()),
+        ("the best action only", {"temperature": 0.0}, ()),
+        ("two candidates of wide choice", {"temperature": 2.0, "margin": 50.0, "most": 2}, ()),
+    ],
+)
+def test_a_run_is_that_of_the_naive_twin(name, fields, targets):
+    people, script = crowd(**fields), Script(targets)
+    record, events = whole(simulate(people, POLICIES, 60, script))
+    naive = naive_crowd.run(people, POLICIES, 60, script)
+    assert np.array_equal(record["action"], naive.action)
+    assert np.array_equal(record["opponent"], naive.opponent)
+    for variable in ("action_frame", "x", "z"):
+        np.testing.assert_allclose(record[variable], getattr(naive, variable), atol=2e-5)
+    turned = record["heading"] - naive.heading
+    np.testing.assert_allclose(np.sin(turned / 2), 0, atol=2e-5)
+    assert len(events["frame"]) == len(naive.strikes) > 20
+    for k, strike in enumerate(naive.strikes):
+        assert (events["attacker"][k], events["victim"][k], events["hand"][k]) == strike[1:4]
+        np.testing.assert_allclose(events["frame"][k], strike[0], atol=1e-5)
+        np.testing.assert_allclose(events["point"][k], strike[4:7], atol=2e-5)
+        np.testing.assert_allclose(events["speed"][k], strike[7], rtol=1e-5)
+        assert events["landed"][k] == strike[8]
+
+
+@pytest.mark.parametrize("lookup", ["v", "q"])
+def test_actions_are_worth_what_the_policy_says(lookup):
+    one, two = policy(4, lookup), policy(5, "q" if lookup == "v" else "v", frames=30)
+    model = build_model([one, two])
+    rng = np.random.default_rng(2)
+    cells, shares, values = np.empty(256, np.int64), np.empty(256), np.empty(64)
+    for index, chosen in enumerate((one, two)):
+        for _ in range(60):
+            state = int(rng.integers(chosen.actions.state_count))
+            target = rng.uniform([-3, 1.0, -3], [3, 1.9, 3])
+            weights = rng.uniform(0, 2, 2)
+            base = model.policies[index, kernels.STATES]
+            n = kernels.value_actions(model, weights, index, base + state, *target, cells, shares, values)
+            named = {b.name: weights[k] for k, b in enumerate(chosen.behaviours)}
+            np.testing.assert_allclose(values[:n], action_values(chosen, named, state, target), rtol=1e-6, atol=1e-6)
+
+
+def test_draws_are_those_of_the_random_module():
+    for avatar, decision in ((0, 0), (7, 3), (123456, 99)):
+        number = kernels.draw(stream(5, Purpose.CHOICE), avatar, decision)
+        assert number == uniform(5, Purpose.CHOICE, avatar, decision)
+
+
+@pytest.mark.parametrize("team", [None, np.arange(40) % 3])
+def test_stages_frames_and_chunks_give_the_same_bytes(team, monkeypatch):
+    people = crowd(40, team=team)
+    together = bytes_of(simulate(people, POLICIES, 40))
+    assert bytes_of(simulate(people, POLICIES, 40, chunk=7)) == together
+    monkeypatch.setattr(simulation, "SMALL", 0)
+    assert bytes_of(simulate(people, POLICIES, 40)) == together
+    assert bytes_of(simulate(people, POLICIES, 40, search="scipy")) == together
+
+
+@pytest.mark.parametrize("team", [None, np.arange(6000) % 2])
+def test_threads_and_the_order_of_storage_change_no_byte(team):
+    people = crowd(6000, team=team)
+    one = bytes_of(simulate(people, POLICIES, 25))
+    order = np.random.default_rng(3).permutation(6000)
+    assert bytes_of(simulate(people, POLICIES, 25, threads=2)) == one
+    assert bytes_of(simulate(people, POLICIES, 25, order=order)) == one
+    assert bytes_of(simulate(people, POLICIES, 25, search="scipy")) == one
+
+
+def test_the_order_of_storage_changes_no_byte_of_a_small_crowd():
+    people = crowd(30)
+    assert bytes_of(simulate(people, POLICIES, 50)) == bytes_of(
+        simulate(people, POLICIES, 50, order=np.arange(30)[::-1])
+    )
+
+
+def test_another_seed_gives_another_run():
+    assert bytes_of(simulate(crowd(seed=1), POLICIES, 20)) != bytes_of(simulate(crowd(seed=2), POLICIES, 20))
+
+
+def test_avatars_go_on_from_where_their_last_action_has_ended():
+    people = crowd(20, speed=1.0, policy=0)
+    record, _ = whole(simulate(people, POLICIES, 80))
+    ground = POLICIES[0].database.ground
+    fastest = np.hypot(*np.diff(ground[::4, :2], axis=0).T).max() * people.scale.max()
+    steps = np.hypot(np.diff(record["x"], axis=0), np.diff(record["z"], axis=0))
+    assert steps.max() <= fastest * 1.05
+    assert (record["action_frame"] == np.round(record["action_frame"])).all()
+
+
+def test_speed_makes_decisions_come_so_much_sooner():
+    slow, fast = (Simulation(crowd(30, speed=speed, policy=0), POLICIES) for speed in (0.5, 1.0))
+    slow.run(400)
+    fast.run(200)
+    decisions = [one.avatars.whole[kernels.DECISIONS].mean() for one in (slow, fast)]
+    np.testing.assert_allclose(decisions[0], decisions[1], rtol=0.05)
+
+
+def test_a_table_that_is_no_number_names_avatar_and_frame():
+    broken = policy(0, "v")
+    broken.values[:] = np.nan
+    with pytest.raises(RunError, match=r"avatar \d+ at control frame \d+"):
+        list(simulate(crowd(policies=1), [broken], 10))
+
+
+def test_motion_that_is_no_number_names_avatar_and_frame():
+    broken = policy(0, "v")
+    broken.database.ground[50:] = np.nan
+    for count in (12, 500):
+        with pytest.raises(RunError, match=r"avatar \d+ at control frame \d+"):
+            list(simulate(crowd(count, policies=1), [broken], 30))
+
+
+def test_an_avatar_that_starts_nowhere_is_refused_by_its_number():
+    people = crowd()
+    people.x[7] = np.nan
+    with pytest.raises(RunError, match="avatar 7 starts at"):
+        next(simulate(people, POLICIES, 5))
+
+
+def test_one_avatar_alone_keeps_moving():
+    record, _ = whole(simulate(crowd(1), POLICIES, 30))
+    assert (record["opponent"] == -1).all()
+    assert np.ptp(record["x"]) > 0
+
+
+@pytest.mark.parametrize("count", [12, 500])
+def test_groups_enter_and_leave(count):
+    late = np.arange(count) % 3 == 0
+    gone = np.arange(count) % 3 == 1
+    people = crowd(count, present=~late)
+    script = Script(changes=(Change(frame=10, who=late, present=True), Change(frame=20, who=gone, present=False)))
+    record, events = whole(simulate(people, POLICIES, 30, script))
+    assert (record["action"][:10, late] == -1).all()
+    assert (record["action"][10:, late] >= 0).all()
+    np.testing.assert_allclose(record["x"][10, late], people.x[late], atol=1e-5)
+    assert (record["action"][20:, gone] == -1).all()
+    assert np.isnan(record["x"][20:, gone]).all()
+    assert not np.isin(events["attacker"][events["frame"] < 10], np.flatnonzero(late)).any()
+    assert not np.isin(record["opponent"][25:, ~gone], np.flatnonzero(gone)).all(axis=0).any()
+    assert bytes_of(simulate(people, POLICIES, 30, script, chunk=4)) == bytes_of(simulate(people, POLICIES, 30, script))
+
+
+def test_those_who_enter_a_small_crowd_change_nothing_in_how_it_runs(monkeypatch):
+    people = crowd(30, present=np.arange(30) > 9)
+    script = Script(changes=(Change(frame=7, who=np.arange(30) < 10, present=True),))
+    together = bytes_of(simulate(people, POLICIES, 30, script))
+    monkeypatch.setattr(simulation, "SMALL", 0)
+    assert bytes_of(simulate(people, POLICIES, 30, script)) == together
+
+
+def test_a_change_waits_for_its_condition():
+    people = crowd(20, team=np.arange(20) % 2, group=np.arange(20) % 2)
+    nobody = {"who": np.ones(20, bool), "skip": np.full(20, -2), "fixed": np.full(20, -1)}
+    _, before = whole(simulate(people, POLICIES, 200))
+    third = int(np.ceil(before["frame"][before["landed"]][2]))
+    record, _ = whole(simulate(people, POLICIES, 200, Script(changes=(Change(strikes=3, **nobody),))))
+    frames = np.flatnonzero((record["opponent"] == -1).any(axis=1))
+    assert frames[0] >= third + 1
+    record, _ = whole(simulate(people, POLICIES, 60, Script(changes=(Change(near=(0, 1, 100.0), **nobody),))))
+    assert (record["opponent"][0] >= 0).all()
+    assert (record["opponent"][30:] == -1).any()
+
+
+def test_new_weights_change_what_avatars_do():
+    people = crowd(20)
+    change = Change(frame=20, weights=np.array([[0.0, np.nan]]), temperatures=np.array([np.nan]))
+    one, _ = whole(simulate(people, POLICIES, 40))
+    two, _ = whole(simulate(people, POLICIES, 40, Script(changes=(change,))))
+    assert np.array_equal(one["action"][:20], two["action"][:20])
+    assert not np.array_equal(one["action"], two["action"])
+
+
+def test_keeping_apart_keeps_bodies_apart():
+    def overlap(crowding):
+        record, _ = whole(simulate(crowd(36, crowding=crowding, policies=1, speed=1.0), POLICIES, 150))
+        x, z = record["x"], record["z"]
+        near = np.hypot(x[:, :, None] - x[:, None], z[:, :, None] - z[:, None]) < 0.4
+        return near.sum(axis=2).mean() - 1
+
+    assert overlap(Crowding()) < 0.5 * overlap(Crowding(end=0.0, path=0.0))
+
+
+def test_avatars_turn_back_at_the_border():
+    far = crowd(9, arena=np.zeros(5), speed=1.0, policies=1)
+    kept = crowd(9, arena=np.array([1.0, 1.5, 1.5, 3.0, 3.0]), speed=1.0, policies=1)
+
+    def reach(people):
+        record, _ = whole(simulate(people, POLICIES, 400))
+        return np.hypot(record["x"] - 1.5, record["z"] - 1.5).max()
+
+    assert reach(kept) < 4.5
+    assert reach(kept) < reach(far)
+
+
+@pytest.mark.parametrize("count", [12, 500])
+def test_scopes_add_up_to_the_whole(count):
+    chunks = list(simulate(crowd(count), POLICIES, 20, profiled=True))
+    timings = np.concatenate([chunk.timings for chunk in chunks])
+    assert timings.shape == (20, len(simulation.STAGES))
+    assert (timings >= 0).all()
+    assert timings[:, 1:].sum() > 0
+    assert all(chunk.timings is None for chunk in simulate(crowd(count), POLICIES, 2))
+
+
+def test_policies_of_different_rates_are_refused():
+    other = policy(3)
+    other = dataclasses.replace(other, database=dataclasses.replace(other.database, control_rate=30.0))
+    with pytest.raises(RunError, match="one control rate"):
+        build_model([POLICIES[0], other])

@@ -1,0 +1,256 @@
+"""Control, slow and plain: one avatar after another, one frame after another, straight from the definitions."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+from naive_opponents import nearest, neighbours
+
+from crowdsim.crowd.model import TOLERANCE
+from crowdsim.crowd.random import Purpose, uniform
+from crowdsim.crowd.script import target_places
+from crowdsim.motion import ground
+from crowdsim.policy.policy import action_values
+
+
+def at(rows, place):
+    """Row of an array at a fractional place."""
+    below = int(place)
+    if place == below:
+        return np.asarray(rows[below], float)
+    return np.asarray(rows[below], float) + (place - below) * (np.asarray(rows[below + 1], float) - rows[below])
+
+
+class Avatar:
+    """An avatar, with the policy's own numbers for states and actions."""
+
+    def __init__(self, number, crowd, policies):
+        self.number, self.policy = number, policies[crowd.policy[number]]
+        self.scale, self.speed = float(crowd.scale[number]), float(crowd.speed[number])
+        self.team, self.skip, self.fixed = int(crowd.team[number]), int(crowd.skip[number]), int(crowd.fixed[number])
+        self.mood = int(crowd.mood[number])
+        actions, graph = self.policy.actions, self.policy.graph
+        with_entry = [s for s in range(actions.state_count) if (actions.next == s).any()]
+        self.state = with_entry[int(float(uniform(crowd.seed, Purpose.START, number)) * len(with_entry))]
+        into = [a for a in range(actions.action_count) if actions.next[a] == self.state]
+        self.action = min(into, key=lambda a: (graph.action_costs[a], a))
+        self.phase = self.phase_before = float(actions.lengths[self.action])
+        end = np.array([crowd.x[number], crowd.z[number], crowd.heading[number]])
+        self.start = self.before_start(self.action, end)
+        self.action_before, self.start_before, self.decided = None, None, False
+        self.opponent = self.opponent_before = -1
+        self.decisions = 0
+
+    @property
+    def length(self):
+        return float(self.policy.actions.lengths[self.action])
+
+    def place(self, action, phase):
+        return self.policy.database.stride * (float(self.policy.graph.action_first[action]) - 1 + phase)
+
+    def way(self, action, phase):
+        """Ground transform since the action's start, scaled."""
+        rows = self.policy.database.ground
+        moved = ground.compose(ground.inverse(rows[int(self.place(action, 0))]), at(rows, self.place(action, phase)))
+        return moved * [self.scale, self.scale, 1.0]
+
+    def before_start(self, action, end):
+        """Where an action starts that ends in a place."""
+        way = self.way(action, float(self.policy.actions.lengths[action]))
+        heading = end[2] - way[2]
+        start = ground.compose([0, 0, heading], way)
+        return np.array([end[0] - start[0], end[1] - start[1], heading])
+
+    def stands(self):
+        return ground.compose(self.start, self.way(self.action, min(self.phase, self.length)))
+
+    def meanwhile(self, share):
+        """Action, phase and its start, ``share`` of the way to this frame."""
+        shown = min(self.phase, self.length)
+        if not self.decided:
+            return self.action, self.phase_before + share * (shown - self.phase_before), self.start
+        rest = float(self.policy.actions.lengths[self.action_before]) - self.phase_before
+        moved = share * (rest + shown)
+        if moved < rest:
+            return self.action_before, self.phase_before + moved, self.start_before
+        return self.action, moved - rest, self.start
+
+    def body(self, name, action, phase, start):
+        stands = ground.compose(start, self.way(action, phase))
+        return ground.to_world(stands, at(getattr(self.policy.database, name), self.place(action, phase)) * self.scale)
+
+
+def outside(arena, x, z):
+    kind, cx, cz, half_x, half_z = arena
+    if kind == 1:
+        return max(math.hypot(x - cx, z - cz) - half_x, 0.0)
+    if kind == 2:
+        return math.hypot(max(abs(x - cx) - half_x, 0.0), max(abs(z - cz) - half_z, 0.0))
+    return 0.0
+
+
+def nearest_approach(a, b):
+    """Least distance from the origin to the way from a to b, and whether it lies behind a."""
+    way = b - a
+    square = float(way @ way)
+    t = min(max(-float(a @ way) / square, 0.0), 1.0) if square > 0 else 0.0
+    return float(np.hypot(*(a + t * way))), t
+
+
+def run(crowd, policies, frames, script=None):
+    """Return a record of frames and the strikes thrown, as ``simulation.Simulation`` does."""
+    avatars = [Avatar(i, crowd, policies) for i in range(crowd.count)]
+    record = {
+        name: np.zeros((frames, crowd.count)) for name in ("action", "action_frame", "x", "z", "heading", "opponent")
+    }
+    strikes = []
+    paths = script.targets if script else ()
+    for frame in range(frames):
+        for one in avatars:
+            one.decided = False
+            if frame > 0:
+                one.phase_before = min(one.phase, one.length)
+                one.phase += one.speed
+        due = [one for one in avatars if one.phase >= one.length]
+        targets = target_places(paths, frame - 1, 2, policies[0].database.control_rate)
+        chosen = [decide(one, avatars, crowd, targets[1]) for one in due]
+        for one, (opponent, action) in zip(due, chosen, strict=True):
+            one.action_before, one.start_before, one.start = one.action, one.start, one.stands()
+            one.phase = min(one.phase - one.length, one.speed)
+            one.action, one.decided = action, True
+            one.opponent_before, one.opponent = one.opponent, opponent
+            one.decisions += 1
+        for one in avatars:
+            strikes += thrown(one, avatars, frame, targets)
+            stands = one.stands()
+            row = (one.action, min(one.phase, one.length), stands[0], stands[1], ground.wrap(stands[2]), one.opponent)
+            for name, value in zip(record, row, strict=True):
+                record[name][frame, one.number] = value
+    return SimpleNamespace(**record, strikes=sorted(strikes))
+
+
+def decide(one, avatars, crowd, targets):
+    """Opponent and next action of one avatar, from what all are like now."""
+    places = np.array([other.stands() for other in avatars])
+    x, z, team = places[:, 0], places[:, 1], np.array([other.team for other in avatars])
+    mine = places[one.number]
+    if one.skip == -2:
+        opponent = one.fixed
+    else:
+        opponent = nearest(x, z, team, mine[0], mine[1], one.number, one.skip)
+        old = one.opponent
+        if opponent >= 0 and old >= 0 and team[old] != one.skip:
+            far = math.hypot(x[old] - mine[0], z[old] - mine[1]) - crowd.hysteresis[one.mood]
+            if math.hypot(x[opponent] - mine[0], z[opponent] - mine[1]) >= far:
+                opponent = old
+    target = None
+    if opponent >= 0:
+        other = avatars[opponent]
+        target = other.body("heads", other.action, min(other.phase, other.length), other.start)
+    elif opponent <= -2:
+        target = targets[-2 - opponent]
+    if outside(crowd.arena, mine[0], mine[1]) > crowd.crowding.turn:
+        target = np.array([crowd.arena[1], 1.5 * one.scale if target is None else target[1], crowd.arena[2]])
+    policy, actions = one.policy, one.policy.actions
+    state = int(actions.next[one.action])
+    ways = range(actions.offsets[state], actions.offsets[state + 1])
+    if target is None:
+        values = -actions.costs[list(ways)].astype(float)
+    else:
+        weights = {b.name: crowd.weights[one.mood, k] for k, b in enumerate(policy.behaviours)}
+        values = action_values(policy, weights, state, ground.to_local(mine, target) / one.scale)
+    near = neighbours(x, z, mine[0], mine[1], one.number, crowd.crowding.reach, crowd.crowding.most)
+    for k, action in enumerate(ways):
+        values[k] -= crowding(one, action, mine, [avatars[j] for j in near], places, crowd)
+    return opponent, ways[pick(values, one, crowd)]
+
+
+def crowding(one, action, mine, near, places, crowd):
+    """What an action costs for neighbours and the arena."""
+    rules = crowd.crowding
+    left_over = min(one.phase - one.length, one.speed)
+    frames = max(float(one.policy.actions.lengths[action]) - left_over, 0.0) / one.speed
+    end = ground.compose(mine, one.policy.actions.displacements[action] * [one.scale, one.scale, 1.0])
+    worst = 0.0
+    for other in near:
+        now = places[other.number]
+        left = (other.length - other.phase) / other.speed
+        share = min(frames / left, 1.0) if left > 0 else 1.0
+        then = now + share * (ground.compose(other.start, other.way(other.action, other.length)) - now)
+        room = rules.radius * (one.scale + other.scale) + rules.gap
+        before, after = (now - mine)[:2], (then - end)[:2]
+        worst = max(worst, rules.end * (1 - float(np.hypot(*after)) / room))
+        passing, t = nearest_approach(before, after)
+        if t > 0:
+            worst = max(worst, rules.path * (1 - passing / room))
+    return worst + rules.outside * outside(crowd.arena, end[0], end[1])
+
+
+def pick(values, one, crowd):
+    """Place of the action that is drawn among the candidates."""
+    best = max(range(len(values)), key=lambda k: (values[k], -k))
+    temperature = crowd.temperatures[one.mood]
+    if temperature <= 0:
+        return best
+    order = sorted(range(len(values)), key=lambda k: (-values[k], k))[: crowd.most[one.mood]]
+    candidates = sorted(k for k in order if values[k] >= values[best] - crowd.margins[one.mood])
+    chances = np.exp((values[candidates] - values[best]) / temperature)
+    number = float(uniform(crowd.seed, Purpose.CHOICE, one.number, one.decisions))
+    place = np.searchsorted(np.cumsum(chances), number * chances.sum(), side="right")
+    return candidates[min(place, len(candidates) - 1)]
+
+
+def thrown(one, avatars, frame, targets):
+    """Strikes of one avatar on the way to this frame."""
+    parts = [(one.action, one.phase_before, min(one.phase, one.length), one.start, one.opponent, 0.0)]
+    motion = parts[0][2] - parts[0][1]
+    if one.decided:
+        rest = float(one.policy.actions.lengths[one.action_before]) - one.phase_before
+        old = (one.action_before, one.phase_before, one.phase_before + rest, one.start_before, one.opponent_before, 0.0)
+        parts = [old, (one.action, 0.0, min(one.phase, one.length), one.start, one.opponent, rest)]
+        motion = rest + parts[1][2]
+    found = []
+    database, actions = one.policy.database, one.policy.actions
+    tolerance = max(
+        [t.tolerance for b in one.policy.behaviours for t in b.terms if hasattr(t, "tolerance")] or [TOLERANCE]
+    )
+    for action, low, high, start, opponent, passed in parts:
+        for k in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
+            time, strike = float(actions.strike_times[k]), actions.strike_ids[k]
+            if not low < time <= high:
+                continue
+            share = (time - low + passed) / motion
+            point = ground.to_world(start, actions.strike_places[k] * one.scale)
+            gap = surface_gap(one, avatars, opponent, share, point, targets)
+            speed = float(database.strike_speeds[strike]) * one.scale * one.speed
+            landed = gap <= tolerance * one.scale
+            found.append(
+                (
+                    frame - 1 + share,
+                    one.number,
+                    opponent,
+                    int(database.strike_hands[strike]),
+                    *point,
+                    speed,
+                    landed,
+                    gap,
+                )
+            )
+    return found
+
+
+def surface_gap(one, avatars, opponent, share, point, targets):
+    if opponent == -1:
+        return math.inf
+    if opponent <= -2:
+        head = targets[0, -2 - opponent] + share * (targets[1, -2 - opponent] - targets[0, -2 - opponent])
+        sizes, scale = one.policy.body, one.scale
+        neck, pelvis = head - [0, sizes.neck_drop * scale, 0], head - [0, sizes.pelvis_drop * scale, 0]
+    else:
+        other = avatars[opponent]
+        sizes, scale, moment = other.policy.body, other.scale, other.meanwhile(share)
+        head, neck, pelvis = (other.body(name, *moment) for name in ("heads", "necks", "pelvises"))
+    axis = neck - pelvis
+    t = min(max(float((point - pelvis) @ axis) / float(axis @ axis), 0.0), 1.0)
+    to_head = abs(float(np.linalg.norm(point - head)) - sizes.head_radius * scale)
+    return min(to_head, abs(float(np.linalg.norm(point - pelvis - t * axis)) - sizes.torso_radius * scale))
