@@ -2,8 +2,8 @@
 
     python docs/performer_sheet.py [PICTURE]
 
-Each row is one move alone, out of the guard and back, by moments that are evenly spaced; left from the side, right from
-the front. The boxer is orthodox, his left side leads and his left glove is the red one.
+Each row is one move alone, out of the guard and back, by moments that are evenly spaced (times in seconds); left from
+the side, right from the front. The boxer is orthodox, his left side leads and his left glove is the red one.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from crowdsim.render.raycast import Capsules, draw, sun_direction
 from crowdsim.render.scene import build_cast
 from crowdsim.render.view import look_at
 
-MOMENTS = 8
-TILE = (104, 140)
+MOMENTS = 7
+TILE = (112, 150)
 _GAP = 10
 _RED, _BLUE = (0.62, 0.03, 0.03), (0.03, 0.09, 0.55)
 
@@ -48,7 +48,7 @@ def _draw_move(move: str, seed: int, threads: int) -> np.ndarray:
     positions, rotations = clip_kinematics(clip)
     frames = np.unique(np.linspace(first, last, MOMENTS).round().astype(int))
     body = build_body(clip.skeleton)
-    cast = build_cast([body], np.zeros(1, np.int32), [1])
+    cast = build_cast([body], np.zeros(1, np.int32), [0], colours=np.array([[0.55, 0.58, 0.62]]))
     paints = cast.paints.copy()
     for capsule, joint in enumerate(body.capsule_joints):
         if PARTS[body.capsule_parts[capsule]] == "glove":
@@ -63,19 +63,19 @@ def _draw_move(move: str, seed: int, threads: int) -> np.ndarray:
             capsules = cast.place([(positions[frame : frame + 1], rotations[frame : frame + 1])])
             large = draw(
                 Capsules(capsules.places, paints, capsules.owners),
-                look_at(eye, target, field=math.radians(21.0)),
+                look_at(eye, target, field=math.radians(20.0)),
                 (2 * TILE[0], 2 * TILE[1]),
                 sun_direction(azimuth + 0.7),
                 threads=threads,
             ).astype(np.uint16)
             small = (large[::2, ::2] + large[1::2, ::2] + large[::2, 1::2] + large[1::2, 1::2] + 2) // 4
             tile = small.astype(np.uint8)
-            draw_caption(tile, f"{(frame - first) / clip.fps:.2f} s", height=9)
+            draw_caption(tile, f"{(frame - first) / clip.fps:.2f}", height=11)
             tiles.append(tile)
         strips.append(np.concatenate(tiles, axis=1))
     gap = np.full((TILE[1], _GAP, 3), 245, np.uint8)
     row = np.concatenate([strips[0], gap, strips[1]], axis=1)
-    draw_caption(row, move.replace("_", " "), corner=(4, 2), height=13)
+    draw_caption(row, move.replace("_", " "), corner=(5, 3), height=15)
     return np.concatenate([row, np.full((3, row.shape[1], 3), 245, np.uint8)])
 
 
