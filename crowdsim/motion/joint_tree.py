@@ -91,11 +91,19 @@ class JointTree:
         scale = max(float(self.lengths[joint]), 1e-9)
         return bool(len(ends) == 0 or np.linalg.norm(ends, axis=1).max() < 1e-3 * scale)
 
-    def bend(self, before: int, joint: int, after: int) -> float:
-        """How far the way before - joint - after departs from a straight line in any pose [rad]."""
+    def _bends(self, before: int, joint: int, after: int) -> Array:
+        """How far the way before - joint - after departs from a straight line in each pose [rad]. Shape (n,)."""
         into, out = self.poses[:, joint] - self.poses[:, before], self.poses[:, after] - self.poses[:, joint]
         cross = np.linalg.norm(np.cross(into, out), axis=-1)
-        return float(np.max(np.arctan2(cross, np.sum(into * out, axis=-1)), initial=0.0))
+        return np.asarray(np.arctan2(cross, np.sum(into * out, axis=-1)))
+
+    def bend(self, before: int, joint: int, after: int) -> float:
+        """The furthest that the way before - joint - after departs from a straight line [rad]."""
+        return float(self._bends(before, joint, after).max())
+
+    def hinge(self, before: int, joint: int, after: int) -> float:
+        """By how much the way before - joint - after opens and closes over the poses [rad]."""
+        return float(np.ptp(self._bends(before, joint, after)))
 
     def limb(self, joint: int) -> list[int]:
         """The main chain without joints that part a bone in two: those on which it never bends, far from both ends."""

@@ -24,6 +24,8 @@ _LEAST_JOINTS = 10
 _MOST_PAIRS = 12
 _UPPER_TO_LOWER = 1.1
 """Length of an upper arm or thigh against the lower arm or shank, which tells the top of a limb from a collar bone."""
+_HINGE = np.deg2rad(10.0)
+"""Where a joint of a limb opens and closes by more than this, those that hardly do are no elbow and no knee."""
 _MISFIT = 0.8
 """How far proportions may lie from a human's; arms and trunk of real and drawn people stay below 0.6."""
 
@@ -275,12 +277,10 @@ def _two_bones(
     if fits:
         middle = fits[0]
     else:
-        inner = [
-            b for a, b, c in zip(chain, chain[1:], chain[2:], strict=False) if tree.bend(a, b, c) > np.deg2rad(2.0)
-        ]
-        inner = (
-            [joint for joint in inner if joint in own] or [joint for joint in own if joint != chain[0]] or chain[1:-1]
-        )
+        inner = [joint for joint in chain[1:-1] if joint in own] or chain[1:-1]
+        hinges = [tree.hinge(*chain[at - 1 : at + 2]) for at in map(chain.index, inner)]
+        if max(hinges) > _HINGE:
+            inner = [joint for joint, hinge in zip(inner, hinges, strict=True) if hinge > 0.2 * max(hinges)]
         # The two bones of a limb are about as long as one another, so the middle joint parts the chain best.
         middle = max(inner, key=lambda joint: min(tree.depth[joint] - tree.depth[chain[0]], end - tree.depth[joint]))
     before = chain[: chain.index(middle)]
