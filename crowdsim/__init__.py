@@ -5,13 +5,13 @@ Conventions, said here once; every module keeps them:
 * Metres, seconds, radians. Files in other units are converted at the BVH border and nowhere else.
 * Right-handed, y up, the floor at y = 0. An avatar at heading 0 faces +z; heading is the turn about +y, so that the
   facing direction is ``(sin(heading), 0, cos(heading))``.
-* Quaternions are arrays ``(..., 4)`` in the order w, x, y, z. A joint's rotation is local: it turns the joint's frame in
-  its parent's. Euler angles are intrinsic, in a file's own channel order, per joint.
+* Quaternions are arrays ``(..., 4)`` in the order w, x, y, z. A joint's rotation is local: it turns the joint's frame
+  in its parent's. Euler angles are intrinsic, in a file's own channel order, per joint.
 * The root's parent is -1, and parents come before their children.
 * Arrays lead with (frame), (avatar) or (action) and end with the component.
 * A *ground transform* is ``(x, z, heading)``: where a body stands and where it looks.
-* *Control frames* are the frames of decisions (15 Hz by default); *playback frames* are those of poses (60 Hz). Playback
-  frame ``p`` of a motion database lies at control frame ``p / stride``.
+* *Control frames* are the frames of decisions (15 Hz by default); *playback frames* are those of poses (60 Hz).
+  Playback frame ``p`` of a motion database lies at control frame ``p / stride``.
 * Hands and feet are ordered left, right: index 0 is left and 1 is right.
 """
 
