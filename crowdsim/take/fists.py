@@ -2,45 +2,49 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
-from crowdsim.motion.ik import reach_with_joints
-from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.take.motion import PoseMotion
+from crowdsim.take.landed import AFTER, BEFORE, Landed, by_column
+from crowdsim.take.limb_kernels import carry_fists
+from crowdsim.take.take import Take
+from crowdsim.take.window import Window
+from crowdsim.take.workers import share
 
 Array = NDArray[Any]
+PoseAt = Callable[[Array, Array], list[tuple[Array, Body, Array, Array, Array]]]
+"""Poses avatars (E,) at times (E,) before fists are carried: for each policy which of them, body, scales, joint
+positions and rotations."""
 
-BEFORE, AFTER = 0.16, 0.26
-"""How long before and after a strike the arm leaves its captured way [s]."""
 MOST = 0.35
-"""Furthest that a fist is carried [m]; a strike that would need more shows where the fist comes to lie."""
-ELBOW_LIMITS = (np.deg2rad(3.0), np.deg2rad(155.0))
-_SPINE_SHARE = 1.0
-_SIDES = ("left", "right")
+"""Furthest that a fist is carried [m]."""
+ELBOW_LEAST = math.radians(4.0)
+"""Flexion that an elbow keeps at the least when it is stretched to reach something [rad]."""
+_TARGET_HEAD, _TARGET_TORSO, _TARGET_NECK, _TARGET_DROP = 0.105, 0.15, 0.16, 0.6
 
 
-@dataclass(frozen=True)
-class Landings:
-    """Strikes of a window that landed, by attacker's column and time; E strikes.
+class Landings(NamedTuple):
+    """Strikes that landed, by attacker's column and time; E strikes of n avatars.
 
     Attributes:
-        columns: Column of each attacker in its window. Shape (E,).
+        starts: Strikes of column i are ``starts[i]`` up to ``starts[i + 1]``. Shape (n + 1,).
         times: When [s]. Shape (E,).
         hands: 0 left, 1 right. Shape (E,).
         shifts: How far the fist has to be carried then [m]. Shape (E, 3).
+        spans: How long before and after it [s]. Shape (E, 2).
     """
 
-    columns: Array
+    starts: Array
     times: Array
     hands: Array
     shifts: Array
+    spans: Array
 
 
 def surface_point(
@@ -61,104 +65,86 @@ def surface_point(
     return np.asarray(middle + out / length[:, None] * radius[:, None])
 
 
-def body_points(body: Body, positions: Array, turns: Array) -> tuple[Array, Array, Array, Array]:
-    """Return head (n, 3), neck (n, 3), pelvis (n, 3) and fists (n, 2, 3) of posed bodies [m]."""
+def body_points(body: Body, positions: Array, turns: Array, scales: Array) -> tuple[Array, Array, Array, Array]:
+    """Return head (n, 3), neck (n, 3), pelvis (n, 3) and fists (n, 2, 3) of posed bodies of sizes (n,) [m]."""
     roles = body.roles
-    head = positions[:, roles["head"]] + quaternion.rotate(turns[:, roles["head"]], body.head_offset)
+    sizes = np.asarray(scales)[:, None]
+    head = positions[:, roles["head"]] + sizes * quaternion.rotate(turns[:, roles["head"]], body.head_offset)
     hands = [roles["left_hand"], roles["right_hand"]]
-    fists = positions[:, hands] + quaternion.rotate(turns[:, hands], body.fist_offsets)
+    fists = positions[:, hands] + sizes[..., None] * quaternion.rotate(turns[:, hands], body.fist_offsets)
     return head, positions[:, roles["neck"]], positions[:, roles["pelvis"]], fists
 
 
-def carry_fists(
-    motion: PoseMotion, scales: Array, landings: Landings, times: Array, roots: Array, rotations: Array
-) -> None:
+def plan_landings(
+    take: Take, landed: Landed, columns: Array, count: int, first: float, last: float, pose_at: PoseAt
+) -> Landings:
+    """Find how far fists have to be carried.
+
+    Args:
+        take: The take.
+        landed: Its landed strikes.
+        columns: Column of every avatar in the window, -1 for those that are not in it. Shape (N,).
+        count: Number of columns.
+        first: First time that is posed [s].
+        last: Last time that is posed [s].
+        pose_at: Poses avatars before any of this.
+    """
+    near = landed.between(first - AFTER, last + BEFORE)
+    near = near.of(columns[near.attackers] >= 0)
+    fists = np.full((len(near.times), 3), np.nan)
+    for which, body, scales, positions, turns in pose_at(near.attackers, near.times):
+        fists[which] = body_points(body, positions, turns, scales)[3][np.arange(len(which)), near.hands[which]]
+    shifts = _surfaces(take, near, fists, pose_at) - fists
+    length = np.linalg.norm(shifts, axis=-1, keepdims=True)
+    shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
+    shifts = np.where(np.isfinite(shifts), shifts, 0.0)
+    order, starts = by_column(columns[near.attackers], count, near.times)
+    return Landings(starts, near.times[order], near.hands[order], shifts[order], near.spans[order])
+
+
+def reach_out(window: Window, landings: Landings, times: Array, columns: Array, roots: Array, rotations: Array) -> None:
     """Carry fists onto what they hit, in place.
 
     Args:
-        motion: The policy's motion.
-        scales: Size of each body. Shape (n,).
+        window: The stretch of the take.
         landings: Strikes that landed.
-        times: Shape (T,) [s].
+        times: Shape (T, 1) [s].
+        columns: Column of each avatar. Shape (n,).
         roots: Places of the roots [m]. Shape (T, n, 3).
         rotations: Local rotations. Shape (T, n, J, 4), changed.
     """
     if not len(landings.times):
         return
-    count, joints = rotations.shape[1:3]
-    rows, strikes = _active(landings, times)
-    if not len(rows):
-        return
-    columns = landings.columns[strikes]
-    weights = _bump(times[rows] - landings.times[strikes])
-    flat, flat_roots = rotations.reshape(-1, joints, 4), roots.reshape(-1, 3)
-    # A pose that two strikes of a hand reach for, one going and one coming, goes towards both.
-    for hand, side in enumerate(_SIDES):
-        ours = landings.hands[strikes] == hand
-        if not ours.any():
-            continue
-        poses, inverse = np.unique(rows[ours] * count + columns[ours], return_inverse=True)
-        shift = np.zeros((len(poses), 3))
-        np.add.at(shift, inverse, landings.shifts[strikes[ours]] * weights[ours, None])
-        there = np.isfinite(flat_roots[poses, 0])
-        poses, shift = poses[there], shift[there]
-        sizes = scales[poses % count]
-        local = flat[poses]
-        places = (flat_roots[poses] / sizes[:, None]).astype(np.float32)
-        flat[poses] = _reach(motion, side, hand, local, places, shift / sizes[:, None])
+    arms, scales = window.motion.arms, window.rows.scales
+
+    def work(low: int, high: int) -> None:
+        carry_fists(low, high, columns, times, landings, scales, arms, ELBOW_LEAST, roots, rotations)
+
+    share(window.threads, len(columns), work)
 
 
-def _active(landings: Landings, times: Array) -> tuple[Array, Array]:
-    """Pairs of a time's row and a strike that shows then."""
-    first = np.searchsorted(times, landings.times - BEFORE, side="right")
-    stop = np.searchsorted(times, landings.times + AFTER, side="left")
-    counts = np.maximum(stop - first, 0)
-    strikes = np.repeat(np.arange(len(counts)), counts)
-    rows = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(first, counts)
-    return rows, strikes
-
-
-def _bump(apart: Array) -> Array:
-    """1 at the strike, 0 with no speed and no acceleration at its ends."""
-    s = np.clip(1.0 - np.where(apart < 0.0, -apart / BEFORE, apart / AFTER), 0.0, 1.0)
-    return np.asarray(s * s * s * (10.0 - 15.0 * s + 6.0 * s * s))
-
-
-def _reach(motion: PoseMotion, side: str, hand: int, local: Array, places: Array, shift: Array) -> Array:
-    """Local rotations with one hand shifted: the spine leans for what the arm cannot reach, then the arm bends."""
-    body, skeleton = motion.body, motion.skeleton
-    roles = body.roles
-    limb = (roles[f"{side}_shoulder"], roles[f"{side}_elbow"], roles[f"{side}_hand"])
-    positions, turns = forward_kinematics(skeleton, places, local, parallel=False)
-    wrist = positions[:, limb[2]].astype(float)
-    # The hand keeps its turn in the world, so that the fist goes as far as the wrist does.
-    targets = wrist + shift
-    lengths = [np.linalg.norm(positions[:, b] - positions[:, a], axis=1) for a, b in pairwise(limb)]
-    longest = 0.998 * (lengths[0] + lengths[1])
-    for _ in range(2):
-        shoulder = positions[:, limb[0]].astype(float)
-        way = targets - shoulder
-        far = np.linalg.norm(way, axis=1)
-        lack = np.maximum(0.0, far - longest)
-        if not (lack > 1e-4).any():
-            break
-        local = _lean(motion, local, positions, turns, limb[0], way / np.maximum(far, 1e-9)[:, None] * lack[:, None])
-        positions, turns = forward_kinematics(skeleton, places, local, parallel=False)
-    hinge = np.zeros(3)
-    return reach_with_joints(skeleton, local, positions, turns, limb, targets, hinge, ELBOW_LIMITS)
-
-
-def _lean(motion: PoseMotion, local: Array, positions: Array, turns: Array, shoulder: int, lack: Array) -> Array:
-    """Turn the spine so that the shoulder goes by ``lack`` [m], half at its lower end and half at the chest."""
-    roles = motion.body.roles
-    local = local.copy()
-    joints = [roles["spine"]] if roles["spine"] == roles["chest"] else [roles["spine"], roles["chest"]]
-    for joint in joints:
-        arm = positions[:, shoulder].astype(float) - positions[:, joint]
-        spin = np.cross(arm, lack * (_SPINE_SHARE / len(joints))) / np.maximum(np.sum(arm * arm, axis=1), 1e-6)[:, None]
-        turn = quaternion.from_rotation_vector(spin)
-        parent = int(motion.skeleton.parents[joint])
-        before = turns[:, parent].astype(float)
-        inside = quaternion.multiply(quaternion.conjugate(before), quaternion.multiply(turn, before))
-        local[:, joint] = quaternion.multiply(inside, local[:, joint])
-    return local
+def _surfaces(take: Take, near: Landed, fists: Array, pose_at: PoseAt) -> Array:
+    """Nearest points on what is hit. Shape (E, 3)."""
+    points = np.full((len(near.times), 3), np.nan)
+    people = np.flatnonzero(near.victims >= 0)
+    for which, body, scales, positions, turns in pose_at(near.victims[people], near.times[people]):
+        head, neck, pelvis, _ = body_points(body, positions, turns, scales)
+        chosen = people[which]
+        points[chosen] = surface_point(
+            fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales
+        )
+    scripted = np.flatnonzero(near.victims < -1)
+    if len(scripted):
+        clock = near.times[scripted] * take.control_rate
+        frames = np.clip(np.floor(clock + 1e-9).astype(int), 0, take.frame_count - 1)
+        later = np.minimum(frames + 1, take.frame_count - 1)
+        numbers = -2 - near.victims[scripted]
+        low = np.stack([take.targets[int(f)][int(g)] for f, g in zip(frames, numbers, strict=True)])
+        high = np.stack([take.targets[int(f)][int(g)] for f, g in zip(later, numbers, strict=True)])
+        heads = low + (high - low) * np.clip(clock - frames, 0.0, 1.0)[:, None]
+        neck, pelvis = heads - [0.0, _TARGET_NECK, 0.0], heads - [0.0, _TARGET_DROP, 0.0]
+        size = np.ones(len(scripted))
+        points[scripted] = surface_point(
+            fists[scripted], heads, neck, pelvis, size * _TARGET_HEAD, size * _TARGET_TORSO
+        )
+    return points

@@ -1,9 +1,11 @@
 """Compiled poses: database frames, and the blends that carry them over the cuts between actions.
 
-A cut at time c leaves motion a for motion b. With D the offset of a's pose from b's there, as rotation vectors joint by
-joint, and V that of their velocities, ``d(t) = +-D/2 q0(s) + V/2 h q1(s)`` with ``s = |t - c| / h`` is laid over both,
-plus after the cut and minus before. q0 and q1 are quintics with q0(0) = 1, q1'(0) = 1 and every other value and
-derivative up to the second zero at both ends, so that pose and velocity are continuous and a blend has an end.
+A cut at time c leaves motion a for motion b. With D the offset of a's pose from b's there and V that of their
+velocities, ``d(t) = +-D/2 q0(s) + V/2 h q1(s)`` with ``s = |t - c| / h`` is laid over both, plus after the cut and
+minus before. q0 and q1 are quintics with q0(0) = 1, q1'(0) = 1 and every other value and derivative up to the second
+zero at both ends, so that pose and velocity are continuous and a blend has an end. Offsets of rotations are differences of
+quaternions, so that blends of cuts near one another add up without a jump at either; what comes out is brought back to
+unit length.
 """
 
 import math
@@ -12,171 +14,123 @@ import numba as nb
 import numpy as np
 
 
-@nb.njit(cache=True)
-def _log_between(a, b, out):
-    """Rotation vector that takes quaternion a to b, in a's own frame: ``log(a^-1 b)``."""
-    w = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
-    x = a[0] * b[1] - a[1] * b[0] - a[2] * b[3] + a[3] * b[2]
-    y = a[0] * b[2] + a[1] * b[3] - a[2] * b[0] - a[3] * b[1]
-    z = a[0] * b[3] - a[1] * b[2] + a[2] * b[1] - a[3] * b[0]
-    if w < 0.0:
-        w, x, y, z = -w, -x, -y, -z
-    sine = math.sqrt(x * x + y * y + z * z)
-    factor = 2.0 if sine < 1e-9 else 2.0 * math.atan2(sine, w) / sine
-    out[0], out[1], out[2] = x * factor, y * factor, z * factor
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def _add_cut(cut, past, side, time, half, cuts, sums, shift, drift):
+    """Add what one cut lays over the pose at a time; ``side`` holds signs by which rotations differ there."""
+    s = abs(time - cuts.times[cut]) / half
+    s2 = s * s
+    s3 = s2 * s
+    place = 0.5 * (1.0 - s3 * (10.0 - 15.0 * s + 6.0 * s2))
+    if not past:
+        place = -place
+    pace = 0.5 * half * (s - s3 * (6.0 - 8.0 * s + 3.0 * s2))
+    for k in range(3):
+        shift[k] += place * cuts.moves[cut, 0, k] + pace * cuts.moves[cut, 1, k]
+        drift[k] += pace * cuts.drifts[cut, k]
+    a, b = np.float32(place), np.float32(pace)
+    turns, rates = cuts.turns[cut], cuts.rates[cut]
+    for j in range(turns.shape[0]):
+        for k in range(4):
+            sums[j, k] += side[j] * (a * turns[j, k] + b * rates[j, k])
 
 
-@nb.njit(cache=True)
-def measure_cuts(
-    before, after, speed, scale, rate, rotations, roots, first, last, out_turns, out_turn_rates, out_moves
-):
-    """Offsets of position and velocity at cuts, old motion less new.
-
-    Args:
-        before: Playback frame that each cut leaves.
-        after: Playback frame that it goes on from.
-        speed: Motion seconds in a second of each cut's avatar.
-        scale: Body size of each cut's avatar.
-        rate: Playback frames a second.
-        rotations: Database rotations, the root's without the heading. Shape (P, J, 4).
-        roots: Place of the root in the frame's ground frame. Shape (P, 3).
-        first: First playback frame of the clip of each frame in ``before`` and ``after``. Shape (C, 2).
-        last: Likewise the last one. Shape (C, 2).
-        out_turns: Offsets as rotation vectors in the new motion's frames [rad]. Shape (C, J, 3).
-        out_turn_rates: Offsets of angular velocity [rad/s]. Shape (C, J, 3).
-        out_moves: Offset of the root's place and of its velocity. Shape (C, 2, 3).
-    """
-    a, b, c = np.empty(3), np.empty(3), np.empty(3)
-    for i in range(before.shape[0]):
-        old, new = before[i], after[i]
-        old_from, new_to = max(old - 1, first[i, 0]), min(new + 1, last[i, 1])
-        old_to, new_from = old, new
-        if old_from == old_to:
-            old_to = min(old + 1, last[i, 0])
-        if new_from == new_to:
-            new_from = max(new - 1, first[i, 1])
-        pace = rate * speed[i]
-        for j in range(rotations.shape[1]):
-            _log_between(rotations[new, j], rotations[old, j], a)
-            _log_between(rotations[old_from, j], rotations[old_to, j], b)
-            _log_between(rotations[new_from, j], rotations[new_to, j], c)
-            for k in range(3):
-                out_turns[i, j, k] = a[k]
-                out_turn_rates[i, j, k] = (b[k] - c[k]) * pace
-        for k in range(3):
-            out_moves[i, 0, k] = (roots[old, k] - roots[new, k]) * scale[i]
-            step = roots[old_to, k] - roots[old_from, k] - roots[new_to, k] + roots[new_from, k]
-            out_moves[i, 1, k] = step * pace * scale[i]
-
-
-@nb.njit(cache=True, nogil=True)
-def _blend(frame, fraction, rotations, roots, starts, ends, time, cut_times, turns, turn_rates, moves, half, scale,
-           sums, out_root, out_rotations):  # fmt: skip
-    """One pose: a database frame between two, and the blends of the cuts ``starts`` to ``ends``."""
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def _write_pose(frame, fraction, rotations, blended, sums, out):
+    """One pose: a database frame or one between two, with offsets laid over it."""
     joints = rotations.shape[1]
-    for j in range(joints):
-        sums[j, 0] = sums[j, 1] = sums[j, 2] = 0.0
-    shift_x = shift_y = shift_z = 0.0
-    blended = False
-    for cut in range(starts, ends):
-        apart = time - cut_times[cut]
-        s = abs(apart) / half
-        if s >= 1.0:
-            continue
-        blended = True
-        s2 = s * s
-        s3 = s2 * s
-        q0 = 1.0 - s3 * (10.0 - 15.0 * s + 6.0 * s2)
-        q1 = s - s3 * (6.0 - 8.0 * s + 3.0 * s2)
-        place = 0.5 * q0 if apart >= 0.0 else -0.5 * q0
-        pace = 0.5 * half * q1
-        for j in range(joints):
-            for k in range(3):
-                sums[j, k] += place * turns[cut, j, k] + pace * turn_rates[cut, j, k]
-        shift_x += place * moves[cut, 0, 0] + pace * moves[cut, 1, 0]
-        shift_y += place * moves[cut, 0, 1] + pace * moves[cut, 1, 1]
-        shift_z += place * moves[cut, 0, 2] + pace * moves[cut, 1, 2]
-    rest = 1.0 - fraction
+    part = np.float32(fraction)
+    rest = np.float32(1.0) - part
     here, there = rotations[frame], rotations[frame + 1 if fraction > 0.0 else frame]
-    low, high = roots[frame], roots[frame + 1 if fraction > 0.0 else frame]
-    out_root[0] = (low[0] * rest + high[0] * fraction) * scale + shift_x
-    out_root[1] = (low[1] * rest + high[1] * fraction) * scale + shift_y
-    out_root[2] = (low[2] * rest + high[2] * fraction) * scale + shift_z
     for j in range(joints):
-        w = here[j, 0] * rest + there[j, 0] * fraction
-        x = here[j, 1] * rest + there[j, 1] * fraction
-        y = here[j, 2] * rest + there[j, 2] * fraction
-        z = here[j, 3] * rest + there[j, 3] * fraction
+        w = here[j, 0] * rest + there[j, 0] * part
+        x = here[j, 1] * rest + there[j, 1] * part
+        y = here[j, 2] * rest + there[j, 2] * part
+        z = here[j, 3] * rest + there[j, 3] * part
         if blended:
-            vx, vy, vz = sums[j, 0], sums[j, 1], sums[j, 2]
-            angle = math.sqrt(vx * vx + vy * vy + vz * vz)
-            factor = 0.5 - angle * angle / 48.0 if angle < 1e-2 else math.sin(0.5 * angle) / angle
-            c, vx, vy, vz = math.cos(0.5 * angle), vx * factor, vy * factor, vz * factor
-            w, x, y, z = (
-                w * c - x * vx - y * vy - z * vz,
-                w * vx + x * c + y * vz - z * vy,
-                w * vy - x * vz + y * c + z * vx,
-                w * vz + x * vy - y * vx + z * c,
-            )
-        norm = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
-        out_rotations[j, 0] = w * norm
-        out_rotations[j, 1] = x * norm
-        out_rotations[j, 2] = y * norm
-        out_rotations[j, 3] = z * norm
+            w, x, y, z = w + sums[j, 0], x + sums[j, 1], y + sums[j, 2], z + sums[j, 3]
+        norm = np.float32(1.0) / np.sqrt(w * w + x * x + y * y + z * z)
+        out[j, 0], out[j, 1], out[j, 2], out[j, 3] = w * norm, x * norm, y * norm, z * norm
 
 
-@nb.njit(cache=True, nogil=True)
-def blend_poses(first, stop, frames, fractions, grounds, times, rotations, roots, cut_starts, cut_stops, cut_times,
-                turns, turn_rates, moves, half, scales, out_roots, out_rotations):  # fmt: skip
-    """Poses of avatars ``first`` to ``stop`` at every time, in the world.
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def blend_poses(
+    first, stop, columns, times, frames, fractions, grounds, m, cuts, rate, half, scales, out_roots, out_rotations
+):
+    """Write the poses of avatars ``first`` to ``stop`` of ``columns`` at every time, in the world.
 
     Args:
-        first: First column.
+        first: First place in ``columns``.
         stop: One past the last.
-        frames: Playback frame of each column's avatar at each time; -1 where it is absent. Shape (T, N), int32.
-        fractions: How far on to the next frame. Shape (T, N).
-        grounds: Ground transform of each avatar at each time. Shape (T, N, 3).
-        times: Shape (T, N) or (T, 1) [s].
-        rotations: Database rotations, the root's without the heading. Shape (P, J, 4).
-        roots: Place of the root in the frame's ground frame. Shape (P, 3).
-        cut_starts: First cut of each column's avatar; they are in order of time. Shape (N,).
-        cut_stops: One past its last cut. Shape (N,).
-        cut_times: Shape (C,) [s].
-        turns: See ``measure_cuts``.
-        turn_rates: Likewise.
-        moves: Likewise.
+        columns: Column of each avatar in the window. Shape (n,).
+        times: Shape (T, n) or (T, 1) [s].
+        frames: Playback frame at each time; -1 while absent. Shape (T, n), int32.
+        fractions: How far on to the next frame. Shape (T, n).
+        grounds: Ground transform at each time. Shape (T, n, 3).
+        m: The frames, a ``motion.Frames``.
+        cuts: A ``window.Cuts``.
+        rate: Control frames a second.
         half: Half the length of a blend [s].
-        scales: Body size of each avatar. Shape (N,).
-        out_roots: Place of the root in the world [m]. Shape (T, N, 3).
-        out_rotations: Local rotations, the root's in the world. Shape (T, N, J, 4).
+        scales: Body size by column.
+        out_roots: Place of the root in the world [m]. Shape (T, n, 3).
+        out_rotations: Local rotations, the root's in the world. Shape (T, n, J, 4).
     """
-    joints = rotations.shape[1]
+    joints = m.rotations.shape[1]
     shared = times.shape[1] == 1
-    sums = np.empty((joints, 3))
-    for n in range(first, stop):
-        low = cut_starts[n]
+    sums, side = np.empty((joints, 4), np.float32), np.empty(joints, np.float32)
+    shift, drift = np.empty(3), np.empty(3)
+    for i in range(first, stop):
+        n = columns[i]
+        scale, last = scales[n], cuts.starts[n + 1]
+        low = cuts.starts[n]
         for t in range(frames.shape[0]):
-            if frames[t, n] < 0:
-                for k in range(3):
-                    out_roots[t, n, k] = np.nan
-                out_rotations[t, n] = np.nan
+            frame = frames[t, i]
+            if frame < 0:
+                out_roots[t, i] = np.nan
+                out_rotations[t, i] = np.nan
                 continue
-            time = times[t, 0 if shared else n]
-            while low < cut_stops[n] and cut_times[low] <= time - half:
+            time = times[t, 0 if shared else i]
+            while low < last and cuts.times[low] <= time - half:
                 low += 1
-            high = low
-            while high < cut_stops[n] and cut_times[high] < time + half:
-                high += 1
-            root, pose = out_roots[t, n], out_rotations[t, n]
-            _blend(frames[t, n], fractions[t, n], rotations, roots, low, high, time, cut_times, turns, turn_rates,
-                   moves, half, scales[n], sums, root, pose)  # fmt: skip
-            cos, sin = math.cos(grounds[t, n, 2]), math.sin(grounds[t, n, 2])
-            x, z = root[0], root[2]
-            root[0] = grounds[t, n, 0] + x * cos + z * sin
-            root[2] = grounds[t, n, 1] - x * sin + z * cos
-            c, s = math.cos(0.5 * grounds[t, n, 2]), math.sin(0.5 * grounds[t, n, 2])
-            w, a, y, b = pose[0, 0], pose[0, 1], pose[0, 2], pose[0, 3]
-            pose[0, 0] = c * w - s * y
-            pose[0, 1] = c * a + s * b
-            pose[0, 2] = c * y + s * w
-            pose[0, 3] = c * b - s * a
+            blended = low < last and cuts.times[low] < time + half
+            shift[:] = 0.0
+            drift[:] = 0.0
+            if blended:
+                sums[:] = 0.0
+                # The cuts that are past count from the latest back, those to come from the next on, so that signs are
+                # handed from motion to motion.
+                middle = low
+                while middle < last and (cuts.times[middle] - time) * rate <= 1e-9:
+                    middle += 1
+                side[:] = 1.0
+                for cut in range(middle - 1, low - 1, -1):
+                    if cuts.signs[cut, joints]:
+                        for j in range(joints):
+                            side[j] *= cuts.signs[cut, j]
+                    _add_cut(cut, True, side, time, half, cuts, sums, shift, drift)
+                side[:] = 1.0
+                cut = middle
+                while cut < last and cuts.times[cut] < time + half:
+                    _add_cut(cut, False, side, time, half, cuts, sums, shift, drift)
+                    if cuts.signs[cut, joints]:
+                        for j in range(joints):
+                            side[j] *= cuts.signs[cut, j]
+                    cut += 1
+            fraction = fractions[t, i]
+            pose, root = out_rotations[t, i], out_roots[t, i]
+            _write_pose(frame, fraction, m.rotations, blended, sums, pose)
+            rest = 1.0 - fraction
+            low_root, high_root = m.roots[frame], m.roots[frame + 1 if fraction > 0.0 else frame]
+            x = (low_root[0] * rest + high_root[0] * fraction) * scale + shift[0]
+            y = (low_root[1] * rest + high_root[1] * fraction) * scale + shift[1]
+            z = (low_root[2] * rest + high_root[2] * fraction) * scale + shift[2]
+            heading = grounds[t, i, 2] + drift[2]
+            cos, sin = math.cos(heading), math.sin(heading)
+            root[0] = grounds[t, i, 0] + drift[0] + x * cos + z * sin
+            root[1] = y
+            root[2] = grounds[t, i, 1] + drift[1] - x * sin + z * cos
+            c, s = math.cos(0.5 * heading), math.sin(0.5 * heading)
+            w, a, b, d = pose[0, 0], pose[0, 1], pose[0, 2], pose[0, 3]
+            pose[0, 0] = c * w - s * b
+            pose[0, 1] = c * a + s * d
+            pose[0, 2] = c * b + s * w
+            pose[0, 3] = c * d - s * a

@@ -6,8 +6,7 @@ and after its time, so that any range of frames, posed alone, gives the same byt
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -18,15 +17,15 @@ from crowdsim.errors import TakeError
 from crowdsim.motion.body import Body
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
-from crowdsim.take.contact_events import find_landed, plan_blows, plan_landings
-from crowdsim.take.feet import find_homes, measure_feet
-from crowdsim.take.fists import carry_fists
-from crowdsim.take.limbs import plant_feet
-from crowdsim.take.motion import prepare_motion
+from crowdsim.take.feet import STAND, SWING, hold_feet
+from crowdsim.take.fists import plan_landings, reach_out
+from crowdsim.take.landed import AFTER, find_landed
+from crowdsim.take.motion import PoseMotion, prepare_motion
 from crowdsim.take.pose_kernels import blend_poses
-from crowdsim.take.reactions import show_blows
+from crowdsim.take.reactions import build_trunk, give_way, plan_blows
 from crowdsim.take.take import Take
-from crowdsim.take.window import Cuts, Places, Window
+from crowdsim.take.window import Places, Window
+from crowdsim.take.workers import share
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -106,9 +105,12 @@ class PoseSampler:
         self.take = take
         self.policies = tuple(policies)
         self._motions = [prepare_motion(policy) for policy in policies]
+        self._trunks = [build_trunk(motion) for motion in self._motions]
         self._threads = threads
         self._reactions = reactions
         self._landed = find_landed(take)
+        # What a carried fist depends on lies no further than ``REACH`` away.
+        self._stand = min(STAND, REACH - SWING - AFTER - 1.0 / take.control_rate)
 
     def sample(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:
         """Return the poses of output frames ``start`` to ``stop`` at ``fps``, one item a policy that has avatars.
@@ -136,69 +138,68 @@ class PoseSampler:
         return int(np.count_nonzero(action[control - control[0]] >= 0))
 
     def _sample_policy(self, index: int, avatars: Array, times: Array) -> Poses:
-        motion, take, rate = self._motions[index], self.take, self.take.control_rate
-        first = max(0, int(np.floor((times[0] - REACH) * rate)))
-        stop = min(take.frame_count, int(np.ceil((times[-1] + REACH) * rate)) + 2)
-        window = Window(take, motion, avatars, first, stop)
-        columns = np.arange(len(avatars))[None]
-        places = window.place(times[:, None], columns)
-        cuts = window.cuts()
-        roots, rotations = self._blend(window, cuts, places, times[:, None], columns[0])
-        homes, firmness = find_homes(window, cuts, measure_feet(window, cuts), places, times[:, None], columns[0])
-        plant_feet(motion, window.scales, homes, firmness, roots, rotations)
+        take, motion = self.take, self._motions[index]
+        columns = np.arange(len(avatars))
+        window = self._window(index, avatars, times)
+        roots, rotations, places = self._pose(window, index, times[:, None], columns)
         lookup = np.full(take.avatar_count, -1)
-        lookup[avatars] = columns[0]
-        first_time, last_time = float(times[0]), float(times[-1])
-        landings = plan_landings(take, self._landed, lookup, first_time, last_time, self._pose_at)
-        carry_fists(motion, window.scales, landings, times, roots, rotations)
-        if self._reactions:
-            blows = plan_blows(self._landed, lookup, first_time, last_time, self._pose_at)
-            show_blows(motion, blows, times, roots, rotations)
+        lookup[avatars] = columns
+        first, last = float(times[0]), float(times[-1])
+        landings = plan_landings(take, self._landed, lookup, len(columns), first, last, self._pose_at)
+        reach_out(window, landings, times[:, None], columns, roots, rotations)
         return Poses(index, avatars, motion.skeleton, take.cast.scales[avatars], roots, rotations, places.ground)
 
-    def _pose_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
-        """Pose avatars (E,) at times (E,) by motion and blends alone."""
-        told: list[tuple[Array, Body, Array, Array, Array]] = []
-        take, rate = self.take, self.take.control_rate
-        for index, motion in enumerate(self._motions):
-            which = np.flatnonzero(take.cast.policies[avatars] == index)
-            if not len(which):
-                continue
+    def _window(self, index: int, avatars: Array, times: Array) -> Window:
+        rate = self.take.control_rate
+        first = max(0, int(np.floor((times.min() - REACH) * rate)))
+        stop = min(self.take.frame_count, int(np.ceil((times.max() + REACH) * rate)) + 2)
+        return Window(self.take, self._motions[index], avatars, first, stop, self._threads)
+
+    def _pose(self, window: Window, index: int, times: Array, columns: Array) -> tuple[Array, Array, Places]:
+        """Poses at times (T, n) or (T, 1) of the avatars in columns (n,), before fists are carried."""
+        motion, rows = window.motion, window.rows
+        places = window.place(times, columns)
+        first, last = float(times.min()), float(times.max())
+        cuts = window.cuts(first - BLEND, last + BLEND)
+        roots = np.empty((*places.frames.shape, 3), np.float32)
+        rotations = np.empty((*places.frames.shape, motion.skeleton.joint_count, 4), np.float32)
+
+        def blend(low: int, high: int) -> None:
+            blend_poses(low, high, columns, times, places.frames, places.fractions, places.ground, motion.frames, cuts,
+                        rows.rate, BLEND / 2, rows.scales, roots, rotations)  # fmt: skip
+
+        share(self._threads, len(columns), blend)
+        hold_feet(window, cuts, window.stands(), places, times, columns, self._stand, roots, rotations)
+        if self._reactions:
+            lookup = np.full(self.take.avatar_count, -1)
+            lookup[window.avatars] = np.arange(len(window.avatars))
+            blows = plan_blows(self._landed, lookup, len(window.avatars), first, last, self._place_at)
+            give_way(window, blows, self._trunks[index], times, columns, roots, rotations)
+        return roots, rotations, places
+
+    def _moments(self, avatars: Array, times: Array) -> Iterator[tuple[Array, int, Window, Array, Array]]:
+        """For each policy which of some avatars (E,) at times (E,) are its own, their window, columns and times."""
+        owners = self.take.cast.policies[avatars]
+        for index in np.unique(owners):
+            which = np.flatnonzero(owners == index)
             numbers, columns = np.unique(avatars[which], return_inverse=True)
-            moments = np.maximum(times[which], 0.0)
-            first = max(0, int(np.floor((moments.min() - BLEND) * rate)) - 1)
-            stop = min(take.frame_count, int(np.ceil((moments.max() + BLEND) * rate)) + 2)
-            window = Window(take, motion, numbers, first, stop)
-            places = window.place(moments[None], columns[None])
-            roots, rotations = self._blend(window, window.cuts(), places, moments[None], columns)
-            scales = take.cast.scales[numbers[columns]].astype(np.float64)
-            poses = Poses(index, numbers[columns], motion.skeleton, scales, roots, rotations, places.ground)
+            moments = np.maximum(times[which], 0.0)[None]
+            yield which, int(index), self._window(int(index), numbers, moments), columns, moments
+
+    def _place_at(self, avatars: Array, times: Array) -> list[tuple[Array, PoseMotion, Array, Places]]:
+        """Where avatars (E,) are at times (E,)."""
+        return [
+            (which, window.motion, window.rows.scales[columns], window.place(moments, columns))
+            for which, _, window, columns, moments in self._moments(avatars, times)
+        ]
+
+    def _pose_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
+        """Pose avatars (E,) at times (E,), before fists are carried."""
+        told: list[tuple[Array, Body, Array, Array, Array]] = []
+        for which, index, window, columns, moments in self._moments(avatars, times):
+            roots, rotations, places = self._pose(window, index, moments, columns)
+            motion, scales = window.motion, window.rows.scales[columns]
+            poses = Poses(index, window.avatars[columns], motion.skeleton, scales, roots, rotations, places.ground)
             positions, turns = poses.joints()
             told.append((which, motion.body, scales, positions[0], turns[0]))
         return told
-
-    def _blend(self, window: Window, cuts: Cuts, places: Places, times: Array, columns: Array) -> tuple[Array, Array]:
-        """Blended poses at places (T, n); ``columns`` (n,) says whose they are."""
-        motion, shape = window.motion, places.frames.shape
-        roots = np.empty((*shape, 3), np.float32)
-        rotations = np.empty((*shape, motion.skeleton.joint_count, 4), np.float32)
-        starts, stops, scales = cuts.offsets[columns], cuts.offsets[columns + 1], window.scales[columns]
-
-        def blend(low: int, high: int) -> None:
-            blend_poses(low, high, places.frames, places.fractions, places.ground, times, motion.rotations,
-                        motion.roots, starts, stops, cuts.times, cuts.turns, cuts.turn_rates, cuts.moves, BLEND / 2,
-                        scales, roots, rotations)  # fmt: skip
-
-        share(self._threads, shape[1], blend)
-        return roots, rotations
-
-
-def share(threads: int, count: int, work: Callable[[int, int], None]) -> None:
-    """Call ``work(low, high)`` on ranges that together cover ``0`` to ``count``, a thread each."""
-    parts = min(threads, count)
-    if parts <= 1:
-        work(0, count)
-        return
-    edges = [count * part // parts for part in range(parts + 1)]
-    with ThreadPoolExecutor(parts) as pool:
-        list(pool.map(work, edges[:-1], edges[1:]))

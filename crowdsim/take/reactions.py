@@ -2,94 +2,133 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.motion import quaternion
-from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.take.motion import PoseMotion
+from crowdsim.take.landed import Landed, by_column
+from crowdsim.take.limb_kernels import show_blows
+from crowdsim.take.motion import PoseMotion, chain_of
+from crowdsim.take.window import Places, Window
+from crowdsim.take.workers import share
 
 Array = NDArray[Any]
+PlaceAt = Callable[[Array, Array], list[tuple[Array, PoseMotion, Array, Places]]]
+"""Places avatars (E,) at times (E,): for each policy which of them, its motion, scales, and places of shape (1, n)."""
 
-LENGTH = 0.9
+LENGTH = 0.65
 """How long a reaction lasts [s]."""
 _PEAK = 0.09
-_TYPICAL_SPEED = 8.0
-_STRONGEST = 1.6
-_JOINTS = (("spine", 0.06, 0.14), ("chest", 0.06, 0.1), ("neck", 0.14, 0.05), ("head", 0.2, 0.07))
+_TYPICAL_SPEED, _STRONGEST = 8.0, 1.6
+_SWING = 0.05
+"""Time over which the way of a fist is measured [s]."""
+_NEAR_HEAD = 0.12
+_GIVES = {"spine": (0.06, 0.14), "chest": (0.06, 0.1), "neck": (0.14, 0.05), "head": (0.2, 0.07)}
 """Joints that give way, and by how much in a blow of typical speed to the head and to the torso [rad]."""
 
 
-@dataclass(frozen=True)
-class Blows:
-    """Strikes that landed on avatars of a window; E strikes.
+class Blows(NamedTuple):
+    """Strikes that landed on avatars of a window, by victim's column and time; E strikes of n avatars.
 
     Attributes:
-        columns: Column of each victim. Shape (E,).
+        starts: Those on column i are ``starts[i]`` up to ``starts[i + 1]``. Shape (n + 1,).
         times: When [s]. Shape (E,).
-        ways: Which way the fist went, level, unit length. Shape (E, 3).
-        speeds: How fast [m/s]. Shape (E,).
-        on_head: Whether the head was hit. Shape (E,).
+        axes: Level axis about which they throw back; its length is their strength. Shape (E, 3).
+        parts: 0 where the head was hit, 1 where the torso was. Shape (E,).
     """
 
-    columns: Array
+    starts: Array
     times: Array
-    ways: Array
-    speeds: Array
-    on_head: Array
+    axes: Array
+    parts: Array
 
 
-def _response(since: Array) -> Array:
-    """A spring's answer to a blow, 1 at its highest, swinging through once, at rest when it ends."""
-    s = np.clip(since / _PEAK, 0.0, None)
-    spring = (
-        s * s * np.exp(2.0 - 2.0 * s) - 0.12 * np.sin(np.clip((since - 2.5 * _PEAK) / (4.0 * _PEAK), 0, 1) * np.pi) ** 2
-    )
-    end = np.clip((LENGTH - since) / (0.4 * LENGTH), 0.0, 1.0)
-    return np.asarray(np.where((since > 0.0) & (since < LENGTH), spring * end * end * (3.0 - 2.0 * end), 0.0))
+class Trunk(NamedTuple):
+    """Joints from the root to the head for compiled code.
+
+    Attributes:
+        parents: Parent of each joint of the skeleton. Shape (J,).
+        chain: The joints, parents first. Shape (n,).
+        gives: How far each gives way in a blow to head and torso [rad]. Shape (n, 2).
+    """
+
+    parents: Array
+    chain: Array
+    gives: Array
 
 
-def show_blows(motion: PoseMotion, blows: Blows, times: Array, roots: Array, rotations: Array) -> None:
+def build_trunk(motion: PoseMotion) -> Trunk:
+    """Return the joints of a body that give way to blows."""
+    roles = motion.body.roles
+    chain = chain_of(motion.skeleton, [roles["head"]])
+    gives = np.zeros((len(chain), 2))
+    for role, give in _GIVES.items():
+        # Where one joint has two roles it gives way for both.
+        gives[chain == roles[role]] += give
+    return Trunk(np.asarray(motion.skeleton.parents, dtype=np.int64), chain, gives)
+
+
+def plan_blows(landed: Landed, columns: Array, count: int, first: float, last: float, place_at: PlaceAt) -> Blows:
+    """Find what hits avatars of a window.
+
+    Args:
+        landed: The take's landed strikes.
+        columns: Column of every avatar in the window, -1 for those that are not in it. Shape (N,).
+        count: Number of columns.
+        first: First time that is posed [s].
+        last: Last time that is posed [s].
+        place_at: Tells where avatars are.
+    """
+    near = landed.between(first - LENGTH, last)
+    near = near.of(near.victims >= 0)
+    near = near.of(columns[near.victims] >= 0)
+    axes = np.zeros((len(near.times), 3))
+    for which, motion, scales, places in place_at(near.attackers, near.times):
+        frames, hands = places.frames[0], near.hands[which]
+        now = np.maximum(frames, 0)
+        before = np.maximum(now - round(_SWING * motion.frames.rate), motion.frames.bounds[now, 0])
+        way = (motion.fists[now, hands] - motion.fists[before, hands]).astype(float) * scales[:, None]
+        heading = places.ground[0, :, 2]
+        cos, sin = np.cos(heading), np.sin(heading)
+        x, z = way[:, 0] * cos + way[:, 2] * sin, way[:, 2] * cos - way[:, 0] * sin
+        length = np.hypot(x, z)
+        strength = np.minimum(near.speeds[which] / _TYPICAL_SPEED, _STRONGEST) / np.maximum(length, 1e-6)
+        strength = np.where((length > 1e-6) & (frames >= 0), strength, 0.0)
+        # Up cross the way: about it, what points up goes along the way.
+        axes[which, 0], axes[which, 2] = z * strength, -x * strength
+    parts = np.ones(len(near.times), np.int64)
+    for which, motion, scales, places in place_at(near.victims, near.times):
+        head = motion.heads[np.maximum(places.frames[0], 0)].astype(float) * scales[:, None]
+        place = places.ground[0]
+        cos, sin = np.cos(place[:, 2]), np.sin(place[:, 2])
+        x = place[:, 0] + head[:, 0] * cos + head[:, 2] * sin
+        z = place[:, 1] - head[:, 0] * sin + head[:, 2] * cos
+        gap = np.linalg.norm(near.points[which] - np.stack([x, head[:, 1], z], axis=1), axis=1)
+        parts[which] = np.where(gap < (motion.body.head_radius + _NEAR_HEAD) * scales, 0, 1)
+    order, starts = by_column(columns[near.victims], count, near.times)
+    return Blows(starts, near.times[order], axes[order], parts[order])
+
+
+def give_way(
+    window: Window, blows: Blows, trunk: Trunk, times: Array, columns: Array, roots: Array, rotations: Array
+) -> None:
     """Lay reactions over poses, in place.
 
     Args:
-        motion: The policy's motion.
+        window: The stretch of the take.
         blows: Strikes that landed.
-        times: Shape (T,) [s].
+        trunk: The joints that give way.
+        times: Shape (T, n) or (T, 1) [s].
+        columns: Column of each avatar. Shape (n,).
         roots: Places of the roots. Shape (T, n, 3).
         rotations: Local rotations. Shape (T, n, J, 4), changed.
     """
-    count, joints = rotations.shape[1:3]
-    first = np.searchsorted(times, blows.times, side="right")
-    stop = np.searchsorted(times, blows.times + LENGTH, side="left")
-    spans = np.maximum(stop - first, 0)
-    which = np.repeat(np.arange(len(spans)), spans)
-    if not len(which):
+    if not len(blows.times):
         return
-    rows = np.arange(spans.sum()) - np.repeat(np.cumsum(spans) - spans, spans) + np.repeat(first, spans)
-    poses, inverse = np.unique(rows * count + blows.columns[which], return_inverse=True)
-    strength = np.minimum(blows.speeds[which] / _TYPICAL_SPEED, _STRONGEST) * _response(
-        times[rows] - blows.times[which]
-    )
-    # Thrown back along the blow: the turn about the level axis to its left.
-    axes = np.cross([0.0, 1.0, 0.0], blows.ways[which]) * strength[:, None]
-    flat = rotations.reshape(-1, joints, 4)
-    there = np.isfinite(roots.reshape(-1, 3)[poses, 0])
-    local = flat[poses]
-    roles = motion.body.roles
-    for role, head, torso in _JOINTS:
-        joint = roles[role]
-        if role == "chest" and joint == roles["spine"]:
-            continue
-        amounts = np.where(blows.on_head[which], head, torso)
-        spin = np.zeros((len(poses), 3))
-        np.add.at(spin, inverse, axes * amounts[:, None])
-        _, turns = forward_kinematics(motion.skeleton, np.zeros((len(local), 3), np.float32), local, parallel=False)
-        before = turns[:, int(motion.skeleton.parents[joint])].astype(float)
-        turn = quaternion.from_rotation_vector(spin)
-        inside = quaternion.multiply(quaternion.conjugate(before), quaternion.multiply(turn, before))
-        local[there, joint] = quaternion.multiply(inside, local[:, joint])[there]
-    flat[poses] = local
+
+    def work(low: int, high: int) -> None:
+        show_blows(low, high, columns, times, blows, trunk, _PEAK, LENGTH, roots, rotations)
+
+    share(window.threads, len(columns), work)

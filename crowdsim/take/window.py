@@ -2,31 +2,57 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.motion import ground
 from crowdsim.take.motion import PoseMotion
-from crowdsim.take.pose_kernels import measure_cuts
 from crowdsim.take.take import Take
+from crowdsim.take.window_kernels import find_stands, measure_cuts, place_avatars
+from crowdsim.take.workers import share
 
 Array = NDArray[Any]
 
-_SNAP = 1e-4
-"""Part of a playback frame that counts as none, so that output frames on playback frames are those."""
+
+class Rows(NamedTuple):
+    """Control frames of a take for compiled code; R rows, n avatars.
+
+    Attributes:
+        present: Whether each avatar is there. Shape (R, n), bool.
+        origins: Playback frame at which its action starts. Shape (R, n), int64.
+        lengths: Length of its action [control frames]. Shape (R, n).
+        phase: How much of it is done [control frames]. Shape (R, n).
+        ground: Ground transform. Shape (R, n, 3).
+        fresh: Whether its action began on the way to this row. Shape (R, n), bool.
+        speeds: Motion frames in a control frame. Shape (n,).
+        scales: Size of each body. Shape (n,).
+        first: Control frame of the first row.
+        rate: Control frames a second.
+    """
+
+    present: Array
+    origins: Array
+    lengths: Array
+    phase: Array
+    ground: Array
+    fresh: Array
+    speeds: Array
+    scales: Array
+    first: int
+    rate: float
 
 
 @dataclass(frozen=True)
 class Places:
-    """Where avatars are at some times; S is the shape that was asked for.
+    """Where avatars are at T times; n of them.
 
     Attributes:
-        frames: Playback frame; -1 while absent. Shape S, int32.
-        fractions: How far on to the next playback frame. Shape S.
-        ground: Ground transform. Shape S + (3,).
+        frames: Playback frame; -1 while absent. Shape (T, n), int32.
+        fractions: How far on to the next playback frame. Shape (T, n).
+        ground: Ground transform. Shape (T, n, 3).
     """
 
     frames: Array
@@ -34,29 +60,46 @@ class Places:
     ground: Array
 
 
-@dataclass(frozen=True)
-class Cuts:
-    """Places where motion does not go on as captured, by avatar and time; C cuts of n avatars.
+class Cuts(NamedTuple):
+    """Where motion does not go on as captured, by avatar and time; C cuts of n avatars, J joints.
 
     Attributes:
-        offsets: CSR: cuts of avatar i are ``offsets[i]:offsets[i + 1]``. Shape (n + 1,).
+        starts: Cuts of avatar i are ``starts[i]`` up to ``starts[i + 1]``. Shape (n + 1,).
         owners: Avatar of each cut, a column of the window. Shape (C,).
         times: When [s]. Shape (C,).
         before: Playback frame that the cut leaves. Shape (C,).
         after: Playback frame that it goes on from. Shape (C,).
-        turns: See ``measure_cuts``. Shape (C, J, 3).
-        turn_rates: Likewise. Shape (C, J, 3).
+        turns: See ``measure_cuts``. Shape (C, J, 4).
+        rates: Likewise. Shape (C, J, 4).
+        signs: Likewise. Shape (C, J + 1).
         moves: Likewise. Shape (C, 2, 3).
+        drifts: Likewise. Shape (C, 3).
+        gaps: Likewise. Shape (C, 2, 3).
     """
 
-    offsets: Array
+    starts: Array
     owners: Array
     times: Array
     before: Array
     after: Array
     turns: Array
-    turn_rates: Array
+    rates: Array
+    signs: Array
     moves: Array
+    drifts: Array
+    gaps: Array
+
+
+class Stands(NamedTuple):
+    """When feet are planted; n avatars.
+
+    Attributes:
+        spans: Beginning and end of each stand, in order [s]. Shape (n, 2, most, 2).
+        counts: How many each foot has. Shape (n, 2).
+    """
+
+    spans: Array
+    counts: Array
 
 
 class Window:
@@ -68,114 +111,94 @@ class Window:
         avatars: Numbers of the avatars, ascending; their place here is their column.
         first: First control frame.
         stop: One past the last.
+        threads: Threads that share the work.
     """
 
-    def __init__(self, take: Take, motion: PoseMotion, avatars: Array, first: int, stop: int) -> None:
+    def __init__(self, take: Take, motion: PoseMotion, avatars: Array, first: int, stop: int, threads: int = 1) -> None:
         whole = len(avatars) == take.avatar_count
 
         def read(array: Any) -> Array:
             values = np.asarray(array[first:stop])
             return values if whole else values[:, avatars]
 
-        self.motion, self.first, self.rate = motion, first, take.control_rate
-        self.avatars = avatars
+        self.motion, self.avatars, self.threads = motion, avatars, threads
         action = read(take.action).astype(np.int64)
-        self.scales = np.asarray(take.cast.scales, dtype=np.float64)[avatars]
-        self.speeds = np.asarray(take.cast.speeds, dtype=np.float64)[avatars]
-        self.present = action >= 0
-        self.lengths = motion.lengths[np.maximum(action, 0)].astype(np.float64)
-        self.origins = motion.origins[np.maximum(action, 0)]
-        self.phase = np.minimum(read(take.action_frame).astype(np.float64), self.lengths)
-        self.ground = np.stack([read(take.x), read(take.z), read(take.heading)], axis=-1).astype(np.float64)
-        self.fresh = np.ones(action.shape, bool)
-        self.fresh[1:] = (action[1:] != action[:-1]) | (self.phase[1:] < self.phase[:-1])
-
-    def _moment(self, times: Array, columns: Array) -> tuple[Array, ...]:
-        """Control frames before and after, how far between, whether the later one's action has begun, its phase."""
-        clock = times * self.rate - self.first
-        before = np.clip(np.floor(clock + 1e-9).astype(np.int64), 0, len(self.phase) - 1)
-        after = np.minimum(before + 1, len(self.phase) - 1)
-        part = np.clip(clock - before, 0.0, 1.0)
-        part = np.where(part < 1e-9, 0.0, part)
-        cut = self.fresh[after, columns] & (after > before)
-        speeds = self.speeds[columns]
-        # The action that starts at the later frame has begun before it, by as much as its phase there.
-        began = np.where(cut, 1.0 - self.phase[after, columns] / speeds, 2.0)
-        new = part >= began
-        old_phase = np.minimum(self.phase[before, columns] + part * speeds, self.lengths[before, columns])
-        new_phase = np.clip((part - began) * speeds, 0.0, self.lengths[after, columns])
-        stride = self.motion.stride
-        frame = np.where(
-            new,
-            self.origins[after, columns] + new_phase * stride,
-            self.origins[before, columns] + old_phase * stride,
+        speeds = np.asarray(take.cast.speeds, dtype=np.float64)[avatars]
+        lengths = motion.lengths[np.maximum(action, 0)].astype(np.float64)
+        phase = np.minimum(read(take.action_frame).astype(np.float64), lengths)
+        fresh = np.ones(action.shape, bool)
+        # An action that starts anew need not be another one; what goes on goes on by the speed.
+        fresh[1:] = (action[1:] != action[:-1]) | (phase[1:] < phase[:-1] + 0.5 * speeds)
+        self.rows = Rows(
+            present=action >= 0,
+            origins=motion.origins[np.maximum(action, 0)],
+            lengths=lengths,
+            phase=phase,
+            ground=np.stack([read(take.x), read(take.z), read(take.heading)], axis=-1).astype(np.float64),
+            fresh=fresh,
+            speeds=speeds,
+            scales=np.asarray(take.cast.scales, dtype=np.float64)[avatars],
+            first=first,
+            rate=float(take.control_rate),
         )
-        return before, after, part, cut, new, frame
-
-    def frames(self, times: Array, columns: Array) -> Array:
-        """Return playback frames, whole and parts, of avatars at times; -1 while absent. Arguments broadcast."""
-        before, _, _, _, _, frame = self._moment(times, columns)
-        return np.where(self.present[before, columns], frame, -1.0)
 
     def place(self, times: Array, columns: Array) -> Places:
-        """Return where avatars are at times; the arguments broadcast against one another.
+        """Return where the avatars in ``columns`` (n,) are at times (T, n) or (T, 1).
 
         Between two control frames the ground transform follows the motion from the earlier one and up to the later one;
         where the two disagree, because avatars have been pushed apart, one passes into the other.
         """
-        before, after, part, cut, new, frame = self._moment(times, columns)
-        whole = np.floor(frame + _SNAP).astype(np.int64)
-        fraction = np.where(frame - whole < _SNAP, 0.0, frame - whole)
-        exact = whole + fraction
-        stride, scale = self.motion.stride, self.scales[columns]
-        old_end = self.origins[before, columns] + self.lengths[before, columns] * stride
-        new_start = self.origins[after, columns].astype(float)
-        here = self.origins[before, columns] + self.phase[before, columns] * stride
-        there = self.origins[after, columns] + self.phase[after, columns] * stride
+        shape = (len(times), len(columns))
+        frames, fractions, ground = np.empty(shape, np.int32), np.empty(shape), np.empty((*shape, 3))
 
-        def step(start: Array, end: Array) -> Array:
-            moved = ground.compose(ground.inverse(self._ground_at(start)), self._ground_at(end))
-            moved[..., :2] *= scale[..., None]
-            return moved
+        def work(low: int, high: int) -> None:
+            place_avatars(self.rows, self.motion.frames, low, high, columns, times, frames, fractions, ground)
 
-        over = ground.compose(step(here, old_end), step(new_start, np.where(new, exact, new_start)))
-        forward = np.where(new[..., None], over, step(here, np.where(new, here, exact)))
-        apart = cut & ~new
-        back = ground.compose(step(there, new_start), step(old_end, np.where(new, old_end, exact)))
-        backward = np.where(apart[..., None], back, step(there, np.where(apart, there, exact)))
-        ahead = ground.compose(self.ground[before, columns], forward)
-        gap = ground.compose(self.ground[after, columns], backward) - ahead
-        gap[..., 2] = ground.wrap(gap[..., 2])
-        absent = ~self.present[before, columns]
-        usable = ~absent & self.present[after, columns] & (after > before)
-        placed = ahead + np.where(usable[..., None], gap * part[..., None], 0.0)
-        return Places(np.where(absent, -1, whole).astype(np.int32), fraction, placed)
+        share(self.threads, len(columns), work)
+        return Places(frames, fractions, ground)
 
-    def _ground_at(self, frame: Array) -> Array:
-        low = np.floor(frame).astype(np.int64)
-        part = (frame - low)[..., None]
-        high = np.minimum(low + 1, len(self.motion.ground) - 1)
-        return self.motion.ground[low] * (1.0 - part) + np.where(part > 0, self.motion.ground[high] * part, 0.0)
-
-    def cuts(self) -> Cuts:
-        """Return the places where motion does not go on as captured, measured."""
-        motion = self.motion
-        owner, row = np.nonzero((self.fresh & self.present)[1:].T)
+    def cuts(self, first: float = -math.inf, last: float = math.inf) -> Cuts:
+        """Return the cuts; those from ``first`` to ``last`` [s] measured for blends, the others for feet alone."""
+        rows, frames = self.rows, self.motion.frames
+        owner, row = np.nonzero((rows.fresh & rows.present)[1:].T & rows.present[:-1].T)
         row = row + 1
-        was = self.present[row - 1, owner]
-        owner, row = owner[was], row[was]
-        before = (self.origins + self.lengths.astype(np.int64) * motion.stride)[row - 1, owner]
-        after = self.origins[row, owner]
+        before = (rows.origins + rows.lengths.astype(np.int64) * frames.stride)[row - 1, owner]
+        after = rows.origins[row, owner]
         seen = before != after
         owner, row, before, after = owner[seen], row[seen], before[seen], after[seen]
-        speeds = self.speeds[owner]
-        times = (self.first + row - self.phase[row, owner] / speeds) / self.rate
-        joints = motion.skeleton.joint_count
-        turns, turn_rates = np.empty((len(owner), joints, 3)), np.empty((len(owner), joints, 3))
-        moves = np.empty((len(owner), 2, 3))
-        bounds = np.stack([before, after], axis=1)
-        first, last = motion.clip_first[bounds], motion.clip_last[bounds]
-        measure_cuts(before, after, speeds, self.scales[owner], motion.rate, motion.rotations, motion.roots, first,
-                     last, turns, turn_rates, moves)  # fmt: skip
-        offsets = np.searchsorted(owner, np.arange(len(self.avatars) + 1))
-        return Cuts(offsets, owner, times, before, after, turns, turn_rates, moves)
+        times = (rows.first + row - rows.phase[row, owner] / rows.speeds[owner]) / rows.rate
+        count, joints = len(owner), self.motion.skeleton.joint_count
+        cuts = Cuts(
+            starts=np.searchsorted(owner, np.arange(len(self.avatars) + 1)),
+            owners=owner,
+            times=times,
+            before=before,
+            after=after,
+            turns=np.empty((count, joints, 4), np.float32),
+            rates=np.empty((count, joints, 4), np.float32),
+            signs=np.empty((count, joints + 1), np.int8),
+            moves=np.empty((count, 2, 3)),
+            drifts=np.empty((count, 3)),
+            gaps=np.empty((count, 2, 3)),
+        )
+        near = (times >= first) & (times <= last)
+
+        def work(low: int, high: int) -> None:
+            measure_cuts(rows, frames, low, high, owner, times, before, after, near, *cuts[5:])
+
+        share(self.threads, count, work)
+        return cuts
+
+    def stands(self) -> Stands:
+        """Return when feet are planted."""
+        rows, stride = self.rows, self.motion.frames.stride
+        fastest = float(rows.speeds.max(initial=1.0))
+        most = (len(rows.phase) * (math.ceil(fastest * stride) + 3)) // 2 + 2
+        spans = np.empty((len(self.avatars), 2, most, 2))
+        counts = np.empty((len(self.avatars), 2), np.int64)
+
+        def work(low: int, high: int) -> None:
+            find_stands(rows, self.motion.frames, low, high, spans, counts)
+
+        share(self.threads, len(self.avatars), work)
+        return Stands(spans, counts)

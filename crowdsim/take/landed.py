@@ -1,0 +1,87 @@
+"""Landed strikes of a take: who hits whom when."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.take.take import Take
+
+Array = NDArray[Any]
+
+BEFORE, AFTER = 0.16, 0.22
+"""How long before and after a strike the arm leaves its captured way [s]."""
+
+
+@dataclass(frozen=True)
+class Landed:
+    """Landed strikes in order of time; E strikes.
+
+    Attributes:
+        times: When [s]. Shape (E,).
+        attackers: Shape (E,).
+        victims: Shape (E,); below -1 a scripted target.
+        hands: Shape (E,).
+        points: Where the fist was [m]. Shape (E, 3).
+        speeds: Shape (E,) [m/s].
+        spans: How long before and after it the arm is on its way, no longer than to the hand's strikes before and after
+            [s]. Shape (E, 2).
+    """
+
+    times: Array
+    attackers: Array
+    victims: Array
+    hands: Array
+    points: Array
+    speeds: Array
+    spans: Array
+
+    def between(self, first: float, last: float) -> Landed:
+        """Return those from ``first`` to ``last`` [s]."""
+        low, high = np.searchsorted(self.times, (first, last))
+        return self.of(slice(low, high))
+
+    def of(self, chosen: Any) -> Landed:
+        """Return some of them, by index, slice or mask."""
+        return Landed(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+
+
+def find_landed(take: Take) -> Landed:
+    """Return a take's landed strikes; of two of a hand at the same time, the first."""
+    events = take.events
+    landed = np.flatnonzero(np.asarray(events.landed, dtype=bool))
+    frames = np.asarray(events.frame, dtype=np.float64)[landed]
+    attackers = np.asarray(events.attacker)[landed].astype(np.int64)
+    hands = np.asarray(events.hand)[landed].astype(np.int64)
+    times = frames / take.control_rate
+    order = np.lexsort((landed, times, hands, attackers))
+    same = (np.diff(attackers[order]) == 0) & (np.diff(hands[order]) == 0)
+    gaps = np.where(same, np.diff(times[order]), np.inf)
+    twice = np.concatenate([[False], gaps < 1e-6]) if len(order) else np.zeros(0, bool)
+    order = order[~twice]
+    same = (np.diff(attackers[order]) == 0) & (np.diff(hands[order]) == 0)
+    gaps = np.where(same, np.diff(times[order]), np.inf)
+    ends = [np.inf] if len(order) else []
+    spans = np.stack([np.concatenate([ends, gaps]), np.concatenate([gaps, ends])], axis=1)
+    spans = np.minimum(spans, (BEFORE, AFTER))
+    later = np.lexsort((order, times[order]))
+    order, spans = order[later], spans[later]
+    chosen = landed[order]
+    return Landed(
+        times=times[order],
+        attackers=attackers[order],
+        victims=np.asarray(events.victim)[chosen].astype(np.int64),
+        hands=hands[order],
+        points=np.asarray(events.point, dtype=np.float64)[chosen].reshape(-1, 3),
+        speeds=np.asarray(events.speed)[chosen].astype(np.float64),
+        spans=spans,
+    )
+
+
+def by_column(columns: Array, count: int, times: Array) -> tuple[Array, Array]:
+    """Return an order by column, then time, and where each of ``count`` columns begins in it. Shapes (E,), (n + 1,)."""
+    order = np.lexsort((times, columns))
+    return order, np.searchsorted(columns[order], np.arange(count + 1))

@@ -1,0 +1,558 @@
+"""Compiled limbs: legs that keep planted feet in their place, fists that touch, and bodies that give way to blows.
+
+A stand is a time over which a foot is planted, through cuts. At a cut the motion's own place of the foot jumps by
+delta. With k a kernel that is flat near the time t and ends within a second, and B the share of k over the stand that
+lies after the cut, a planted foot belongs at ``motion(t) + sum over cuts of delta (B - [t >= cut])``: its mean place
+over the stand. This does not jump at cuts and, where the stand is shorter than the flat part, does not move at all.
+Between stands a foot is let go of, or led from one place to the next where they follow closely.
+
+Then the pelvis goes along with what planted feet ask for, and down a little for a leg that would be overstretched; legs
+ ease into their longest reach, soles stay above the floor.
+
+A fist is carried onto what it hits by a bump over time; for what an arm that eases into its longest reach does not
+give, the spine leans. A blow turns spine, neck and head along its way, and they spring back.
+"""
+
+import math
+
+import numba as nb
+import numpy as np
+
+MOST = math.radians(150.0)
+"""Flexion beyond which no knee or elbow is bent [rad]."""
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _ease(s):
+    """A step from 0 to 1 with no speed and no acceleration at its ends."""
+    if s <= 0.0:
+        return 0.0
+    if s >= 1.0:
+        return 1.0
+    return s * s * s * (10.0 - s * (15.0 - 6.0 * s))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _mass(x, flat, wide):
+    """Integral from 0 to x of a kernel that is 1 up to ``flat`` and fades to 0 at ``wide``."""
+    a = abs(x)
+    if a > flat:
+        u = min((a - flat) / (wide - flat), 1.0)
+        a = flat + (wide - flat) * (u - u * u * u + 0.5 * u * u * u * u)
+    return a if x >= 0.0 else -a
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _add_shift(cuts, first, stop, foot, rate, time, centre, begin, end, flat, wide, weight, out):
+    """Add how far a foot belongs from the motion's own place in a stand, times a weight."""
+    low, high = _mass(begin - centre, flat, wide), _mass(end - centre, flat, wide)
+    if high - low < 1e-9:
+        return
+    for cut in range(first, stop):
+        at = cuts.times[cut]
+        beyond = high - min(max(_mass(at - centre, flat, wide), low), high)
+        share = beyond / (high - low)
+        if (at - time) * rate <= 1e-9:
+            share -= 1.0
+        if share != 0.0:
+            for k in range(3):
+                out[k] += weight * share * cuts.gaps[cut, foot, k]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _stand_weights(stands, n, foot, at, time, swing):
+    """The stands before and after a time: their numbers and weights, and the first that is not yet over.
+
+    In a stand its weight is 1. Away from stands a weight fades over ``swing``; between two that are near each other one
+    passes into the other.
+    """
+    count = stands.counts[n, foot]
+    while at < count and stands.spans[n, foot, at, 1] < time:
+        at += 1
+    if at < count and stands.spans[n, foot, at, 0] <= time:
+        return at, 1.0, -1, 0.0, at
+    one, other, since, until = -1, -1, math.inf, math.inf
+    if at > 0:
+        one, since = at - 1, time - stands.spans[n, foot, at - 1, 1]
+    if at < count:
+        other, until = at, stands.spans[n, foot, at, 0] - time
+    before, after = _ease(1.0 - since / swing), _ease(1.0 - until / swing)
+    if since + until < 2.0 * swing:
+        passed = _ease(since / (since + until))
+        before, after = before * (1.0 - passed), after * passed
+    return one, before, other, after, at
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _rotate(q, x, y, z):
+    """Turn a vector by a quaternion."""
+    tx = 2.0 * (q[2] * z - q[3] * y)
+    ty = 2.0 * (q[3] * x - q[1] * z)
+    tz = 2.0 * (q[1] * y - q[2] * x)
+    return (
+        x + q[0] * tx + q[2] * tz - q[3] * ty,
+        y + q[0] * ty + q[3] * tx - q[1] * tz,
+        z + q[0] * tz + q[1] * ty - q[2] * tx,
+    )
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _multiply(a, b, out):
+    """Write the product of two quaternions; out may be one of them."""
+    w = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
+    x = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
+    y = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
+    z = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
+    out[0], out[1], out[2], out[3] = w, x, y, z
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _pose_chain(limbs, scale, root, rotations, places, turns):
+    """Places and turns in the world of the joints of a chain."""
+    for at in range(limbs.chain.shape[0]):
+        j = limbs.chain[at]
+        p = limbs.parents[j]
+        if p < 0:
+            for k in range(3):
+                places[j, k] = root[k]
+            for k in range(4):
+                turns[j, k] = rotations[j, k]
+        else:
+            o = limbs.offsets[j]
+            x, y, z = _rotate(turns[p], o[0] * scale, o[1] * scale, o[2] * scale)
+            places[j, 0], places[j, 1], places[j, 2] = places[p, 0] + x, places[p, 1] + y, places[p, 2] + z
+            a, b, c, d = turns[p, 0], turns[p, 1], turns[p, 2], turns[p, 3]
+            e, f, g, h = rotations[j, 0], rotations[j, 1], rotations[j, 2], rotations[j, 3]
+            turns[j, 0] = a * e - b * f - c * g - d * h
+            turns[j, 1] = a * f + b * e + c * h - d * g
+            turns[j, 2] = a * g - b * h + c * e + d * f
+            turns[j, 3] = a * h + b * g - c * f + d * e
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _stretch(now, wanted, longest, soft):
+    """How long a limb gets that is ``now`` long: it eases into its longest reach, and stays where nothing is asked."""
+    if wanted <= now:
+        return wanted
+    room = max(longest - now, soft)
+    return now + room * math.tanh((wanted - now) / room)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _flexion(a, b, distance):
+    """Flexion at which two bones have their ends so far apart."""
+    cosine = (distance * distance - a * a - b * b) / (2.0 * a * b)
+    return math.acos(min(max(cosine, -1.0), 1.0))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _bend(limbs, side, rotations, places, turns, tx, ty, tz, distance, keep, bend, swing, spare):
+    """Bend a limb until its end is ``distance`` from its upper joint, and swing it to point at a target.
+
+    Local rotations of its upper and middle joint change, and of its end joint if that is to keep its turn.
+    """
+    upper, middle, end = limbs.joints[side, 0], limbs.joints[side, 1], limbs.joints[side, 2]
+    p, q, r = places[upper], places[middle], places[end]
+    ux, uy, uz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    vx, vy, vz = r[0] - q[0], r[1] - q[1], r[2] - q[2]
+    a = math.sqrt(ux * ux + uy * uy + uz * uz)
+    b = math.sqrt(vx * vx + vy * vy + vz * vz)
+    now = math.sqrt((r[0] - p[0]) ** 2 + (r[1] - p[1]) ** 2 + (r[2] - p[2]) ** 2)
+    flexion = _flexion(a, b, now)
+    change = min(_flexion(a, b, distance), max(MOST, flexion)) - flexion
+    # The axis that it is bent about; the hinge takes over where it is nearly straight.
+    nx, ny, nz = (uy * vz - uz * vy) / (a * b), (uz * vx - ux * vz) / (a * b), (ux * vy - uy * vx) / (a * b)
+    h = limbs.hinges[side]
+    hx, hy, hz = _rotate(turns[upper], h[0], h[1], h[2])
+    along = (hx * ux + hy * uy + hz * uz) / (a * a)
+    hx, hy, hz = hx - along * ux, hy - along * uy, hz - along * uz
+    size = math.sqrt(hx * hx + hy * hy + hz * hz)
+    if size > 1e-6:
+        hx, hy, hz = hx / size, hy / size, hz / size
+        forward = nx * hx + ny * hy + nz * hz
+        more = max(0.0, 0.15 - forward)
+        nx, ny, nz = nx + more * hx, ny + more * hy, nz + more * hz
+    size = math.sqrt(nx * nx + ny * ny + nz * nz)
+    if size < 1e-9:
+        nx, ny, nz = hx, hy, hz
+    else:
+        nx, ny, nz = nx / size, ny / size, nz / size
+    c, s = math.cos(0.5 * change), math.sin(0.5 * change)
+    bend[0], bend[1], bend[2], bend[3] = c, s * nx, s * ny, s * nz
+    vx, vy, vz = _rotate(bend, vx, vy, vz)
+    ex, ey, ez = ux + vx, uy + vy, uz + vz
+    size = math.sqrt(ex * ex + ey * ey + ez * ez)
+    gx, gy, gz = tx - p[0], ty - p[1], tz - p[2]
+    far = math.sqrt(gx * gx + gy * gy + gz * gz)
+    if size < 1e-9 or far < 1e-9:
+        return
+    ex, ey, ez, gx, gy, gz = ex / size, ey / size, ez / size, gx / far, gy / far, gz / far
+    w, x, y, z = 1.0 + ex * gx + ey * gy + ez * gz, ey * gz - ez * gy, ez * gx - ex * gz, ex * gy - ey * gx
+    size = math.sqrt(w * w + x * x + y * y + z * z)
+    if size < 1e-6:
+        return
+    swing[0], swing[1], swing[2], swing[3] = w / size, x / size, y / size, z / size
+    # The upper joint swings; all between it and the middle joint goes along, and the middle joint bends in it.
+    _into_parent(limbs, turns, upper, swing, spare, rotations, False)
+    _multiply(swing, bend, bend)
+    _into_parent(limbs, turns, middle, bend, swing, rotations, True)
+    if keep:
+        spare[0], spare[1], spare[2], spare[3] = 1.0, 0.0, 0.0, 0.0
+        _into_parent(limbs, turns, end, spare, bend, rotations, True)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _into_parent(limbs, turns, joint, after, before, rotations, moved):
+    """Write the local rotation of a joint that turns by ``after`` in the world, its parent, if ``moved``, by ``before``."""
+    p = turns[limbs.parents[joint]]
+    a, b, c, d = p[0], p[1], p[2], p[3]
+    if moved:
+        q = before
+        a, b, c, d = (
+            q[0] * p[0] - q[1] * p[1] - q[2] * p[2] - q[3] * p[3],
+            q[0] * p[1] + q[1] * p[0] + q[2] * p[3] - q[3] * p[2],
+            q[0] * p[2] - q[1] * p[3] + q[2] * p[0] + q[3] * p[1],
+            q[0] * p[3] + q[1] * p[2] - q[2] * p[1] + q[3] * p[0],
+        )
+    q, o = after, turns[joint]
+    e, f, g, h = (
+        q[0] * o[0] - q[1] * o[1] - q[2] * o[2] - q[3] * o[3],
+        q[0] * o[1] + q[1] * o[0] + q[2] * o[3] - q[3] * o[2],
+        q[0] * o[2] - q[1] * o[3] + q[2] * o[0] + q[3] * o[1],
+        q[0] * o[3] + q[1] * o[2] - q[2] * o[1] + q[3] * o[0],
+    )
+    w = a * e + b * f + c * g + d * h
+    x = a * f - b * e - c * h + d * g
+    y = a * g + b * h - c * e - d * f
+    z = a * h - b * g + c * f - d * e
+    size = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+    out = rotations[joint]
+    out[0], out[1], out[2], out[3] = w * size, x * size, y * size, z * size
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def plant_feet(
+    first, stop, columns, times, frames, fractions, grounds, m, cuts, stands, rate, scales, legs, how, roots, rotations
+):
+    """Bring planted feet of avatars ``first`` to ``stop`` of ``columns`` to where they belong, in place.
+
+    Args:
+        first: First place in ``columns``.
+        stop: One past the last.
+        columns: Column of each avatar in the window. Shape (n,).
+        times: Shape (T, n) or (T, 1) [s].
+        frames: Playback frame at each time; -1 while absent. Shape (T, n), int32.
+        fractions: How far on to the next frame. Shape (T, n).
+        grounds: Ground transform at each time. Shape (T, n, 3).
+        m: The frames, a ``motion.Frames``.
+        cuts: A ``window.Cuts``.
+        stands: A ``window.Stands``.
+        rate: Control frames a second.
+        scales: Body size by column.
+        legs: A ``motion.Limbs``.
+        how: Half widths of the kernel, flat and whole [s]; time to let go of a foot [s]; share of what feet ask for
+            that the pelvis goes along with; furthest that it goes aside and down [m]; least flexion of a knee [rad];
+            height over which soles ease onto the floor [m].
+        roots: Places of the roots [m]. Shape (T, n, 3), changed.
+        rotations: Local rotations. Shape (T, n, J, 4), changed.
+    """
+    flat, wide, swing, along, aside, down, least, floor = how
+    joints = legs.parents.shape[0]
+    places, turns = np.empty((joints, 3)), np.empty((joints, 4))
+    asked, home, ball, ankle = np.empty((2, 3)), np.empty(3), np.empty((2, 3)), np.empty((2, 3))
+    firm, at = np.empty(2), np.empty(2, np.int64)
+    now, longest = np.empty(2), np.empty(2)
+    bend, turn, spare = np.empty(4), np.empty(4), np.empty(4)
+    shared = times.shape[1] == 1
+    for i in range(first, stop):
+        n = columns[i]
+        scale = scales[n]
+        low = cuts.starts[n]
+        at[:] = 0
+        for t in range(frames.shape[0]):
+            frame = frames[t, i]
+            if frame < 0:
+                continue
+            time = times[t, 0 if shared else i]
+            while low < cuts.starts[n + 1] and cuts.times[low] <= time - wide - swing:
+                low += 1
+            high = low
+            while high < cuts.starts[n + 1] and cuts.times[high] < time + wide + swing:
+                high += 1
+            root, pose = roots[t, i], rotations[t, i]
+            _pose_chain(legs, scale, root, pose, places, turns)
+            cos, sin = math.cos(grounds[t, i, 2]), math.sin(grounds[t, i, 2])
+            shift_x, shift_z = 0.0, 0.0
+            for f in range(2):
+                one, before, other, after, at[f] = _stand_weights(stands, n, f, at[f], time, swing)
+                firm[f] = before + after
+                end = legs.joints[f, 2]
+                for k in range(3):
+                    ankle[f, k] = places[end, k]
+                o = legs.points[f, 1]
+                x, y, z = _rotate(turns[end], o[0] * scale, o[1] * scale, o[2] * scale)
+                ball[f, 0], ball[f, 1], ball[f, 2] = x, y, z
+                for k in range(3):
+                    asked[f, k] = 0.0
+                if firm[f] > 0.0:
+                    nearer, further = m.balls[frame, f], m.balls[frame + 1 if fractions[t, i] > 0.0 else frame, f]
+                    part = fractions[t, i]
+                    for k in range(3):
+                        home[k] = (nearer[k] + (further[k] - nearer[k]) * part) * scale
+                    hx, hz = home[0], home[2]
+                    home[0], home[2] = grounds[t, i, 0] + hx * cos + hz * sin, grounds[t, i, 1] - hx * sin + hz * cos
+                    for k in range(3):
+                        asked[f, k] = firm[f] * (home[k] - ankle[f, k] - ball[f, k])
+                    if before > 0.0:
+                        begin, ends = stands.spans[n, f, one, 0], stands.spans[n, f, one, 1]
+                        _add_shift(cuts, low, high, f, rate, time, min(time, ends), begin, ends, flat, wide, before,
+                                   asked[f])  # fmt: skip
+                    if after > 0.0:
+                        begin, ends = stands.spans[n, f, other, 0], stands.spans[n, f, other, 1]
+                        _add_shift(cuts, low, high, f, rate, time, begin, begin, ends, flat, wide, after, asked[f])
+                shift_x += 0.5 * along * asked[f, 0]
+                shift_z += 0.5 * along * asked[f, 2]
+            # The pelvis goes aside with the feet, and no further than it may.
+            size = math.sqrt(shift_x * shift_x + shift_z * shift_z)
+            if size > 1e-9:
+                share = aside * scale * math.tanh(size / (aside * scale)) / size
+                shift_x, shift_z = shift_x * share, shift_z * share
+            lack = 0.0
+            for f in range(2):
+                upper, middle = places[legs.joints[f, 0]], places[legs.joints[f, 1]]
+                free = 1.0 - firm[f]
+                asked[f, 0] += ankle[f, 0] + free * shift_x
+                asked[f, 1] += ankle[f, 1]
+                asked[f, 2] += ankle[f, 2] + free * shift_z
+                # No sole under the floor: heel and ball ease onto it.
+                o = legs.points[f, 0]
+                _, heel, _ = _rotate(turns[legs.joints[f, 2]], o[0] * scale, o[1] * scale, o[2] * scale)
+                lowest = asked[f, 1] + min(heel, ball[f, 1])
+                soft = floor * scale
+                if lowest <= -soft:
+                    asked[f, 1] -= lowest
+                elif lowest < soft:
+                    asked[f, 1] += (lowest + soft) * (lowest + soft) / (4.0 * soft) - lowest
+                a = math.sqrt((middle[0] - upper[0]) ** 2 + (middle[1] - upper[1]) ** 2 + (middle[2] - upper[2]) ** 2)
+                b = math.sqrt(
+                    (ankle[f, 0] - middle[0]) ** 2 + (ankle[f, 1] - middle[1]) ** 2 + (ankle[f, 2] - middle[2]) ** 2
+                )
+                now[f] = math.sqrt(
+                    (ankle[f, 0] - upper[0]) ** 2 + (ankle[f, 1] - upper[1]) ** 2 + (ankle[f, 2] - upper[2]) ** 2
+                )
+                longest[f] = math.sqrt(a * a + b * b + 2.0 * a * b * math.cos(least))
+                wanted = math.sqrt(
+                    (asked[f, 0] - upper[0] - shift_x) ** 2
+                    + (asked[f, 1] - upper[1]) ** 2
+                    + (asked[f, 2] - upper[2] - shift_z) ** 2
+                )
+                over = wanted - _stretch(now[f], wanted, longest[f], 0.004 * (a + b))
+                lack += over * wanted / max(upper[1] - asked[f, 1], 0.5 * wanted)
+            drop = down * scale * math.tanh(lack / (down * scale))
+            root[0] += shift_x
+            root[1] -= drop
+            root[2] += shift_z
+            for f in range(2):
+                for k in range(3):
+                    j = legs.joints[f, k]
+                    places[j, 0] += shift_x
+                    places[j, 1] -= drop
+                    places[j, 2] += shift_z
+                upper, end = places[legs.joints[f, 0]], places[legs.joints[f, 2]]
+                x, y, z = asked[f, 0], asked[f, 1], asked[f, 2]
+                if abs(x - end[0]) + abs(y - end[1]) + abs(z - end[2]) < 1e-7:
+                    continue
+                wanted = math.sqrt((x - upper[0]) ** 2 + (y - upper[1]) ** 2 + (z - upper[2]) ** 2)
+                distance = _stretch(now[f], wanted, longest[f], 0.004 * longest[f])
+                _bend(legs, f, pose, places, turns, x, y, z, distance, True, bend, turn, spare)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _turn_in_world(limbs, turns, joint, x, y, z, rotations):
+    """Turn a joint by a rotation vector of the world, in its local rotation."""
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle < 1e-12:
+        return
+    s = math.sin(0.5 * angle) / angle
+    p, r = turns[limbs.parents[joint]], rotations[joint]
+    # The vector in the parent's frame.
+    qx, qy, qz = _unrotate(p, x * s, y * s, z * s)
+    c = math.cos(0.5 * angle)
+    a, b, d, e = r[0], r[1], r[2], r[3]
+    r[0] = c * a - qx * b - qy * d - qz * e
+    r[1] = c * b + qx * a + qy * e - qz * d
+    r[2] = c * d - qx * e + qy * a + qz * b
+    r[3] = c * e + qx * d - qy * b + qz * a
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _unrotate(q, x, y, z):
+    """Turn a vector back by a quaternion."""
+    tx = 2.0 * (q[3] * y - q[2] * z)
+    ty = 2.0 * (q[1] * z - q[3] * x)
+    tz = 2.0 * (q[2] * x - q[1] * y)
+    return (
+        x + q[0] * tx - q[2] * tz + q[3] * ty,
+        y + q[0] * ty - q[3] * tx + q[1] * tz,
+        z + q[0] * tz - q[1] * ty + q[2] * tx,
+    )
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _lean(arms, scale, hand, root, pose, places, turns, x, y, z):
+    """Turn the spine so that a shoulder goes by a vector [m], half at its lower end and half at the chest."""
+    shoulder = places[arms.joints[hand, 0]]
+    count = 1 if arms.bends[0] == arms.bends[1] else 2
+    for k in range(count):
+        joint = arms.bends[k]
+        p = places[joint]
+        ax, ay, az = shoulder[0] - p[0], shoulder[1] - p[1], shoulder[2] - p[2]
+        square = max(ax * ax + ay * ay + az * az, 1e-6) * count
+        _turn_in_world(arms, turns, joint, (ay * z - az * y) / square, (az * x - ax * z) / square,
+                       (ax * y - ay * x) / square, pose)  # fmt: skip
+    _pose_chain(arms, scale, root, pose, places, turns)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def carry_fists(first, stop, columns, times, landings, scales, arms, least, roots, rotations):
+    """Carry fists of avatars ``first`` to ``stop`` of ``columns`` onto what they hit, in place.
+
+    Args:
+        first: First place in ``columns``.
+        stop: One past the last.
+        columns: Column of each avatar in the window. Shape (n,).
+        times: Shape (T, n) or (T, 1) [s].
+        landings: A ``fists.Landings``.
+        scales: Body size by column.
+        arms: A ``motion.Limbs``.
+        least: Least flexion of an elbow [rad].
+        roots: Places of the roots [m]. Shape (T, n, 3).
+        rotations: Local rotations. Shape (T, n, J, 4), changed.
+    """
+    joints = arms.parents.shape[0]
+    places, turns = np.empty((joints, 3)), np.empty((joints, 4))
+    shifts, weights, wrists, targets = np.empty((2, 3)), np.empty(2), np.empty((2, 3)), np.empty((2, 3))
+    now, longest, soft = np.empty(2), np.empty(2), np.empty(2)
+    bend, turn, spare = np.empty(4), np.empty(4), np.empty(4)
+    shared = times.shape[1] == 1
+    for i in range(first, stop):
+        n = columns[i]
+        scale = scales[n]
+        for t in range(times.shape[0]):
+            time = times[t, 0 if shared else i]
+            if not math.isfinite(roots[t, i, 0]):
+                continue
+            active = False
+            weights[:] = 0.0
+            shifts[:] = 0.0
+            for strike in range(landings.starts[n], landings.starts[n + 1]):
+                apart = time - landings.times[strike]
+                span = landings.spans[strike, 0] if apart < 0.0 else landings.spans[strike, 1]
+                weight = _ease(1.0 - abs(apart) / span)
+                if weight > 0.0:
+                    active = True
+                    hand = landings.hands[strike]
+                    weights[hand] = max(weights[hand], weight)
+                    for k in range(3):
+                        shifts[hand, k] += weight * landings.shifts[strike, k]
+            if not active:
+                continue
+            root, pose = roots[t, i], rotations[t, i]
+            _pose_chain(arms, scale, root, pose, places, turns)
+            for hand in range(2):
+                p, q, r = (
+                    places[arms.joints[hand, 0]],
+                    places[arms.joints[hand, 1]],
+                    places[arms.joints[hand, 2]],
+                )
+                a = math.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2 + (q[2] - p[2]) ** 2)
+                b = math.sqrt((r[0] - q[0]) ** 2 + (r[1] - q[1]) ** 2 + (r[2] - q[2]) ** 2)
+                now[hand] = math.sqrt((r[0] - p[0]) ** 2 + (r[1] - p[1]) ** 2 + (r[2] - p[2]) ** 2)
+                longest[hand] = math.sqrt(a * a + b * b + 2.0 * a * b * math.cos(least))
+                soft[hand] = 0.01 * (a + b)
+                for k in range(3):
+                    wrists[hand, k] = r[k]
+                    targets[hand, k] = r[k] + shifts[hand, k]
+            for _ in range(3):
+                for hand in range(2):
+                    if weights[hand] <= 0.0:
+                        continue
+                    p = places[arms.joints[hand, 0]]
+                    x, y, z = targets[hand, 0] - p[0], targets[hand, 1] - p[1], targets[hand, 2] - p[2]
+                    wanted = math.sqrt(x * x + y * y + z * z)
+                    lack = wanted - _stretch(now[hand], wanted, longest[hand], soft[hand])
+                    if lack > 1e-5:
+                        share = lack / wanted
+                        _lean(arms, scale, hand, root, pose, places, turns, x * share, y * share, z * share)
+            for hand in range(2):
+                weight = weights[hand]
+                if weight <= 0.0:
+                    continue
+                p, r = places[arms.joints[hand, 0]], places[arms.joints[hand, 2]]
+                # Where the trunk leans for the other hand, this one goes along as far as it is free to.
+                x = targets[hand, 0] * weight + (1.0 - weight) * (r[0] + shifts[hand, 0])
+                y = targets[hand, 1] * weight + (1.0 - weight) * (r[1] + shifts[hand, 1])
+                z = targets[hand, 2] * weight + (1.0 - weight) * (r[2] + shifts[hand, 2])
+                wanted = math.sqrt((x - p[0]) ** 2 + (y - p[1]) ** 2 + (z - p[2]) ** 2)
+                held = math.sqrt((r[0] - p[0]) ** 2 + (r[1] - p[1]) ** 2 + (r[2] - p[2]) ** 2)
+                distance = min(wanted, max(longest[hand], held))
+                _bend(arms, hand, pose, places, turns, x, y, z, distance, True, bend, turn, spare)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def show_blows(first, stop, columns, times, blows, trunk, peak, length, roots, rotations):
+    """Lay reactions over poses of avatars ``first`` to ``stop`` of ``columns``, in place.
+
+    A spring's answer to a blow is 1 at its highest, ``peak`` seconds after it, swings through a little, and is at rest
+    after ``length`` seconds.
+
+    Args:
+        first: First place in ``columns``.
+        stop: One past the last.
+        columns: Column of each avatar in the window. Shape (n,).
+        times: Shape (T, n) or (T, 1) [s].
+        blows: A ``reactions.Blows``.
+        trunk: A ``reactions.Trunk``.
+        peak: See above.
+        length: See above.
+        roots: Places of the roots. Shape (T, n, 3).
+        rotations: Local rotations. Shape (T, n, J, 4), changed.
+    """
+    joints = trunk.parents.shape[0]
+    turns, spin = np.empty((joints, 4)), np.empty((2, 3))
+    shared = times.shape[1] == 1
+    for i in range(first, stop):
+        n = columns[i]
+        for t in range(times.shape[0]):
+            time = times[t, 0 if shared else i]
+            if not math.isfinite(roots[t, i, 0]):
+                continue
+            active = False
+            spin[:] = 0.0
+            for blow in range(blows.starts[n], blows.starts[n + 1]):
+                since = time - blows.times[blow]
+                if not 0.0 < since < length:
+                    continue
+                active = True
+                s = since / peak
+                back = min(max((since - 2.5 * peak) / (length - 2.5 * peak), 0.0), 1.0)
+                answer = s * s * math.exp(2.0 - 2.0 * s) - 0.12 * math.sin(math.pi * back) ** 2
+                answer *= _ease((length - since) / (0.4 * length))
+                for k in range(3):
+                    spin[blows.parts[blow], k] += answer * blows.axes[blow, k]
+            if not active:
+                continue
+            pose = rotations[t, i]
+            for at in range(trunk.chain.shape[0]):
+                j = trunk.chain[at]
+                head, torso = trunk.gives[at, 0], trunk.gives[at, 1]
+                p = trunk.parents[j]
+                if p >= 0 and head + torso > 0.0:
+                    _turn_in_world(trunk, turns, j, head * spin[0, 0] + torso * spin[1, 0],
+                                   head * spin[0, 1] + torso * spin[1, 1], head * spin[0, 2] + torso * spin[1, 2],
+                                   pose)  # fmt: skip
+                if p < 0:
+                    for k in range(4):
+                        turns[j, k] = pose[j, k]
+                else:
+                    _multiply(turns[p], pose[j], turns[j])
