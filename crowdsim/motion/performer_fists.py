@@ -25,7 +25,7 @@ _LEAST_DEPTH, _LEAST_BESIDE = 0.20, 0.07
 """Least distance of a fist before its shoulder, straight in front of it and beside it [m]."""
 _FULL_REACH = 0.975 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
 """How far from the shoulder a punch is aimed at the most [m]."""
-_SLOWEST, _FASTEST = 5.6, 11.0
+_SLOWEST, _FASTEST = 5.5, 11.0
 """Speeds between which a punching fist peaks relative to the pelvis [m/s]."""
 _ATTEMPTS = 12
 _SHORTEST = 0.11
@@ -87,7 +87,9 @@ def lead_fists(
         swing, arc = _bends(planned, times[part])
         swing = quat.rotate(frame[part], swing)
         inside = at - part.start
-        out = (times[part] >= 0.4 * planned.start + 0.6 * planned.hit - spacing) & (times[part] <= planned.hit + 0.02)
+        out = (times[part] >= 0.4 * planned.start + 0.6 * planned.hit - spacing) & (
+            times[part] <= planned.hit - 0.5 * spacing
+        )
         reach, size = planned, 1.0
         for attempt in range(_ATTEMPTS):
             turn = quat.about_y(arcs[part, hand] + size * arc)

@@ -36,6 +36,11 @@ def session():
 
 
 @pytest.fixture(scope="module")
+def long_session():
+    return perform(150.0, 8)
+
+
+@pytest.fixture(scope="module")
 def posed(session):
     return [clip_kinematics(performance.clip) for performance in session]
 
@@ -121,9 +126,8 @@ def test_the_fist_that_detectors_follow_is_the_fist_that_punches():
     assert body.height == pytest.approx(1.75, abs=0.01)
 
 
-def test_strikes_are_as_fast_as_punches_and_about_a_hundred_a_minute():
-    session = perform(150.0, 8)
-    strikes = [strike for performance in session for strike in performance.truth.strikes]
+def test_strikes_are_as_fast_as_punches_and_about_a_hundred_a_minute(long_session):
+    strikes = [strike for performance in long_session for strike in performance.truth.strikes]
     seen = np.array([strike.speed for strike in strikes])
     assert seen.min() > 3.5
     assert seen.max() < 12.0
@@ -131,18 +135,18 @@ def test_strikes_are_as_fast_as_punches_and_about_a_hundred_a_minute():
     assert 5.5 < np.median(seen) < 8.0
     assert 85.0 < len(strikes) / 150.0 * 60.0 < 125.0
     assert {strike.kind for strike in strikes} == set(PUNCHES)
-    kinds = {defence.kind for performance in session for defence in performance.truth.defences}
+    kinds = {defence.kind for performance in long_session for defence in performance.truth.defences}
     assert len(kinds) >= 0.6 * len(DEFENCES)
 
 
-def test_no_two_strikes_are_the_same():
-    strikes = [strike for performance in perform(60.0, 9) for strike in performance.truth.strikes]
+def test_no_two_strikes_are_the_same(long_session):
+    strikes = [strike for performance in long_session for strike in performance.truth.strikes]
     looks = {(round(strike.speed, 4), *(round(x, 4) for x in strike.place)) for strike in strikes}
     assert len(looks) == len(strikes)
 
 
-def test_targets_are_spread_over_what_a_boxer_reaches():
-    places = np.array([strike.place for performance in perform(120.0, 8) for strike in performance.truth.strikes])
+def test_targets_are_spread_over_what_a_boxer_reaches(long_session):
+    places = np.array([strike.place for performance in long_session for strike in performance.truth.strikes])
     height, ahead = places[:, 1], places[:, 2]
     assert np.mean(height < 1.25) > 0.1
     assert np.percentile(height, 95) > 1.5
@@ -271,12 +275,11 @@ def test_the_rear_heel_lifts_when_the_rear_hand_strikes(session, posed):
                 assert np.arcsin(-sole[1]) > np.radians(18)
 
 
-def test_a_session_turns_and_steps_every_way():
-    session = perform(150.0, 8)
-    turned = np.concatenate([performance.truth.stance[:, 2] for performance in session])
+def test_a_session_turns_and_steps_every_way(long_session):
+    turned = np.concatenate([performance.truth.stance[:, 2] for performance in long_session])
     assert np.ptp(turned) > 1.8 * np.pi
     ways = []
-    for performance in session:
+    for performance in long_session:
         stance = performance.truth.stance[::30]
         ways.append(ground.to_local(stance[:-1], np.stack([stance[1:, 0], 0 * stance[1:, 0], stance[1:, 1]], axis=1)))
     way = np.concatenate(ways)[:, [0, 2]]
