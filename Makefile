@@ -28,7 +28,7 @@ system:
 	if [ "$$(id -u)" = 0 ]; then apt-get -qq update && apt-get -qq install -y --no-install-recommends $$missing >/dev/null; \
 	else echo "Open3D needs system packages: sudo apt-get install$$missing"; fi
 
-test: system $(VENV)/.installed-test lint
+test: system $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not browser"
 
 test-slow: system $(VENV)/.installed-test
