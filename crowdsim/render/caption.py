@@ -36,19 +36,21 @@ def draw_caption(picture: Array, text: str, corner: tuple[int, int] | None = Non
 
     size = height or text_height(picture.shape[0])
     font = _font(size)
-    rim = max(1, size // 9)
-    left, top, right, bottom = (int(value) for value in font.getbbox(text or " ", stroke_width=rim))
-    width, high = right - left + 2, bottom - top + 2
+    rim = max(1, size // 10)
+    left, top, right, bottom = (int(value) for value in font.getbbox(text or " "))
+    width, high = right - left + 2 * rim + 2, bottom - top + 2 * rim + 2
     x, y = corner if corner is not None else (size * 2 // 3, picture.shape[0] - high - size // 2)
     width, high = min(width, picture.shape[1] - x), min(high, picture.shape[0] - y)
     if width <= 0 or high <= 0 or x < 0 or y < 0:
         return
-    masks = []
-    for stroke in (rim, 0):
-        mask = Image.new("L", (width, high))
-        ImageDraw.Draw(mask).text((1 - left, 1 - top), text, fill=255, font=font, stroke_width=stroke)
-        masks.append(np.asarray(mask, np.float32)[..., None] / 255.0)
+    image = Image.new("L", (width, high))
+    ImageDraw.Draw(image).text((1 + rim - left, 1 + rim - top), text, fill=255, font=font)
+    letters = np.asarray(image)
+    dark = letters.copy()
+    # The rim is the letters, pushed by a little in every direction.
+    for dy, dx in ((0, rim), (0, -rim), (rim, 0), (-rim, 0), (rim, rim), (rim, -rim), (-rim, rim), (-rim, -rim)):
+        np.maximum(dark, np.roll(letters, (dy, dx), axis=(0, 1)), out=dark)
     area = picture[y : y + high, x : x + width].astype(np.float32)
-    area += masks[0] * 0.62 * (np.float32(34.0) - area)
-    area += masks[1] * (np.float32(246.0) - area)
+    area += dark[..., None] * np.float32(0.62 / 255.0) * (np.float32(34.0) - area)
+    area += letters[..., None] * np.float32(1.0 / 255.0) * (np.float32(246.0) - area)
     picture[y : y + high, x : x + width] = (area + 0.5).astype(np.uint8)
