@@ -1,0 +1,126 @@
+"""A recorded run becomes pictures; each frame the same, whichever was asked for before."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from crowdsim.errors import TakeError
+from crowdsim.graph.motion_graph import build_graph
+from crowdsim.motion import ground
+from crowdsim.motion.database import build_database
+from crowdsim.motion.performer import perform
+from crowdsim.render.stage import build_stage
+from crowdsim.render.take_source import TakeSource
+from crowdsim.take.take import Cast, Events, Take
+
+FRAMES, AVATARS = 30, 4
+
+
+@pytest.fixture(scope="module")
+def policy():
+    database = build_database([performed.clip for performed in perform(40.0, 1)])
+    return SimpleNamespace(database=database, graph=build_graph(database), fingerprint="abc", behaviours=())
+
+
+def wander(policy, frames=FRAMES, avatars=AVATARS) -> Take:
+    """A take of avatars who do one random action after the other; the last one comes late."""
+    graph, place = policy.graph, policy.database.ground
+    stride = policy.database.stride
+    rng = np.random.default_rng(4)
+    action = np.zeros((frames, avatars), np.int32)
+    phase = np.zeros((frames, avatars), np.float32)
+    stands = np.zeros((frames, avatars, 3))
+    for avatar in range(avatars):
+        now = np.array([2.0 * avatar, 0.5 * avatar, float(avatar)])
+        state, time, current = int(rng.integers(len(graph.state_frames))), 0, -1
+        for frame in range(frames):
+            if current < 0 or time == graph.action_lengths[current]:
+                if current >= 0:
+                    state = int(graph.action_next[current])
+                current = int(rng.integers(graph.action_offsets[state], graph.action_offsets[state + 1]))
+                start = stride * (int(graph.action_first[current]) - 1)
+                base, time = ground.compose(now, ground.inverse(place[start])), 0
+            now = ground.compose(base, place[start + stride * time])
+            action[frame, avatar], phase[frame, avatar], stands[frame, avatar] = current, time, now
+            time += 1
+    action[:10, -1] = -1
+    x, z, heading = np.moveaxis(stands, -1, 0).astype(np.float32)
+    cast = Cast(
+        names=np.array([f"boxer_{i}" for i in range(avatars)]),
+        types=np.zeros(avatars, np.int16),
+        teams=(np.arange(avatars) % 2).astype(np.int16),
+        policies=np.zeros(avatars, np.int16),
+        scales=np.ones(avatars, np.float32),
+        speeds=np.ones(avatars, np.float32),
+        type_names=("boxer",),
+        team_names=("red", "blue"),
+        policy_names=("boxer",),
+        colours=np.full((1, 3), np.nan),
+    )
+    events = Events(
+        frame=np.array([12.5, 6.0], np.float32),
+        attacker=np.array([0, 1], np.int32),
+        victim=np.array([1, 0], np.int32),
+        hand=np.zeros(2, np.uint8),
+        point=np.array([[1.0, 1.5, 0.2], [0.0, 1.4, 0.0]], np.float32),
+        speed=np.array([7.0, 5.0], np.float32),
+        landed=np.array([True, False]),
+    )
+    targets = np.zeros((frames, 1, 3), np.float32)
+    targets[:, 0, 0] = np.arange(frames)
+    return Take(
+        action, phase, x, z, heading, np.full((frames, avatars), -1, np.int32), cast, targets, ("ball",), events,
+        15.0, "wander", 4, ("abc",), "done",
+    )  # fmt: skip
+
+
+def test_frames_do_not_depend_on_what_was_asked_for_before(policy):
+    take = wander(policy)
+    one, other = TakeSource(take, [policy], 30.0), TakeSource(take, [policy], 30.0)
+    other._block = 5
+    assert one.frame_count == 59
+    for frame in (58, 3, 40, 4):
+        (places, turns), (again, turned) = one.poses(frame)[0], other.poses(frame)[0]
+        np.testing.assert_array_equal(places, again)
+        np.testing.assert_array_equal(turns, turned)
+
+
+def test_avatars_stand_where_the_take_has_them_and_are_absent_before_they_come(policy):
+    take = wander(policy)
+    source = TakeSource(take, [policy], 15.0)
+    assert source.ground(np.array([4, 20])).shape == (2, AVATARS, 3)
+    assert np.isnan(source.ground(np.array([4]))[0, -1]).all()
+    found = source.ground(np.arange(12, 20))
+    np.testing.assert_allclose(found[..., 0], take.x[12:20], atol=1e-6)
+    np.testing.assert_allclose(found[..., 1], take.z[12:20], atol=1e-6)
+    places, _ = source.poses(4)[0]
+    assert np.isnan(places[-1]).all()
+    assert np.isfinite(places[:-1]).all()
+    assert places[:-1, :, 1].max() > 1.2
+    # Pelvises stand over the ground transforms.
+    pelvis = source.figures[0].roles["pelvis"]
+    assert np.abs(places[:-1, pelvis][:, [0, 2]] - source.ground(np.array([4]))[0, :-1, :2]).max() < 0.25
+
+
+def test_strikes_that_landed_are_seen_for_a_moment_and_targets_move(policy):
+    source = TakeSource(wander(policy), [policy], 30.0)
+    assert [len(source.hits(frame)[0]) for frame in (12, 24, 25, 30, 36, 40)] == [0, 0, 1, 1, 1, 0]
+    points, ages, speeds = source.hits(28)
+    assert points.tolist() == [[1.0, 1.5, pytest.approx(0.2)]]
+    assert ages.tolist() == [pytest.approx(0.1)]
+    assert speeds.tolist() == [7.0]
+    assert source.markers(7)[0, 0] == pytest.approx(3.5)
+
+
+def test_a_take_becomes_pictures(policy):
+    stage = build_stage(TakeSource(wander(policy), [policy], 30.0), (160, 96))
+    pictures = [stage.picture(frame).astype(int) for frame in (0, 40)]
+    assert np.abs(pictures[0] - pictures[1]).mean() > 0.5
+    assert stage.title(40) == "wander   4 avatars   1.33 s   squares 1 m"
+
+
+def test_a_foreign_policy_is_refused(policy):
+    other = SimpleNamespace(**{**vars(policy), "fingerprint": "xyz"})
+    with pytest.raises(TakeError, match="is not the one that the take was recorded with"):
+        TakeSource(wander(policy), [other], 30.0)
