@@ -133,7 +133,10 @@ def usable_clip(capture: Capture, strict: bool = True) -> Clip:
 
 
 def _without_path(finding: str, path: str) -> str:
-    return finding[len(path) + 1 :] if finding.startswith(path + ":") else finding
+    """A finding of the file, ``PATH:LINE: what`` or ``PATH: what``, without its path."""
+    if not finding.startswith(path + ":"):
+        return finding
+    return re.sub(r"^(\d+): ", r"line \1: ", finding[len(path) + 1 :]).lstrip()
 
 
 def _names(skeleton: Skeleton) -> str:

@@ -1,0 +1,128 @@
+"""A strike is a fist's speed peak and then its furthest reach."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from crowdsim.motion.kinematics import clip_kinematics
+from crowdsim.motion.measuring import measure_body
+from crowdsim.motion.performer import perform
+from crowdsim.motion.resampling import resample
+from crowdsim.motion.strikes import find_strikes
+from crowdsim.motion.tracks import Tracks, build_tracks
+
+FPS = 60.0
+
+
+def _tracks(left: np.ndarray, right: np.ndarray) -> Tracks:
+    """Tracks of someone who stands at the origin, facing +z, with given fists (F, 3)."""
+    frames = len(left)
+    ones = np.ones((frames, 1, 1))
+    shoulders = ones * np.array([[0.2, 1.45, 0.0], [-0.2, 1.45, 0.0]])
+    feet = ones * np.array([[0.1, 0.0, 0.0], [-0.1, 0.0, 0.0]])
+    body = ones[:, 0]
+    return Tracks(
+        ground=np.zeros((frames, 3)),
+        fists=np.stack([left, right], axis=1),
+        shoulders=shoulders,
+        heads=body * [0.0, 1.65, 0.0],
+        necks=body * [0.0, 1.5, 0.0],
+        pelvises=body * [0.0, 0.95, 0.0],
+        heels=feet,
+        balls=feet,
+    )
+
+
+def _reach(times: np.ndarray, at: float, out: float = 0.15, back: float = 0.3, far: float = 0.45) -> np.ndarray:
+    """A fist before the face that goes out to ``at`` and comes back. Shape (F, 3)."""
+    going = np.clip((times - at + out) / out, 0.0, 1.0)
+    coming = np.clip((times - at) / back, 0.0, 1.0)
+
+    def smooth(x: np.ndarray) -> np.ndarray:
+        return x * x * (3.0 - 2.0 * x)
+
+    share = smooth(going) - smooth(coming)
+    return np.array([0.1, 1.4, 0.2]) + share[:, None] * np.array([0.0, 0.05, far])
+
+
+TIMES = np.arange(180) / FPS
+REST = np.repeat([[-0.1, 1.4, 0.2]], len(TIMES), axis=0)
+
+
+def test_a_jab_is_found_with_frame_hand_place_and_speed():
+    found = find_strikes(_tracks(_reach(TIMES, 1.5), REST), 1.75, FPS)
+    assert found.hands.tolist() == [0]
+    assert found.frames[0] == pytest.approx(90, abs=1)
+    assert found.peaks[0] == pytest.approx(90 - 4.5, abs=1)
+    np.testing.assert_allclose(found.places[0], [0.1, 1.45, 0.65], atol=0.02)
+    assert found.speeds[0] == pytest.approx(1.5 * np.hypot(0.45, 0.05) / 0.15, rel=0.08)
+    assert found.highest_speed == pytest.approx(float(found.speeds[0]), rel=1e-6)
+
+
+def test_the_way_back_is_no_strike_however_fast():
+    fist = _reach(TIMES, 1.5, out=0.8, back=0.1)
+    assert len(find_strikes(_tracks(fist, REST), 1.75, FPS).frames) == 0
+
+
+def test_a_slow_reach_is_no_strike():
+    assert len(find_strikes(_tracks(_reach(TIMES, 1.5, out=0.9), REST), 1.75, FPS).frames) == 0
+
+
+def test_a_short_twitch_is_no_strike():
+    assert len(find_strikes(_tracks(_reach(TIMES, 1.5, out=0.06, far=0.12), REST), 1.75, FPS).frames) == 0
+
+
+def test_a_one_two_is_two_strikes_in_order():
+    right = _reach(TIMES, 1.75) * [-1.0, 1.0, 1.0]
+    found = find_strikes(_tracks(_reach(TIMES, 1.5), right), 1.75, FPS)
+    assert found.hands.tolist() == [0, 1]
+    assert (np.diff(found.frames) > 0).all()
+
+
+def test_two_jabs_of_one_hand_are_two_strikes():
+    fist = np.maximum(_reach(TIMES, 1.2), _reach(TIMES, 1.7, back=0.2))
+    assert find_strikes(_tracks(fist, REST), 1.75, FPS).hands.tolist() == [0, 0]
+
+
+def test_thresholds_scale_with_the_body():
+    tracks = _tracks(_reach(TIMES, 1.5), REST)
+    small = Tracks(**{name: getattr(tracks, name) * 0.6 for name in tracks.__dataclass_fields__})
+    ours, theirs = find_strikes(tracks, 1.75, FPS), find_strikes(small, 1.75 * 0.6, FPS)
+    assert np.array_equal(ours.frames, theirs.frames)
+    np.testing.assert_allclose(theirs.speeds, 0.6 * ours.speeds, rtol=1e-5)
+    # A body of full size would have to move faster than that.
+    assert len(find_strikes(small, 1.75 / 0.6, FPS).frames) == 0
+
+
+def test_walking_along_does_not_speed_up_a_fist():
+    tracks = _tracks(REST * [-1.0, 1.0, 1.0], REST)
+    along = TIMES[:, None] * [0.0, 0.0, 6.0]
+    moved = {
+        name: getattr(tracks, name) + (along if getattr(tracks, name).ndim == 2 else along[:, None])
+        for name in tracks.__dataclass_fields__
+        if name != "ground"
+    }
+    assert find_strikes(Tracks(ground=tracks.ground, **moved), 1.75, FPS).highest_speed < 0.01
+
+
+def test_a_clip_without_strikes_gives_empty_arrays():
+    found = find_strikes(_tracks(REST * [-1.0, 1.0, 1.0], REST), 1.75, FPS)
+    assert found.frames.shape == (0,)
+    assert found.places.shape == (0, 3)
+    assert find_strikes(_tracks(REST[:1], REST[:1]), 1.75, FPS).frames.shape == (0,)
+
+
+@pytest.mark.parametrize("fps", [50.0, 120.0, 240.0])
+def test_strikes_hardly_depend_on_the_rate_of_the_capture(fps):
+    clip = perform(15.0, 8)[0].clip
+    body = measure_body(clip)
+
+    def found(rate: float):
+        again = resample(resample(clip, rate), 60.0)
+        return find_strikes(build_tracks(body, *clip_kinematics(again)), body.height, 60.0)
+
+    ours, theirs = found(60.0), found(fps)
+    assert len(ours.frames) > 5
+    assert np.array_equal(ours.hands, theirs.hands)
+    np.testing.assert_allclose(ours.frames, theirs.frames, atol=2)
