@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import shlex
 import signal
 import sys
+import traceback
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -289,44 +291,60 @@ def run(
     from crowdsim.crowd.scenario import load_scenario
     from crowdsim.runner import Interrupted, run_to
 
-    command = " ".join(["crowdsim", *sys.argv[1:]])
-    failures: list[tuple[str, CrowdsimError]] = []
+    command = shlex.join(["crowdsim", *sys.argv[1:]])
+    several, failures = len(scenarios) > 1, []
     for name in scenarios:
         try:
             scenario = load_scenario(name, override or (), seed, frames, fraction)
-            folder = Path("output") / scenario.name if out is None else out / scenario.name if scenarios[1:] else out
+            folder = Path("output") / scenario.name if out is None else out / scenario.name if several else out
             with Bars() as bars:
                 report = run_to(folder, scenario, threads, mocap, force, command, bars)
             _print_report(report)
         except Interrupted as stop:
             print(stop, file=sys.stderr)
             sys.exit(128 + stop.number)
-        except CrowdsimError as error:
-            if not scenarios[1:]:
+        except Exception as error:
+            if not several:
                 raise
+            if not isinstance(error, CrowdsimError):
+                traceback.print_exc()
             print(error, file=sys.stderr)
-            failures.append((name, error))
+            failures.append(name)
     if failures:
-        print(
-            f"{len(failures)} of {len(scenarios)} runs failed: {', '.join(name for name, _ in failures)}",
-            file=sys.stderr,
-        )
+        print(f"{len(failures)} of {len(scenarios)} runs failed: {', '.join(failures)}", file=sys.stderr)
         sys.exit(1)
 
 
 def _print_report(report: Any) -> None:
+    """Print what a run did, on one screen."""
     for note in report.notes:
         print(note, file=sys.stderr)
     if report.done_before:
         print(f"{report.folder}: this run is done already; --force does it again")
         return
-    print(f"{report.folder}")
-    print(f"  {report.avatars} avatars, {report.control_frames} control frames")
-    print(f"  {report.strikes} strikes thrown, {report.landed} landed")
-    for kind, count in report.outputs.items():
-        print(f"  {kind}: {count} file{'s' if count > 1 else ''}")
-    seconds = report.seconds
-    print("  " + ", ".join(f"{stage} {seconds[stage]:.2f} s" for stage in seconds))
+    told, seconds = report.statistics, report.seconds
+    total = seconds["total"]
+    frame = 1000 * seconds["control"] / told.control_frames
+    print(report.folder)
+    print(f"  avatars         {told.avatars:,}")
+    print(f"  control frames  {told.control_frames:,} ({told.seconds:.1f} s)")
+    print(f"  strikes         {told.strikes_thrown:,} thrown, {told.strikes_landed:,} landed")
+    print(f"  hits            {told.hits_per_minute_per_avatar:.1f} a minute and avatar")
+    print(f"  overlap         {told.overlap_share:.2%} of avatar-frames")
+    print(f"  control         {frame:.3f} ms a frame, {seconds['control'] / total:.2%} of the time")
+    for kind, (path, count, size) in report.outputs.items():
+        files = f"{count:,} file{'s' if count > 1 else ''}, " if kind != "take" else ""
+        print(f"  {kind:<14}  {path} ({files}{_size(size)})")
+    stages = ", ".join(f"{stage} {value:.2f}" for stage, value in seconds.items() if stage != "total")
+    print(f"  seconds         {total:.2f}: {stages}")
+
+
+def _size(count: float) -> str:
+    for unit in ("bytes", "kB", "MB"):
+        if count < 1000:
+            return f"{count:.0f} {unit}" if unit == "bytes" else f"{count:.1f} {unit}"
+        count /= 1000
+    return f"{count:.1f} GB"
 
 
 @app.command()
@@ -343,33 +361,20 @@ def export(
     out: Annotated[Path | None, typer.Option(help="Folder that bvh/, ply/ and pcd/ go into; the run's.")] = None,
     threads: Threads = _CORES,
 ) -> None:
-    """Export a run's take as BVH or point clouds, without simulating again."""
-    from crowdsim.export.bvh import export_bvh
-    from crowdsim.export.select import parse_avatars, parse_range
+    """Export a run's take as BVH or point clouds, without simulating again; in the run's folder it replaces them."""
+    from crowdsim.outputs import ExportOptions, export_take
     from crowdsim.runner import open_run
-    from crowdsim.take.poses import PoseSampler
 
-    if not (bvh or ply or pcd):
-        raise CrowdsimError("nothing to export, expected --bvh, --ply or --pcd")
     take, policies, notes = open_run(folder)
     for note in notes:
         print(note, file=sys.stderr)
-    chosen = parse_avatars(avatars, take.avatar_count)
-    span = parse_range(frames, take.output_frames(fps), fps)
-    sampler = PoseSampler(take, policies, threads)
-    target = out or folder / "export"
-    _make_folder(target)
+    kinds = [kind for kind, wanted in (("bvh", bvh), ("ply", ply), ("pcd", pcd)) if wanted]
+    options = ExportOptions(kinds, avatars, frames, fps, every, points)
     with Bars() as bars:
-        if bvh:
-            files = export_bvh(sampler, target / "bvh", fps, span, chosen, bars)
-            print(f"{target / 'bvh'}: {len(files)} files")
-        for kind, wanted in (("ply", ply), ("pcd", pcd)):
-            if wanted:
-                from crowdsim.export.pointcloud import CloudBuilder, export_clouds
-
-                builder = CloudBuilder(sampler, fps, points, chosen)
-                files = export_clouds(builder, target / kind, kind, span, every, threads, bars)
-                print(f"{target / kind}: {len(files)} files")
+        written = export_take(folder, take, policies, options, out, threads, bars)
+    for kind, files in written.items():
+        size = sum(path.stat().st_size for path in files)
+        print(f"{(out or folder) / kind}: {len(files):,} file{'s' if len(files) > 1 else ''}, {_size(size)}")
 
 
 @app.command()
@@ -437,6 +442,55 @@ def render(
 
 
 @app.command()
+def profile(
+    scenario: Annotated[str, typer.Argument(metavar="SCENARIO", help="A scenario file, or its name.")],
+    avatars: Annotated[
+        str | None, typer.Option(help="Numbers of avatars, 30,1000,10k say; the scenario's own.")
+    ] = None,
+    threads: Annotated[str, typer.Option(help="Numbers of threads, 1,2 say.")] = "1",
+    frames: Annotated[
+        int | None, typer.Option(min=1, help="Control frames to measure; the scenario's duration.")
+    ] = None,
+    as_json: Json = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for profile.csv, profile.png and scaling.png.")] = None,
+    trace: Annotated[bool, typer.Option("--trace", help="Write trace.json for Perfetto, too; needs --out.")] = False,
+    writing: Annotated[bool, typer.Option("--writing", help="Tell what writing the outputs costs, too.")] = False,
+    override: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Another value.")] = None,
+    mocap: Mocap = None,
+) -> None:
+    """Tell what control costs a frame, by stage, for any number of avatars and threads."""
+    from crowdsim import profiling
+    from crowdsim.crowd.profile import draw_profile, draw_scaling, profile_table, write_csv
+    from crowdsim.crowd.scenario import load_scenario
+    from crowdsim.runner import load_policies
+
+    counts = profiling.parse_counts(avatars, "--avatars") if avatars is not None else []
+    numbers = profiling.parse_counts(threads, "--threads")
+    if trace and out is None:
+        raise CrowdsimError("--trace needs a folder to write into, expected --out DIR")
+    loaded = load_scenario(scenario, override or ())
+    with Bars() as bars:
+        policies = load_policies(loaded, mocap, max(numbers), bars)
+        profiles = profiling.profile_scenario(loaded, policies, counts, numbers, frames, bars)
+    seconds = profiling.time_writing(loaded, policies, max(numbers), frames) if writing else None
+    if out is not None:
+        _make_folder(out)
+        first = profiles[0]
+        write_csv(out / "profile.csv", first.timings, first.avatars)
+        draw_profile(out / "profile.png", first.timings, first.avatars)
+        draw_scaling(out / "scaling.png", profiles)
+        if trace:
+            profiling.write_trace(out / "trace.json", first)
+    if as_json:
+        told: dict[str, Any] = {"scenario": loaded.name, "profiles": [profiling.describe(one) for one in profiles]}
+        _print_json(told if seconds is None else {**told, "writing_seconds": seconds})
+        return
+    print("\n\n".join(profile_table(one) for one in profiles))
+    if seconds is not None:
+        print("\na whole run: " + ", ".join(f"{stage} {value:.2f} s" for stage, value in seconds.items()))
+
+
+@app.command()
 def validate(files: Annotated[list[Path], typer.Argument(metavar="FILE ...", help="Scenarios and recipes.")]) -> None:
     """Check scenarios and recipes; print every finding with its line and column."""
     from crowdsim.validation import find_file_faults
@@ -462,11 +516,14 @@ def verify(folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run fol
     """Hold every file of a run against the checksums in its manifest."""
     from crowdsim.manifest import read_manifest, verify
 
-    findings = verify(folder)
+    findings, more = verify(folder, _CORES)
     for finding in findings:
         print(finding, file=sys.stderr)
     if findings:
         sys.exit(1)
+    if more:
+        some = ", ".join(more[:3]) + (", ..." if len(more) > 3 else "")
+        print(f"{folder}: not written by the run: {some}", file=sys.stderr)
     print(f"{folder}: {len(read_manifest(folder)['files'])} files, all as they were written")
 
 
