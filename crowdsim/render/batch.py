@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
@@ -209,11 +210,18 @@ def _draw_segment(stage: Stage, work: _Work, threads: int, preset: str, count: C
 
 
 _COUNTER: Any = None
+_STOP: Any = None
 
 
-def _start_worker(counter: Any) -> None:
-    global _COUNTER
-    _COUNTER = counter
+class _Stopped(Exception):
+    """The process that shares the work out has given up."""
+
+
+def _start_worker(counter: Any, stop: Any) -> None:
+    global _COUNTER, _STOP
+    _COUNTER, _STOP = counter, stop
+    # Ctrl-C reaches every process; the first one tells the others.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _draw_apart(source: PoseSource, settings: tuple[Any, ...], work: _Work, threads: int, preset: str) -> None:
@@ -221,6 +229,8 @@ def _draw_apart(source: PoseSource, settings: tuple[Any, ...], work: _Work, thre
     size, camera, caption = settings
 
     def count(more: int) -> None:
+        if _STOP.value:
+            raise _Stopped
         with _COUNTER.get_lock():
             _COUNTER.value += more
 
@@ -238,9 +248,9 @@ def _share(
 ) -> None:
     """Draw segments in several processes; finished ones stay when another fails."""
     context = multiprocessing.get_context("spawn")
-    counter = context.Value("q", 0)
+    counter, stop = context.Value("q", 0), context.Value("b", 0)
     seen = 0
-    pool = ProcessPoolExecutor(jobs, context, _start_worker, (counter,))
+    pool = ProcessPoolExecutor(jobs, context, _start_worker, (counter, stop))
     try:
         futures = {pool.submit(_draw_apart, source, settings, work, threads, preset) for work in works}
         while futures:
@@ -255,4 +265,5 @@ def _share(
                 if error is not None:
                     raise OutputError(f"a rendering process failed: {type(error).__name__}: {error}") from error
     finally:
+        stop.value = 1
         pool.shutdown(wait=True, cancel_futures=True)

@@ -78,6 +78,9 @@ def join(path: Path, parts: list[Path]) -> None:
     """
     listing = parts[0].with_name("parts.txt")
     try:
+        if len(parts) == 1:
+            os.replace(parts[0], path)
+            return
         listing.write_text("".join(f"file {part.name}\n" for part in parts), encoding="ascii")
     except OSError as error:
         raise OutputError(f"{path}: cannot write video: {error.strerror or error}") from error
