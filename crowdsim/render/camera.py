@@ -149,8 +149,9 @@ def watch(source: PoseSource) -> Crowd:
     """Look where the crowd is throughout a take."""
     step = max(1, round(_STEP * source.fps))
     frames = np.arange(0, max(source.frame_count, 1) - 1 + step, step).clip(max=max(source.frame_count - 1, 0))
-    block = max(1, 2_000_000 // max(len(source.avatar_teams), 1))
-    places = np.concatenate([source.ground(frames[i : i + block]) for i in range(0, len(frames), block)])
+    block = max(1, 400_000 // max(len(source.avatar_teams), 1))
+    parts = [source.ground(frames[i : i + block]).astype(np.float32) for i in range(0, len(frames), block)]
+    places = np.concatenate(parts)
     heights = np.asarray(source.avatar_heights, float)
     return Crowd(step, source.fps, places, heights, _find_facing(places))
 
@@ -230,9 +231,11 @@ def _framing(crowd: Crowd, kind: str, size: tuple[int, int]) -> Callable[[int], 
     eyes[:, 1] = np.maximum(eyes[:, 1], 0.35 * tall)
     distances = np.abs(_smooth(middles, crowd) - eyes @ basis[2])
     hazes = np.maximum(_HAZE * distances, _LEAST_HAZE)
+    # The view must not keep the crowd in memory.
+    step = crowd.step
 
     def view(frame: int) -> View:
-        return View(_between(eyes, frame / crowd.step), basis[2], basis[0], float(_between(hazes, frame / crowd.step)))
+        return View(_between(eyes, frame / step), basis[2], basis[0], float(_between(hazes, frame / step)))
 
     return view
 
@@ -245,10 +248,11 @@ def _orbiting(crowd: Crowd, size: tuple[int, int]) -> Callable[[int], View]:
     radii = np.linalg.norm(flat - centres[:, None], axis=-1).max(axis=1)
     radii = _envelope(radii[:, None], crowd)[:, 0] + _REACH * tall
     elevation = _elevation("orbit", len(crowd.heights))
+    step, turn, facing = crowd.step, 2.0 * math.pi / (_LAP * crowd.fps), crowd.facing
 
     def view(frame: int) -> View:
-        centre, radius = _between(centres, frame / crowd.step), float(_between(radii, frame / crowd.step))
-        azimuth = crowd.facing + 2.0 * math.pi * frame / crowd.fps / _LAP
+        centre, radius = _between(centres, frame / step), float(_between(radii, frame / step))
+        azimuth = facing + turn * frame
         normals, basis, tx, ty = _sides(azimuth, elevation, size)
         limits = normals[:, [0, 2]] @ centre + np.hypot(normals[:, 0], normals[:, 2]) * radius
         limits += np.maximum(normals[:, 1] * 1.06 * tall, 0.0)
@@ -264,7 +268,7 @@ def _following(source: PoseSource, avatar: int) -> Callable[[int], View]:
     """A camera behind the shoulder of one avatar."""
     step = max(1, round(source.fps / 10.0))
     frames = np.arange(0, max(source.frame_count, 1) - 1 + step, step).clip(max=max(source.frame_count - 1, 0))
-    block = max(1, 2_000_000 // max(len(source.avatar_teams), 1))
+    block = max(1, 400_000 // max(len(source.avatar_teams), 1))
     path = np.concatenate([source.ground(frames[i : i + block])[:, avatar] for i in range(0, len(frames), block)])
     path = _filled(path[:, None])[:, 0]
     tall = float(source.avatar_heights[avatar])

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from crowdsim.errors import CrowdsimError, OutputError
 from crowdsim.render.batch import Progress, Rendered, render
@@ -22,6 +25,7 @@ __all__ = [
     "render_bvh",
     "render_many",
     "render_source",
+    "scenario_options",
 ]
 
 SMALLEST_SIZE, LARGEST_SIZE = 16, 8192
@@ -98,6 +102,34 @@ def parse_frames(text: str) -> tuple[int | None, int | None]:
     return start, stop
 
 
+def scenario_options(output: Any, threads: int | None = None) -> RenderOptions:
+    """Return how to draw what the ``outputs.render`` section of a scenario asks for."""
+    camera = output.camera
+    chosen: str | Keys
+    if isinstance(camera, str):
+        chosen = camera
+    elif camera.kind == "follow":
+        chosen = f"follow:{camera.avatar}"
+    else:
+        keys = camera.keys
+        chosen = Keys(
+            np.array([key.seconds for key in keys], float),
+            np.array([key.position for key in keys], float),
+            np.array([key.look_at for key in keys], float),
+        )
+    return RenderOptions(
+        size=tuple(output.size),
+        fps=output.fps,
+        frames=output.frames,
+        camera=chosen,
+        mp4=output.mp4,
+        png=output.png,
+        contact_sheet=output.contact_sheet or 0,
+        caption=output.caption,
+        threads=threads,
+    )
+
+
 def render_source(source: PoseSource, out: Path, options: RenderOptions, progress: Progress | None = None) -> Rendered:
     """Draw a source into a folder as the options say; errors as of ``render``."""
     frames = None
@@ -139,8 +171,6 @@ def render_bvh(
 
 
 def _with_camera(options: RenderOptions, camera: str) -> RenderOptions:
-    from dataclasses import replace
-
     return options if options.camera else replace(options, camera=camera)
 
 

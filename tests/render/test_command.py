@@ -5,6 +5,7 @@ import pytest
 from render_sources import Walkers, random_walk
 from test_bvh_figure import SNAKE
 
+from crowdsim.crowd.scenario_outputs import RenderOutput
 from crowdsim.errors import CrowdsimError, TakeError
 from crowdsim.render.command import (
     RenderOptions,
@@ -13,6 +14,7 @@ from crowdsim.render.command import (
     render_bvh,
     render_many,
     render_source,
+    scenario_options,
 )
 
 SMALL = RenderOptions(size=(64, 48), threads=1)
@@ -106,3 +108,14 @@ def test_open_ranges_end_with_the_source(tmp_path):
 def test_nothing_to_write_is_said(tmp_path):
     with pytest.raises(CrowdsimError, match="nothing to write, expected --mp4, --png or --contact-sheet"):
         render_source(Walkers(np.zeros((3, 1, 3))), tmp_path, RenderOptions(mp4=False))
+
+
+def test_a_scenarios_section_says_how_to_draw():
+    options = scenario_options(RenderOutput(size=(320, 180), fps=24, contact_sheet=6, caption=False), 2)
+    assert options == RenderOptions((320, 180), 24, None, "auto", True, False, 6, False, 2)
+    assert scenario_options(RenderOutput(camera={"kind": "follow", "avatar": 4})).camera == "follow:4"
+    key = {"seconds": 1.0, "position": (1, 2, 3), "look_at": (0, 1, 0)}
+    keyed = scenario_options(RenderOutput(camera={"kind": "keys", "keys": [key]})).camera
+    assert keyed.positions.tolist() == [[1, 2, 3]]
+    assert keyed.targets.tolist() == [[0, 1, 0]]
+    assert keyed.seconds.tolist() == [1.0]
