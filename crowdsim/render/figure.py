@@ -13,6 +13,9 @@ from crowdsim.motion.skeleton import Skeleton
 
 Array = NDArray[Any]
 
+_WAIST = 0.05
+"""How far trunks reach up from the pelvis, as a share of the body's height."""
+
 
 class Figure(Protocol):
     """Capsules on the joints of a skeleton; ``crowdsim.motion.body.Body`` is one."""
@@ -91,7 +94,7 @@ def bone_capsules(skeleton: Skeleton) -> BoneFigure:
 
 
 def dress(figure: Figure) -> Figure:
-    """Return a body with a headguard in its team's colour and a nose, so that one sees where it looks.
+    """Return a body with trunks to the waist, a headguard in its team's colour and a nose to see where it looks.
 
     Any other figure comes back as it is.
     """
@@ -103,12 +106,23 @@ def dress(figure: Figure) -> Figure:
     joint, centre, radius = figure.roles["head"], figure.head_offset, figure.head_radius
     guard = centre + radius * (0.10 * up - 0.16 * ahead)
     nose = centre + radius * (0.94 * ahead - 0.10 * up)
+    added = [
+        (joint, guard, guard, 1.05 * radius, "glove"),
+        (joint, nose, nose - 0.02 * radius * up, 0.17 * radius, "head"),
+    ]
+    for k in np.flatnonzero(figure.capsule_parts == PARTS.index("shirt")):
+        start, way = figure.capsule_starts[k], figure.capsule_ends[k] - figure.capsule_starts[k]
+        if figure.capsule_joints[k] == figure.roles["pelvis"] and np.linalg.norm(start) < 0.01:
+            # The lower end of the torso would look out of the trunks.
+            waist = start + way * min(1.0, _WAIST * figure.height / max(float(np.linalg.norm(way)), 1e-6))
+            added.append((figure.roles["pelvis"], start, waist, 1.03 * float(figure.capsule_radii[k, 0]), "trunks"))
+    joints, starts, ends, radii, parts = zip(*added, strict=True)
     return BoneFigure(
-        capsule_joints=np.append(figure.capsule_joints, [joint, joint]).astype(np.int32),
-        capsule_starts=np.concatenate([figure.capsule_starts, [guard, nose]]),
-        capsule_ends=np.concatenate([figure.capsule_ends, [guard, nose - 0.02 * radius * up]]),
-        capsule_radii=np.concatenate([figure.capsule_radii, [[1.05 * radius] * 2, [0.17 * radius] * 2]]),
-        capsule_parts=np.append(figure.capsule_parts, [PARTS.index("glove"), PARTS.index("head")]).astype(np.uint8),
+        capsule_joints=np.append(figure.capsule_joints, joints).astype(np.int32),
+        capsule_starts=np.concatenate([figure.capsule_starts, starts]),
+        capsule_ends=np.concatenate([figure.capsule_ends, ends]),
+        capsule_radii=np.concatenate([figure.capsule_radii, np.repeat(radii, 2).reshape(-1, 2)]),
+        capsule_parts=np.append(figure.capsule_parts, [PARTS.index(part) for part in parts]).astype(np.uint8),
     )
 
 

@@ -98,11 +98,12 @@ def test_a_body_wears_a_guard_behind_its_face():
     body = build_body(clip.skeleton)
     dressed = dress(body)
     more = len(dressed.capsule_joints) - len(body.capsule_joints)
-    assert more == 2
-    guard, nose = dressed.capsule_starts[-2] - body.head_offset, dressed.capsule_starts[-1] - body.head_offset
+    assert more == 3
+    guard, nose, waist = dressed.capsule_starts[-more:] - np.stack([body.head_offset, body.head_offset, np.zeros(3)])
+    assert np.linalg.norm(waist) < 0.02
     ahead = (body.sole_offsets[:, 1] - body.sole_offsets[:, 0]).sum(axis=0)
     assert guard @ ahead < 0 < nose @ ahead
-    assert dressed.capsule_joints[-2:].tolist() == [body.roles["head"]] * 2
+    assert dressed.capsule_joints[-more:].tolist() == [body.roles[role] for role in ("head", "head", "pelvis")]
     assert bone_capsules(clip.skeleton) is not None
     plain = bone_capsules(clip.skeleton)
     assert dress(plain) is plain
