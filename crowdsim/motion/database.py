@@ -15,7 +15,7 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.cleaning import lead_in, on_floor
 from crowdsim.motion.contacts import find_contacts
 from crowdsim.motion.kinematics import clip_kinematics
-from crowdsim.motion.measuring import measure_body
+from crowdsim.motion.measuring import finite_frames, measure_body
 from crowdsim.motion.mirroring import mirrored
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip, Skeleton
@@ -116,7 +116,8 @@ def build_database(
         progress: Called with ("motion", clips done, clips) as the work goes on.
 
     Raises:
-        MotionError: No clips, a clip too short, skeletons that differ, no human body, or rates that do not divide.
+        MotionError: No clips, a clip too short or not finite, skeletons that differ, no human body, rates that do not
+            divide, or mirror images of a skeleton whose rest pose is no pose of a body.
     """
     stride = round(playback_rate / control_rate)
     if stride < 1 or abs(stride * control_rate - playback_rate) > 1e-6 * playback_rate:
@@ -134,10 +135,14 @@ def build_database(
         difference = first.skeleton.difference(clip.skeleton)
         if difference:
             raise MotionError(f"clip {clip.name!r} has another skeleton than {first.name!r}: {difference}")
+        bad = np.flatnonzero(~finite_frames(clip))
+        if len(bad):
+            raise MotionError(f"clip {clip.name!r} is not finite in frame {bad[0]}, and in {len(bad)} frames in all")
         prepared = replace(clip, skeleton=first.skeleton)
         if trim:
             prepared = prepared.sliced(lead_in(prepared, body), prepared.frame_count)
-        prepared = resample(prepared, playback_rate)
+        if prepared.frame_count:
+            prepared = resample(prepared, playback_rate)
         whole = prepared.frame_count // stride * stride
         if whole < 2 * stride:
             raise MotionError(

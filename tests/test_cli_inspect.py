@@ -1,0 +1,100 @@
+"""`crowdsim inspect FILE.bvh`: exit codes, one JSON document on standard output, findings on standard error."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from crowdsim.motion.performer import write_performance
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory) -> Path:
+    return write_performance(tmp_path_factory.mktemp("capture"), 4.0, 3)[0]
+
+
+def _inspect(*words: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from crowdsim.cli import main; main()", "inspect", *map(str, words)]
+    environment = {**os.environ, "NUMBA_NUM_THREADS": "1"}
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment, check=False)
+
+
+def test_json_is_the_whole_of_standard_output(clip):
+    done = _inspect(clip, "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert (told["joints"], told["frames"], told["fps"]) == (22, 240, 60.0)
+    assert told["unit_scale"] == 0.01
+    assert told["up_axis"] == "y"
+    assert told["findings"] == []
+    assert done.stderr == ""
+
+
+def test_text_is_for_people(clip):
+    done = _inspect(clip)
+    assert done.returncode == 0
+    lines = done.stdout.splitlines()
+    assert lines[0] == str(clip)
+    assert lines[1].strip().startswith("22 joints, 5 end sites")
+    assert "left_hand       LeftHand" in done.stdout
+    assert done.stderr == ""
+
+
+def test_findings_go_to_standard_error_and_exit_zero(clip, tmp_path):
+    path = tmp_path / "odd.bvh"
+    path.write_bytes(clip.read_bytes().replace(b"Frames: 240", b"Frames: 250"))
+    done = _inspect(path)
+    assert done.returncode == 0
+    assert done.stderr == f"{path}: 240 rows of motion, Frames: says 250\n"
+    told = json.loads(_inspect(path, "--json").stdout)
+    assert told["frames"] == 240
+    assert told["findings"] == ["240 rows of motion, Frames: says 250"]
+
+
+@pytest.mark.parametrize("text", ["", "not a capture\n", "HIERARCHY\nROOT a\n{\nOFFSET 0 0 zero\n"])
+def test_what_is_no_bvh_exits_two_with_file_and_line(tmp_path, text):
+    path = tmp_path / "other.bvh"
+    path.write_text(text)
+    done = _inspect(path, "--json")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith(f"{path}:")
+    assert "Traceback" not in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_missing_file_exits_two(tmp_path):
+    done = _inspect(tmp_path / "none.bvh")
+    assert done.returncode == 2
+    assert "none.bvh" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_an_unknown_unit_or_axis_exits_two_with_the_choices(clip):
+    done = _inspect(clip, "--unit", "foot")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "unit 'foot' is unknown; expected m, dm, cm, mm, inch, cmu or metres as a number\n"
+    assert _inspect(clip, "--up", "up").returncode == 2
+
+
+def test_pictures_go_where_asked_and_json_stays_alone(clip, tmp_path):
+    done = _inspect(clip, "--json", "--plots", tmp_path / "a" / "b")
+    assert done.returncode == 0
+    json.loads(done.stdout)
+    written = sorted((tmp_path / "a" / "b").iterdir())
+    assert [path.name for path in written] == [
+        f"{clip.stem}_{part}.png" for part in ("figures", "path", "skeleton", "time")
+    ]
+    assert sorted(done.stderr.split()) == [str(path) for path in written]
+
+
+def test_a_file_where_the_folder_of_pictures_should_be_exits_two(clip, tmp_path):
+    (tmp_path / "plots").write_text("")
+    done = _inspect(clip, "--plots", tmp_path / "plots")
+    assert done.returncode == 2
+    assert "is a file, expected a folder to write into" in done.stderr
