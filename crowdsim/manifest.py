@@ -7,7 +7,8 @@ import json
 import os
 import platform
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from crowdsim.errors import OutputError, TakeError
 NAME = "manifest.json"
 FORMAT = "crowdsim-run"
 VERSION = 1
+_TAKE = "take.zarr/"
 _PACKAGES = ("numpy", "scipy", "numba", "zarr", "pydantic", "open3d-cpu", "open3d", "imageio-ffmpeg")
 
 
@@ -60,14 +62,16 @@ def peak_memory() -> int | None:
     return int(peak if sys.platform == "darwin" else peak * 1024)
 
 
-def checksums(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return size and SHA-256 of every file of a run folder but the manifest, by path, in order."""
-    told = {}
-    for path in sorted(_files(folder)):
-        name = path.relative_to(folder).as_posix()
-        if name != NAME:
-            told[name] = {"bytes": path.stat().st_size, "sha256": _hash(path)}
-    return told
+def checksums(folder: Path, paths: Iterable[Path] | None = None, threads: int = 1) -> dict[str, dict[str, Any]]:
+    """Return size and SHA-256 of files of a run folder, by path; of all but the manifest when None is given."""
+    chosen = sorted(_files(folder) if paths is None else paths)
+    chosen = [path for path in chosen if path != folder / NAME]
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        hashes = list(pool.map(_hash, chosen))
+    return {
+        path.relative_to(folder).as_posix(): {"bytes": path.stat().st_size, "sha256": told}
+        for path, told in zip(chosen, hashes, strict=True)
+    }
 
 
 def _files(folder: Path) -> Iterable[Path]:
@@ -82,22 +86,68 @@ def _hash(path: Path) -> str:
     return digest.hexdigest()
 
 
-def write_manifest(folder: Path, told: Mapping[str, Any]) -> Path:
+def write_manifest(folder: Path, told: Mapping[str, Any], threads: int = 1) -> Path:
     """Write a run's manifest, which is the only proof that it is done; files are summed up here.
 
     Raises:
         OutputError: It cannot be written.
     """
-    document = {"format": FORMAT, "version": VERSION, **told, **describe_machine(), "files": checksums(folder)}
+    files = checksums(folder, threads=threads)
+    return _write(folder, {"format": FORMAT, "version": VERSION, **told, **describe_machine(), "files": files})
+
+
+def update_manifest(
+    folder: Path, kind: str, written: Sequence[Path], told: Mapping[str, Any], threads: int = 1
+) -> list[Path]:
+    """Note in a finished run's manifest that the files of an output have been written anew.
+
+    Args:
+        folder: The run folder.
+        kind: Folder of the output in it, ``bvh`` say.
+        written: Its files.
+        told: What a reader should know of them.
+        threads: Threads that sum up files.
+
+    Returns:
+        Files of that output that were there before, were not written anew, and have been removed.
+
+    Raises:
+        TakeError: The manifest is damaged.
+        OutputError: It cannot be written.
+    """
+    document = read_manifest(folder)
+    files = {name: facts for name, facts in document["files"].items() if not name.startswith(f"{kind}/")}
+    before = {folder / name for name in document["files"]} - {folder / name for name in files}
+    stale = sorted(before - set(written))
+    for path in stale:
+        path.unlink(missing_ok=True)
+    files.update(checksums(folder, written, threads))
+    exports = {**document.get("exports", {}), kind: dict(told)}
+    _write(folder, {**document, "exports": exports, "files": dict(sorted(files.items()))})
+    return stale
+
+
+def _write(folder: Path, document: Mapping[str, Any]) -> Path:
     path = folder / NAME
     partial = folder / f".{NAME}.part"
+    rest = {key: value for key, value in document.items() if key != "checksum"}
     try:
-        partial.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        partial.write_text(_text({**rest, "checksum": _checksum(rest)}), encoding="utf-8")
         os.replace(partial, path)
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path
+
+
+def _text(document: Mapping[str, Any]) -> str:
+    return json.dumps(document, indent=1) + "\n"
+
+
+def _checksum(document: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of what a manifest says, without its own."""
+    rest = {key: value for key, value in document.items() if key != "checksum"}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -117,25 +167,44 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise TakeError(f"{path}: is no manifest of a run")
     if document.get("version") != VERSION:
         raise TakeError(f"{path}: is of version {document.get('version')!r}, expected {VERSION}")
+    if document.get("checksum") != _checksum(document):
+        raise TakeError(f"{path}: is damaged: its checksum does not fit what it says")
     return document
 
 
-def verify(folder: Path) -> list[str]:
-    """Return what differs between a run folder and its manifest, a line each; an empty list when nothing does.
+def verify(folder: Path, threads: int = 1) -> tuple[list[str], list[str]]:
+    """Hold a run folder against its manifest.
+
+    Returns:
+        What differs, a line each, and the files that have come since, such as pictures that were drawn later. A file
+        that has come into the take differs, since a take reads all files in its folder.
 
     Raises:
         TakeError: There is no manifest to hold it against.
     """
-    recorded = read_manifest(folder)["files"]
-    findings = []
-    for name, told in recorded.items():
-        path = folder / name
-        if not path.is_file():
-            findings.append(f"{path}: is missing")
-        elif path.stat().st_size != told["bytes"]:
-            findings.append(f"{path}: has {path.stat().st_size} bytes, expected {told['bytes']}")
-        elif _hash(path) != told["sha256"]:
-            findings.append(f"{path}: has changed: its SHA-256 is not the one in {NAME}")
+    document = read_manifest(folder)
+    recorded = document["files"]
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        found = list(pool.map(lambda item: _differs(folder / item[0], item[1]), recorded.items()))
+    findings = [finding for finding in found if finding]
+    if (folder / NAME).read_text(encoding="utf-8") != _text(document):
+        findings.append(f"{folder / NAME}: has changed: it is not as it was written")
     names = {path.relative_to(folder).as_posix() for path in _files(folder)} - {NAME}
-    findings.extend(f"{folder / name}: is not in {NAME}" for name in sorted(names - set(recorded)))
-    return findings
+    more = sorted(names - set(recorded))
+    findings.extend(f"{folder / name}: is not in {NAME}" for name in more if name.startswith(_TAKE))
+    return findings, [name for name in more if not name.startswith(_TAKE)]
+
+
+def _differs(path: Path, told: Mapping[str, Any]) -> str:
+    """Say how a file differs from what was recorded of it; an empty text when it does not."""
+    try:
+        size = path.stat().st_size
+        if size != told["bytes"]:
+            return f"{path}: has {size} bytes, expected {told['bytes']}"
+        if _hash(path) != told["sha256"]:
+            return f"{path}: has changed: its SHA-256 is not the one in {NAME}"
+    except FileNotFoundError:
+        return f"{path}: is missing"
+    except OSError as error:
+        return f"{path}: cannot be read: {error.strerror or error}"
+    return ""

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import os
-import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -19,22 +17,26 @@ from numpy.typing import NDArray
 
 from crowdsim import assets
 from crowdsim.crowd.scenario import Scenario, dump_scenario
-from crowdsim.errors import OutputError, ScenarioError
+from crowdsim.errors import CrowdsimError, RunError
 from crowdsim.manifest import NAME as MANIFEST
 from crowdsim.manifest import peak_memory, read_manifest, write_manifest
+from crowdsim.outputs import write_outputs
+from crowdsim.run_folder import RESOLVED, TAKE, check_folder, clear_folder, copy_file, write_text
 from crowdsim.take.take import VARIABLES, Cast, Events, Take
 
 if TYPE_CHECKING:
+    from crowdsim.crowd.crowd import Crowd
+    from crowdsim.crowd.placement import Placed
+    from crowdsim.crowd.script import Script
+    from crowdsim.crowd.simulation import Chunk
+    from crowdsim.crowd.statistics import CrowdStatistics
     from crowdsim.policy.policy import Policy
 
 Array = NDArray[Any]
 Progress = Callable[[str, int, int], None]
 
-RESOLVED = "scenario.resolved.yaml"
-TAKE = "take.zarr"
-_OUTPUTS = (MANIFEST, RESOLVED, TAKE, "bvh", "ply", "pcd", "frames", "video.mp4", "contact_sheet.png")
-_OUTPUTS_MORE = ("profile.csv", "profile.png")
 _TAKE_CHUNK_AVATAR_FRAMES = 4_000_000
+_STEP_AVATAR_FRAMES = 200_000
 
 
 class Interrupted(Exception):
@@ -45,8 +47,8 @@ class Interrupted(Exception):
         folder: The run folder.
     """
 
-    def __init__(self, number: int, folder: Path) -> None:
-        super().__init__(f"{folder}: interrupted; the frames that were done are kept, run it again with --force")
+    def __init__(self, number: int, folder: Path, kept: str) -> None:
+        super().__init__(f"{folder}: interrupted; {kept}")
         self.number, self.folder = number, folder
 
 
@@ -59,28 +61,49 @@ class Report:
         seconds: Time of each stage [s].
         notes: What a user should know.
         done_before: Whether the run was finished already and has not been done again.
-        control_frames: Control frames that were run.
-        avatars: Number of avatars.
-        strikes: Strikes thrown.
-        landed: Strikes that landed.
-        outputs: Number of files of each kind.
+        statistics: The run in numbers.
+        outputs: Files of each kind, and their size together [bytes].
     """
 
     folder: Path
     seconds: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     done_before: bool = False
-    control_frames: int = 0
-    avatars: int = 0
-    strikes: int = 0
-    landed: int = 0
-    outputs: dict[str, int] = field(default_factory=dict)
+    statistics: CrowdStatistics | None = None
+    outputs: dict[str, tuple[Path, int, int]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A scenario ready to be run.
+
+    Attributes:
+        policies: Its policies.
+        cast: What is constant for each avatar.
+        crowd: The crowd before its first frame.
+        script: What is planned.
+        frames: Control frames.
+        rate: Control frames a second.
+    """
+
+    policies: Sequence[Policy]
+    cast: Cast
+    crowd: Crowd
+    script: Script
+    frames: int
+    rate: float
 
 
 def load_policies(
     scenario: Scenario, mocap: Path | None = None, threads: int = 1, progress: Progress | None = None
 ) -> list[Policy]:
     """Return the policies that a scenario's types use, in the order of their types; trained when missing or stale.
+
+    Args:
+        scenario: The scenario, resolved.
+        mocap: Folder of capture; by default that of the variable ``CROWDSIM_MOCAP``.
+        threads: Threads for training.
+        progress: Called with stage, done and total.
 
     Raises:
         RecipeError: A recipe is invalid.
@@ -94,10 +117,34 @@ def load_policies(
             [group.type] if group.type is not None else [name for name, share in (group.mix or {}).items() if share]
         )
     names = dict.fromkeys(kind.policy for name, kind in scenario.types.items() if name in used)
-    return [ready_policy(name, mocap, threads, progress) for name in names]
+    capture = mocap or os.environ.get("CROWDSIM_MOCAP") or None
+    # A bundle goes by the name that the scenario calls it, wherever it was trained.
+    return [replace(ready_policy(name, capture, threads, progress), name=name) for name in names]
 
 
-def build_cast(scenario: Scenario, placed: Any, policies: Sequence[Policy]) -> Cast:
+def prepare(scenario: Scenario, policies: Sequence[Policy], placed: Placed | None = None) -> Prepared:
+    """Return a scenario with its policies, ready to be run.
+
+    Raises:
+        ScenarioError: Not all avatars fit, or a type weighs a behaviour that its policy has not learned.
+        RunError: The policies' control rates differ.
+    """
+    from crowdsim.crowd.cast import cast_crowd
+    from crowdsim.crowd.placement import place_groups
+
+    rates = {policy.name: float(policy.database.control_rate) for policy in policies}
+    if len(set(rates.values())) > 1:
+        told = ", ".join(f"{name} has {rate:g}" for name, rate in rates.items())
+        raise RunError(f"{scenario.name}: policies of one run need one control rate, but {told}")
+    placed = placed or place_groups(scenario)
+    crowd, script = cast_crowd(scenario, placed, policies)
+    rate = next(iter(rates.values()))
+    return Prepared(
+        policies, build_cast(scenario, placed, policies), crowd, script, scenario.control_frames(rate), rate
+    )
+
+
+def build_cast(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -> Cast:
     """Return what is constant for each avatar."""
     from crowdsim.crowd.cast import policies_of_types
 
@@ -105,7 +152,7 @@ def build_cast(scenario: Scenario, placed: Any, policies: Sequence[Policy]) -> C
     owner = policies_of_types(scenario, policies)
     colours = [[np.nan] * 3 if kind.colour is None else _rgb(kind.colour) for kind in kinds]
     return Cast(
-        names=np.array([scenario.avatar_name(number) for number in range(placed.count)]),
+        names=np.array(scenario.avatar_names()),
         types=placed.type.astype(np.int16),
         teams=placed.team.astype(np.int16),
         policies=owner[placed.type],
@@ -132,70 +179,59 @@ def run(
 ) -> Take:
     """Run a scenario in memory and return its take; nothing is written but policies that had to be trained.
 
+    The command line runs by the same path, see ``run_to``, and gives the same take.
+
     Args:
         scenario: The scenario, resolved, as ``load_scenario`` gives it.
         policies: Its policies; found, and trained if need be, when None.
         threads: Threads; the take does not depend on them.
         mocap: Folder of capture for policies that are trained from it.
-        order: Storage place of each avatar at the start, which changes no result; shape (N,).
+        order: Number of the avatar in each slot of storage at the start, which changes no result. Shape (N,).
         progress: Called with stage, done and total.
+
+    Raises:
+        ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
+        PolicyError: A bundle is foreign or damaged, or capture for it is missing.
+        RunError: The run failed.
     """
-    chosen = load_policies(scenario, mocap, threads, progress) if policies is None else list(policies)
-    parts: list[Any] = []
-    cast: Cast | None = None
-    for told_cast, chunk, frames in _simulate(scenario, chosen, threads, order, None):
-        cast = told_cast
-        parts.append(chunk)
+    from crowdsim.crowd.simulation import simulate
+
+    prepared = prepare(scenario, policies or load_policies(scenario, mocap, threads, progress))
+    chunks: list[Chunk] = []
+    for chunk in simulate(prepared.crowd, prepared.policies, prepared.frames, prepared.script, threads, order=order):
+        chunks.append(chunk)
         if progress is not None:
-            progress("control", chunk.first + chunk.frames, frames)
-    assert cast is not None
-    told = {name: np.concatenate([getattr(part, name) for part in parts]) for name in VARIABLES}
-    events = {name: np.concatenate([getattr(part.events, name) for part in parts]) for name in _event_names()}
+            progress("control", chunk.first + chunk.frames, prepared.frames)
+    told = {name: np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in VARIABLES}
+    events = {
+        name: np.concatenate([getattr(chunk.events, name) for chunk in chunks]) for name in Events.__dataclass_fields__
+    }
+    events["frame"] = events["frame"].astype(np.float32)
     return Take(
         **told,
-        cast=cast,
-        targets=np.concatenate([part.targets for part in parts]),
+        cast=prepared.cast,
+        targets=np.concatenate([chunk.targets for chunk in chunks]),
         target_names=tuple(scenario.targets),
         events=Events(**events),
-        control_rate=float(chosen[0].database.control_rate),
+        control_rate=prepared.rate,
         scenario=scenario.name,
         seed=scenario.seed,
-        fingerprints=tuple(policy.fingerprint for policy in chosen),
+        fingerprints=tuple(policy.fingerprint for policy in prepared.policies),
         status="done",
     )
 
 
-def _event_names() -> list[str]:
-    return list(Events.__dataclass_fields__)
-
-
-def _simulate(
-    scenario: Scenario, policies: Sequence[Policy], threads: int, order: Array | None, chunk: int | None,
-    profiled: bool = False,
-) -> Iterator[tuple[Cast, Any, int]]:  # fmt: skip
-    """Yield the cast, the next chunk and the planned number of frames."""
-    from crowdsim.crowd.cast import cast_crowd
-    from crowdsim.crowd.placement import place_groups
-    from crowdsim.crowd.simulation import simulate
-
-    rate = float(policies[0].database.control_rate)
-    frames = scenario.control_frames(rate)
-    placed = place_groups(scenario)
-    cast = build_cast(scenario, placed, policies)
-    crowd, script = cast_crowd(scenario, placed, policies)
-    for part in simulate(crowd, policies, frames, script, threads, order=order, profiled=profiled, chunk=chunk):
-        yield cast, part, frames
-
-
 @contextmanager
 def _stop_signals() -> Iterator[list[int]]:
-    """Collect SIGINT and SIGTERM instead of dying of them, so that a run can end at a frame's end."""
+    """Collect the first SIGINT or SIGTERM instead of dying of it; a second one interrupts at once."""
     caught: list[int] = []
     if threading.current_thread() is not threading.main_thread():
         yield caught
         return
 
     def note(number: int, _: Any) -> None:
+        if caught:
+            raise KeyboardInterrupt
         caught.append(number)
 
     before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -204,63 +240,6 @@ def _stop_signals() -> Iterator[list[int]]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def prepare_folder(folder: Path, resolved: str, force: bool, report: Report) -> bool:
-    """Make a run folder ready, and say whether there is anything to do.
-
-    Raises:
-        OutputError: The path is a file, cannot be written, holds something that is no run, or holds another run; the
-            message then shows how they differ.
-    """
-    try:
-        if folder.exists() and not folder.is_dir():
-            raise OutputError(f"{folder}: is a file, expected a folder for the run")
-        folder.mkdir(parents=True, exist_ok=True)
-        held = sorted(path.name for path in folder.iterdir())
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
-    if not os.access(folder, os.W_OK):
-        raise OutputError(f"{folder}: cannot be written, expected a folder with write permission")
-    ours = {*_OUTPUTS, *_OUTPUTS_MORE}
-    known = [name for name in held if name in ours or name.endswith((".partial", ".part"))]
-    if len(known) < len(held) and MANIFEST not in held and RESOLVED not in held:
-        stranger = next(name for name in held if name not in known)
-        raise OutputError(f"{folder}: holds {stranger!r}, which is no run's; expected an empty folder or a run's")
-    if MANIFEST in held and not force:
-        before = _read(folder / RESOLVED)
-        if before == resolved and read_manifest(folder).get("status") == "done":
-            report.done_before = True
-            return False
-        lines = difflib.unified_diff(
-            before.splitlines(), resolved.splitlines(), "run there", "asked for", "", "", 0, ""
-        )
-        change = "\n".join(list(lines)[:40])
-        raise OutputError(f"{folder}: holds another run; --force replaces it, --out names another folder\n{change}")
-    if known and MANIFEST not in held:
-        report.notes.append(f"{folder}: an unfinished run was found ({', '.join(known)}); starting clean")
-    _clear(folder, known)
-    return True
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError:
-        return ""
-
-
-def _clear(folder: Path, names: Sequence[str]) -> None:
-    """Remove what an earlier run left, its manifest first so that it is never taken for done."""
-    for name in sorted(names, key=lambda name: name != MANIFEST):
-        path = folder / name
-        try:
-            if path.is_dir() and not path.is_symlink():
-                shutil.rmtree(path)
-            else:
-                path.unlink()
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be replaced: {error.strerror or error}") from None
 
 
 def run_to(
@@ -274,206 +253,177 @@ def run_to(
 ) -> Report:
     """Run a scenario into a folder: take, outputs, and the manifest last.
 
-    A finished run of the same resolved scenario is not done again, unless ``force`` says so.
+    A finished run of the same resolved scenario is not done again, unless ``force`` says so. What is wrong with the
+    input is found before the folder is made or touched.
 
     Raises:
+        ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
+        PolicyError: A bundle is foreign or damaged, or capture for it is missing.
         OutputError: The folder cannot be used or an output cannot be written.
+        RunError: The run failed.
         Interrupted: SIGINT or SIGTERM came; the take holds the frames that were done.
     """
-    report = Report(folder, avatars=scenario.avatar_count)
+    from crowdsim.crowd.placement import place_groups
+
+    report = Report(folder)
+    clock = _Clock(report.seconds)
     resolved = dump_scenario(scenario)
-    if not prepare_folder(folder, resolved, force, report):
+    if check_folder(folder, resolved, force):
+        report.done_before = True
+        report.notes += _changed_policies(folder)
         return report
-    started = perf_counter()
-
-    def lap(stage: str, since: float) -> float:
-        now = perf_counter()
-        report.seconds[stage] = report.seconds.get(stage, 0.0) + now - since
-        return now
-
+    placed = place_groups(scenario)
     policies = load_policies(scenario, mocap, threads, progress)
-    since = lap("policies", started)
-    write_text(folder / RESOLVED, resolved)
-    from crowdsim.take.store import TakeWriter, open_take
-
-    writer: TakeWriter | None = None
-    timings: list[Array] = []
-    wanted = scenario.outputs
-    rows = max(1, min(wanted.take.chunk, _TAKE_CHUNK_AVATAR_FRAMES // max(1, scenario.avatar_count)))
+    clock.lap("policies")
+    prepared = prepare(scenario, policies, placed)
+    clock.lap("prepare")
     with _stop_signals() as caught:
-        try:
-            for cast, chunk, frames in _simulate(scenario, policies, threads, None, rows, wanted.profile is not None):
-                since = lap("control", since)
-                if writer is None:
-                    writer = TakeWriter(
-                        folder / TAKE,
-                        cast,
-                        frames,
-                        float(policies[0].database.control_rate),
-                        scenario.name,
-                        scenario.seed,
-                        tuple(policy.fingerprint for policy in policies),
-                        tuple(scenario.targets),
-                        rows,
-                    )
-                writer.append(chunk.variables(), chunk.events, chunk.targets)
-                if chunk.timings is not None:
-                    timings.append(chunk.timings)
-                report.control_frames += chunk.frames
-                report.strikes += len(chunk.events.frame)
-                report.landed += int(np.count_nonzero(chunk.events.landed))
-                since = lap("take", since)
-                if progress is not None:
-                    progress("control", report.control_frames, frames)
-                if caught:
-                    writer.close("interrupted")
-                    raise Interrupted(caught[0], folder)
-            assert writer is not None
-            writer.close()
-        except BaseException as error:
-            if writer is not None and not isinstance(error, Interrupted):
-                writer.abandon()
-            raise
-    since = lap("take", since)
-    report.outputs["take"] = 1
-    take = open_take(folder / TAKE)
-    write_outputs(folder, take, policies, scenario, threads, report, progress)
-    if timings and wanted.profile is not None:
-        from crowdsim.crowd.profile import write_profile
+        report.notes += clear_folder(folder)
+        write_text(folder / RESOLVED, resolved)
+        for name in scenario.files:
+            copy_file(scenario.folder / name, folder / name)
+        take, timings = _record(folder, scenario, prepared, threads, report, clock, caught, progress)
 
-        since = perf_counter()
-        write_profile(folder, np.concatenate(timings), take.avatar_count, wanted.profile)
-        lap("profile", since)
-    report.seconds["total"] = perf_counter() - started
-    write_manifest(
-        folder,
-        {
-            "status": "done",
-            "scenario": scenario.name,
-            "seed": scenario.seed,
-            "command": command,
-            "avatars": take.avatar_count,
-            "control_frames": take.frame_count,
-            "policies": {policy.name: policy.fingerprint for policy in policies},
-            "seconds": {stage: round(value, 6) for stage, value in report.seconds.items()},
-            "peak_memory_bytes": peak_memory(),
-            "threads": threads,
-        },
-    )
+        def watch(stage: str, done: int, total: int) -> None:
+            if caught:
+                kept = "the take is finished and kept, outputs are not: export makes them, run --force does all again"
+                raise Interrupted(caught[0], folder, kept)
+            if progress is not None:
+                progress(stage, done, total)
+
+        files = write_outputs(folder, take, policies, scenario, threads, report.seconds, watch)
+        clock.start()
+        if timings is not None and scenario.outputs.profile is not None:
+            from crowdsim.crowd.profile import write_profile
+
+            write_profile(folder, timings, take.avatar_count, scenario.outputs.profile)
+            clock.lap("profile")
+        for kind, written in files.items():
+            place = written[0].parent if len(written) > 1 or kind in ("bvh", "ply", "pcd") else written[0]
+            report.outputs[kind] = (place, len(written), sum(path.stat().st_size for path in written))
+        watch("checksums", 0, 1)
+        write_manifest(folder, _manifest(scenario, prepared, report, clock, command, threads), threads)
+        watch("checksums", 1, 1)
     return report
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a small file under a temporary name and rename it.
+class _Clock:
+    """Adds the time since the last lap to stages."""
 
-    Raises:
-        OutputError: It cannot be written.
-    """
-    partial = path.with_name(f".{path.name}.part")
-    try:
-        partial.write_text(text, encoding="utf-8")
-        os.replace(partial, path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    def __init__(self, seconds: dict[str, float]) -> None:
+        self._seconds = seconds
+        self._begun = self._since = perf_counter()
+
+    def start(self) -> None:
+        self._since = perf_counter()
+
+    def lap(self, stage: str) -> None:
+        now = perf_counter()
+        self._seconds[stage] = self._seconds.get(stage, 0.0) + now - self._since
+        self._since = now
+
+    def total(self) -> float:
+        return perf_counter() - self._begun
 
 
-def write_outputs(
+def _record(
     folder: Path,
-    take: Take,
-    policies: Sequence[Policy],
     scenario: Scenario,
+    prepared: Prepared,
     threads: int,
     report: Report,
-    progress: Progress | None = None,
-) -> None:
-    """Write the outputs that a scenario asks for from a take.
+    clock: _Clock,
+    caught: list[int],
+    progress: Progress | None,
+) -> tuple[Take, Array | None]:
+    """Simulate and write the take as it comes; return it, and what control cost where that is wanted."""
+    from crowdsim.crowd.simulation import Simulation, simulate
+    from crowdsim.crowd.statistics import StatisticsCounter
+    from crowdsim.take.store import TakeWriter, open_take
 
-    Raises:
-        OutputError: A file cannot be written.
-    """
-    from crowdsim.take.poses import PoseSampler
+    policies, cast, frames = prepared.policies, prepared.cast, prepared.frames
+    profiled = scenario.outputs.profile is not None
+    # One frame of a simulation of its own, so that compiling, or loading what was compiled, is no part of control.
+    first = Simulation(prepared.crowd, policies, prepared.script, threads, profiled=profiled)
+    first.run(1)
+    first.close()
+    clock.lap("compile")
+    count = len(cast.names)
+    rows = max(1, min(scenario.outputs.take.chunk, _TAKE_CHUNK_AVATAR_FRAMES // count))
+    counter = StatisticsCounter(policies, cast.policies, cast.scales, frames)
+    timings: list[Array] = []
+    writer = TakeWriter(
+        folder / TAKE, cast, frames, prepared.rate, scenario.name, scenario.seed,
+        tuple(policy.fingerprint for policy in policies), tuple(scenario.targets), rows,
+    )  # fmt: skip
+    try:
+        step = max(1, min(rows, _STEP_AVATAR_FRAMES // count))
+        chunks = simulate(prepared.crowd, policies, frames, prepared.script, threads, profiled=profiled, chunk=step)
+        clock.lap("take")
+        for chunk in chunks:
+            clock.lap("control")
+            writer.append(chunk.variables(), chunk.events, chunk.targets)
+            clock.lap("take")
+            counter.add(chunk)
+            if chunk.timings is not None:
+                timings.append(chunk.timings)
+            clock.lap("statistics")
+            done = chunk.first + chunk.frames
+            if progress is not None:
+                progress("control", done, frames)
+            if caught and done < frames:
+                writer.close("interrupted")
+                kept = f"the {done} of {frames} control frames that were done are kept, --force runs all again"
+                raise Interrupted(caught[0], folder, kept)
+            clock.start()
+        writer.close()
+    except BaseException:
+        writer.abandon()
+        raise
+    take = open_take(folder / TAKE)
+    size = sum(path.stat().st_size for path in (folder / TAKE).rglob("*") if path.is_file())
+    report.outputs["take"] = (folder / TAKE, 1, size)
+    report.statistics = counter.finish()
+    clock.lap("take")
+    return take, np.concatenate(timings) if timings else None
 
-    wanted = scenario.outputs
-    sampler = PoseSampler(take, policies, threads)
-    if wanted.bvh is not None:
-        from crowdsim.export.bvh import export_bvh
 
-        since = perf_counter()
-        bvh = wanted.bvh
-        fps = bvh.fps or scenario.fps
-        frames = check_range(take, fps, bvh.frames, "outputs.bvh.frames")
-        report.outputs["bvh"] = len(export_bvh(sampler, folder / "bvh", fps, frames, bvh.avatars, progress))
-        report.seconds["bvh"] = perf_counter() - since
-    for kind in ("ply", "pcd"):
-        cloud = getattr(wanted, kind)
-        if cloud is None:
+def _manifest(
+    scenario: Scenario, prepared: Prepared, report: Report, clock: _Clock, command: str, threads: int
+) -> dict[str, Any]:
+    report.seconds["total"] = clock.total()
+    statistics = report.statistics
+    return {
+        "status": "done",
+        "scenario": scenario.name,
+        "seed": scenario.seed,
+        "command": command,
+        "threads": threads,
+        "avatars": len(prepared.cast.names),
+        "control_frames": prepared.frames,
+        "policies": {policy.name: policy.fingerprint for policy in prepared.policies},
+        "statistics": {} if statistics is None else asdict(statistics),
+        "seconds": {stage: round(value, 6) for stage, value in report.seconds.items()},
+        "peak_memory_bytes": peak_memory(),
+    }
+
+
+def _changed_policies(folder: Path) -> list[str]:
+    """Say which policies of a finished run have been trained otherwise since."""
+    from crowdsim.policy.bundle import read_document
+
+    notes = []
+    for name, fingerprint in read_manifest(folder).get("policies", {}).items():
+        try:
+            now = read_document(assets.find_bundle(name))["fingerprint"]
+        except CrowdsimError:
             continue
-        from crowdsim.export.pointcloud import CloudBuilder, export_clouds
-
-        since = perf_counter()
-        fps = cloud.fps or scenario.fps
-        frames = check_range(take, fps, cloud.frames, f"outputs.{kind}.frames")
-        builder = CloudBuilder(sampler, fps, cloud.points, cloud.avatars)
-        written = export_clouds(builder, folder / kind, kind, frames, cloud.every, threads, progress)
-        report.outputs[kind] = len(written)
-        report.seconds[kind] = perf_counter() - since
-    if wanted.render is not None:
-        from crowdsim.render.command import render_source
-        from crowdsim.render.take_source import TakeSource
-
-        since = perf_counter()
-        options = render_options(wanted.render, threads)
-        source = TakeSource(take, policies, wanted.render.fps, threads=threads)
-        rendered = render_source(source, folder, options, progress)
-        report.outputs["pictures"] = len(rendered.files)
-        report.seconds["render"] = perf_counter() - since
+        if now != fingerprint:
+            notes.append(f"{folder}: policy {name!r} has been trained again since; --force runs with it")
+    return notes
 
 
-def render_options(wanted: Any, threads: int) -> Any:
-    """Return the options of the renderer that a scenario's ``outputs.render`` means."""
-    from crowdsim.render.camera import Keys
-    from crowdsim.render.command import RenderOptions
-
-    camera = wanted.camera
-    if not isinstance(camera, str):
-        if camera.kind == "follow":
-            camera = f"follow:{camera.avatar}"
-        else:
-            keys = camera.keys
-            camera = Keys(
-                np.array([key.seconds for key in keys]),
-                np.array([key.position for key in keys]),
-                np.array([key.look_at for key in keys]),
-            )
-    return RenderOptions(
-        size=wanted.size,
-        fps=None,
-        frames=wanted.frames,
-        camera=camera,
-        mp4=wanted.mp4,
-        png=wanted.png,
-        contact_sheet=wanted.contact_sheet or 0,
-        caption=wanted.caption,
-        threads=threads,
-    )
-
-
-def check_range(take: Take, fps: float, frames: Sequence[int] | None, key: str) -> tuple[int, int] | None:
-    """Return a range of output frames, cut to the take's.
-
-    Raises:
-        ScenarioError: It begins after the last frame.
-    """
-    if frames is None:
-        return None
-    count = take.output_frames(fps)
-    if frames[0] >= count:
-        raise ScenarioError(f"{key}: begins at frame {frames[0]}, the run has frames 0 to {count - 1} at {fps:g} fps")
-    return frames[0], min(frames[1], count)
-
-
-def open_run(folder: Path, threads: int = 1) -> tuple[Take, list[Policy], list[str]]:
+def open_run(folder: Path) -> tuple[Take, list[Policy], list[str]]:
     """Return a run's take, its policies, and what a user should know of it.
 
     Raises:
@@ -486,6 +436,8 @@ def open_run(folder: Path, threads: int = 1) -> tuple[Take, list[Policy], list[s
     take = open_take(folder)
     policies = [read_bundle(assets.find_bundle(name)) for name in take.cast.policy_names]
     notes = []
-    if take.status != "done" or not (folder / MANIFEST).exists():
-        notes.append(f"{folder}: the run is not finished; {take.frame_count} control frames are there")
+    if take.status != "done":
+        notes.append(f"{folder}: the run was interrupted; {take.frame_count} control frames are there")
+    elif not (folder / MANIFEST).exists():
+        notes.append(f"{folder}: the run is not finished; its take is, some outputs may be missing")
     return take, policies, notes

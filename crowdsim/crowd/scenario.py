@@ -119,6 +119,14 @@ class Scenario(StrictModel):
             return self.duration
         return max(1, round(self.duration.seconds * rate))
 
+    def avatar_names(self) -> list[str]:
+        """Return the name of every avatar, its group's and a number that grows from 0: ``red_07``."""
+        return [
+            f"{group.name or f'group{i + 1}'}_{number:0{len(str(group.count - 1))}d}"
+            for i, group in enumerate(self.groups)
+            for number in range(group.count)
+        ]
+
     def avatar_name(self, avatar: int) -> str:
         """Return the name of an avatar, its group's and a number that grows from 0: ``red_07``."""
         for i, group in enumerate(self.groups):

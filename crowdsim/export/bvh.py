@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -11,28 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import OutputError
+from crowdsim.export.stream import Block, Progress, stream_poses
 from crowdsim.motion.bvh import BvhWriter
-from crowdsim.take.poses import PoseSampler
+from crowdsim.take.poses import Poses, PoseSampler
 
 Array = NDArray[Any]
-Progress = Callable[[str, int, int], None]
 
-_POSES_AT_ONCE = 60_000
-_FRAMES_AT_ONCE = 512
+_DECIMALS = 5
+"""Of a centimetre and of a degree: far finer than what is blended and carried."""
+_FILES_AT_ONCE = 128
 
 
-def export_bvh(
-    sampler: PoseSampler,
-    folder: Path,
-    fps: float,
-    frames: tuple[int, int] | None = None,
-    avatars: Sequence[int] | None = None,
-    progress: Progress | None = None,
-) -> list[Path]:
-    """Write ``<avatar name>.bvh`` for avatars of a take.
+class BvhSink:
+    """Writes ``<avatar name>.bvh`` for avatars of a take; a ``Sink``.
 
-    Memory does not grow with the take: avatars are written in groups and frames in chunks. An avatar that is absent for
-    a time, because its group comes late or leaves, has the frames in which it is there.
+    An avatar that is absent for a time, because its group comes late or leaves, has the frames in which it is there.
 
     Args:
         sampler: Poses of the take.
@@ -40,6 +33,108 @@ def export_bvh(
         fps: Output frames a second.
         frames: First output frame and one past the last; all when None.
         avatars: Numbers of the avatars; all when None.
+
+    Raises:
+        OutputError: The folder cannot be made.
+    """
+
+    kind = "bvh"
+    margin = 0
+
+    def __init__(
+        self,
+        sampler: PoseSampler,
+        folder: Path,
+        fps: float,
+        frames: tuple[int, int] | None = None,
+        avatars: Sequence[int] | Array | None = None,
+    ) -> None:
+        take = sampler.take
+        self.start, self.stop = frames or (0, take.output_frames(fps))
+        self.avatars: Array = np.arange(take.avatar_count) if avatars is None else np.unique(np.asarray(avatars))
+        self.done = 0
+        self._sampler, self._folder, self._fps = sampler, folder, fps
+        self._writers: dict[int, BvhWriter] | None = None
+        make_folder(folder)
+
+    @property
+    def total(self) -> int:
+        """Number of files, those of avatars that are never there included."""
+        return len(self.avatars)
+
+    def split(self, most: int) -> list[BvhSink]:
+        """Return sinks of a few avatars each, whatever ``most`` says, since each writes the whole time anyway."""
+        size = min(most, _FILES_AT_ONCE)
+        parts = [self.avatars[low : low + size] for low in range(0, len(self.avatars), size)]
+        frames = (self.start, self.stop)
+        return [BvhSink(self._sampler, self._folder, self._fps, frames, part) for part in parts]
+
+    def write(self, block: Block, pool: ThreadPoolExecutor) -> None:
+        """Append a block of frames to every file."""
+        if self._writers is None:
+            self._writers = self._open()
+        writers = self._writers
+        low, high = max(block.first_output, self.start), min(block.stop_output, self.stop)
+        rows = slice(low - block.first, high - block.first)
+
+        def append(poses: Poses, column: int) -> None:
+            writer = writers.get(int(poses.avatars[column]))
+            if writer is None:
+                return
+            roots, rotations = poses.root_positions[rows, column], poses.rotations[rows, column]
+            there = np.isfinite(roots[:, 0])
+            if there.all():
+                writer.append(roots, rotations)
+            elif there.any():
+                writer.append(roots[there], rotations[there])
+
+        work = [(poses, column) for poses in block.poses for column in range(len(poses.avatars))]
+        list(pool.map(lambda item: append(*item), work))
+        self.done = self.total * (high - self.start) // (self.stop - self.start)
+
+    def close(self) -> list[Path]:
+        """Give the files their names and return them, in the order of the avatars."""
+        writers = self._writers or {}
+        for writer in writers.values():
+            writer.close()
+        return [writer.path for writer in writers.values()]
+
+    def abandon(self) -> None:
+        """Remove what is half-written."""
+        for writer in (self._writers or {}).values():
+            writer.abandon()
+
+    def _open(self) -> dict[int, BvhWriter]:
+        """Writers of the avatars that are there at some time."""
+        sampler, writers = self._sampler, {}
+        for number in map(int, self.avatars):
+            present = sampler.present(number, self.start, self.stop, self._fps)
+            if present:
+                skeleton = sampler.policies[int(sampler.take.cast.policies[number])].database.skeleton
+                scaled = skeleton.scaled(float(sampler.take.cast.scales[number]))
+                path = self._folder / f"{sampler.take.cast.names[number]}.bvh"
+                writers[number] = BvhWriter(path, scaled, self._fps, present, decimals=_DECIMALS)
+        return writers
+
+
+def export_bvh(
+    sampler: PoseSampler,
+    folder: Path,
+    fps: float,
+    frames: tuple[int, int] | None = None,
+    avatars: Sequence[int] | Array | None = None,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> list[Path]:
+    """Write ``<avatar name>.bvh`` for avatars of a take; see ``BvhSink``.
+
+    Args:
+        sampler: Poses of the take.
+        folder: Folder for the files; made when missing.
+        fps: Output frames a second.
+        frames: First output frame and one past the last; all when None.
+        avatars: Numbers of the avatars; all when None.
+        threads: Threads that write.
         progress: Called with ("bvh", files done, files).
 
     Returns:
@@ -48,52 +143,18 @@ def export_bvh(
     Raises:
         OutputError: A file cannot be written.
     """
-    take = sampler.take
-    start, stop = frames or (0, take.output_frames(fps))
-    numbers = np.arange(take.avatar_count) if avatars is None else np.unique(np.asarray(avatars, dtype=np.int64))
+    return stream_poses(sampler, fps, [BvhSink(sampler, folder, fps, frames, avatars)], threads, progress)[0]
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for files.
+
+    Raises:
+        OutputError: It cannot be made.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise OutputError(f"{folder}: is a file, expected a folder to write into") from None
     except OSError as error:
         raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
-    at_once = max(1, _POSES_AT_ONCE // min(_FRAMES_AT_ONCE, max(1, stop - start)))
-    written: list[Path] = []
-    for low in range(0, len(numbers), at_once):
-        group = numbers[low : low + at_once]
-        with ExitStack() as stack:
-            writers = {int(number): _open(sampler, int(number), folder, fps, start, stop, stack) for number in group}
-            for first in range(start, stop, _FRAMES_AT_ONCE):
-                _append(sampler, writers, group, first, min(first + _FRAMES_AT_ONCE, stop), fps)
-        written.extend(writer.path for writer in writers.values() if writer is not None)
-        if progress is not None:
-            progress("bvh", low + len(group), len(numbers))
-    return written
-
-
-def _open(
-    sampler: PoseSampler, number: int, folder: Path, fps: float, start: int, stop: int, stack: ExitStack
-) -> BvhWriter | None:
-    """A writer for an avatar's frames; None where it is absent all the time."""
-    take = sampler.take
-    present = sampler.present(number, start, stop, fps)
-    if not present:
-        return None
-    skeleton = sampler.policies[int(take.cast.policies[number])].database.skeleton
-    scaled = skeleton.scaled(float(take.cast.scales[number]))
-    path = folder / f"{take.cast.names[number]}.bvh"
-    return stack.enter_context(BvhWriter(path, scaled, fps, present))
-
-
-def _append(
-    sampler: PoseSampler, writers: dict[int, BvhWriter | None], group: Array, first: int, stop: int, fps: float
-) -> None:
-    for poses in sampler.sample(first, stop, fps, group):
-        for column, number in enumerate(poses.avatars):
-            writer = writers[int(number)]
-            if writer is None:
-                continue
-            roots, rotations = poses.root_positions[:, column], poses.rotations[:, column]
-            there = np.isfinite(roots[:, 0])
-            if there.all():
-                writer.append(roots, rotations)
-            elif there.any():
-                writer.append(roots[there], rotations[there])

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,16 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import OutputError, RunError
+from crowdsim.export.bvh import make_folder
 from crowdsim.export.cloud_kernels import place_points
+from crowdsim.export.stream import Block, Progress, stream_poses
 from crowdsim.export.surface import Surface, build_surface
 from crowdsim.take.poses import Poses, PoseSampler
 
 Array = NDArray[Any]
-Progress = Callable[[str, int, int], None]
 
 FIELDS = ("x", "y", "z", "nx", "ny", "nz", "vx", "vy", "vz", "avatar", "team", "joint")
 """What every point has: place [m], normal, velocity [m/s], float32; avatar, team and joint numbers, int32."""
-_POSES_AT_ONCE = 20_000
 _SYSTEM_PACKAGES = "libgl1 libegl1 libgomp1 libusb-1.0-0 libx11-6"
 
 
@@ -42,143 +43,198 @@ def probe_open3d() -> None:
         raise RunError(f"point clouds need Open3D, which cannot be loaded: {why}; on Debian: {_SYSTEM_PACKAGES}")
 
 
-class CloudBuilder:
-    """Builds clouds of a take's frames.
+@dataclass(frozen=True)
+class Cloud:
+    """Points of a frame; n of them.
+
+    Attributes:
+        places: Where they are [m]. Shape (n, 3), float32.
+        normals: Outward normals. Shape (n, 3), float32.
+        velocities: How they move [m/s]. Shape (3, n), float32.
+        avatar: Avatar that each is on. Shape (n,), int32.
+        team: Its team. Shape (n,), int32.
+        joint: Joint that it rides on, a number of its skeleton. Shape (n,), int32.
+    """
+
+    places: Array
+    normals: Array
+    velocities: Array
+    avatar: Array
+    team: Array
+    joint: Array
+
+
+class CloudSink:
+    """Writes ``000000.ply`` and on: a cloud of every n-th output frame, numbered by output frame; a ``Sink``.
+
+    Velocities are central differences over the output frames on both sides, one-sided where the take or the avatar's
+    stay begins or ends.
 
     Args:
         sampler: Poses of the take.
+        folder: Folder for the files; made when missing.
+        kind: ``ply`` or ``pcd``, both binary.
         fps: Output frames a second.
         points: Points an avatar.
+        frames: First output frame and one past the last; all when None.
+        every: Write each n-th.
         avatars: Numbers of the avatars; all when None.
+
+    Raises:
+        OutputError: The folder cannot be made.
+        RunError: Open3D cannot be loaded.
     """
 
-    def __init__(self, sampler: PoseSampler, fps: float, points: int, avatars: Sequence[int] | None = None) -> None:
+    margin = 1
+
+    def __init__(
+        self,
+        sampler: PoseSampler,
+        folder: Path,
+        kind: str,
+        fps: float,
+        points: int,
+        frames: tuple[int, int] | None = None,
+        every: int = 1,
+        avatars: Sequence[int] | Array | None = None,
+    ) -> None:
+        probe_open3d()
         take = sampler.take
-        self.sampler, self.fps, self.points = sampler, fps, points
-        self.avatars = np.arange(take.avatar_count) if avatars is None else np.unique(np.asarray(avatars))
-        self.last = take.output_frames(fps) - 1
+        self.kind = kind
+        self.start, self.stop = frames or (0, take.output_frames(fps))
+        self.avatars: Array = np.arange(take.avatar_count) if avatars is None else np.unique(np.asarray(avatars))
+        self._sampler, self._folder, self._fps, self._points, self._every = sampler, folder, fps, points, every
+        self._chosen = np.zeros(take.avatar_count, bool)
+        self._chosen[self.avatars] = True
         self._surfaces: dict[int, Surface] = {}
+        self._files: list[Path] = []
+        make_folder(folder)
+
+    @property
+    def total(self) -> int:
+        """Number of files."""
+        return len(range(self.start, self.stop, self._every))
+
+    @property
+    def done(self) -> int:
+        """Number of files written so far."""
+        return len(self._files)
+
+    def split(self, most: int) -> list[CloudSink]:
+        """Return itself: a cloud holds all avatars."""
+        return [self]
+
+    def write(self, block: Block, pool: ThreadPoolExecutor) -> None:
+        """Write the clouds of a block's frames."""
+        low, high = max(block.first_output, self.start), min(block.stop_output, self.stop)
+        low += (self.start - low) % self._every
+        frames = range(low, high, self._every)
+        surfaces = [self._surface(poses.policy) for poses in block.poses]
+        joints = block.joints
+
+        def write(frame: int) -> Path:
+            path = self._folder / f"{frame:06d}.{self.kind}"
+            write_cloud(path, self._build(block.poses, joints, surfaces, frame - block.first))
+            return path
+
+        self._files += pool.map(write, frames)
+
+    def close(self) -> list[Path]:
+        """Return the files."""
+        return self._files
+
+    def abandon(self) -> None:
+        """Do nothing: every file is whole."""
+
+    def build(self, frame: int) -> Cloud:
+        """Return the cloud of an output frame."""
+        last = self._sampler.take.output_frames(self._fps)
+        low, high = max(frame - 1, 0), min(frame + 2, last)
+        block = Block(low, frame, frame + 1, self._sampler.sample(low, high, self._fps, self.avatars))
+        surfaces = [self._surface(poses.policy) for poses in block.poses]
+        return self._build(block.poses, block.joints, surfaces, frame - low)
 
     def _surface(self, policy: int) -> Surface:
         if policy not in self._surfaces:
-            database = self.sampler.policies[policy].database
-            self._surfaces[policy] = build_surface(database.skeleton, database.body, self.points)
+            database = self._sampler.policies[policy].database
+            self._surfaces[policy] = build_surface(database.skeleton, database.body, self._points)
         return self._surfaces[policy]
 
-    def build(self, start: int, stop: int, every: int = 1) -> list[dict[str, Array]]:
-        """Return the clouds of output frames ``start``, ``start + every`` ... before ``stop``.
-
-        Velocities are central differences over the output frames on both sides, one-sided at the ends of the take.
-
-        Returns:
-            For each frame, columns ``places`` (n, 3), ``normals`` (n, 3), ``velocities`` (n, 3) and ``avatar``,
-            ``team``, ``joint`` (n,).
-        """
-        low, high = max(start - 1, 0), min(stop, self.last) + 1
-        blocks = []
-        for poses in self.sampler.sample(low, high, self.fps, self.avatars):
-            blocks.append((poses, *poses.joints()))
-        return [self._cloud(blocks, frame, low, high - 1) for frame in range(start, stop, every)]
-
-    def _cloud(self, blocks: list[tuple[Poses, Array, Array]], frame: int, low: int, high: int) -> dict[str, Array]:
-        before, after = max(frame - 1, low), min(frame + 1, high)
-        parts: list[dict[str, Array]] = []
-        for poses, positions, rotations in blocks:
-            surface = self._surface(poses.policy)
-            there = np.isfinite(positions[[before - low, frame - low, after - low], :, 0, 0]).all(axis=0)
-            scales = poses.scales[there].astype(np.float32)
-            count = len(scales) * len(surface.joints)
-            places, normals = (np.empty((count, 3), np.float32) for _ in range(2))
-            earlier, later = (np.empty((count, 3), np.float32) for _ in range(2))
-            none = np.empty((0, 3), np.float32)
-            for at, out, out_normals in ((frame, places, normals), (before, earlier, none), (after, later, none)):
-                joints, turns = positions[at - low, there], rotations[at - low, there]
-                place_points(
-                    joints, turns, scales, surface.joints, surface.places, surface.normals, 0, out, out_normals
-                )
-            numbers = poses.avatars[there]
-            seconds = (after - before) / self.fps
-            parts.append(
-                {
-                    "places": places,
-                    "normals": normals,
-                    "velocities": (later - earlier) / np.float32(seconds) if seconds else np.zeros_like(places),
-                    "avatar": np.repeat(numbers.astype(np.int32), len(surface.joints)),
-                    "team": np.repeat(self.sampler.take.cast.teams[numbers].astype(np.int32), len(surface.joints)),
-                    "joint": np.tile(surface.joints, len(numbers)),
-                }
-            )
-        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    def _build(
+        self, blocks: Sequence[Poses], joints: Sequence[tuple[Array, Array]], surfaces: Sequence[Surface], row: int
+    ) -> Cloud:
+        here = [
+            np.flatnonzero(np.isfinite(places[row, :, 0, 0]) & self._chosen[poses.avatars])
+            for poses, (places, _) in zip(blocks, joints, strict=True)
+        ]
+        numbers = [poses.avatars[columns].astype(np.int32) for poses, columns in zip(blocks, here, strict=True)]
+        count = self._points * sum(map(len, numbers))
+        places, normals = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
+        velocities = np.empty((3, count), np.float32)
+        first = 0
+        for poses, (positions, rotations), surface, columns in zip(blocks, joints, surfaces, here, strict=True):
+            first = place_points(
+                positions, rotations, max(row - 1, 0), row, min(row + 1, len(positions) - 1), 1.0 / self._fps,
+                columns, poses.scales.astype(np.float32), surface.joints, surface.places, surface.normals,
+                first, places, normals, velocities,
+            )  # fmt: skip
+        avatar = np.repeat(np.concatenate(numbers), self._points)
+        riders = [np.tile(surface.joints, len(own)) for surface, own in zip(surfaces, numbers, strict=True)]
+        teams = self._sampler.take.cast.teams.astype(np.int32)
+        return Cloud(places, normals, velocities, avatar, teams[avatar], np.concatenate(riders))
 
 
 def export_clouds(
-    builder: CloudBuilder,
+    sampler: PoseSampler,
     folder: Path,
     kind: str,
+    fps: float,
+    points: int,
     frames: tuple[int, int] | None = None,
     every: int = 1,
+    avatars: Sequence[int] | Array | None = None,
     threads: int = 1,
     progress: Progress | None = None,
 ) -> list[Path]:
-    """Write ``000000.ply`` and on: one file for every ``every``-th output frame, numbered by output frame.
+    """Write point clouds of a take; see ``CloudSink``.
 
-    Args:
-        builder: Builds the clouds.
-        folder: Folder for the files; made when missing.
-        kind: ``ply`` or ``pcd``, both binary.
-        frames: First output frame and one past the last; all when None.
-        every: Write each n-th.
-        threads: Threads that write.
-        progress: Called with (kind, files done, files).
+    Returns:
+        The files, in the order of frames.
 
     Raises:
         OutputError: A file cannot be written.
         RunError: Open3D cannot be loaded.
     """
-    probe_open3d()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
-    start, stop = frames or (0, builder.last + 1)
-    numbers = range(start, stop, every)
-    at_once = max(1, _POSES_AT_ONCE // max(1, len(builder.avatars)) // every)
-    written: list[Path] = []
-    with ThreadPoolExecutor(max(1, threads)) as pool:
-        for low in range(0, len(numbers), at_once):
-            chosen = numbers[low : low + at_once]
-            clouds = builder.build(chosen[0], chosen[-1] + 1, every)
-            paths = [folder / f"{number:06d}.{kind}" for number in chosen]
-            list(pool.map(_write, paths, clouds))
-            written.extend(paths)
-            if progress is not None:
-                progress(kind, len(written), len(numbers))
-    return written
+    sink = CloudSink(sampler, folder, kind, fps, points, frames, every, avatars)
+    return stream_poses(sampler, fps, [sink], threads, progress)[0]
 
 
-def _write(path: Path, cloud: dict[str, Array]) -> None:
-    """Write one cloud under a temporary name and rename it."""
+def write_cloud(path: Path, cloud: Cloud) -> None:
+    """Write a cloud as binary PLY or PCD, by its name's end, under a temporary name that is then renamed.
+
+    Raises:
+        OutputError: It cannot be written.
+    """
     import open3d
 
     o3d: Any = open3d
-    tensor = o3d.core.Tensor
+    shared = o3d.core.Tensor.from_numpy
     points = o3d.t.geometry.PointCloud()
-    points.point.positions = tensor(cloud["places"])
+    points.point.positions = shared(cloud.places)
     if path.suffix == ".ply":
-        points.point.normals = tensor(cloud["normals"])
+        points.point.normals = shared(cloud.normals)
     else:
         # Open3D calls normals otherwise in PCD files, and leaves out other attributes of three columns.
         for column, name in enumerate(("nx", "ny", "nz")):
-            points.point[name] = tensor(np.ascontiguousarray(cloud["normals"][:, column : column + 1]))
-    for column, name in enumerate(("vx", "vy", "vz")):
-        points.point[name] = tensor(np.ascontiguousarray(cloud["velocities"][:, column : column + 1]))
+            points.point[name] = shared(np.ascontiguousarray(cloud.normals[:, column : column + 1]))
+    for row, name in enumerate(("vx", "vy", "vz")):
+        points.point[name] = shared(cloud.velocities[row][:, None])
     for name in ("avatar", "team", "joint"):
-        points.point[name] = tensor(cloud[name][:, None])
+        points.point[name] = shared(getattr(cloud, name)[:, None])
     partial = path.with_name(f".{path.stem}.part{path.suffix}")
-    done = o3d.t.io.write_point_cloud(str(partial), points)
     try:
-        if not done:
-            raise OSError("the disk may be full")
+        if not o3d.t.io.write_point_cloud(str(partial), points):
+            raise OSError("the disk may be full, or the folder cannot be written")
         os.replace(partial, path)
     except OSError as error:
         partial.unlink(missing_ok=True)

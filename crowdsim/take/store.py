@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -73,13 +75,25 @@ class TakeWriter:
         self._events = 0
         self._kept: list[dict[str, Array]] = []
         self._kept_targets: list[Array] = []
-        try:
+        self._kept_events: list[Events] = []
+        with self._writing():
             if self._partial.exists():
                 shutil.rmtree(self._partial)
-            self._group: Any = zarr.open_group(str(self._partial), mode="w", zarr_format=2)
-        except (OSError, ValueError) as error:
-            raise OutputError(f"{path}: cannot be written: {error}") from None
-        avatars = len(cast.names)
+            self._group: Any = zarr.open_group(str(self._partial), mode="w", **_format_two())
+            self._begin(cast, frames, control_rate, scenario, seed, fingerprints, target_names)
+
+    def _begin(
+        self,
+        cast: Cast,
+        frames: int,
+        control_rate: float,
+        scenario: str,
+        seed: int,
+        fingerprints: tuple[str, ...],
+        target_names: tuple[str, ...],
+    ) -> None:
+        """Write what is constant, and arrays without values."""
+        chunk, avatars = self._chunk, len(cast.names)
         self._group.attrs.update(
             {
                 "format": FORMAT,
@@ -142,67 +156,92 @@ class TakeWriter:
         return array
 
     def append(self, chunk: dict[str, Array], events: Events, targets: Array | None = None) -> None:
-        """Add control frames: an array (n, N) for each of ``VARIABLES``, the strikes thrown, and places of targets."""
+        """Add control frames: an array (n, N) for each of ``VARIABLES``, the strikes thrown, and places of targets.
+
+        Raises:
+            OutputError: They cannot be written.
+        """
         self._kept.append({name: np.asarray(chunk[name], dtype=_DTYPES[name]) for name in VARIABLES})
+        self._kept_events.append(events)
         if targets is not None and np.shape(targets)[1]:
             self._kept_targets.append(np.asarray(targets, dtype=np.float32))
-        self._flush(whole=False)
-        count = len(events.frame)
-        if count:
-            group = self._group["events"]
-            for name in _EVENTS:
-                values = np.asarray(getattr(events, name))
-                array = group[name]
-                array.resize((self._events + count, *array.shape[1:]))
-                array[self._events :] = values
-            self._events += count
+        with self._writing():
+            self._flush(whole=False)
 
     def _flush(self, whole: bool) -> None:
         """Write whole chunks of what is kept, everything when ``whole``, so that no chunk is written twice."""
         ready = sum(len(kept["action"]) for kept in self._kept)
         count = ready if whole else ready // self._chunk * self._chunk
+        if whole or count:
+            self._flush_events(whole)
         if count == 0:
             return
         stop = self._done + count
         for name in VARIABLES:
             joined = np.concatenate([kept[name] for kept in self._kept])
-            self._write(self._group[name], joined[:count], stop)
+            self._group[name][self._done : stop] = joined[:count]
         rest = {name: np.concatenate([kept[name] for kept in self._kept])[count:] for name in VARIABLES}
         self._kept = [rest] if len(rest["action"]) else []
         if self._kept_targets:
             joined = np.concatenate(self._kept_targets)
-            self._write(self._group["target"], joined[:count], stop)
+            self._group["target"][self._done : stop] = joined[:count]
             self._kept_targets = [joined[count:]]
         self._done = stop
 
-    def _write(self, array: Any, values: Array, stop: int) -> None:
-        try:
-            array[self._done : stop] = values
-        except OSError as error:
-            raise OutputError(f"{self.path}: cannot be written: {error.strerror or error}") from None
+    def _flush_events(self, whole: bool) -> None:
+        """Write whole chunks of the strikes that are kept, everything when ``whole``."""
+        if not self._kept_events:
+            return
+        kept = Events(**{name: np.concatenate([getattr(e, name) for e in self._kept_events]) for name in _EVENTS})
+        ready = len(kept.frame)
+        count = ready if whole else ready // _EVENTS_A_CHUNK * _EVENTS_A_CHUNK
+        if count:
+            for name in _EVENTS:
+                array = self._group["events"][name]
+                array.resize((self._events + count, *array.shape[1:]))
+                array[self._events :] = getattr(kept, name)[:count]
+            self._events += count
+        self._kept_events = [Events(**{name: getattr(kept, name)[count:] for name in _EVENTS})]
 
     def close(self, status: str = "done") -> None:
-        """Finish the take and give it its final name; ``status`` is ``done`` or ``interrupted``."""
+        """Finish the take and give it its final name; ``status`` is ``done`` or ``interrupted``.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
         import zarr
 
-        self._flush(whole=True)
-        if self._done < self._frames:
-            names = [*VARIABLES, *(["target"] if "target" in self._group else [])]
-            for name in names:
-                array = self._group[name]
-                array.resize((self._done, *array.shape[1:]))
-        self._group.attrs["status"] = status
-        zarr.consolidate_metadata(str(self._partial))
-        try:
+        with self._writing():
+            self._flush(whole=True)
+            if self._done < self._frames:
+                for name in [*VARIABLES, *(["target"] if "target" in self._group else [])]:
+                    array = self._group[name]
+                    array.resize((self._done, *array.shape[1:]))
+            self._group.attrs["status"] = status
+            zarr.consolidate_metadata(str(self._partial))
             if self.path.exists():
                 shutil.rmtree(self.path)
             os.replace(self._partial, self.path)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Tell of what goes wrong in writing by the take's own name, and leave nothing behind then."""
+        try:
+            yield
         except OSError as error:
+            self.abandon()
             raise OutputError(f"{self.path}: cannot be written: {error.strerror or error}") from None
 
     def abandon(self) -> None:
         """Remove what has been written."""
         shutil.rmtree(self._partial, ignore_errors=True)
+
+
+def _format_two() -> dict[str, Any]:
+    """Ask for Zarr's format 2, which is all that older versions of the library know."""
+    import zarr
+
+    return {"zarr_format": 2} if hasattr(zarr.Group, "create_array") else {}
 
 
 def _little(dtype: Any) -> str:

@@ -7,33 +7,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from crowdsim.crowd.events import VARIABLES, Events
+
+__all__ = ["VARIABLES", "Cast", "Events", "Take"]
+
 Array = NDArray[Any]
-
-VARIABLES = ("action", "action_frame", "x", "z", "heading", "opponent")
-"""What is recorded for every control frame and avatar, in this order."""
-
-
-@dataclass(frozen=True)
-class Events:
-    """Strikes of a run, in the order in which they were thrown; S strikes.
-
-    Attributes:
-        frame: When, in control frames from the start, between frames too. Shape (S,), float32.
-        attacker: Avatar that struck. Shape (S,), int32.
-        victim: Its opponent, an avatar or ``-2 - target``; -1 for nobody. Shape (S,), int32.
-        hand: 0 left, 1 right. Shape (S,), uint8.
-        point: Where the fist was [m]. Shape (S, 3), float32.
-        speed: Its highest speed before [m/s]. Shape (S,), float32.
-        landed: Whether it landed. Shape (S,), bool.
-    """
-
-    frame: Array
-    attacker: Array
-    victim: Array
-    hand: Array
-    point: Array
-    speed: Array
-    landed: Array
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,146 @@
+"""Poses of a take passed on to exporters in blocks of frames, so that each frame is posed once for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.take.poses import Poses, PoseSampler
+
+Array = NDArray[Any]
+Progress = Callable[[str, int, int], None]
+
+_POSES_AT_ONCE = 16_000
+_FRAMES_AT_ONCE = 512
+_MANY_AVATARS = 512
+"""From so many avatars on, those who want whole avatars and those who want whole frames no longer share blocks."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Poses of a stretch of output frames.
+
+    Attributes:
+        first: Output frame of the first row.
+        first_output: First frame that is to be written; rows before it only serve as neighbours.
+        stop_output: One past the last frame that is to be written.
+        poses: The poses, an item a policy.
+    """
+
+    first: int
+    first_output: int
+    stop_output: int
+    poses: Sequence[Poses]
+
+    @cached_property
+    def joints(self) -> list[tuple[Array, Array]]:
+        """Places (T, n, J, 3) [m] and rotations (T, n, J, 4) of all joints in the world, an item a policy."""
+        return [poses.joints() for poses in self.poses]
+
+
+class Sink(Protocol):
+    """Writes files from blocks of poses.
+
+    Attributes:
+        kind: What it writes, for progress.
+        start: First output frame.
+        stop: One past the last.
+        avatars: Numbers of its avatars, ascending.
+        margin: Frames before and after each that it looks at.
+        total: Number of files.
+        done: Number of files written.
+    """
+
+    kind: str
+    start: int
+    stop: int
+    avatars: Array
+    margin: int
+
+    @property
+    def total(self) -> int:
+        """Number of files."""
+
+    @property
+    def done(self) -> int:
+        """Number of files written so far, or their share."""
+
+    def split(self, most: int) -> Sequence[Sink]:
+        """Return sinks of at most so many avatars that write the same, or itself where that cannot be."""
+
+    def write(self, block: Block, pool: ThreadPoolExecutor) -> None:
+        """Write a block; blocks come in the order of time."""
+
+    def close(self) -> list[Path]:
+        """Finish the files and return them."""
+
+    def abandon(self) -> None:
+        """Remove what is half-written."""
+
+
+def stream_poses(
+    sampler: PoseSampler, fps: float, sinks: Sequence[Sink], threads: int = 1, progress: Progress | None = None
+) -> list[list[Path]]:
+    """Pose a take block by block and let every sink write; return the files of each.
+
+    Memory does not grow with the take. Where a sink fails, what is half-written is removed.
+
+    Args:
+        sampler: Poses of the take.
+        fps: Output frames a second, of all sinks.
+        sinks: What writes.
+        threads: Threads that write.
+        progress: Called with the kind of a sink, how much is done and how much there is.
+    """
+    shared = len(sinks) > 1 and len(_union(sinks)) <= _MANY_AVATARS
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        if shared:
+            return _stream(sampler, fps, sinks, pool, progress)
+        written = []
+        for sink in sinks:
+            files: list[Path] = []
+            for part in sink.split(_MANY_AVATARS):
+                files += _stream(sampler, fps, [part], pool, _after(progress, len(files), sink.total))[0]
+            written.append(files)
+        return written
+
+
+def _after(progress: Progress | None, before: int, total: int) -> Progress | None:
+    """Report a part of some files, of which others were written before."""
+    return progress and (lambda kind, done, _: progress(kind, before + done, total))
+
+
+def _stream(
+    sampler: PoseSampler, fps: float, sinks: Sequence[Sink], pool: ThreadPoolExecutor, progress: Progress | None
+) -> list[list[Path]]:
+    avatars = _union(sinks)
+    start, stop = min(sink.start for sink in sinks), max(sink.stop for sink in sinks)
+    margin = max(sink.margin for sink in sinks)
+    last = sampler.take.output_frames(fps)
+    size = int(np.clip(_POSES_AT_ONCE // max(1, len(avatars)), 1, _FRAMES_AT_ONCE))
+    try:
+        for first in range(start, stop, size):
+            end = min(first + size, stop)
+            low, high = max(first - margin, 0), min(end + margin, last)
+            block = Block(low, first, end, sampler.sample(low, high, fps, avatars))
+            for sink in sinks:
+                if sink.start < end and sink.stop > first:
+                    sink.write(block, pool)
+                if progress is not None:
+                    progress(sink.kind, sink.done, sink.total)
+        return [sink.close() for sink in sinks]
+    except BaseException:
+        for sink in sinks:
+            sink.abandon()
+        raise
+
+
+def _union(sinks: Sequence[Sink]) -> Array:
+    return np.unique(np.concatenate([sink.avatars for sink in sinks]))

@@ -1,0 +1,218 @@
+"""What a scenario wants written of a take, handed to the exporters and the renderer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from crowdsim.errors import CrowdsimError, ScenarioError
+
+if TYPE_CHECKING:
+    from crowdsim.crowd.scenario import Scenario
+    from crowdsim.export.stream import Sink
+    from crowdsim.policy.policy import Policy
+    from crowdsim.take.poses import PoseSampler
+    from crowdsim.take.take import Take
+
+Progress = Callable[[str, int, int], None]
+
+
+def write_outputs(
+    folder: Path,
+    take: Take,
+    policies: Sequence[Policy],
+    scenario: Scenario,
+    threads: int = 1,
+    seconds: dict[str, float] | None = None,
+    progress: Progress | None = None,
+) -> dict[str, list[Path]]:
+    """Write the outputs that a scenario asks for from a take; return the files of each kind.
+
+    Outputs at one rate share their poses.
+
+    Args:
+        folder: The run folder.
+        take: The take.
+        policies: Its policies.
+        scenario: The scenario, resolved.
+        threads: Threads.
+        seconds: Where the time of each stage is added [s].
+        progress: Called with stage, done and total.
+
+    Raises:
+        OutputError: A file cannot be written.
+        ScenarioError: An output's range begins after the last frame.
+    """
+    from crowdsim.export.stream import stream_poses
+    from crowdsim.take.poses import PoseSampler
+
+    told: dict[str, list[Path]] = {}
+    laps = {} if seconds is None else seconds
+    wanted = scenario.outputs
+    if wanted.bvh is not None or wanted.ply is not None or wanted.pcd is not None:
+        since = perf_counter()
+        sampler = PoseSampler(take, policies, threads)
+        rates: dict[float, list[Sink]] = {}
+        for fps, sink in _sinks(sampler, folder, scenario):
+            rates.setdefault(fps, []).append(sink)
+        for fps, sinks in rates.items():
+            files = stream_poses(sampler, fps, sinks, threads, progress)
+            told.update({sink.kind: written for sink, written in zip(sinks, files, strict=True)})
+        laps["export"] = perf_counter() - since
+    if wanted.render is not None:
+        from crowdsim.render.command import render_source
+        from crowdsim.render.take_source import TakeSource
+
+        since = perf_counter()
+        source = TakeSource(take, policies, wanted.render.fps, threads=threads)
+        rendered = render_source(source, folder, render_options(wanted.render, threads), progress)
+        told["pictures"] = list(rendered.files)
+        laps["render"] = perf_counter() - since
+    return told
+
+
+def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple[float, Sink]]:
+    """Writers of the motion that a scenario asks for, each with its rate."""
+    from crowdsim.export.bvh import BvhSink
+
+    take, wanted = sampler.take, scenario.outputs
+    sinks: list[tuple[float, Any]] = []
+    if wanted.bvh is not None:
+        fps = wanted.bvh.fps or scenario.fps
+        frames = check_range(take, fps, wanted.bvh.frames, "outputs.bvh.frames")
+        sinks.append((fps, BvhSink(sampler, folder / "bvh", fps, frames, wanted.bvh.avatars)))
+    for kind in ("ply", "pcd"):
+        cloud = getattr(wanted, kind)
+        if cloud is None:
+            continue
+        from crowdsim.export.pointcloud import CloudSink
+
+        fps = cloud.fps or scenario.fps
+        frames = check_range(take, fps, cloud.frames, f"outputs.{kind}.frames")
+        sink = CloudSink(sampler, folder / kind, kind, fps, cloud.points, frames, cloud.every, cloud.avatars)
+        sinks.append((fps, sink))
+    return sinks
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """What to export of a run, in a user's words.
+
+    Attributes:
+        kinds: ``bvh``, ``ply``, ``pcd``.
+        avatars: Their numbers, ``0-9`` or ``0,3,5-7``; all when None.
+        frames: Output frames ``A:B``; all when None.
+        fps: Output frames a second.
+        every: Write every n-th output frame of point clouds.
+        points: Points an avatar.
+    """
+
+    kinds: Sequence[str]
+    avatars: str | None = None
+    frames: str | None = None
+    fps: float = 60.0
+    every: int = 1
+    points: int = 500
+
+
+def export_take(
+    folder: Path,
+    take: Take,
+    policies: Sequence[Policy],
+    options: ExportOptions,
+    out: Path | None = None,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> dict[str, list[Path]]:
+    """Export a run's take again; return the files of each kind.
+
+    Into the run's own folder, exports take the place of those of their kind, and the manifest says so.
+
+    Args:
+        folder: The run folder.
+        take: Its take.
+        policies: Its policies.
+        options: What to export.
+        out: Another folder for ``bvh/``, ``ply/`` and ``pcd/``.
+        threads: Threads.
+        progress: Called with stage, done and total.
+
+    Raises:
+        TakeError: Avatars or frames are asked for that the take does not have.
+        OutputError: A file cannot be written.
+    """
+    from crowdsim.export.bvh import BvhSink
+    from crowdsim.export.select import parse_avatars, parse_range
+    from crowdsim.export.stream import stream_poses
+    from crowdsim.manifest import NAME, update_manifest
+    from crowdsim.take.poses import PoseSampler
+
+    if not options.kinds:
+        raise CrowdsimError("nothing to export, expected --bvh, --ply or --pcd")
+    fps = options.fps
+    avatars = parse_avatars(options.avatars, take.avatar_count)
+    frames = parse_range(options.frames, take.output_frames(fps), fps)
+    target = out or folder
+    sampler = PoseSampler(take, policies, threads)
+    sinks: list[Any] = []
+    for kind in options.kinds:
+        if kind == "bvh":
+            sinks.append(BvhSink(sampler, target / kind, fps, frames, avatars))
+        else:
+            from crowdsim.export.pointcloud import CloudSink
+
+            sinks.append(CloudSink(sampler, target / kind, kind, fps, options.points, frames, options.every, avatars))
+    written = stream_poses(sampler, fps, sinks, threads, progress)
+    told = dict(zip(options.kinds, written, strict=True))
+    if target.resolve() == folder.resolve() and (folder / NAME).exists():
+        for kind, files in told.items():
+            update_manifest(folder, kind, files, asdict(options), threads)
+    return told
+
+
+def render_options(wanted: Any, threads: int) -> Any:
+    """Return the options of the renderer that a scenario's ``outputs.render`` means."""
+    from crowdsim.render.camera import Keys
+    from crowdsim.render.command import RenderOptions
+
+    camera = wanted.camera
+    if not isinstance(camera, str):
+        if camera.kind == "follow":
+            camera = f"follow:{camera.avatar}"
+        else:
+            keys = camera.keys
+            camera = Keys(
+                np.array([key.seconds for key in keys]),
+                np.array([key.position for key in keys]),
+                np.array([key.look_at for key in keys]),
+            )
+    return RenderOptions(
+        size=wanted.size,
+        fps=None,
+        frames=wanted.frames,
+        camera=camera,
+        mp4=wanted.mp4,
+        png=wanted.png,
+        contact_sheet=wanted.contact_sheet or 0,
+        caption=wanted.caption,
+        threads=threads,
+    )
+
+
+def check_range(take: Take, fps: float, frames: Sequence[int] | None, key: str) -> tuple[int, int] | None:
+    """Return a range of output frames, cut to the take's.
+
+    Raises:
+        ScenarioError: It begins after the last frame.
+    """
+    if frames is None:
+        return None
+    count = take.output_frames(fps)
+    if frames[0] >= count:
+        raise ScenarioError(f"{key}: begins at frame {frames[0]}, the run has frames 0 to {count - 1} at {fps:g} fps")
+    return frames[0], min(frames[1], count)
