@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.policy.actions import Actions
 from crowdsim.policy.policy import Behaviour, Policy, build_lookup_tables
+from crowdsim.policy.rewards import TargetBody
 
 Array = NDArray[Any]
 
@@ -92,12 +94,35 @@ def run_episodes(
         seed: Of the draws.
         threads: Threads to use; results are the same for any number.
     """
+    rate = policy.database.control_rate
+    return run_actions(
+        policy.actions, behaviour, policy.body, rate, states, targets, seconds, choice,
+        width, depth, target_speed, seed, threads,
+    )  # fmt: skip
+
+
+def run_actions(
+    actions: Actions,
+    behaviour: Behaviour,
+    body: TargetBody,
+    control_rate: float,
+    states: Array,
+    targets: Array,
+    seconds: float = 10.0,
+    choice: str = "table",
+    width: int = 1,
+    depth: int = 1,
+    target_speed: float = 0.0,
+    seed: int = 0,
+    threads: int = 1,
+) -> Episodes:
+    """Do what ``run_episodes`` does, for actions that belong to no policy."""
     from crowdsim.policy import kernels
 
-    tables = build_lookup_tables(policy.actions, (behaviour,), policy.body)
-    rate = policy.database.control_rate
+    tables = build_lookup_tables(actions, (behaviour,), body)
+    rate = control_rate
     horizon = round(seconds * rate)
-    out, used = np.empty((len(states), 8)), np.zeros(policy.actions.action_count, np.uint8)
+    out, used = np.empty((len(states), 8)), np.zeros(actions.action_count, np.uint8)
     states, targets = np.asarray(states, np.int32), np.asarray(targets, float)
     numbers = np.arange(len(states))
 

@@ -18,8 +18,11 @@ from crowdsim.policy.solution import Progress, Solution, sweep_model
 
 Array = NDArray[Any]
 
-EVALUATION_WORTH = 12.0
+EVALUATION_WORTH = 24.0
 """Actions a state from which evaluating the best of them costs clearly less than backing up all (measured)."""
+
+MOST_SHIFTS = 10
+"""How often all values may be moved at once; a few times help, and at last plain sweeps must settle them."""
 
 
 def value_iteration(
@@ -102,6 +105,8 @@ def _iterate_v(
     width = len(model.probabilities) * model.steps.shape[1] if evaluations else 0
     earned, weights = np.empty(size, precision), np.empty((size, width), precision)
     entries = np.empty((size, width), np.int32 if size < 2**31 else np.int64)
+    gains: list[float] = []
+    before, shifts = 0.0, 0
     while len(residuals) < max_sweeps:
         solver_kernels.improve(packed, lanes, values, other, best, changes)
         values, other = other, values
@@ -110,6 +115,15 @@ def _iterate_v(
         _report(progress, residuals, tolerance, max_sweeps)
         if residuals[-1] <= tolerance:
             break
+        if not evaluations:
+            mean = float(np.mean(values, dtype=np.float64))
+            gains.append(mean - before)
+            shift = _shift(gains) if shifts < MOST_SHIFTS else 0.0
+            if shift:
+                shifts += 1
+                values += values.dtype.type(shift)
+                gains.clear()
+            before = mean + shift
         if evaluations:
             solver_kernels.gather_best(packed, layers, best, earned, entries, weights)
         for _ in range(evaluations):
@@ -117,6 +131,19 @@ def _iterate_v(
             values, other = other, values
             updates += size
     return values, None, updates
+
+
+def _shift(gains: list[float]) -> float:
+    """Return by how much all values will still rise, judged by the last gains of their mean; 0 when that is not clear.
+
+    What is slowest to settle is the part that all values share, because every state is reached from every other. Once
+    its gains fall by a steady factor, their sum is known. The residual decides all the same.
+    """
+    if len(gains) < 3 or not gains[-2] or not gains[-3]:
+        return 0.0
+    factor, factor_before = gains[-1] / gains[-2], gains[-2] / gains[-3]
+    steady = 0.0 < factor < 0.98 and abs(factor - factor_before) < 0.3 * (1.0 - factor)
+    return gains[-1] * factor / (1.0 - factor) if steady else 0.0
 
 
 def _iterate_q(

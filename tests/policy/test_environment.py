@@ -1,0 +1,113 @@
+"""Grids: interpolation, wrapping, clamping, fading, and what is refused."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from crowdsim.errors import RecipeError
+from crowdsim.policy.environment import Axis, build_grid, corners, fade_factor, measure
+
+PUNCH = build_grid(
+    [
+        Axis("height", 1.2, 1.6, 4),
+        Axis("bearing", -math.pi, math.pi, 12, wraps=True),
+        Axis("distance", 0.0, 2.0, 9, fade=0.5),
+    ]
+)
+
+
+def compiled_corners(grid, target):
+    from crowdsim.policy import kernels
+
+    cells, weights = np.empty(64, np.int64), np.empty(64)
+    count, fade = kernels.find_corners(grid.pack(), 0, len(grid.axes), *target, cells, weights)
+    return cells[:count], weights[:count], fade
+
+
+def at(distance, bearing, height=1.4):
+    return np.array([distance * math.sin(bearing), height, distance * math.cos(bearing)])
+
+
+def test_axes_stand_in_their_own_order_with_those_that_stay_when_the_avatar_moves_last():
+    assert [axis.name for axis in PUNCH.axes] == ["distance", "bearing", "height"]
+    assert PUNCH.shape == (9, 12, 4)
+    assert PUNCH.layers == 4
+    assert PUNCH.cells == 432
+
+
+def test_interpolation_is_exact_at_grid_points():
+    values = np.random.default_rng(0).random(PUNCH.cells)
+    for cell, target in enumerate(PUNCH.targets()):
+        if math.hypot(target[0], target[2]) < 1e-9:
+            continue  # at the avatar itself every bearing is the same place
+        for found, weights in (corners(PUNCH, target), compiled_corners(PUNCH, target)[:2]):
+            assert weights @ values[found] == pytest.approx(values[cell], abs=1e-9)
+
+
+def test_interpolation_is_exact_for_a_function_that_is_linear_in_every_axis():
+    targets = PUNCH.targets()
+    values = measure("distance", targets) * (2.0 + measure("height", targets))
+    target = at(0.77, 0.3, 1.333)
+    cells, weights = corners(PUNCH, target)
+    assert weights @ values[cells] == pytest.approx(0.77 * 3.333)
+
+
+def test_a_bearing_just_short_of_the_seam_mixes_the_last_grid_point_with_the_first():
+    step = 2 * math.pi / 12
+    cells, weights = corners(build_grid([Axis("distance", 0, 2, 2), PUNCH.axes[1]]), at(0.0 + 1e-9, math.pi - step / 4))
+    shares = np.zeros(12)
+    np.add.at(shares, cells % 12, weights)
+    assert shares[11] == pytest.approx(0.25, abs=1e-6)
+    assert shares[0] == pytest.approx(0.75, abs=1e-6)
+
+
+@given(st.floats(-5, 5), st.floats(0, 3), st.floats(-5, 5))
+def test_compiled_corners_are_those_of_the_plain_version_everywhere(x, y, z):
+    target = np.array([x, y, z])
+    cells, weights = corners(PUNCH, target)
+    found, shares, fade = compiled_corners(PUNCH, target)
+    plain, fast = np.zeros(PUNCH.cells), np.zeros(PUNCH.cells)
+    np.add.at(plain, cells, weights)
+    np.add.at(fast, found, shares)
+    np.testing.assert_allclose(fast, plain, atol=1e-9)
+    assert fast.sum() == pytest.approx(1.0)
+    assert fade == pytest.approx(fade_factor(PUNCH, target))
+
+
+def test_a_behaviour_fades_out_beyond_its_grid_and_not_inside_it():
+    assert fade_factor(PUNCH, at(1.99, 1.0)) == 1.0
+    assert fade_factor(PUNCH, at(2.25, 1.0)) == pytest.approx(0.5)
+    assert fade_factor(PUNCH, at(2.6, 1.0)) == 0.0
+    assert fade_factor(PUNCH, at(1.0, 1.0, height=9.0)) == 1.0  # an axis without a fade is only clamped
+
+
+def test_an_axis_of_one_point_is_the_same_everywhere():
+    grid = build_grid([Axis("distance", 1.0, 1.0, 1), Axis("height", 1.0, 2.0, 2)])
+    cells, weights, _ = compiled_corners(grid, at(7.0, 0.0, 1.5))
+    found = np.zeros(2)
+    np.add.at(found, cells, weights)
+    assert found == pytest.approx([0.5, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("axes", "message"),
+    [
+        (
+            [Axis("distanz", 0, 1, 2)],
+            "unknown axis 'distanz', expected one of distance, bearing, height (did you mean 'distance'?)",
+        ),
+        ([Axis("distance", 0, 1, 0)], "axis 'distance' has 0 grid points, expected 1 or more"),
+        ([Axis("distance", 1, 1, 2)], "axis 'distance' reaches from 1 to 1, expected a range upwards"),
+        ([Axis("bearing", 0, 3, 4, wraps=True)], "axis 'bearing' wraps, so its range must be 6.28319 rad"),
+        ([Axis("distance", 0, 1, 2)] * 2, "axis 'distance' is named twice"),
+        ([], "a grid needs one axis or more"),
+        ([Axis("height", 1, 2, 2)], "a grid of height alone does not see where the target is, expected a distance too"),
+    ],
+)
+def test_impossible_grids_are_refused(axes, message):
+    with pytest.raises(RecipeError) as error:
+        build_grid(axes)
+    assert str(error.value) == message
