@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import CrowdsimError, nearest
+from crowdsim.render.crowd_path import Crowd, between, envelope, filled, hann, smooth, watch
 from crowdsim.render.raycast import sun_direction
 from crowdsim.render.source import PoseSource
 from crowdsim.render.view import FIELD, View, directions, look_at
@@ -28,10 +29,6 @@ Array = NDArray[Any]
 
 CAMERAS = ("auto", "orbit", "follow:AVATAR", "top", "side", "front")
 
-_STEP = 0.25
-"""Time between the moments at which a camera knows the crowd [s]."""
-_WINDOW = 2.5
-"""Time before and after a moment that its envelope covers [s]."""
 _ROOM = 0.88
 """Share of the picture's half width and height in which the crowd stays."""
 _REACH = 0.40
@@ -68,25 +65,6 @@ class Track:
 
     view: Callable[[int], View]
     sun: Array
-
-
-@dataclass(frozen=True)
-class Crowd:
-    """Where the crowd is at every ``step``-th frame.
-
-    Attributes:
-        step: Frames between moments.
-        fps: Frames a second.
-        places: Ground transforms at each moment. Shape (M, N, 3).
-        heights: How high avatars reach [m]. Shape (N,).
-        facing: Heading in which the camera ``auto`` looks [rad].
-    """
-
-    step: int
-    fps: float
-    places: Array
-    heights: Array
-    facing: float
 
 
 def parse_camera(text: str, avatars: int | None = None, names: tuple[str, ...] = ()) -> str:
@@ -145,36 +123,6 @@ def build_track(source: PoseSource, camera: str | Keys, size: tuple[int, int], c
     return Track(_framing(crowd, kind, size), sun)
 
 
-def watch(source: PoseSource) -> Crowd:
-    """Look where the crowd is throughout a take."""
-    step = max(1, round(_STEP * source.fps))
-    frames = np.arange(0, max(source.frame_count, 1) - 1 + step, step).clip(max=max(source.frame_count - 1, 0))
-    block = max(1, 400_000 // max(len(source.avatar_teams), 1))
-    parts = [source.ground(frames[i : i + block]).astype(np.float32) for i in range(0, len(frames), block)]
-    places = np.concatenate(parts)
-    heights = np.asarray(source.avatar_heights, float)
-    return Crowd(step, source.fps, places, heights, _find_facing(places))
-
-
-def _find_facing(places: Array) -> float:
-    """Heading in which to look so that the crowd lies along the width of the picture."""
-    if places.shape[1] == 1:
-        heading = places[np.isfinite(places[:, 0, 2]), 0, 2]
-        return float(math.atan2(np.sin(heading).sum(), np.cos(heading).sum()) + math.pi)
-    flat = places[..., :2].reshape(-1, 2)
-    flat = flat[np.isfinite(flat[:, 0])]
-    if len(flat) < 2:
-        return math.pi
-    spread = np.cov((flat - flat.mean(axis=0)).T)
-    angle = 0.5 * math.atan2(2.0 * spread[0, 1], spread[0, 0] - spread[1, 1])
-    across = math.hypot(2.0 * spread[0, 1], spread[0, 0] - spread[1, 1])
-    if across < 0.15 * (spread[0, 0] + spread[1, 1]):
-        return math.pi
-    # The crowd lies along (cos, sin) of the angle in x and z; of the two sides, look from the one nearer to +z.
-    facing = math.atan2(-math.sin(angle), math.cos(angle))
-    return facing + math.pi if math.cos(facing) > 0.0 else facing
-
-
 def _sides(azimuth: float, elevation: float, size: tuple[int, int]) -> tuple[Array, Array, float, float]:
     """Normals of the four sides of a view (4, 3), its directions right, up and ahead as rows, and two tangents."""
     right, up, ahead = directions(azimuth, elevation)
@@ -222,36 +170,37 @@ def _framing(crowd: Crowd, kind: str, size: tuple[int, int]) -> Callable[[int], 
         if not here.any():
             limits[moment], middles[moment] = limits[moment - 1], middles[moment - 1]
             continue
-        flat = normals[:, [0, 2]] @ places[here, :2].T
+        x, z = places[here, :2].T.astype(float)
+        flat = normals[:, :1] * x + normals[:, 2:] * z
         limits[moment] = (flat + reach[:, here]).max(axis=1)
-        ahead = places[here, :2] @ basis[2, [0, 2]]
+        ahead = x * basis[2, 0] + z * basis[2, 2]
         middles[moment] = 0.5 * (ahead.min() + ahead.max())
     tall = float(np.median(crowd.heights))
-    eyes = _solve(_envelope(limits, crowd), basis, tx, ty, _smooth(middles, crowd) - 2.2 * tall)
+    eyes = _solve(envelope(limits, crowd), basis, tx, ty, smooth(middles, crowd) - 2.2 * tall)
     eyes[:, 1] = np.maximum(eyes[:, 1], 0.35 * tall)
-    distances = np.abs(_smooth(middles, crowd) - eyes @ basis[2])
+    distances = np.abs(smooth(middles, crowd) - eyes @ basis[2])
     hazes = np.maximum(_HAZE * distances, _LEAST_HAZE)
     # The view must not keep the crowd in memory.
     step = crowd.step
 
     def view(frame: int) -> View:
-        return View(_between(eyes, frame / step), basis[2], basis[0], float(_between(hazes, frame / step)))
+        return View(between(eyes, frame / step), basis[2], basis[0], float(between(hazes, frame / step)))
 
     return view
 
 
 def _orbiting(crowd: Crowd, size: tuple[int, int]) -> Callable[[int], View]:
     """A camera that circles the crowd and frames it."""
-    flat = _filled(crowd.places[..., :2])
-    centres = _smooth(0.5 * (flat.min(axis=1) + flat.max(axis=1)), crowd)
+    flat = filled(crowd.places[..., :2])
+    centres = smooth(0.5 * (flat.min(axis=1) + flat.max(axis=1)), crowd)
     tall = float(crowd.heights.max())
     radii = np.linalg.norm(flat - centres[:, None], axis=-1).max(axis=1)
-    radii = _envelope(radii[:, None], crowd)[:, 0] + _REACH * tall
+    radii = envelope(radii[:, None], crowd)[:, 0] + _REACH * tall
     elevation = _elevation("orbit", len(crowd.heights))
     step, turn, facing = crowd.step, 2.0 * math.pi / (_LAP * crowd.fps), crowd.facing
 
     def view(frame: int) -> View:
-        centre, radius = _between(centres, frame / step), float(_between(radii, frame / step))
+        centre, radius = between(centres, frame / step), float(between(radii, frame / step))
         azimuth = facing + turn * frame
         normals, basis, tx, ty = _sides(azimuth, elevation, size)
         limits = normals[:, [0, 2]] @ centre + np.hypot(normals[:, 0], normals[:, 2]) * radius
@@ -270,14 +219,14 @@ def _following(source: PoseSource, avatar: int) -> Callable[[int], View]:
     frames = np.arange(0, max(source.frame_count, 1) - 1 + step, step).clip(max=max(source.frame_count - 1, 0))
     block = max(1, 400_000 // max(len(source.avatar_teams), 1))
     path = np.concatenate([source.ground(frames[i : i + block])[:, avatar] for i in range(0, len(frames), block)])
-    path = _filled(path[:, None])[:, 0]
+    path = filled(path[:, None])[:, 0]
     tall = float(source.avatar_heights[avatar])
-    places = _hann(path[:, :2], round(0.8 * source.fps / step))
-    headings = _hann(np.unwrap(path[:, 2])[:, None], round(1.6 * source.fps / step))
+    places = hann(path[:, :2], round(0.8 * source.fps / step))
+    headings = hann(np.unwrap(path[:, 2])[:, None], round(1.6 * source.fps / step))
 
     def view(frame: int) -> View:
-        x, z = _between(places, frame / step)
-        heading = float(_between(headings, frame / step)[0])
+        x, z = between(places, frame / step)
+        heading = float(between(headings, frame / step)[0])
         forward = np.array([math.sin(heading), 0.0, math.cos(heading)])
         left = np.array([forward[2], 0.0, -forward[0]])
         stand = np.array([x, 0.0, z])
@@ -285,22 +234,6 @@ def _following(source: PoseSource, avatar: int) -> Callable[[int], View]:
         return look_at(eye, stand + tall * (0.7 * forward + np.array([0.0, 0.55, 0.0])), 48.0)
 
     return view
-
-
-def _filled(places: Array) -> Array:
-    """Places (M, n, k), those of absent avatars by where they were last or will be first, else the middle of all."""
-    filled = places.copy()
-    present = np.isfinite(places[..., 0])
-    middle = places[present].mean(axis=0) if present.any() else np.zeros(places.shape[-1])
-    moments = np.arange(len(places))
-    for avatar in np.flatnonzero(~present.all(axis=0)):
-        here = moments[present[:, avatar]]
-        if len(here):
-            nearest_moment = here[np.maximum(np.searchsorted(here, moments, side="right") - 1, 0)]
-            filled[:, avatar] = places[nearest_moment, avatar]
-        else:
-            filled[:, avatar] = middle
-    return filled
 
 
 def _keyed(keys: Keys, fps: float) -> Callable[[int], View]:
@@ -327,36 +260,3 @@ def _keyed(keys: Keys, fps: float) -> Callable[[int], View]:
         return look_at(place[:3], place[3:], max(_HAZE * float(np.linalg.norm(place[:3] - place[3:])), _LEAST_HAZE))
 
     return view
-
-
-def _envelope(values: Array, crowd: Crowd) -> Array:
-    """Smooth upper envelope of values over moments (M, k)."""
-    half = max(1, round(_WINDOW * crowd.fps / crowd.step))
-    padded = np.pad(values, ((half, half), (0, 0)), mode="edge")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=0)
-    return _hann(windows.max(axis=-1), half)
-
-
-def _smooth(values: Array, crowd: Crowd) -> Array:
-    """Values over moments (M, ...), smoothed like the envelope."""
-    half = max(1, round(_WINDOW * crowd.fps / crowd.step))
-    return _hann(values.reshape(len(values), -1), half).reshape(values.shape)
-
-
-def _hann(values: Array, half: int) -> Array:
-    """Mean of values (M, k) over ``half`` moments to either side under a raised cosine; ends repeat."""
-    kernel = 1.0 + np.cos(np.linspace(-math.pi, math.pi, 2 * half + 3)[1:-1])
-    kernel /= kernel.sum()
-    padded = np.pad(values, ((half, half), (0, 0)), mode="edge")
-    return np.stack([np.convolve(column, kernel, mode="valid") for column in padded.T], axis=1)
-
-
-def _between(values: Array, at: float) -> Array:
-    """Catmull-Rom between moments (M, ...), held at the ends."""
-    i = min(max(math.floor(at), 0), len(values) - 1)
-    t = at - i
-    p = [values[min(max(i + k, 0), len(values) - 1)] for k in (-1, 0, 1, 2)]
-    return np.asarray(
-        p[1]
-        + 0.5 * t * (p[2] - p[0] + t * (2 * p[0] - 5 * p[1] + 4 * p[2] - p[3] + t * (3 * (p[1] - p[2]) + p[3] - p[0])))
-    )

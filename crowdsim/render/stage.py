@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.render.camera import Keys, Track, build_track, parse_camera, watch
+from crowdsim.render.camera import Keys, Track, build_track, parse_camera
 from crowdsim.render.caption import draw_caption
+from crowdsim.render.crowd_path import watch
 from crowdsim.render.raycast import Flashes, draw
 from crowdsim.render.scene import Cast, build_cast
 from crowdsim.render.source import PoseSource

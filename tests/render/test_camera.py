@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from render_sources import Walkers, random_walk
 
 from crowdsim.errors import CrowdsimError
-from crowdsim.render.camera import Keys, build_track, parse_camera, watch
+from crowdsim.render.camera import Keys, build_track, parse_camera
+from crowdsim.render.crowd_path import watch
 from crowdsim.render.view import directions
 
 SIZE = (320, 180)

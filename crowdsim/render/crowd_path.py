@@ -1,0 +1,118 @@
+"""Where a crowd is over a whole take, and smooth paths through that."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.render.source import PoseSource
+
+Array = NDArray[Any]
+
+_STEP = 0.25
+"""Time between the moments at which a camera knows the crowd [s]."""
+_WINDOW = 2.5
+"""Time before and after a moment that its envelope covers [s]."""
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """Where the crowd is at every ``step``-th frame.
+
+    Attributes:
+        step: Frames between moments.
+        fps: Frames a second.
+        places: Ground transforms at each moment. Shape (M, N, 3).
+        heights: How high avatars reach [m]. Shape (N,).
+        facing: Heading in which the camera ``auto`` looks [rad].
+    """
+
+    step: int
+    fps: float
+    places: Array
+    heights: Array
+    facing: float
+
+
+def watch(source: PoseSource) -> Crowd:
+    """Look where the crowd is throughout a take."""
+    step = max(1, round(_STEP * source.fps))
+    frames = np.arange(0, max(source.frame_count, 1) - 1 + step, step).clip(max=max(source.frame_count - 1, 0))
+    block = max(1, 400_000 // max(len(source.avatar_teams), 1))
+    parts = [source.ground(frames[i : i + block]).astype(np.float32) for i in range(0, len(frames), block)]
+    places = np.concatenate(parts)
+    heights = np.asarray(source.avatar_heights, float)
+    return Crowd(step, source.fps, places, heights, _find_facing(places))
+
+
+def _find_facing(places: Array) -> float:
+    """Heading in which to look so that the crowd lies along the width of the picture."""
+    if places.shape[1] == 1:
+        heading = places[np.isfinite(places[:, 0, 2]), 0, 2]
+        return float(math.atan2(np.sin(heading).sum(), np.cos(heading).sum()) + math.pi)
+    flat = places[..., :2].reshape(-1, 2)
+    flat = flat[np.isfinite(flat[:, 0])]
+    if len(flat) < 2:
+        return math.pi
+    x, z = (flat - flat.mean(axis=0, dtype=float)).T
+    # Sums, not matrix products, whose rounding may depend on the threads of the library behind them.
+    xx, xz, zz = (float(np.sum(a * b)) for a, b in ((x, x), (x, z), (z, z)))
+    angle = 0.5 * math.atan2(2.0 * xz, xx - zz)
+    if math.hypot(2.0 * xz, xx - zz) < 0.15 * (xx + zz):
+        return math.pi
+    # The crowd lies along (cos, sin) of the angle in x and z; of the two sides, look from the one nearer to +z.
+    facing = math.atan2(-math.sin(angle), math.cos(angle))
+    return facing + math.pi if math.cos(facing) > 0.0 else facing
+
+
+def filled(places: Array) -> Array:
+    """Places (M, n, k), those of absent avatars by where they were last or will be first, else the middle of all."""
+    filled = places.copy()
+    present = np.isfinite(places[..., 0])
+    middle = places[present].mean(axis=0) if present.any() else np.zeros(places.shape[-1])
+    moments = np.arange(len(places))
+    for avatar in np.flatnonzero(~present.all(axis=0)):
+        here = moments[present[:, avatar]]
+        if len(here):
+            nearest_moment = here[np.maximum(np.searchsorted(here, moments, side="right") - 1, 0)]
+            filled[:, avatar] = places[nearest_moment, avatar]
+        else:
+            filled[:, avatar] = middle
+    return filled
+
+
+def envelope(values: Array, crowd: Crowd) -> Array:
+    """Smooth upper envelope of values over moments (M, k)."""
+    half = max(1, round(_WINDOW * crowd.fps / crowd.step))
+    padded = np.pad(values, ((half, half), (0, 0)), mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=0)
+    return hann(windows.max(axis=-1), half)
+
+
+def smooth(values: Array, crowd: Crowd) -> Array:
+    """Values over moments (M, ...), smoothed like the envelope."""
+    half = max(1, round(_WINDOW * crowd.fps / crowd.step))
+    return hann(values.reshape(len(values), -1), half).reshape(values.shape)
+
+
+def hann(values: Array, half: int) -> Array:
+    """Mean of values (M, k) over ``half`` moments to either side under a raised cosine; ends repeat."""
+    kernel = 1.0 + np.cos(np.linspace(-math.pi, math.pi, 2 * half + 3)[1:-1])
+    kernel /= kernel.sum()
+    padded = np.pad(values, ((half, half), (0, 0)), mode="edge")
+    return np.stack([np.convolve(column, kernel, mode="valid") for column in padded.T], axis=1)
+
+
+def between(values: Array, at: float) -> Array:
+    """Catmull-Rom between moments (M, ...), held at the ends."""
+    i = min(max(math.floor(at), 0), len(values) - 1)
+    t = at - i
+    p = [values[min(max(i + k, 0), len(values) - 1)] for k in (-1, 0, 1, 2)]
+    return np.asarray(
+        p[1]
+        + 0.5 * t * (p[2] - p[0] + t * (2 * p[0] - 5 * p[1] + 4 * p[2] - p[3] + t * (3 * (p[1] - p[2]) + p[3] - p[0])))
+    )
