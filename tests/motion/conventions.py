@@ -372,7 +372,6 @@ Hips pelvis
             ~ForeArm left_elbow
               ~Hand left_hand
 """
-STYLE100 = XSENS.replace("Chest4 chest", "Chest4 chest").replace("~Collar", "~Collar")
 BANDAI = """
 joint_Root world world
   Hips pelvis
@@ -652,8 +651,109 @@ Hips pelvis
                 ~Hand left_hand
 """
 
+BIPED_THIGHS_ON_SPINE = """
+Bip001 | pelvis | pelvis
+  Bip001 Footsteps | world | world
+  Bip001 Pelvis | pelvis
+    Bip001 Spine | pelvis | pelvis+0,.02,0
+      Bip001 ~ Thigh | left_hip
+        Bip001 ~ Calf | left_knee
+          Bip001 ~ Foot | left_foot
+            Bip001 ~ Toe0 | left_toe
+      Bip001 Spine1 | spine | spine>spine:0
+        Bip001 Spine2 | chest
+          Bip001 Neck | neck
+            Bip001 ~ Clavicle | chest | neck>left_shoulder:.2
+              Bip001 ~ UpperArm | left_shoulder
+                Bip001 ~ Forearm | left_elbow
+                  Bip001 ~ Hand | left_hand
+            Bip001 Head | head
+"""
+CHARACTER_CREATOR = """
+CC_Base_BoneRoot world world
+  CC_Base_Hip pelvis pelvis
+    CC_Base_Pelvis pelvis
+      CC_Base_~_Thigh left_hip
+        CC_Base_~_ThighTwist01 left_hip left_hip>left_knee:.2
+        CC_Base_~_Calf left_knee
+          CC_Base_~_CalfTwist01 left_knee left_knee>left_foot:.2
+          CC_Base_~_Foot left_foot
+            CC_Base_~_ToeBase left_toe
+    CC_Base_Waist pelvis pelvis+0,.03,0
+      CC_Base_Spine01 spine
+        CC_Base_Spine02 chest
+          CC_Base_NeckTwist01 neck
+            CC_Base_NeckTwist02 neck neck>head:.5
+              CC_Base_Head head
+                CC_Base_FacialBone head head
+                  CC_Base_~_Eye head head+.02,.05,.05
+          CC_Base_~_Clavicle chest neck>left_shoulder:.2
+            CC_Base_~_Upperarm left_shoulder
+              CC_Base_~_UpperarmTwist01 left_shoulder left_shoulder>left_elbow:.2
+              CC_Base_~_Forearm left_elbow
+                CC_Base_~_Hand left_hand
+                  CC_Base_~_Mid1 left_hand left_hand>left_elbow:-.35
+"""
+BIOVISION = """
+Hips pelvis
+  ~UpLeg left_hip
+    ~LowLeg left_knee
+      ~Foot left_foot
+  Chest chest chest
+    ~Collar chest neck>left_shoulder:.2
+      ~UpArm left_shoulder
+        ~LowArm left_elbow
+          ~Hand left_hand
+    Neck neck
+      Head head
+"""
+ADVANCED_SKELETON = """
+Root_M pelvis
+  Hip_~ left_hip
+    HipPart1_~ left_hip left_hip>left_knee:.3
+      Knee_~ left_knee
+        Ankle_~ left_foot
+          Toes_~ left_toe
+            ToesEnd_~ left_toe left_toe+0,0,.04
+  Spine1_M spine
+    Chest_M chest
+      Scapula_~ chest neck>left_shoulder:.2
+        Shoulder_~ left_shoulder
+          Elbow_~ left_elbow
+            Wrist_~ left_hand
+              MiddleFinger1_~ left_hand left_hand>left_elbow:-.35
+      Neck_M neck
+        Head_M head
+          Jaw_M head head+0,0,.03
+          Eye_~ head head+.02,.05,.05
+"""
+PROPS = """
+Reference world world
+  Hips pelvis
+    Spine spine
+      Chest chest
+        Neck neck
+          Head head
+        ~Shoulder chest neck>left_shoulder:.2
+          ~Arm left_shoulder
+            ~ForeArm left_elbow
+              ~Hand left_hand
+    ~UpLeg left_hip
+      ~Leg left_knee
+        ~Foot left_foot
+          ~ToeBase left_toe
+  Sword world world+.3,.5,.2
+    SwordTip world world+.3,.5,.6
+  Marker world world+-.2,0,.3
+"""
+
 CONVENTIONS: tuple[Convention, ...] = (
-    convention("cmu", LEFT_RIGHT, CMU.replace("~HipJoint", "~HipJoint")),
+    convention("biped_thighs_on_spine", ("L", "R"), BIPED_THIGHS_ON_SPINE),
+    convention("character_creator", ("L", "R"), CHARACTER_CREATOR),
+    convention("biovision", LEFT_RIGHT, BIOVISION),
+    convention("advanced_skeleton", ("L", "R"), ADVANCED_SKELETON),
+    convention("props", LEFT_RIGHT, PROPS),
+    convention("cmu", LEFT_RIGHT, CMU),
     convention("asf", ("l", "r"), ASF),
     convention("motionbuilder_old", LEFT_RIGHT, MOTIONBUILDER_OLD),
     convention("mixamo", LEFT_RIGHT, MIXAMO),
