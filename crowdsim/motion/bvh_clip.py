@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -214,6 +215,41 @@ def channel_motion(
     return motion
 
 
+def file_order(parents: Array) -> Array:
+    """Return the joints in the order in which a file holds them: each with all that hangs on it before the next."""
+    children: list[list[int]] = [[] for _ in parents]
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            children[parent].append(joint)
+    found, todo = [], [int(root) for root in np.flatnonzero(np.asarray(parents) < 0)[::-1]]
+    while todo:
+        joint = todo.pop()
+        found.append(joint)
+        todo.extend(reversed(children[joint]))
+    return np.array(found, dtype=np.int64)
+
+
+def depth_first(clip: Clip, order: str | Sequence[str]) -> tuple[Clip, str | Sequence[str]]:
+    """Return a clip, and its joints' rotation orders, with the joints as a file holds them."""
+    skeleton = clip.skeleton
+    joints = file_order(skeleton.parents)
+    if np.array_equal(joints, np.arange(len(joints))):
+        return clip, order
+    place = np.argsort(joints)
+    parents = np.where(skeleton.parents >= 0, place[skeleton.parents], -1)[joints].astype(np.int32)
+    ends = np.argsort(place[skeleton.end_parents], kind="stable")
+    moved = Skeleton(
+        names=tuple(skeleton.names[joint] for joint in joints),
+        parents=parents,
+        offsets=skeleton.offsets[joints],
+        end_parents=place[skeleton.end_parents][ends].astype(np.int32),
+        end_offsets=skeleton.end_offsets[ends],
+    )
+    told = order if isinstance(order, str) or len(order) != len(joints) else [order[joint] for joint in joints]
+    translations = None if clip.translations is None else clip.translations[:, joints]
+    return replace(clip, skeleton=moved, rotations=clip.rotations[:, joints], translations=translations), told
+
+
 def from_clip(clip: Clip, order: str | Sequence[str] = "ZXY", unit_scale: float = 0.01) -> Bvh:
     """Return a clip as BVH, y up: six channels at the root, three at every other joint, six where joints move.
 
@@ -227,8 +263,9 @@ def from_clip(clip: Clip, order: str | Sequence[str] = "ZXY", unit_scale: float 
     """
     if not (np.isfinite(unit_scale) and unit_scale > 0.0):
         raise BvhError(f"unit scale {unit_scale!r} is no number of metres above 0")
+    clip, orders = depth_first(clip, order)
     skeleton = clip.skeleton
-    channels = clip_channels(skeleton.joint_count, order, clip.translations is not None)
+    channels = clip_channels(skeleton.joint_count, orders, clip.translations is not None)
     return Bvh(
         names=skeleton.names,
         parents=skeleton.parents,

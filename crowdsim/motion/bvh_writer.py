@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import BvhError, OutputError
-from crowdsim.motion.bvh_clip import channel_motion, clip_channels, from_clip
+from crowdsim.motion.bvh_clip import channel_motion, file_order, from_clip
 from crowdsim.motion.bvh_file import Bvh
 from crowdsim.motion.bvh_hierarchy import Scanner
 from crowdsim.motion.bvh_kernels import format_numbers
@@ -39,6 +39,8 @@ def format_header(bvh: Bvh, frames: int | None = None) -> bytes:
     frames = bvh.frame_count if frames is None else frames
     if not (np.isfinite(bvh.fps) and bvh.fps > 0.0):
         raise BvhError(f"{bvh.fps!r} frames a second cannot be written, expected a number above 0")
+    if not np.array_equal(file_order(bvh.parents), np.arange(bvh.joint_count)):
+        raise BvhError("joints are out of order, expected each with all that hangs on it before the next")
     children: list[list[int]] = [[] for _ in bvh.names]
     for joint, parent in enumerate(bvh.parents):
         if parent >= 0:
@@ -185,12 +187,14 @@ class BvhWriter:
         self.written = 0
         self._unit_scale = unit_scale
         self._decimals = decimals
-        self._channels = clip_channels(skeleton.joint_count, order, moving)
+        self._joints = file_order(skeleton.parents)
         self._angles = np.full((skeleton.joint_count, 3), np.nan)
         joints = skeleton.joint_count
         moved = np.zeros((0, joints, 3)) if moving else None
         clip = Clip(self.path.stem, skeleton, fps, np.zeros((0, 3)), np.zeros((0, joints, 4)), moved)
-        header = format_header(from_clip(clip, order, unit_scale), frames)
+        bvh = from_clip(clip, order, unit_scale)
+        self._channels = bvh.channels
+        header = format_header(bvh, frames)
         self._temporary = _temporary_beside(path)
         self._append(header)
 
@@ -203,6 +207,9 @@ class BvhWriter:
         """
         if self.written + len(rotations) > self.frames:
             raise BvhError(f"{self.path}: {self.written + len(rotations)} frames, {self.frames} were announced")
+        if not np.array_equal(self._joints, np.arange(len(self._joints))):
+            rotations = rotations[:, self._joints]
+            translations = None if translations is None else translations[:, self._joints]
         rows = channel_motion(self._channels, root_positions, rotations, translations, self._unit_scale, self._angles)
         self._append(format_motion(rows, self._decimals))
         self.written += len(rows)

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -322,3 +323,38 @@ def test_real_capture_survives_a_round_trip(mocap, tmp_path, order):
     again = to_clip(read_bvh(tmp_path / "a.bvh"), 0.01)
     assert angle_between(clip.rotations, again.rotations).max() < 1e-5
     np.testing.assert_allclose(again.root_positions, clip.root_positions, atol=1e-7)
+
+
+def test_joints_that_are_not_depth_first_are_written_as_they_hang_together():
+    """Brothers before nephews: a file holds them the other way round, and its columns with them."""
+    generator = np.random.default_rng(8)
+    skeleton = Skeleton(
+        names=("root", "left", "right", "left_end", "right_end"),
+        parents=np.array([-1, 0, 0, 1, 2], np.int32),
+        offsets=generator.normal(size=(5, 3)),
+        end_parents=np.array([4, 3], np.int32),
+        end_offsets=generator.normal(size=(2, 3)),
+    )
+    rotations = quaternion.normalise(generator.normal(size=(6, 5, 4)))
+    clip = Clip("broad", skeleton, 60.0, generator.normal(size=(6, 3)), rotations)
+    back = to_clip(parse_bvh(format_bvh(from_clip(clip))), 0.01)
+    assert back.skeleton.names == ("root", "left", "left_end", "right", "right_end")
+    expected, _ = clip_kinematics(clip)
+    found, _ = clip_kinematics(back)
+    places = [back.skeleton.names.index(name) for name in skeleton.names]
+    np.testing.assert_allclose(found[:, places], expected, atol=1e-6)
+    bvh = from_clip(clip)
+    with pytest.raises(BvhError, match="joints are out of order"):
+        format_bvh(replace(bvh, parents=skeleton.parents, names=skeleton.names))
+
+
+def test_a_writer_in_chunks_orders_joints_too(tmp_path):
+    generator = np.random.default_rng(9)
+    skeleton = Skeleton(("a", "b", "c", "d"), np.array([-1, 0, 0, 1], np.int32), generator.normal(size=(4, 3)))
+    clip = Clip(
+        "x", skeleton, 30.0, generator.normal(size=(5, 3)), quaternion.normalise(generator.normal(size=(5, 4, 4)))
+    )
+    with BvhWriter(tmp_path / "x.bvh", skeleton, 30.0, 5) as writer:
+        writer.append(clip.root_positions[:2], clip.rotations[:2])
+        writer.append(clip.root_positions[2:], clip.rotations[2:])
+    assert (tmp_path / "x.bvh").read_bytes() == format_bvh(from_clip(clip))
