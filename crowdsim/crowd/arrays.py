@@ -23,12 +23,14 @@ class Model(NamedTuple):
 
     Attributes:
         offsets: CSR: actions of state s are ``offsets[s]:offsets[s + 1]``. Shape (S + 1,), int32.
+        reaches: How far the actions of each state lead at most [m]. Shape (S,), float64.
         actions: For each action the state in which it ends, its length T [control frames], the playback frame that lies
             on the avatar when it starts, and its first row in ``paths`` and in ``strikes``; the last row closes these
             two. Shape (A + 1, 5), int32.
         moves: Where each action ends, seen from its start: x, z [m], cosine and sine of the turn; then the cost of the
             transition into it over the graph's threshold. Shape (A, 5), float64.
-        paths: Ground transform at control frames 1 to T of each action. Shape (., 3), float32.
+        paths: Where each action leads in control frames 1 to T: x, z [m], cosine and sine of the turn. Shape (., 4),
+            float64.
         strikes: For each strike its time [control frames from the state], the fist's place seen from the action's start
             [m], its speed over the mean of all, its speed [m/s], the hand. Shape (K, 7), float32.
         behaviours: As in ``policy.LookupTables``, places moved. Shape (B, 9), float64.
@@ -45,6 +47,7 @@ class Model(NamedTuple):
     """
 
     offsets: Array
+    reaches: Array
     actions: Array
     moves: Array
     paths: Array
@@ -154,6 +157,32 @@ class Record(NamedTuple):
         return Record(self.whole[:, first:last], self.real[:, first:last])
 
 
+class Scratch(NamedTuple):
+    """Scratch space for those who choose together, ``kernels.BATCH`` of them, and for all actions of a state.
+
+    Attributes:
+        situations: Where each one's target is. Shape (batch, 3), float64.
+        states: The state that it chooses in, -1 where there is nobody to fight. Shape (batch,), int32.
+        moods: Its mood. Shape (batch,), int32.
+        policies: Its policy. Shape (batch,), int32.
+        values: What its actions are worth. Shape (batch, most actions of a state), float64.
+        cells: Corners of a cell. Shape (most corners,), int64.
+        shares: Their shares, or the chances of actions. Shape (most of both,), float64.
+        factors: What the values of behaviours are multiplied by. Shape (most behaviours,), float64.
+        near: Neighbours that may be in the way. Shape (most neighbours, 6), float64.
+    """
+
+    situations: Array
+    states: Array
+    moods: Array
+    policies: Array
+    values: Array
+    cells: Array
+    shares: Array
+    factors: Array
+    near: Array
+
+
 class Strikes(NamedTuple):
     """Strikes thrown.
 
@@ -169,3 +198,22 @@ class Strikes(NamedTuple):
 def empty_record(frames: int, count: int) -> Record:
     """Return a record with room for some frames."""
     return Record(np.empty((2, frames, count), np.int32), np.empty((4, frames, count), np.float32))
+
+
+def empty_scratch(model: Model, neighbours: int) -> Scratch:
+    """Return scratch space for the states of a model, and for so many neighbours."""
+    width = int(np.diff(model.offsets).max())
+    behaviours = model.behaviours
+    corners = 2 ** int((behaviours[:, 1] - behaviours[:, 0]).max(initial=0))
+    batch = kernels.BATCH
+    return Scratch(
+        situations=np.empty((batch, 3)),
+        states=np.empty(batch, np.int32),
+        moods=np.empty(batch, np.int32),
+        policies=np.empty(batch, np.int32),
+        values=np.empty((batch, width)),
+        cells=np.empty(corners, np.int64),
+        shares=np.empty(max(corners, width)),
+        factors=np.empty(max(len(behaviours), 1)),
+        near=np.empty((max(neighbours, 1), 6)),
+    )

@@ -25,6 +25,8 @@ HEAD, NECK, PELVIS = 0, 3, 6
 STRIDE, BEHAVIOURS, ACTIONS, STATES = range(4)
 MARGIN, MOST, TEMPERATURE, HYSTERESIS = range(4)
 
+BATCH = 512  # avatars that choose together
+
 _clock_type = types.int32(types.int32, types.CPointer(types.int64))
 _clock_gettime = types.ExternalFunction("clock_gettime", _clock_type)
 
@@ -65,19 +67,14 @@ def _between(rows, place, column):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _corners(axes, first, end, x, y, z, cells, shares):
+def _corners(axes, first, end, distance, bearing, height, cells, shares):
     """Write the cells around a target and their shares; return how many there are."""
     count = 1
     cells[0] = 0
     shares[0] = 1.0
     for row in range(first, end):
-        kind = int(axes[row, 0])
-        if kind == 0:
-            value = math.sqrt(x * x + z * z)
-        elif kind == 1:
-            value = math.atan2(x, z)
-        else:
-            value = y
+        kind = axes[row, 0]
+        value = distance if kind == 0.0 else (bearing if kind == 1.0 else height)
         points, stride = int(axes[row, 3]), int(axes[row, 5])
         place = (value - axes[row, 1]) / axes[row, 2]
         if axes[row, 4] != 0.0:
@@ -99,18 +96,13 @@ def _corners(axes, first, end, x, y, z, cells, shares):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _fade(axes, first, end, x, y, z):
+def _fade(axes, first, end, distance, bearing, height):
     """Return how much a behaviour counts for a target: 1 inside its grid, falling to 0 beyond it."""
     fade = 1.0
     for row in range(first, end):
         if axes[row, 4] == 0.0 and axes[row, 6] > 0.0:
-            kind = int(axes[row, 0])
-            if kind == 0:
-                value = math.sqrt(x * x + z * z)
-            elif kind == 1:
-                value = math.atan2(x, z)
-            else:
-                value = y
+            kind = axes[row, 0]
+            value = distance if kind == 0.0 else (bearing if kind == 1.0 else height)
             place = (value - axes[row, 1]) / axes[row, 2]
             beyond = max(-place, place - (axes[row, 3] - 1.0), 0.0) * axes[row, 2]
             fade *= max(0.0, 1.0 - beyond / axes[row, 6])
@@ -118,93 +110,121 @@ def _fade(axes, first, end, x, y, z):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _reward(model, action, x, y, z, first, end, log_discount):
+def _reward(actions, moves, paths, strikes, terms, action, x, y, z, first, end, discount):
     """Return the reward of an action for a target at rest: rows ``first`` to ``end`` of the terms."""
     total = 0.0
     for row in range(first, end):
-        code = int(model.terms[row, 0])
-        weight = model.terms[row, 1]
+        code = int(terms[row, 0])
+        weight = terms[row, 1]
         if code == 0:
             best = 0.0
-            tolerance = model.terms[row, 2]
-            for k in range(model.actions[action, STRIKES], model.actions[action + 1, STRIKES]):
-                px, py, pz = model.strikes[k, FIST_X], model.strikes[k, FIST_Y], model.strikes[k, FIST_Z]
+            tolerance = terms[row, 2]
+            for k in range(actions[action, STRIKES], actions[action + 1, STRIKES]):
+                px, py, pz = strikes[k, FIST_X], strikes[k, FIST_Y], strikes[k, FIST_Z]
                 dx, dy, dz = px - x, py - y, pz - z
-                lands = abs(math.sqrt(dx * dx + dy * dy + dz * dz) - model.terms[row, 4]) <= tolerance
+                lands = abs(math.sqrt(dx * dx + dy * dy + dz * dz) - terms[row, 4]) <= tolerance
                 if not lands:
-                    dy = py - min(max(py, y - model.terms[row, 7]), y - model.terms[row, 6])
-                    lands = abs(math.sqrt(dx * dx + dy * dy + dz * dz) - model.terms[row, 5]) <= tolerance
+                    dy = py - min(max(py, y - terms[row, 7]), y - terms[row, 6])
+                    lands = abs(math.sqrt(dx * dx + dy * dy + dz * dz) - terms[row, 5]) <= tolerance
                 if lands:
-                    speed = model.strikes[k, WEIGHT] ** model.terms[row, 3]
-                    best = max(best, math.exp(model.strikes[k, TIME] * log_discount) * speed)
+                    speed = strikes[k, WEIGHT] ** terms[row, 3]
+                    best = max(best, math.exp(strikes[k, TIME] * math.log(discount)) * speed)
             total += weight * best
         elif code == 1:
             near = 0.0
             factor = 1.0
-            discount = math.exp(log_discount)
-            for k in range(model.actions[action, PATHS], model.actions[action + 1, PATHS]):
+            for k in range(actions[action, PATHS], actions[action + 1, PATHS]):
                 factor *= discount
-                dx, dz = x - model.paths[k, 0], z - model.paths[k, 1]
-                if model.terms[row, 5] != 0.0:
-                    cos, sin = math.cos(model.paths[k, 2]), math.sin(model.paths[k, 2])
-                    aside, ahead = dx * cos - dz * sin, dx * sin + dz * cos - model.terms[row, 2]
+                dx, dz = x - paths[k, 0], z - paths[k, 1]
+                if terms[row, 5] != 0.0:
+                    cos, sin = paths[k, 2], paths[k, 3]
+                    aside, ahead = dx * cos - dz * sin, dx * sin + dz * cos - terms[row, 2]
                     gap = math.sqrt(ahead * ahead + aside * aside)
                 else:
-                    gap = abs(math.sqrt(dx * dx + dz * dz) - model.terms[row, 2])
-                value = factor * math.exp(-gap / model.terms[row, 3])
-                near = max(near, value) if model.terms[row, 4] != 0.0 else near + value
+                    gap = abs(math.sqrt(dx * dx + dz * dz) - terms[row, 2])
+                value = factor * math.exp(-gap / terms[row, 3])
+                near = max(near, value) if terms[row, 4] != 0.0 else near + value
             total += weight * near
         else:
-            cost = model.moves[action, COST]
-            total -= weight * cost + (model.terms[row, 2] if cost > 0.0 else 0.0)
+            cost = moves[action, COST]
+            total -= weight * cost + (terms[row, 2] if cost > 0.0 else 0.0)
     return total
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def value_actions(model, weights, policy, state, x, y, z, cells, shares, out):
-    """Write what each action of a state is worth for a target in the avatar's ground frame; return how many there are.
+def value_actions(
+    offsets, policies, actions, moves, paths, strikes, behaviours, axes, terms, table, weights, first, last,
+    situations, states, moods, whose, cells, shares, factors, out,
+):  # fmt: skip
+    """Write what each action of a state is worth in situations ``first`` to ``last``.
 
-    ``weights`` (B,) are those of the policy's behaviours; ``cells`` and ``shares`` are scratch space.
+    A situation is where the target's head is in the avatar's ground frame, for a body of scale 1: x, y, z [m]; then a
+    ``state``, a row of ``weights``, which are those of the behaviours, and a policy. ``cells``, ``shares`` and
+    ``factors`` are scratch space; ``out`` has a row for each situation.
     """
-    offset = model.offsets[state]
-    n = model.offsets[state + 1] - offset
-    for k in range(n):
-        out[k] = 0.0
-    start = model.policies[policy, BEHAVIOURS]
-    for b in range(start, model.policies[policy + 1, BEHAVIOURS]):
-        weight = weights[b - start]
-        if weight == 0.0:
+    for q in range(first, last):
+        state, mood, policy = states[q], moods[q], whose[q]
+        if state < 0:
             continue
-        axis_first, axis_end = int(model.behaviours[b, 0]), int(model.behaviours[b, 1])
-        factor = weight * _fade(model.axes, axis_first, axis_end, x, y, z) / model.behaviours[b, 7]
-        if factor == 0.0:
-            continue
-        cell_count, table_start = int(model.behaviours[b, 5]), int(model.behaviours[b, 6])
-        if model.behaviours[b, 4] == 0.0:
-            corners = _corners(model.axes, axis_first, axis_end, x, y, z, cells, shares)
-            entry = table_start + offset * cell_count
+        x, y, z = situations[q, 0], situations[q, 1], situations[q, 2]
+        offset = offsets[state]
+        n = offsets[state + 1] - offset
+        for k in range(n):
+            out[q, k] = 0.0
+        start, end = policies[policy, BEHAVIOURS], policies[policy + 1, BEHAVIOURS]
+        distance, bearing = math.sqrt(x * x + z * z), math.atan2(x, z)
+        ahead = False
+        for b in range(start, end):
+            factors[b - start] = 0.0
+            weight = weights[mood, b - start]
+            if weight == 0.0:
+                continue
+            axis_first, axis_end = int(behaviours[b, 0]), int(behaviours[b, 1])
+            factor = weight * _fade(axes, axis_first, axis_end, distance, bearing, y) / behaviours[b, 7]
+            if factor == 0.0:
+                continue
+            if behaviours[b, 4] != 0.0:
+                factors[b - start] = factor
+                ahead = True
+                continue
+            corners = _corners(axes, axis_first, axis_end, distance, bearing, y, cells, shares)
+            cell_count = int(behaviours[b, 5])
+            entry = int(behaviours[b, 6]) + offset * cell_count
             for corner in range(corners):
                 share = shares[corner] * factor
                 if share != 0.0:
                     row = entry + cells[corner] * n
                     for k in range(n):
-                        out[k] += share * model.table[row + k]
+                        out[q, k] += share * table[row + k]
+        if not ahead:
             continue
-        term_first, term_end = int(model.behaviours[b, 2]), int(model.behaviours[b, 3])
-        log_discount = math.log(model.behaviours[b, 8])
         for k in range(n):
             action = offset + k
-            value = _reward(model, action, x, y, z, term_first, term_end, log_discount)
-            dx, dz = x - model.moves[action, MOVE_X], z - model.moves[action, MOVE_Z]
-            cos, sin = model.moves[action, MOVE_COS], model.moves[action, MOVE_SIN]
+            # One step of look-ahead: what the action earns itself, and what its end is worth.
+            dx, dz = x - moves[action, MOVE_X], z - moves[action, MOVE_Z]
+            cos, sin = moves[action, MOVE_COS], moves[action, MOVE_SIN]
             later_x, later_z = dx * cos - dz * sin, dx * sin + dz * cos
-            corners = _corners(model.axes, axis_first, axis_end, later_x, y, later_z, cells, shares)
-            entry = table_start + model.actions[action, NEXT] * cell_count
-            later = 0.0
-            for corner in range(corners):
-                later += shares[corner] * model.table[entry + cells[corner]]
-            out[k] += factor * (value + math.exp(log_discount * model.actions[action, LENGTH]) * later)
-    return n
+            distance, bearing = math.sqrt(later_x * later_x + later_z * later_z), math.atan2(later_x, later_z)
+            length, following = actions[action, LENGTH], actions[action, NEXT]
+            for b in range(start, end):
+                factor = factors[b - start]
+                if factor == 0.0:
+                    continue
+                term_first, term_end = int(behaviours[b, 2]), int(behaviours[b, 3])
+                value = _reward(
+                    actions, moves, paths, strikes, terms, action, x, y, z, term_first, term_end, behaviours[b, 8]
+                )
+                corners = _corners(
+                    axes, int(behaviours[b, 0]), int(behaviours[b, 1]), distance, bearing, y, cells, shares
+                )
+                entry = int(behaviours[b, 6]) + following * int(behaviours[b, 5])
+                later = 0.0
+                for corner in range(corners):
+                    later += shares[corner] * table[entry + cells[corner]]
+                discount = 1.0
+                for _ in range(length):
+                    discount *= behaviours[b, 8]
+                out[q, k] += factor * (value + discount * later)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -213,21 +233,23 @@ def advance(model, avatars, first, last, due):
 
     Returns how many those are, or -1 - i where avatar i stands nowhere (not a number).
     """
+    # Once only: every look into a named tuple counts a reference.
     whole, real = avatars.whole, avatars.real
+    actions, ground, policies = model.actions, model.ground, model.policies
     held = first
     for i in range(first, last):
         action = whole[ACTION, i]
-        length = model.actions[action, LENGTH]
+        length = actions[action, LENGTH]
         real[PHASE_BEFORE, i] = min(real[PHASE, i], length)
         phase = real[PHASE, i] + real[SPEED, i]
         real[PHASE, i] = phase
         whole[ACTION_BEFORE, i] = -1
-        place = model.actions[action, ORIGIN] + min(phase, length) * model.policies[whole[POLICY, i], STRIDE]
-        gx, gz = _between(model.ground, place, 0), _between(model.ground, place, 1)
+        place = actions[action, ORIGIN] + min(phase, length) * policies[whole[POLICY, i], STRIDE]
+        gx, gz = _between(ground, place, 0), _between(ground, place, 1)
         cos, sin = real[BASE_COS, i], real[BASE_SIN, i]
         x = real[BASE_X, i] + gx * cos + gz * sin
         z = real[BASE_Z, i] - gx * sin + gz * cos
-        heading = real[BASE_TURN, i] + _between(model.ground, place, 2)
+        heading = real[BASE_TURN, i] + _between(ground, place, 2)
         real[X, i], real[Z, i], real[HEADING, i] = x, z, heading
         if not math.isfinite(x + z + heading):
             return -1 - i
@@ -240,6 +262,7 @@ def advance(model, avatars, first, last, due):
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def observe_all(avatars, present, due, first, last, reach, distances, hits, out_opponents, out_counts, out_neighbours):
     """Find opponents and neighbours as ``kd_tree_kernels.observe`` does, by comparing with all ``present`` slots."""
+    # Once only: every look into a named tuple counts a reference.
     whole, real = avatars.whole, avatars.real
     room = out_neighbours.shape[1]
     limit = reach * reach
@@ -306,9 +329,8 @@ def _outside(arena, x, z):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _change_opponent(avatars, world, present, own, nearest):
+def _change_opponent(whole, real, slot_of, moods, present, own, nearest):
     """Return the number of an avatar's opponent, or what stands for a target: the old one, unless another is nearer."""
-    whole, real = avatars.whole, avatars.real
     skip = whole[SKIP, own]
     if skip == -2:
         return whole[FIXED, own]
@@ -316,198 +338,270 @@ def _change_opponent(avatars, world, present, own, nearest):
         return -1
     old = whole[OPPONENT, own]
     if old >= 0:
-        slot = avatars.slot_of[old]
+        slot = slot_of[old]
         if slot < present and slot != own and whole[TEAM, slot] != skip:
             ax, az = real[X, slot] - real[X, own], real[Z, slot] - real[Z, own]
             bx, bz = real[X, nearest] - real[X, own], real[Z, nearest] - real[Z, own]
-            near = world.moods[whole[MOOD, own], HYSTERESIS]
+            near = moods[whole[MOOD, own], HYSTERESIS]
             if math.sqrt(bx * bx + bz * bz) >= math.sqrt(ax * ax + az * az) - near:
                 return old
     return whole[NUMBER, nearest]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _crowd_out(model, avatars, world, own, offset, n, neighbours, row, count, values):
-    """Lower the values of actions that end, or pass, inside a neighbour or outside the arena."""
-    whole, real = avatars.whole, avatars.real
-    end_cost, path_cost, disc, gap = world.crowding[0], world.crowding[1], world.crowding[2], world.crowding[3]
-    arena_cost = world.crowding[4]
-    x, z, scale = real[X, own], real[Z, own], real[SCALE, own]
-    cos, sin = math.cos(real[HEADING, own]) * scale, math.sin(real[HEADING, own]) * scale
-    old_length = model.actions[whole[ACTION, own], LENGTH]
-    done = min(real[PHASE, own] - old_length, real[SPEED, own])
-    for k in range(n):
-        action = offset + k
-        ex, ez = model.moves[action, MOVE_X], model.moves[action, MOVE_Z]
-        mx, mz = ex * cos + ez * sin, ez * cos - ex * sin
-        frames = max(model.actions[action, LENGTH] - done, 0.0) / real[SPEED, own]
-        worst = 0.0
-        for m in range(count):
-            j = neighbours[row, m]
-            left = (model.actions[whole[ACTION, j], LENGTH] - real[PHASE, j]) / real[SPEED, j]
-            share = min(frames / left, 1.0) if left > 0.0 else 1.0
+def crowd_out(
+    whole, real, offsets, reaches, actions, moves, arena, crowding, due, first, last, counts, neighbours, near, values
+):
+    """Lower the values of actions that end, or pass, inside a neighbour or outside the arena.
+
+    For avatars ``due[first:last]``, whose neighbours and values run along; ``near`` is scratch space.
+    """
+    end_cost, path_cost, disc, gap = crowding[0], crowding[1], crowding[2], crowding[3]
+    for q in range(first, last):
+        own = due[q]
+        x, z, scale, speed = real[X, own], real[Z, own], real[SCALE, own], real[SPEED, own]
+        state = actions[whole[ACTION, own], NEXT]
+        offset = offsets[state]
+        furthest = reaches[state] * scale
+        close = 0
+        for m in range(counts[q]):
+            j = neighbours[q, m]
             ax, az = real[X, j] - x, real[Z, j] - z
-            bx = ax + share * (real[END_X, j] - real[X, j]) - mx
-            bz = az + share * (real[END_Z, j] - real[Z, j]) - mz
+            wx, wz = real[END_X, j] - real[X, j], real[END_Z, j] - real[Z, j]
             room = disc * (scale + real[SCALE, j]) + gap
-            at_end = bx * bx + bz * bz
-            if at_end < room * room:
-                worst = max(worst, end_cost * (1.0 - math.sqrt(at_end) / room))
-            dx, dz = bx - ax, bz - az
-            moved = dx * dx + dz * dz
-            if moved > 0.0:
-                # Where on their straight ways the two come nearest, seen from the avatar.
-                t = min(max(-(ax * dx + az * dz) / moved, 0.0), 1.0)
-                nx, nz = ax + t * dx, az + t * dz
-                nearest = nx * nx + nz * nz
-                if t > 0.0 and nearest < room * room:
-                    worst = max(worst, path_cost * (1.0 - math.sqrt(nearest) / room))
-        if world.arena[0] != 0.0:
-            beyond = _outside(world.arena, x + mx, z + mz)
-            worst += arena_cost * beyond
-        values[k] -= worst
+            if ax * ax + az * az < (room + furthest + math.sqrt(wx * wx + wz * wz)) ** 2:
+                near[close, 0], near[close, 1], near[close, 2], near[close, 3], near[close, 4] = ax, az, wx, wz, room
+                near[close, 5] = (actions[whole[ACTION, j], LENGTH] - real[PHASE, j]) / real[SPEED, j]
+                close += 1
+        if close == 0 and arena[0] == 0.0:
+            continue
+        cos, sin = math.cos(real[HEADING, own]) * scale, math.sin(real[HEADING, own]) * scale
+        done = min(real[PHASE, own] - actions[whole[ACTION, own], LENGTH], speed)
+        for k in range(offsets[state + 1] - offset):
+            action = offset + k
+            ex, ez = moves[action, MOVE_X], moves[action, MOVE_Z]
+            mx, mz = ex * cos + ez * sin, ez * cos - ex * sin
+            worst = 0.0
+            if close > 0:
+                frames = max(actions[action, LENGTH] - done, 0.0) / speed
+                for m in range(close):
+                    ax, az, room, left = near[m, 0], near[m, 1], near[m, 4], near[m, 5]
+                    share = frames / left if frames < left else 1.0
+                    dx, dz = share * near[m, 2] - mx, share * near[m, 3] - mz
+                    bx, bz = ax + dx, az + dz
+                    at_end = bx * bx + bz * bz
+                    if at_end < room * room:
+                        worst = max(worst, end_cost * (1.0 - math.sqrt(at_end) / room))
+                    # Where on their straight ways the two come nearest, seen from the avatar.
+                    towards, moved = -(ax * dx + az * dz), dx * dx + dz * dz
+                    if towards > 0.0:
+                        t = towards / moved if towards < moved else 1.0
+                        nx, nz = ax + t * dx, az + t * dz
+                        nearest = nx * nx + nz * nz
+                        if nearest < room * room:
+                            worst = max(worst, path_cost * (1.0 - math.sqrt(nearest) / room))
+            if arena[0] != 0.0:
+                worst += crowding[4] * _outside(arena, x + mx, z + mz)
+            values[q, k] -= worst
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _pick(values, n, margin, most, temperature, number):
-    """Return one of the candidates: those near the best value, drawn by ``number`` in [0, 1); -1 for no number."""
+def _pick(values, row, n, margin, most, temperature, number, chances):
+    """Return one of the candidates: those near the best value, drawn by ``number`` in [0, 1); -1 for no number.
+
+    Where there are too many, those of the least values drop out, the later ones among equals.
+    """
     best = 0
     for k in range(1, n):
-        if values[k] > values[best]:
+        if values[row, k] > values[row, best]:
             best = k
-    if not math.isfinite(values[best]):
+    top = values[row, best]
+    if not math.isfinite(top):
         return -1
     if temperature <= 0.0 or most <= 1 or n == 1:
         return best
-    floor = values[best] - margin
     near = 0
     for k in range(n):
-        near += values[k] >= floor
-    while near > most:
-        # One after another the least of too many candidates drops out, the later one among equals.
-        least = -1
-        for m in range(n):
-            if values[m] >= floor and (least < 0 or values[m] <= values[least]):
-                least = m
-        values[least] = -math.inf
-        near -= 1
+        near += values[row, k] >= top - margin
+    floor = top - margin
+    if near > most:
+        # The value that comes ``most``-th, and how many of those who have it may stay.
+        held = 0
+        for k in range(n):
+            value = values[row, k]
+            if held < most or value > chances[held - 1]:
+                m = held if held < most else held - 1
+                while m > 0 and chances[m - 1] < value:
+                    chances[m] = chances[m - 1]
+                    m -= 1
+                chances[m] = value
+                held = min(held + 1, int(most))
+        floor = chances[held - 1]
+        near = held
     total = 0.0
+    left = near
     for k in range(n):
-        if values[k] >= floor:
-            total += math.exp((values[k] - values[best]) / temperature)
+        above = values[row, k] >= floor
+        if above and values[row, k] == floor:
+            higher = 0
+            for m in range(n):
+                higher += values[row, m] > floor
+            equal = 0
+            for m in range(k):
+                equal += values[row, m] == floor
+            above = higher + equal < near
+        chances[k] = math.exp((values[row, k] - top) / temperature) if above else 0.0
+        total += chances[k]
+        left -= above
+        if left == 0:
+            for m in range(k + 1, n):
+                chances[m] = 0.0
+            break
     wanted = number * total
     picked = best
     for k in range(n):
-        if values[k] >= floor:
+        if chances[k] > 0.0:
             picked = k
-            wanted -= math.exp((values[k] - values[best]) / temperature)
+            wanted -= chances[k]
             if wanted < 0.0:
                 break
     return picked
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def choose(
-    model, avatars, world, present, moment, due, first, last, nearest, counts, neighbours, cells, shares, values,
-    out_chosen,
+def aim(
+    whole, real, slot_of, actions, bodies, policies, arena, crowding, targets, moods, present, moment, due, first, last,
+    nearest, out_situations, out_states, out_moods, out_policies,
 ):  # fmt: skip
-    """Choose an opponent and the next action for avatars ``due[first:last]``.
+    """Choose opponents for avatars ``due[first:last]`` and write their situations (``value_actions``).
 
-    ``nearest``, ``counts`` and ``neighbours`` are what was observed and run along with ``due``; ``moment`` is the row
-    of ``world.targets`` for this frame; ``cells``, ``shares`` and ``values`` are scratch space. Writes the chosen
-    actions along with ``due``. Returns -1, or the slot of an avatar whose values are no numbers.
+    The state is that in which the action ends, or -1 where there is nobody to fight.
     """
-    whole, real = avatars.whole, avatars.real
     for q in range(first, last):
         own = due[q]
-        opponent = _change_opponent(avatars, world, present, own, nearest[q])
+        opponent = _change_opponent(whole, real, slot_of, moods, present, own, nearest[q])
         whole[OPPONENT_BEFORE, own] = whole[OPPONENT, own]
         whole[OPPONENT, own] = opponent
-        x, z, heading, scale = real[X, own], real[Z, own], real[HEADING, own], real[SCALE, own]
-        policy, mood = whole[POLICY, own], whole[MOOD, own]
-        state = model.actions[whole[ACTION, own], NEXT]
-        offset = model.offsets[state]
-        seen = True
-        tx, ty, tz = 0.0, 0.0, 0.0
-        if opponent >= 0:
-            j = avatars.slot_of[opponent]
-            seen = j < present
-            if seen:
-                action = whole[ACTION, j]
-                place = (
-                    model.actions[action, ORIGIN]
-                    + min(real[PHASE, j], model.actions[action, LENGTH]) * model.policies[whole[POLICY, j], STRIDE]
-                )
-                size = real[SCALE, j]
-                hx, hz = _between(model.bodies, place, HEAD) * size, _between(model.bodies, place, HEAD + 2) * size
-                ty = _between(model.bodies, place, HEAD + 1) * size
-                cos, sin = math.cos(real[HEADING, j]), math.sin(real[HEADING, j])
-                tx = real[X, j] + hx * cos + hz * sin
-                tz = real[Z, j] - hx * sin + hz * cos
-        elif opponent <= -2:
+        x, z, scale = real[X, own], real[Z, own], real[SCALE, own]
+        seen = False
+        tx, ty, tz = 0.0, 1.5 * scale, 0.0
+        if opponent <= -2:
             target = -2 - opponent
-            tx, ty, tz = (
-                world.targets[moment, target, 0],
-                world.targets[moment, target, 1],
-                world.targets[moment, target, 2],
-            )
-        else:
-            seen = False
-        if world.arena[0] != 0.0 and _outside(world.arena, x, z) > world.crowding[5]:
-            # Turn back: the middle counts until the avatar is inside again.
-            tx, tz = world.arena[1], world.arena[2]
-            ty = ty if seen else 1.5 * scale
+            tx, ty, tz = targets[moment, target, 0], targets[moment, target, 1], targets[moment, target, 2]
             seen = True
-        if seen:
-            dx, dz = (tx - x) / scale, (tz - z) / scale
-            cos, sin = math.cos(heading), math.sin(heading)
-            n = value_actions(
-                model, world.weights[mood], policy, state, dx * cos - dz * sin, ty / scale, dx * sin + dz * cos,
-                cells, shares, values,
-            )  # fmt: skip
-        else:
-            # Nobody to fight: captured motion keeps running.
-            n = model.offsets[state + 1] - offset
-            for k in range(n):
-                values[k] = -model.moves[offset + k, COST]
-        if counts[q] > 0 or world.arena[0] != 0.0:
-            _crowd_out(model, avatars, world, own, offset, n, neighbours, q, counts[q], values)
-        number = draw(world.stream[0], whole[NUMBER, own], whole[DECISIONS, own])
+        elif opponent >= 0 and slot_of[opponent] < present:
+            j = slot_of[opponent]
+            action = whole[ACTION, j]
+            done = min(real[PHASE, j], actions[action, LENGTH])
+            place = actions[action, ORIGIN] + done * policies[whole[POLICY, j], STRIDE]
+            size = real[SCALE, j]
+            hx, hz = _between(bodies, place, HEAD) * size, _between(bodies, place, HEAD + 2) * size
+            cos, sin = math.cos(real[HEADING, j]), math.sin(real[HEADING, j])
+            tx, tz = real[X, j] + hx * cos + hz * sin, real[Z, j] - hx * sin + hz * cos
+            ty = _between(bodies, place, HEAD + 1) * size
+            seen = True
+        if arena[0] != 0.0 and _outside(arena, x, z) > crowding[5]:
+            # Turn back: the middle counts until the avatar is inside again.
+            tx, tz = arena[1], arena[2]
+            seen = True
+        cos, sin = math.cos(real[HEADING, own]), math.sin(real[HEADING, own])
+        dx, dz = (tx - x) / scale, (tz - z) / scale
+        out_situations[q, 0] = dx * cos - dz * sin
+        out_situations[q, 1] = ty / scale
+        out_situations[q, 2] = dx * sin + dz * cos
+        out_states[q] = actions[whole[ACTION, own], NEXT] if seen else -1
+        out_moods[q], out_policies[q] = whole[MOOD, own], whole[POLICY, own]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def draw_actions(whole, offsets, actions, moods, stream, due, first, last, values, chances, out_chosen):
+    """Draw the next action of avatars ``due[first:last]`` by its value; return -1, or a slot without numbers."""
+    for q in range(first, last):
+        own = due[q]
+        state, mood = actions[whole[ACTION, own], NEXT], whole[MOOD, own]
+        number = draw(stream[0], whole[NUMBER, own], whole[DECISIONS, own])
         picked = _pick(
-            values, n, world.moods[mood, MARGIN], world.moods[mood, MOST], world.moods[mood, TEMPERATURE], number
-        )
+            values, q, offsets[state + 1] - offsets[state], moods[mood, MARGIN], moods[mood, MOST],
+            moods[mood, TEMPERATURE], number, chances,
+        )  # fmt: skip
         if picked < 0:
             return own
-        out_chosen[q] = offset + picked
+        out_chosen[q] = offsets[state] + picked
     return -1
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def keep_running(whole, offsets, actions, moves, due, first, last, states, values):
+    """Where there is nobody to fight, let captured motion run on: the cheapest transition is worth most."""
+    for q in range(first, last):
+        if states[q] < 0:
+            state = actions[whole[ACTION, due[q]], NEXT]
+            for k in range(offsets[state + 1] - offsets[state]):
+                values[q, k] = -moves[offsets[state] + k, COST]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def choose(model, avatars, world, present, moment, due, first, last, nearest, counts, neighbours, scratch, out_chosen):
+    """Choose an opponent and the next action for avatars ``due[first:last]``, at most ``BATCH`` of them.
+
+    ``nearest``, ``counts`` and ``neighbours`` are what was observed and run along with ``due``; ``moment`` is the row
+    of ``world.targets`` for this frame. Writes the chosen actions along with ``due``. Returns -1, or the slot of an
+    avatar whose values are no numbers.
+
+    Each step handles all avatars before the next one comes: compiled code counts references to the arrays that it
+    hands on, which costs as much as a step of one avatar.
+    """
+    aim(
+        avatars.whole, avatars.real, avatars.slot_of, model.actions, model.bodies, model.policies, world.arena,
+        world.crowding, world.targets, world.moods, present, moment, due, first, last, nearest, scratch.situations,
+        scratch.states, scratch.moods, scratch.policies,
+    )  # fmt: skip
+    value_actions(
+        model.offsets, model.policies, model.actions, model.moves, model.paths, model.strikes, model.behaviours,
+        model.axes, model.terms, model.table, world.weights, first, last, scratch.situations, scratch.states,
+        scratch.moods, scratch.policies, scratch.cells, scratch.shares, scratch.factors, scratch.values,
+    )  # fmt: skip
+    keep_running(
+        avatars.whole, model.offsets, model.actions, model.moves, due, first, last, scratch.states, scratch.values
+    )
+    crowd_out(
+        avatars.whole, avatars.real, model.offsets, model.reaches, model.actions, model.moves, world.arena,
+        world.crowding, due, first, last, counts, neighbours, scratch.near, scratch.values,
+    )  # fmt: skip
+    return draw_actions(
+        avatars.whole, model.offsets, model.actions, world.moods, world.stream, due, first, last, scratch.values,
+        scratch.shares, out_chosen,
+    )  # fmt: skip
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def switch(model, avatars, due, chosen, first, last):
     """Start the chosen actions where the old ones have ended, with the motion that was left over."""
+    # Once only: every look into a named tuple counts a reference.
     whole, real = avatars.whole, avatars.real
+    actions, ground, policies = model.actions, model.ground, model.policies
     for q in range(first, last):
         i = due[q]
         old, new = whole[ACTION, i], chosen[q]
-        stride, scale, speed = model.policies[whole[POLICY, i], STRIDE], real[SCALE, i], real[SPEED, i]
-        phase = min(real[PHASE, i] - model.actions[old, LENGTH], speed)
-        origin = model.actions[new, ORIGIN]
+        stride, scale, speed = policies[whole[POLICY, i], STRIDE], real[SCALE, i], real[SPEED, i]
+        phase = min(real[PHASE, i] - actions[old, LENGTH], speed)
+        origin = actions[new, ORIGIN]
         x, z, heading = real[X, i], real[Z, i], real[HEADING, i]
         heading -= 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
-        turn = heading - model.ground[origin, 2]
+        turn = heading - ground[origin, 2]
         cos, sin = math.cos(turn) * scale, math.sin(turn) * scale
-        gx, gz = model.ground[origin, 0], model.ground[origin, 1]
+        gx, gz = ground[origin, 0], ground[origin, 1]
         base_x, base_z = x - gx * cos - gz * sin, z + gx * sin - gz * cos
         real[BASE_X, i], real[BASE_Z, i] = base_x, base_z
         real[BASE_COS, i], real[BASE_SIN, i], real[BASE_TURN, i] = cos, sin, turn
-        last_frame = origin + model.actions[new, LENGTH] * stride
-        gx, gz = model.ground[last_frame, 0], model.ground[last_frame, 1]
+        last_frame = origin + actions[new, LENGTH] * stride
+        gx, gz = ground[last_frame, 0], ground[last_frame, 1]
         real[END_X, i], real[END_Z, i] = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
         if phase > 0.0:
-            place = origin + min(phase, model.actions[new, LENGTH]) * stride
-            gx, gz = _between(model.ground, place, 0), _between(model.ground, place, 1)
+            place = origin + min(phase, actions[new, LENGTH]) * stride
+            gx, gz = _between(ground, place, 0), _between(ground, place, 1)
             x, z = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
-            heading = turn + _between(model.ground, place, 2)
+            heading = turn + _between(ground, place, 2)
         real[X, i], real[Z, i], real[HEADING, i] = x, z, heading
         whole[ACTION_BEFORE, i] = old
         whole[ACTION, i] = new
@@ -516,79 +610,83 @@ def switch(model, avatars, due, chosen, first, last):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _base_before(model, avatars, i):
+def _base_before(whole, real, actions, ground, policies, i):
     """Return where the action before the present one is based: x, z, cos, sin, turn."""
-    whole, real = avatars.whole, avatars.real
-    origin = model.actions[whole[ACTION, i], ORIGIN]
-    gx, gz = model.ground[origin, 0], model.ground[origin, 1]
+    origin = actions[whole[ACTION, i], ORIGIN]
+    gx, gz = ground[origin, 0], ground[origin, 1]
     cos, sin = real[BASE_COS, i], real[BASE_SIN, i]
     x = real[BASE_X, i] + gx * cos + gz * sin
     z = real[BASE_Z, i] - gx * sin + gz * cos
     old = whole[ACTION_BEFORE, i]
-    end = model.actions[old, ORIGIN] + model.actions[old, LENGTH] * model.policies[whole[POLICY, i], STRIDE]
-    turn = real[BASE_TURN, i] + model.ground[origin, 2] - model.ground[end, 2]
+    end = actions[old, ORIGIN] + actions[old, LENGTH] * policies[whole[POLICY, i], STRIDE]
+    turn = real[BASE_TURN, i] + ground[origin, 2] - ground[end, 2]
     cos, sin = math.cos(turn) * real[SCALE, i], math.sin(turn) * real[SCALE, i]
-    gx, gz = model.ground[end, 0], model.ground[end, 1]
+    gx, gz = ground[end, 0], ground[end, 1]
     return x - gx * cos - gz * sin, z + gx * sin - gz * cos, cos, sin, turn
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _surface_gap(model, avatars, world, moment, present, opponent, share, px, py, pz, sizes, scale):
-    """Return how far a point is from the surface of an opponent's head or torso, ``share`` of the way to this frame."""
-    whole, real = avatars.whole, avatars.real
-    if opponent <= -2:
-        target = -2 - opponent
-        ax, ay, az = (
-            world.targets[moment - 1, target, 0],
-            world.targets[moment - 1, target, 1],
-            world.targets[moment - 1, target, 2],
-        )
-        hx = ax + share * (world.targets[moment, target, 0] - ax)
-        hy = ay + share * (world.targets[moment, target, 1] - ay)
-        hz = az + share * (world.targets[moment, target, 2] - az)
-        head_radius, torso_radius = sizes[0] * scale, sizes[1] * scale
-        ux, uy, uz = hx, hy - sizes[2] * scale, hz
-        lx, ly, lz = hx, hy - sizes[3] * scale, hz
-    else:
-        j = avatars.slot_of[opponent] if opponent >= 0 else present
-        if j >= present:
-            return math.inf
-        action, phase = whole[ACTION, j], min(real[PHASE, j], model.actions[whole[ACTION, j], LENGTH])
-        bx, bz, cos, sin = real[BASE_X, j], real[BASE_Z, j], real[BASE_COS, j], real[BASE_SIN, j]
-        turn = real[BASE_TURN, j]
-        if whole[ACTION_BEFORE, j] < 0:
-            phase = real[PHASE_BEFORE, j] + share * (phase - real[PHASE_BEFORE, j])
+def land(
+    whole, real, slot_of, actions, ground, bodies, policies, sizes, targets, moment, present, frame, first, last,
+    out_whole, out_real,
+):  # fmt: skip
+    """Tell which of the strikes ``first`` to ``last`` land: near the surface of the opponent's head or torso then."""
+    for row in range(first, last):
+        opponent = out_whole[row, 1]
+        px, py, pz = out_real[row, 1], out_real[row, 2], out_real[row, 3]
+        share = out_real[row, 0] - (frame - 1.0)
+        attacker = slot_of[out_whole[row, 0]]
+        policy, scale = whole[POLICY, attacker], real[SCALE, attacker]
+        out_whole[row, 3] = 0
+        if opponent <= -2:
+            target = -2 - opponent
+            hx = targets[moment - 1, target, 0] + share * (targets[moment, target, 0] - targets[moment - 1, target, 0])
+            hy = targets[moment - 1, target, 1] + share * (targets[moment, target, 1] - targets[moment - 1, target, 1])
+            hz = targets[moment - 1, target, 2] + share * (targets[moment, target, 2] - targets[moment - 1, target, 2])
+            head_radius, torso_radius = sizes[policy, 0] * scale, sizes[policy, 1] * scale
+            ux, uy, uz = hx, hy - sizes[policy, 2] * scale, hz
+            lx, ly, lz = hx, hy - sizes[policy, 3] * scale, hz
         else:
-            before = model.actions[whole[ACTION_BEFORE, j], LENGTH] - real[PHASE_BEFORE, j]
-            moved = share * (before + phase)
-            if moved < before:
-                action = whole[ACTION_BEFORE, j]
-                phase = real[PHASE_BEFORE, j] + moved
-                bx, bz, cos, sin, turn = _base_before(model, avatars, j)
+            j = slot_of[opponent] if opponent >= 0 else present
+            if j >= present:
+                continue
+            action, phase = whole[ACTION, j], min(real[PHASE, j], actions[whole[ACTION, j], LENGTH])
+            bx, bz, cos, sin = real[BASE_X, j], real[BASE_Z, j], real[BASE_COS, j], real[BASE_SIN, j]
+            turn = real[BASE_TURN, j]
+            if whole[ACTION_BEFORE, j] < 0:
+                phase = real[PHASE_BEFORE, j] + share * (phase - real[PHASE_BEFORE, j])
             else:
-                phase = moved - before
-        place = model.actions[action, ORIGIN] + phase * model.policies[whole[POLICY, j], STRIDE]
-        gx, gz = _between(model.ground, place, 0), _between(model.ground, place, 1)
-        x, z = bx + gx * cos + gz * sin, bz - gx * sin + gz * cos
-        heading = turn + _between(model.ground, place, 2)
-        size = real[SCALE, j]
-        cos, sin = math.cos(heading) * size, math.sin(heading) * size
-        gx, gz = _between(model.bodies, place, HEAD), _between(model.bodies, place, HEAD + 2)
-        hx, hy, hz = x + gx * cos + gz * sin, _between(model.bodies, place, HEAD + 1) * size, z - gx * sin + gz * cos
-        gx, gz = _between(model.bodies, place, NECK), _between(model.bodies, place, NECK + 2)
-        ux, uy, uz = x + gx * cos + gz * sin, _between(model.bodies, place, NECK + 1) * size, z - gx * sin + gz * cos
-        gx, gz = _between(model.bodies, place, PELVIS), _between(model.bodies, place, PELVIS + 2)
-        lx, ly, lz = x + gx * cos + gz * sin, _between(model.bodies, place, PELVIS + 1) * size, z - gx * sin + gz * cos
-        head_radius = model.sizes[whole[POLICY, j], 0] * size
-        torso_radius = model.sizes[whole[POLICY, j], 1] * size
-    gap = abs(math.sqrt((px - hx) ** 2 + (py - hy) ** 2 + (pz - hz) ** 2) - head_radius)
-    dx, dy, dz = ux - lx, uy - ly, uz - lz
-    square = dx * dx + dy * dy + dz * dz
-    t = 0.0
-    if square > 0.0:
-        t = min(max(((px - lx) * dx + (py - ly) * dy + (pz - lz) * dz) / square, 0.0), 1.0)
-    torso = math.sqrt((px - lx - t * dx) ** 2 + (py - ly - t * dy) ** 2 + (pz - lz - t * dz) ** 2)
-    return min(gap, abs(torso - torso_radius))
+                before = actions[whole[ACTION_BEFORE, j], LENGTH] - real[PHASE_BEFORE, j]
+                moved = share * (before + phase)
+                if moved < before:
+                    action = whole[ACTION_BEFORE, j]
+                    phase = real[PHASE_BEFORE, j] + moved
+                    bx, bz, cos, sin, turn = _base_before(whole, real, actions, ground, policies, j)
+                else:
+                    phase = moved - before
+            place = actions[action, ORIGIN] + phase * policies[whole[POLICY, j], STRIDE]
+            gx, gz = _between(ground, place, 0), _between(ground, place, 1)
+            x, z = bx + gx * cos + gz * sin, bz - gx * sin + gz * cos
+            heading = turn + _between(ground, place, 2)
+            size = real[SCALE, j]
+            cos, sin = math.cos(heading) * size, math.sin(heading) * size
+            gx, gz = _between(bodies, place, HEAD), _between(bodies, place, HEAD + 2)
+            hx, hy, hz = x + gx * cos + gz * sin, _between(bodies, place, HEAD + 1) * size, z - gx * sin + gz * cos
+            gx, gz = _between(bodies, place, NECK), _between(bodies, place, NECK + 2)
+            ux, uy, uz = x + gx * cos + gz * sin, _between(bodies, place, NECK + 1) * size, z - gx * sin + gz * cos
+            gx, gz = _between(bodies, place, PELVIS), _between(bodies, place, PELVIS + 2)
+            lx, ly, lz = x + gx * cos + gz * sin, _between(bodies, place, PELVIS + 1) * size, z - gx * sin + gz * cos
+            head_radius = sizes[whole[POLICY, j], 0] * size
+            torso_radius = sizes[whole[POLICY, j], 1] * size
+        gap = abs(math.sqrt((px - hx) ** 2 + (py - hy) ** 2 + (pz - hz) ** 2) - head_radius)
+        dx, dy, dz = ux - lx, uy - ly, uz - lz
+        square = dx * dx + dy * dy + dz * dz
+        t = 0.0
+        if square > 0.0:
+            t = min(max(((px - lx) * dx + (py - ly) * dy + (pz - lz) * dz) / square, 0.0), 1.0)
+        torso = math.sqrt((px - lx - t * dx) ** 2 + (py - ly - t * dy) ** 2 + (pz - lz - t * dz) ** 2)
+        landed = min(gap, abs(torso - torso_radius)) <= sizes[policy, 4] * scale
+        out_whole[row, 3] = landed
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -598,66 +696,72 @@ def strike(model, avatars, world, present, moment, frame, first, last, out_whole
     Within a control frame motion runs evenly, through the end of an action where there is one; strikes and opponents
     are placed in between accordingly. Where ``out_whole`` and ``out_real`` have no room, strikes are only counted.
     """
+    # Once only: every look into a named tuple counts a reference.
     whole, real = avatars.whole, avatars.real
+    actions, strikes, ground, policies = model.actions, model.strikes, model.ground, model.policies
+    begun = held
     for i in range(first, last):
         switched = whole[ACTION_BEFORE, i] >= 0
         before = whole[ACTION_BEFORE, i] if switched else whole[ACTION, i]
         now = whole[ACTION, i]
-        if model.actions[before, STRIKES] == model.actions[before + 1, STRIKES] and (
-            model.actions[now, STRIKES] == model.actions[now + 1, STRIKES]
+        if actions[before, STRIKES] == actions[before + 1, STRIKES] and (
+            actions[now, STRIKES] == actions[now + 1, STRIKES]
         ):
             continue
-        shown = min(real[PHASE, i], model.actions[now, LENGTH])
-        rest = model.actions[before, LENGTH] - real[PHASE_BEFORE, i] if switched else 0.0
+        shown = min(real[PHASE, i], actions[now, LENGTH])
+        rest = actions[before, LENGTH] - real[PHASE_BEFORE, i] if switched else 0.0
         motion = rest + shown if switched else shown - real[PHASE_BEFORE, i]
         scale = real[SCALE, i]
-        sizes = model.sizes[whole[POLICY, i]]
         for part in range(2 if switched else 1):
             old = switched and part == 0
             action = before if old else now
             low = real[PHASE_BEFORE, i] if old or not switched else 0.0
-            high = model.actions[before, LENGTH] if old else shown
-            for k in range(model.actions[action, STRIKES], model.actions[action + 1, STRIKES]):
-                time = np.float64(model.strikes[k, TIME])
+            high = actions[before, LENGTH] if old else shown
+            for k in range(actions[action, STRIKES], actions[action + 1, STRIKES]):
+                time = np.float64(strikes[k, TIME])
                 if not low < time <= high:
                     continue
                 if old:
-                    base_x, base_z, cos, sin, _ = _base_before(model, avatars, i)
+                    base_x, base_z, cos, sin, _ = _base_before(whole, real, actions, ground, policies, i)
                 else:
                     base_x, base_z = real[BASE_X, i], real[BASE_Z, i]
                     cos, sin = real[BASE_COS, i], real[BASE_SIN, i]
-                origin = model.actions[action, ORIGIN]
-                gx, gz, gh = model.ground[origin, 0], model.ground[origin, 1], model.ground[origin, 2]
+                origin = actions[action, ORIGIN]
+                gx, gz, gh = ground[origin, 0], ground[origin, 1], ground[origin, 2]
                 wx, wz = math.cos(gh), math.sin(gh)
-                fx, fz = model.strikes[k, FIST_X], model.strikes[k, FIST_Z]
+                fx, fz = strikes[k, FIST_X], strikes[k, FIST_Z]
                 gx, gz = gx + fx * wx + fz * wz, gz - fx * wz + fz * wx
                 px, pz = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
-                py = model.strikes[k, FIST_Y] * scale
+                py = strikes[k, FIST_Y] * scale
                 share = (time - low + (0.0 if old or not switched else rest)) / motion
                 opponent = whole[OPPONENT_BEFORE, i] if old else whole[OPPONENT, i]
-                gap = _surface_gap(model, avatars, world, moment, present, opponent, share, px, py, pz, sizes, scale)
                 if held < out_whole.shape[0]:
                     out_whole[held, 0] = whole[NUMBER, i]
                     out_whole[held, 1] = opponent
-                    out_whole[held, 2] = model.strikes[k, HAND]
-                    out_whole[held, 3] = 1 if gap <= sizes[4] * scale else 0
+                    out_whole[held, 2] = strikes[k, HAND]
                     out_real[held, 0] = frame - 1.0 + share
                     out_real[held, 1], out_real[held, 2], out_real[held, 3] = px, py, pz
-                    out_real[held, 4] = model.strikes[k, FIST_SPEED] * scale * real[SPEED, i]
+                    out_real[held, 4] = strikes[k, FIST_SPEED] * scale * real[SPEED, i]
                 held += 1
+    land(
+        whole, real, avatars.slot_of, actions, ground, model.bodies, policies, model.sizes, world.targets, moment,
+        present, frame, begun, min(held, out_whole.shape[0]), out_whole, out_real,
+    )  # fmt: skip
     return held
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def write_record(model, avatars, record, row, first, last):
     """Write what the take keeps of avatars ``first`` to ``last`` into a row of the record, by number."""
+    # Once only: every look into a named tuple counts a reference.
     whole, real = avatars.whole, avatars.real
+    actions, policies = model.actions, model.policies
     for i in range(first, last):
         n = whole[NUMBER, i]
         action = whole[ACTION, i]
         heading = real[HEADING, i]
-        record.whole[0, row, n] = action - model.policies[whole[POLICY, i], ACTIONS]
-        record.real[0, row, n] = min(real[PHASE, i], model.actions[action, LENGTH])
+        record.whole[0, row, n] = action - policies[whole[POLICY, i], ACTIONS]
+        record.real[0, row, n] = min(real[PHASE, i], actions[action, LENGTH])
         record.real[1, row, n] = real[X, i]
         record.real[2, row, n] = real[Z, i]
         record.real[3, row, n] = heading - 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
@@ -665,7 +769,9 @@ def write_record(model, avatars, record, row, first, last):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def run_frames(model, avatars, world, present, frame, count, fresh, reach, most_near, record, strikes, timings, fault):
+def run_frames(
+    model, avatars, world, present, frame, count, fresh, reach, most_near, scratch, record, strikes, timings, fault
+):
     """Run ``count`` control frames from ``frame`` on for a small crowd, and record them.
 
     ``fresh``: the first frame only decides, since nothing has moved yet. ``timings`` (count, 6) takes the time of
@@ -678,7 +784,6 @@ def run_frames(model, avatars, world, present, frame, count, fresh, reach, most_
     chosen = np.empty(present, np.int32)
     neighbours = np.empty((present, most_near), np.int32)
     distances = np.empty(present)
-    cells, shares, values = np.empty(256, np.int64), np.empty(256), np.empty(4096)
     clock = np.empty(2, np.int64)
     times = np.empty(6, np.int64)
     held = 0
@@ -701,23 +806,15 @@ def run_frames(model, avatars, world, present, frame, count, fresh, reach, most_
         observe_all(avatars, present, due, 0, dues, reach, distances, hits, nearest, counts, neighbours)
         if timings is not None:
             times[2] = _now(clock)
-        lost = choose(
-            model,
-            avatars,
-            world,
-            present,
-            k + 1,
-            due,
-            0,
-            dues,
-            nearest,
-            counts,
-            neighbours,
-            cells,
-            shares,
-            values,
-            chosen,
-        )
+        lost = -1
+        for start in range(0, dues, BATCH):
+            lost = max(
+                lost,
+                choose(
+                    model, avatars, world, present, k + 1, due[start:], 0, min(BATCH, dues - start), nearest[start:],
+                    counts[start:], neighbours[start:], scratch, chosen[start:],
+                ),
+            )  # fmt: skip
         if lost >= 0:
             fault[0], fault[1] = frame + k, lost
             return k, held

@@ -64,8 +64,10 @@ def build_model(policies: Sequence[Policy]) -> Model:
     parts = [np.asarray(table.table) for table in tables]
     values = (parts[0] if len(parts) == 1 else np.concatenate(parts)).view(np.ndarray)
     values.flags.writeable = False  # mapped or not, kernels are compiled for one type
+    paths = _joined([action.paths for action in actions], np.float64)
     ways = np.concatenate([action.displacements for action in actions]).astype(float)
     closing = np.array([[-1, 0, 0, starts["path"][-1], starts["strike"][-1]]])
+    offsets = _csr([action.offsets for action in actions], starts["action"])
     columns = [
         _moved([action.next for action in actions], starts["state"]),
         _joined([action.lengths for action in actions], np.int32),
@@ -76,10 +78,11 @@ def build_model(policies: Sequence[Policy]) -> Model:
     costs = _joined([action.costs for action in actions], np.float64)
     databases = [policy.database for policy in policies]
     return Model(
-        offsets=_csr([action.offsets for action in actions], starts["action"]),
+        offsets=offsets,
+        reaches=np.maximum.reduceat(np.hypot(ways[:, 0], ways[:, 1]), offsets[:-1]),
         actions=np.concatenate([np.column_stack(columns), closing]).astype(np.int32),
         moves=np.column_stack([ways[:, :2], np.cos(ways[:, 2]), np.sin(ways[:, 2]), costs]),
-        paths=_joined([action.paths for action in actions], np.float32),
+        paths=np.column_stack([paths[:, :2], np.cos(paths[:, 2]), np.sin(paths[:, 2])]),
         strikes=np.concatenate([_strikes(policy) for policy in policies]),
         behaviours=np.concatenate(behaviours),
         axes=_joined([table.axes for table in tables], np.float64),

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.crowd import kernels
-from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World, empty_record
+from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World, empty_record, empty_scratch
 from crowdsim.crowd.crowd import Crowd, build_avatars, enter
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import SEARCHES, Index, build_index
@@ -39,7 +39,6 @@ VARIABLES = ("action", "action_frame", "x", "z", "heading", "opponent")
 SMALL = 400
 """Most avatars whose opponents are found by comparing with everyone, many frames in one compiled call."""
 
-_BATCH = 4096
 _CHUNK_AVATAR_FRAMES = 1_000_000
 
 
@@ -148,6 +147,7 @@ class Simulation:
         self._profiled = profiled
         self._fresh = np.arange(self.present, dtype=np.int32)
         self._due = np.empty(crowd.count, np.int32)
+        self._scratch = empty_scratch(self.model, crowd.crowding.most)
         self._world = World(
             weights=np.array(crowd.weights, dtype=float),
             moods=np.column_stack([crowd.margins, crowd.most, crowd.temperatures, crowd.hysteresis]).astype(float),
@@ -217,7 +217,7 @@ class Simulation:
             return self._run_stages(rows.rows(0, 1), None if timings is None else timings[:1])
         ran, held = kernels.run_frames(
             self.model, self.avatars, world, present, self.frame, frames, fresh, self.crowd.crowding.reach,
-            self.crowd.crowding.most, rows, strikes, timings, fault,
+            self.crowd.crowding.most, self._scratch, rows, strikes, timings, fault,
         )  # fmt: skip
         if fault[1] >= 0:
             self._lose(int(fault[1]), int(fault[0]))
@@ -288,18 +288,17 @@ class Simulation:
         spent = [0, 1]
 
         def decide(first: int, last: int) -> None:
-            size = min(_BATCH, last - first)
-            opponents, counts = np.empty(size, np.int32), np.empty(size, np.int32)
-            neighbours = np.empty((size, near.most), np.int32)
-            cells, shares, values = np.empty(256, np.int64), np.empty(256), np.empty(4096)
-            for start in range(first, last, _BATCH):
-                batch = due[start : min(start + _BATCH, last)]
+            opponents, counts = np.empty(kernels.BATCH, np.int32), np.empty(kernels.BATCH, np.int32)
+            neighbours = np.empty((kernels.BATCH, near.most), np.int32)
+            scratch = empty_scratch(self.model, near.most)
+            for start in range(first, last, kernels.BATCH):
+                batch = due[start : min(start + kernels.BATCH, last)]
                 begun = perf_counter_ns()
                 self._index.observe(self.avatars, batch, 0, len(batch), near.reach, opponents, counts, neighbours)
                 observed = perf_counter_ns()
                 slot = kernels.choose(
                     self.model, self.avatars, world, self.present, 1, batch, 0, len(batch), opponents, counts,
-                    neighbours, cells, shares, values, chosen[start:last],
+                    neighbours, scratch, chosen[start:last],
                 )  # fmt: skip
                 spent[0] += observed - begun
                 spent[1] += perf_counter_ns() - begun

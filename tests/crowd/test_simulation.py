@@ -87,17 +87,20 @@ def test_a_run_is_that_of_the_naive_twin(name, fields, targets):
 def test_actions_are_worth_what_the_policy_says(lookup):
     one, two = policy(4, lookup), policy(5, "q" if lookup == "v" else "v", frames=30)
     model = build_model([one, two])
+    names = "offsets policies actions moves paths strikes behaviours axes terms table".split()
+    of_model = [getattr(model, name) for name in names]
     rng = np.random.default_rng(2)
-    cells, shares, values = np.empty(256, np.int64), np.empty(256), np.empty(64)
+    scratch = np.empty(16, np.int64), np.empty(16), np.empty(2)
     for index, chosen in enumerate((one, two)):
-        for _ in range(60):
-            state = int(rng.integers(chosen.actions.state_count))
-            target = rng.uniform([-3, 1.0, -3], [3, 1.9, 3])
-            weights = rng.uniform(0, 2, 2)
-            base = model.policies[index, kernels.STATES]
-            n = kernels.value_actions(model, weights, index, base + state, *target, cells, shares, values)
-            named = {b.name: weights[k] for k, b in enumerate(chosen.behaviours)}
-            np.testing.assert_allclose(values[:n], action_values(chosen, named, state, target), rtol=1e-6, atol=1e-6)
+        states = rng.integers(chosen.actions.state_count, size=60)
+        targets, weights = rng.uniform([-3, 1.0, -3], [3, 1.9, 3], (60, 3)), rng.uniform(0, 2, (60, 2))
+        values, numbers = np.empty((60, 64)), states + model.policies[index, kernels.STATES]
+        rows, policies = np.arange(60), np.full(60, index)
+        kernels.value_actions(*of_model, weights, 0, 60, targets, numbers, rows, policies, *scratch, values)
+        for k in range(60):
+            named = {b.name: weights[k, column] for column, b in enumerate(chosen.behaviours)}
+            expected = action_values(chosen, named, states[k], targets[k])
+            np.testing.assert_allclose(values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
 
 
 def test_draws_are_those_of_the_random_module():
