@@ -358,19 +358,23 @@ def _find_sun(points, ids, count, light, grid, shades, offsets, entries, stamps,
         points[SUN + p] = ONE
     for part in range(2):
         start, stop = (0, N) if part == 0 else (N, count)
+        if start == stop:
+            continue
         several = _collect(
             points, start, stop, ux, uy, uz, vx, vy, vz, grid, offsets, entries, stamps, near, np.int64(TOGETHER)
         )
-        if several >= 0:
+        if several > 0:
             _cast_shadows(points, ids, start, stop, near[:several], shades, light)
+        if several >= 0:
             continue
         for low in range(start, stop, 8):
             high = min(low + 8, stop)
             several = _collect(
                 points, low, high, ux, uy, uz, vx, vy, vz, grid, offsets, entries, stamps, near, near.shape[0]
             )
-            if several >= 0:
+            if several > 0:
                 _cast_shadows(points, ids, low, high, near[:several], shades, light)
+            if several >= 0:
                 continue
             for p in range(low, high):
                 x, y, z = points[X + p], points[Y + p], points[Z + p]
@@ -535,20 +539,22 @@ def _flash(buf, x0, y0, flashes):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
-def _develop(buf, x0, y0, out):
+def _develop(buf, packed, x0, y0, out):
     """Write a tile's linear colours as bytes."""
     for i in range(3 * N):
         value = max(buf[RED + i], ZERO)
         # A shoulder keeps highlights from clipping; the square root stands for the display's curve.
         value = value if value < F(0.8) else F(0.8) + (value - F(0.8)) / (ONE + F(2.0) * (value - F(0.8)))
         buf[RED + i] = min(math.sqrt(value) * F(255.0) + HALF, F(255.0))
+    for i in range(N):
+        packed[i] = (np.int32(buf[BLUE + i]) << 16) + (np.int32(buf[GREEN + i]) << 8) + np.int32(buf[RED + i])
     high, wide = min(8, out.shape[0] - y0), min(8, out.shape[1] - x0)
     for y in range(high):
         for x in range(wide):
-            i = 8 * y + x
-            out[y0 + y, x0 + x, 0] = np.uint8(buf[RED + i])
-            out[y0 + y, x0 + x, 1] = np.uint8(buf[GREEN + i])
-            out[y0 + y, x0 + x, 2] = np.uint8(buf[BLUE + i])
+            colour = packed[8 * y + x]
+            out[y0 + y, x0 + x, 0] = colour & 255
+            out[y0 + y, x0 + x, 1] = (colour >> 8) & 255
+            out[y0 + y, x0 + x, 2] = colour >> 16
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
@@ -606,4 +612,4 @@ def draw_tiles(
             _paint_points(buf, points, ids, pixels, count, camera, light, paints)
         if flashes.shape[0] > 0:
             _flash(buf, x0, y0, flashes)
-        _develop(buf, x0, y0, out)
+        _develop(buf, pixels, x0, y0, out)
