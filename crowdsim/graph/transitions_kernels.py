@@ -114,6 +114,11 @@ def local_minima(squares, first, start, stop, clips, contacts, near, limit, out_
                 continue
             if clips[i] == clips[k] and k - i < near:
                 continue
+            # Most are no minima already in their own row, which costs least to see.
+            if k + 1 < frames and clips[k + 1] == clips[k] and squares[i - first, k + 1] < here:
+                continue
+            if clips[k - 1] == clips[k] and squares[i - first, k - 1] < here:
+                continue
             if _is_lowest(squares, i - first, i, k, clips):
                 out_columns[r, count] = k
                 out_squares[r, count] = here
