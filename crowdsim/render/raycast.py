@@ -96,8 +96,8 @@ def draw(
     across /= np.linalg.norm(across)
     light[0:3], light[3:6], light[6:9], light[14] = sun, across, np.cross(sun, across), SUN_SOFTNESS
     cones, shades = np.empty((count, 8), np.float32), np.empty((count, 9), np.float32)
-    segments = np.empty((count, 6), np.float32)
-    view_kernels.view_capsules(capsules.places, chosen, camera, light, cones, shades, segments)
+    segments, spans = np.empty((count, 6), np.float32), np.empty((count, 2), np.int32)
+    view_kernels.view_capsules(capsules.places, chosen, camera, light, cones, shades, segments, spans)
     owners = np.ascontiguousarray(capsules.owners[chosen])
     paints = np.ascontiguousarray(capsules.paints[chosen])
     neighbours = np.empty((count, _NEIGHBOURS), np.int32)
@@ -108,7 +108,8 @@ def draw(
     picture = np.empty((height, width, 3), np.uint8)
     lamps = _project_flashes(flashes, camera)
     shared = (
-        camera, light, floor, cones, shades, paints, owners, neighbours, *tiles, *shadows, *contacts, lamps, picture
+        camera, light, floor, cones, spans, shades, paints, owners, neighbours,
+        *tiles, *shadows, *contacts, lamps, picture,
     )  # fmt: skip
     if threads <= 1:
         raycast_kernels.draw_tiles(0, 1, *shared)

@@ -18,6 +18,8 @@ import numba as nb
 import numpy as np
 
 F = np.float32
+# Unsigned numbers tell the compiler that an index is never negative, without which it uses no vector instructions.
+U = np.uint64
 N = 64
 DX, DY, DZ, SPREAD = 0, N, 2 * N, 3 * N
 FRONT_T, FRONT_S, FRONT_I = 4 * N, 5 * N, 6 * N
@@ -36,8 +38,6 @@ POINT_SCRATCH = 11 * POINTS
 TOGETHER = 24
 """Cones up to which all points of a tile meet each of them; beyond, eight points at a time look for fewer."""
 FLOOR, NOTHING = -1, -2
-# Unsigned numbers tell the compiler that an index is never negative, without which it uses no vector instructions.
-U = np.uint64
 AT_X, AT_Y, AT_Z, AT_NX, AT_NY, AT_NZ = U(X), U(Y), U(Z), U(NX), U(NY), U(NZ)
 AT_WIDTH, AT_SUN, AT_SKY = U(WIDTH), U(SUN), U(SKY)
 
@@ -76,14 +76,15 @@ def _start_tile(buf, x0, y0, camera):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
-def _meet(buf, index, mx, my, mz, hx, hy, hz, r, k):
-    """Let every ray of a tile meet one rounded cone, and sort the meeting into the pixel's list by distance.
+def _meet(buf, start, stop, index, mx, my, mz, hx, hy, hz, r, k):
+    """Let the rays of pixels ``start`` to ``stop`` of a tile meet one rounded cone, and sort that in by distance.
 
     A pixel keeps the two nearest that cover it wholly and the four nearest that cover a part of it.
     """
     hh = hx * hx + hy * hy + hz * hz
-    for i in range(N):
-        dx, dy, dz = buf[DX + i], buf[DY + i], buf[DZ + i]
+    for p in range(stop - start):
+        i = U(start) + U(p)
+        dx, dy, dz = buf[U(DX) + i], buf[U(DY) + i], buf[U(DZ) + i]
         t0 = mx * dx + my * dy + mz * dz
         px, py, pz = mx - t0 * dx, my - t0 * dy, mz - t0 * dz
         hd = hx * dx + hy * dy + hz * dz
@@ -99,7 +100,7 @@ def _meet(buf, index, mx, my, mz, hx, hy, hz, r, k):
         rc = r + sc * k
         dc = d0 + a * q * q
         gap = math.sqrt(dc) - rc
-        per_pixel = ONE / max((t0 + sc * hd) * buf[SPREAD + i], TINY)
+        per_pixel = ONE / max((t0 + sc * hd) * buf[U(SPREAD) + i], TINY)
         cover = min(max(HALF - gap * per_pixel, ZERO), ONE) - min(max(HALF - (gap + TWO * rc) * per_pixel, ZERO), ONE)
         # Where it enters first.
         vertex = (r * k + a * middle) / b
@@ -116,27 +117,27 @@ def _meet(buf, index, mx, my, mz, hx, hy, hz, r, k):
         cover = cover if t > NEAR else ZERO
 
         new_t = t if cover >= FULL else FAR
-        front_t, front_s, front_i = buf[FRONT_T + i], buf[FRONT_S + i], buf[FRONT_I + i]
-        next_t, next_s, next_i = buf[NEXT_T + i], buf[NEXT_S + i], buf[NEXT_I + i]
+        front_t, front_s, front_i = buf[U(FRONT_T) + i], buf[U(FRONT_S) + i], buf[U(FRONT_I) + i]
+        next_t, next_s, next_i = buf[U(NEXT_T) + i], buf[U(NEXT_S) + i], buf[U(NEXT_I) + i]
         first = new_t < front_t
         second = new_t < next_t
-        buf[NEXT_T + i] = front_t if first else (new_t if second else next_t)
-        buf[NEXT_S + i] = front_s if first else (s if second else next_s)
-        buf[NEXT_I + i] = front_i if first else (index if second else next_i)
-        buf[FRONT_T + i] = new_t if first else front_t
-        buf[FRONT_S + i] = s if first else front_s
-        buf[FRONT_I + i] = index if first else front_i
+        buf[U(NEXT_T) + i] = front_t if first else (new_t if second else next_t)
+        buf[U(NEXT_S) + i] = front_s if first else (s if second else next_s)
+        buf[U(NEXT_I) + i] = front_i if first else (index if second else next_i)
+        buf[U(FRONT_T) + i] = new_t if first else front_t
+        buf[U(FRONT_S) + i] = s if first else front_s
+        buf[U(FRONT_I) + i] = index if first else front_i
 
         edge_t = t if (cover < FULL) & (cover > FAINT) else FAR
         edge_s, edge_c, edge_i = s, cover, index
         for slot in range(4):
-            o = slot * N + i
-            old_t, old_s, old_c, old_i = buf[EDGE_T + o], buf[EDGE_S + o], buf[EDGE_C + o], buf[EDGE_I + o]
+            o = U(slot * N) + i
+            old_t, old_s, old_c, old_i = buf[U(EDGE_T) + o], buf[U(EDGE_S) + o], buf[U(EDGE_C) + o], buf[U(EDGE_I) + o]
             nearer = edge_t < old_t
-            buf[EDGE_T + o] = edge_t if nearer else old_t
-            buf[EDGE_S + o] = edge_s if nearer else old_s
-            buf[EDGE_C + o] = edge_c if nearer else old_c
-            buf[EDGE_I + o] = edge_i if nearer else old_i
+            buf[U(EDGE_T) + o] = edge_t if nearer else old_t
+            buf[U(EDGE_S) + o] = edge_s if nearer else old_s
+            buf[U(EDGE_C) + o] = edge_c if nearer else old_c
+            buf[U(EDGE_I) + o] = edge_i if nearer else old_i
             edge_t = old_t if nearer else edge_t
             edge_s = old_s if nearer else edge_s
             edge_c = old_c if nearer else edge_c
@@ -559,7 +560,7 @@ def _develop(buf, packed, x0, y0, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
 def draw_tiles(
-    first, step, camera, light, floor, cones, shades, paints, owners, neighbours,
+    first, step, camera, light, floor, cones, spans, shades, paints, owners, neighbours,
     tile_offsets, tile_entries, light_offsets, light_entries, floor_offsets, floor_entries, flashes, out,
 ):  # fmt: skip
     """Draw every ``step``-th tile of a picture, from tile ``first`` on.
@@ -575,6 +576,7 @@ def draw_tiles(
             cells a metre, its columns and rows, softness (tangent of the sun's apparent radius), widest blur [m].
         floor: Corner x, z of the grid of contacts [m], its cells a metre, its columns and rows, reach [m].
         cones: Middle relative to the eye (3), half axis (3), middle radius, half the difference. Shape (K, 8), float32.
+        spans: First and last row of pixels that each cone may touch. Shape (K, 2), int32.
         shades: In light space relative to the eye, one end (3), the way to the other (3), first radius, difference to
             the second, one over the squared flat length. Shape (K, 9), float32.
         paints: Linear red, green, blue and gloss. Shape (K, 4), float32.
@@ -599,8 +601,9 @@ def draw_tiles(
         listed = tile_entries[tile_offsets[tile] : tile_offsets[tile + 1]]
         for index in range(listed.shape[0]):
             c = listed[index]
+            top, bottom = max(spans[c, 0] - y0, 0), min(spans[c, 1] - y0, 7)
             _meet(
-                buf, F(index), cones[c, 0], cones[c, 1], cones[c, 2],
+                buf, 8 * top, 8 * bottom + 8, F(index), cones[c, 0], cones[c, 1], cones[c, 2],
                 cones[c, 3], cones[c, 4], cones[c, 5], cones[c, 6], cones[c, 7],
             )  # fmt: skip
         _lay_ground(buf, camera)

@@ -62,8 +62,8 @@ def choose_capsules(places, camera, width, height, margin, smallest, out_chosen)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def view_capsules(places, chosen, camera, light, out_cones, out_shades, out_segments):
-    """Write the chosen capsules as rays, light and screen want them, see ``draw_tiles``; segments in tiles."""
+def view_capsules(places, chosen, camera, light, out_cones, out_shades, out_segments, out_spans):
+    """Write the chosen capsules as ``draw_tiles`` wants them, and as segments of the screen in tiles."""
     for n in range(chosen.shape[0]):
         c = chosen[n]
         ax, ay, az = places[c, 0] - camera[0], places[c, 1] - camera[1], places[c, 2] - camera[2]
@@ -83,6 +83,7 @@ def view_capsules(places, chosen, camera, light, out_cones, out_shades, out_segm
         near = NEAR + max(ra, rb)
         if za < near and zb < near:
             out_segments[n, 4] = -1.0
+            out_spans[n, 0], out_spans[n, 1] = 0, -1
             continue
         # An end behind the eye moves along the axis to where it can be projected.
         if za < near:
@@ -93,6 +94,10 @@ def view_capsules(places, chosen, camera, light, out_cones, out_shades, out_segm
             bx, by, bz = bx + s * (ax - bx), by + s * (ay - by), bz + s * (az - bz)
         _project(ax, ay, az, ra, camera, out_segments[n], 0)
         _project(bx, by, bz, rb, camera, out_segments[n], 1)
+        segment = out_segments[n]
+        low = min(max(8.0 * min(segment[1] - segment[4], segment[3] - segment[5]), -1e6), 1e6)
+        high = min(max(8.0 * max(segment[1] + segment[4], segment[3] + segment[5]), -1e6), 1e6)
+        out_spans[n, 0], out_spans[n, 1] = math.floor(low), math.floor(high)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

@@ -58,7 +58,7 @@ def test_rays_meet_rounded_cones_where_the_spheres_are_that_make_them(cone):
     camera = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, -1, focal, 4.0, 4.0, 50.0])
     buf = np.zeros(kernels.SCRATCH, np.float32)
     kernels._start_tile(buf, 0, 0, camera)
-    kernels._meet(buf, np.float32(0), *(np.float32(value) for value in cone))
+    kernels._meet(buf, 0, 64, np.float32(0), *(np.float32(value) for value in cone))
     for pixel in range(64):
         ray = np.array([buf[kernels.DX + pixel], buf[kernels.DY + pixel], buf[kernels.DZ + pixel]], float)
         ray /= np.linalg.norm(ray)
@@ -86,7 +86,7 @@ def test_coverage_of_a_ball_sums_to_the_area_of_its_disc(way):
             camera = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, -1, focal, 36.3, 35.6, 50.0])
             buf = np.zeros(kernels.SCRATCH, np.float32)
             kernels._start_tile(buf, x0, y0, camera)
-            kernels._meet(buf, np.float32(0), *(np.float32(v) for v in (0, 0, -way, 0, 0, 0, radius, 0)))
+            kernels._meet(buf, 0, 64, np.float32(0), *(np.float32(v) for v in (0, 0, -way, 0, 0, 0, radius, 0)))
             shares += np.count_nonzero(buf[kernels.FRONT_T : kernels.FRONT_T + 64] < kernels.FAR)
             edges = buf[kernels.EDGE_T : kernels.EDGE_T + 64] < kernels.FAR
             shares += buf[kernels.EDGE_C : kernels.EDGE_C + 64][edges].sum()
@@ -99,7 +99,7 @@ def test_thin_capsules_cover_as_much_as_they_are_wide():
     buf = np.zeros(kernels.SCRATCH, np.float32)
     kernels._start_tile(buf, 0, 0, camera)
     radius = 0.0015
-    kernels._meet(buf, *(np.float32(v) for v in (0, 0.003, 0, -1, 0, 5, 0, radius, 0)))
+    kernels._meet(buf, 0, 64, *(np.float32(v) for v in (0, 0.003, 0, -1, 0, 5, 0, radius, 0)))
     cover = buf[kernels.EDGE_C : kernels.EDGE_C + 64].reshape(8, 8).sum(axis=1)
     assert cover == pytest.approx(np.full(8, 100.0 * 2 * radius), rel=0.03)
 
