@@ -142,11 +142,12 @@ def _shadow_lists(shades: Array, cones: Array, camera: Array, light: Array, segm
         return np.zeros(2, np.int32), np.zeros(1, np.int32)
     bounds = np.empty(4)
     view_kernels.shadow_bounds(shades, bounds)
-    pad = SUN_SOFTNESS * 2.5 / light[1] + 0.1
+    pad = SUN_SOFTNESS * 2.5 / light[1] + 0.25
     bounds += [-pad, -pad, pad, pad]
     cell, columns, rows = _cells(bounds[2] - bounds[0], bounds[3] - bounds[1], 0.08, 400_000)
     light[9], light[10], light[11], light[12], light[13] = bounds[0], bounds[1], 1.0 / cell, columns, rows
-    light[15] = 0.05
+    # Where cells are large the crowd is far away, and shadows may blur over a pixel there.
+    light[15] = max(0.05, 0.45 * cell)
     view_kernels.shadow_segments(shades, cones, camera, light, segments)
     return _lists(segments, columns, rows)
 
