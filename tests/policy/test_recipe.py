@@ -1,0 +1,133 @@
+"""Recipes: what they default to, and every mistake with its line, its column and what was expected."""
+
+from pathlib import Path
+
+import pytest
+
+from crowdsim.errors import RecipeError
+from crowdsim.policy.environment import AXIS_KINDS
+from crowdsim.policy.recipe import Axes, load_recipe
+from crowdsim.policy.rewards import TERMS
+
+RECIPE = """\
+version: 1
+motion:
+  performer:
+    seconds: 60
+behaviours:
+  punch:
+    axes:
+      distance:
+        count: 8
+      bearing:
+        count: 12
+    rewards:
+      - kind: strike
+        tolerance: 0.1
+"""
+
+POLICIES = Path(__file__).parents[2] / "policies"
+
+
+def faults(tmp_path, text):
+    path = tmp_path / "r.yaml"
+    path.write_text(text)
+    with pytest.raises(RecipeError) as error:
+        load_recipe(path)
+    return str(error.value).replace(f"{path}:", "").splitlines()
+
+
+def changed(old, new):
+    assert old in RECIPE
+    return RECIPE.replace(old, new)
+
+
+@pytest.mark.parametrize("name", ["boxer", "boxer_cmu", "boxer_paper"])
+def test_every_shipped_recipe_is_valid_and_trains_both_behaviours(name):
+    assert list(load_recipe(POLICIES / f"{name}.yaml").behaviours) == ["approach", "punch"]
+
+
+def test_the_papers_recipe_has_the_papers_grids_and_its_table():
+    recipe = load_recipe(POLICIES / "boxer_paper.yaml")
+    shapes = {
+        name: tuple(axis.count for axis in spec.axes.given().values()) for name, spec in recipe.behaviours.items()
+    }
+    assert shapes == {"approach": (5, 13), "punch": (10, 10, 4)}
+    assert {spec.lookup for spec in recipe.behaviours.values()} == {"q"}
+    assert {spec.backup for spec in recipe.behaviours.values()} == {"max_of_interpolated"}
+
+
+def test_a_short_recipe_gets_the_defaults(tmp_path):
+    path = tmp_path / "r.yaml"
+    path.write_text(RECIPE)
+    recipe = load_recipe(path)
+    punch = recipe.behaviours["punch"]
+    assert (recipe.control_rate, recipe.playback_rate, recipe.precision) == (15.0, 60.0, "float32")
+    assert (punch.discount, punch.lookup, punch.backup) == (0.97, "v", "interpolation_of_max")
+    assert punch.solver.kind == "value_iteration"
+    assert recipe.motion.mirror
+
+
+def test_every_axis_and_every_reward_can_be_written_in_a_recipe():
+    assert set(Axes.model_fields) == set(AXIS_KINDS)
+    assert all(term.model_fields["kind"].annotation.__args__ == (name,) for name, term in TERMS.items())
+
+
+def test_an_unknown_axis_names_the_nearest_one(tmp_path):
+    [line] = faults(tmp_path, changed("      bearing:", "      baering:"))
+    assert line.startswith("10:7: behaviours.punch.axes.baering: unknown key, expected ")
+    assert line.endswith("(did you mean 'bearing'?)")
+
+
+def test_an_unknown_reward_names_the_nearest_one(tmp_path):
+    [line] = faults(tmp_path, changed("kind: strike", "kind: strik"))
+    assert line.startswith("13:15: behaviours.punch.rewards[0].kind: is 'strik', expected ")
+    assert line.endswith("(did you mean 'strike'?)")
+
+
+def test_an_unknown_key_of_a_reward_names_the_nearest_one(tmp_path):
+    [line] = faults(tmp_path, changed("tolerance: 0.1", "tolerence: 0.1"))
+    assert line.startswith("14:9: behaviours.punch.rewards[0].tolerence: unknown key, expected ")
+    assert line.endswith("(did you mean 'tolerance'?)")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "    seconds: 60\n",
+            "    seconds: 60\n  capture:\n    clips: [a.bvh]\n",
+            "3:3: motion: names both performer and capture, expected one",
+        ),
+        (
+            "  performer:\n    seconds: 60\n",
+            "  mirror: true\n",
+            "3:3: motion: names no motion, expected performer or capture",
+        ),
+        (
+            "behaviours:",
+            "playback_rate: 50\nbehaviours:",
+            "5:1: playback_rate: is 50, expected a whole multiple of the control rate 15",
+        ),
+        (
+            "        count: 8\n",
+            "        count: 8\n        minimum: 2\n        maximum: 1\n",
+            "11:9: behaviours.punch.axes.distance.maximum: is 1, expected more than the minimum 2",
+        ),
+        (
+            "    rewards:",
+            "    solver:\n      kind: q_learning\n    rewards:",
+            "7:5: behaviours.punch.backup: is interpolation_of_max, expected max_of_interpolated with q_learning",
+        ),
+    ],
+)
+def test_what_does_not_go_together_is_told_with_its_place(tmp_path, old, new, message):
+    [line] = faults(tmp_path, changed(old, new))
+    place, rest = message.split(": ", 1)
+    assert line.split(": ", 1)[1] == rest
+    assert line.split(":")[0] == place.split(":")[0]
+
+
+def test_a_range_that_is_too_wide_is_told(tmp_path):
+    [line] = faults(tmp_path, changed("tolerance: 0.1", "tolerance: -0.1"))
+    assert line.startswith("14:20: behaviours.punch.rewards[0].tolerance: is -0.1, expected ")
