@@ -7,7 +7,7 @@ over the stand. This does not jump at cuts and, where the stand is shorter than 
 Between stands a foot is let go of, or led from one place to the next where they follow closely.
 
 Then the pelvis goes along with what planted feet ask for, and down a little for a leg that would be overstretched; legs
- ease into their longest reach, soles stay above the floor.
+ease into their longest reach, soles stay above the floor.
 
 A fist is carried onto what it hits by a bump over time; for what an arm that eases into its longest reach does not
 give, the spine leans. A blow turns spine, neck and head along its way, and they spring back.
@@ -169,19 +169,22 @@ def _bend(limbs, side, rotations, places, turns, tx, ty, tz, distance, keep, ben
     size = math.sqrt(hx * hx + hy * hy + hz * hz)
     if size > 1e-6:
         hx, hy, hz = hx / size, hy / size, hz / size
-        forward = nx * hx + ny * hy + nz * hz
-        more = max(0.0, 0.15 - forward)
+        more = max(0.0, 0.1 - math.sqrt(nx * nx + ny * ny + nz * nz))
         nx, ny, nz = nx + more * hx, ny + more * hy, nz + more * hz
     size = math.sqrt(nx * nx + ny * ny + nz * nz)
     if size < 1e-9:
         nx, ny, nz = hx, hy, hz
     else:
         nx, ny, nz = nx / size, ny / size, nz / size
-    c, s = math.cos(0.5 * change), math.sin(0.5 * change)
-    bend[0], bend[1], bend[2], bend[3] = c, s * nx, s * ny, s * nz
-    vx, vy, vz = _rotate(bend, vx, vy, vz)
-    ex, ey, ez = ux + vx, uy + vy, uz + vz
-    size = math.sqrt(ex * ex + ey * ey + ez * ez)
+    wanted = flexion + change
+    for _ in range(3):
+        # Where the axis is not quite square to the limb, the turn that gives the distance is found step by step.
+        c, s = math.cos(0.5 * change), math.sin(0.5 * change)
+        bend[0], bend[1], bend[2], bend[3] = c, s * nx, s * ny, s * nz
+        ex, ey, ez = _rotate(bend, vx, vy, vz)
+        ex, ey, ez = ux + ex, uy + ey, uz + ez
+        size = math.sqrt(ex * ex + ey * ey + ez * ez)
+        change += wanted - _flexion(a, b, size)
     gx, gy, gz = tx - p[0], ty - p[1], tz - p[2]
     far = math.sqrt(gx * gx + gy * gy + gz * gz)
     if size < 1e-9 or far < 1e-9:
@@ -203,7 +206,7 @@ def _bend(limbs, side, rotations, places, turns, tx, ty, tz, distance, keep, ben
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _into_parent(limbs, turns, joint, after, before, rotations, moved):
-    """Write the local rotation of a joint that turns by ``after`` in the world, its parent, if ``moved``, by ``before``."""
+    """Write a joint's local rotation: it turns by ``after`` in the world, its parent, if ``moved``, by ``before``."""
     p = turns[limbs.parents[joint]]
     a, b, c, d = p[0], p[1], p[2], p[3]
     if moved:

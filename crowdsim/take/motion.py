@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-STILLNESS = 0.7
+STILLNESS = 0.9
 """How much of a planted foot's skating in the capture is taken away."""
 _SETTLE = (0.3, 0.55)
 """Half of the time over which a planted foot comes to rest in its mean place, evenly and fading [s]."""
@@ -91,6 +91,7 @@ class PoseMotion:
         arms: The arms.
         fists: Place of the left and right fist in the frame's ground frame [m]. Shape (P, 2, 3), float32.
         heads: Centre of the head in the frame's ground frame [m]. Shape (P, 3), float32.
+        strikes: Playback frames at which strikes reach furthest, ascending. Shape (S,).
         origins: Playback frame that lies on the avatar when each action starts. Shape (A,).
         lengths: Length of each action [control frames]. Shape (A,).
     """
@@ -102,6 +103,7 @@ class PoseMotion:
     arms: Limbs
     fists: Array
     heads: Array
+    strikes: Array
     origins: Array
     lengths: Array
 
@@ -143,6 +145,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         arms=_limbs(skeleton, body, ("shoulder", "elbow", "hand"), fists, bends, sample),
         fists=np.asarray(database.fists),
         heads=np.asarray(database.heads),
+        strikes=np.asarray(database.strike_frames, dtype=np.int64),
         origins=(np.asarray(graph.action_first, dtype=np.int64) - 1) * stride,
         lengths=np.asarray(graph.action_lengths, dtype=np.int64),
     )

@@ -1,11 +1,10 @@
 """Compiled poses: database frames, and the blends that carry them over the cuts between actions.
 
-A cut at time c leaves motion a for motion b. With D the offset of a's pose from b's there and V that of their
-velocities, ``d(t) = +-D/2 q0(s) + V/2 h q1(s)`` with ``s = |t - c| / h`` is laid over both, plus after the cut and
-minus before. q0 and q1 are quintics with q0(0) = 1, q1'(0) = 1 and every other value and derivative up to the second
-zero at both ends, so that pose and velocity are continuous and a blend has an end. Offsets of rotations are differences of
-quaternions, so that blends of cuts near one another add up without a jump at either; what comes out is brought back to
-unit length.
+A cut at time c leaves motion a for motion b, and W is a quintic step from 0 to 1 over a span around c. Both motions
+play on in the capture, so with d = a - b, ``-W d`` is laid over a before the cut and ``(1 - W) d`` over b after it:
+pose, velocity and acceleration go on through the cut, and a blend has an end. Where blends overlap they add up, each
+with what later ones leave of it, so that a pose is always a mean of captured ones. Offsets are linear: differences of
+quaternions, brought back to unit length at the end, of places, and of ground transforms.
 """
 
 import math
@@ -14,24 +13,79 @@ import numba as nb
 import numpy as np
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _between(m, start, steps):
+    """A frame and how far on from it motion is that has gone ``steps`` playback frames from another.
+
+    Beyond its clip motion goes on straight for a while, and comes to rest.
+    """
+    first, last = m.bounds[start, 0], m.bounds[start, 1]
+    frame = start + steps
+    low = min(max(math.floor(frame), first), last - 1)
+    part = frame - low
+    if part > 1.0:
+        part = 1.0 + 6.0 * math.tanh((part - 1.0) / 6.0)
+    elif part < 0.0:
+        part = 6.0 * math.tanh(part / 6.0)
+    return low, part
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _ground_way(m, start, low, part, scale, heading, out):
+    """How far motion has gone from a frame on that looks to ``heading``, in the world."""
+    rest = 1.0 - part
+    dx = m.ground[low, 0] * rest + m.ground[low + 1, 0] * part - m.ground[start, 0]
+    dz = m.ground[low, 1] * rest + m.ground[low + 1, 1] * part - m.ground[start, 1]
+    turn = heading - m.ground[start, 2]
+    cos, sin = math.cos(turn) * scale, math.sin(turn) * scale
+    out[0], out[1] = dx * cos + dz * sin, dz * cos - dx * sin
+    out[2] = m.ground[low, 2] * rest + m.ground[low + 1, 2] * part - m.ground[start, 2]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _left(cuts, cut, time):
+    """How much is left, at a time, of what a cut leaves: 1 before its span, 0 after it."""
+    s = (time - cuts.times[cut] + cuts.spans[cut, 0]) / (cuts.spans[cut, 0] + cuts.spans[cut, 1])
+    if s <= 0.0:
+        return 1.0
+    if s >= 1.0:
+        return 0.0
+    return 1.0 - s * s * s * (10.0 - s * (15.0 - 6.0 * s))
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def _add_cut(cut, past, side, time, half, cuts, sums, shift, drift):
-    """Add what one cut lays over the pose at a time; ``side`` holds signs by which rotations differ there."""
-    s = abs(time - cuts.times[cut]) / half
-    s2 = s * s
-    s3 = s2 * s
-    place = 0.5 * (1.0 - s3 * (10.0 - 15.0 * s + 6.0 * s2))
-    if not past:
-        place = -place
-    pace = 0.5 * half * (s - s3 * (6.0 - 8.0 * s + 3.0 * s2))
+def _add_cut(cut, past, share, side, time, m, cuts, speed, scale, sums, shift, drift, way):
+    """Add a share of what differs at a cut; ``side`` holds signs by which quaternions differ there."""
+    apart = time - cuts.times[cut]
+    if share == 0.0:
+        return
+    steps = apart * speed * m.rate
+    old, on = _between(m, cuts.before[cut], steps)
+    new, off = _between(m, cuts.after[cut], steps)
     for k in range(3):
-        shift[k] += place * cuts.moves[cut, 0, k] + pace * cuts.moves[cut, 1, k]
-        drift[k] += pace * cuts.drifts[cut, k]
-    a, b = np.float32(place), np.float32(pace)
-    turns, rates = cuts.turns[cut], cuts.rates[cut]
-    for j in range(turns.shape[0]):
+        there = m.roots[old, k] + (m.roots[old + 1, k] - m.roots[old, k]) * on
+        here = m.roots[new, k] + (m.roots[new + 1, k] - m.roots[new, k]) * off
+        shift[k] += share * scale * (there - here)
+    heading = cuts.places[cut, 2]
+    _ground_way(m, cuts.before[cut], old, on, scale, heading, way)
+    for k in range(3):
+        drift[k] += share * way[k]
+    _ground_way(m, cuts.after[cut], new, off, scale, heading, way)
+    for k in range(3):
+        drift[k] -= share * way[k]
+    a, b = np.float32(share * (1.0 - on)), np.float32(share * on)
+    c, d = np.float32(share * (1.0 - off)), np.float32(share * off)
+    for j in range(sums.shape[0]):
+        # The old motion's signs are those of ``side`` before the cut, the new one's those after it.
+        one, other = side[j], side[j]
+        if past:
+            one *= np.float32(cuts.signs[cut, j])
+        else:
+            other *= np.float32(cuts.signs[cut, j])
         for k in range(4):
-            sums[j, k] += side[j] * (a * turns[j, k] + b * rates[j, k])
+            sums[j, k] += one * (a * m.rotations[old, j, k] + b * m.rotations[old + 1, j, k]) - other * (
+                c * m.rotations[new, j, k] + d * m.rotations[new + 1, j, k]
+            )
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
@@ -54,7 +108,21 @@ def _write_pose(frame, fraction, rotations, blended, sums, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def blend_poses(
-    first, stop, columns, times, frames, fractions, grounds, m, cuts, rate, half, scales, out_roots, out_rotations
+    first,
+    stop,
+    columns,
+    times,
+    frames,
+    fractions,
+    grounds,
+    m,
+    cuts,
+    rate,
+    reach,
+    scales,
+    speeds,
+    out_roots,
+    out_rotations,
 ):
     """Write the poses of avatars ``first`` to ``stop`` of ``columns`` at every time, in the world.
 
@@ -69,15 +137,16 @@ def blend_poses(
         m: The frames, a ``motion.Frames``.
         cuts: A ``window.Cuts``.
         rate: Control frames a second.
-        half: Half the length of a blend [s].
+        reach: Longest time before and after a cut over which it is blended [s].
         scales: Body size by column.
+        speeds: Motion frames in a control frame, by column.
         out_roots: Place of the root in the world [m]. Shape (T, n, 3).
         out_rotations: Local rotations, the root's in the world. Shape (T, n, J, 4).
     """
     joints = m.rotations.shape[1]
     shared = times.shape[1] == 1
     sums, side = np.empty((joints, 4), np.float32), np.empty(joints, np.float32)
-    shift, drift = np.empty(3), np.empty(3)
+    shift, drift, way, before = np.empty(3), np.empty(3), np.empty(3), np.empty(64)
     for i in range(first, stop):
         n = columns[i]
         scale, last = scales[n], cuts.starts[n + 1]
@@ -89,32 +158,54 @@ def blend_poses(
                 out_rotations[t, i] = np.nan
                 continue
             time = times[t, 0 if shared else i]
-            while low < last and cuts.times[low] <= time - half:
+            while low < last and cuts.times[low] <= time - reach:
                 low += 1
-            blended = low < last and cuts.times[low] < time + half
+            blended = low < last and cuts.times[low] < time + reach
             shift[:] = 0.0
             drift[:] = 0.0
             if blended:
                 sums[:] = 0.0
+                # How much of the pose stems from before each cut.
+                high = low
+                while high < last and cuts.times[high] < time + reach and high - low < before.shape[0]:
+                    high += 1
+                part = 1.0
+                for cut in range(high - 1, low - 1, -1):
+                    part *= _left(cuts, cut, time)
+                    before[cut - low] = part
                 # The cuts that are past count from the latest back, those to come from the next on, so that signs are
                 # handed from motion to motion.
                 middle = low
-                while middle < last and (cuts.times[middle] - time) * rate <= 1e-9:
+                while middle < high and (cuts.times[middle] - time) * rate <= 1e-9:
                     middle += 1
                 side[:] = 1.0
                 for cut in range(middle - 1, low - 1, -1):
+                    _add_cut(
+                        cut, True, before[cut - low], side, time, m, cuts, speeds[n], scale, sums, shift, drift, way
+                    )
                     if cuts.signs[cut, joints]:
                         for j in range(joints):
                             side[j] *= cuts.signs[cut, j]
-                    _add_cut(cut, True, side, time, half, cuts, sums, shift, drift)
                 side[:] = 1.0
-                cut = middle
-                while cut < last and cuts.times[cut] < time + half:
-                    _add_cut(cut, False, side, time, half, cuts, sums, shift, drift)
+                for cut in range(middle, high):
+                    _add_cut(
+                        cut,
+                        False,
+                        before[cut - low] - 1.0,
+                        side,
+                        time,
+                        m,
+                        cuts,
+                        speeds[n],
+                        scale,
+                        sums,
+                        shift,
+                        drift,
+                        way,
+                    )
                     if cuts.signs[cut, joints]:
                         for j in range(joints):
                             side[j] *= cuts.signs[cut, j]
-                    cut += 1
             fraction = fractions[t, i]
             pose, root = out_rotations[t, i], out_roots[t, i]
             _write_pose(frame, fraction, m.rotations, blended, sums, pose)

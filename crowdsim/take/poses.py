@@ -24,7 +24,7 @@ from crowdsim.take.motion import PoseMotion, prepare_motion
 from crowdsim.take.pose_kernels import blend_poses
 from crowdsim.take.reactions import build_trunk, give_way, plan_blows
 from crowdsim.take.take import Take
-from crowdsim.take.window import Places, Window
+from crowdsim.take.window import BLEND, Places, Window
 from crowdsim.take.workers import share
 
 if TYPE_CHECKING:
@@ -34,8 +34,6 @@ Array = NDArray[Any]
 
 REACH = 1.0
 """How far a pose looks around its time in the take [s]."""
-BLEND = 0.4
-"""Length of the blend over a cut, half before it and half after [s]."""
 
 
 @dataclass(frozen=True)
@@ -160,13 +158,13 @@ class PoseSampler:
         motion, rows = window.motion, window.rows
         places = window.place(times, columns)
         first, last = float(times.min()), float(times.max())
-        cuts = window.cuts(first - BLEND, last + BLEND)
+        cuts = window.cuts()
         roots = np.empty((*places.frames.shape, 3), np.float32)
         rotations = np.empty((*places.frames.shape, motion.skeleton.joint_count, 4), np.float32)
 
         def blend(low: int, high: int) -> None:
             blend_poses(low, high, columns, times, places.frames, places.fractions, places.ground, motion.frames, cuts,
-                        rows.rate, BLEND / 2, rows.scales, roots, rotations)  # fmt: skip
+                        rows.rate, BLEND, rows.scales, rows.speeds, roots, rotations)  # fmt: skip
 
         share(self._threads, len(columns), blend)
         hold_feet(window, cuts, window.stands(), places, times, columns, self._stand, roots, rotations)

@@ -16,6 +16,11 @@ from crowdsim.take.workers import share
 
 Array = NDArray[Any]
 
+BLEND = 0.5
+"""Length of the blend over a cut, half before it and half after where no strike is near [s]."""
+LEAST_BLEND = 0.1
+"""Least time that it lasts before a cut, and after it [s]."""
+
 
 class Rows(NamedTuple):
     """Control frames of a take for compiled code; R rows, n avatars.
@@ -69,11 +74,9 @@ class Cuts(NamedTuple):
         times: When [s]. Shape (C,).
         before: Playback frame that the cut leaves. Shape (C,).
         after: Playback frame that it goes on from. Shape (C,).
-        turns: See ``measure_cuts``. Shape (C, J, 4).
-        rates: Likewise. Shape (C, J, 4).
-        signs: Likewise. Shape (C, J + 1).
-        moves: Likewise. Shape (C, 2, 3).
-        drifts: Likewise. Shape (C, 3).
+        spans: How long before and after the cut the blend over it lasts [s]. Shape (C, 2).
+        signs: See ``measure_cuts``. Shape (C, J + 1).
+        places: Likewise. Shape (C, 3).
         gaps: Likewise. Shape (C, 2, 3).
     """
 
@@ -82,11 +85,9 @@ class Cuts(NamedTuple):
     times: Array
     before: Array
     after: Array
-    turns: Array
-    rates: Array
+    spans: Array
     signs: Array
-    moves: Array
-    drifts: Array
+    places: Array
     gaps: Array
 
 
@@ -157,8 +158,8 @@ class Window:
         share(self.threads, len(columns), work)
         return Places(frames, fractions, ground)
 
-    def cuts(self, first: float = -math.inf, last: float = math.inf) -> Cuts:
-        """Return the cuts; those from ``first`` to ``last`` [s] measured for blends, the others for feet alone."""
+    def cuts(self) -> Cuts:
+        """Return the cuts, measured."""
         rows, frames = self.rows, self.motion.frames
         owner, row = np.nonzero((rows.fresh & rows.present)[1:].T & rows.present[:-1].T)
         row = row + 1
@@ -174,20 +175,27 @@ class Window:
             times=times,
             before=before,
             after=after,
-            turns=np.empty((count, joints, 4), np.float32),
-            rates=np.empty((count, joints, 4), np.float32),
+            spans=self._spans(before, after, rows.speeds[owner] * frames.rate),
             signs=np.empty((count, joints + 1), np.int8),
-            moves=np.empty((count, 2, 3)),
-            drifts=np.empty((count, 3)),
+            places=np.empty((count, 3)),
             gaps=np.empty((count, 2, 3)),
         )
-        near = (times >= first) & (times <= last)
 
         def work(low: int, high: int) -> None:
-            measure_cuts(rows, frames, low, high, owner, times, before, after, near, *cuts[5:])
+            measure_cuts(rows, frames, low, high, *cuts[1:5], *cuts[6:])
 
         share(self.threads, count, work)
         return cuts
+
+    def _spans(self, before: Array, after: Array, pace: Array) -> Array:
+        """How long blends last on either side: they keep off strikes, and last longer on the other side instead."""
+        strikes = self.motion.strikes
+        at = np.searchsorted(strikes, np.stack([before, after]), side="right")
+        padded = np.concatenate([[-(10**9)], strikes, [10**9]])
+        since, until = (before - padded[at[0]]) / pace, (padded[at[1] + 1] - after) / pace
+        room = np.clip(np.stack([since, until], axis=1), LEAST_BLEND, BLEND)
+        half = np.minimum(room, 0.5 * BLEND)
+        return np.minimum(room, np.minimum(BLEND - half[:, ::-1], 0.7 * BLEND))
 
     def stands(self) -> Stands:
         """Return when feet are planted."""

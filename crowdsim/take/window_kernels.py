@@ -114,21 +114,8 @@ def place_avatars(w, m, first, stop, columns, times, out_frames, out_fractions, 
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _velocity(m, frame, forward, out):
-    """Change of place and heading over one playback frame after or before a frame, in its own ground frame."""
-    a, b = (frame, frame + 1) if forward else (frame - 1, frame)
-    if b > m.bounds[frame, 1] or a < m.bounds[frame, 0]:
-        a, b = (frame - 1, frame) if forward else (frame, frame + 1)
-    dx, dz = m.ground[b, 0] - m.ground[a, 0], m.ground[b, 1] - m.ground[a, 1]
-    cos, sin = math.cos(m.ground[frame, 2]), math.sin(m.ground[frame, 2])
-    out[0], out[1] = dx * cos - dz * sin, dx * sin + dz * cos
-    out[2] = m.ground[b, 2] - m.ground[a, 2]
-    return a, b
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def measure_cuts(w, m, first, stop, owners, times, before, after, near, turns, rates, signs, moves, drifts, gaps):
-    """Measure how far motion jumps at cuts ``first`` to ``stop``, old less new; C cuts.
+def measure_cuts(w, m, first, stop, owners, times, before, after, signs, places, gaps):
+    """Measure how motion jumps at cuts ``first`` to ``stop``; C cuts.
 
     Args:
         w: The window.
@@ -139,21 +126,17 @@ def measure_cuts(w, m, first, stop, owners, times, before, after, near, turns, r
         times: When [s]. Shape (C,).
         before: Playback frame that each cut leaves. Shape (C,).
         after: Playback frame that it goes on from. Shape (C,).
-        near: Whether a blend is asked for; otherwise only feet are measured. Shape (C,), bool.
-        turns: Offsets of rotations, as quaternions. Shape (C, J, 4), float32.
-        rates: Offsets of their velocities [1/s]. Shape (C, J, 4), float32.
-        signs: 1, or -1 where a rotation goes on with the other sign; in the last column whether any does. Shape
-            (C, J + 1), int8.
-        moves: Offsets of the root's place in the ground frame and of its velocity. Shape (C, 2, 3).
-        drifts: Offset of the ground transform's velocity in the world. Shape (C, 3).
+        signs: 1, or -1 where a joint's quaternion goes on with the other sign; in the last column whether any does.
+            Shape (C, J + 1), int8.
+        places: Ground transform. Shape (C, 3).
         gaps: How far the balls of the feet jump in the world, new less old. Shape (C, 2, 3).
     """
     joints = m.rotations.shape[1]
-    old_step, new_step = np.empty(3), np.empty(3)
     for i in range(first, stop):
         n, old, new = owners[i], before[i], after[i]
         scale = w.scales[n]
-        _, _, _, _, heading = _place(w, m, times[i], n)
+        _, _, x, z, heading = _place(w, m, times[i], n)
+        places[i, 0], places[i, 1], places[i, 2] = x, z, heading
         cos, sin = math.cos(heading) * scale, math.sin(heading) * scale
         for f in range(2):
             dx = np.float64(m.balls[new, f, 0]) - m.balls[old, f, 0]
@@ -161,33 +144,14 @@ def measure_cuts(w, m, first, stop, owners, times, before, after, near, turns, r
             gaps[i, f, 0] = dx * cos + dz * sin
             gaps[i, f, 1] = (np.float64(m.balls[new, f, 1]) - m.balls[old, f, 1]) * scale
             gaps[i, f, 2] = dz * cos - dx * sin
-        if not near[i]:
-            continue
-        old_from, old_to = _velocity(m, old, False, old_step)
-        new_from, new_to = _velocity(m, new, True, new_step)
-        pace = m.rate * w.speeds[n]
-        dx, dz = (old_step[0] - new_step[0]) * pace, (old_step[1] - new_step[1]) * pace
-        drifts[i, 0], drifts[i, 1] = dx * cos + dz * sin, dz * cos - dx * sin
-        drifts[i, 2] = (old_step[2] - new_step[2]) * pace
-        any_flip = 0
+        signs[i, joints] = 0
         for j in range(joints):
             dot = np.float32(0.0)
             for k in range(4):
                 dot += m.rotations[old, j, k] * m.rotations[new, j, k]
-            sign = np.float32(-1.0) if dot < 0.0 else np.float32(1.0)
             signs[i, j] = -1 if dot < 0.0 else 1
             if dot < 0.0:
-                any_flip = 1
-            for k in range(4):
-                turns[i, j, k] = m.rotations[old, j, k] - sign * m.rotations[new, j, k]
-                step = m.rotations[old_to, j, k] - m.rotations[old_from, j, k]
-                step -= sign * (m.rotations[new_to, j, k] - m.rotations[new_from, j, k])
-                rates[i, j, k] = step * pace
-        signs[i, joints] = any_flip
-        for k in range(3):
-            moves[i, 0, k] = (np.float64(m.roots[old, k]) - m.roots[new, k]) * scale
-            step = np.float64(m.roots[old_to, k]) - m.roots[old_from, k] - m.roots[new_to, k] + m.roots[new_from, k]
-            moves[i, 1, k] = step * pace * scale
+                signs[i, joints] = 1
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
