@@ -382,7 +382,9 @@ def render(
     things: Annotated[list[Path], typer.Argument(metavar="RUN|FILE.bvh ...", help="Run folders and BVH files.")],
     out: Annotated[Path | None, typer.Option(help="Folder of the pictures; with several things their parent.")] = None,
     size: Annotated[str, typer.Option(help="Width and height, 1280x720 say.")] = "1280x720",
-    fps: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Pictures a second.")] = 30.0,
+    fps: Annotated[
+        float | None, typer.Option(min=1.0, max=1000.0, help="Pictures a second; 30, or a BVH file's own rate.")
+    ] = None,
     frames: Annotated[str | None, typer.Option(help="Output frames A:B, half-open; all by default.")] = None,
     camera: Annotated[
         str | None, typer.Option(help="auto, orbit, top, side, follow:AVATAR; front+side for BVH files.")
@@ -423,8 +425,6 @@ def render(
             out / thing.stem if out is not None else thing.with_suffix("") if thing.suffix.lower() == ".bvh" else thing
             for thing in things
         ]
-    for folder in outs:
-        _make_folder(folder)
     with Bars() as bars:
         outcomes = render_many(things, outs, options, open_source, bars)
     failed = [outcome for outcome in outcomes if outcome.error is not None]
