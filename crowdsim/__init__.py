@@ -27,6 +27,21 @@ _LAZY = {
     "RecipeError": "crowdsim.errors",
     "ScenarioError": "crowdsim.errors",
     "TakeError": "crowdsim.errors",
+    "PoseSampler": "crowdsim.take.poses",
+    "export_bvh": "crowdsim.export.bvh",
+    "export_clouds": "crowdsim.export.pointcloud",
+    "load_policies": "crowdsim.runner",
+    "load_policy": "crowdsim.policy.policy",
+    "load_recipe": "crowdsim.policy.recipe",
+    "load_scenario": "crowdsim.crowd.scenario",
+    "open_run": "crowdsim.runner",
+    "open_take": "crowdsim.take.store",
+    "read_bvh": "crowdsim.motion.bvh",
+    "run": "crowdsim.runner",
+    "run_to": "crowdsim.runner",
+    "to_clip": "crowdsim.motion.bvh",
+    "train_recipe": "crowdsim.policy.train",
+    "write_bvh": "crowdsim.motion.bvh",
 }
 
 __all__ = ["__version__", *sorted(_LAZY)]

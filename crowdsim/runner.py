@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from crowdsim import assets
 from crowdsim.crowd.scenario import Scenario, dump_scenario
-from crowdsim.errors import CrowdsimError, RunError
+from crowdsim.errors import CrowdsimError, OutputError, RunError
 from crowdsim.manifest import NAME as MANIFEST
 from crowdsim.manifest import peak_memory, read_manifest, write_manifest
 from crowdsim.outputs import write_outputs
 from crowdsim.run_folder import RESOLVED, TAKE, check_folder, clear_folder, copy_file, write_text
 from crowdsim.take.take import VARIABLES, Cast, Events, Take
+from crowdsim.validation import check_scenario
 
 if TYPE_CHECKING:
     from crowdsim.crowd.crowd import Crowd
@@ -196,7 +197,9 @@ def run(
     """
     from crowdsim.crowd.simulation import simulate
 
-    prepared = prepare(scenario, policies or load_policies(scenario, mocap, threads, progress))
+    placed = check_scenario(scenario) if policies is None else None
+    chosen = load_policies(scenario, mocap, threads, progress) if policies is None else policies
+    prepared = prepare(scenario, chosen, placed)
     chunks: list[Chunk] = []
     for chunk in simulate(prepared.crowd, prepared.policies, prepared.frames, prepared.script, threads, order=order):
         chunks.append(chunk)
@@ -259,12 +262,10 @@ def run_to(
     Raises:
         ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
         PolicyError: A bundle is foreign or damaged, or capture for it is missing.
-        OutputError: The folder cannot be used or an output cannot be written.
-        RunError: The run failed.
+        OutputError: The folder cannot be used.
+        RunError: The run failed, or an output cannot be written.
         Interrupted: SIGINT or SIGTERM came; the take holds the frames that were done.
     """
-    from crowdsim.crowd.placement import place_groups
-
     report = Report(folder)
     clock = _Clock(report.seconds)
     resolved = dump_scenario(scenario)
@@ -272,39 +273,59 @@ def run_to(
         report.done_before = True
         report.notes += _changed_policies(folder)
         return report
-    placed = place_groups(scenario)
+    placed = check_scenario(scenario)
     policies = load_policies(scenario, mocap, threads, progress)
     clock.lap("policies")
     prepared = prepare(scenario, policies, placed)
     clock.lap("prepare")
     with _stop_signals() as caught:
         report.notes += clear_folder(folder)
-        write_text(folder / RESOLVED, resolved)
-        for name in scenario.files:
-            copy_file(scenario.folder / name, folder / name)
-        take, timings = _record(folder, scenario, prepared, threads, report, clock, caught, progress)
-
-        def watch(stage: str, done: int, total: int) -> None:
-            if caught:
-                kept = "the take is finished and kept, outputs are not: export makes them, run --force does all again"
-                raise Interrupted(caught[0], folder, kept)
-            if progress is not None:
-                progress(stage, done, total)
-
-        files = write_outputs(folder, take, policies, scenario, threads, report.seconds, watch)
-        clock.start()
-        if timings is not None and scenario.outputs.profile is not None:
-            from crowdsim.crowd.profile import write_profile
-
-            write_profile(folder, timings, take.avatar_count, scenario.outputs.profile)
-            clock.lap("profile")
-        for kind, written in files.items():
-            place = written[0].parent if len(written) > 1 or kind in ("bvh", "ply", "pcd") else written[0]
-            report.outputs[kind] = (place, len(written), sum(path.stat().st_size for path in written))
-        watch("checksums", 0, 1)
-        write_manifest(folder, _manifest(scenario, prepared, report, clock, command, threads), threads)
-        watch("checksums", 1, 1)
+        try:
+            _run_in(folder, scenario, prepared, resolved, threads, report, clock, command, caught, progress)
+        except OutputError as error:
+            # The folder was fit to be written when the run began, so its input was valid.
+            raise RunError(str(error)) from error
     return report
+
+
+def _run_in(
+    folder: Path,
+    scenario: Scenario,
+    prepared: Prepared,
+    resolved: str,
+    threads: int,
+    report: Report,
+    clock: _Clock,
+    command: str,
+    caught: list[int],
+    progress: Progress | None,
+) -> None:
+    """Write everything into a folder that is ready for it."""
+    write_text(folder / RESOLVED, resolved)
+    for name in scenario.files:
+        copy_file(scenario.folder / name, folder / name)
+    take, timings = _record(folder, scenario, prepared, threads, report, clock, caught, progress)
+
+    def watch(stage: str, done: int, total: int) -> None:
+        if caught:
+            kept = "the take is finished and kept, outputs are not: export makes them, run --force does all again"
+            raise Interrupted(caught[0], folder, kept)
+        if progress is not None:
+            progress(stage, done, total)
+
+    files = write_outputs(folder, take, prepared.policies, scenario, threads, report.seconds, watch)
+    clock.start()
+    if timings is not None and scenario.outputs.profile is not None:
+        from crowdsim.crowd.profile import write_profile
+
+        write_profile(folder, timings, take.avatar_count, scenario.outputs.profile)
+        clock.lap("profile")
+    for kind, written in files.items():
+        place = written[0].parent if kind in ("bvh", "ply", "pcd") else written[0]
+        report.outputs[kind] = (place, len(written), sum(path.stat().st_size for path in written))
+    watch("checksums", 0, 1)
+    write_manifest(folder, _manifest(scenario, prepared, report, clock, command, threads), threads)
+    watch("checksums", 1, 1)
 
 
 class _Clock:

@@ -3,23 +3,69 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import yaml
 
-from crowdsim.yaml_files import Finding, find_faults
+from crowdsim.errors import CrowdsimError
+from crowdsim.yaml_files import find_faults
+
+if TYPE_CHECKING:
+    from crowdsim.crowd.placement import Placed
+    from crowdsim.crowd.scenario import Scenario
 
 _RECIPE_KEYS = {"motion", "graph", "control_rate", "playback_rate", "precision"}
 
 
-def find_file_faults(path: Path) -> list[Finding]:
-    """Return everything that is wrong with a scenario or a recipe, in the order of its lines."""
+def find_file_faults(path: Path) -> list[str]:
+    """Return everything that is wrong with a scenario or a recipe, a line each.
+
+    A scenario whose keys are right is placed too, and the behaviours that it weighs are looked up in its policies.
+    """
     if _is_recipe(path):
         from crowdsim.policy.recipe import Recipe
 
-        return find_faults(path, Recipe)
-    from crowdsim.crowd.scenario import find_scenario_faults
+        return [str(finding) for finding in find_faults(path, Recipe)]
+    from crowdsim.crowd.scenario import find_scenario_faults, load_scenario
 
-    return find_scenario_faults(path)
+    findings = [str(finding) for finding in find_scenario_faults(path)]
+    if findings:
+        return findings
+    try:
+        scenario = load_scenario(path)
+    except CrowdsimError as error:
+        return str(error).splitlines()
+    for check in (_check_behaviours, _check_places):
+        try:
+            check(scenario)
+        except CrowdsimError as error:
+            findings += str(error).splitlines()
+    return findings
+
+
+def check_scenario(scenario: Scenario) -> Placed:
+    """Check what only shows when a scenario is put together, before anything is trained; return its avatars in place.
+
+    Raises:
+        ScenarioError: Behaviours are weighed that are not learned, or not all avatars fit.
+        RecipeError: The recipe of a policy is invalid.
+        PolicyError: A bundle is damaged.
+    """
+    _check_behaviours(scenario)
+    return _check_places(scenario)
+
+
+def _check_behaviours(scenario: Scenario) -> None:
+    from crowdsim.crowd.cast import check_behaviours, learned_behaviours
+
+    policies = dict.fromkeys(kind.policy for kind in scenario.types.values())
+    check_behaviours(scenario, {name: learned_behaviours(name) for name in policies})
+
+
+def _check_places(scenario: Scenario) -> Placed:
+    from crowdsim.crowd.placement import place_groups
+
+    return place_groups(scenario)
 
 
 def _is_recipe(path: Path) -> bool:

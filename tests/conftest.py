@@ -1,6 +1,8 @@
 """Fixtures that all tests share."""
 
 import os
+import shutil
+import time
 from pathlib import Path
 
 import pytest
@@ -21,3 +23,35 @@ def mocap() -> Path:
     if os.environ.get("CI") == "true":
         pytest.fail(reason)
     pytest.skip(reason)
+
+
+@pytest.fixture(scope="session")
+def tiny_policy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a small trained policy, its recipe ``tiny.yaml`` beside it; trained once for all test processes."""
+    from crowdsim.policy.train import train_recipe
+
+    base = tmp_path_factory.getbasetemp()
+    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "policies"
+    shared.mkdir(exist_ok=True)
+    recipe, lock = shared / "tiny.yaml", shared / "lock"
+    while True:
+        try:
+            lock.touch(exist_ok=False)
+            break
+        except FileExistsError:
+            time.sleep(0.2)
+    try:
+        if not recipe.exists():
+            recipe.write_text((Path(__file__).parent / "tiny_policy.yaml").read_text(encoding="utf-8"))
+        return train_recipe(recipe, threads=2)[0]
+    finally:
+        lock.unlink()
+
+
+@pytest.fixture
+def workplace(tiny_policy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty working folder in which the policy ``tiny`` can be found."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("CROWDSIM_MOCAP", raising=False)
+    shutil.copytree(tiny_policy.parent, tmp_path / "policies", ignore=shutil.ignore_patterns("lock", ".*"))
+    return tmp_path

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from crowdsim.errors import TakeError
-from crowdsim.manifest import read_manifest, verify, write_manifest
+from crowdsim.manifest import read_manifest, update_manifest, verify, write_manifest
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_an_untouched_run_has_no_finding(folder: Path) -> None:
-    assert verify(folder) == []
+    assert verify(folder) == ([], [])
     told = read_manifest(folder)
     assert told["seed"] == 4
     assert set(told["files"]) == {"bvh/a.bvh", "scenario.resolved.yaml"}
@@ -33,11 +33,16 @@ def test_a_changed_bit_a_lost_file_and_a_new_one_are_found(folder: Path) -> None
     path.write_bytes(data)
     (folder / "scenario.resolved.yaml").unlink()
     (folder / "more.txt").write_text("x")
-    assert verify(folder) == [
-        f"{path}: has changed: its SHA-256 is not the one in manifest.json",
-        f"{folder / 'scenario.resolved.yaml'}: is missing",
-        f"{folder / 'more.txt'}: is not in manifest.json",
-    ]
+    (folder / "take.zarr").mkdir()
+    (folder / "take.zarr" / "0").write_text("x")
+    assert verify(folder, 2) == (
+        [
+            f"{path}: has changed: its SHA-256 is not the one in manifest.json",
+            f"{folder / 'scenario.resolved.yaml'}: is missing",
+            f"{folder / 'take.zarr' / '0'}: is not in manifest.json",
+        ],
+        ["more.txt"],
+    )
     path.write_bytes(data[:-1])
     assert verify(folder)[0] == f"{path}: has 999 bytes, expected 1000"
 
@@ -54,3 +59,28 @@ def test_what_is_no_manifest_is_refused(tmp_path: Path) -> None:
     (tmp_path / "manifest.json").write_text(json.dumps({"format": "crowdsim-run", "version": 7}))
     with pytest.raises(TakeError, match="is of version 7, expected 1"):
         verify(tmp_path)
+
+
+def test_any_changed_bit_of_a_manifest_is_found(folder: Path) -> None:
+    path = folder / "manifest.json"
+    whole = path.read_bytes()
+    for place in range(0, len(whole), 7):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+        try:
+            assert verify(folder)[0], place
+        except TakeError as error:
+            assert str(error).startswith(f"{path}: ")
+    path.write_bytes(whole)
+    assert verify(folder) == ([], [])
+
+
+def test_exports_written_anew_take_the_place_of_those_before(folder: Path) -> None:
+    (folder / "bvh" / "b.bvh").write_text("new")
+    stale = update_manifest(folder, "bvh", [folder / "bvh" / "b.bvh"], {"fps": 30.0})
+    assert stale == [folder / "bvh" / "a.bvh"]
+    assert not stale[0].exists()
+    assert verify(folder) == ([], [])
+    told = read_manifest(folder)
+    assert set(told["files"]) == {"bvh/b.bvh", "scenario.resolved.yaml"}
+    assert told["exports"] == {"bvh": {"fps": 30.0}}
+    assert told["seed"] == 4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,7 +33,7 @@ from crowdsim.crowd.scenario_groups import (
 )
 from crowdsim.crowd.scenario_parts import Arena, CircleArena, RectangleArena
 from crowdsim.crowd.script import Change, CirclePath, LinePath, Script, TargetPath
-from crowdsim.errors import ScenarioError, nearest
+from crowdsim.errors import RecipeError, ScenarioError, nearest
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -62,16 +62,16 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
     Raises:
         ScenarioError: A type weighs a behaviour that its policy has not learned.
     """
+    check_behaviours(scenario, {policy.name: [one.name for one in policy.behaviours] for policy in policies})
     moods, mood = np.unique(np.stack([placed.group, placed.type], axis=1), axis=0, return_inverse=True)
     mood = mood.reshape(-1)
     owners = policies_of_types(scenario, policies)
     width = max(len(policy.behaviours) for policy in policies)
-    kinds = list(scenario.types.items())
+    kinds = list(scenario.types.values())
     weights = np.zeros((len(moods), width))
     for row, (_, kind) in enumerate(moods):
-        name, settings = kinds[kind]
-        weights[row] = _weights(policies[owners[kind]], settings.behaviours, width, 1.0, f"types.{name}")
-    settings = [kinds[kind][1] for _, kind in moods]
+        weights[row] = _weights(policies[owners[kind]], kinds[kind].behaviours, width, 1.0)
+    settings = [kinds[kind] for _, kind in moods]
     skip, fixed = np.empty(placed.count, np.int32), np.full(placed.count, -1, np.int32)
     for index, group in enumerate(scenario.groups):
         _set_opponents(scenario, placed, placed.group == index, group.opponents, skip, fixed)
@@ -97,22 +97,66 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         seed=scenario.seed,
     )
     rate = float(policies[0].database.control_rate)
-    changes = tuple(
-        _change(scenario, placed, policies, crowd, moods, owners, event, i, rate)
-        for i, event in enumerate(scenario.events)
-    )
+    changes = tuple(_change(scenario, placed, policies, crowd, moods, owners, event, rate) for event in scenario.events)
     return crowd, Script(tuple(_path(target) for target in scenario.targets.values()), changes)
 
 
-def _weights(policy: Policy, given: dict[str, float], width: int, default: float, where: str) -> Array:
+def learned_behaviours(policy: str) -> list[str]:
+    """Return the behaviours of a policy by its name, trained or not.
+
+    Raises:
+        RecipeError: Its recipe is invalid.
+        PolicyError: There is no such policy, or its bundle is damaged.
+    """
+    from crowdsim import assets
+    from crowdsim.policy.bundle import read_document
+    from crowdsim.policy.recipe import load_recipe
+
+    try:
+        recipe = assets.find_recipe(policy)
+    except RecipeError:
+        return [str(told["name"]) for told in read_document(assets.find_bundle(policy))["behaviours"]]
+    return list(load_recipe(recipe).behaviours)
+
+
+def check_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]]) -> None:
+    """See to it that types and events weigh only behaviours that their policies have learned.
+
+    Args:
+        scenario: The scenario, resolved.
+        learned: Behaviours of each policy by its name; types of other policies are passed over.
+
+    Raises:
+        ScenarioError: They weigh others; a line for each.
+    """
+    lines = []
+
+    def check(key: tuple[str | int, ...], given: Mapping[str, float], policy: str) -> None:
+        for name in given:
+            names = learned.get(policy, given)
+            if name not in names:
+                what = f"policy {policy!r} has no such behaviour{nearest(name, names)}; it has {', '.join(names)}"
+                lines.append(f"{scenario.where(*key, name)}: {what}")
+
+    for name, kind in scenario.types.items():
+        check(("types", name, "behaviours"), kind.behaviours, kind.policy)
+    for index, event in enumerate(scenario.events):
+        if isinstance(event, WeightsEvent):
+            concerned = {
+                scenario.types[name].policy: None
+                for group in scenario.groups
+                if event.group in (None, group.name)
+                for name in ([group.type] if group.type is not None else group.mix or {})
+            }
+            for policy in concerned:
+                check(("events", index, "behaviours"), event.behaviours, policy)
+    if lines:
+        raise ScenarioError("\n".join(dict.fromkeys(lines)))
+
+
+def _weights(policy: Policy, given: dict[str, float], width: int, default: float) -> Array:
     """Weights of a policy's behaviours in its order, filled up to ``width``."""
     names = [behaviour.name for behaviour in policy.behaviours]
-    for name in given:
-        if name not in names:
-            raise ScenarioError(
-                f"{where}.behaviours.{name}: policy {policy.name!r} has no such behaviour{nearest(name, names)}; "
-                f"it has {', '.join(names)}"
-            )
     told = [given.get(name, default) for name in names]
     return np.array(told + [default] * (width - len(told)))
 
@@ -177,7 +221,6 @@ def _change(
     moods: Array,
     owners: Array,
     event: Event,
-    index: int,
     rate: float,
 ) -> Change:
     """An event as a ``Change``."""
@@ -189,7 +232,7 @@ def _change(
         weights = np.full(crowd.weights.shape, np.nan)
         for row in np.flatnonzero(rows):
             policy = policies[owners[moods[row, 1]]]
-            weights[row] = _weights(policy, event.behaviours, crowd.weights.shape[1], np.nan, f"events[{index}]")
+            weights[row] = _weights(policy, event.behaviours, crowd.weights.shape[1], np.nan)
         heat = np.where(rows, np.nan if event.temperature is None else event.temperature, np.nan)
         return Change(**when, weights=weights, temperatures=heat)
     if isinstance(event, RetargetEvent):

@@ -1,0 +1,390 @@
+"""Runs from scenario to manifest, and everything that can go wrong on the way."""
+
+import hashlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import crowdsim, write_scene
+
+import crowdsim as package
+from crowdsim.crowd.scenario import load_scenario
+from crowdsim.errors import RunError
+from crowdsim.manifest import read_manifest
+from crowdsim.runner import load_policies, prepare, run, run_to
+from crowdsim.take.store import open_take
+from crowdsim.take.take import VARIABLES
+
+OUTPUTS = {"bvh": {"fps": 30}, "ply": {"fps": 30, "every": 20, "points": 50}}
+
+
+def take_bytes(folder: Path) -> dict[str, str]:
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted((folder / "take.zarr").rglob("*"))
+        if path.is_file()
+    }
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name != "manifest.json"
+    }
+
+
+def test_a_run_leaves_take_outputs_and_a_manifest_and_says_so(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml", outputs={**OUTPUTS, "profile": {}})
+    assert crowdsim("run", "four.yaml", "--threads", "1") == 0
+    folder = workplace / "output" / "four"
+    names = {path.name for path in folder.iterdir()}
+    assert names == {"manifest.json", "scenario.resolved.yaml", "take.zarr", "bvh", "ply", "profile.csv"}
+    told = read_manifest(folder)
+    assert (told["status"], told["seed"], told["avatars"], told["control_frames"]) == ("done", 5, 4, 40)
+    assert told["command"] == "crowdsim run four.yaml --threads 1"
+    assert set(told["seconds"]) >= {"policies", "compile", "control", "take", "export", "total"}
+    assert told["peak_memory_bytes"] > 10_000_000
+    assert set(told["policies"]) == {"tiny"}
+    assert set(told["files"]) == set(tree(folder))
+    printed = capsys.readouterr().out
+    assert len(printed.splitlines()) < 20
+    for line in ("avatars         4\n", "control frames  40 (2.7 s)\n", "a minute and avatar\n",
+                 "bvh             output/four/bvh (4 files, ", "ply             output/four/ply (4 files"):  # fmt: skip
+        assert line in printed
+    assert crowdsim("verify", "output/four") == 0
+
+
+def test_the_resolved_scenario_runs_again_to_the_same_bytes(workplace: Path) -> None:
+    (workplace / "in").mkdir()
+    (workplace / "in" / "places.csv").write_text("-1,0\n1,0\n")
+    groups = [
+        {"name": "pair", "type": "boxer", "count": 2, "placement": {"kind": "points", "file": "places.csv"}},
+    ]
+    write_scene(workplace / "in" / "pair.yaml", groups=groups, opponents={"kind": "anyone"}, outputs=OUTPUTS)
+    assert crowdsim("run", "in/pair.yaml", "--out", "first") == 0
+    assert (workplace / "first" / "places.csv").read_text() == "-1,0\n1,0\n"
+    assert crowdsim("run", "first/scenario.resolved.yaml", "--out", "second") == 0
+    assert tree(workplace / "first") == tree(workplace / "second")
+
+
+def test_takes_do_not_depend_on_threads(workplace: Path) -> None:
+    path = write_scene(workplace / "four.yaml")
+    for threads in (1, 2):
+        run_to(workplace / f"by{threads}", load_scenario(path), threads)
+    assert take_bytes(workplace / "by1") == take_bytes(workplace / "by2")
+
+
+def test_takes_do_not_depend_on_the_order_of_storage_and_python_runs_as_the_command_line_does(workplace: Path) -> None:
+    path = write_scene(workplace / "four.yaml")
+    scenario = package.load_scenario(path)
+    policies = load_policies(scenario)
+    plain, permuted = run(scenario, policies), run(scenario, policies, order=np.array([2, 0, 3, 1]), threads=2)
+    assert crowdsim("run", path, "--out", "written") == 0
+    stored = open_take(workplace / "written")
+    for take in (permuted, stored):
+        for name in VARIABLES:
+            assert getattr(plain, name)[:].tobytes() == getattr(take, name)[:].tobytes(), name
+        for name in ("frame", "attacker", "victim", "hand", "point", "speed", "landed"):
+            assert getattr(plain.events, name).tobytes() == getattr(take.events, name).tobytes(), name
+    assert isinstance(plain.x, np.ndarray)
+    assert plain.x.shape == (40, 4)
+
+
+def test_a_finished_run_is_not_done_again_but_by_force(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml")
+    assert crowdsim("run", "four.yaml") == 0
+    manifest = workplace / "output" / "four" / "manifest.json"
+    before = manifest.stat().st_mtime_ns
+    capsys.readouterr()
+    assert crowdsim("run", "four.yaml") == 0
+    assert capsys.readouterr().out == "output/four: this run is done already; --force does it again\n"
+    assert manifest.stat().st_mtime_ns == before
+    assert crowdsim("run", "four.yaml", "--force") == 0
+    assert manifest.stat().st_mtime_ns > before
+
+
+def test_another_run_under_a_name_is_refused_with_the_difference(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml")
+    assert crowdsim("run", "four.yaml") == 0
+    before = tree(workplace / "output" / "four")
+    capsys.readouterr()
+    assert crowdsim("run", "four.yaml", "--seed", "6", "--set", "duration=50") == 2
+    assert capsys.readouterr().err == (
+        "output/four: holds another run; --force replaces it, --out names another folder\n"
+        "--- run there\n+++ asked for\n@@ -4,2 +4,2 @@\n-seed: 5\n-duration: 40\n+seed: 6\n+duration: 50\n"
+    )
+    assert tree(workplace / "output" / "four") == before
+    assert crowdsim("run", "four.yaml", "--seed", "6", "--force") == 0
+
+
+def test_several_runs_do_not_hurt_each_other(workplace: Path, capsys) -> None:
+    write_scene(workplace / "a.yaml", name="a")
+    write_scene(workplace / "b.yaml", name="b", duration=-3)
+    write_scene(workplace / "c.yaml", name="c")
+    assert crowdsim("run", "a.yaml", "b.yaml", "c.yaml", "--out", "runs") == 1
+    assert sorted(path.name for path in (workplace / "runs").iterdir()) == ["a", "c"]
+    told = capsys.readouterr().err
+    assert "\nb.yaml:4:11: duration: is -3, expected a whole number from 1 to 100000000" in told
+    assert told.endswith("\n1 of 3 runs failed: b.yaml\n")
+
+
+def test_foreign_folders_and_files_are_left_alone(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml")
+    (workplace / "mine" / "bvh").mkdir(parents=True)
+    (workplace / "mine" / "bvh" / "capture.bvh").write_text("mine")
+    (workplace / "file").write_text("mine")
+    for out, message in (
+        ("mine", "mine: holds 'bvh', which is no run's; expected an empty folder or a run's\n"),
+        ("file", "file: is a file, expected a folder for the run\n"),
+        ("file/run", "file/run: cannot be made: file is a file\n"),
+    ):
+        for force in ((), ("--force",)):
+            assert crowdsim("run", "four.yaml", "--out", out, *force) == 2
+            assert capsys.readouterr().err == message
+    assert (workplace / "mine" / "bvh" / "capture.bvh").read_text() == "mine"
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="the superuser writes anywhere")
+def test_a_folder_that_cannot_be_written_is_refused_before_anything_is_done(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml")
+    (workplace / "locked").mkdir(mode=0o555)
+    assert crowdsim("run", "four.yaml", "--out", "locked/run") == 2
+    message = "locked/run: cannot be written, expected a folder with write permission\n"
+    assert capsys.readouterr().err == message
+
+
+def crowd(count: int, radius: float = 5.0) -> dict:
+    placement = {"kind": "disc", "radius": radius, "distance": 0.5}
+    return {
+        "groups": [{"name": "all", "type": "boxer", "count": count, "placement": placement}],
+        "opponents": {"kind": "anyone"},
+    }
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (crowd(0), "four.yaml:11:10: groups[0].count: is 0, expected a whole number from 1 to 10000000"),
+        (
+            crowd(1),
+            "four.yaml:17:3: opponents: there is one avatar and nobody to fight, expected a second avatar or a "
+            "scripted target",
+        ),
+        (
+            crowd(10_000_001),
+            "four.yaml:11:10: groups[0].count: is 10000001, expected a whole number from 1 to 10000000",
+        ),
+        (
+            {**crowd(9), "opponents": {"kind": "other_team"}},
+            "four.yaml:17:9: opponents.kind: is 'other_team', but all avatars are of team 'one', expected a second "
+            "team or kind 'anyone'",
+        ),
+        (
+            crowd(1_000_000, 1.0),
+            "four.yaml:13:5: groups[0].placement: 10 of 1000000 avatars fit in a disc of radius 1 m at least 0.5 m "
+            "apart, expected a radius of about 354 m, a smaller distance or fewer avatars",
+        ),
+        (
+            {"types": {"boxer": {"policy": "tiny", "behaviours": {"aproach": 2}}}},
+            "four.yaml:9:16: types.boxer.behaviours.aproach: policy 'tiny' has no such behaviour (did you mean "
+            "'approach'?); it has approach, punch",
+        ),
+        (
+            {"types": {"boxer": {"policy": "tinny"}}},
+            "four.yaml:7:13: types.boxer.policy: is 'tinny', no known policy, expected boxer, boxer_cmu, "
+            "boxer_paper or tiny (did you mean 'tiny'?)",
+        ),
+    ],
+)  # fmt: skip
+def test_scenarios_that_cannot_be_run_end_with_2_and_nothing_made(workplace: Path, capsys, changes, message) -> None:
+    write_scene(workplace / "four.yaml", **changes)
+    held = sorted(workplace.rglob("*"))
+    for word in ("run", "validate"):
+        assert crowdsim(word, "four.yaml") == 2
+        assert capsys.readouterr().err == f"{message}\n", word
+    assert sorted(workplace.rglob("*")) == held
+
+
+def test_missing_capture_is_named_and_nothing_is_made(workplace: Path, capsys) -> None:
+    assert crowdsim("run", "brawl_30_cmu") == 2
+    assert "CROWDSIM_MOCAP" in capsys.readouterr().err
+    assert not (workplace / "output").exists()
+
+
+def test_damaged_and_foreign_bundles_are_refused_and_stale_ones_trained_again(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml")
+    bundle = workplace / "policies" / "tiny"
+    values = bundle / "values.npy"
+    whole = values.read_bytes()
+    values.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+    assert crowdsim("run", "four.yaml") == 2
+    assert capsys.readouterr().err.endswith(
+        "policies/tiny/values.npy: damaged: its SHA-256 is not the one in policy.json; train the policy again\n"
+    )
+    assert not (workplace / "output").exists()
+    values.write_bytes(whole)
+    document = (bundle / "policy.json").read_text()
+    (bundle / "policy.json").write_text('{"kind": "something else"}')
+    assert crowdsim("run", "four.yaml") == 2
+    assert capsys.readouterr().err.endswith("policies/tiny/policy.json: foreign: its kind is not 'crowdsim policy'\n")
+    (bundle / "policy.json").write_text(document)
+    assert crowdsim("run", "four.yaml") == 0
+    recipe = workplace / "policies" / "tiny.yaml"
+    recipe.write_text(recipe.read_text().replace("count: 6, fade", "count: 5, fade"))
+    capsys.readouterr()
+    assert crowdsim("run", "four.yaml") == 0
+    assert "done already" in capsys.readouterr().out
+    assert crowdsim("run", "four.yaml", "--force") == 0
+    assert json.loads((bundle / "policy.json").read_text())["fingerprint"] != json.loads(document)["fingerprint"]
+    assert crowdsim("verify", "output/four") == 0
+
+
+def test_a_finished_run_tells_of_policies_trained_since(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml")
+    assert crowdsim("run", "four.yaml") == 0
+    recipe = workplace / "policies" / "tiny.yaml"
+    recipe.write_text(recipe.read_text().replace("count: 6, fade", "count: 5, fade"))
+    assert crowdsim("train", "tiny") == 0
+    capsys.readouterr()
+    assert crowdsim("run", "four.yaml") == 0
+    told = capsys.readouterr()
+    assert told.err == "output/four: policy 'tiny' has been trained again since; --force runs with it\n"
+    assert crowdsim("export", "output/four", "--bvh") == 2
+    assert "is not the one that the take was recorded with" in capsys.readouterr().err
+
+
+def test_values_that_are_no_numbers_name_avatar_and_frame_and_leave_no_take(workplace: Path) -> None:
+    path = write_scene(workplace / "four.yaml")
+    scenario = load_scenario(path)
+    policies = load_policies(scenario)
+    policies[0].values[:] = np.nan
+    with pytest.raises(RunError, match=r"^avatar 0 at control frame 0: "):
+        run(scenario, policies)
+
+
+def test_policies_of_one_run_share_a_control_rate(workplace: Path) -> None:
+    text = (workplace / "policies" / "tiny.yaml").read_text()
+    (workplace / "policies" / "slow.yaml").write_text(f"control_rate: 10\n{text}")
+    types = {"boxer": {"policy": "tiny"}, "slow": {"policy": "slow"}}
+    path = write_scene(workplace / "four.yaml", types=types)
+    scenario = load_scenario(path, ["groups[0].type=slow"])
+    with pytest.raises(RunError, match="four: policies of one run need one control rate, but tiny has 15, slow has 10"):
+        prepare(scenario, load_policies(scenario))
+
+
+def start(workplace: Path, *arguments: str) -> subprocess.Popen:
+    program = "from crowdsim.cli import main; main()"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.Popen(
+        [sys.executable, "-c", program, *arguments], cwd=workplace, env=environment, stderr=subprocess.PIPE, text=True
+    )
+
+
+def wait_for(path: Path, process: subprocess.Popen) -> None:
+    for _ in range(6000):
+        if path.exists():
+            return
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.01)
+    raise AssertionError(f"{path} does not come")
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupted_run_keeps_its_frames_and_says_so(workplace: Path, capsys, number: int, code: int) -> None:
+    write_scene(workplace / "long.yaml", name="long", duration=50_000_000, outputs=OUTPUTS)
+    process = start(workplace, "run", "long.yaml")
+    wait_for(workplace / "output" / "long" / "take.zarr.partial" / "x" / "0.0", process)
+    process.send_signal(number)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == code
+    assert "output/long: interrupted; the " in error
+    take = open_take(workplace / "output" / "long")
+    assert take.status == "interrupted"
+    assert take.frame_count >= 64
+    assert np.isfinite(take.x[:]).all()
+    assert sorted(path.name for path in (workplace / "output" / "long").iterdir()) == [
+        "scenario.resolved.yaml",
+        "take.zarr",
+    ]
+    assert crowdsim("export", "output/long", "--bvh", "--frames", "0:30") == 0
+    assert "output/long: the run was interrupted; " in capsys.readouterr().err
+    assert crowdsim("verify", "output/long") == 2
+    assert capsys.readouterr().err == "output/long: no manifest.json here, so this is no finished run\n"
+
+
+def test_a_killed_run_leaves_nothing_under_a_final_name_and_the_next_one_tells(workplace: Path, capsys) -> None:
+    write_scene(workplace / "long.yaml", name="long", duration=50_000_000)
+    process = start(workplace, "run", "long.yaml")
+    wait_for(workplace / "output" / "long" / "take.zarr.partial" / "x" / "0.0", process)
+    process.kill()
+    process.wait(timeout=60)
+    process.stderr.close()
+    folder = workplace / "output" / "long"
+    assert sorted(path.name for path in folder.iterdir()) == ["scenario.resolved.yaml", "take.zarr.partial"]
+    assert crowdsim("export", "output/long", "--bvh") == 2
+    assert "only what a run left that was killed; run its scenario again" in capsys.readouterr().err
+    assert crowdsim("run", "long.yaml", "--set", "duration=20") == 0
+    found = "output/long: an unfinished run was found (scenario.resolved.yaml, take.zarr.partial); starting clean\n"
+    assert capsys.readouterr().err.endswith(found)
+    assert crowdsim("verify", "output/long") == 0
+
+
+def test_an_interrupt_while_outputs_are_written_keeps_the_take(workplace: Path, monkeypatch, capsys) -> None:
+    import crowdsim.export.stream as stream
+
+    write_scene(workplace / "four.yaml", outputs=OUTPUTS)
+    monkeypatch.setattr(stream, "_POSES_AT_ONCE", 40)
+    write, calls = stream._stream, []
+
+    def signalled(sampler, fps, sinks, pool, progress):
+        def report(*told):
+            calls.append(told)
+            os.kill(os.getpid(), signal.SIGINT) if len(calls) == 3 else None
+            progress(*told)
+
+        return write(sampler, fps, sinks, pool, report)
+
+    monkeypatch.setattr(stream, "_stream", signalled)
+    assert crowdsim("run", "four.yaml") == 130
+    folder = workplace / "output" / "four"
+    assert open_take(folder).status == "done"
+    assert not (folder / "manifest.json").exists()
+    assert not [path for path in folder.rglob("*") if path.name.endswith(".part") or ".part." in path.name]
+    assert capsys.readouterr().err.endswith("the take is finished and kept, outputs are not: export makes them, run --force does all again\n")  # fmt: skip  # noqa: E501
+
+
+def test_a_full_disk_is_an_error_that_leaves_nothing_half_written(workplace: Path) -> None:
+    resource = pytest.importorskip("resource")
+    write_scene(workplace / "four.yaml", outputs=OUTPUTS)
+    program = (
+        "import resource, sys\n"
+        "from crowdsim.crowd.scenario import load_scenario\n"
+        "from crowdsim.runner import load_policies, run\n"
+        "import open3d\n"
+        "run(load_scenario('four.yaml'))\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv.pop(1)),) * 2)\n"
+        "from crowdsim.cli import main\n"
+        "main()\n"
+    )
+    assert resource
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_DISABLE_PERFORMANCE_WARNINGS": "1"}
+    for limit, path in ((300, "output/four/"), (20_000, "output/four/bvh/red_0.bvh")):
+        done = subprocess.run(
+            [sys.executable, "-c", program, str(limit), "run", "four.yaml", "--force"],
+            cwd=workplace, env=environment, capture_output=True, text=True, timeout=300, check=False,
+        )  # fmt: skip
+        assert done.returncode == 1, done.stderr
+        assert f"{path}" in done.stderr
+        assert done.stderr.splitlines()[-1].endswith("cannot be written: File too large")
+        folder = workplace / "output" / "four"
+        assert not (folder / "manifest.json").exists()
+        assert not [path for path in folder.rglob("*") if "part" in path.name]
+        shutil.rmtree(folder)
