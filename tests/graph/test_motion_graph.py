@@ -14,6 +14,8 @@ from crowdsim.graph.settings import GraphSettings
 from crowdsim.graph.states import graph_of_transitions
 from crowdsim.graph.statistics import frames_kept_by_clip, graph_statistics
 from crowdsim.graph.transitions import Transitions
+from crowdsim.motion.bvh import read_bvh, to_clip
+from crowdsim.motion.database import build_database
 
 
 def transitions_of(edges):
@@ -267,3 +269,18 @@ def test_a_coin_at_the_end_of_one_loop_cuts_as_often_as_reckoned_by_hand():
     assert numbers.action_frames == 3.5
     assert numbers.transitions_per_second == pytest.approx(10.0 / 3.5)
     assert numbers.uncut_seconds == pytest.approx(0.3)
+
+
+@pytest.mark.mocap
+def test_real_capture_of_several_people_becomes_one_graph_that_keeps_nearly_every_frame_and_strike(mocap):
+    clips = [to_clip(read_bvh(path), 0.01) for path in sorted((mocap / "fight_daz").glob("*.bvh"))]
+    database = build_database(clips)
+    graph = build_graph(database)
+    assert not graph.warnings
+    shares = frames_kept_by_clip(graph, database.clip_starts) / np.diff(database.clip_starts)
+    assert shares.min() > 0.9
+    shown = np.zeros(database.frame_count + 1, bool)
+    for first, length in zip(graph.action_first, graph.action_lengths, strict=True):
+        shown[first : first + length] = True
+    assert shown[-(-database.strike_frames // database.stride)].mean() > 0.95
+    assert graph_statistics(graph, database.control_rate).branching > 5
