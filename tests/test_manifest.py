@@ -1,6 +1,7 @@
 """Manifests: every changed bit is found."""
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -44,7 +45,7 @@ def test_a_changed_bit_a_lost_file_and_a_new_one_are_found(folder: Path) -> None
         ["more.txt"],
     )
     path.write_bytes(data[:-1])
-    assert verify(folder)[0] == f"{path}: has 999 bytes, expected 1000"
+    assert verify(folder)[0][0] == f"{path}: has 999 bytes, expected 1000"
 
 
 def test_what_is_no_manifest_is_refused(tmp_path: Path) -> None:
@@ -61,15 +62,21 @@ def test_what_is_no_manifest_is_refused(tmp_path: Path) -> None:
         verify(tmp_path)
 
 
+def _is_damaged(folder: Path) -> bool:
+    try:
+        read_manifest(folder)
+    except TakeError:
+        return True
+    return False
+
+
 def test_any_changed_bit_of_a_manifest_is_found(folder: Path) -> None:
     path = folder / "manifest.json"
     whole = path.read_bytes()
     for place in range(0, len(whole), 7):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
-        try:
+        with pytest.raises(TakeError) if _is_damaged(folder) else nullcontext():
             assert verify(folder)[0], place
-        except TakeError as error:
-            assert str(error).startswith(f"{path}: ")
     path.write_bytes(whole)
     assert verify(folder) == ([], [])
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World, empty_record, empty_scratch
 from crowdsim.crowd.crowd import Crowd, build_avatars, enter
+from crowdsim.crowd.events import VARIABLES, Events
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import SEARCHES, Index, build_index
 from crowdsim.crowd.random import Purpose, stream
@@ -33,36 +34,10 @@ Array = NDArray[Any]
 STAGES = ("index", "observe", "choose", "advance", "strikes", "record")
 """What a control frame's time is spent on."""
 
-VARIABLES = ("action", "action_frame", "x", "z", "heading", "opponent")
-"""What is recorded for every control frame and avatar."""
-
 SMALL = 400
 """Most avatars whose opponents are found by comparing with everyone, many frames in one compiled call."""
 
 _CHUNK_AVATAR_FRAMES = 1_000_000
-
-
-@dataclass(frozen=True)
-class Events:
-    """Strikes thrown, in the order of time, then of attackers; S strikes.
-
-    Attributes:
-        frame: When, in control frames from the start, between frames too. Shape (S,), float64.
-        attacker: Avatar that struck. Shape (S,), int32.
-        victim: Its opponent, an avatar or ``-2 - target``; -1 for nobody. Shape (S,), int32.
-        hand: 0 left, 1 right. Shape (S,), uint8.
-        point: Where the fist was [m]. Shape (S, 3), float32.
-        speed: Its highest speed before [m/s]. Shape (S,), float32.
-        landed: Whether it landed. Shape (S,), bool.
-    """
-
-    frame: Array
-    attacker: Array
-    victim: Array
-    hand: Array
-    point: Array
-    speed: Array
-    landed: Array
 
 
 @dataclass(frozen=True)
