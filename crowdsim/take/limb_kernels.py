@@ -169,7 +169,7 @@ def _bend(limbs, side, rotations, places, turns, tx, ty, tz, distance, keep, ben
     size = math.sqrt(hx * hx + hy * hy + hz * hz)
     if size > 1e-6:
         hx, hy, hz = hx / size, hy / size, hz / size
-        more = max(0.0, 0.1 - math.sqrt(nx * nx + ny * ny + nz * nz))
+        more = max(0.0, 0.2 - math.sqrt(nx * nx + ny * ny + nz * nz))
         nx, ny, nz = nx + more * hx, ny + more * hy, nz + more * hz
     size = math.sqrt(nx * nx + ny * ny + nz * nz)
     if size < 1e-9:
@@ -177,7 +177,7 @@ def _bend(limbs, side, rotations, places, turns, tx, ty, tz, distance, keep, ben
     else:
         nx, ny, nz = nx / size, ny / size, nz / size
     wanted = flexion + change
-    for _ in range(3):
+    for _ in range(5):
         # Where the axis is not quite square to the limb, the turn that gives the distance is found step by step.
         c, s = math.cos(0.5 * change), math.sin(0.5 * change)
         bend[0], bend[1], bend[2], bend[3] = c, s * nx, s * ny, s * nz

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-STILLNESS = 0.9
-"""How much of a planted foot's skating in the capture is taken away."""
+SKATING = 0.05
+"""Speed down to which planted feet that skate in the capture are calmed [m/s]; slower ones tremble as they did."""
 _SETTLE = (0.3, 0.55)
 """Half of the time over which a planted foot comes to rest in its mean place, evenly and fading [s]."""
 _SIDES = ("left", "right")
@@ -121,7 +121,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     feet = [body.roles["left_foot"], body.roles["right_foot"]]
     balls = positions[:, feet] + quaternion.rotate(turns[:, feet], body.sole_offsets[:, 1])
     contacts = np.array(database.contacts, dtype=bool)
-    balls[..., [0, 2]] += STILLNESS * _calming(balls[..., [0, 2]], contacts, starts, database.playback_rate)
+    balls[..., [0, 2]] += _calming(balls[..., [0, 2]], contacts, starts, database.playback_rate)
     clip = np.searchsorted(starts, np.arange(starts[-1]), side="right") - 1
     frames = Frames(
         rotations=rotations,
@@ -197,7 +197,7 @@ def _align_signs(rotations: Array, starts: Array) -> None:
 
 
 def _calming(balls: Array, contacts: Array, starts: Array, rate: float) -> Array:
-    """How far planted feet are from the mean place of their contact; eased from one contact to the next. (P, 2, 2)."""
+    """How far planted feet go towards the mean place of their contact, eased from one to the next. Shape (P, 2, 2)."""
     ways = np.zeros_like(balls)
     flat, wide = (max(1, round(seconds * rate)) for seconds in _SETTLE)
     ticks = np.abs(np.arange(-wide, wide + 1))
@@ -210,7 +210,9 @@ def _calming(balls: Array, contacts: Array, starts: Array, rate: float) -> Array
                 path = balls[low:high, foot]
                 weight = np.convolve(np.ones(len(path)), kernel)[wide : wide + len(path)]
                 mean = np.stack([np.convolve(column, kernel)[wide : wide + len(path)] for column in path.T], axis=1)
-                ways[low:high, foot] = mean / weight[:, None] - path
+                speed = float(np.median(np.linalg.norm(np.diff(path, axis=0), axis=1))) * rate if len(path) > 1 else 0.0
+                stillness = max(0.0, 1.0 - SKATING / max(speed, 1e-9))
+                ways[low:high, foot] = stillness * (mean / weight[:, None] - path)
             edges = [start, *spans.ravel().tolist(), stop]
             for low, high in zip(edges[::2], edges[1::2], strict=True):
                 before = ways[low - 1, foot] if low > start else np.zeros(2)

@@ -1,0 +1,225 @@
+"""How well cuts are hidden: can a classifier tell them from captured motion?
+
+    python benchmarks/motion_quality.py [--mocap DIR] [--json] [--windows 1500]
+
+Windows of 0.4 s around cuts between captured frames, as the motion graph allows them, against windows of the capture
+itself around the very frames that those cuts leave and enter, so that nothing but the cut tells them apart. Features are
+velocities and accelerations of the body's joints at 60 Hz in the ground frame of the window's middle. Clips are split in
+halves: a classifier trained on cuts and captured motion of one half is asked about the other, four splits, of which the
+mean area under the ROC curve counts; 0.5 is guessing, 1 is certainty. Two classifiers try, logistic regression, and
+random trees that are told speeds and sizes of accelerations too; the better of them counts.
+
+`ours` are poses of takes with blends and planted feet, `crossfade` fades from one motion to the other over 0.4 s while
+both play on, `hard` does nothing. Motion is the embedded performer's and, with --mocap or CROWDSIM_MOCAP, the capture of
+`policies/boxer_cmu.yaml`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.graph.motion_graph import MotionGraph, build_graph
+from crowdsim.motion import ground, quaternion
+from crowdsim.motion.database import MotionDatabase
+from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.take.poses import PoseSampler
+from crowdsim.take.take import Cast, Events, Take
+
+Array = NDArray[Any]
+
+ROOT = Path(__file__).parents[1]
+HALF = 12
+"""Playback frames of a window on either side of its middle."""
+FADE = 12
+"""Playback frames of a cross-fade on either side of the cut."""
+ROWS = 15
+"""Control frames of motion before and after a cut."""
+
+
+def usable(database: MotionDatabase, graph: MotionGraph, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return control frames before and after some cuts that have motion around them; the first is left, the second
+    lies on it."""
+    leave, enter = np.asarray(graph.transition_from), np.asarray(graph.transition_to) - 1
+    starts = np.asarray(database.clip_starts)
+
+    def inside(frames: Array) -> Array:
+        clip = np.searchsorted(starts, frames, side="right") - 1
+        return (frames - ROWS - 1 >= starts[clip]) & (frames + ROWS + 1 < starts[clip + 1])
+
+    fits = np.flatnonzero(inside(leave) & inside(enter))
+    fits = rng.permutation(fits)[:count]
+    return leave[fits], enter[fits]
+
+
+def take_of_cuts(database: MotionDatabase, leave: Array, enter: Array) -> PoseSampler:
+    """A take in which every avatar shows one cut, in the middle, standing on the origin."""
+    count, stride = len(leave), database.stride
+    steps = np.arange(-ROWS, ROWS + 1)
+    past = steps[:, None] >= 0
+    frames = np.where(past, enter + steps[:, None], leave + steps[:, None])
+    middle = np.where(past, enter, leave)
+    place = ground.compose(ground.inverse(database.ground[middle * stride]), database.ground[frames * stride])
+    numbers = np.arange(count)
+    action = np.where(past, 2 * numbers + 1, 2 * numbers)
+    phase = np.where(past, steps[:, None], steps[:, None] + ROWS)
+    shape = (2 * ROWS + 1, count)
+    first = np.stack([leave - ROWS + 1, enter + 1], axis=1).ravel()
+    graph = SimpleNamespace(action_first=first, action_lengths=np.full(2 * count, ROWS))
+    zeros = np.zeros(count, np.int16)
+    cast = Cast(numbers.astype(str), zeros, zeros, zeros, np.ones(count, np.float32), np.ones(count, np.float32),
+                ("boxer",), ("all",), ("motion",), np.full((1, 3), np.nan))  # fmt: skip
+    events = Events(*(np.zeros((0, 3) if name == "point" else 0) for name in Events.__dataclass_fields__))
+    take = Take(
+        np.broadcast_to(action, shape).astype(np.int32),
+        np.broadcast_to(phase, shape).astype(np.float32),
+        *(place[..., k].astype(np.float32) for k in range(3)),
+        np.full(shape, -1, np.int32), cast, np.zeros((shape[0], 0, 3)), (), events, database.control_rate, "cuts", 0,
+        ("",), "done",
+    )  # fmt: skip
+    policy: Any = SimpleNamespace(database=database, graph=graph, fingerprint="")
+    return PoseSampler(take, [policy], threads=2)
+
+
+def played(database: MotionDatabase, middle: Array, reach: int) -> tuple[Array, Array]:
+    """Captured motion around frames in their ground frame: places of roots (n, T, 3) and rotations (n, T, J, 4)."""
+    frames = middle[:, None] * database.stride + np.arange(-reach, reach + 1)
+    origin = database.ground[middle * database.stride][:, None]
+    roots = ground.to_local(origin, database.root_positions[frames])
+    rotations = np.array(database.rotations[frames], dtype=float)
+    rotations[:, :, 0] = quaternion.multiply(quaternion.about_y(-origin[..., 2]), rotations[:, :, 0])
+    return roots, rotations
+
+
+def joints(database: MotionDatabase, roots: Array, rotations: Array) -> Array:
+    """Places of the joints that have roles (n, T, roles, 3)."""
+    count, times = roots.shape[:2]
+    flat = rotations.reshape(count * times, -1, 4).astype(np.float32)
+    places, _ = forward_kinematics(database.skeleton, roots.reshape(-1, 3), flat, parallel=False)
+    kept = sorted(set(database.body.roles.values()))
+    return places[:, kept].reshape(count, times, len(kept), 3).astype(float)
+
+
+def ways(database: MotionDatabase, leave: Array, enter: Array) -> dict[str, Array]:
+    """Joint places over windows of every way to cut, and of the capture. Shape (n, T, roles, 3)."""
+    reach = HALF + 1
+    before, after = played(database, leave, reach), played(database, enter, reach)
+    steps = np.arange(-reach, reach + 1)
+    hard = [
+        np.where((steps >= 0).reshape(1, -1, *[1] * (a.ndim - 2)), b, a) for a, b in zip(before, after, strict=True)
+    ]
+    share = np.clip((steps + FADE) / (2 * FADE), 0.0, 1.0)
+    share = (share * share * (3.0 - 2.0 * share)).reshape(1, -1, 1)
+    sign = np.where(np.sum(before[1] * after[1], axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
+    mixed = before[1] * (1.0 - share[..., None]) + sign * after[1] * share[..., None]
+    faded = [before[0] * (1.0 - share) + after[0] * share, quaternion.normalise(mixed)]
+    sampler = take_of_cuts(database, leave, enter)
+    centre = ROWS * database.stride
+    poses = sampler.sample(centre - reach, centre + reach + 1, database.playback_rate)[0]
+    return {
+        "ours": joints(database, poses.root_positions.swapaxes(0, 1), poses.rotations.swapaxes(0, 1)),
+        "crossfade": joints(database, *faded),
+        "hard": joints(database, *hard),
+        "left": joints(database, *before),
+        "entered": joints(database, *after),
+    }
+
+
+def features(places: Array, rate: float) -> tuple[Array, Array]:
+    """Velocities and accelerations of windows (n, ...), and their sizes alone."""
+    velocity = (places[:, 2:] - places[:, :-2]) * (0.5 * rate)
+    acceleration = (places[:, 2:] - 2.0 * places[:, 1:-1] + places[:, :-2]) * (rate * rate)
+    both = np.stack([velocity, acceleration], axis=2)[:, ::2]
+    sizes = np.linalg.norm(both, axis=-1)
+    return both.reshape(len(both), -1).astype(np.float32), sizes.reshape(len(sizes), -1).astype(np.float32)
+
+
+def areas(database: MotionDatabase, cuts: dict[str, Array], leave: Array, enter: Array, kind: str) -> dict[str, float]:
+    """Mean area under the ROC curve of each classifier, trained and asked on different clips."""
+    from sklearn.ensemble import ExtraTreesClassifier
+    from sklearn.linear_model import LogisticRegression
+    from sklearn.metrics import roc_auc_score
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    rate = database.playback_rate
+    # A clip and its mirror image lie in the same half.
+    names = [name.removesuffix("~mirror") for name in database.clip_names]
+    unique = sorted(set(names))
+    clip_of = np.array([unique.index(name) for name in names])
+    starts = np.asarray(database.clip_starts)
+    left, entered = (clip_of[np.searchsorted(starts, frames, side="right") - 1] for frames in (leave, enter))
+    pairs = {key: features(cuts[key], rate) for key in (kind, "left", "entered")}
+    half = np.arange(len(leave)) % 2 == 0
+    told: dict[str, list[float]] = {"logistic": [], "trees": []}
+    for split in range(4):
+        chosen = np.random.default_rng(split).permutation(len(unique))[: len(unique) // 2]
+        sides = np.isin(left, chosen).astype(int) + np.isin(entered, chosen)
+        parts = []
+        for side in (2, 0):
+            inside = sides == side
+            rows = [pairs[kind], *(tuple(f for f in pairs[key]) for key in ("left", "entered"))]
+            masks = [inside, inside & half, inside & ~half]
+            parts.append(
+                tuple(np.concatenate([row[k][mask] for row, mask in zip(rows, masks, strict=True)]) for k in (0, 1))
+                + (np.concatenate([np.ones(inside.sum()), np.zeros(inside.sum())]),)
+            )
+        (train, train_sizes, labels), (test, test_sizes, truth) = parts
+        trees = ExtraTreesClassifier(300, min_samples_leaf=2, n_jobs=2, random_state=split)
+        models: dict[str, tuple[Any, Array, Array]] = {
+            "logistic": (make_pipeline(StandardScaler(), LogisticRegression(C=1e-3, max_iter=200)), train, test),
+            "trees": (trees, np.hstack([train, train_sizes]), np.hstack([test, test_sizes])),
+        }
+        for name, (model, known, asked) in models.items():
+            model.fit(known, labels)
+            told[name].append(float(roc_auc_score(truth, model.predict_proba(asked)[:, 1])))
+    return {name: float(np.mean(values)) for name, values in told.items()}
+
+
+def motions(mocap: Path | None) -> dict[str, MotionDatabase]:
+    """The performer's motion, and the capture where it is at hand."""
+    from crowdsim.policy.fingerprint import capture_files
+    from crowdsim.policy.recipe import load_recipe
+    from crowdsim.policy.train import load_motion
+
+    performer = load_recipe(ROOT / "policies" / "boxer.yaml", ["motion.performer.seconds=150"])
+    told = {"performer": load_motion(performer, [])}
+    if mocap is not None:
+        recipe = load_recipe(ROOT / "policies" / "boxer_cmu.yaml")
+        told["capture"] = load_motion(recipe, capture_files(recipe, mocap))
+    return told
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder with capture")
+    parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
+    parser.add_argument("--windows", type=int, default=1500, help="cuts that are looked at, at the most")
+    options = parser.parse_args()
+    result: dict[str, Any] = {}
+    for name, database in motions(options.mocap).items():
+        leave, enter = usable(database, build_graph(database), options.windows, np.random.default_rng(0))
+        cuts = ways(database, leave, enter)
+        result[name] = {"cuts": len(leave)}
+        for kind in ("ours", "crossfade", "hard"):
+            by = areas(database, cuts, leave, enter, kind)
+            result[name][kind] = {"auc": max(by.values()), **by}
+    if options.json:
+        print(json.dumps(result, indent=2))
+        return
+    for name, told in result.items():
+        print(f"{name}, {told['cuts']} cuts{'':12}   AUC logistic  trees")
+        for kind in ("ours", "crossfade", "hard"):
+            row = told[kind]
+            print(f"  {kind:24} {row['auc']:7.3f} {row['logistic']:8.3f} {row['trees']:6.3f}")
+
+
+if __name__ == "__main__":
+    main()

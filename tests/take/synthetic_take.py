@@ -1,0 +1,96 @@
+"""Takes for tests: walks through the motion of a short performance, without a policy or a simulation."""
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from crowdsim.motion import ground
+from crowdsim.motion.database import MotionDatabase, build_database
+from crowdsim.motion.performer import perform
+from crowdsim.take.poses import PoseSampler
+from crowdsim.take.take import Cast, Events, Take
+
+RATE = 15.0
+NO_EVENTS = Events(*(np.zeros((0, 3) if name == "point" else 0) for name in Events.__dataclass_fields__))
+
+
+@cache
+def database() -> MotionDatabase:
+    """Motion of half a minute of performance."""
+    return build_database([performed.clip for performed in perform(30, 3)])
+
+
+def actions(count: int, longest: int = 12, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """First frames and lengths of actions that lie in one clip each."""
+    rng = np.random.default_rng(seed)
+    starts = database().clip_starts
+    lengths = rng.integers(1, longest + 1, count)
+    clips = rng.integers(0, len(starts) - 1, count)
+    room = starts[clips + 1] - starts[clips] - lengths - 1
+    return (starts[clips] + 1 + (rng.random(count) * room)).astype(int), lengths
+
+
+def build_take(
+    chosen: list[list[int]],
+    first: np.ndarray,
+    lengths: np.ndarray,
+    frames: int,
+    speeds: list[float] | None = None,
+    scales: list[float] | None = None,
+    events: Events = NO_EVENTS,
+    pushes: float = 0.0,
+    start: list[tuple[float, float, float]] | None = None,
+) -> tuple[Take, Any]:
+    """Let avatars do actions one after another; returns the take and a stand-in for its policy."""
+    motion, count, stride = database(), len(chosen), database().stride
+    speeds, scales = speeds or [1.0] * count, scales or [1.0] * count
+    rng = np.random.default_rng(1)
+    action, phase = np.zeros((frames, count), np.int32), np.zeros((frames, count))
+    places = np.zeros((frames, count, 3))
+    for n, queue in enumerate(chosen):
+        place = np.array(start[n] if start else (2.0 * n, 0.0, 0.4 * n))
+        at, done = 0, 0.0
+        for frame in range(frames):
+            if frame:
+                done += speeds[n]
+                if done >= lengths[queue[at]] - 1e-9:
+                    end = (first[queue[at]] - 1 + lengths[queue[at]]) * stride
+                    place = _go(motion, place, (first[queue[at]] - 1) * stride, end, scales[n])
+                    done -= lengths[queue[at]]
+                    at += 1
+                    place[:2] += rng.uniform(-pushes, pushes, 2)
+            origin = (first[queue[at]] - 1) * stride
+            action[frame, n], phase[frame, n] = queue[at], done
+            places[frame, n] = _go(motion, place, origin, origin + done * stride, scales[n])
+    zeros = np.zeros(count, np.int16)
+    cast = Cast(
+        np.array([f"a{n}" for n in range(count)]), zeros, zeros, zeros, np.array(scales, np.float32),
+        np.array(speeds, np.float32), ("boxer",), ("all",), ("boxer",), np.full((1, 3), np.nan),
+    )  # fmt: skip
+    take = Take(
+        action, phase.astype(np.float32), *(places[..., k].astype(np.float32) for k in range(3)),
+        np.full((frames, count), -1, np.int32), cast, np.zeros((frames, 0, 3), np.float32), (), events, RATE, "test", 0,
+        ("",), "done",
+    )  # fmt: skip
+    graph = SimpleNamespace(action_first=np.asarray(first), action_lengths=np.asarray(lengths))
+    return take, SimpleNamespace(database=motion, graph=graph, fingerprint="")
+
+
+def sampler(take: Take, policy: Any, **more: Any) -> PoseSampler:
+    """Poses of a take whose one policy is a stand-in."""
+    return PoseSampler(take, [policy], **more)
+
+
+def _go(motion: MotionDatabase, place: np.ndarray, start: float, end: float, scale: float) -> np.ndarray:
+    step = ground.compose(ground.inverse(_at(motion, start)), _at(motion, end))
+    step[:2] *= scale
+    return ground.compose(place, step)
+
+
+def _at(motion: MotionDatabase, frame: float) -> np.ndarray:
+    low = int(np.floor(frame + 1e-9))
+    part = max(frame - low, 0.0)
+    high = min(low + 1, len(motion.ground) - 1)
+    return motion.ground[low] * (1 - part) + motion.ground[high] * part

@@ -1,0 +1,288 @@
+"""Poses of takes: what captured motion, cuts, feet and strikes do to them, and what they depend on."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from crowdsim.errors import TakeError
+from crowdsim.motion import quaternion
+from crowdsim.motion.ik import flexion
+from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.take.fists import body_points, surface_point
+from crowdsim.take.poses import Poses, PoseSampler
+from crowdsim.take.take import Events, Take
+from tests.take.synthetic_take import actions, build_take, database, sampler
+
+LEGS = ("hip", "knee", "foot", "toe")
+
+
+def random_take(seed: int, avatars: int = 4, frames: int = 75, **more: Any) -> tuple[Take, Any]:
+    """Avatars that cut several times a second, with strikes that land on one another."""
+    rng = np.random.default_rng(seed)
+    first, lengths = actions(200, seed=seed)
+    chosen = [rng.permutation(200).tolist() for _ in range(avatars)]
+    speeds = more.pop("speeds", rng.uniform(0.8, 1.2, avatars).tolist())
+    scales = rng.uniform(0.9, 1.1, avatars).tolist()
+    start = [(0.6 * n, 0.0, 0.5 * np.pi * (-1) ** n) for n in range(avatars)]
+    strikes = 12
+    times = np.sort(rng.uniform(3, frames - 3, strikes))
+    attackers = rng.integers(0, avatars, strikes)
+    events = Events(
+        times.astype(np.float32), attackers.astype(np.int32), ((attackers + 1) % avatars).astype(np.int32),
+        rng.integers(0, 2, strikes).astype(np.uint8), rng.normal(size=(strikes, 3)).astype(np.float32),
+        rng.uniform(3, 9, strikes).astype(np.float32), rng.random(strikes) < 0.8,
+    )  # fmt: skip
+    return build_take(chosen, first, lengths, frames, speeds, scales, events, start=start, **more)
+
+
+def same(one: Poses, other: Poses, times: slice = slice(None), columns: Any = slice(None)) -> bool:
+    return bool(
+        np.array_equal(one.root_positions, other.root_positions[times][:, columns], equal_nan=True)
+        and np.array_equal(one.rotations, other.rotations[times][:, columns], equal_nan=True)
+    )
+
+
+def hard(take: Take, policy: Any, fps: float = 60.0) -> np.ndarray:
+    """Joint places of captured motion as it is, put where the take has its avatars."""
+    poses = sampler(take, policy)
+    window = poses._window(0, np.arange(take.avatar_count), np.array([0.0, take.seconds]))
+    times = (np.arange(take.output_frames(fps)) / fps)[:, None]
+    places = window.place(times, np.arange(take.avatar_count))
+    motion = window.motion.frames
+    turns = np.array(motion.rotations[places.frames], float)
+    turns[..., 0, :] = quaternion.multiply(quaternion.about_y(places.ground[..., 2]), turns[..., 0, :])
+    flat = turns.reshape(-1, turns.shape[-2], 4).astype(np.float32)
+    found, _ = forward_kinematics(database().skeleton, np.zeros((len(flat), 3), np.float32), flat, parallel=False)
+    found = found.reshape(*turns.shape[:-1], 3) * np.asarray(take.cast.scales)[:, None, None]
+    from crowdsim.motion import ground
+
+    roots = ground.to_world(places.ground, motion.roots[places.frames] * np.asarray(take.cast.scales)[:, None])
+    return np.asarray(found + roots[..., None, :])
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.integers(0, 10_000), st.integers(0, 250), st.integers(1, 40), st.sets(st.integers(0, 3), min_size=1))
+def test_a_range_of_some_avatars_has_the_bytes_of_the_whole(seed: int, start: int, length: int, who: set[int]) -> None:
+    take, policy = random_take(seed % 5)
+    whole = sampler(take, policy).sample(0, take.output_frames(60), 60)[0]
+    stop = min(start + length, take.output_frames(60))
+    avatars = np.array(sorted(who))
+    part = sampler(take, policy, threads=2).sample(start, stop, 60, avatars)[0]
+    assert same(part, whole, slice(start, stop), avatars)
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 4), st.integers(32, 42))
+def test_a_pose_depends_on_a_second_of_the_take_and_no_more(seed: int, frame: int) -> None:
+    take, policy = random_take(seed)
+    other, _ = random_take(seed + 100)
+    far = np.abs(np.arange(take.frame_count) - frame) > 15
+    changed = {
+        name: np.where(far[:, None], getattr(other, name), getattr(take, name))
+        for name in ("action", "action_frame", "x", "z", "heading")
+    }
+    near = np.abs(take.events.frame - frame) <= 15
+    events = Events(*(getattr(take.events, name)[near] for name in Events.__dataclass_fields__))
+    mixed = replace(take, **changed, events=events)
+    one = sampler(take, policy).sample(4 * frame, 4 * frame + 1, 60)[0]
+    assert same(sampler(mixed, policy).sample(4 * frame, 4 * frame + 1, 60)[0], one)
+
+
+def test_captured_motion_that_goes_on_is_shown_as_it_is() -> None:
+    clip = int(database().clip_starts[0])
+    first, lengths = np.array([clip + 1, clip + 11, clip + 31, clip + 61]), np.array([10, 20, 30, 40])
+    take, policy = build_take([[0, 1, 2, 3]], first, lengths, 90)
+    poses = sampler(take, policy).sample(0, take.output_frames(60), 60)[0]
+    places, _ = poses.joints()
+    gap = np.linalg.norm(places - hard(take, policy), axis=-1)
+    legs = [joint for role, joint in database().body.roles.items() if role.endswith(LEGS)]
+    rest = np.setdiff1d(np.arange(gap.shape[-1]), legs)
+    assert np.percentile(gap[..., rest], 90) < 0.002
+    assert gap.max() < 0.03
+
+
+def test_a_cut_between_equal_frames_changes_nothing() -> None:
+    clip = int(database().clip_starts[0])
+    whole, policy = build_take([[0, 1]], np.array([clip + 1, clip + 31]), np.array([30, 30]), 45)
+    cut, other = build_take([[0, 1]], np.array([clip + 1, clip + 31]), np.array([30, 29]), 45)
+    one, two = (sampler(t, p).sample(0, 150, 60)[0] for t, p in ((whole, policy), (cut, other)))
+    assert same(one, two)
+
+
+def test_position_and_velocity_go_on_through_cuts() -> None:
+    take, policy = random_take(3, speeds=[1.0] * 4)
+    take = replace(take, events=Events(*(getattr(take.events, n)[:0] for n in Events.__dataclass_fields__)))
+    fast = 1920.0
+    ours = sampler(take, policy).sample(3000, 5000, fast)[0].joints()[0]
+    plain = hard(take, policy, 60.0)
+    # A hard cut jumps by decimetres from one frame to the next, whatever the frame rate.
+    assert np.linalg.norm(np.diff(plain, axis=0), axis=-1).max() > 0.3
+    steps = np.linalg.norm(np.diff(ours, axis=0), axis=-1)
+    assert steps.max() * fast < 25.0
+    changes = np.linalg.norm(np.diff(ours, 2, axis=0), axis=-1) * fast
+    # Captured motion is straight between playback frames, so its velocity has corners, but no large ones.
+    assert np.percentile(changes, 99.9) < 8.0
+
+
+def test_planted_feet_stay_where_they_are_through_cuts() -> None:
+    take, policy = random_take(5, avatars=6, speeds=[1.0] * 6)
+    poses = sampler(take, policy).sample(0, take.output_frames(60), 60)[0]
+    ours, plain = _slide(poses.joints()[0], take, policy), _slide(hard(take, policy), take, policy)
+    assert np.percentile(plain, 99) > 3.0
+    assert np.percentile(ours, 99) < 1.0
+    # Cuts between any two frames, several a second, leave no foot where it is for long.
+    assert np.median(ours) < 0.35
+
+
+def _slide(places: np.ndarray, take: Take, policy: Any) -> np.ndarray:
+    roles = database().body.roles
+    window = sampler(take, policy)._window(0, np.arange(take.avatar_count), np.array([0.0, take.seconds]))
+    frames = window.place((np.arange(len(places)) / 60.0)[:, None], np.arange(take.avatar_count)).frames
+    planted = database().contacts[frames]
+    feet = places[:, :, [roles["left_foot"], roles["right_foot"]]][..., [0, 2]]
+    speeds = np.linalg.norm(np.diff(feet, axis=0), axis=-1) * 60
+    return np.asarray(speeds[planted[1:] & planted[:-1]])
+
+
+def test_no_sole_goes_under_the_floor_and_no_knee_bends_backwards() -> None:
+    take, policy = random_take(7, avatars=6)
+    body = database().body
+    poses = sampler(take, policy).sample(0, take.output_frames(60), 60)[0]
+    places, turns = poses.joints()
+    for foot, side in enumerate(("left", "right")):
+        hip, knee, ankle = (body.roles[f"{side}_{name}"] for name in ("hip", "knee", "foot"))
+        for sole in body.sole_offsets[foot]:
+            points = places[:, :, ankle] + quaternion.rotate(turns[:, :, ankle], sole) * poses.scales[:, None]
+            assert points[..., 1].min() > -1e-3
+        bend = np.rad2deg(flexion(places[:, :, hip], places[:, :, knee], places[:, :, ankle]))
+        assert bend.max() < 160.0
+        # The knee lies in front of the line from hip to ankle.
+        middle = 0.5 * (places[:, :, hip] + places[:, :, ankle])
+        ahead = quaternion.rotate(turns[:, :, hip], [0.0, 0.0, 1.0])
+        out = np.sum((places[:, :, knee] - middle) * ahead, axis=-1)
+        assert out[bend > 15.0].min() > 0.0
+
+
+def duel(gap: float, landed: bool = True) -> tuple[Take, Any, int]:
+    """One who strikes a standing other whose head is ``gap`` [m] further than the fist comes; the strike's frame."""
+    motion = database()
+    stride = motion.stride
+    strike = int(motion.strike_frames[np.argmax(motion.strike_speeds)])
+    frame = strike // stride
+    first, lengths = np.array([frame - 20, frame - 20]), np.array([60, 60])
+    take, policy = build_take([[0], [1]], first, lengths, 45, start=[(0, 0, 0), (0, 0, 0)])
+    body = motion.body
+    hand = int(motion.strike_hands[np.argmax(motion.strike_speeds)])
+    when = (strike - (frame - 21) * stride) / stride
+    alone = sampler(take, policy).sample(round(when * 4), round(when * 4) + 1, 60)[0]
+    head, _, _, fists = body_points(body, *(a[0] for a in alone.joints()), alone.scales)
+    way = fists[0, hand] - head[0]
+    way[1] = 0.0
+    way *= (np.linalg.norm(way) + body.head_radius + gap) / np.linalg.norm(way)
+    # The other stands as the first does, so that its head is as high; it is moved along the fist's way.
+    x, z = take.x.copy(), take.z.copy()
+    x[:, 1] += way[0]
+    z[:, 1] += way[2]
+    events = Events(
+        np.array([when], np.float32), np.array([0], np.int32), np.array([1], np.int32), np.array([hand], np.uint8),
+        fists[:1, hand].astype(np.float32), np.array([7.0], np.float32), np.array([landed]),
+    )  # fmt: skip
+    return replace(take, x=x, z=z, events=events), policy, round(when * 4)
+
+
+@pytest.mark.parametrize("gap", [-0.08, 0.0, 0.08])
+def test_a_strike_that_lands_touches(gap: float) -> None:
+    take, policy, frame = duel(gap)
+    poses = sampler(take, policy).sample(frame, frame + 1, 60)[0]
+    body = database().body
+    head, neck, pelvis, fists = body_points(body, *(a[0] for a in poses.joints()), poses.scales)
+    hand = int(take.events.hand[0])
+    radii = np.array([body.head_radius]), np.array([body.torso_radius])
+    touched = surface_point(fists[:1, hand], head[1:], neck[1:], pelvis[1:], *radii)
+    assert np.linalg.norm(touched - fists[0, hand]) < 0.02
+
+
+def test_a_strike_that_misses_leaves_poses_alone() -> None:
+    take, policy, _ = duel(0.08, landed=False)
+    none = replace(take, events=Events(*(getattr(take.events, n)[:0] for n in Events.__dataclass_fields__)))
+    frames = take.output_frames(60)
+    assert same(sampler(take, policy).sample(0, frames, 60)[0], sampler(none, policy).sample(0, frames, 60)[0])
+
+
+def test_a_strike_moves_only_the_arm_that_strikes_and_the_one_it_hits() -> None:
+    take, policy, frame = duel(0.05)
+    none = replace(take, events=Events(*(getattr(take.events, n)[:0] for n in Events.__dataclass_fields__)))
+    frames = take.output_frames(60)
+    struck, calm = (sampler(t, policy).sample(0, frames, 60)[0].joints()[0] for t in (take, none))
+    moved = np.linalg.norm(struck - calm, axis=-1)
+    assert moved[: frame - 11].max() == 0.0
+    assert moved[frame + 45 :].max() == 0.0
+    assert moved[frame, 0, database().body.roles["left_foot"]] == 0.0
+    assert moved[frame, 1].max() == 0.0
+    head = database().body.roles["head"]
+    assert 0.01 < moved[frame : frame + 12, 1, head].max() < 0.2
+
+
+def test_hits_do_not_show_where_a_scenario_turns_them_off() -> None:
+    take, policy, _ = duel(0.05)
+    none = replace(take, events=Events(*(getattr(take.events, n)[:0] for n in Events.__dataclass_fields__)))
+    frames = take.output_frames(60)
+    off = sampler(take, policy, reactions=False).sample(0, frames, 60)[0].joints()[0]
+    calm = sampler(none, policy).sample(0, frames, 60)[0].joints()[0]
+    assert np.array_equal(off[:, 1], calm[:, 1])
+    assert not np.array_equal(off[:, 0], calm[:, 0])
+
+
+def test_the_head_goes_along_the_blow() -> None:
+    take, policy, frame = duel(0.0)
+    none = replace(take, events=Events(*(getattr(take.events, n)[:0] for n in Events.__dataclass_fields__)))
+    roles = database().body.roles
+    struck, calm = (sampler(t, policy).sample(frame, frame + 8, 60)[0].joints()[0] for t in (take, none))
+    thrown = (struck - calm)[-1, 1, roles["head"]]
+    hand = ("left_hand", "right_hand")[int(take.events.hand[0])]
+    before = sampler(none, policy).sample(frame - 4, frame + 1, 60)[0].joints()[0]
+    way = before[-1, 0, roles[hand]] - before[0, 0, roles[hand]]
+    assert thrown @ way > 0.0
+
+
+def test_absent_avatars_have_no_pose() -> None:
+    take, policy = random_take(1)
+    action = take.action.copy()
+    action[:30, 2] = -1
+    x = take.x.copy()
+    x[:30, 2] = np.nan
+    poses = sampler(replace(take, action=action, x=x), policy).sample(0, 200, 60)[0]
+    for values in (poses.rotations, poses.root_positions):
+        assert np.isnan(values[:120, 2]).all()
+        assert np.isfinite(values[120:]).all()
+        assert np.isfinite(values[:, [0, 1, 3]]).all()
+    assert sampler(replace(take, action=action, x=x), policy).present(2, 0, 200, 60) == 80
+
+
+def test_pushes_pass_evenly_over_a_control_frame() -> None:
+    first, lengths = actions(50, 4)
+    chosen = [list(range(50))]
+    calm, policy = build_take(chosen, first, lengths, 60)
+    pushed, _ = build_take(chosen, first, lengths, 60, pushes=0.02)
+    one, two = (sampler(t, policy).sample(0, 230, 60)[0].root_positions[:, 0] for t in (calm, pushed))
+    assert np.abs(np.diff(two - one, axis=0)).max() < 0.02
+
+
+def test_sizes_of_bodies_scale_their_poses() -> None:
+    first, lengths = actions(30, 8)
+    small, policy = build_take([list(range(30))], first, lengths, 60, scales=[0.5], start=[(0, 0, 0)])
+    large, _ = build_take([list(range(30))], first, lengths, 60, scales=[1.0], start=[(0, 0, 0)])
+    one, two = (sampler(t, policy).sample(0, 230, 60)[0].joints()[0] for t in (small, large))
+    assert np.abs(2.0 * one - two).max() < 2e-3
+
+
+def test_policies_of_another_run_are_refused() -> None:
+    take, policy = random_take(1)
+    with pytest.raises(TakeError, match="not the one that the take was recorded with"):
+        PoseSampler(replace(take, fingerprints=("abc",)), [policy])
+    with pytest.raises(TakeError, match="0 policies given, the take has 1: boxer"):
+        PoseSampler(take, [])
