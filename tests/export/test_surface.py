@@ -52,15 +52,43 @@ def test_points_ride_on_their_joints(clip) -> None:
     body = build_body(clip.skeleton)
     surface = build_surface(clip.skeleton, body, 50)
     generator = np.random.default_rng(5)
-    positions = generator.normal(size=(3, clip.skeleton.joint_count, 3)).astype(np.float32)
-    rotations = quaternion.normalise(generator.normal(size=(3, clip.skeleton.joint_count, 4))).astype(np.float32)
-    scales = np.array([1.0, 0.5, 2.0], np.float32)
+    positions = generator.normal(size=(3, 4, clip.skeleton.joint_count, 3)).astype(np.float32)
+    rotations = quaternion.normalise(generator.normal(size=(3, 4, clip.skeleton.joint_count, 4))).astype(np.float32)
+    positions[0, 2] = positions[2, 3] = np.nan  # one avatar comes at row 1, one leaves after it
+    scales = np.array([1.0, 0.5, 2.0, 1.5], np.float32)
+    columns = np.array([0, 2, 3])
     places, normals = np.full((151, 3), np.inf, np.float32), np.full((151, 3), np.inf, np.float32)
-    place_points(positions, rotations, scales, surface.joints, surface.places, surface.normals, 1, places, normals)
+    velocities = np.full((3, 151), np.inf, np.float32)
+    end = place_points(
+        positions, rotations, 0, 1, 2, 0.1, columns, scales, surface.joints, surface.places, surface.normals,
+        1, places, normals, velocities,
+    )  # fmt: skip
+    assert end == 151
     assert np.isinf(places[0]).all()
-    for avatar in range(3):
-        turns = rotations[avatar, surface.joints]
-        here = slice(1 + avatar * 50, 51 + avatar * 50)
-        expected = positions[avatar, surface.joints] + quaternion.rotate(turns, surface.places * scales[avatar])
-        np.testing.assert_allclose(places[here], expected, atol=1e-5)
-        np.testing.assert_allclose(normals[here], quaternion.rotate(turns, surface.normals), atol=1e-5)
+    joints = surface.joints
+    for number, avatar in enumerate(columns):
+        here = slice(1 + number * 50, 51 + number * 50)
+        rows = [
+            positions[row, avatar, joints]
+            + quaternion.rotate(rotations[row, avatar, joints], surface.places * scales[avatar])
+            for row in range(3)
+        ]
+        low, high = {0: (0, 2), 2: (1, 2), 3: (0, 1)}[int(avatar)]
+        np.testing.assert_allclose(places[here], rows[1], atol=1e-5)
+        expected = quaternion.rotate(rotations[1, avatar, joints], surface.normals)
+        np.testing.assert_allclose(normals[here], expected, atol=1e-5)
+        expected = (rows[high] - rows[low]) / (0.1 * (high - low))
+        np.testing.assert_allclose(velocities[:, here].T, expected, atol=2e-4)
+
+
+def test_a_single_frame_does_not_move(clip) -> None:
+    surface = build_surface(clip.skeleton, build_body(clip.skeleton), 20)
+    positions = np.zeros((1, 1, clip.skeleton.joint_count, 3), np.float32)
+    rotations = np.zeros((1, 1, clip.skeleton.joint_count, 4), np.float32)
+    rotations[..., 0] = 1.0
+    places, normals, velocities = (np.full(shape, np.inf, np.float32) for shape in ((20, 3), (20, 3), (3, 20)))
+    place_points(
+        positions, rotations, 0, 0, 0, 0.1, np.array([0]), np.ones(1, np.float32), surface.joints, surface.places,
+        surface.normals, 0, places, normals, velocities,
+    )  # fmt: skip
+    assert (velocities == 0).all()

@@ -1,0 +1,168 @@
+"""Exports of 30 avatars: BVH beside numpy.savetxt and orjson, point clouds beside Open3D's legacy writer.
+
+    python benchmarks/export.py [--json] [--frames 4000] [--clouds 1000] [--threads 2] [--repeats 3]
+
+Thirty avatars do what the embedded boxer performs, each from another moment on. Poses are there before the clock runs;
+everything else, from poses to files that have their names, is measured, the best of several runs. A cloud has 500
+points an avatar with normals, velocities, avatar, team and joint.
+
+numpy.savetxt and orjson write the rows of the BVH files alone, the numbers given; savetxt is timed on two files and
+the legacy writer, which knows neither velocities nor labels, on fifty, and multiplied.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import open3d
+import orjson
+from numpy.typing import NDArray
+
+from crowdsim.export.bvh import export_bvh
+from crowdsim.export.pointcloud import CloudSink, export_clouds
+from crowdsim.motion import quaternion
+from crowdsim.motion.body import build_body
+from crowdsim.motion.bvh_clip import channel_motion, clip_channels
+from crowdsim.motion.performer import perform
+from crowdsim.take.poses import Poses
+
+AVATARS = 30
+POINTS = 500
+FPS = 60.0
+
+
+class Posed:
+    """Poses that are there already, where an exporter expects a ``PoseSampler``."""
+
+    def __init__(self, frames: int) -> None:
+        clip = max((one.clip for one in perform(frames / FPS + 20.0, 3)), key=lambda clip: clip.frame_count)
+        skeleton = clip.skeleton
+        rows = (np.arange(frames)[:, None] + np.arange(AVATARS) * 37) % clip.frame_count
+        turns = quaternion.about_y(np.arange(AVATARS) * 2.4)
+        rotations = clip.rotations[rows]
+        rotations[:, :, 0] = quaternion.multiply(turns, rotations[:, :, 0])
+        places = quaternion.rotate(turns, clip.root_positions[rows]) + np.arange(AVATARS)[:, None] * [1.0, 0.0, 0.3]
+        scales = np.linspace(0.94, 1.06, AVATARS).astype(np.float32)
+        whole = np.arange(AVATARS)
+        self._poses = Poses(0, whole, skeleton, scales, places.astype(np.float32), rotations.astype(np.float32),
+                            np.zeros((frames, AVATARS, 3)))  # fmt: skip
+        self._frames = frames
+        self.policies = (SimpleNamespace(database=SimpleNamespace(skeleton=skeleton, body=build_body(skeleton))),)
+        self.take = SimpleNamespace(
+            avatar_count=AVATARS,
+            output_frames=lambda fps: frames,
+            cast=SimpleNamespace(
+                names=[f"boxer_{number:02d}" for number in whole],
+                policies=np.zeros(AVATARS, np.int16),
+                scales=scales,
+                teams=(whole % 2).astype(np.int16),
+            ),
+        )
+
+    def present(self, avatar: int, start: int, stop: int, fps: float) -> int:
+        """Return the number of frames: everyone is always there."""
+        return stop - start
+
+    def sample(self, start: int, stop: int, fps: float, avatars: Sequence[int] | None = None) -> list[Poses]:
+        """Return a slice of the poses."""
+        whole, here = self._poses, slice(start, stop)
+        return [Poses(0, whole.avatars, whole.skeleton, whole.scales, whole.root_positions[here],
+                      whole.rotations[here], whole.ground[here])]  # fmt: skip
+
+    def rows(self, avatar: int) -> NDArray[Any]:
+        """Return the rows of an avatar's BVH file."""
+        poses = self._poses
+        channels = clip_channels(poses.skeleton.joint_count, "ZXY", False)
+        return channel_motion(channels, poses.root_positions[:, avatar], poses.rotations[:, avatar])
+
+
+def best_seconds(work: Callable[[], object], repeats: int) -> float:
+    """Return the shortest time of several runs [s]."""
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def measure(frames: int, clouds: int, threads: int, repeats: int) -> dict[str, Any]:
+    """Return seconds of every way to write, and sizes [MB]."""
+    sampler: Any = Posed(frames)
+    every = max(1, frames // clouds)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        export_bvh(sampler, folder / "warm", FPS, (0, 4), threads=threads)
+        export_clouds(sampler, folder / "warm", "ply", FPS, POINTS, (0, 4))
+        told: dict[str, Any] = {"bvh": {}, "clouds": {}}
+        bvh, cloud = told["bvh"], told["clouds"]
+        bvh["crowdsim"] = best_seconds(lambda: export_bvh(sampler, folder / "bvh", FPS, threads=threads), repeats)
+        bvh["megabytes"] = sum(path.stat().st_size for path in (folder / "bvh").iterdir()) / 1e6
+        rows = [sampler.rows(avatar) for avatar in range(AVATARS)]
+        bvh["numpy.savetxt"] = (
+            AVATARS
+            / 2
+            * best_seconds(lambda: [np.savetxt(folder / f"{k}.txt", rows[k], fmt="%.5f") for k in range(2)], 1)
+        )
+        bvh["orjson"] = best_seconds(
+            lambda: [
+                (folder / f"{k}.json").write_bytes(orjson.dumps(rows[k], option=orjson.OPT_SERIALIZE_NUMPY))
+                for k in range(AVATARS)
+            ],
+            repeats,
+        )
+        chosen = (0, every * clouds)
+        for kind in ("ply", "pcd"):
+            cloud[kind] = best_seconds(
+                lambda kind=kind: export_clouds(
+                    sampler, folder / kind, kind, FPS, POINTS, chosen, every, threads=threads
+                ),
+                repeats,
+            )
+        cloud["megabytes"] = sum(path.stat().st_size for path in (folder / "ply").iterdir()) / 1e6
+        some = CloudSink(sampler, folder / "ply", "ply", FPS, POINTS).build(1)
+
+        def legacy() -> None:
+            for number in range(50):
+                points = open3d.geometry.PointCloud()
+                points.points = open3d.utility.Vector3dVector(some.places.astype(float))
+                points.normals = open3d.utility.Vector3dVector(some.normals.astype(float))
+                open3d.io.write_point_cloud(str(folder / f"{number}.ply"), points)
+
+        cloud["open3d legacy"] = clouds / 50 * best_seconds(legacy, repeats)
+    return told
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--frames", type=int, default=4000)
+    parser.add_argument("--clouds", type=int, default=1000)
+    parser.add_argument("--threads", type=int, default=min(2, os.cpu_count() or 1))
+    parser.add_argument("--repeats", type=int, default=3)
+    chosen = parser.parse_args()
+    told = measure(chosen.frames, chosen.clouds, chosen.threads, chosen.repeats)
+    if chosen.json:
+        print(json.dumps({**vars(chosen), **told}, indent=2))
+        return
+    for what, title in (
+        ("bvh", f"BVH, {AVATARS} avatars x {chosen.frames} frames"),
+        ("clouds", f"{chosen.clouds} clouds of {AVATARS * POINTS:,} points"),
+    ):
+        print(f"{title}, {told[what]['megabytes']:.0f} MB, {chosen.threads} threads")
+        for name, seconds in told[what].items():
+            if name != "megabytes":
+                print(f"  {name:<16}{seconds:>8.2f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,250 @@
+"""Exports of a take through other people's readers, and in parts as whole."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import crowdsim, write_scene
+
+from crowdsim.crowd.scenario import load_scenario
+from crowdsim.export import stream
+from crowdsim.export.bvh import BvhSink, export_bvh
+from crowdsim.export.pointcloud import FIELDS, CloudSink, export_clouds
+from crowdsim.export.stream import stream_poses
+from crowdsim.runner import load_policies, run
+from crowdsim.take.poses import PoseSampler
+
+FPS = 30.0
+COMING = {
+    "groups": [
+        {"name": "red", "team": "red", "type": "boxer", "count": 2,
+         "placement": {"kind": "line", "start": [-1, 0.7], "end": [1, 0.7]}},
+        {"name": "late", "team": "blue", "type": "large", "count": 1, "waits": True,
+         "placement": {"kind": "grid", "centre": [0, -1]}},
+    ],
+    "types": {"boxer": {"policy": "tiny"}, "large": {"policy": "tiny", "scale": 1.2}},
+    "opponents": {"kind": "anyone"},
+    "events": [
+        {"kind": "add", "when": {"kind": "frame", "frame": 10}, "group": "late"},
+        {"kind": "remove", "when": {"kind": "frame", "frame": 25}, "group": "late"},
+    ],
+}  # fmt: skip
+"""Two boxers who are there, and a large one who comes at frame 10 and leaves at frame 25."""
+
+
+@pytest.fixture(scope="module")
+def sampler(tiny_policy: Path, tmp_path_factory: pytest.TempPathFactory):
+    folder = tmp_path_factory.mktemp("take")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tiny_policy.parent.parent)
+        scenario = load_scenario(write_scene(folder / "coming.yaml", **COMING))
+        policies = load_policies(scenario)
+    return PoseSampler(run(scenario, policies), policies)
+
+
+def joints_of(sampler: PoseSampler, avatar: int) -> tuple[np.ndarray, np.ndarray]:
+    """Places of joints and end sites of an avatar in the frames in which it is there [m], by forward kinematics."""
+    (poses,) = sampler.sample(0, sampler.take.output_frames(FPS), FPS)
+    positions, rotations = poses.joints()
+    there = np.isfinite(positions[:, avatar, 0, 0])
+    positions, rotations = positions[there, avatar], rotations[there, avatar]
+    from crowdsim.motion import quaternion
+
+    skeleton = poses.skeleton
+    ends = skeleton.end_offsets * float(poses.scales[avatar])
+    tips = positions[:, skeleton.end_parents] + quaternion.rotate(rotations[:, skeleton.end_parents], ends)
+    return positions, tips
+
+
+@pytest.mark.parametrize("avatar", [0, 1, 2])
+def test_two_readers_find_every_joint_where_we_have_it(sampler: PoseSampler, tmp_path: Path, avatar: int) -> None:
+    import bvhio
+    import pybvh
+
+    paths = export_bvh(sampler, tmp_path, FPS)
+    assert [path.name for path in paths] == ["red_0.bvh", "red_1.bvh", "late_0.bvh"]
+    ours, tips = joints_of(sampler, avatar)
+    skeleton = sampler.policies[0].database.skeleton
+    other = pybvh.read_bvh_file(str(paths[avatar]))
+    assert other.fps == pytest.approx(FPS)
+    theirs = other.joint_positions() * 0.01
+    order = [skeleton.names.index(name) for name in other.joint_names]
+    assert theirs.shape == ours.shape
+    assert np.abs(theirs - ours[:, order]).max() < 0.001
+    root = bvhio.readAsHierarchy(str(paths[avatar]))
+    layout = [joint for joint, _, _ in root.layout()]
+    for frame in range(0, len(ours), 7):
+        root.loadPose(frame)
+        for joint in layout:
+            if joint.Name in skeleton.names:
+                place = np.array(list(joint.PositionWorld)) * 0.01
+                assert np.abs(place - ours[frame, skeleton.names.index(joint.Name)]).max() < 0.001
+        ends = [np.array(list(joint.PositionWorld)) * 0.01 for joint in layout if joint.Name not in skeleton.names]
+        for place in ends:
+            assert np.linalg.norm(tips[frame] - place, axis=-1).min() < 0.001
+    text = paths[avatar].read_text()
+    assert text.count("End Site") == len(skeleton.end_parents) > 0
+
+
+def test_avatars_that_come_and_leave_have_the_frames_in_which_they_are_there(sampler, tmp_path: Path) -> None:
+    paths = export_bvh(sampler, tmp_path, FPS)
+    frames = [int(path.read_text().split("Frames:")[1].split()[0]) for path in paths]
+    assert frames == [79, 79, 30]
+    assert export_bvh(sampler, tmp_path / "none", FPS, (0, 10), [2]) == []
+    files = export_clouds(sampler, tmp_path / "ply", "ply", FPS, 30)
+    assert len(files) == 79
+    sizes = [len(CloudSink(sampler, tmp_path, "ply", FPS, 30).build(frame).avatar) for frame in (19, 20, 49, 50)]
+    assert sizes == [60, 90, 90, 60]
+
+
+@pytest.mark.parametrize("kind", ["ply", "pcd"])
+def test_clouds_read_back_with_all_their_fields(sampler: PoseSampler, tmp_path: Path, kind: str) -> None:
+    import open3d
+
+    path = export_clouds(sampler, tmp_path, kind, FPS, 40, (30, 31))[0]
+    assert path.name == f"000030.{kind}"
+    cloud = CloudSink(sampler, tmp_path, kind, FPS, 40).build(30)
+    read = open3d.t.io.read_point_cloud(str(path))
+    columns = {name: read.point[name].numpy() for name in read.point}
+    np.testing.assert_array_equal(columns["positions"], cloud.places)
+    if kind == "ply":
+        np.testing.assert_array_equal(columns["normals"], cloud.normals)
+    else:
+        found = np.hstack([columns[name] for name in ("nx", "ny", "nz")])
+        np.testing.assert_array_equal(found, cloud.normals)
+    for row, name in enumerate(("vx", "vy", "vz")):
+        np.testing.assert_array_equal(columns[name][:, 0], cloud.velocities[row])
+    for name in ("avatar", "team", "joint"):
+        assert columns[name].dtype == np.int32
+        np.testing.assert_array_equal(columns[name][:, 0], getattr(cloud, name))
+    assert set(cloud.avatar) == {0, 1, 2}
+    assert list(cloud.team[::40]) == [0, 0, 1]
+    np.testing.assert_allclose(np.linalg.norm(cloud.normals, axis=1), 1, atol=1e-5)
+
+
+def test_plyfile_and_trimesh_read_clouds_too(sampler: PoseSampler, tmp_path: Path) -> None:
+    import plyfile
+    import trimesh
+
+    path = export_clouds(sampler, tmp_path, "ply", FPS, 40, (30, 31))[0]
+    cloud = CloudSink(sampler, tmp_path, "ply", FPS, 40).build(30)
+    data = plyfile.PlyData.read(str(path))
+    assert not data.text
+    vertex = data["vertex"]
+    assert sorted(prop.name for prop in vertex.properties) == sorted(FIELDS)
+    assert {prop.name: prop.val_dtype for prop in vertex.properties} == {
+        name: "i4" if name in ("avatar", "team", "joint") else "f4" for name in FIELDS
+    }
+    np.testing.assert_array_equal(np.column_stack([vertex[name] for name in "xyz"]), cloud.places)
+    np.testing.assert_array_equal(trimesh.load(str(path)).vertices, cloud.places)
+
+
+def test_velocities_are_how_points_move(sampler: PoseSampler, tmp_path: Path) -> None:
+    sink = CloudSink(sampler, tmp_path, "ply", FPS, 40)
+    before, cloud, after = (sink.build(frame) for frame in (4, 5, 6))
+    np.testing.assert_allclose(cloud.velocities.T, (after.places - before.places) * FPS / 2, atol=1e-3)
+    assert 0.1 < np.abs(cloud.velocities).max() < 20
+    first, second = sink.build(0), sink.build(1)
+    np.testing.assert_allclose(first.velocities.T, (second.places - first.places) * FPS, atol=1e-3)
+
+
+def test_outputs_that_share_poses_have_the_bytes_of_outputs_alone(sampler, tmp_path: Path, monkeypatch) -> None:
+    frames = sampler.take.output_frames(FPS)
+    sinks = [
+        BvhSink(sampler, tmp_path / "together", FPS),
+        CloudSink(sampler, tmp_path / "together", "ply", FPS, 20, (3, frames - 2), 4, [0, 2]),
+        CloudSink(sampler, tmp_path / "together", "pcd", FPS, 20, None, 5),
+    ]
+    monkeypatch.setattr(stream, "_POSES_AT_ONCE", 33)
+    told = []
+    stream_poses(sampler, FPS, sinks, 2, lambda *progress: told.append(progress))
+    monkeypatch.undo()
+    export_bvh(sampler, tmp_path / "alone", FPS)
+    export_clouds(sampler, tmp_path / "alone", "ply", FPS, 20, (3, frames - 2), 4, [0, 2])
+    export_clouds(sampler, tmp_path / "alone", "pcd", FPS, 20, None, 5)
+    together, alone = (
+        {path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("together", "alone")
+    )
+    assert together.keys() == alone.keys()
+    assert together == alone
+    assert told[-1] == ("pcd", 16, 16)
+    assert ("bvh", 3, 3) in told
+    assert ("ply", 19, 19) in told
+
+
+def test_many_avatars_are_written_in_groups(sampler: PoseSampler, tmp_path: Path, monkeypatch) -> None:
+    from crowdsim.export import bvh
+
+    monkeypatch.setattr(bvh, "_FILES_AT_ONCE", 2)
+    told = []
+    files = export_bvh(sampler, tmp_path / "groups", FPS, progress=lambda *progress: told.append(progress))
+    monkeypatch.undo()
+    assert told[-1] == ("bvh", 3, 3)
+    alone = export_bvh(sampler, tmp_path / "alone", FPS)
+    assert [path.read_bytes() for path in files] == [path.read_bytes() for path in alone]
+
+
+def test_a_range_has_the_bytes_of_the_whole(sampler: PoseSampler, tmp_path: Path) -> None:
+    whole = export_bvh(sampler, tmp_path / "whole", FPS, avatars=[1])[0].read_text().splitlines()
+    part = export_bvh(sampler, tmp_path / "part", FPS, (40, 60), [1])[0].read_text().splitlines()
+    start = whole.index("MOTION") + 3
+    rows = [np.array(line.split(), float) for line in whole[start + 40 : start + 60]]
+    theirs = [np.array(line.split(), float) for line in part[start:]]
+    assert len(theirs) == 20
+    turned = (np.array(rows) - np.array(theirs)) / 360.0
+    assert np.abs(turned - np.round(turned)).max() < 1e-7  # a range may begin with other whole turns
+    clouds = [
+        export_clouds(sampler, tmp_path / name, "ply", FPS, 20, frames, 1)
+        for name, frames in (("all", None), ("some", (40, 60)))
+    ]
+    assert [path.read_bytes() for path in clouds[0][40:60]] == [path.read_bytes() for path in clouds[1]]
+
+
+def test_a_failure_leaves_no_half_written_file(sampler: PoseSampler, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(stream, "_POSES_AT_ONCE", 33)
+
+    def fail(kind: str, done: int, total: int) -> None:
+        if done:
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        export_bvh(sampler, tmp_path, FPS, progress=fail)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command_exports_what_is_asked_for(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml")
+    assert crowdsim("run", "four.yaml") == 0
+    run_folder = workplace / "output" / "four"
+    capsys.readouterr()
+    assert crowdsim("export", run_folder, "--bvh", "--ply", "--avatars", "1-2", "--frames", "10:20", "--fps", "20",
+                    "--every", "3", "--points", "10", "--out", workplace / "x") == 0  # fmt: skip
+    assert sorted(path.name for path in (workplace / "x" / "ply").iterdir()) == [
+        f"0000{frame}.ply" for frame in (10, 13, 16, 19)
+    ]
+    text = (workplace / "x" / "bvh" / "red_1.bvh").read_text()
+    assert "Frames: 10\nFrame Time: 0.0500000000\n" in text
+    assert sorted(path.name for path in (workplace / "x" / "bvh").iterdir()) == ["blue_0.bvh", "red_1.bvh"]
+    out = capsys.readouterr().out.splitlines()
+    assert out[0].startswith(f"{workplace / 'x' / 'bvh'}: 2 files, ")
+    assert crowdsim("export", run_folder, "--bvh") == 0
+    assert crowdsim("verify", run_folder) == 0
+    assert crowdsim("export", run_folder, "--bvh", "--avatars", "3") == 0
+    assert [path.name for path in (run_folder / "bvh").iterdir()] == ["blue_1.bvh"]
+    assert crowdsim("verify", run_folder) == 0
+    capsys.readouterr()
+    assert crowdsim("export", run_folder) == 2
+    assert capsys.readouterr().err == "nothing to export, expected --bvh, --ply or --pcd\n"
+    assert crowdsim("export", run_folder, "--bvh", "--avatars", "2-4") == 2
+    assert capsys.readouterr().err == "avatars '2-4': there is no avatar 4, the take has 0 to 3\n"
+    assert crowdsim("export", workplace, "--bvh") == 2
+    assert capsys.readouterr().err == f"{workplace}: no take here; expected take.zarr\n"
+
+
+def test_scaled_avatars_have_scaled_skeletons(sampler: PoseSampler, tmp_path: Path) -> None:
+    from crowdsim.motion.bvh import read_bvh
+
+    small, large = (read_bvh(path) for path in export_bvh(sampler, tmp_path, FPS, avatars=[0, 2]))
+    np.testing.assert_allclose(large.offsets[1:], small.offsets[1:] * 1.2, rtol=1e-5, atol=1e-6)
+    assert replace(small, path="").joint_count == large.joint_count
