@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-SKATING = 0.05
+SKATING = 0.03
 """Speed down to which planted feet that skate in the capture are calmed [m/s]; slower ones tremble as they did."""
 _SETTLE = (0.3, 0.55)
 """Half of the time over which a planted foot comes to rest in its mean place, evenly and fading [s]."""

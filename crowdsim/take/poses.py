@@ -102,8 +102,8 @@ class PoseSampler:
                 )
         self.take = take
         self.policies = tuple(policies)
-        self._motions = [prepare_motion(policy) for policy in policies]
-        self._trunks = [build_trunk(motion) for motion in self._motions]
+        self.motions = [prepare_motion(policy) for policy in policies]
+        self._trunks = [build_trunk(motion) for motion in self.motions]
         self._threads = threads
         self._reactions = reactions
         self._landed = find_landed(take)
@@ -124,7 +124,7 @@ class PoseSampler:
         times = np.arange(start, stop) / fps
         return [
             self._sample_policy(index, numbers[owners == index], times)
-            for index in range(len(self._motions))
+            for index in range(len(self.motions))
             if (owners == index).any()
         ]
 
@@ -136,9 +136,9 @@ class PoseSampler:
         return int(np.count_nonzero(action[control - control[0]] >= 0))
 
     def _sample_policy(self, index: int, avatars: Array, times: Array) -> Poses:
-        take, motion = self.take, self._motions[index]
+        take, motion = self.take, self.motions[index]
         columns = np.arange(len(avatars))
-        window = self._window(index, avatars, times)
+        window = self.window(index, avatars, times)
         roots, rotations, places = self._pose(window, index, times[:, None], columns)
         lookup = np.full(take.avatar_count, -1)
         lookup[avatars] = columns
@@ -147,11 +147,12 @@ class PoseSampler:
         reach_out(window, landings, times[:, None], columns, roots, rotations)
         return Poses(index, avatars, motion.skeleton, take.cast.scales[avatars], roots, rotations, places.ground)
 
-    def _window(self, index: int, avatars: Array, times: Array) -> Window:
+    def window(self, index: int, avatars: Array, times: Array) -> Window:
+        """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on."""
         rate = self.take.control_rate
         first = max(0, int(np.floor((times.min() - REACH) * rate)))
         stop = min(self.take.frame_count, int(np.ceil((times.max() + REACH) * rate)) + 2)
-        return Window(self.take, self._motions[index], avatars, first, stop, self._threads)
+        return Window(self.take, self.motions[index], avatars, first, stop, self._threads)
 
     def _pose(self, window: Window, index: int, times: Array, columns: Array) -> tuple[Array, Array, Places]:
         """Poses at times (T, n) or (T, 1) of the avatars in columns (n,), before fists are carried."""
@@ -182,7 +183,7 @@ class PoseSampler:
             which = np.flatnonzero(owners == index)
             numbers, columns = np.unique(avatars[which], return_inverse=True)
             moments = np.maximum(times[which], 0.0)[None]
-            yield which, int(index), self._window(int(index), numbers, moments), columns, moments
+            yield which, int(index), self.window(int(index), numbers, moments), columns, moments
 
     def _place_at(self, avatars: Array, times: Array) -> list[tuple[Array, PoseMotion, Array, Places]]:
         """Where avatars (E,) are at times (E,)."""

@@ -49,7 +49,7 @@ def same(one: Poses, other: Poses, times: slice = slice(None), columns: Any = sl
 def hard(take: Take, policy: Any, fps: float = 60.0) -> np.ndarray:
     """Joint places of captured motion as it is, put where the take has its avatars."""
     poses = sampler(take, policy)
-    window = poses._window(0, np.arange(take.avatar_count), np.array([0.0, take.seconds]))
+    window = poses.window(0, np.arange(take.avatar_count), np.array([0.0, take.seconds]))
     times = (np.arange(take.output_frames(fps)) / fps)[:, None]
     places = window.place(times, np.arange(take.avatar_count))
     motion = window.motion.frames
@@ -140,7 +140,7 @@ def test_planted_feet_stay_where_they_are_through_cuts() -> None:
 
 def _slide(places: np.ndarray, take: Take, policy: Any) -> np.ndarray:
     roles = database().body.roles
-    window = sampler(take, policy)._window(0, np.arange(take.avatar_count), np.array([0.0, take.seconds]))
+    window = sampler(take, policy).window(0, np.arange(take.avatar_count), np.array([0.0, take.seconds]))
     frames = window.place((np.arange(len(places)) / 60.0)[:, None], np.arange(take.avatar_count)).frames
     planted = database().contacts[frames]
     feet = places[:, :, [roles["left_foot"], roles["right_foot"]]][..., [0, 2]]

@@ -1,0 +1,147 @@
+"""Pictures of a run: where strikes land, how far opponents are, which actions are used."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import OutputError
+from crowdsim.take.poses import PoseSampler
+from crowdsim.take.take import Take
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[Any]
+
+
+def plot_take(sampler: PoseSampler, folder: Path) -> list[Path]:
+    """Write the pictures of a run as PNG files and return their paths.
+
+    Args:
+        sampler: Poses of its take.
+        folder: Where to write; made where it is missing.
+
+    Raises:
+        OutputError: The folder or a file cannot be written.
+    """
+    take = sampler.take
+    figures = {
+        "hits.png": hit_figure(sampler),
+        "distances.png": distance_figure(take),
+        "actions.png": action_figure(take),
+    }
+    return [_save(figure, folder / name) for name, figure in figures.items()]
+
+
+def hit_figure(sampler: PoseSampler) -> Figure:
+    """Draw where strikes land on those whom they hit, seen from the front and from the side."""
+    take = sampler.take
+    events = take.events
+    chosen = np.flatnonzero(np.asarray(events.landed, bool) & (np.asarray(events.victim) >= 0))
+    frames = np.clip(np.round(np.asarray(events.frame)[chosen]).astype(np.int64), 0, take.frame_count - 1)
+    victims = np.asarray(events.victim)[chosen]
+    points = np.asarray(events.point, dtype=float)[chosen].reshape(-1, 3)
+    x, z, heading = (np.asarray(values[:])[frames, victims].astype(float) for values in (take.x, take.z, take.heading))
+    scale = np.asarray(take.cast.scales, dtype=float)[victims]
+    dx, dz = (points[:, 0] - x) / scale, (points[:, 2] - z) / scale
+    across, ahead = dx * np.cos(heading) - dz * np.sin(heading), dx * np.sin(heading) + dz * np.cos(heading)
+    figure = _figure(9.0, 6.0)
+    axes = figure.subplots(1, 2, sharey=True)
+    edges = np.linspace(-0.6, 0.6, 49), np.linspace(0.4, 2.0, 65)
+    for axis, values, label in ((axes[0], -across, "to its right [m]"), (axes[1], ahead, "ahead of it [m]")):
+        image = axis.hist2d(values, points[:, 1] / scale, bins=edges, cmap="inferno", cmin=1)[3]
+        axis.set_xlabel(label)
+        axis.set_aspect("equal")
+        axis.set_facecolor("#f2f2f2")
+    axes[0].set_ylabel("height [m]")
+    if len(points):
+        figure.colorbar(image, ax=axes, label="strikes that landed", shrink=0.8)
+    figure.suptitle(f"{len(points)} strikes that landed, on the body they hit")
+    return figure
+
+
+def distance_figure(take: Take) -> Figure:
+    """Draw the distance to the opponent over time: the median, and the middle half and nine tenths of avatars."""
+    opponent = np.asarray(take.opponent[:])
+    x, z = np.asarray(take.x[:], dtype=float), np.asarray(take.z[:], dtype=float)
+    rows = np.arange(take.frame_count)[:, None]
+    other = np.maximum(opponent, 0)
+    gap = np.hypot(x - x[rows, other], z - z[rows, other])
+    if take.targets.shape[1]:
+        targets = np.asarray(take.targets[:], dtype=float)
+        aim = np.clip(-2 - opponent, 0, targets.shape[1] - 1)
+        gap = np.where(opponent < -1, np.hypot(x - targets[rows, aim, 0], z - targets[rows, aim, 2]), gap)
+    gap[(opponent == -1) | (np.asarray(take.action[:]) < 0)] = np.nan
+    figure = _figure(9.0, 4.5)
+    axes = figure.subplots()
+    some = np.flatnonzero(np.isfinite(gap).any(axis=1))
+    if len(some):
+        times = some / take.control_rate
+        low, quarter, middle, most, high = np.nanpercentile(gap[some], [5, 25, 50, 75, 95], axis=1)
+        axes.fill_between(times, low, high, color="tab:blue", alpha=0.15, label="nine tenths")
+        axes.fill_between(times, quarter, most, color="tab:blue", alpha=0.3, label="half")
+        axes.plot(times, middle, color="tab:blue", label="median")
+        axes.legend(loc="upper right")
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("distance to the opponent [m]")
+    axes.set_ylim(bottom=0.0)
+    return figure
+
+
+def action_figure(take: Take) -> Figure:
+    """Draw how often actions are used, the most used first."""
+    action = np.asarray(take.action[:])
+    phase = np.asarray(take.action_frame[:])
+    begun = np.ones(action.shape, bool)
+    begun[1:] = (action[1:] != action[:-1]) | (phase[1:] <= phase[:-1])
+    figure = _figure(9.0, 4.5)
+    axes = figure.subplots()
+    told = []
+    for index, name in enumerate(take.cast.policy_names):
+        mine = begun & (action >= 0) & (take.cast.policies == index)[None]
+        if not mine.any():
+            continue
+        counts = np.sort(np.bincount(action[mine]))[::-1]
+        counts = counts[counts > 0]
+        axes.plot(np.arange(1, len(counts) + 1), counts, drawstyle="steps-post", label=name)
+        half = int(np.searchsorted(np.cumsum(counts), 0.5 * counts.sum())) + 1
+        told.append(f"{name}: {len(counts)} actions used, half of the time {half} of them")
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("action, the most used first")
+    axes.set_ylabel("times used")
+    axes.set_title("\n".join(told), fontsize=10)
+    if told:
+        axes.legend()
+    return figure
+
+
+def _figure(width: float, height: float) -> Figure:
+    """Return an empty figure that belongs to no window."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _save(figure: Figure, path: Path) -> Path:
+    """Write a figure under a temporary name and rename it."""
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.png")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(temporary, dpi=120, metadata={"Software": "crowdsim"})
+        os.replace(temporary, path)
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+    return path

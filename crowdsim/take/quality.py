@@ -1,0 +1,196 @@
+"""Figures of a run: strikes, opponents, cuts, bodies in one another, feet that slide, jumps at cuts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion import quaternion
+from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.take.poses import Poses, PoseSampler
+from crowdsim.take.take import Take
+
+Array = NDArray[Any]
+Progress = Callable[[str, int, int], None]
+
+BODY_RADIUS = 0.2
+"""Radius of the disc that a body takes up on the ground [m]; it scales with the body."""
+_NEAR_CUT = 0.1
+"""Time around a cut in which accelerations count as its own [s]."""
+_MOST_POSES = 150_000
+_POSES_AT_ONCE = 20_000
+_MOST_OVERLAPS = 2_000_000
+
+
+def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict[str, Any]:
+    """Return figures of a run, plain data.
+
+    Poses of long runs and of large crowds are measured on avatars evenly picked, strikes and the like on all.
+
+    Args:
+        sampler: Poses of its take.
+        progress: Called with ("poses", avatars done, avatars).
+
+    Returns:
+        ``avatars``, ``control_frames``, ``seconds``; ``strikes_thrown``, ``strikes_landed``,
+        ``hits_per_minute_per_avatar``; ``opponent_changes`` of all avatars; ``transitions_per_second`` of an avatar;
+        ``overlap_share``, the share of avatar-frames in which two bodies' discs overlap; ``foot_slide_median`` and
+        ``foot_slide_95``, speed over the floor of planted feet [m/s], and beside them the capture's own;
+        ``transition_jump_ratio``, accelerations of joints near cuts over those of the captured frames shown there.
+        Figures of which there is nothing to measure are None.
+    """
+    take = sampler.take
+    present = np.asarray(take.action[:]) >= 0
+    minutes = float(present.sum()) / take.control_rate / 60.0
+    landed = int(np.count_nonzero(take.events.landed))
+    opponent = np.asarray(take.opponent[:])
+    there = present[1:] & present[:-1] & (opponent[:-1] != -1) & (opponent[1:] != -1)
+    told: dict[str, Any] = {
+        "avatars": take.avatar_count,
+        "control_frames": take.frame_count,
+        "seconds": take.seconds,
+        "strikes_thrown": len(take.events.frame),
+        "strikes_landed": landed,
+        "hits_per_minute_per_avatar": landed / minutes if minutes else None,
+        "overlap_share": overlap_share(take),
+    }
+    told.update(_of_poses(sampler, progress))
+    told["opponent_changes"] = int(np.count_nonzero(there & (opponent[1:] != opponent[:-1])))
+    told["transitions_per_second"] = _count_cuts(sampler) / (minutes * 60.0) if minutes else None
+    return told
+
+
+def overlap_share(take: Take) -> float | None:
+    """Return the share of avatar-frames in which a body's disc overlaps another's; None where nobody is there."""
+    from scipy.spatial import cKDTree
+
+    radii = BODY_RADIUS * np.asarray(take.cast.scales, dtype=float)
+    step = max(1, take.frame_count * take.avatar_count // _MOST_OVERLAPS)
+    count, inside = 0, 0
+    for frame in range(0, take.frame_count, step):
+        who = np.flatnonzero(np.asarray(take.action[frame]) >= 0)
+        places = np.stack([np.asarray(take.x[frame])[who], np.asarray(take.z[frame])[who]], axis=1).astype(float)
+        count += len(who)
+        if len(who) < 2:
+            continue
+        pairs = cKDTree(places).query_pairs(2.0 * float(radii[who].max()), output_type="ndarray")
+        gaps = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
+        touching = pairs[gaps < radii[who[pairs]].sum(axis=1)]
+        inside += len(np.unique(touching))
+    return inside / count if count else None
+
+
+def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, float | None]:
+    slides: list[Array] = []
+    jumps: list[Array] = []
+    own: list[Array] = []
+    shown: list[Array] = []
+    captured = [_CapturedMotion(sampler, index) for index in range(len(sampler.motions))]
+    for poses, start, rate in _some_poses(sampler, progress):
+        motion = captured[poses.policy]
+        times = (start + np.arange(len(poses.rotations))) / rate
+        window = sampler.window(poses.policy, poses.avatars, times)
+        frames = window.place(times[:, None], np.arange(len(poses.avatars))).frames
+        places, turns = poses.joints()
+        balls = _balls(sampler, poses, places, turns)
+        planted = np.asarray(motion.contacts[np.maximum(frames, 0)]) & (frames >= 0)[..., None]
+        speeds = np.linalg.norm(np.diff(balls, axis=0), axis=-1) * rate
+        slides.append(speeds[planted[1:] & planted[:-1]])
+        places = places[:, :, motion.joints]
+        sizes = np.linalg.norm(np.diff(places, 2, axis=0), axis=-1).mean(axis=-1) * rate * rate
+        near = np.zeros(frames.shape, bool)
+        cuts = window.cuts()
+        for owner, time in zip(cuts.owners, cuts.times, strict=True):
+            low, high = np.searchsorted(times, (time - _NEAR_CUT, time + _NEAR_CUT))
+            near[low:high, owner] = True
+        counts = near[1:-1] & np.isfinite(sizes)
+        jumps.append(sizes[counts])
+        pace = (poses.scales * sampler.take.cast.speeds[poses.avatars] ** 2)[None]
+        own.append((motion.accelerations[np.maximum(frames[1:-1], 0)] * pace)[counts])
+    shown = [motion.slides for motion in captured]
+
+    def percentile(values: list[Array], share: float) -> float | None:
+        joined = np.concatenate(values) if values else np.zeros(0)
+        joined = joined[np.isfinite(joined)]
+        return float(np.percentile(joined, share)) if len(joined) else None
+
+    reference = float(np.concatenate(own).mean()) if own and len(np.concatenate(own)) else 0.0
+    return {
+        "foot_slide_median": percentile(slides, 50),
+        "foot_slide_95": percentile(slides, 95),
+        "foot_slide_median_captured": percentile(shown, 50),
+        "foot_slide_95_captured": percentile(shown, 95),
+        "transition_jump_ratio": float(np.concatenate(jumps).mean()) / reference if reference > 0.0 else None,
+    }
+
+
+class _CapturedMotion:
+    """What poses of a policy are held against: accelerations and sliding feet of its own capture."""
+
+    def __init__(self, sampler: PoseSampler, index: int) -> None:
+        database = sampler.policies[index].database
+        positions, turns = forward_kinematics(
+            database.skeleton, database.root_positions, database.rotations, parallel=False
+        )
+        self.joints = sorted(set(database.body.roles.values()))
+        self.contacts = np.asarray(database.contacts)
+        rate = database.playback_rate
+        sizes = np.linalg.norm(np.diff(positions[:, self.joints], 2, axis=0), axis=-1).mean(axis=-1) * rate * rate
+        self.accelerations = np.pad(sizes, 1, mode="edge")
+        starts = np.asarray(database.clip_starts[:-1]) * database.stride
+        # A difference over the border of two clips means nothing.
+        for border in starts[1:]:
+            self.accelerations[[border - 1, border]] = np.nan
+        self.accelerations = _filled(self.accelerations)
+        roles, body = database.body.roles, database.body
+        feet = [roles["left_foot"], roles["right_foot"]]
+        balls = positions[:, feet] + quaternion.rotate(turns[:, feet], body.sole_offsets[:, 1])
+        speeds = np.linalg.norm(np.diff(balls[..., [0, 2]], axis=0), axis=-1) * rate
+        both = self.contacts[1:] & self.contacts[:-1]
+        both[starts[1:] - 1] = False
+        self.slides = speeds[both]
+
+
+def _filled(values: Array) -> Array:
+    """Values with gaps closed by what lies before them."""
+    last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
+    return np.asarray(values[last])
+
+
+def _balls(sampler: PoseSampler, poses: Poses, places: Array, turns: Array) -> Array:
+    """Balls of the feet over the floor. Shape (T, n, 2, 2)."""
+    body = sampler.motions[poses.policy].body
+    feet = [body.roles["left_foot"], body.roles["right_foot"]]
+    soles = quaternion.rotate(turns[:, :, feet], body.sole_offsets[:, 1]) * poses.scales[:, None, None]
+    return np.asarray((places[:, :, feet] + soles)[..., [0, 2]])
+
+
+def _some_poses(sampler: PoseSampler, progress: Progress | None) -> Iterator[tuple[Poses, int, float]]:
+    """Poses of avatars evenly picked, at the playback rate of the first policy: poses, first frame and rate."""
+    take, rate = sampler.take, float(sampler.motions[0].frames.rate)
+    frames = take.output_frames(rate)
+    count = max(1, min(take.avatar_count, _MOST_POSES // max(frames, 1)))
+    avatars = np.unique(np.linspace(0, take.avatar_count - 1, count).astype(np.int64))
+    at_once = max(1, _POSES_AT_ONCE // max(frames, 1))
+    most = max(_POSES_AT_ONCE, 16)
+    for low in range(0, len(avatars), at_once):
+        group = avatars[low : low + at_once]
+        for start in range(0, frames, most):
+            for poses in sampler.sample(start, min(start + most, frames), rate, group):
+                yield poses, start, rate
+        if progress is not None:
+            progress("poses", min(low + at_once, len(avatars)), len(avatars))
+
+
+def _count_cuts(sampler: PoseSampler) -> int:
+    """Number of cuts of a take."""
+    take, cuts = sampler.take, 0
+    for index in range(len(sampler.motions)):
+        avatars = np.flatnonzero(take.cast.policies == index)
+        for low in range(0, len(avatars), 1000):
+            window = sampler.window(index, avatars[low : low + 1000], np.array([0.0, take.seconds]))
+            cuts += len(window.cuts().times)
+    return cuts
