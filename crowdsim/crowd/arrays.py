@@ -28,13 +28,14 @@ class Model(NamedTuple):
             on the avatar when it starts, and its first row in ``paths`` and in ``strikes``; the last row closes these
             two. Shape (A + 1, 5), int32.
         moves: Where each action ends, seen from its start: x, z [m], cosine and sine of the turn; then the cost of the
-            transition into it over the graph's threshold. Shape (A, 5), float64.
-        paths: Where each action leads in control frames 1 to T: x, z [m], cosine and sine of the turn. Shape (., 4),
-            float64.
+            transition into it over the graph's threshold. Shape (5, A), float32.
+        paths: Where each action leads in control frames 1 to T: x, z [m], cosine and sine of the turn, and which frame
+            it is. Shape (5, .), float32.
         strikes: For each strike its time [control frames from the state], the fist's place seen from the action's start
             [m], its speed over the mean of all, its speed [m/s], the hand. Shape (K, 7), float32.
         behaviours: As in ``policy.LookupTables``, places moved. Shape (B, 9), float64.
-        axes: Likewise. Shape (n, 7), float64.
+        discounts: The discount of each behaviour to the power of 0, 1, 2 ... Shape (B, longest T + 1), float64.
+        axes: As in ``policy.LookupTables``. Shape (n, 7), float64.
         terms: Likewise. Shape (n, 9), float64.
         table: Likewise. Flat, float32.
         ground: Ground transform of each playback frame in its clip's world. Shape (L, 3), float64.
@@ -53,6 +54,7 @@ class Model(NamedTuple):
     paths: Array
     strikes: Array
     behaviours: Array
+    discounts: Array
     axes: Array
     terms: Array
     table: Array
@@ -166,9 +168,11 @@ class Scratch(NamedTuple):
         moods: Its mood. Shape (batch,), int32.
         policies: Its policy. Shape (batch,), int32.
         values: What its actions are worth. Shape (batch, most actions of a state), float64.
-        cells: Corners of a cell. Shape (most corners,), int64.
-        shares: Their shares, or the chances of actions. Shape (most of both,), float64.
-        factors: What the values of behaviours are multiplied by. Shape (most behaviours,), float64.
+        cells: Corners of a cell for each action. Shape (most corners, most actions), int64.
+        shares: Their shares. Shape (most corners, most actions), float64.
+        steps: From an action's cell to its neighbours along an axis. Shape (2, most actions), int64.
+        work: Shape (4, most actions), float64.
+        rows: A number for each control frame of a state's actions, or for each action. float64.
         near: Neighbours that may be in the way. Shape (most neighbours, 6), float64.
     """
 
@@ -179,7 +183,9 @@ class Scratch(NamedTuple):
     values: Array
     cells: Array
     shares: Array
-    factors: Array
+    steps: Array
+    work: Array
+    rows: Array
     near: Array
 
 
@@ -205,6 +211,7 @@ def empty_scratch(model: Model, neighbours: int) -> Scratch:
     width = int(np.diff(model.offsets).max())
     behaviours = model.behaviours
     corners = 2 ** int((behaviours[:, 1] - behaviours[:, 0]).max(initial=0))
+    rows = int(np.diff(model.actions[model.offsets, kernels.PATHS]).max())
     batch = kernels.BATCH
     return Scratch(
         situations=np.empty((batch, 3)),
@@ -212,8 +219,10 @@ def empty_scratch(model: Model, neighbours: int) -> Scratch:
         moods=np.empty(batch, np.int32),
         policies=np.empty(batch, np.int32),
         values=np.empty((batch, width)),
-        cells=np.empty(corners, np.int64),
-        shares=np.empty(max(corners, width)),
-        factors=np.empty(max(len(behaviours), 1)),
+        cells=np.empty((corners, width), np.int64),
+        shares=np.empty((corners, width)),
+        steps=np.empty((2, width), np.int64),
+        work=np.empty((4, width)),
+        rows=np.empty(max(rows, width)),
         near=np.empty((max(neighbours, 1), 6)),
     )

@@ -12,8 +12,11 @@ import math
 import numba as nb
 import numpy as np
 
+# Kernels that allocate nothing do without numba's counting of references, which would cost more than their work.
+_kernel = nb.njit(cache=True, nogil=True, _nrt=False)  # type: ignore[call-overload]
 
-@nb.njit(cache=True, nogil=True)
+
+@_kernel
 def _select(keys, others, order, low, high, middle):
     """Put the ``middle``-th smallest of ``keys[low:high]`` in its place, smaller ones before it (Hoare's selection)."""
     left, right = low, high - 1
@@ -74,7 +77,7 @@ def sort_points(xs, zs, order, start, count, depth, top, bottom):
         held += 2
 
 
-@nb.njit(cache=True, nogil=True)
+@_kernel
 def fit_leaves(xs, zs, team, start, count, depth, first_node, first, last, out_boxes, out_teams):
     """Bound leaves ``first`` to ``last`` by their points; ``out_teams`` is a leaf's only team, or -1 where they mix."""
     for leaf in range(first, last):
@@ -93,7 +96,7 @@ def fit_leaves(xs, zs, team, start, count, depth, first_node, first, last, out_b
         out_teams[node] = only
 
 
-@nb.njit(cache=True, nogil=True)
+@_kernel
 def fit_nodes(depth, first_node, out_boxes, out_teams):
     """Bound every inner node by its two children, leaves first."""
     for node in range((1 << depth) - 1, 0, -1):
@@ -105,7 +108,7 @@ def fit_nodes(depth, first_node, out_boxes, out_teams):
         out_teams[k] = out_teams[a] if out_teams[a] == out_teams[b] else -1
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@_kernel
 def _box_distance(boxes, node, x, z):
     """Squared distance from a point to a box; 0 inside."""
     dx = max(max(boxes[node, 0] - x, x - boxes[node, 1]), 0.0)
@@ -113,7 +116,7 @@ def _box_distance(boxes, node, x, z):
     return dx * dx + dz * dz
 
 
-@nb.njit(cache=True, nogil=True)
+@_kernel
 def _nearest_in_block(
     xs,
     zs,
@@ -183,7 +186,7 @@ def _nearest_in_block(
     return best, found
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@_kernel
 def _insert(number, i, distance, held_now, out_points, out_distances):
     """Put point i in its place in the sorted list, if it belongs there; return the list's new length."""
     room = out_points.shape[0]
@@ -205,7 +208,7 @@ def _insert(number, i, distance, held_now, out_points, out_distances):
     return held_now
 
 
-@nb.njit(cache=True, nogil=True)
+@_kernel
 def _gather_in_block(
     xs, zs, number, start, count, depth, first_node, boxes, x, z, own, reach, held_now, out_points, out_distances, stack
 ):
@@ -289,7 +292,7 @@ def query_neighbours(
         out_counts[q] = held
 
 
-@nb.njit(cache=True, nogil=True)
+@_kernel
 def _gather_near(
     xs, zs, starts, depths, nodes, boxes, x_low, x_high, z_low, z_high, reach, out_points, out_xs, out_zs, stack
 ):

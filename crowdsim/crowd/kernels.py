@@ -11,6 +11,10 @@ import numba as nb
 import numpy as np
 from numba import types
 
+# Kernels that allocate nothing do without numba's counting of references, which would cost more than their work: two
+# atomic operations for every array that is handed to a function, or looked up in a named tuple.
+_kernel = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)  # type: ignore[call-overload]
+
 # Rows of ``Avatars.whole`` and ``Avatars.real``, a column for each slot.
 NUMBER, POLICY, MOOD, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE = range(11)
 SCALE, SPEED, PHASE, PHASE_BEFORE, BASE_X, BASE_Z, BASE_COS, BASE_SIN, BASE_TURN, X, Z, HEADING, END_X, END_Z = range(
@@ -31,14 +35,14 @@ _clock_type = types.int32(types.int32, types.CPointer(types.int64))
 _clock_gettime = types.ExternalFunction("clock_gettime", _clock_type)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def _now(buffer):
     """Return a steady time [ns]; ``buffer`` has room for two numbers."""
     _clock_gettime(1, buffer.ctypes)  # type: ignore[call-overload]
     return buffer[0] * 1_000_000_000 + buffer[1]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def _mix(bits):
     """Scramble 64 bits."""
     bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -46,7 +50,7 @@ def _mix(bits):
     return bits ^ (bits >> np.uint64(31))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def draw(stream, avatar, decision):
     """Return a number in [0, 1) that depends on nothing else."""
     golden = np.uint64(0x9E3779B97F4A7C15)
@@ -55,7 +59,7 @@ def draw(stream, avatar, decision):
     return np.float64(bits >> np.uint64(11)) * 2.0**-53
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def _between(rows, place, column):
     """Return a column of ``rows`` at a fractional row."""
     below = int(place)
@@ -66,36 +70,7 @@ def _between(rows, place, column):
     return value
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _corners(axes, first, end, distance, bearing, height, cells, shares):
-    """Write the cells around a target and their shares; return how many there are."""
-    count = 1
-    cells[0] = 0
-    shares[0] = 1.0
-    for row in range(first, end):
-        kind = axes[row, 0]
-        value = distance if kind == 0.0 else (bearing if kind == 1.0 else height)
-        points, stride = int(axes[row, 3]), int(axes[row, 5])
-        place = (value - axes[row, 1]) / axes[row, 2]
-        if axes[row, 4] != 0.0:
-            place -= points * math.floor(place / points)
-            lower = min(int(place), points - 1)
-            upper = lower + 1 if lower + 1 < points else 0
-        else:
-            place = min(max(place, 0.0), points - 1.0)
-            lower = max(min(int(place), points - 2), 0)
-            upper = min(lower + 1, points - 1)
-        share = place - lower
-        for corner in range(count):
-            cells[count + corner] = cells[corner] + upper * stride
-            shares[count + corner] = shares[corner] * share
-            cells[corner] += lower * stride
-            shares[corner] *= 1.0 - share
-        count *= 2
-    return count
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def _fade(axes, first, end, distance, bearing, height):
     """Return how much a behaviour counts for a target: 1 inside its grid, falling to 0 beyond it."""
     fade = 1.0
@@ -109,59 +84,174 @@ def _fade(axes, first, end, distance, bearing, height):
     return fade
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _reward(actions, moves, paths, strikes, terms, action, x, y, z, first, end, discount):
-    """Return the reward of an action for a target at rest: rows ``first`` to ``end`` of the terms."""
-    total = 0.0
-    for row in range(first, end):
-        code = int(terms[row, 0])
-        weight = terms[row, 1]
-        if code == 0:
-            best = 0.0
-            tolerance = terms[row, 2]
-            for k in range(actions[action, STRIKES], actions[action + 1, STRIKES]):
-                px, py, pz = strikes[k, FIST_X], strikes[k, FIST_Y], strikes[k, FIST_Z]
-                dx, dy, dz = px - x, py - y, pz - z
-                lands = abs(math.sqrt(dx * dx + dy * dy + dz * dz) - terms[row, 4]) <= tolerance
-                if not lands:
-                    dy = py - min(max(py, y - terms[row, 7]), y - terms[row, 6])
-                    lands = abs(math.sqrt(dx * dx + dy * dy + dz * dz) - terms[row, 5]) <= tolerance
-                if lands:
-                    speed = strikes[k, WEIGHT] ** terms[row, 3]
-                    best = max(best, math.exp(strikes[k, TIME] * math.log(discount)) * speed)
-            total += weight * best
-        elif code == 1:
+@_kernel
+def exponentials(values, count):
+    """Replace numbers up to 0 by their exponentials, to 1e-9 of each; what lies below -32 counts as -32.
+
+    exp(v) = exp(v / 256) ^ 256: a short series and eight squarings, which vectorise, as library functions do not.
+    """
+    for k in range(count):
+        y = max(values[k], -32.0) * (1.0 / 256.0)
+        v = 1.0 + y / 5.0 * (1.0 + y / 6.0 * (1.0 + y / 7.0))
+        v = 1.0 + y * (1.0 + y / 2.0 * (1.0 + y / 3.0 * (1.0 + y / 4.0 * v)))
+        v *= v
+        v *= v
+        v *= v
+        v *= v
+        v *= v
+        v *= v
+        v *= v
+        values[k] = v * v
+
+
+@_kernel
+def bearings(xs, zs, count, out):
+    """Write atan2(x, z) of each place, to 2e-9: a polynomial of the smaller over the greater, which vectorises."""
+    for k in range(count):
+        x, z = xs[k], zs[k]
+        ax, az = abs(x), abs(z)
+        greater = max(ax, az)
+        t = min(ax, az) / (greater if greater > 0.0 else 1.0)
+        u = t * t
+        angle = 0.057463975847337374 + u * (
+            -0.03071783261194565 + u * (0.010680852068445015 - u * 0.0017437229102955482)
+        )
+        angle = -0.14261577273925508 + u * (0.10940212904732985 + u * (-0.08372095274306866 + u * angle))
+        angle = t * (0.999999997551612 + u * (-0.33333282326387254 + u * (0.19998231136682537 + u * angle)))
+        angle = 0.5 * math.pi - angle if ax > az else angle
+        angle = math.pi - angle if z < 0.0 else angle
+        out[k] = -angle if x < 0.0 else angle
+
+
+@_kernel
+def _spread(axes, row, values, count, corners, cells, shares, low, high, part):
+    """Split each corner of each place in two along one axis, at ``values``; return how many corners there are.
+
+    ``low``, ``high`` and ``part`` are scratch space.
+    """
+    minimum, step, points, stride = axes[row, 1], axes[row, 2], axes[row, 3], int(axes[row, 5])
+    if axes[row, 4] != 0.0:
+        for k in range(count):
+            place = (values[k] - minimum) / step
+            place -= points * np.floor(place / points)
+            lower = min(np.floor(place), points - 1.0)
+            upper = lower + 1.0
+            upper = upper if upper < points else 0.0
+            part[k] = place - lower
+            low[k], high[k] = int(lower) * stride, int(upper) * stride
+    else:
+        for k in range(count):
+            place = (values[k] - minimum) / step
+            place = min(max(place, 0.0), points - 1.0)
+            lower = max(min(np.floor(place), points - 2.0), 0.0)
+            upper = min(lower + 1.0, points - 1.0)
+            part[k] = place - lower
+            low[k], high[k] = int(lower) * stride, int(upper) * stride
+    for corner in range(corners):
+        other = corners + corner
+        for k in range(count):
+            cells[other, k] = cells[corner, k] + high[k]
+            cells[corner, k] += low[k]
+        for k in range(count):
+            shares[other, k] = shares[corner, k] * part[k]
+            shares[corner, k] *= 1.0 - part[k]
+    return 2 * corners
+
+
+@_kernel
+def _look_up(table, corners, count, cells, shares, out):
+    """Write the interpolated entries of a table: the sum over corners of share times entry."""
+    for k in range(count):
+        total = 0.0
+        for corner in range(corners):
+            total += shares[corner, k] * table[np.uint64(cells[corner, k])]
+        out[k] = total
+
+
+@_kernel
+def _see_ends(moves, first, last, x, z, out_x, out_z, out_distance):
+    """Write where a target at (x, z) is seen from the end of each action from ``first`` to ``last``."""
+    for action in range(first, last):
+        dx, dz = x - moves[MOVE_X, action], z - moves[MOVE_Z, action]
+        cos, sin = moves[MOVE_COS, action], moves[MOVE_SIN, action]
+        later_x, later_z = dx * cos - dz * sin, dx * sin + dz * cos
+        out_x[action - first], out_z[action - first] = later_x, later_z
+        out_distance[action - first] = math.sqrt(later_x * later_x + later_z * later_z)
+
+
+@_kernel
+def _near_rows(paths, first, last, x, z, wanted, sigma, facing, log_discount, out):
+    """Write the logarithm of gamma^t exp(-gap / sigma) for the rows ``first`` to ``last`` of paths."""
+    if facing:
+        for row in range(first, last):
+            dx, dz = x - paths[0, row], z - paths[1, row]
+            cos, sin = paths[2, row], paths[3, row]
+            aside, ahead = dx * cos - dz * sin, dx * sin + dz * cos - wanted
+            gap = math.sqrt(ahead * ahead + aside * aside)
+            out[row - first] = paths[4, row] * log_discount - gap / sigma
+    else:
+        for row in range(first, last):
+            dx, dz = x - paths[0, row], z - paths[1, row]
+            gap = abs(math.sqrt(dx * dx + dz * dz) - wanted)
+            out[row - first] = paths[4, row] * log_discount - gap / sigma
+
+
+@_kernel
+def _strike_reward(strikes, first, last, x, y, z, terms, row, log_discount):
+    """Return the strike term of one action, whose strikes are ``first`` to ``last``."""
+    best = 0.0
+    for k in range(first, last):
+        px, py, pz = strikes[k, FIST_X], strikes[k, FIST_Y], strikes[k, FIST_Z]
+        dx, dy, dz = px - x, py - y, pz - z
+        lands = abs(math.sqrt(dx * dx + dy * dy + dz * dz) - terms[row, 4]) <= terms[row, 2]
+        if not lands:
+            dy = py - min(max(py, y - terms[row, 7]), y - terms[row, 6])
+            lands = abs(math.sqrt(dx * dx + dy * dy + dz * dz) - terms[row, 5]) <= terms[row, 2]
+        if lands:
+            best = max(best, math.exp(strikes[k, TIME] * log_discount) * strikes[k, WEIGHT] ** terms[row, 3])
+    return terms[row, 1] * best
+
+
+@_kernel
+def _add_rewards(actions, moves, paths, strikes, terms, row, offset, n, x, y, z, log_discount, factor, rows, out, q):
+    """Add ``factor`` times one term of the reward to what each action is worth."""
+    code = terms[row, 0]
+    if code == 0.0:
+        for k in range(n):
+            first, last = actions[offset + k, STRIKES], actions[offset + k + 1, STRIKES]
+            if first < last:
+                out[q, k] += factor * _strike_reward(strikes, first, last, x, y, z, terms, row, log_discount)
+    elif code == 1.0:
+        begun, end = np.uint64(actions[offset, PATHS]), np.uint64(actions[offset + n, PATHS])
+        _near_rows(paths, begun, end, x, z, terms[row, 2], terms[row, 3], terms[row, 5] != 0.0, log_discount, rows)
+        exponentials(rows, end - begun)
+        k = 0
+        greatest = terms[row, 4] != 0.0
+        for action in range(offset, offset + n):
             near = 0.0
-            factor = 1.0
-            for k in range(actions[action, PATHS], actions[action + 1, PATHS]):
-                factor *= discount
-                dx, dz = x - paths[k, 0], z - paths[k, 1]
-                if terms[row, 5] != 0.0:
-                    cos, sin = paths[k, 2], paths[k, 3]
-                    aside, ahead = dx * cos - dz * sin, dx * sin + dz * cos - terms[row, 2]
-                    gap = math.sqrt(ahead * ahead + aside * aside)
-                else:
-                    gap = abs(math.sqrt(dx * dx + dz * dz) - terms[row, 2])
-                value = factor * math.exp(-gap / terms[row, 3])
-                near = max(near, value) if terms[row, 4] != 0.0 else near + value
-            total += weight * near
-        else:
-            cost = moves[action, COST]
-            total -= weight * cost + (terms[row, 2] if cost > 0.0 else 0.0)
-    return total
+            for _ in range(actions[action, LENGTH]):
+                near = max(near, rows[k]) if greatest else near + rows[k]
+                k += 1
+            out[q, action - offset] += factor * terms[row, 1] * near
+    else:
+        for k in range(n):
+            cost = moves[COST, offset + k]
+            out[q, k] -= factor * (terms[row, 1] * cost + (terms[row, 2] if cost > 0.0 else 0.0))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def value_actions(
-    offsets, policies, actions, moves, paths, strikes, behaviours, axes, terms, table, weights, first, last,
-    situations, states, moods, whose, cells, shares, factors, out,
+    offsets, policies, actions, moves, paths, strikes, behaviours, discounts, axes, terms, table, weights, first,
+    last, situations, states, moods, whose, cells, shares, steps, work, rows, out,
 ):  # fmt: skip
     """Write what each action of a state is worth in situations ``first`` to ``last``.
 
     A situation is where the target's head is in the avatar's ground frame, for a body of scale 1: x, y, z [m]; then a
-    ``state``, a row of ``weights``, which are those of the behaviours, and a policy. ``cells``, ``shares`` and
-    ``factors`` are scratch space; ``out`` has a row for each situation.
+    ``state``, a row of ``weights``, which are those of the behaviours, and a policy. ``cells`` to ``rows``
+    are scratch space; ``out`` has a row for each situation.
     """
+    spare, sums, distances, angles = work[0], work[1], work[2], work[3]
+    low, high = steps[0], steps[1]
     for q in range(first, last):
         state, mood, policy = states[q], moods[q], whose[q]
         if state < 0:
@@ -173,67 +263,60 @@ def value_actions(
             out[q, k] = 0.0
         start, end = policies[policy, BEHAVIOURS], policies[policy + 1, BEHAVIOURS]
         distance, bearing = math.sqrt(x * x + z * z), math.atan2(x, z)
-        ahead = False
+        looked = False
         for b in range(start, end):
-            factors[b - start] = 0.0
             weight = weights[mood, b - start]
             if weight == 0.0:
                 continue
-            axis_first, axis_end = int(behaviours[b, 0]), int(behaviours[b, 1])
+            axis_first, axis_end, cell_count = int(behaviours[b, 0]), int(behaviours[b, 1]), int(behaviours[b, 5])
             factor = weight * _fade(axes, axis_first, axis_end, distance, bearing, y) / behaviours[b, 7]
             if factor == 0.0:
                 continue
-            if behaviours[b, 4] != 0.0:
-                factors[b - start] = factor
-                ahead = True
-                continue
-            corners = _corners(axes, axis_first, axis_end, distance, bearing, y, cells, shares)
-            cell_count = int(behaviours[b, 5])
-            entry = int(behaviours[b, 6]) + offset * cell_count
-            for corner in range(corners):
-                share = shares[corner] * factor
-                if share != 0.0:
-                    row = entry + cells[corner] * n
-                    for k in range(n):
-                        out[q, k] += share * table[row + k]
-        if not ahead:
-            continue
-        for k in range(n):
-            action = offset + k
-            # One step of look-ahead: what the action earns itself, and what its end is worth.
-            dx, dz = x - moves[action, MOVE_X], z - moves[action, MOVE_Z]
-            cos, sin = moves[action, MOVE_COS], moves[action, MOVE_SIN]
-            later_x, later_z = dx * cos - dz * sin, dx * sin + dz * cos
-            distance, bearing = math.sqrt(later_x * later_x + later_z * later_z), math.atan2(later_x, later_z)
-            length, following = actions[action, LENGTH], actions[action, NEXT]
-            for b in range(start, end):
-                factor = factors[b - start]
-                if factor == 0.0:
-                    continue
-                term_first, term_end = int(behaviours[b, 2]), int(behaviours[b, 3])
-                value = _reward(
-                    actions, moves, paths, strikes, terms, action, x, y, z, term_first, term_end, behaviours[b, 8]
-                )
-                corners = _corners(
-                    axes, int(behaviours[b, 0]), int(behaviours[b, 1]), distance, bearing, y, cells, shares
-                )
-                entry = int(behaviours[b, 6]) + following * int(behaviours[b, 5])
-                later = 0.0
+            if behaviours[b, 4] == 0.0:
+                corners = 1
+                cells[0, 0], shares[0, 0] = 0, factor
+                for row in range(axis_first, axis_end):
+                    kind = axes[row, 0]
+                    spare[0] = distance if kind == 0.0 else (bearing if kind == 1.0 else y)
+                    corners = _spread(axes, row, spare, 1, corners, cells, shares, low, high, rows)
+                entry = int(behaviours[b, 6]) + offset * cell_count
                 for corner in range(corners):
-                    later += shares[corner] * table[entry + cells[corner]]
-                discount = 1.0
-                for _ in range(length):
-                    discount *= behaviours[b, 8]
-                out[q, k] += factor * (value + discount * later)
+                    share = shares[corner, 0]
+                    if share != 0.0:
+                        place = entry + cells[corner, 0] * n
+                        for k in range(n):
+                            out[q, k] += share * table[place + k]
+                continue
+            # One step of look-ahead: what the action earns itself, and what its end is worth.
+            if not looked:
+                looked = True
+                _see_ends(moves, np.uint64(offset), np.uint64(offset + n), x, z, spare, sums, distances)
+                bearings(spare, sums, n, angles)
+            for k in range(n):
+                spare[k] = y
+                cells[0, k] = int(behaviours[b, 6]) + actions[offset + k, NEXT] * cell_count
+                shares[0, k] = 1.0
+            corners = 1
+            for row in range(axis_first, axis_end):
+                kind = axes[row, 0]
+                measured = distances if kind == 0.0 else (angles if kind == 1.0 else spare)
+                corners = _spread(axes, row, measured, n, corners, cells, shares, low, high, rows)
+            _look_up(table, corners, n, cells, shares, sums)
+            log_discount = math.log(behaviours[b, 8])
+            for k in range(n):
+                out[q, k] += factor * discounts[b, actions[offset + k, LENGTH]] * sums[k]
+            for row in range(int(behaviours[b, 2]), int(behaviours[b, 3])):
+                _add_rewards(
+                    actions, moves, paths, strikes, terms, row, offset, n, x, y, z, log_discount, factor, rows, out, q
+                )
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def advance(model, avatars, first, last, due):
     """Move avatars by one frame; list in ``due[first:]`` those whose action has ended.
 
     Returns how many those are, or -1 - i where avatar i stands nowhere (not a number).
     """
-    # Once only: every look into a named tuple counts a reference.
     whole, real = avatars.whole, avatars.real
     actions, ground, policies = model.actions, model.ground, model.policies
     held = first
@@ -259,10 +342,9 @@ def advance(model, avatars, first, last, due):
     return held - first
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def observe_all(avatars, present, due, first, last, reach, distances, hits, out_opponents, out_counts, out_neighbours):
     """Find opponents and neighbours as ``kd_tree_kernels.observe`` does, by comparing with all ``present`` slots."""
-    # Once only: every look into a named tuple counts a reference.
     whole, real = avatars.whole, avatars.real
     room = out_neighbours.shape[1]
     limit = reach * reach
@@ -316,7 +398,7 @@ def observe_all(avatars, present, due, first, last, reach, distances, hits, out_
         out_opponents[q] = found
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def _outside(arena, x, z):
     """Return how far a place lies outside the arena [m]; 0 inside."""
     if arena[0] == 1.0:
@@ -328,7 +410,7 @@ def _outside(arena, x, z):
     return 0.0
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def _change_opponent(whole, real, slot_of, moods, present, own, nearest):
     """Return the number of an avatar's opponent, or what stands for a target: the old one, unless another is nearer."""
     skip = whole[SKIP, own]
@@ -348,7 +430,7 @@ def _change_opponent(whole, real, slot_of, moods, present, own, nearest):
     return whole[NUMBER, nearest]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def crowd_out(
     whole, real, offsets, reaches, actions, moves, arena, crowding, due, first, last, counts, neighbours, near, values
 ):
@@ -379,7 +461,7 @@ def crowd_out(
         done = min(real[PHASE, own] - actions[whole[ACTION, own], LENGTH], speed)
         for k in range(offsets[state + 1] - offset):
             action = offset + k
-            ex, ez = moves[action, MOVE_X], moves[action, MOVE_Z]
+            ex, ez = moves[MOVE_X, action], moves[MOVE_Z, action]
             mx, mz = ex * cos + ez * sin, ez * cos - ex * sin
             worst = 0.0
             if close > 0:
@@ -405,7 +487,7 @@ def crowd_out(
             values[q, k] -= worst
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def _pick(values, row, n, margin, most, temperature, number, chances):
     """Return one of the candidates: those near the best value, drawn by ``number`` in [0, 1); -1 for no number.
 
@@ -468,7 +550,7 @@ def _pick(values, row, n, margin, most, temperature, number, chances):
     return picked
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def aim(
     whole, real, slot_of, actions, bodies, policies, arena, crowding, targets, moods, present, moment, due, first, last,
     nearest, out_situations, out_states, out_moods, out_policies,
@@ -513,7 +595,7 @@ def aim(
         out_moods[q], out_policies[q] = whole[MOOD, own], whole[POLICY, own]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def draw_actions(whole, offsets, actions, moods, stream, due, first, last, values, chances, out_chosen):
     """Draw the next action of avatars ``due[first:last]`` by its value; return -1, or a slot without numbers."""
     for q in range(first, last):
@@ -530,26 +612,23 @@ def draw_actions(whole, offsets, actions, moods, stream, due, first, last, value
     return -1
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def keep_running(whole, offsets, actions, moves, due, first, last, states, values):
     """Where there is nobody to fight, let captured motion run on: the cheapest transition is worth most."""
     for q in range(first, last):
         if states[q] < 0:
             state = actions[whole[ACTION, due[q]], NEXT]
             for k in range(offsets[state + 1] - offsets[state]):
-                values[q, k] = -moves[offsets[state] + k, COST]
+                values[q, k] = -moves[COST, offsets[state] + k]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def choose(model, avatars, world, present, moment, due, first, last, nearest, counts, neighbours, scratch, out_chosen):
     """Choose an opponent and the next action for avatars ``due[first:last]``, at most ``BATCH`` of them.
 
     ``nearest``, ``counts`` and ``neighbours`` are what was observed and run along with ``due``; ``moment`` is the row
     of ``world.targets`` for this frame. Writes the chosen actions along with ``due``. Returns -1, or the slot of an
     avatar whose values are no numbers.
-
-    Each step handles all avatars before the next one comes: compiled code counts references to the arrays that it
-    hands on, which costs as much as a step of one avatar.
     """
     aim(
         avatars.whole, avatars.real, avatars.slot_of, model.actions, model.bodies, model.policies, world.arena,
@@ -558,8 +637,9 @@ def choose(model, avatars, world, present, moment, due, first, last, nearest, co
     )  # fmt: skip
     value_actions(
         model.offsets, model.policies, model.actions, model.moves, model.paths, model.strikes, model.behaviours,
-        model.axes, model.terms, model.table, world.weights, first, last, scratch.situations, scratch.states,
-        scratch.moods, scratch.policies, scratch.cells, scratch.shares, scratch.factors, scratch.values,
+        model.discounts, model.axes, model.terms, model.table, world.weights, first, last, scratch.situations,
+        scratch.states, scratch.moods, scratch.policies, scratch.cells, scratch.shares, scratch.steps, scratch.work, scratch.rows,
+        scratch.values,
     )  # fmt: skip
     keep_running(
         avatars.whole, model.offsets, model.actions, model.moves, due, first, last, scratch.states, scratch.values
@@ -570,14 +650,13 @@ def choose(model, avatars, world, present, moment, due, first, last, nearest, co
     )  # fmt: skip
     return draw_actions(
         avatars.whole, model.offsets, model.actions, world.moods, world.stream, due, first, last, scratch.values,
-        scratch.shares, out_chosen,
+        scratch.rows, out_chosen,
     )  # fmt: skip
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def switch(model, avatars, due, chosen, first, last):
     """Start the chosen actions where the old ones have ended, with the motion that was left over."""
-    # Once only: every look into a named tuple counts a reference.
     whole, real = avatars.whole, avatars.real
     actions, ground, policies = model.actions, model.ground, model.policies
     for q in range(first, last):
@@ -609,7 +688,7 @@ def switch(model, avatars, due, chosen, first, last):
         whole[DECISIONS, i] += 1
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def _base_before(whole, real, actions, ground, policies, i):
     """Return where the action before the present one is based: x, z, cos, sin, turn."""
     origin = actions[whole[ACTION, i], ORIGIN]
@@ -625,7 +704,7 @@ def _base_before(whole, real, actions, ground, policies, i):
     return x - gx * cos - gz * sin, z + gx * sin - gz * cos, cos, sin, turn
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def land(
     whole, real, slot_of, actions, ground, bodies, policies, sizes, targets, moment, present, frame, first, last,
     out_whole, out_real,
@@ -689,14 +768,13 @@ def land(
         out_whole[row, 3] = landed
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def strike(model, avatars, world, present, moment, frame, first, last, out_whole, out_real, held):
     """List the strikes that avatars have thrown on the way to this frame; return how many ``held`` and they are.
 
     Within a control frame motion runs evenly, through the end of an action where there is one; strikes and opponents
     are placed in between accordingly. Where ``out_whole`` and ``out_real`` have no room, strikes are only counted.
     """
-    # Once only: every look into a named tuple counts a reference.
     whole, real = avatars.whole, avatars.real
     actions, strikes, ground, policies = model.actions, model.strikes, model.ground, model.policies
     begun = held
@@ -750,10 +828,9 @@ def strike(model, avatars, world, present, moment, frame, first, last, out_whole
     return held
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@_kernel
 def write_record(model, avatars, record, row, first, last):
     """Write what the take keeps of avatars ``first`` to ``last`` into a row of the record, by number."""
-    # Once only: every look into a named tuple counts a reference.
     whole, real = avatars.whole, avatars.real
     actions, policies = model.actions, model.policies
     for i in range(first, last):

@@ -65,6 +65,8 @@ def build_model(policies: Sequence[Policy]) -> Model:
     values = (parts[0] if len(parts) == 1 else np.concatenate(parts)).view(np.ndarray)
     values.flags.writeable = False  # mapped or not, kernels are compiled for one type
     paths = _joined([action.paths for action in actions], np.float64)
+    times = np.concatenate([np.arange(length) + 1.0 for action in actions for length in action.lengths])
+    joined = np.concatenate(behaviours)
     ways = np.concatenate([action.displacements for action in actions]).astype(float)
     closing = np.array([[-1, 0, 0, starts["path"][-1], starts["strike"][-1]]])
     offsets = _csr([action.offsets for action in actions], starts["action"])
@@ -81,10 +83,11 @@ def build_model(policies: Sequence[Policy]) -> Model:
         offsets=offsets,
         reaches=np.maximum.reduceat(np.hypot(ways[:, 0], ways[:, 1]), offsets[:-1]),
         actions=np.concatenate([np.column_stack(columns), closing]).astype(np.int32),
-        moves=np.column_stack([ways[:, :2], np.cos(ways[:, 2]), np.sin(ways[:, 2]), costs]),
-        paths=np.column_stack([paths[:, :2], np.cos(paths[:, 2]), np.sin(paths[:, 2])]),
+        moves=np.stack([ways[:, 0], ways[:, 1], np.cos(ways[:, 2]), np.sin(ways[:, 2]), costs]).astype(np.float32),
+        paths=np.stack([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2]), times]).astype(np.float32),
         strikes=np.concatenate([_strikes(policy) for policy in policies]),
-        behaviours=np.concatenate(behaviours),
+        behaviours=joined,
+        discounts=joined[:, 8:9] ** np.arange(int(max(action.lengths.max() for action in actions)) + 1),
         axes=_joined([table.axes for table in tables], np.float64),
         terms=_joined([table.terms for table in tables], np.float64),
         table=values,
@@ -107,7 +110,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
 def entry_actions(model: Model) -> Array:
     """Return the cheapest action that ends in each state, the first among equals; -1 for none. Shape (S,), int32."""
     ends = model.actions[:-1, kernels.NEXT]
-    order = np.lexsort((np.arange(len(ends)), model.moves[:, kernels.COST], ends))
+    order = np.lexsort((np.arange(len(ends)), model.moves[kernels.COST], ends))
     entries = np.full(len(model.offsets) - 1, -1, np.int32)
     states, first = np.unique(ends[order], return_index=True)
     entries[states] = order[first]

@@ -87,10 +87,11 @@ def test_a_run_is_that_of_the_naive_twin(name, fields, targets):
 def test_actions_are_worth_what_the_policy_says(lookup):
     one, two = policy(4, lookup), policy(5, "q" if lookup == "v" else "v", frames=30)
     model = build_model([one, two])
-    names = "offsets policies actions moves paths strikes behaviours axes terms table".split()
+    names = "offsets policies actions moves paths strikes behaviours discounts axes terms table".split()
     of_model = [getattr(model, name) for name in names]
     rng = np.random.default_rng(2)
-    scratch = np.empty(16, np.int64), np.empty(16), np.empty(2)
+    scratch = [np.empty((8, 64), np.int64), np.empty((8, 64)), np.empty((2, 64), np.int64)]
+    scratch += [np.empty((4, 64)), np.empty(500)]
     for index, chosen in enumerate((one, two)):
         states = rng.integers(chosen.actions.state_count, size=60)
         targets, weights = rng.uniform([-3, 1.0, -3], [3, 1.9, 3], (60, 3)), rng.uniform(0, 2, (60, 2))
@@ -101,6 +102,19 @@ def test_actions_are_worth_what_the_policy_says(lookup):
             named = {b.name: weights[k, column] for column, b in enumerate(chosen.behaviours)}
             expected = action_values(chosen, named, states[k], targets[k])
             np.testing.assert_allclose(values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
+
+
+def test_bearings_and_exponentials_are_those_of_numpy():
+    rng = np.random.default_rng(0)
+    x, z = rng.normal(0, 2, (2, 2000))
+    x[:8], z[:8] = [0, 0, 0, 1, -1, 1, -1, 1e-9], [1, -1, 0, 0, 0, 1, -1, 1]
+    found = np.empty(2000)
+    kernels.bearings(x, z, 2000, found)
+    np.testing.assert_allclose(found, np.arctan2(x, z), atol=3e-9)
+    values = np.concatenate([-rng.exponential(5, 1990), [0, -1e-12, -31.9, -32, -40, -1e9, -1, -2, -3, -4]])
+    expected = np.exp(np.maximum(values, -32))
+    kernels.exponentials(values, 2000)
+    np.testing.assert_allclose(values, expected, rtol=2e-9)
 
 
 def test_draws_are_those_of_the_random_module():
