@@ -24,7 +24,7 @@ from crowdsim.take.motion import PoseMotion, prepare_motion
 from crowdsim.take.pose_kernels import blend_poses
 from crowdsim.take.reactions import build_trunk, give_way, plan_blows
 from crowdsim.take.take import Take
-from crowdsim.take.window import BLEND, Places, Window
+from crowdsim.take.window import BLEND, Cuts, Places, Window
 from crowdsim.take.workers import share
 
 if TYPE_CHECKING:
@@ -128,6 +128,28 @@ class PoseSampler:
             if (owners == index).any()
         ]
 
+    def captured(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:
+        """Return what the capture has there, without blends or anything else; arguments as of ``sample``.
+
+        It is what poses are held against: at cuts it jumps.
+        """
+        numbers = np.arange(self.take.avatar_count) if avatars is None else np.asarray(avatars)
+        owners = self.take.cast.policies[numbers]
+        times = (np.arange(start, stop) / fps)[:, None]
+        told = []
+        for index, motion in enumerate(self.motions):
+            mine = numbers[owners == index]
+            if not len(mine):
+                continue
+            columns = np.arange(len(mine))
+            window = self.window(index, mine, times)
+            places = window.place(times, columns)
+            cuts = window.cuts()._replace(starts=np.zeros(len(mine) + 1, np.int64))
+            roots, rotations = self._blend(window, cuts, places, times, columns)
+            scales = self.take.cast.scales[mine]
+            told.append(Poses(index, mine, motion.skeleton, scales, roots, rotations, places.ground))
+        return told
+
     def present(self, avatar: int, start: int, stop: int, fps: float) -> int:
         """Return in how many of the output frames ``start`` to ``stop`` an avatar is there."""
         control = np.floor(np.arange(start, stop) / fps * self.take.control_rate + 1e-9).astype(np.int64)
@@ -156,10 +178,21 @@ class PoseSampler:
 
     def _pose(self, window: Window, index: int, times: Array, columns: Array) -> tuple[Array, Array, Places]:
         """Poses at times (T, n) or (T, 1) of the avatars in columns (n,), before fists are carried."""
-        motion, rows = window.motion, window.rows
         places = window.place(times, columns)
         first, last = float(times.min()), float(times.max())
         cuts = window.cuts()
+        roots, rotations = self._blend(window, cuts, places, times, columns)
+        hold_feet(window, cuts, window.stands(), places, times, columns, self._stand, roots, rotations)
+        if self._reactions:
+            lookup = np.full(self.take.avatar_count, -1)
+            lookup[window.avatars] = np.arange(len(window.avatars))
+            blows = plan_blows(self._landed, lookup, len(window.avatars), first, last, self._place_at)
+            give_way(window, blows, self._trunks[index], times, columns, roots, rotations)
+        return roots, rotations, places
+
+    def _blend(self, window: Window, cuts: Cuts, places: Places, times: Array, columns: Array) -> tuple[Array, Array]:
+        """Captured motion, and what blends lay over it."""
+        motion, rows = window.motion, window.rows
         roots = np.empty((*places.frames.shape, 3), np.float32)
         rotations = np.empty((*places.frames.shape, motion.skeleton.joint_count, 4), np.float32)
 
@@ -168,13 +201,7 @@ class PoseSampler:
                         rows.rate, BLEND, rows.scales, rows.speeds, roots, rotations)  # fmt: skip
 
         share(self._threads, len(columns), blend)
-        hold_feet(window, cuts, window.stands(), places, times, columns, self._stand, roots, rotations)
-        if self._reactions:
-            lookup = np.full(self.take.avatar_count, -1)
-            lookup[window.avatars] = np.arange(len(window.avatars))
-            blows = plan_blows(self._landed, lookup, len(window.avatars), first, last, self._place_at)
-            give_way(window, blows, self._trunks[index], times, columns, roots, rotations)
-        return roots, rotations, places
+        return roots, rotations
 
     def _moments(self, avatars: Array, times: Array) -> Iterator[tuple[Array, int, Window, Array, Array]]:
         """For each policy which of some avatars (E,) at times (E,) are its own, their window, columns and times."""
