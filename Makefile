@@ -25,8 +25,17 @@ system:
 	  dpkg -s $$p >/dev/null 2>&1 || missing="$$missing $$p"; done; \
 	if [ -z "$$missing" ]; then exit 0; fi; \
 	if ! command -v apt-get >/dev/null; then echo "Open3D needs these libraries (Debian's names):$$missing"; exit 0; fi; \
-	if [ "$$(id -u)" = 0 ]; then apt-get -qq update && apt-get -qq install -y --no-install-recommends $$missing >/dev/null; \
+	if [ "$$(id -u)" = 0 ]; then apt-get -qq update && apt-get -qq install -y --no-install-recommends $$missing >/dev/null \
+	  || echo "Open3D needs system packages that could not be installed:$$missing"; \
 	else echo "Open3D needs system packages: sudo apt-get install$$missing"; fi
+
+# The first run trains the embedded boxer, which takes a minute or two.
+demo: system $(VENV)/.installed
+	$(BIN)/crowdsim run scenarios/brawl_30.yaml
+	@echo
+	@echo "Look at it:    $(BIN)/crowdsim render output/brawl_30 --contact-sheet 12 --mp4"
+	@echo "Look into it:  $(BIN)/crowdsim inspect output/brawl_30 --plots output/brawl_30_plots"
+	@echo "Again:         $(BIN)/crowdsim run scenarios/brawl_30.yaml --force"
 
 test: system $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not browser"
