@@ -484,7 +484,11 @@ def carry_fists(first, stop, columns, times, landings, scales, arms, least, root
                     x, y, z = targets[hand, 0] - p[0], targets[hand, 1] - p[1], targets[hand, 2] - p[2]
                     wanted = math.sqrt(x * x + y * y + z * z)
                     lack = wanted - _stretch(now[hand], wanted, longest[hand], soft[hand])
-                    if lack > 1e-5:
+                    if wanted < now[hand]:
+                        # A straight arm that has to get shorter would throw its elbow out: the trunk goes back too.
+                        straight = _ease((now[hand] / longest[hand] - 0.85) / 0.15)
+                        lack = 0.25 * straight * (wanted - now[hand])
+                    if abs(lack) > 1e-6:
                         share = lack / wanted
                         _lean(arms, scale, hand, root, pose, places, turns, x * share, y * share, z * share)
             for hand in range(2):

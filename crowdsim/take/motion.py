@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.contacts import runs
-from crowdsim.motion.ik import hinge_axis
+from crowdsim.motion.ik import flexion, hinge_axis
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
 
@@ -26,6 +26,8 @@ SKATING = 0.03
 """Speed down to which planted feet that skate in the capture are calmed [m/s]; slower ones tremble as they did."""
 _SETTLE = (0.3, 0.55)
 """Half of the time over which a planted foot comes to rest in its mean place, evenly and fading [s]."""
+_FREE, _MORE = np.deg2rad(130.0), np.deg2rad(8.0)
+"""Flexion that blends may always give, and what they may give beyond that or the capture's own [rad]."""
 _SIDES = ("left", "right")
 _SAMPLE = 4096
 
@@ -79,6 +81,20 @@ class Limbs(NamedTuple):
     bends: Array
 
 
+class Hinges(NamedTuple):
+    """Elbows and knees for compiled code, where nothing moves between them and the joints they hang on and carry.
+
+    Attributes:
+        joints: The joints. Shape (n,).
+        bones: The bone before and the bone after each, in its parent's frame and in its own [m]. Shape (n, 2, 3).
+        limits: Flexion up to which a blend leaves them alone, and the most that it may give [rad]. Shape (n, 2).
+    """
+
+    joints: Array
+    bones: Array
+    limits: Array
+
+
 @dataclass(frozen=True)
 class PoseMotion:
     """P playback frames of a skeleton of J joints, ready to be posed; A actions.
@@ -89,6 +105,7 @@ class PoseMotion:
         frames: The frames.
         legs: The legs.
         arms: The arms.
+        hinges: Elbows and knees.
         fists: Place of the left and right fist in the frame's ground frame [m]. Shape (P, 2, 3), float32.
         heads: Centre of the head in the frame's ground frame [m]. Shape (P, 3), float32.
         strikes: Playback frames at which strikes reach furthest, ascending. Shape (S,).
@@ -101,6 +118,7 @@ class PoseMotion:
     frames: Frames
     legs: Limbs
     arms: Limbs
+    hinges: Hinges
     fists: Array
     heads: Array
     strikes: Array
@@ -143,6 +161,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         frames=frames,
         legs=_limbs(skeleton, body, ("hip", "knee", "foot"), body.sole_offsets, bends, sample),
         arms=_limbs(skeleton, body, ("shoulder", "elbow", "hand"), fists, bends, sample),
+        hinges=_hinges(skeleton, body, positions),
         fists=np.asarray(database.fists),
         heads=np.asarray(database.heads),
         strikes=np.asarray(database.strike_frames, dtype=np.int64),
@@ -185,6 +204,26 @@ def _limbs(
         hinges=np.stack(hinges),
         points=np.asarray(points, dtype=np.float64),
         bends=bends.astype(np.int64),
+    )
+
+
+def _hinges(skeleton: Skeleton, body: Body, positions: Array) -> Hinges:
+    """Elbows and knees with limits that all of the capture keeps."""
+    joints, bones, limits = [], [], []
+    for side in _SIDES:
+        for names in (("shoulder", "elbow", "hand"), ("hip", "knee", "foot")):
+            upper, middle, end = (body.roles[f"{side}_{name}"] for name in names)
+            if skeleton.parents[middle] != upper or skeleton.parents[end] != middle:
+                continue
+            bend = flexion(positions[:, upper], positions[:, middle], positions[:, end])
+            joints.append(middle)
+            bones.append([skeleton.offsets[middle], skeleton.offsets[end]])
+            limits.append(max(float(np.percentile(bend, 99.9)), _FREE))
+    free = np.array(limits)
+    return Hinges(
+        np.array(joints, np.int64),
+        np.array(bones, np.float64).reshape(-1, 2, 3),
+        np.stack([free, free + _MORE], axis=1),
     )
 
 

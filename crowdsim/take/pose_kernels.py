@@ -107,6 +107,35 @@ def _write_pose(frame, fraction, rotations, blended, sums, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
+def _unfold(bones, free, most, q):
+    """Open an elbow or knee that blends have folded more than the body can, easing from one flexion to another."""
+    o = bones[1]
+    tx, ty, tz = (
+        2.0 * (q[2] * o[2] - q[3] * o[1]),
+        2.0 * (q[3] * o[0] - q[1] * o[2]),
+        2.0 * (q[1] * o[1] - q[2] * o[0]),
+    )
+    vx = o[0] + q[0] * tx + q[2] * tz - q[3] * ty
+    vy = o[1] + q[0] * ty + q[3] * tx - q[1] * tz
+    vz = o[2] + q[0] * tz + q[1] * ty - q[2] * tx
+    u = bones[0]
+    nx, ny, nz = u[1] * vz - u[2] * vy, u[2] * vx - u[0] * vz, u[0] * vy - u[1] * vx
+    size = math.sqrt(nx * nx + ny * ny + nz * nz)
+    flexion = math.atan2(size, u[0] * vx + u[1] * vy + u[2] * vz)
+    if flexion <= free or size < 1e-9:
+        return
+    room = most - free
+    half = 0.5 * (free + room * math.tanh((flexion - free) / room) - flexion)
+    c, s = math.cos(half), math.sin(half) / size
+    x, y, z = s * nx, s * ny, s * nz
+    a, b, d, e = q[0], q[1], q[2], q[3]
+    q[0] = c * a - x * b - y * d - z * e
+    q[1] = c * b + x * a + y * e - z * d
+    q[2] = c * d - x * e + y * a + z * b
+    q[3] = c * e + x * d - y * b + z * a
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def blend_poses(
     first,
     stop,
@@ -121,6 +150,7 @@ def blend_poses(
     reach,
     scales,
     speeds,
+    hinges,
     out_roots,
     out_rotations,
 ):
@@ -140,6 +170,7 @@ def blend_poses(
         reach: Longest time before and after a cut over which it is blended [s].
         scales: Body size by column.
         speeds: Motion frames in a control frame, by column.
+        hinges: A ``motion.Hinges``.
         out_roots: Place of the root in the world [m]. Shape (T, n, 3).
         out_rotations: Local rotations, the root's in the world. Shape (T, n, J, 4).
     """
@@ -209,6 +240,9 @@ def blend_poses(
             fraction = fractions[t, i]
             pose, root = out_rotations[t, i], out_roots[t, i]
             _write_pose(frame, fraction, m.rotations, blended, sums, pose)
+            if blended:
+                for k in range(hinges.joints.shape[0]):
+                    _unfold(hinges.bones[k], hinges.limits[k, 0], hinges.limits[k, 1], pose[hinges.joints[k]])
             rest = 1.0 - fraction
             low_root, high_root = m.roots[frame], m.roots[frame + 1 if fraction > 0.0 else frame]
             x = (low_root[0] * rest + high_root[0] * fraction) * scale + shift[0]

@@ -198,7 +198,7 @@ class PoseSampler:
 
         def blend(low: int, high: int) -> None:
             blend_poses(low, high, columns, times, places.frames, places.fractions, places.ground, motion.frames, cuts,
-                        rows.rate, BLEND, rows.scales, rows.speeds, roots, rotations)  # fmt: skip
+                        rows.rate, BLEND, rows.scales, rows.speeds, motion.hinges, roots, rotations)  # fmt: skip
 
         share(self._threads, len(columns), blend)
         return roots, rotations
