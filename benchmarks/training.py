@@ -34,8 +34,6 @@ from crowdsim.policy.value_iteration import value_iteration
 
 DISCOUNT = 0.97
 RATE = 15.0
-ROUNDS = 14
-"""Rounds of exploration at most; a moving target's error never vanishes."""
 PAPER = {"approach": 2 * 3600.0, "punch": 4.25 * 3600.0}
 
 
@@ -187,8 +185,8 @@ def measure(repeats: int = 7, movement_speed: float = 0.5) -> dict[str, Any]:
         model = build_model(
             actions, grid, terms[name], body, DISCOUNT, movement or Movement(np.ones(1), np.zeros((1, 2)))
         )
-        q_learning(model, max_sweeps=1, exploitations=1)
-        learned[name] = q_learning(model, max_sweeps=ROUNDS)
+        q_learning(model, max_sweeps=1)
+        learned[name] = q_learning(model)
         exact = value_iteration(model, "max_of_interpolated", tolerance=2e-2)
         achieved = [mean_return(actions, grid, terms[name], one, moving) for one in (learned[name], exact)]
         ratios[name] = {

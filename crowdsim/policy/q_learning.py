@@ -8,7 +8,7 @@ way that is drawn, the reward r is observed, and where the target is then, betwe
 with Q interpolated at e, which is the backup ``max_of_interpolated``. A round of exploration tries everything once;
 rounds of exploitation between them try the action that is best so far, in every state and cell, and so spread what was
 found. Every trial of a round reads the table of the round before, so rounds run on several threads and give the same
-bytes on any number of them. Draws are hashes of (seed, round, entry). Step sizes settle:
+bytes on any number of them. An entry's draws begin at a hash of (seed, entry) and run on evenly. Step sizes settle:
 alpha = (1 + visits / settle)^-omega.
 """
 
@@ -26,10 +26,11 @@ from crowdsim.policy.solution import Progress, Solution, sweep_model
 def q_learning(
     model: Model,
     tolerance: float = 1e-2,
-    max_sweeps: int = 60,
-    omega: float = 0.7,
-    settle: float = 50.0,
-    exploitations: int = 10,
+    max_sweeps: int = 30,
+    omega: float = 0.75,
+    settle: float = 60.0,
+    exploitations: int = 8,
+    tries: int = 4,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Solution:
@@ -43,6 +44,7 @@ def q_learning(
         omega: How fast step sizes fall, above 0.5 and up to 1, so that the noise of a moving target averages out.
         settle: Visits of an entry before they begin to fall.
         exploitations: Rounds of exploitation after each round of exploration.
+        tries: Trials of an entry in a round of exploitation, where the target moves.
         seed: Seed of the draws.
         progress: Called with ("q-learning", rounds of exploration done, at most).
     """
@@ -52,7 +54,8 @@ def q_learning(
     q, other = (np.zeros(model.action_count * cells, np.float32) for _ in range(2))
     changes = np.empty(model.state_count)
     visits = np.zeros(len(q), np.uint16)
-    rounds = max_sweeps * (1 + exploitations)
+    tries = tries if len(model.probabilities) > 1 else 1
+    rounds = max_sweeps * (1 + exploitations * tries)
     step_sizes = ((1.0 + np.arange(min(rounds, 65535)) / settle) ** -omega).astype(np.float32)
     entries = np.empty(model.state_count * cells, np.int64)
     found = np.empty(model.state_count * cells, np.float32)
@@ -60,7 +63,7 @@ def q_learning(
     converged = False
     played = 0
     while len(residuals) < max_sweeps and not converged:
-        solver_kernels.try_everything(packed, layers, q, other, visits, step_sizes, seed, played, changes)
+        solver_kernels.try_everything(packed, layers, q, other, visits, step_sizes, seed, changes)
         q, other = other, q
         played += 1
         residuals.append(float(changes.sum()) / len(q))
@@ -68,7 +71,7 @@ def q_learning(
         if progress is not None:
             progress("q-learning", len(residuals), max_sweeps)
         for _ in range(0 if converged else exploitations):
-            solver_kernels.try_best(packed, layers, q, entries, found, visits, step_sizes, seed, played)
+            solver_kernels.try_best(packed, layers, q, entries, found, visits, step_sizes, seed, tries)
             solver_kernels.put(q, entries, found)
             played += 1
     values = np.empty(model.state_count * cells, np.float32)
@@ -79,7 +82,7 @@ def q_learning(
         solver="q_learning",
         backup="max_of_interpolated",
         sweeps=len(residuals),
-        updates=len(residuals) * len(q) + (played - len(residuals)) * len(values),
+        updates=len(residuals) * len(q) + (played - len(residuals)) * tries * len(values),
         residuals=tuple(residuals),
         seconds=time.perf_counter() - started,
         converged=converged,

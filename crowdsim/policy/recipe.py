@@ -120,10 +120,11 @@ class QLearningSpec(StrictModel):
 
     kind: Literal["q_learning"]
     tolerance: float = Field(default=1e-2, gt=0.0, description="Mean error of a trial at the end, over the mean value.")
-    max_sweeps: int = Field(default=60, ge=1, description="Most rounds of exploration.")
-    omega: float = Field(default=0.7, gt=0.5, le=1.0, description="How fast step sizes fall with visits.")
-    settle: float = Field(default=50.0, gt=0.0, description="Visits before they fall.")
-    exploitations: int = Field(default=10, ge=0, description="Rounds of exploitation after each of exploration.")
+    max_sweeps: int = Field(default=30, ge=1, description="Most rounds of exploration.")
+    omega: float = Field(default=0.75, gt=0.5, le=1.0, description="How fast step sizes fall with visits.")
+    settle: float = Field(default=60.0, gt=0.0, description="Visits before they fall.")
+    exploitations: int = Field(default=8, ge=0, description="Rounds of exploitation after each of exploration.")
+    tries: int = Field(default=4, ge=1, description="Trials of an entry in each, where the target moves.")
     seed: int = Field(default=0, ge=0, description="Seed of the draws.")
 
 

@@ -7,6 +7,9 @@ the table of the sweep before and writes another, so its result does not depend 
 import numpy as np
 from numba import njit, prange
 
+GOLDEN = 0.6180339887498949
+"""Draws of one entry follow one another by this, so that all ways of the target come up evenly in few visits."""
+
 
 @njit(cache=True)
 def corner_weights(shares, outcome, action, cell, weights):
@@ -268,9 +271,9 @@ def improve_best_q(model, layers, q, entries, values):
 
 
 @njit(cache=True)
-def hash_uniform(seed, purpose, index):
-    """Return a number in 0..1 that depends on the three whole numbers alone (splitmix64's finisher)."""
-    mixed = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(purpose) * np.uint64(0xD1B54A32D192ED03)
+def hash_uniform(seed, index):
+    """Return a number in 0..1 that depends on two whole numbers alone (splitmix64's finisher)."""
+    mixed = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15)
     mixed += np.uint64(index) * np.uint64(0x8CB92BA72F3D8DD7) + np.uint64(0x2545F4914F6CDD1D)
     for _ in range(2):
         mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -299,7 +302,7 @@ def observe(model, layers, q, action, m, h, draw, weights):
 
 
 @njit(cache=True, parallel=True)
-def try_everything(model, layers, q, out, visits, step_sizes, seed, round_number, changes):
+def try_everything(model, layers, q, out, visits, step_sizes, seed, changes):
     """Do one round of exploration: every action of every state is tried once in every cell.
 
     Q := Q + alpha (observed - Q), where what is observed reads the table of the round before, and alpha is
@@ -315,8 +318,8 @@ def try_everything(model, layers, q, out, visits, step_sizes, seed, round_number
             for m in range(moving):
                 for h in range(layers):
                     entry = first * moving * layers + (m * layers + h) * n + k
-                    draw = hash_uniform(seed, round_number, entry)
-                    error = observe(model, layers, q, first + k, m, h, draw, weights) - q[entry]
+                    draw = hash_uniform(seed, entry) + visits[entry] * GOLDEN
+                    error = observe(model, layers, q, first + k, m, h, draw % 1.0, weights) - q[entry]
                     out[entry] = q[entry] + step_sizes[min(visits[entry], len(step_sizes) - 1)] * error
                     visits[entry] += 1
                     change += abs(error)
@@ -324,10 +327,11 @@ def try_everything(model, layers, q, out, visits, step_sizes, seed, round_number
 
 
 @njit(cache=True, parallel=True)
-def try_best(model, layers, q, entries, values, visits, step_sizes, seed, round_number):
-    """Do one round of exploitation: in every state and cell the action that is best so far is tried once.
+def try_best(model, layers, q, entries, values, visits, step_sizes, seed, tries):
+    """Do one round of exploitation: in every state and cell the action that is best so far is tried a few times.
 
-    Writes which entries change, and to what, so that all trials read the table of the round before.
+    Writes which entries change, and to what, so that all trials read the table of the round before. The entry moves by
+    the mean of its trials: one that is tried until it is no longer the best would else end too low.
     """
     cells = model.lowers.shape[2] * layers
     for s in prange(len(model.offsets) - 1):
@@ -340,11 +344,14 @@ def try_best(model, layers, q, entries, values, visits, step_sizes, seed, round_
             for k in range(1, n):
                 best = k if q[entry + k] > q[entry + best] else best
             entry += best
-            draw = hash_uniform(seed, round_number, entry)
-            error = observe(model, layers, q, first + best, c // layers, c % layers, draw, weights) - q[entry]
+            observed = np.float32(0.0)
+            for trial in range(tries):
+                draw = (hash_uniform(seed, entry) + (visits[entry] + trial) * GOLDEN) % 1.0
+                observed += observe(model, layers, q, first + best, c // layers, c % layers, draw, weights)
+            error = observed / np.float32(tries) - q[entry]
             entries[s * cells + c] = entry
             values[s * cells + c] = q[entry] + step_sizes[min(visits[entry], len(step_sizes) - 1)] * error
-            visits[entry] += 1
+            visits[entry] += tries
 
 
 @njit(cache=True, parallel=True)

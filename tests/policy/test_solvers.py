@@ -97,9 +97,9 @@ def test_q_learning_comes_within_two_hundredths_of_value_iteration_when_the_targ
 def test_q_learning_settles_on_the_expectation_when_the_target_moves():
     model = model_of(GRIDS["polar"], build_movement(1.0, 4, 0.3))
     exact = value_iteration(model, "max_of_interpolated", tolerance=1e-6)
-    learned = q_learning(model, tolerance=0.0, max_sweeps=300, omega=0.8, settle=20.0, exploitations=0)
+    learned = q_learning(model, tolerance=0.0, max_sweeps=100, settle=10.0)
     assert learned.values.mean() == pytest.approx(exact.values.mean(), rel=0.02)
-    other = q_learning(model, tolerance=0.0, max_sweeps=300, omega=0.8, settle=20.0, exploitations=0, seed=1)
+    other = q_learning(model, tolerance=0.0, max_sweeps=100, settle=10.0, seed=1)
     assert not np.array_equal(learned.q, other.q)
 
 
