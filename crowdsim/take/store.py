@@ -33,6 +33,7 @@ _EVENTS = {
 }
 _AVATARS_A_CHUNK = 65536
 _EVENTS_A_CHUNK = 16384
+_CHUNKS_AT_FIRST = 64
 
 
 class TakeWriter:
@@ -70,6 +71,9 @@ class TakeWriter:
         self.path = path
         self._partial = path.with_name(path.name + ".partial")
         self._chunk = chunk
+        self._frames = frames
+        self._room = min(frames, _CHUNKS_AT_FIRST * chunk)
+        self._done = 0
         self._kept: list[dict[str, Array]] = []
         self._kept_targets: list[Array] = []
         self._kept_events: list[Events] = []
@@ -110,7 +114,7 @@ class TakeWriter:
         )
         for name in VARIABLES:
             chunks = (min(chunk, frames), max(1, min(avatars, _AVATARS_A_CHUNK)))
-            self._create(self._group, name, (0, avatars), chunks, _DTYPES[name], ["frame", "avatar"], _UNITS)
+            self._create(self._group, name, (self._room, avatars), chunks, _DTYPES[name], ["frame", "avatar"], _UNITS)
         for name, field in _CAST.items():
             values = np.asarray(getattr(cast, field))
             kind = f"<U{max(1, max(map(len, values), default=1))}" if name == "name" else _little(values.dtype)
@@ -118,7 +122,7 @@ class TakeWriter:
             array[...] = values.astype(kind)
         targets = len(target_names)
         if targets:
-            shape = (0, targets, 3)
+            shape = (self._room, targets, 3)
             dimensions = ["frame", "target", "component"]
             self._create(
                 self._group, "target", shape, (min(chunk, frames), targets, 3), "<f4", dimensions, {"target": "m"}
@@ -175,13 +179,14 @@ class TakeWriter:
             return
         for name in VARIABLES:
             joined = np.concatenate([kept[name] for kept in self._kept])
-            self._extend(self._group[name], joined[:count])
+            self._put(self._group[name], joined[:count])
         rest = {name: np.concatenate([kept[name] for kept in self._kept])[count:] for name in VARIABLES}
         self._kept = [rest] if len(rest["action"]) else []
         if self._kept_targets:
             joined = np.concatenate(self._kept_targets)
-            self._extend(self._group["target"], joined[:count])
+            self._put(self._group["target"], joined[:count])
             self._kept_targets = [joined[count:]]
+        self._done += count
 
     def _flush_events(self, whole: bool) -> None:
         """Write whole chunks of the strikes that are kept, everything when ``whole``."""
@@ -192,14 +197,18 @@ class TakeWriter:
         count = ready if whole else ready // _EVENTS_A_CHUNK * _EVENTS_A_CHUNK
         if count:
             for name in _EVENTS:
-                self._extend(self._group["events"][name], getattr(kept, name)[:count])
+                array = self._group["events"][name]
+                first = array.shape[0]
+                array.resize((first + count, *array.shape[1:]))
+                array[first:] = getattr(kept, name)[:count]
         self._kept_events = [Events(**{name: getattr(kept, name)[count:] for name in _EVENTS})]
 
-    def _extend(self, array: Any, values: Array) -> None:
-        """Let an array grow, so that what a killed run leaves says how far it came."""
-        first = array.shape[0]
-        array.resize((first + len(values), *array.shape[1:]))
-        array[first:] = values
+    def _put(self, array: Any, values: Array) -> None:
+        """Write the next frames of an array, which grows by doubling: its end is searched for chunks when it shrinks."""
+        stop = self._done + len(values)
+        if stop > array.shape[0]:
+            array.resize((min(max(stop, 2 * array.shape[0]), self._frames), *array.shape[1:]))
+        array[self._done : stop] = values
 
     def close(self, status: str = "done") -> None:
         """Finish the take and give it its final name; ``status`` is ``done`` or ``interrupted``.
@@ -211,6 +220,10 @@ class TakeWriter:
 
         with self._writing():
             self._flush(whole=True)
+            for name in [*VARIABLES, *(["target"] if "target" in self._group else [])]:
+                array = self._group[name]
+                if array.shape[0] > self._done:
+                    array.resize((self._done, *array.shape[1:]))
             self._group.attrs["status"] = status
             zarr.consolidate_metadata(str(self._partial))
             if self.path.exists():

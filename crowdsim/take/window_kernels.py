@@ -200,3 +200,50 @@ def find_stands(w, m, first, stop, out_stands, out_counts):
                             out_stands[n, f, count - 1, 1] = (w.first + r + share) / w.rate
                         frame += 1
             out_counts[n, f] = count
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def split_stands(cuts, scales, first, stop, how, spans, counts, out_modes, out_spans, out_counts, out_steps):
+    """Settle what feet of avatars ``first`` to ``stop`` do about cuts: where stands are long, they make a step.
+
+    Args:
+        cuts: A ``window.Cuts``.
+        scales: Body size by column.
+        first: First column.
+        stop: One past the last.
+        how: Jump from which a foot steps [m]; time from the end of a stand within which it need not [s]; half the
+            length of a step and the shortest stand between two [s].
+        spans: Beginning and end of each stand, through cuts [s]. Shape (n, 2, most, 2).
+        counts: How many there are. Shape (n, 2).
+        out_modes: What each cut does to each foot that stands: 0 moves it slowly, 1 has it stand as after the cut all
+            along, 2 as before it. Shape (C, 2), int8.
+        out_spans: Stands between steps. Shape (n, 2, more, 2).
+        out_counts: How many there are. Shape (n, 2).
+        out_steps: Whether each begins with a step. Shape (n, 2, more), bool.
+    """
+    least, ends, half, shortest = how
+    for n in range(first, stop):
+        for f in range(2):
+            held, cut = 0, cuts.starts[n]
+            for k in range(counts[n, f]):
+                begin, end = spans[n, f, k, 0], spans[n, f, k, 1]
+                while cut < cuts.starts[n + 1] and cuts.times[cut] <= begin:
+                    cut += 1
+                since, stepped = begin, False
+                while cut < cuts.starts[n + 1] and cuts.times[cut] < end:
+                    time, gap = cuts.times[cut], cuts.gaps[cut, f]
+                    before, after = time - begin, end - time
+                    if math.sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2]) > least * scales[n]:
+                        if before >= ends and after >= ends:
+                            if time - half - since >= shortest:
+                                out_spans[n, f, held, 0], out_spans[n, f, held, 1] = since, time - half
+                                out_steps[n, f, held] = stepped
+                                held += 1
+                            since, stepped = time + half, True
+                        else:
+                            out_modes[cut, f] = 1 if before < after else 2
+                    cut += 1
+                out_spans[n, f, held, 0], out_spans[n, f, held, 1] = since, end
+                out_steps[n, f, held] = stepped
+                held += 1
+            out_counts[n, f] = held
