@@ -3,15 +3,15 @@
     python benchmarks/motion_quality.py [--mocap DIR] [--json] [--windows 1500]
 
 Windows of 0.4 s around cuts between captured frames, as the motion graph allows them, against windows of the capture
-itself around the very frames that those cuts leave and enter, so that nothing but the cut tells them apart. Features are
-velocities and accelerations of the body's joints at 60 Hz in the ground frame of the window's middle. Clips are split in
-halves: a classifier trained on cuts and captured motion of one half is asked about the other, four splits, of which the
-mean area under the ROC curve counts; 0.5 is guessing, 1 is certainty. Two classifiers try, logistic regression, and
-random trees that are told speeds and sizes of accelerations too; the better of them counts.
+itself around the very frames that those cuts leave and enter, so that nothing but the cut tells them apart. Features
+are velocities and accelerations of the body's joints at 60 Hz in the ground frame of the window's middle. Clips are
+split in halves: a classifier trained on cuts and captured motion of one half is asked about the other, four splits,
+of which the mean area under the ROC curve counts; 0.5 is guessing, 1 is certainty. Two classifiers try, logistic
+regression, and random trees that are told speeds and sizes of accelerations too; the better of them counts.
 
-`ours` are poses of takes with blends and planted feet, `crossfade` fades from one motion to the other over 0.4 s while
-both play on, `hard` does nothing. Motion is the embedded performer's and, with --mocap or CROWDSIM_MOCAP, the capture of
-`policies/boxer_cmu.yaml`.
+`ours` are poses of takes with blends and planted feet, `crossfade` fades from one motion to the other over 0.4 s
+while both play on, `hard` does nothing. Motion is the embedded performer's and, with --mocap or CROWDSIM_MOCAP, the
+capture of `policies/boxer_cmu.yaml`.
 """
 
 from __future__ import annotations
@@ -45,8 +45,7 @@ ROWS = 15
 
 
 def usable(database: MotionDatabase, graph: MotionGraph, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return control frames before and after some cuts that have motion around them; the first is left, the second
-    lies on it."""
+    """Return control frames before and after some cuts that have motion around them: left, and landed on."""
     leave, enter = np.asarray(graph.transition_from), np.asarray(graph.transition_to) - 1
     starts = np.asarray(database.clip_starts)
 
@@ -168,8 +167,12 @@ def areas(database: MotionDatabase, cuts: dict[str, Array], leave: Array, enter:
             rows = [pairs[kind], *(tuple(f for f in pairs[key]) for key in ("left", "entered"))]
             masks = [inside, inside & half, inside & ~half]
             parts.append(
-                tuple(np.concatenate([row[k][mask] for row, mask in zip(rows, masks, strict=True)]) for k in (0, 1))
-                + (np.concatenate([np.ones(inside.sum()), np.zeros(inside.sum())]),)
+                (
+                    *tuple(
+                        np.concatenate([row[k][mask] for row, mask in zip(rows, masks, strict=True)]) for k in (0, 1)
+                    ),
+                    np.concatenate([np.ones(inside.sum()), np.zeros(inside.sum())]),
+                )
             )
         (train, train_sizes, labels), (test, test_sizes, truth) = parts
         trees = ExtraTreesClassifier(300, min_samples_leaf=2, n_jobs=2, random_state=split)

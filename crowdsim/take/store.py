@@ -204,7 +204,7 @@ class TakeWriter:
         self._kept_events = [Events(**{name: getattr(kept, name)[count:] for name in _EVENTS})]
 
     def _put(self, array: Any, values: Array) -> None:
-        """Write the next frames of an array, which grows by doubling: its end is searched for chunks when it shrinks."""
+        """Write the next frames of an array, which grows by doubling; shrinking it searches its end for chunks."""
         stop = self._done + len(values)
         if stop > array.shape[0]:
             array.resize((min(max(stop, 2 * array.shape[0]), self._frames), *array.shape[1:]))
