@@ -45,7 +45,7 @@ def hit_figure(sampler: PoseSampler) -> Figure:
     events = take.events
     chosen = np.flatnonzero(np.asarray(events.landed, bool) & (np.asarray(events.victim) >= 0))
     frames = np.clip(np.round(np.asarray(events.frame)[chosen]).astype(np.int64), 0, take.frame_count - 1)
-    victims = np.asarray(events.victim)[chosen]
+    victims = np.asarray(events.victim)[chosen].astype(np.int64)
     points = np.asarray(events.point, dtype=float)[chosen].reshape(-1, 3)
     x, z, heading = (np.asarray(values[:])[frames, victims].astype(float) for values in (take.x, take.z, take.heading))
     scale = np.asarray(take.cast.scales, dtype=float)[victims]
