@@ -527,6 +527,30 @@ def verify(folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run fol
     print(f"{folder}: {len(read_manifest(folder)['files'])} files, all as they were written")
 
 
+@app.command()
+def status(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run folder, or a folder of several.")],
+    as_json: Json = False,
+) -> None:
+    """Tell which runs in a folder are done, interrupted or unfinished."""
+    from crowdsim.run_folder import describe_run
+
+    if not folder.is_dir():
+        raise CrowdsimError(f"{folder}: no such folder, expected runs")
+    runs = {str(path): describe_run(path) for path in [folder, *sorted(folder.iterdir())] if path.is_dir()}
+    runs = {path: told for path, told in runs.items() if told["state"] != "none"}
+    if not runs:
+        raise CrowdsimError(f"{folder}: holds no run")
+    if as_json:
+        _print_json(runs)
+        return
+    for path, told in runs.items():
+        more = f"  {told['why']}" if "why" in told else ""
+        if "avatars" in told:
+            more = f"  {told['avatars']:,} avatars, {told['control_frames']:,} control frames"
+        print(f"{told['state']:<12} {path}{more}")
+
+
 def _make_folder(folder: Path) -> None:
     """Make a folder for outputs.
 

@@ -7,6 +7,7 @@ import os
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.manifest import NAME as MANIFEST
@@ -135,3 +136,26 @@ def copy_file(source: Path, path: Path) -> None:
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def describe_run(folder: Path) -> dict[str, Any]:
+    """Return what became of a run: its ``state``, and of a finished one ``avatars``, ``control_frames``, ``seconds``.
+
+    The state is ``done``, ``interrupted``, ``unfinished`` (killed, failed or still going), ``damaged``, or ``none``
+    where the folder is no run's.
+    """
+    from crowdsim.take.store import open_take
+
+    try:
+        held = [path.name for path in folder.iterdir()]
+        if MANIFEST in held:
+            told = read_manifest(folder)
+            numbers = {name: told[name] for name in ("avatars", "control_frames")}
+            return {"state": "done", **numbers, "seconds": told["seconds"]["total"]}
+        if TAKE in held:
+            take = open_take(folder)
+            state = "interrupted" if take.status == "interrupted" else "unfinished"
+            return {"state": state, "avatars": take.avatar_count, "control_frames": take.frame_count}
+    except (TakeError, OSError) as error:
+        return {"state": "damaged", "why": str(error)}
+    return {"state": "unfinished" if RESOLVED in held else "none"}

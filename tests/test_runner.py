@@ -22,7 +22,7 @@ from crowdsim.runner import load_policies, prepare, run, run_to
 from crowdsim.take.store import open_take
 from crowdsim.take.take import VARIABLES
 
-OUTPUTS = {"bvh": {"fps": 30}, "ply": {"fps": 30, "every": 20, "points": 50}}
+OUTPUTS = {"bvh": {"fps": 30}, "ply": {"fps": 30, "every": 20, "points": 500}}
 
 
 def take_bytes(folder: Path) -> dict[str, str]:
@@ -361,30 +361,51 @@ def test_an_interrupt_while_outputs_are_written_keeps_the_take(workplace: Path, 
     assert capsys.readouterr().err.endswith("the take is finished and kept, outputs are not: export makes them, run --force does all again\n")  # fmt: skip  # noqa: E501
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_an_error_that_leaves_nothing_half_written(workplace: Path) -> None:
     resource = pytest.importorskip("resource")
     write_scene(workplace / "four.yaml", outputs=OUTPUTS)
     program = (
         "import resource, sys\n"
         "from crowdsim.crowd.scenario import load_scenario\n"
-        "from crowdsim.runner import load_policies, run\n"
-        "import open3d\n"
-        "run(load_scenario('four.yaml'))\n"
+        "from crowdsim.runner import run_to\n"
+        "from pathlib import Path\n"
+        "run_to(Path('warm'), load_scenario('four.yaml'), force=True)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv.pop(1)),) * 2)\n"
         "from crowdsim.cli import main\n"
         "main()\n"
     )
     assert resource
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_DISABLE_PERFORMANCE_WARNINGS": "1"}
-    for limit, path in ((300, "output/four/"), (20_000, "output/four/bvh/red_0.bvh")):
+    # So much fits: a scenario but no take, a take but no BVH, all but a whole cloud.
+    for limit, path in ((1000, "take.zarr"), (8000, "bvh/"), (60_000, "ply/000000.ply")):
         done = subprocess.run(
             [sys.executable, "-c", program, str(limit), "run", "four.yaml", "--force"],
             cwd=workplace, env=environment, capture_output=True, text=True, timeout=300, check=False,
         )  # fmt: skip
         assert done.returncode == 1, done.stderr
-        assert f"{path}" in done.stderr
-        assert done.stderr.splitlines()[-1].endswith("cannot be written: File too large")
+        assert done.stderr.splitlines()[-1].startswith(f"output/four/{path}")
+        assert "cannot be written: " in done.stderr.splitlines()[-1]
         folder = workplace / "output" / "four"
         assert not (folder / "manifest.json").exists()
         assert not [path for path in folder.rglob("*") if "part" in path.name]
         shutil.rmtree(folder)
+
+
+def test_status_tells_finished_runs_from_others(workplace: Path, capsys) -> None:
+    write_scene(workplace / "a.yaml", name="a")
+    write_scene(workplace / "b.yaml", name="b")
+    assert crowdsim("run", "a.yaml", "b.yaml") == 0
+    (workplace / "output" / "b" / "manifest.json").unlink()
+    (workplace / "output" / "other").mkdir()
+    capsys.readouterr()
+    assert crowdsim("status", "output") == 0
+    assert capsys.readouterr().out == (
+        "done         output/a  4 avatars, 40 control frames\nunfinished   output/b  4 avatars, 40 control frames\n"
+    )
+    assert crowdsim("status", "output/a", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["output/a"].pop("seconds") > 0
+    assert told == {"output/a": {"state": "done", "avatars": 4, "control_frames": 40}}
+    assert crowdsim("status", "policies") == 2
+    assert capsys.readouterr().err == "policies: holds no run\n"

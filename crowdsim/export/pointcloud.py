@@ -233,9 +233,21 @@ def write_cloud(path: Path, cloud: Cloud) -> None:
         points.point[name] = shared(getattr(cloud, name)[:, None])
     partial = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
-        if not o3d.t.io.write_point_cloud(str(partial), points):
+        done = o3d.t.io.write_point_cloud(str(partial), points)
+        # Open3D calls some files written that a full disk has cut off.
+        if not (done and _is_whole(partial, len(cloud.places))):
             raise OSError("the disk may be full, or the folder cannot be written")
         os.replace(partial, path)
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def _is_whole(path: Path, points: int) -> bool:
+    """Whether a binary cloud holds as many bytes as its points need after the header."""
+    with open(path, "rb") as file:
+        head = file.read(4096)
+    for end in (b"end_header\n", b"DATA binary\n"):
+        if end in head:
+            return path.stat().st_size == head.index(end) + len(end) + 4 * len(FIELDS) * points
+    return False
