@@ -23,9 +23,8 @@ def test_commands_in_the_readme_exist() -> None:
     from crowdsim.cli import app
 
     known = set(get_command(app).commands)
-    named = {
-        word for line in re.findall(r"^(?:crowdsim|\| `crowdsim) (\w+)", TEXT, re.MULTILINE) for word in line.split()
-    }
+    shell = "\n".join(re.findall(r"```sh\n(.*?)```", TEXT, re.DOTALL))
+    named = {*re.findall(r"^crowdsim (\w+)", shell, re.MULTILINE), *re.findall(r"`crowdsim (\w+)", TEXT)}
     assert named
     assert named <= known
 
