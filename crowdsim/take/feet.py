@@ -13,7 +13,7 @@ from crowdsim.take.workers import share
 
 Array = NDArray[Any]
 
-STAND = 0.35
+STAND = 0.55
 """How far before and after a time a planted foot's mean place is taken [s]."""
 _EVEN = 0.55
 """Part of that over which every moment counts the same."""

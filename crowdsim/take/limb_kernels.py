@@ -3,9 +3,8 @@
 A stand is a time over which a foot is planted, through cuts. At a cut the motion's own place of the foot jumps by
 delta. With k a kernel that is flat near the time t and ends within a second, and B the share of k over the stand that
 lies after the cut, a planted foot belongs at ``motion(t) + sum over cuts of delta (B - [t >= cut])``: its mean place
-over the stand. This does not jump at cuts and, where the stand is short, does not move at all. Where it is long, a cut
-that moves the foot far has it make a step instead. Between stands a foot is let go of, or led from one place to the
-next where they follow closely.
+over the stand. This does not jump at cuts and, where the stand is shorter than the flat part, does not move at all.
+Between stands a foot is let go of, or led from one place to the next where they follow closely.
 
 Then the pelvis goes along with what planted feet ask for, and down a little for a leg that would be overstretched; legs
 ease into their longest reach, soles stay above the floor.
@@ -44,18 +43,15 @@ def _mass(x, flat, wide):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _add_shift(cuts, modes, first, stop, foot, rate, time, centre, begin, end, flat, wide, weight, out):
+def _add_shift(cuts, first, stop, foot, rate, time, centre, begin, end, flat, wide, weight, out):
     """Add how far a foot belongs from the motion's own place in a stand, times a weight."""
     low, high = _mass(begin - centre, flat, wide), _mass(end - centre, flat, wide)
     if high - low < 1e-9:
         return
     for cut in range(first, stop):
         at = cuts.times[cut]
-        if modes[cut, foot] > 0 and begin < at < end:
-            share = 1.0 if modes[cut, foot] == 1 else 0.0
-        else:
-            beyond = high - min(max(_mass(at - centre, flat, wide), low), high)
-            share = beyond / (high - low)
+        beyond = high - min(max(_mass(at - centre, flat, wide), low), high)
+        share = beyond / (high - low)
         if (at - time) * rate <= 1e-9:
             share -= 1.0
         if share != 0.0:
@@ -64,42 +60,27 @@ def _add_shift(cuts, modes, first, stop, foot, rate, time, centre, begin, end, f
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _far(cuts, first, stop, foot, begin, end):
-    """How far the cuts between two times move a foot over the floor."""
-    x, z = 0.0, 0.0
-    for cut in range(first, stop):
-        if begin < cuts.times[cut] < end:
-            x += cuts.gaps[cut, foot, 0]
-            z += cuts.gaps[cut, foot, 2]
-    return math.sqrt(x * x + z * z)
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _stand_weights(stands, n, foot, at, time, swing):
     """The stands before and after a time: their numbers and weights, and the first that is not yet over.
 
     In a stand its weight is 1. Away from stands a weight fades over ``swing``; between two that are near each other one
-    passes into the other, all the way where it is a step. Last comes how much of a step is done.
+    passes into the other.
     """
     count = stands.counts[n, foot]
     while at < count and stands.spans[n, foot, at, 1] < time:
         at += 1
     if at < count and stands.spans[n, foot, at, 0] <= time:
-        return at, 1.0, -1, 0.0, at, 0.0
+        return at, 1.0, -1, 0.0, at
     one, other, since, until = -1, -1, math.inf, math.inf
     if at > 0:
         one, since = at - 1, time - stands.spans[n, foot, at - 1, 1]
-    if at < count and stands.steps[n, foot, at]:
-        passed = since / (stands.spans[n, foot, at, 0] - stands.spans[n, foot, at - 1, 1])
-        share = _ease(passed)
-        return one, 1.0 - share, at, share, at, passed
     if at < count:
         other, until = at, stands.spans[n, foot, at, 0] - time
     before, after = _ease(1.0 - since / swing), _ease(1.0 - until / swing)
     if since + until < 2.0 * swing:
         passed = _ease(since / (since + until))
         before, after = before * (1.0 - passed), after * passed
-    return one, before, other, after, at, 0.0
+    return one, before, other, after, at
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -306,7 +287,7 @@ def plant_feet(
             cos, sin = math.cos(grounds[t, i, 2]), math.sin(grounds[t, i, 2])
             shift_x, shift_z = 0.0, 0.0
             for f in range(2):
-                one, before, other, after, at[f], passed = _stand_weights(stands, n, f, at[f], time, swing)
+                one, before, other, after, at[f] = _stand_weights(stands, n, f, at[f], time, swing)
                 firm[f] = before + after
                 end = legs.joints[f, 2]
                 for k in range(3):
@@ -327,31 +308,11 @@ def plant_feet(
                         asked[f, k] = firm[f] * (home[k] - ankle[f, k] - ball[f, k])
                     if before > 0.0:
                         begin, ends = stands.spans[n, f, one, 0], stands.spans[n, f, one, 1]
-                        _add_shift(cuts, stands.modes, low, high, f, rate, time, min(time, ends), begin, ends, flat,
-                                   wide, before, asked[f])  # fmt: skip
+                        _add_shift(cuts, low, high, f, rate, time, min(time, ends), begin, ends, flat, wide, before,
+                                   asked[f])  # fmt: skip
                     if after > 0.0:
                         begin, ends = stands.spans[n, f, other, 0], stands.spans[n, f, other, 1]
-                        _add_shift(
-                            cuts,
-                            stands.modes,
-                            low,
-                            high,
-                            f,
-                            rate,
-                            time,
-                            begin,
-                            begin,
-                            ends,
-                            flat,
-                            wide,
-                            after,
-                            asked[f],
-                        )
-                if passed > 0.0:
-                    # A step is higher the further it goes.
-                    far = _far(cuts, low, high, f, stands.spans[n, f, one, 1], stands.spans[n, f, other, 0])
-                    rise = passed * (1.0 - passed)
-                    asked[f, 1] += min(0.3 * far, 0.06 * scale) * 64.0 * rise * rise * rise
+                        _add_shift(cuts, low, high, f, rate, time, begin, begin, ends, flat, wide, after, asked[f])
                 shift_x += 0.5 * along * asked[f, 0]
                 shift_z += 0.5 * along * asked[f, 2]
             # The pelvis goes aside with the feet, and no further than it may.

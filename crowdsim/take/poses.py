@@ -182,7 +182,7 @@ class PoseSampler:
         first, last = float(times.min()), float(times.max())
         cuts = window.cuts()
         roots, rotations = self._blend(window, cuts, places, times, columns)
-        hold_feet(window, cuts, window.stands(cuts), places, times, columns, self._stand, roots, rotations)
+        hold_feet(window, cuts, window.stands(), places, times, columns, self._stand, roots, rotations)
         if self._reactions:
             lookup = np.full(self.take.avatar_count, -1)
             lookup[window.avatars] = np.arange(len(window.avatars))

@@ -12,7 +12,6 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.take.poses import Poses, PoseSampler
 from crowdsim.take.take import Take
-from crowdsim.take.window import Stands
 
 Array = NDArray[Any]
 Progress = Callable[[str, int, int], None]
@@ -39,7 +38,7 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict
         ``avatars``, ``control_frames``, ``seconds``; ``strikes_thrown``, ``strikes_landed``,
         ``hits_per_minute_per_avatar``; ``opponent_changes`` of all avatars; ``transitions_per_second`` of an avatar;
         ``overlap_share``, the share of avatar-frames in which two bodies' discs overlap; ``foot_slide_median`` and
-        ``foot_slide_95``, speed over the floor of feet while they stand [m/s], and beside them the capture's own;
+        ``foot_slide_95``, speed over the floor of planted feet [m/s], and beside them the capture's own;
         ``transition_jump_ratio``, accelerations of joints near cuts over those of the captured frames shown there.
         Figures of which there is nothing to measure are None.
     """
@@ -97,13 +96,13 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
         frames = window.place(times[:, None], np.arange(len(poses.avatars))).frames
         places, turns = poses.joints()
         balls = _balls(sampler, poses, places, turns)
-        cuts = window.cuts()
-        planted = _standing(window.stands(cuts), times)
+        planted = np.asarray(motion.contacts[np.maximum(frames, 0)]) & (frames >= 0)[..., None]
         speeds = np.linalg.norm(np.diff(balls, axis=0), axis=-1) * rate
         slides.append(speeds[planted[1:] & planted[:-1]])
         places = places[:, :, motion.joints]
         sizes = np.linalg.norm(np.diff(places, 2, axis=0), axis=-1).mean(axis=-1) * rate * rate
         near = np.zeros(frames.shape, bool)
+        cuts = window.cuts()
         for owner, time in zip(cuts.owners, cuts.times, strict=True):
             low, high = np.searchsorted(times, (time - _NEAR_CUT, time + _NEAR_CUT))
             near[low:high, owner] = True
@@ -159,16 +158,6 @@ def _filled(values: Array) -> Array:
     """Values with gaps closed by what lies before them."""
     last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
     return np.asarray(values[last])
-
-
-def _standing(stands: Stands, times: Array) -> Array:
-    """Whether feet stand at times (T,), which they do not in swings and steps. Shape (T, n, 2)."""
-    standing = np.zeros((len(times), *stands.counts.shape), bool)
-    for (column, foot), count in np.ndenumerate(stands.counts):
-        edges = np.searchsorted(times, stands.spans[column, foot, :count])
-        for low, high in edges:
-            standing[low:high, column, foot] = True
-    return standing
 
 
 def _balls(sampler: PoseSampler, poses: Poses, places: Array, turns: Array) -> Array:

@@ -11,16 +11,13 @@ from numpy.typing import NDArray
 
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.take import Take
-from crowdsim.take.window_kernels import find_stands, measure_cuts, place_avatars, split_stands
+from crowdsim.take.window_kernels import find_stands, measure_cuts, place_avatars
 from crowdsim.take.workers import share
 
 Array = NDArray[Any]
 
 BLEND = 0.5
 """Length of the blend over a cut, half before it and half after where no strike is near [s]."""
-_STEPS = (0.02, 0.22, 0.12, 0.1)
-"""Jump from which feet step [m], time from a stand's end within which they need not, half a step, least time between
-two [s]."""
 LEAST_BLEND = 0.1
 """Least time that it lasts before a cut, and after it [s]."""
 
@@ -100,14 +97,10 @@ class Stands(NamedTuple):
     Attributes:
         spans: Beginning and end of each stand, in order [s]. Shape (n, 2, most, 2).
         counts: How many each foot has. Shape (n, 2).
-        steps: Whether a stand begins with a step that a cut asks for. Shape (n, 2, most), bool.
-        modes: See ``split_stands``. Shape (C, 2), int8.
     """
 
     spans: Array
     counts: Array
-    steps: Array
-    modes: Array
 
 
 class Window:
@@ -204,8 +197,8 @@ class Window:
         half = np.minimum(room, 0.5 * BLEND)
         return np.minimum(room, np.minimum(BLEND - half[:, ::-1], 0.7 * BLEND))
 
-    def stands(self, cuts: Cuts) -> Stands:
-        """Return when feet are planted: as in the capture, but for steps that feet make where cuts move them far."""
+    def stands(self) -> Stands:
+        """Return when feet are planted."""
         rows, stride = self.rows, self.motion.frames.stride
         fastest = float(rows.speeds.max(initial=1.0))
         most = (len(rows.phase) * (math.ceil(fastest * stride) + 3)) // 2 + 2
@@ -216,17 +209,4 @@ class Window:
             find_stands(rows, self.motion.frames, low, high, spans, counts)
 
         share(self.threads, len(self.avatars), work)
-        more = int(counts.max(initial=0)) + int(np.diff(cuts.starts).max(initial=0)) + 1
-        stands = Stands(
-            np.empty((len(self.avatars), 2, more, 2)),
-            np.empty((len(self.avatars), 2), np.int64),
-            np.zeros((len(self.avatars), 2, more), bool),
-            np.zeros((len(cuts.times), 2), np.int8),
-        )
-
-        def split(low: int, high: int) -> None:
-            split_stands(cuts, rows.scales, low, high, _STEPS, spans, counts, stands.modes, stands.spans, stands.counts,
-                         stands.steps)  # fmt: skip
-
-        share(self.threads, len(self.avatars), split)
-        return stands
+        return Stands(spans, counts)

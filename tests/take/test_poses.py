@@ -131,28 +131,20 @@ def test_position_and_velocity_go_on_through_cuts() -> None:
 def test_planted_feet_stay_where_they_are_through_cuts() -> None:
     take, policy = random_take(5, avatars=6, speeds=[1.0] * 6)
     poses = sampler(take, policy).sample(0, take.output_frames(60), 60)[0]
-    captured = sampler(take, policy).captured(0, take.output_frames(60), 60)[0]
-    ours, plain = _slide(poses, take, policy), _slide(captured, take, policy)
-    assert np.percentile(plain, 99) > 2.0
-    # Where a cut would move a foot far it steps, if there is time for a step.
-    assert np.median(ours) < 0.1
-    assert np.percentile(ours, 90) < 0.4
-    assert np.percentile(ours, 99) < 2.0
+    ours, plain = _slide(poses.joints()[0], take, policy), _slide(hard(take, policy), take, policy)
+    assert np.percentile(plain, 99) > 3.0
+    assert np.percentile(ours, 99) < 1.0
+    # Cuts between any two frames, several a second, leave no foot where it is for long.
+    assert np.median(ours) < 0.35
 
 
-def _slide(poses: Poses, take: Take, policy: Any) -> np.ndarray:
-    body = database().body
-    places, turns = poses.joints()
+def _slide(places: np.ndarray, take: Take, policy: Any) -> np.ndarray:
+    roles = database().body.roles
     window = sampler(take, policy).window(0, np.arange(take.avatar_count), np.array([0.0, take.seconds]))
-    stands = window.stands(window.cuts())
-    planted = np.zeros((len(places), take.avatar_count, 2), bool)
-    for n, foot in np.ndindex(take.avatar_count, 2):
-        for begin, end in stands.spans[n, foot, : stands.counts[n, foot]]:
-            planted[int(np.ceil(begin * 60)) : int(end * 60) + 1, n, foot] = True
-    feet = [body.roles["left_foot"], body.roles["right_foot"]]
-    soles = quaternion.rotate(turns[:, :, feet], body.sole_offsets[:, 1]) * poses.scales[:, None, None]
-    balls = (places[:, :, feet] + soles)[..., [0, 2]]
-    speeds = np.linalg.norm(np.diff(balls, axis=0), axis=-1) * 60
+    frames = window.place((np.arange(len(places)) / 60.0)[:, None], np.arange(take.avatar_count)).frames
+    planted = database().contacts[frames]
+    feet = places[:, :, [roles["left_foot"], roles["right_foot"]]][..., [0, 2]]
+    speeds = np.linalg.norm(np.diff(feet, axis=0), axis=-1) * 60
     return np.asarray(speeds[planted[1:] & planted[:-1]])
 
 
