@@ -432,22 +432,38 @@ def _change_opponent(whole, real, slot_of, moods, present, own, nearest):
 
 @_kernel
 def crowd_out(
-    whole, real, offsets, reaches, actions, moves, arena, crowding, due, first, last, counts, neighbours, near, values
+    whole,
+    real,
+    offsets,
+    reaches,
+    actions,
+    moves,
+    arena,
+    crowding,
+    due,
+    order,
+    first,
+    last,
+    counts,
+    neighbours,
+    near,
+    values,
 ):
     """Lower the values of actions that end, or pass, inside a neighbour or outside the arena.
 
-    For avatars ``due[first:last]``, whose neighbours and values run along; ``near`` is scratch space.
+    For avatars ``due[order[first:last]]``; neighbours run along with ``due``, values with the order.
     """
     end_cost, path_cost, disc, gap = crowding[0], crowding[1], crowding[2], crowding[3]
     for q in range(first, last):
-        own = due[q]
+        observed = order[q]
+        own = due[observed]
         x, z, scale, speed = real[X, own], real[Z, own], real[SCALE, own], real[SPEED, own]
         state = actions[whole[ACTION, own], NEXT]
         offset = offsets[state]
         furthest = reaches[state] * scale
         close = 0
-        for m in range(counts[q]):
-            j = neighbours[q, m]
+        for m in range(counts[observed]):
+            j = neighbours[observed, m]
             ax, az = real[X, j] - x, real[Z, j] - z
             wx, wz = real[END_X, j] - real[X, j], real[END_Z, j] - real[Z, j]
             room = disc * (scale + real[SCALE, j]) + gap
@@ -551,17 +567,35 @@ def _pick(values, row, n, margin, most, temperature, number, chances):
 
 
 @_kernel
+def order_by_state(whole, actions, due, first, last, starts, out_order):
+    """List the places ``first`` to ``last`` of ``due`` by the state that each is in; ``starts`` (S + 1,) is scratch.
+
+    Those who choose among the same actions come one after another, so that these are read from memory once.
+    """
+    for state in range(starts.shape[0]):
+        starts[state] = 0
+    for q in range(first, last):
+        starts[actions[whole[ACTION, due[q]], NEXT] + 1] += 1
+    for state in range(1, starts.shape[0]):
+        starts[state] += starts[state - 1]
+    for q in range(first, last):
+        state = actions[whole[ACTION, due[q]], NEXT]
+        out_order[starts[state]] = q
+        starts[state] += 1
+
+
+@_kernel
 def aim(
-    whole, real, slot_of, actions, bodies, policies, arena, crowding, targets, moods, present, moment, due, first, last,
-    nearest, out_situations, out_states, out_moods, out_policies,
+    whole, real, slot_of, actions, bodies, policies, arena, crowding, targets, moods, present, moment, due, order,
+    first, last, nearest, out_situations, out_states, out_moods, out_policies,
 ):  # fmt: skip
-    """Choose opponents for avatars ``due[first:last]`` and write their situations (``value_actions``).
+    """Choose opponents for avatars ``due[order[first:last]]`` and write their situations (``value_actions``).
 
     The state is that in which the action ends, or -1 where there is nobody to fight.
     """
     for q in range(first, last):
-        own = due[q]
-        opponent = _change_opponent(whole, real, slot_of, moods, present, own, nearest[q])
+        own = due[order[q]]
+        opponent = _change_opponent(whole, real, slot_of, moods, present, own, nearest[order[q]])
         whole[OPPONENT_BEFORE, own] = whole[OPPONENT, own]
         whole[OPPONENT, own] = opponent
         x, z, scale = real[X, own], real[Z, own], real[SCALE, own]
@@ -596,10 +630,10 @@ def aim(
 
 
 @_kernel
-def draw_actions(whole, offsets, actions, moods, stream, due, first, last, values, chances, out_chosen):
-    """Draw the next action of avatars ``due[first:last]`` by its value; return -1, or a slot without numbers."""
+def draw_actions(whole, offsets, actions, moods, stream, due, order, first, last, values, chances, out_chosen):
+    """Draw the next action of avatars ``due[order[first:last]]`` by its value; return -1, or a slot without numbers."""
     for q in range(first, last):
-        own = due[q]
+        own = due[order[q]]
         state, mood = actions[whole[ACTION, own], NEXT], whole[MOOD, own]
         number = draw(stream[0], whole[NUMBER, own], whole[DECISIONS, own])
         picked = _pick(
@@ -608,23 +642,25 @@ def draw_actions(whole, offsets, actions, moods, stream, due, first, last, value
         )  # fmt: skip
         if picked < 0:
             return own
-        out_chosen[q] = offsets[state] + picked
+        out_chosen[order[q]] = offsets[state] + picked
     return -1
 
 
 @_kernel
-def keep_running(whole, offsets, actions, moves, due, first, last, states, values):
+def keep_running(whole, offsets, actions, moves, due, order, first, last, states, values):
     """Where there is nobody to fight, let captured motion run on: the cheapest transition is worth most."""
     for q in range(first, last):
         if states[q] < 0:
-            state = actions[whole[ACTION, due[q]], NEXT]
+            state = actions[whole[ACTION, due[order[q]]], NEXT]
             for k in range(offsets[state + 1] - offsets[state]):
                 values[q, k] = -moves[COST, offsets[state] + k]
 
 
 @_kernel
-def choose(model, avatars, world, present, moment, due, first, last, nearest, counts, neighbours, scratch, out_chosen):
-    """Choose an opponent and the next action for avatars ``due[first:last]``, at most ``BATCH`` of them.
+def choose(
+    model, avatars, world, present, moment, due, order, first, last, nearest, counts, neighbours, scratch, out_chosen
+):
+    """Choose an opponent and the next action for avatars ``due[order[first:last]]``, at most ``BATCH`` of them.
 
     ``nearest``, ``counts`` and ``neighbours`` are what was observed and run along with ``due``; ``moment`` is the row
     of ``world.targets`` for this frame. Writes the chosen actions along with ``due``. Returns -1, or the slot of an
@@ -632,24 +668,25 @@ def choose(model, avatars, world, present, moment, due, first, last, nearest, co
     """
     aim(
         avatars.whole, avatars.real, avatars.slot_of, model.actions, model.bodies, model.policies, world.arena,
-        world.crowding, world.targets, world.moods, present, moment, due, first, last, nearest, scratch.situations,
-        scratch.states, scratch.moods, scratch.policies,
+        world.crowding, world.targets, world.moods, present, moment, due, order, first, last, nearest,
+        scratch.situations, scratch.states, scratch.moods, scratch.policies,
     )  # fmt: skip
     value_actions(
         model.offsets, model.policies, model.actions, model.moves, model.paths, model.strikes, model.behaviours,
         model.discounts, model.axes, model.terms, model.table, world.weights, first, last, scratch.situations,
-        scratch.states, scratch.moods, scratch.policies, scratch.cells, scratch.shares, scratch.steps, scratch.work, scratch.rows,
-        scratch.values,
+        scratch.states, scratch.moods, scratch.policies, scratch.cells, scratch.shares, scratch.steps, scratch.work,
+        scratch.rows, scratch.values,
     )  # fmt: skip
     keep_running(
-        avatars.whole, model.offsets, model.actions, model.moves, due, first, last, scratch.states, scratch.values
-    )
+        avatars.whole, model.offsets, model.actions, model.moves, due, order, first, last, scratch.states,
+        scratch.values,
+    )  # fmt: skip
     crowd_out(
         avatars.whole, avatars.real, model.offsets, model.reaches, model.actions, model.moves, world.arena,
-        world.crowding, due, first, last, counts, neighbours, scratch.near, scratch.values,
+        world.crowding, due, order, first, last, counts, neighbours, scratch.near, scratch.values,
     )  # fmt: skip
     return draw_actions(
-        avatars.whole, model.offsets, model.actions, world.moods, world.stream, due, first, last, scratch.values,
+        avatars.whole, model.offsets, model.actions, world.moods, world.stream, due, order, first, last, scratch.values,
         scratch.rows, out_chosen,
     )  # fmt: skip
 
@@ -856,7 +893,7 @@ def run_frames(
     slot of an avatar that got lost. Returns the frames done, which are fewer where room for strikes may not last, and
     the number of strikes.
     """
-    due, hits = np.empty(present, np.int32), np.empty(present, np.int64)
+    due, hits, order = np.empty(present, np.int32), np.empty(present, np.int64), np.arange(present)
     nearest, counts = np.empty(present, np.int32), np.empty(present, np.int32)
     chosen = np.empty(present, np.int32)
     neighbours = np.empty((present, most_near), np.int32)
@@ -888,8 +925,8 @@ def run_frames(
             lost = max(
                 lost,
                 choose(
-                    model, avatars, world, present, k + 1, due[start:], 0, min(BATCH, dues - start), nearest[start:],
-                    counts[start:], neighbours[start:], scratch, chosen[start:],
+                    model, avatars, world, present, k + 1, due, order[start:], 0, min(BATCH, dues - start), nearest,
+                    counts, neighbours, scratch, chosen,
                 ),
             )  # fmt: skip
         if lost >= 0:

@@ -1,8 +1,8 @@
 """Who is near whom: the index over a large crowd, in whose order its avatars are stored.
 
 Every index gives the same answers: the nearest opponent by squared distance in float64, the lower number among
-equals, and the neighbours within reach. ``kd_tree`` is what ``auto`` takes; ``grid`` and ``scipy`` find opponents their
-own way, for comparison, and leave the neighbours to the trees.
+equals, and the neighbours within reach. ``kd_tree`` is what ``auto`` takes; ``scipy`` finds opponents its own way, for
+comparison, and leaves the neighbours to the trees.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from crowdsim.crowd.workers import Workers
 
 Array = NDArray[Any]
 
-SEARCHES = ("auto", "kd_tree", "grid", "scipy")
+SEARCHES = ("auto", "kd_tree", "scipy")
 
 FEW_TEAMS = 8
 """Up to so many teams have a tree each; more share one, whose nodes know when all below are of one team."""

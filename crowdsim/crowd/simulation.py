@@ -37,6 +37,9 @@ STAGES = ("index", "observe", "choose", "advance", "strikes", "record")
 SMALL = 400
 """Most avatars whose opponents are found by comparing with everyone, many frames in one compiled call."""
 
+_TOGETHER = 65_536
+"""Avatars of one thread that observe before they choose, which they do in the order of their states."""
+
 _CHUNK_AVATAR_FRAMES = 1_000_000
 
 
@@ -263,22 +266,27 @@ class Simulation:
         spent = [0, 1]
 
         def decide(first: int, last: int) -> None:
-            opponents, counts = np.empty(kernels.BATCH, np.int32), np.empty(kernels.BATCH, np.int32)
-            neighbours = np.empty((kernels.BATCH, near.most), np.int32)
+            room = min(_TOGETHER, last - first)
+            opponents, counts = np.empty(room, np.int32), np.empty(room, np.int32)
+            neighbours, order = np.empty((room, near.most), np.int32), np.empty(room, np.int64)
+            starts = np.empty(len(self.model.offsets), np.int64)
             scratch = empty_scratch(self.model, near.most)
-            for start in range(first, last, kernels.BATCH):
-                batch = due[start : min(start + kernels.BATCH, last)]
+            for start in range(first, last, _TOGETHER):
+                some = due[start : min(start + _TOGETHER, last)]
                 begun = perf_counter_ns()
-                self._index.observe(self.avatars, batch, 0, len(batch), near.reach, opponents, counts, neighbours)
+                self._index.observe(self.avatars, some, 0, len(some), near.reach, opponents, counts, neighbours)
                 observed = perf_counter_ns()
-                slot = kernels.choose(
-                    self.model, self.avatars, world, self.present, 1, batch, 0, len(batch), opponents, counts,
-                    neighbours, scratch, chosen[start:last],
-                )  # fmt: skip
+                kernels.order_by_state(self.avatars.whole, self.model.actions, some, 0, len(some), starts, order)
+                for batch in range(0, len(some), kernels.BATCH):
+                    slot = kernels.choose(
+                        self.model, self.avatars, world, self.present, 1, some, order[batch:], 0,
+                        min(kernels.BATCH, len(some) - batch), opponents, counts, neighbours, scratch,
+                        chosen[start:last],
+                    )  # fmt: skip
+                    if slot >= 0:
+                        lost.append(slot)
                 spent[0] += observed - begun
                 spent[1] += perf_counter_ns() - begun
-                if slot >= 0:
-                    lost.append(slot)
 
         self._workers.each(decide, len(due), grain=1024)
         if lost:

@@ -279,6 +279,11 @@ def test_scopes_add_up_to_the_whole(count):
     assert all(chunk.timings is None for chunk in simulate(crowd(count), POLICIES, 2))
 
 
+def test_an_unknown_index_is_refused_with_those_there_are():
+    with pytest.raises(ValueError, match="expected one of auto, kd_tree, scipy"):
+        Simulation(crowd(), POLICIES, search="kd_tre")
+
+
 def test_policies_of_different_rates_are_refused():
     other = policy(3)
     other = dataclasses.replace(other, database=dataclasses.replace(other.database, control_rate=30.0))

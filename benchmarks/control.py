@@ -1,0 +1,294 @@
+"""What control costs: thirty avatars, a million, and what others take for the same.
+
+    python benchmarks/control.py [--policy NAME] [--threads N] [--json] [--quick]
+
+* brawl_30: 30 avatars in the shipped scene, 1000 control frames, beside what scipy's cKDTree alone takes to be built
+  and queried for the same places every frame.
+* scale: nanoseconds an avatar and control frame for 10,000, 100,000 and 1,000,000 avatars of two teams, spread out,
+  clustered, and as two armies a kilometre apart. Recording stands beside it.
+* million: a control frame of a million avatars that are spread out, and memory an avatar.
+* jupedsim: agent-steps a second of its collision-free speed model with 100,000 agents, one thread, beside ours.
+* decision: one decision (observing and choosing) beside a motion-matching search, cKDTree over the usual 27 features of
+  the same motion at the control rate, batched; and at the playback rate, at which motion matching usually searches.
+
+Times are the least of several runs, frame by frame, because machines are shared.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from crowdsim.crowd.cast import cast_crowd
+from crowdsim.crowd.crowd import Crowd, build_crowd
+from crowdsim.crowd.placement import place_groups
+from crowdsim.crowd.scenario import load_scenario
+from crowdsim.crowd.simulation import STAGES, Chunk, Simulation
+from crowdsim.motion import ground
+from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.policy.policy import Policy
+from crowdsim.policy.train import ready_policy
+
+LAYOUTS = ("spread", "clustered", "armies")
+SPACING = 1.5
+"""Metres between neighbours, on average."""
+
+
+def say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def layout(kind: str, count: int, seed: int = 0) -> Crowd:
+    """Return a crowd of two teams, its avatars at least about half a metre apart."""
+    rng = np.random.default_rng(seed)
+    side = int(np.ceil(np.sqrt(count)))
+    team = rng.integers(0, 2, count)
+    if kind == "clustered":
+        # Discs of a thousand at half the spacing, far apart.
+        clusters = max(count // 1000, 1)
+        across = int(np.ceil(np.sqrt(clusters)))
+        cluster = np.arange(count) % clusters
+        place = np.arange(count) // clusters
+        radius, angle = 0.8 * np.sqrt(place + 0.5) / np.sqrt(np.pi) * 1.1, 2.399963 * place
+        x = radius * np.sin(angle) + 120.0 * (cluster % across)
+        z = radius * np.cos(angle) + 120.0 * (cluster // across)
+    else:
+        z, x = np.array(np.divmod(np.arange(count), side)) * SPACING
+        x, z = x + rng.uniform(-0.4, 0.4, count), z + rng.uniform(-0.4, 0.4, count)
+        if kind == "armies":
+            team = (x > x.mean()).astype(int)
+            x = x + 1000.0 * team
+    order = rng.permutation(count)
+    return build_crowd(x[order], z[order], rng.uniform(-np.pi, np.pi, count), team=team[order], seed=seed)
+
+
+def least(run: Callable[[], np.ndarray], times: int) -> np.ndarray:
+    """Return the least time of each frame and stage over several equal runs [ns]."""
+    return np.min([run() for _ in range(times)], axis=0)
+
+
+def timed(crowd: Crowd, policy: Policy, frames: int, threads: int, skip: int = 0) -> tuple[np.ndarray, Simulation]:
+    """Run a crowd; return its timings after ``skip`` frames, and what it is like at the end."""
+    simulation = Simulation(crowd, [policy], threads=threads, profiled=True)
+    parts = []
+    while simulation.frame < frames + skip:
+        parts.append(simulation.run(1 if crowd.count > 2000 else frames + skip).timings)
+    simulation.close()
+    return np.concatenate(parts)[skip:], simulation
+
+
+def brawl(policy: Policy, repeats: int) -> dict[str, float]:
+    scenario = load_scenario("brawl_30")
+    crowd, script = cast_crowd(scenario, place_groups(scenario), [policy])
+    chunks: list[Chunk] = []
+    whole = []
+    for _ in range(repeats + 1):
+        simulation = Simulation(crowd, [policy], script)
+        begun = time.perf_counter()
+        chunks.append(simulation.run(1000))
+        whole.append(time.perf_counter() - begun)
+    timings = least(lambda: timed(crowd, policy, 1000, 1)[0], repeats)
+    control = timings[:, : len(STAGES) - 1].sum() * 1e-6
+    points = np.stack([chunks[0].x, chunks[0].z], axis=-1).astype(float)
+    theirs = np.full(1000, np.inf)
+    for _ in range(repeats):
+        for frame, places in enumerate(points):
+            begun = time.perf_counter()
+            cKDTree(places, leafsize=32, balanced_tree=False, compact_nodes=False).query(places, k=2)
+            theirs[frame] = min(theirs[frame], time.perf_counter() - begun)
+    ckdtree = theirs.sum() * 1e3
+    decisions = int(simulation.avatars.whole[8].sum())
+    return {
+        "milliseconds": control,
+        "whole_call_milliseconds": min(whole) * 1e3,
+        "ckdtree_milliseconds": ckdtree,
+        "ratio_to_ckdtree": control / ckdtree,
+        "decisions": decisions,
+        "decision_nanoseconds": float(timings[:, 1:3].sum()) / decisions,
+    }
+
+
+def scale(policy: Policy, threads: int, quick: bool) -> tuple[dict[str, Any], dict[str, float]]:
+    counts = {"10k": 10_000, "100k": 100_000} if quick else {"10k": 10_000, "100k": 100_000, "1m": 1_000_000}
+    result: dict[str, Any] = {}
+    million: dict[str, float] = {}
+    for kind in LAYOUTS:
+        result[kind] = {}
+        for name, count in counts.items():
+            crowd = layout(kind, count)
+            frames, repeats = (32, 2) if count >= 1_000_000 else (32, 5)
+            memory = 0.0
+            best = np.full((frames, len(STAGES)), np.inf)
+            for _ in range(repeats):
+                # Sixteen frames on, avatars no longer decide together.
+                timings, simulation = timed(crowd, policy, frames, threads, skip=16)
+                best = np.minimum(best, timings)
+                memory = simulation.nbytes / count
+            control = best[:, : len(STAGES) - 1].sum() / frames / count
+            result[kind][f"ns_per_avatar_frame_{name}"] = control
+            result[kind][f"record_ns_{name}"] = best[:, -1].sum() / frames / count
+            stages = ", ".join(
+                f"{stage} {value / count:.0f}" for stage, value in zip(STAGES, best.mean(axis=0), strict=True)
+            )
+            say(f"{kind} {name}: {control:.0f} ns an avatar-frame ({stages}), {memory:.0f} bytes an avatar")
+            if kind == "spread" and count == 1_000_000:
+                million = {
+                    "million_frame_milliseconds": control * count * 1e-6,
+                    "million_record_milliseconds": best[:, -1].mean() * 1e-6,
+                    "million_bytes_per_avatar": memory,
+                }
+        base = result[kind]["ns_per_avatar_frame_10k"]
+        for name in list(counts)[1:]:
+            result[kind][f"ratio_{name}_to_10k"] = result[kind][f"ns_per_avatar_frame_{name}"] / base
+    return result, million
+
+
+def jupedsim_rate(count: int, steps: int) -> float:
+    """Return agent-steps a second of JuPedSim's collision-free speed model on an open square."""
+    import jupedsim as jps
+
+    side = int(np.ceil(np.sqrt(count)))
+    width = side * SPACING
+    area = [(-20.0, -20.0), (width + 20.0, -20.0), (width + 20.0, width + 20.0), (-20.0, width + 20.0)]
+    simulation = jps.Simulation(model=jps.CollisionFreeSpeedModel(), geometry=area)
+    goal = simulation.add_waypoint_stage((width / 2, width / 2), 1.0)
+    journey = simulation.add_journey(jps.JourneyDescription([goal]))
+    z, x = np.divmod(np.arange(count), side)
+    for place in zip(x * SPACING, z * SPACING, strict=True):
+        simulation.add_agent(
+            jps.CollisionFreeSpeedModelAgentParameters(
+                journey_id=journey, stage_id=goal, position=(float(place[0]), float(place[1])), radius=0.2
+            )
+        )
+    simulation.iterate(1)
+    best = np.inf
+    for _ in range(steps):
+        begun = time.perf_counter()
+        simulation.iterate(1)
+        best = min(best, time.perf_counter() - begun)
+    return count / best
+
+
+def jupedsim(policy: Policy, quick: bool) -> dict[str, float]:
+    count = 20_000 if quick else 100_000
+    crowd = layout("spread", count)
+    timings = least(lambda: timed(crowd, policy, 16, 1, skip=16)[0], 3)
+    ours = count * 16 / (timings[:, : len(STAGES) - 1].sum() * 1e-9)
+    theirs = jupedsim_rate(count, 3 if quick else 5)
+    return {"agents": count, "ratio_100k": ours / theirs, "agent_steps_per_second": theirs, "ours_per_second": ours}
+
+
+def features(policy: Policy) -> np.ndarray:
+    """Return the usual features of motion matching for each playback frame, each scaled by its spread. Shape (P, 27).
+
+    Places and facings on the ground 20, 40 and 60 frames ahead at 60 Hz; places and velocities of the feet; velocity of
+    the hip; all in the frame's ground frame (Clavet 2016; Holden and others 2020).
+    """
+    database = policy.database
+    rate = database.playback_rate
+    positions, _ = forward_kinematics(database.skeleton, database.root_positions, database.rotations)
+    roles = database.body.roles
+    frames = len(positions)
+    starts = np.asarray(database.clip_starts) * database.stride
+    last = starts[1:][np.searchsorted(starts[1:], np.arange(frames), side="right")] - 1
+    columns = []
+    for ahead in (20, 40, 60):
+        then = database.ground[np.minimum(np.arange(frames) + round(ahead * rate / 60), last)]
+        seen = ground.compose(ground.inverse(database.ground), then)
+        columns += [seen[:, 0], seen[:, 1], np.sin(seen[:, 2]), np.cos(seen[:, 2])]
+    following = np.minimum(np.arange(frames) + 1, last)
+    still = database.ground * [0, 0, 1]
+    for joint in (roles["left_foot"], roles["right_foot"]):
+        columns += list(ground.to_local(database.ground, positions[:, joint]).T)
+        columns += list(ground.to_local(still, (positions[following, joint] - positions[:, joint]) * rate).T)
+    hip = roles["pelvis"]
+    columns += list(ground.to_local(still, (positions[following, hip] - positions[:, hip]) * rate).T)
+    told = np.stack(columns, axis=-1)
+    return np.ascontiguousarray((told - told.mean(axis=0)) / (told.std(axis=0) + 1e-9))
+
+
+def matching(policy: Policy, decision: float, repeats: int) -> dict[str, float]:
+    rng = np.random.default_rng(0)
+    told = features(policy)
+    result: dict[str, float] = {"decision_nanoseconds": decision}
+    for name, rows in (("control", told[:: policy.database.stride]), ("playback", told)):
+        tree = cKDTree(rows)
+        queries = rows[rng.integers(len(rows), size=2000)] + rng.normal(0, 0.3, (2000, rows.shape[1]))
+        best = np.inf
+        for _ in range(repeats):
+            begun = time.perf_counter()
+            tree.query(queries)
+            best = min(best, time.perf_counter() - begun)
+        result[f"search_microseconds_{name}_rate"] = best / len(queries) * 1e6
+        result[f"frames_{name}_rate"] = len(rows)
+    result["ratio_to_motion_matching"] = result["search_microseconds_control_rate"] * 1e3 / decision
+    result["ratio_at_playback_rate"] = result["search_microseconds_playback_rate"] * 1e3 / decision
+    return result
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--policy", default="boxer", help="a recipe's or bundle's name or path")
+    parser.add_argument("--mocap", type=Path, help="folder of capture, for a policy that is trained on it")
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--json", action="store_true", help="print JSON only")
+    parser.add_argument("--quick", action="store_true", help="smaller crowds, fewer repeats")
+    arguments = parser.parse_args()
+    policy = ready_policy(arguments.policy, arguments.mocap, arguments.threads)
+    repeats = 3 if arguments.quick else 7
+    say("brawl_30")
+    thirty = brawl(policy, repeats)
+    say("decision")
+    decision = matching(policy, thirty["decision_nanoseconds"], 3)
+    sizes, million = scale(policy, arguments.threads, arguments.quick)
+    say("jupedsim")
+    try:
+        agents = jupedsim(policy, arguments.quick)
+    except ImportError:
+        say("jupedsim is not installed: pip install jupedsim")
+        agents = {}
+    found = {
+        "policy": arguments.policy,
+        "threads": arguments.threads,
+        "brawl_30": thirty,
+        "scale": sizes,
+        **million,
+        "jupedsim": agents,
+        "decision": decision,
+    }
+    if arguments.json:
+        print(json.dumps(found, indent=2))
+        return
+    print(f"30 avatars x 1000 frames: {thirty['milliseconds']:.1f} ms of control; cKDTree alone", end=" ")
+    print(f"{thirty['ckdtree_milliseconds']:.1f} ms; ratio {thirty['ratio_to_ckdtree']:.2f}")
+    for kind, numbers in sizes.items():
+        costs = " ".join(f"{k.rsplit('_', 1)[1]} {v:.0f} ns" for k, v in numbers.items() if k.startswith("ns_per"))
+        ratios = " ".join(f"{v:.2f}" for k, v in numbers.items() if k.startswith("ratio"))
+        print(f"{kind:<10} an avatar-frame: {costs}; over 10k: {ratios}")
+    if million:
+        print(f"a million avatars: {million['million_frame_milliseconds']:.0f} ms a control frame", end=", ")
+        print(f"{million['million_record_milliseconds']:.0f} ms more to record it", end=", ")
+        print(f"{million['million_bytes_per_avatar']:.0f} bytes an avatar")
+    if agents:
+        print(f"{agents['agents']} agents, one thread: {agents['ratio_100k']:.1f} times JuPedSim", end="")
+        print(f" ({agents['agent_steps_per_second'] / 1e6:.2f} M agent-steps/s)")
+    print(f"a decision: {decision['decision_nanoseconds'] / 1e3:.2f} us; motion matching", end=" ")
+    print(
+        f"{decision['search_microseconds_control_rate']:.0f} us over {decision['frames_control_rate']:.0f} frames",
+        end="",
+    )
+    print(f" (ratio {decision['ratio_to_motion_matching']:.0f}),", end=" ")
+    print(f"{decision['search_microseconds_playback_rate']:.0f} us over {decision['frames_playback_rate']:.0f}", end="")
+    print(f" (ratio {decision['ratio_at_playback_rate']:.0f})")
+
+
+if __name__ == "__main__":
+    main()

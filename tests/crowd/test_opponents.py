@@ -1,0 +1,93 @@
+import naive_opponents
+import numpy as np
+import pytest
+from synthetic_policy import policy
+
+from crowdsim.crowd import opponents
+from crowdsim.crowd.crowd import build_avatars, build_crowd
+from crowdsim.crowd.model import build_model
+from crowdsim.crowd.opponents import build_index, store_in_order
+from crowdsim.crowd.workers import Workers
+
+MODEL = build_model([policy(0)])
+
+
+def avatars_of(count, team, seed=0, **other):
+    rng = np.random.default_rng(seed)
+    # On a lattice, so that many are equally far away.
+    x, z = np.divmod(rng.permutation(count), int(np.sqrt(count)))
+    return build_avatars(build_crowd(x, z, team=team, **other), MODEL)
+
+
+def observed(index, avatars, present):
+    """Number of the opponent of each avatar, and its neighbours' numbers, by number."""
+    index.update(avatars, present)
+    due = np.arange(present, dtype=np.int32)
+    found, counts = np.empty(present, np.int32), np.empty(present, np.int32)
+    near = np.empty((present, 12), np.int32)
+    index.observe(avatars, due, 0, present, 1.5, found, counts, near)
+    who = np.full(len(avatars.number), -1)
+    who[avatars.number[:present]] = np.where(found >= 0, avatars.number[found], -1)
+    around = {int(avatars.number[i]): set(avatars.number[near[i, : counts[i]]].tolist()) for i in range(present)}
+    return who, around
+
+
+@pytest.mark.parametrize("search", ["kd_tree", "scipy"])
+@pytest.mark.parametrize("teams", [0, 2, 5, 20])
+def test_every_index_finds_what_a_direct_comparison_finds(search, teams):
+    count = 400
+    team = None if teams == 0 else np.random.default_rng(1).integers(0, teams, count)
+    avatars = avatars_of(count, team)
+    who, around = observed(build_index(search, Workers(1)), avatars, count)
+    slots = avatars.slot_of
+    x, z, sides = avatars.x[slots], avatars.z[slots], avatars.team[slots]
+    for i in range(count):
+        own = -1 if team is None else sides[i]
+        assert who[i] == naive_opponents.nearest(x, z, sides, x[i], z[i], i, own)
+        assert around[i] == set(naive_opponents.neighbours(x, z, x[i], z[i], i, 1.5, 12))
+
+
+def test_a_tree_that_is_only_refitted_finds_what_a_new_one_finds():
+    avatars = avatars_of(900, np.arange(900) % 2)
+    old = build_index("kd_tree", Workers(1), sort_every=1000)
+    observed(old, avatars, 900)
+    rng = np.random.default_rng(2)
+    for _ in range(5):
+        # By number, since the other index stores the avatars in another order.
+        slots = avatars.slot_of
+        moves = rng.normal(0, 2, (2, 900))
+        avatars.x[slots] += moves[0]
+        avatars.z[slots] += moves[1]
+        who, around = observed(old, avatars, 900)
+        new = avatars._replace(whole=avatars.whole.copy(), real=avatars.real.copy(), slot_of=avatars.slot_of.copy())
+        again, near = observed(build_index("kd_tree", Workers(1)), new, 900)
+        assert np.array_equal(who, again)
+        assert around == near
+
+
+def test_absent_avatars_are_nobodys_opponent():
+    present = np.arange(300) % 3 > 0
+    avatars = avatars_of(300, np.arange(300) % 2, present=present)
+    who, around = observed(build_index("kd_tree", Workers(1)), avatars, int(present.sum()))
+    assert present[who[present]].all()
+    assert all(present[list(near)].all() for near in around.values())
+
+
+def test_few_teams_have_a_tree_each_and_many_share_one(monkeypatch):
+    plans = []
+    plan = opponents.plan_forest
+    monkeypatch.setattr(opponents, "plan_forest", lambda *a: plans.append(len(a[-1])) or plan(*a))
+    for teams in (2, 8, 9):
+        observed(build_index("auto", Workers(1)), avatars_of(400, np.arange(400) % teams), 400)
+    observed(build_index("auto", Workers(1)), avatars_of(400, None), 400)
+    assert plans == [2, 8, 1, 1]
+
+
+def test_storing_in_another_order_moves_all_that_an_avatar_is():
+    avatars = avatars_of(100, np.arange(100) % 3)
+    before = {int(n): (avatars.whole[:, i].copy(), avatars.real[:, i].copy()) for i, n in enumerate(avatars.number)}
+    store_in_order(avatars, np.random.default_rng(0).permutation(100))
+    for number, (whole, real) in before.items():
+        slot = avatars.slot_of[number]
+        assert np.array_equal(avatars.whole[:, slot], whole)
+        assert np.array_equal(avatars.real[:, slot], real)
