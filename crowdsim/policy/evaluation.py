@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ class Episodes:
 
     Attributes:
         returns: Discounted reward over the horizon. Shape (N,).
+        earned: The same without the price of transitions. Shape (N,).
         distances: Least distance to the target over the ground [m]. Shape (N,).
         arrivals: When the target was first within 0.6 m [s], NaN where it never was. Shape (N,).
         landings: When a strike first landed [s], NaN where none did. Shape (N,).
@@ -36,6 +38,7 @@ class Episodes:
     """
 
     returns: Array
+    earned: Array
     distances: Array
     arrivals: Array
     landings: Array
@@ -122,7 +125,7 @@ def run_actions(
     tables = build_lookup_tables(actions, (behaviour,), body)
     rate = control_rate
     horizon = round(seconds * rate)
-    out, used = np.empty((len(states), 8)), np.zeros(actions.action_count, np.uint8)
+    out, used = np.empty((len(states), 9)), np.zeros(actions.action_count, np.uint8)
     states, targets = np.asarray(states, np.int32), np.asarray(targets, float)
     numbers = np.arange(len(states))
 
@@ -135,11 +138,13 @@ def run_actions(
         return time.thread_time() - started
 
     play(slice(0, 1))  # compiled here, so that the times below are those of decisions
+    bounds = np.linspace(0, len(states), threads + 1).astype(int)
     with ThreadPoolExecutor(threads) as pool:
-        spent = sum(pool.map(play, [slice(first, None, threads) for first in range(threads)]))
+        spent = sum(pool.map(play, [slice(*pair) for pair in itertools.pairwise(bounds)]))
     never = out < 0.0
     return Episodes(
         returns=out[:, 0],
+        earned=out[:, 8],
         distances=out[:, 1],
         arrivals=np.where(never[:, 7], np.nan, out[:, 7] / rate),
         landings=np.where(never[:, 2], np.nan, out[:, 2] / rate),

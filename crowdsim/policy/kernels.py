@@ -331,7 +331,7 @@ def run_episodes(tables, behaviour, choice, states, targets, velocity, horizon, 
         numbers: Number of each episode, on which its draws depend. Shape (N,).
         out: Written: discounted return; least distance over the ground within the horizon [m]; frame of the first
             strike that lands, or -1; strikes landed; cuts; frames; decisions; frame of first being within 0.6 m, or
-            -1. Shape (N, 8).
+            -1; return without the price of transitions. Shape (N, 9).
         used: Written: 1 for every action that was done. Shape (A,).
     """
     actions = tables.actions
@@ -369,6 +369,11 @@ def run_episodes(tables, behaviour, choice, states, targets, velocity, horizon, 
             vx, vz = velocity * math.sin(angle), velocity * math.cos(angle)
             earned = reward(actions, a, x, y, z, vx, vz, tables.terms, first_term, end_term, log_discount)
             out[i, 0] += math.exp(frame * log_discount) * earned
+            price = 0.0
+            for row in range(first_term, end_term):
+                if tables.terms[row, 0] == 2.0 and actions.costs[a] > 0.0:
+                    price += tables.terms[row, 1] * actions.costs[a] + tables.terms[row, 2]
+            out[i, 8] += math.exp(frame * log_discount) * (earned + price)
             for t in range(1, actions.lengths[a] + 1):
                 if frame + t <= horizon:
                     row = actions.path_offsets[a] + t - 1
