@@ -9,8 +9,8 @@ the bearings), and a beam search at run time (128 nodes wide, 10 actions deep, e
 values behind its leaves; over the first 40 starts, on which the ratio to it is taken). `random_return_ratio` is the
 return of drawn actions over that of the reference; it is negative where their cuts cost more than they earn.
 
-Without --json also: return against resolution, with the paper's grids, for both look-ups; what coarser numbers lose; and
-what the price of transitions does.
+Without --json also: return against resolution, with the paper's grids, for both look-ups; what coarser numbers lose;
+and what the price of transitions does.
 """
 
 from __future__ import annotations
