@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,153 +16,20 @@ from crowdsim.errors import CrowdsimError, OutputError, RunError
 from crowdsim.manifest import NAME as MANIFEST
 from crowdsim.manifest import peak_memory, read_manifest, write_manifest
 from crowdsim.outputs import write_outputs
-from crowdsim.run_folder import RESOLVED, TAKE, check_folder, clear_folder, copy_file, write_text
-from crowdsim.take.take import VARIABLES, Cast, Events, Take
+from crowdsim.preparation import Prepared, load_policies, prepare
+from crowdsim.recording import Clock, Interrupted, Report, record, stop_signals
+from crowdsim.run_folder import RESOLVED, check_folder, clear_folder, copy_file, write_text
+from crowdsim.take.take import VARIABLES, Events, Take
 from crowdsim.validation import check_scenario
 
 if TYPE_CHECKING:
-    from crowdsim.crowd.crowd import Crowd
-    from crowdsim.crowd.placement import Placed
-    from crowdsim.crowd.script import Script
     from crowdsim.crowd.simulation import Chunk
-    from crowdsim.crowd.statistics import CrowdStatistics
     from crowdsim.policy.policy import Policy
+
+__all__ = ["Interrupted", "Report", "load_policies", "open_run", "prepare", "run", "run_to"]
 
 Array = NDArray[Any]
 Progress = Callable[[str, int, int], None]
-
-_TAKE_CHUNK_AVATAR_FRAMES = 4_000_000
-_STEP_AVATAR_FRAMES = 200_000
-
-
-class Interrupted(Exception):
-    """A run was asked to stop; what it had done is kept and marked.
-
-    Attributes:
-        number: Number of the signal.
-        folder: The run folder.
-    """
-
-    def __init__(self, number: int, folder: Path, kept: str) -> None:
-        super().__init__(f"{folder}: interrupted; {kept}")
-        self.number, self.folder = number, folder
-
-
-@dataclass
-class Report:
-    """What a run did, for its summary and manifest.
-
-    Attributes:
-        folder: The run folder.
-        seconds: Time of each stage [s].
-        notes: What a user should know.
-        done_before: Whether the run was finished already and has not been done again.
-        statistics: The run in numbers.
-        outputs: Files of each kind, and their size together [bytes].
-    """
-
-    folder: Path
-    seconds: dict[str, float] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-    done_before: bool = False
-    statistics: CrowdStatistics | None = None
-    outputs: dict[str, tuple[Path, int, int]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """A scenario ready to be run.
-
-    Attributes:
-        policies: Its policies.
-        cast: What is constant for each avatar.
-        crowd: The crowd before its first frame.
-        script: What is planned.
-        frames: Control frames.
-        rate: Control frames a second.
-    """
-
-    policies: Sequence[Policy]
-    cast: Cast
-    crowd: Crowd
-    script: Script
-    frames: int
-    rate: float
-
-
-def load_policies(
-    scenario: Scenario, mocap: Path | None = None, threads: int = 1, progress: Progress | None = None
-) -> list[Policy]:
-    """Return the policies that a scenario's types use, in the order of their types; trained when missing or stale.
-
-    Args:
-        scenario: The scenario, resolved.
-        mocap: Folder of capture; by default that of the variable ``CROWDSIM_MOCAP``.
-        threads: Threads for training.
-        progress: Called with stage, done and total.
-
-    Raises:
-        RecipeError: A recipe is invalid.
-        PolicyError: A bundle is foreign or damaged, or capture for it is missing.
-    """
-    from crowdsim.policy.train import ready_policy
-
-    used: set[str] = set()
-    for group in scenario.groups:
-        used.update(
-            [group.type] if group.type is not None else [name for name, share in (group.mix or {}).items() if share]
-        )
-    names = dict.fromkeys(kind.policy for name, kind in scenario.types.items() if name in used)
-    capture = mocap or os.environ.get("CROWDSIM_MOCAP") or None
-    # A bundle goes by the name that the scenario calls it, wherever it was trained.
-    return [replace(ready_policy(name, capture, threads, progress), name=name) for name in names]
-
-
-def prepare(scenario: Scenario, policies: Sequence[Policy], placed: Placed | None = None) -> Prepared:
-    """Return a scenario with its policies, ready to be run.
-
-    Raises:
-        ScenarioError: Not all avatars fit, or a type weighs a behaviour that its policy has not learned.
-        RunError: The policies' control rates differ.
-    """
-    from crowdsim.crowd.cast import cast_crowd
-    from crowdsim.crowd.placement import place_groups
-
-    rates = {policy.name: float(policy.database.control_rate) for policy in policies}
-    if len(set(rates.values())) > 1:
-        told = ", ".join(f"{name} has {rate:g}" for name, rate in rates.items())
-        raise RunError(f"{scenario.name}: policies of one run need one control rate, but {told}")
-    placed = placed or place_groups(scenario)
-    crowd, script = cast_crowd(scenario, placed, policies)
-    rate = next(iter(rates.values()))
-    return Prepared(
-        policies, build_cast(scenario, placed, policies), crowd, script, scenario.control_frames(rate), rate
-    )
-
-
-def build_cast(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -> Cast:
-    """Return what is constant for each avatar."""
-    from crowdsim.crowd.cast import policies_of_types
-
-    kinds = list(scenario.types.values())
-    owner = policies_of_types(scenario, policies)
-    colours = [[np.nan] * 3 if kind.colour is None else _rgb(kind.colour) for kind in kinds]
-    return Cast(
-        names=np.array(scenario.avatar_names()),
-        types=placed.type.astype(np.int16),
-        teams=placed.team.astype(np.int16),
-        policies=owner[placed.type],
-        scales=placed.scale.astype(np.float32),
-        speeds=placed.speed.astype(np.float32),
-        type_names=tuple(placed.types),
-        team_names=tuple(placed.teams),
-        policy_names=tuple(policy.name for policy in policies),
-        colours=np.array(colours, float).reshape(-1, 3),
-    )
-
-
-def _rgb(colour: str) -> list[float]:
-    return [int(colour[place : place + 2], 16) / 255.0 for place in (1, 3, 5)]
 
 
 def run(
@@ -224,27 +86,6 @@ def run(
     )
 
 
-@contextmanager
-def _stop_signals() -> Iterator[list[int]]:
-    """Collect the first SIGINT or SIGTERM instead of dying of it; a second one interrupts at once."""
-    caught: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield caught
-        return
-
-    def note(number: int, _: Any) -> None:
-        if caught:
-            raise KeyboardInterrupt
-        caught.append(number)
-
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield caught
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
 def run_to(
     folder: Path,
     scenario: Scenario,
@@ -267,7 +108,7 @@ def run_to(
         Interrupted: SIGINT or SIGTERM came; the take holds the frames that were done.
     """
     report = Report(folder)
-    clock = _Clock(report.seconds)
+    clock = Clock(report.seconds)
     resolved = dump_scenario(scenario)
     if check_folder(folder, resolved, force):
         report.done_before = True
@@ -278,7 +119,7 @@ def run_to(
     clock.lap("policies")
     prepared = prepare(scenario, policies, placed)
     clock.lap("prepare")
-    with _stop_signals() as caught:
+    with stop_signals() as caught:
         report.notes += clear_folder(folder)
         try:
             _run_in(folder, scenario, prepared, resolved, threads, report, clock, command, caught, progress)
@@ -295,7 +136,7 @@ def _run_in(
     resolved: str,
     threads: int,
     report: Report,
-    clock: _Clock,
+    clock: Clock,
     command: str,
     caught: list[int],
     progress: Progress | None,
@@ -304,7 +145,7 @@ def _run_in(
     write_text(folder / RESOLVED, resolved)
     for name in scenario.files:
         copy_file(scenario.folder / name, folder / name)
-    take, timings = _record(folder, scenario, prepared, threads, report, clock, caught, progress)
+    take, timings = record(folder, scenario, prepared, threads, report, clock, caught, progress)
 
     def watch(stage: str, done: int, total: int) -> None:
         if caught:
@@ -328,89 +169,8 @@ def _run_in(
     watch("checksums", 1, 1)
 
 
-class _Clock:
-    """Adds the time since the last lap to stages."""
-
-    def __init__(self, seconds: dict[str, float]) -> None:
-        self._seconds = seconds
-        self._begun = self._since = perf_counter()
-
-    def start(self) -> None:
-        self._since = perf_counter()
-
-    def lap(self, stage: str) -> None:
-        now = perf_counter()
-        self._seconds[stage] = self._seconds.get(stage, 0.0) + now - self._since
-        self._since = now
-
-    def total(self) -> float:
-        return perf_counter() - self._begun
-
-
-def _record(
-    folder: Path,
-    scenario: Scenario,
-    prepared: Prepared,
-    threads: int,
-    report: Report,
-    clock: _Clock,
-    caught: list[int],
-    progress: Progress | None,
-) -> tuple[Take, Array | None]:
-    """Simulate and write the take as it comes; return it, and what control cost where that is wanted."""
-    from crowdsim.crowd.simulation import Simulation, simulate
-    from crowdsim.crowd.statistics import StatisticsCounter
-    from crowdsim.take.store import TakeWriter, open_take
-
-    policies, cast, frames = prepared.policies, prepared.cast, prepared.frames
-    profiled = scenario.outputs.profile is not None
-    # One frame of a simulation of its own, so that compiling, or loading what was compiled, is no part of control.
-    first = Simulation(prepared.crowd, policies, prepared.script, threads, profiled=profiled)
-    first.run(1)
-    first.close()
-    clock.lap("compile")
-    count = len(cast.names)
-    rows = max(1, min(scenario.outputs.take.chunk, _TAKE_CHUNK_AVATAR_FRAMES // count))
-    counter = StatisticsCounter(policies, cast.policies, cast.scales, frames)
-    timings: list[Array] = []
-    writer = TakeWriter(
-        folder / TAKE, cast, frames, prepared.rate, scenario.name, scenario.seed,
-        tuple(policy.fingerprint for policy in policies), tuple(scenario.targets), rows,
-    )  # fmt: skip
-    try:
-        step = max(1, min(rows, _STEP_AVATAR_FRAMES // count))
-        chunks = simulate(prepared.crowd, policies, frames, prepared.script, threads, profiled=profiled, chunk=step)
-        clock.lap("take")
-        for chunk in chunks:
-            clock.lap("control")
-            writer.append(chunk.variables(), chunk.events, chunk.targets)
-            clock.lap("take")
-            counter.add(chunk)
-            if chunk.timings is not None:
-                timings.append(chunk.timings)
-            clock.lap("statistics")
-            done = chunk.first + chunk.frames
-            if progress is not None:
-                progress("control", done, frames)
-            if caught and done < frames:
-                writer.close("interrupted")
-                kept = f"the {done} of {frames} control frames that were done are kept, --force runs all again"
-                raise Interrupted(caught[0], folder, kept)
-            clock.start()
-        writer.close()
-    except BaseException:
-        writer.abandon()
-        raise
-    take = open_take(folder / TAKE)
-    size = sum(path.stat().st_size for path in (folder / TAKE).rglob("*") if path.is_file())
-    report.outputs["take"] = (folder / TAKE, 1, size)
-    report.statistics = counter.finish()
-    clock.lap("take")
-    return take, np.concatenate(timings) if timings else None
-
-
 def _manifest(
-    scenario: Scenario, prepared: Prepared, report: Report, clock: _Clock, command: str, threads: int
+    scenario: Scenario, prepared: Prepared, report: Report, clock: Clock, command: str, threads: int
 ) -> dict[str, Any]:
     report.seconds["total"] = clock.total()
     statistics = report.statistics

@@ -1,0 +1,60 @@
+"""The command ``profile``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from crowdsim.commands.common import Json, Mocap, make_folder, print_json
+from crowdsim.commands.progress import Bars
+from crowdsim.errors import CrowdsimError
+
+
+def profile(
+    scenario: Annotated[str, typer.Argument(metavar="SCENARIO", help="A scenario file, or its name.")],
+    avatars: Annotated[
+        str | None, typer.Option(help="Numbers of avatars, 30,1000,10k say; the scenario's own.")
+    ] = None,
+    threads: Annotated[str, typer.Option(help="Numbers of threads, 1,2 say.")] = "1",
+    frames: Annotated[
+        int | None, typer.Option(min=1, help="Control frames to measure; the scenario's duration.")
+    ] = None,
+    as_json: Json = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for profile.csv, profile.png and scaling.png.")] = None,
+    trace: Annotated[bool, typer.Option("--trace", help="Write trace.json for Perfetto, too; needs --out.")] = False,
+    writing: Annotated[bool, typer.Option("--writing", help="Tell what writing the outputs costs, too.")] = False,
+    override: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Another value.")] = None,
+    mocap: Mocap = None,
+) -> None:
+    """Tell what control costs a frame, by stage, for any number of avatars and threads."""
+    from crowdsim import profiling
+    from crowdsim.crowd.profile import draw_profile, draw_scaling, profile_table, write_csv
+    from crowdsim.crowd.scenario import load_scenario
+    from crowdsim.runner import load_policies
+
+    counts = profiling.parse_counts(avatars, "--avatars") if avatars is not None else []
+    numbers = profiling.parse_counts(threads, "--threads")
+    if trace and out is None:
+        raise CrowdsimError("--trace needs a folder to write into, expected --out DIR")
+    loaded = load_scenario(scenario, override or ())
+    with Bars() as bars:
+        policies = load_policies(loaded, mocap, max(numbers), bars)
+        profiles = profiling.profile_scenario(loaded, policies, counts, numbers, frames, bars)
+    seconds = profiling.time_writing(loaded, policies, max(numbers), frames) if writing else None
+    if out is not None:
+        make_folder(out)
+        first = profiles[0]
+        write_csv(out / "profile.csv", first.timings, first.avatars)
+        draw_profile(out / "profile.png", first.timings, first.avatars)
+        draw_scaling(out / "scaling.png", profiles)
+        if trace:
+            profiling.write_trace(out / "trace.json", first)
+    if as_json:
+        told: dict[str, Any] = {"scenario": loaded.name, "profiles": [profiling.describe(one) for one in profiles]}
+        print_json(told if seconds is None else {**told, "writing_seconds": seconds})
+        return
+    print("\n\n".join(profile_table(one) for one in profiles))
+    if seconds is not None:
+        print("\na whole run: " + ", ".join(f"{stage} {value:.2f} s" for stage, value in seconds.items()))

@@ -1,0 +1,75 @@
+"""The command ``render``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from crowdsim.commands.common import CORES, Threads
+from crowdsim.commands.progress import Bars
+
+
+def render(
+    things: Annotated[list[Path], typer.Argument(metavar="RUN|FILE.bvh ...", help="Run folders and BVH files.")],
+    out: Annotated[Path | None, typer.Option(help="Folder of the pictures; with several things their parent.")] = None,
+    size: Annotated[str, typer.Option(help="Width and height, 1280x720 say.")] = "1280x720",
+    fps: Annotated[
+        float | None, typer.Option(min=1.0, max=1000.0, help="Pictures a second; 30, or a BVH file's own rate.")
+    ] = None,
+    frames: Annotated[str | None, typer.Option(help="Output frames A:B, half-open; all by default.")] = None,
+    camera: Annotated[
+        str | None, typer.Option(help="auto, orbit, top, side, follow:AVATAR; front+side for BVH files.")
+    ] = None,
+    png: Annotated[bool, typer.Option("--png", help="Write numbered PNG.")] = False,
+    mp4: Annotated[bool, typer.Option("--mp4", help="Write video.mp4; so it is when nothing else is named.")] = False,
+    contact_sheet: Annotated[int, typer.Option(min=0, max=400, help="Write one PNG of N moments.")] = 0,
+    caption: Annotated[bool, typer.Option(help="A small caption in the picture.")] = True,
+    threads: Threads = CORES,
+    jobs: Annotated[int, typer.Option(min=1, max=256, help="Processes that draw.")] = 1,
+) -> None:
+    """Render runs and BVH files to PNG, MP4 and contact sheets."""
+    from crowdsim.render.command import RenderOptions, parse_frames, parse_size, render_many
+    from crowdsim.render.take_source import TakeSource
+    from crowdsim.runner import open_run
+
+    options = RenderOptions(
+        size=parse_size(size),
+        fps=fps,
+        frames=None if frames is None else parse_frames(frames),
+        camera=camera,
+        mp4=mp4 or not (png or contact_sheet),
+        png=png,
+        contact_sheet=contact_sheet,
+        caption=caption,
+        threads=threads,
+        jobs=jobs,
+    )
+
+    def open_source(path: Path, wanted: RenderOptions) -> tuple[TakeSource, tuple[str, ...]]:
+        take, policies, notes = open_run(path)
+        return TakeSource(take, policies, wanted.fps or 30.0, threads=threads), tuple(notes)
+
+    if out is not None and len(things) == 1:
+        outs = [out]
+    else:
+        outs = [
+            out / thing.stem if out is not None else thing.with_suffix("") if thing.suffix.lower() == ".bvh" else thing
+            for thing in things
+        ]
+    with Bars() as bars:
+        outcomes = render_many(things, outs, options, open_source, bars)
+    failed = [outcome for outcome in outcomes if outcome.error is not None]
+    for outcome in outcomes:
+        for note in outcome.notes:
+            print(f"{outcome.path}: {note}", file=sys.stderr)
+        if outcome.rendered is not None:
+            for path in outcome.rendered.files[:4]:
+                print(path)
+        else:
+            print(outcome.error, file=sys.stderr)
+    if failed:
+        error = failed[0].error
+        sys.exit(1 if len(things) > 1 or error is None else error.exit_code)

@@ -1,0 +1,168 @@
+"""A simulation written into a take as it goes, with a clock on every stage and an ear for signals."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd.scenario import Scenario
+from crowdsim.preparation import Prepared
+from crowdsim.run_folder import TAKE
+from crowdsim.take.take import Take
+
+if TYPE_CHECKING:
+    from crowdsim.crowd.statistics import CrowdStatistics
+
+Array = NDArray[Any]
+Progress = Callable[[str, int, int], None]
+
+_TAKE_CHUNK_AVATAR_FRAMES = 4_000_000
+_STEP_AVATAR_FRAMES = 200_000
+
+
+class Interrupted(Exception):
+    """A run was asked to stop; what it had done is kept and marked.
+
+    Attributes:
+        number: Number of the signal.
+        folder: The run folder.
+    """
+
+    def __init__(self, number: int, folder: Path, kept: str) -> None:
+        super().__init__(f"{folder}: interrupted; {kept}")
+        self.number, self.folder = number, folder
+
+
+@dataclass
+class Report:
+    """What a run did, for its summary and manifest.
+
+    Attributes:
+        folder: The run folder.
+        seconds: Time of each stage [s].
+        notes: What a user should know.
+        done_before: Whether the run was finished already and has not been done again.
+        statistics: The run in numbers.
+        outputs: Files of each kind, and their size together [bytes].
+    """
+
+    folder: Path
+    seconds: dict[str, float] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    done_before: bool = False
+    statistics: CrowdStatistics | None = None
+    outputs: dict[str, tuple[Path, int, int]] = field(default_factory=dict)
+
+
+class Clock:
+    """Adds the time since the last lap to stages."""
+
+    def __init__(self, seconds: dict[str, float]) -> None:
+        self._seconds = seconds
+        self._begun = self._since = perf_counter()
+
+    def start(self) -> None:
+        """Begin a lap now."""
+        self._since = perf_counter()
+
+    def lap(self, stage: str) -> None:
+        """Add the time since the last lap to a stage."""
+        now = perf_counter()
+        self._seconds[stage] = self._seconds.get(stage, 0.0) + now - self._since
+        self._since = now
+
+    def total(self) -> float:
+        """Return the time since the clock was made [s]."""
+        return perf_counter() - self._begun
+
+
+@contextmanager
+def stop_signals() -> Iterator[list[int]]:
+    """Collect the first SIGINT or SIGTERM instead of dying of it; a second one interrupts at once."""
+    caught: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield caught
+        return
+
+    def note(number: int, _: Any) -> None:
+        if caught:
+            raise KeyboardInterrupt
+        caught.append(number)
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield caught
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def record(
+    folder: Path,
+    scenario: Scenario,
+    prepared: Prepared,
+    threads: int,
+    report: Report,
+    clock: Clock,
+    caught: list[int],
+    progress: Progress | None,
+) -> tuple[Take, Array | None]:
+    """Simulate and write the take as it comes; return it, and what control cost where that is wanted."""
+    from crowdsim.crowd.simulation import Simulation, simulate
+    from crowdsim.crowd.statistics import StatisticsCounter
+    from crowdsim.take.store import TakeWriter, open_take
+
+    policies, cast, frames = prepared.policies, prepared.cast, prepared.frames
+    profiled = scenario.outputs.profile is not None
+    # One frame of a simulation of its own, so that compiling, or loading what was compiled, is no part of control.
+    first = Simulation(prepared.crowd, policies, prepared.script, threads, profiled=profiled)
+    first.run(1)
+    first.close()
+    clock.lap("compile")
+    count = len(cast.names)
+    rows = max(1, min(scenario.outputs.take.chunk, _TAKE_CHUNK_AVATAR_FRAMES // count))
+    counter = StatisticsCounter(policies, cast.policies, cast.scales, frames)
+    timings: list[Array] = []
+    writer = TakeWriter(
+        folder / TAKE, cast, frames, prepared.rate, scenario.name, scenario.seed,
+        tuple(policy.fingerprint for policy in policies), tuple(scenario.targets), rows,
+    )  # fmt: skip
+    try:
+        step = max(1, min(rows, _STEP_AVATAR_FRAMES // count))
+        chunks = simulate(prepared.crowd, policies, frames, prepared.script, threads, profiled=profiled, chunk=step)
+        clock.lap("take")
+        for chunk in chunks:
+            clock.lap("control")
+            writer.append(chunk.variables(), chunk.events, chunk.targets)
+            clock.lap("take")
+            counter.add(chunk)
+            if chunk.timings is not None:
+                timings.append(chunk.timings)
+            clock.lap("statistics")
+            done = chunk.first + chunk.frames
+            if progress is not None:
+                progress("control", done, frames)
+            if caught and done < frames:
+                writer.close("interrupted")
+                kept = f"the {done} of {frames} control frames that were done are kept, --force runs all again"
+                raise Interrupted(caught[0], folder, kept)
+            clock.start()
+        writer.close()
+    except BaseException:
+        writer.abandon()
+        raise
+    take = open_take(folder / TAKE)
+    size = sum(path.stat().st_size for path in (folder / TAKE).rglob("*") if path.is_file())
+    report.outputs["take"] = (folder / TAKE, 1, size)
+    report.statistics = counter.finish()
+    clock.lap("take")
+    return take, np.concatenate(timings) if timings else None
