@@ -115,3 +115,9 @@ def test_scenarios_and_policies_ship_inside_the_wheel() -> None:
     text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     assert '"crowdsim.scenarios" = "scenarios"' in text
     assert '"crowdsim.policies" = "policies"' in text
+
+
+def test_every_package_ships_inside_the_wheel() -> None:
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    for path in PACKAGE.rglob("__init__.py"):
+        assert f'"{".".join(path.parent.relative_to(ROOT).parts)}"' in text
