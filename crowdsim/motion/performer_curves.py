@@ -33,11 +33,14 @@ def window(times: Array, start: float, end: float) -> slice:
     return slice(max(int(times.searchsorted(start)) - 1, 0), min(int(times.searchsorted(end)) + 1, len(times)))
 
 
-def noise(times: Array, rng: np.random.Generator, low: float, high: float, waves: int = 7) -> Array:
-    """Return smooth noise of unit variance: waves of random phase at frequencies low..high [Hz]. Shape of ``times``."""
+def noise(times: Array, rng: np.random.Generator, low: float, high: float, waves: int = 7, fall: float = 0.5) -> Array:
+    """Return smooth noise of unit variance: waves of random phase at frequencies low..high [Hz]. Shape of ``times``.
+
+    The size of a wave goes with its frequency to the power of ``-fall``.
+    """
     frequencies = low * (high / low) ** ((np.arange(waves) + rng.uniform(0.0, 1.0, waves)) / waves)
     phases = rng.uniform(0.0, 2.0 * np.pi, waves)
-    sizes = rng.uniform(0.7, 1.3, waves) * frequencies**-0.5
+    sizes = rng.uniform(0.7, 1.3, waves) * frequencies**-fall
     sizes *= np.sqrt(2.0 / np.sum(sizes**2))
     return np.sin(2.0 * np.pi * np.multiply.outer(times, frequencies) + phases) @ sizes
 

@@ -25,6 +25,8 @@ _LEAST_DEPTH, _LEAST_BESIDE = 0.20, 0.07
 """Least distance of a fist before its shoulder, straight in front of it and beside it [m]."""
 _FULL_REACH = 0.975 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
 """How far from the shoulder a punch is aimed at the most [m]."""
+_LEAST_REACH = 0.48
+"""How far from the middle between the shoulders a punch is aimed at the least [m]."""
 _SLOWEST, _FASTEST = 5.5, 11.0
 """Speeds between which a punching fist peaks relative to the pelvis [m/s]."""
 _ATTEMPTS = 12
@@ -80,7 +82,7 @@ def lead_fists(
     for planned in score.reaches:
         hand = planned.hand
         at = min(int(np.rint((planned.hit - times[0]) / spacing)), len(times) - 1)
-        target = _target(planned, trunk.hips[at], float(heading[at]), shoulders[at, hand]) - centre[at]
+        target = _target(planned, trunk.hips[at], float(heading[at]), shoulders[at, hand], centre[at]) - centre[at]
         first = min([accent.start for accent in planned.path], default=planned.start)
         last = max([accent.end for accent in planned.path], default=planned.end)
         part = window(times, min(first, planned.start) - 0.1, max(last, planned.end))
@@ -126,10 +128,11 @@ def _gone(reach: Reach, times: Array) -> Array:
     return step(times, reach.start, reach.hit, reach.skew) * (1.0 - step(times, reach.fall, reach.end))
 
 
-def _target(reach: Reach, hips: Array, heading: float, shoulder: Array) -> Array:
-    """Return a target in the world [m], drawn in to where the arm reaches."""
+def _target(reach: Reach, hips: Array, heading: float, shoulder: Array, centre: Array) -> Array:
+    """Return a target in the world [m], drawn in to where the arm reaches, or out to where a punch has a way to go."""
     place = np.array([reach.distance * np.sin(reach.bearing), reach.height, reach.distance * np.cos(reach.bearing)])
     target = ground.to_world(np.array([hips[0], hips[2], heading]), place)
+    target = centre + _lengthen(target - centre, _LEAST_REACH, 0.02)
     gap = target - shoulder
     far = float(np.linalg.norm(gap))
     return np.asarray(shoulder + gap * (float(soft_cap(far, _FULL_REACH, 0.02)) / far))

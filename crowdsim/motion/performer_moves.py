@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from crowdsim.motion.performer_score import Channel
 
 
@@ -31,6 +33,7 @@ class Punch:
         parts: What the body does.
         bearing: Middle and spread of the target's bearing in the stance frame [rad].
         distance: Least and greatest distance of the target from the pelvis over the ground [m].
+        inside: Its least distance at close quarters, where the trunk leans back from it [m].
         head: Least and greatest height of a target at the head [m].
         body: Least and greatest height of a target at the body [m].
         speed: Middle and spread of the fist's highest speed relative to the pelvis [m/s].
@@ -49,6 +52,7 @@ class Punch:
     extra: float
     skew: float
     early: float
+    inside: float = np.inf
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,8 @@ COMBINATIONS = (
     ("straight", "lead_hook", "straight"),
     ("lead_hook", "rear_hook", "lead_hook"),
     ("lead_uppercut", "rear_uppercut", "lead_hook"),
+    ("rear_hook", "lead_hook"),
+    ("rear_uppercut", "lead_uppercut", "rear_hook"),
     ("jab", "rear_hook", "lead_uppercut"),
     ("jab", "straight", "lead_hook", "straight"),
     ("jab", "straight", "lead_uppercut", "rear_hook"),
@@ -107,6 +109,7 @@ class _Boxer:
                 0.0,
                 plan.about(1.2),
             )
+        inside = close == len(kinds) and rng.uniform() < 0.5
         tempo = rng.uniform(0.85, 1.12)
         onset = begin + rng.uniform(0.0, 0.06)
         previous = None
@@ -114,7 +117,10 @@ class _Boxer:
             recipe = PUNCHES[kind]
             to_body = bool(rng.uniform() < 0.22)
             least, most = recipe.distance
-            distance = float(rng.uniform(least, most if close < len(kinds) else 0.8 * most + 0.2 * least))
+            if inside:
+                distance = float(rng.uniform(recipe.inside, least))
+            else:
+                distance = float(rng.uniform(least, most if close < len(kinds) else 0.8 * most + 0.2 * least))
             speed = tempo * (recipe.speed[0] + recipe.speed[1] * plan.normal(1.6, 2.4))
             if previous is not None:
                 load = 0.10 if kind in _CLOSE else 0.02

@@ -27,6 +27,16 @@ _WOUND = {Channel.PELVIS_TURN: 0.2, Channel.TWIST: 0.2, Channel.LEAD_ARC: 0.8, C
 """What is left of winding up when the punch before has turned the body already."""
 _ELBOWS = frozenset({Channel.LEAD_ELBOW, Channel.REAR_ELBOW})
 _BACKWARD = frozenset({Channel.BEND, Channel.SHIFT_X, Channel.TWIST})
+_LOADS = frozenset({Channel.LEAD_HAND_Y, Channel.REAR_HAND_Y, Channel.LEAD_SWING_Y, Channel.REAR_SWING_Y})
+"""Channels by which an uppercut dips before it rises, the less the lower it is aimed."""
+_DRAWS = ((Channel.LEAD_HAND_X, Channel.LEAD_HAND_Z), (Channel.REAR_HAND_X, Channel.REAR_HAND_Z))
+"""Channels that draw a fist in before it strikes at close quarters."""
+_ARMS_LENGTH = 0.93
+"""Distance of a target from the pelvis from which on the trunk has to lean out to it [m]."""
+_ARMS = frozenset(channel for channel in Channel if channel >= Channel.LEAD_FORTH)
+"""Channels of shoulders, elbows and fists, which are quicker than all that carries them."""
+_GATHER, _SETTLE = 0.16, 0.36
+"""Least time in which legs and trunk go into a punch, and about the least in which they come out of it [s]."""
 
 
 class Choreographer:
@@ -165,11 +175,13 @@ class Choreographer:
         bearing += recipe.bearing[0] + recipe.bearing[1] * self.normal(2.0)
         least, most = recipe.distance
         far = float(np.clip(2.0 * (distance - least) / (most - least) - 1.0, -1.0, 1.0))
+        near = float(np.clip((least - distance) / 0.25, 0.0, 1.0))
         out = max(1.27 * (self._way_out(recipe.hand, bearing, distance, height) + recipe.extra) / speed, 0.125)
         hit = onset + out
         fall = hit + rng.uniform(0.0, 0.025)
-        end = fall + out * rng.uniform(1.0, 1.2)
+        end = fall + out * rng.uniform(1.05, 1.35)
         vigour = self.about(1.0, 0.08)
+        gather, settle = min(onset, hit - _GATHER), max(end, hit + self.about(_SETTLE, 0.15))
         wound = any(other.hand != recipe.hand and other.hit > onset - 0.35 for other in self._reaches[-2:])
         before = len(self._accents)
         for part in recipe.parts:
@@ -178,14 +190,23 @@ class Choreographer:
                 size *= _WOUND.get(part.channel, 1.0) if part.end < 1.2 else 1.0
             if part.channel in _ELBOWS and part.size > 1.0:
                 size *= 1.0 - max(1.34 - height, 0.0)
-            self._play(part, size, onset, hit, hit, end, 0.03)
+            if part.channel in _LOADS and part.size < 0.0:
+                size *= 1.0 - 1.8 * max(1.34 - height, 0.0)
+            arm = part.channel in _ARMS
+            self._play(part, size, onset if arm else gather, hit, hit, end if arm else settle, 0.03)
         self._aim(
             own_turn=1.0 if recipe.hand == REAR else -1.0,
             bearing=bearing,
             height=height,
             far=far,
-            times=(onset, hit, end),
+            lunge=float(np.clip((distance - _ARMS_LENGTH) / 0.17, 0.0, 1.0)),
+            near=near,
+            times=(gather, hit, settle),
         )
+        drawn = float(np.clip((least + 0.12 - distance) / 0.30, 0.0, 1.0)) if recipe.inside < least else 0.0
+        if drawn:
+            for channel, size in zip(_DRAWS[recipe.hand], (-0.05, -0.14), strict=True):
+                self.accent(channel, size * drawn, onset - 0.2, onset - 0.02, onset + 0.02, hit)
         path = tuple(accent for accent in self._accents[before:] if accent.channel in BENDS[recipe.hand])
         self._accents[before:] = [accent for accent in self._accents[before:] if accent not in path]
         reach = Reach(
@@ -212,9 +233,19 @@ class Choreographer:
         return float(np.linalg.norm(target - [x, self.style.height + 0.31 + y, z + 0.09]))
 
     def _aim(
-        self, own_turn: float, bearing: float, height: float, far: float, times: tuple[float, float, float]
+        self,
+        own_turn: float,
+        bearing: float,
+        height: float,
+        far: float,
+        lunge: float,
+        near: float,
+        times: tuple[float, float, float],
     ) -> None:
-        """Bring trunk and knees to where a target is: turned to it, down to a low one, out to a far one."""
+        """Bring trunk and knees to where a target is: turned to it, down to a low one, out to a far one.
+
+        At close quarters the hips come forward, and the trunk leans back to make room for the fist.
+        """
         onset, hit, end = times
         out, back = hit - onset, end - hit
         low = max(1.34 - height, 0.0)
@@ -222,10 +253,11 @@ class Choreographer:
             (Channel.PELVIS_TURN, 0.35 * bearing),
             (Channel.TWIST, 0.35 * bearing + 0.06 * own_turn * far),
             (Channel.HEAD_TURN, 0.5 * bearing),
-            (Channel.HEIGHT, -0.42 * low),
-            (Channel.FLEX, 0.60 * low + 0.05 * far),
+            (Channel.PELVIS_TILT, 0.08 * lunge - 0.12 * near),
+            (Channel.HEIGHT, -0.42 * low - 0.05 * lunge),
+            (Channel.FLEX, (0.60 - 0.3 * near) * low + 0.05 * far + 0.26 * lunge - 0.26 * near),
             (Channel.BEND, -0.22 * low * own_turn),
-            (Channel.SHIFT_Z, 0.02 * far),
+            (Channel.SHIFT_Z, 0.02 * far + 0.03 * near),
             (Channel.HEAD_NOD, 0.25 * low),
             (Channel.REAR_HEEL, 0.5 * low),
         ):

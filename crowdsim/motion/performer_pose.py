@@ -117,17 +117,26 @@ def triangle(axis: Array, distance: Array, upper: float, lower: float, pole: Arr
     return cosine * axis + sine * pole, cosine * pole - sine * axis, fold
 
 
+def within_reach(fists: Array, shoulders: Array) -> Array:
+    """Return fists (..., 3) drawn to where arms from their shoulders (..., 3) reach, neither folded nor stretched."""
+    gap = fists - shoulders
+    far = np.linalg.norm(gap, axis=-1, keepdims=True)
+    length = bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD
+    held = soft_cap(soft_floor(far, 0.17, 0.01), ARM_REACH * length, 0.008)
+    return np.asarray(shoulders + gap * (held / np.maximum(far, 1e-9)))
+
+
 def pose_arm(
     side: int, chest_turn: Array, collar: Array, shoulder: Array, fist: Array, swivel: Array, roll: Array
 ) -> tuple[Array, Array, Array]:
-    """Bend an arm so that the fist is where it should be, or as near as the arm goes.
+    """Bend an arm so that the fist is where it should be.
 
     Args:
         side: 0 for the left arm, 1 for the right.
         chest_turn: Rotation of the chest. Shape (F, 4).
         collar: Rotation of the collar bone in the world. Shape (F, 4).
         shoulder: Place of the shoulder joint [m]. Shape (F, 3).
-        fist: Where the fist shall be [m]. Shape (F, 3).
+        fist: Where the fist shall be [m], within reach. Shape (F, 3).
         swivel: Turn of the elbow from hanging to the outside. Shape (F,) [rad].
         roll: Pronation of the fist, from thumb up. Shape (F,) [rad].
 
@@ -139,8 +148,6 @@ def pose_arm(
     gap = fist - shoulder
     distance = np.linalg.norm(gap, axis=-1)
     axis = gap / np.maximum(distance, 1e-9)[:, None]
-    length = bones.UPPER_ARM + lower
-    distance = soft_cap(soft_floor(distance, 0.17, 0.01), ARM_REACH * length, 0.008)
     # The elbow hangs when the arm points ahead; carried along the shortest turn from there, it is before the chest when
     # the fist is up, and behind it when the fist is down, and only an arm that points back would leave it undefined.
     carried = quat.multiply(quat.between(quat.rotate(chest_turn, _AHEAD), axis), chest_turn)

@@ -30,7 +30,7 @@ JAB = Punch(
         Part(C.REAR_HAND_X, 0.015, 0.00, 0.90, 1.10, 2.0),
     ),
     bearing=(0.02, 0.24),
-    distance=(0.84, 1.04),
+    distance=(0.82, 1.08),
     head=(1.30, 1.62),
     body=(0.95, 1.20),
     speed=(6.6, 0.9),
@@ -61,7 +61,7 @@ STRAIGHT = Punch(
         Part(C.LEAD_HAND_Z, -0.10, 0.00, 0.90, 1.10, 2.0),
     ),
     bearing=(0.04, 0.24),
-    distance=(0.82, 1.10),
+    distance=(0.80, 1.12),
     head=(1.30, 1.62),
     body=(0.95, 1.20),
     speed=(7.8, 1.1),
@@ -106,6 +106,7 @@ LEAD_HOOK = Punch(
     extra=0.45,
     skew=1.15,
     early=0.05,
+    inside=0.40,
 )
 
 REAR_HOOK = Punch(
@@ -141,6 +142,7 @@ REAR_HOOK = Punch(
     extra=0.52,
     skew=1.2,
     early=0.05,
+    inside=0.40,
 )
 
 LEAD_UPPERCUT = Punch(
@@ -180,6 +182,7 @@ LEAD_UPPERCUT = Punch(
     extra=0.22,
     skew=1.25,
     early=0.15,
+    inside=0.33,
 )
 
 REAR_UPPERCUT = Punch(
@@ -220,6 +223,7 @@ REAR_UPPERCUT = Punch(
     extra=0.30,
     skew=1.25,
     early=0.15,
+    inside=0.33,
 )
 
 PUNCHES = {

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from crowdsim.motion import ground
 from crowdsim.motion import performer_skeleton as bones
 from crowdsim.motion import quaternion as quat
-from crowdsim.motion.performer_curves import noise, pulse, soft_cap, soft_floor, window
+from crowdsim.motion.performer_curves import pulse, soft_cap, soft_floor, window
 from crowdsim.motion.performer_fists import clear_head, lead_fists
 from crowdsim.motion.performer_footwork import Footwork, trace_feet
+from crowdsim.motion.performer_life import add_life
 from crowdsim.motion.performer_pose import (
     LEG_REACH,
     ankle_place,
@@ -24,6 +25,7 @@ from crowdsim.motion.performer_pose import (
     pose_head,
     pose_leg,
     pose_trunk,
+    within_reach,
 )
 from crowdsim.motion.performer_score import Channel, Reach, Score
 from crowdsim.motion.skeleton import Skeleton
@@ -69,53 +71,6 @@ def add_accents(score: Score, times: Array) -> Array:
     return channels
 
 
-def _add_life(channels: Array, score: Score, times: Array, loads: Array, rng: np.random.Generator) -> None:
-    """Add what never stops: bounce, breathing, sway, and the small wandering of guard and gaze."""
-    style = score.style
-    rate = style.bounce[1] * (1.0 + 0.06 * noise(times, rng, 0.05, 0.2))
-    phase = 2.0 * np.pi * np.cumsum(rate) * (times[1] - times[0] if len(times) > 1 else 0.0)
-    eager = soft_floor(0.55 + 0.5 * noise(times, rng, 0.06, 0.3), 0.0, 0.15)
-    hop = eager * np.sin(phase + 0.3 * np.sin(phase))
-    breath = np.sin(2.0 * np.pi * style.breath * times + 0.6 * noise(times, rng, 0.05, 0.15))
-    channels[:, Channel.HEIGHT] += style.bounce[0] * hop + 0.003 * breath + 0.006 * noise(times, rng, 0.1, 0.5)
-    channels[:, Channel.LEAD_HEEL] += 1.6 * style.bounce[0] * (hop + eager)
-    channels[:, Channel.REAR_HEEL] += 2.2 * style.bounce[0] * (hop + eager)
-    rock = noise(times, rng, 0.35, 1.0)
-    along = np.subtract(style.lead_ball, style.rear_ball)
-    along /= np.hypot(*along)
-    channels[:, Channel.SHIFT_X] += along[0] * style.sway * rock + 0.4 * style.sway * noise(times, rng, 0.3, 0.9)
-    channels[:, Channel.SHIFT_Z] += along[1] * style.sway * rock + 0.3 * style.sway * noise(times, rng, 0.3, 0.9)
-    channels[:, Channel.SHIFT_X] += 0.028 * along[0] * loads
-    channels[:, Channel.SHIFT_Z] += 0.028 * along[1] * loads
-    for channel, size, low, high in (
-        (Channel.PELVIS_TURN, 0.10, 0.4, 1.5),
-        (Channel.PELVIS_TILT, 0.035, 0.3, 1.2),
-        (Channel.PELVIS_BEND, 0.035, 0.4, 1.4),
-        (Channel.TWIST, 0.08, 0.4, 1.5),
-        (Channel.FLEX, 0.05, 0.25, 1.2),
-        (Channel.BEND, 0.05, 0.3, 1.3),
-        (Channel.HEAD_TURN, 0.07, 0.2, 1.0),
-        (Channel.HEAD_NOD, 0.04, 0.2, 0.8),
-        (Channel.HEAD_BEND, 0.05, 0.15, 0.7),
-        (Channel.LEAD_FORTH, 0.05, 0.3, 1.2),
-        (Channel.REAR_FORTH, 0.05, 0.3, 1.2),
-        (Channel.LEAD_ELBOW, 0.09, 0.2, 1.0),
-        (Channel.REAR_ELBOW, 0.08, 0.2, 1.0),
-        (Channel.LEAD_ROLL, 0.10, 0.2, 1.0),
-        (Channel.REAR_ROLL, 0.10, 0.2, 1.0),
-        (Channel.LEAD_HAND_X, 0.018, 0.4, 1.8),
-        (Channel.LEAD_HAND_Y, 0.022, 0.4, 1.8),
-        (Channel.LEAD_HAND_Z, 0.026, 0.4, 1.8),
-        (Channel.REAR_HAND_X, 0.012, 0.4, 1.6),
-        (Channel.REAR_HAND_Y, 0.016, 0.4, 1.6),
-        (Channel.REAR_HAND_Z, 0.013, 0.4, 1.6),
-    ):
-        channels[:, channel] += size * noise(times, rng, low, high)
-    channels[:, Channel.FLEX] -= 0.012 * breath
-    for channel in (Channel.LEAD_RAISE, Channel.REAR_RAISE):
-        channels[:, channel] += 0.02 * breath + 0.03 * noise(times, rng, 0.2, 0.9)
-
-
 def _carry_pelvis(score: Score, feet: Footwork, channels: Array, ankles: Array) -> tuple[Array, Array]:
     """Return place and rotation of the pelvis, as high as both legs let it be. Shapes (F, 3) and (F, 4)."""
     style = score.style
@@ -150,7 +105,7 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
     feet = trace_feet(score, times)
     style = score.style
     channels = add_accents(score, times)
-    _add_life(channels, score, times, feet.loads, rng)
+    add_life(channels, score.style, times, feet.loads, rng)
     rotations = np.zeros((len(times), skeleton.joint_count, 4))
     rotations[..., 0] = 1.0
 
@@ -219,7 +174,7 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
         root = trunk.chest + quat.rotate(trunk.chest_turn, skeleton.offsets[bones.SHOULDERS[side]])
         shoulders[:, side] = root + quat.rotate(collars[side], skeleton.offsets[bones.ARMS[side]])
     reached, reaches = lead_fists(score, times, feet.heading, trunk, channels, shoulders)
-    fists = clear_head(reached, head)
+    fists = within_reach(clear_head(reached, head), shoulders)
     for side in range(2):
         upper, forearm, hand = pose_arm(
             side,

@@ -23,6 +23,10 @@ MINIMUM_GAIN = 0.25
 _BEFORE, _AFTER, _APART = 0.4, 0.3, 0.2
 """Time searched before a speed peak for where the swing began and after it for the reach; least time between strikes
 of one hand [s]."""
+_OVER = 0.06
+"""How long after its furthest reach a hook's fist may still be at its fastest [s]."""
+_CROSSING = 0.9
+"""Share of its peak speed that such a fist has at the furthest reach: it crosses there, and does not turn back."""
 _ARRIVED = 0.05
 """Share of its peak speed below which a fist that still creeps outwards has arrived: held punches creep on."""
 
@@ -89,13 +93,19 @@ def _swing(peak: int, speed: Array, reach: Array, size: float, fps: float) -> tu
     """Frame of the furthest reach after a speed peak, with the peak; None where the peak is no strike's."""
     stop = min(len(reach) - 1, peak + round(_AFTER * fps))
     rates = np.diff(reach[peak : stop + 1]) * fps
-    if len(rates) == 0 or rates[0] <= 0.0:
+    if len(rates) == 0:
         return None
-    arrived = np.flatnonzero(rates < _ARRIVED * speed[peak])
-    if len(arrived) == 0:
-        return None
-    frame = peak + int(arrived[0])
-    frame += int(np.argmax(reach[frame : frame + max(2, round(0.05 * fps))]))
+    if rates[0] > 0.0:
+        arrived = np.flatnonzero(rates < _ARRIVED * speed[peak])
+        if len(arrived) == 0:
+            return None
+        frame = peak + int(arrived[0])
+        frame += int(np.argmax(reach[frame : frame + max(2, round(0.05 * fps))]))
+    else:
+        before = max(0, peak - round(_OVER * fps))
+        frame = before + int(np.argmax(reach[before : peak + 1]))
+        if frame == before or speed[frame] < _CROSSING * speed[peak]:
+            return None
     began = max(0, peak - round(_BEFORE * fps))
     if reach[frame] - reach[began : peak + 1].min() < MINIMUM_GAIN * size:
         return None
