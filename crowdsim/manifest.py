@@ -86,13 +86,17 @@ def _hash(path: Path) -> str:
     return digest.hexdigest()
 
 
-def write_manifest(folder: Path, told: Mapping[str, Any], threads: int = 1) -> Path:
-    """Write a run's manifest, which is the only proof that it is done; files are summed up here.
+def write_manifest(folder: Path, told: Mapping[str, Any], files: Mapping[str, Mapping[str, Any]]) -> Path:
+    """Write a run's manifest, which is the only proof that it is done.
+
+    Args:
+        folder: The run folder.
+        told: What a reader should know of the run.
+        files: Its files, as ``checksums`` gives them.
 
     Raises:
         OutputError: It cannot be written.
     """
-    files = checksums(folder, threads=threads)
     return _write(folder, {"format": FORMAT, "version": VERSION, **told, **describe_machine(), "files": files})
 
 

@@ -22,6 +22,14 @@ if TYPE_CHECKING:
 Progress = Callable[[str, int, int], None]
 
 
+def expect_outputs(scenario: Scenario) -> None:
+    """Begin what outputs of a scenario need later and what can go on beside the simulation."""
+    if scenario.outputs.ply is not None or scenario.outputs.pcd is not None:
+        from crowdsim.export.pointcloud import begin_probe
+
+        begin_probe()
+
+
 def write_outputs(
     folder: Path,
     take: Take,

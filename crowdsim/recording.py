@@ -117,7 +117,7 @@ def record(
     progress: Progress | None,
 ) -> tuple[Take, Array | None]:
     """Simulate and write the take as it comes; return it, and what control cost where that is wanted."""
-    from crowdsim.crowd.simulation import Simulation, simulate
+    from crowdsim.crowd.simulation import Simulation
     from crowdsim.crowd.statistics import StatisticsCounter
     from crowdsim.take.store import TakeWriter, open_take
 
@@ -136,11 +136,13 @@ def record(
         folder / TAKE, cast, frames, prepared.rate, scenario.name, scenario.seed,
         tuple(policy.fingerprint for policy in policies), tuple(scenario.targets), rows,
     )  # fmt: skip
+    clock.lap("take")
+    simulation = Simulation(prepared.crowd, policies, prepared.script, threads, profiled=profiled, model=first.model)
+    clock.lap("prepare")
     try:
         step = max(1, min(rows, _STEP_AVATAR_FRAMES // count))
-        chunks = simulate(prepared.crowd, policies, frames, prepared.script, threads, profiled=profiled, chunk=step)
-        clock.lap("take")
-        for chunk in chunks:
+        while simulation.frame < frames:
+            chunk = simulation.run(min(step, frames - simulation.frame))
             clock.lap("control")
             writer.append(chunk.variables(), chunk.events, chunk.targets)
             clock.lap("take")
@@ -160,6 +162,8 @@ def record(
     except BaseException:
         writer.abandon()
         raise
+    finally:
+        simulation.close()
     take = open_take(folder / TAKE)
     size = sum(path.stat().st_size for path in (folder / TAKE).rglob("*") if path.is_file())
     report.outputs["take"] = (folder / TAKE, 1, size)

@@ -14,8 +14,8 @@ from crowdsim import assets
 from crowdsim.crowd.scenario import Scenario, dump_scenario
 from crowdsim.errors import CrowdsimError, OutputError, RunError
 from crowdsim.manifest import NAME as MANIFEST
-from crowdsim.manifest import peak_memory, read_manifest, write_manifest
-from crowdsim.outputs import write_outputs
+from crowdsim.manifest import checksums, peak_memory, read_manifest, write_manifest
+from crowdsim.outputs import expect_outputs, write_outputs
 from crowdsim.preparation import Prepared, load_policies, prepare
 from crowdsim.recording import Clock, Interrupted, Report, record, stop_signals
 from crowdsim.run_folder import RESOLVED, check_folder, clear_folder, copy_file, write_text
@@ -116,11 +116,13 @@ def run_to(
         return report
     placed = check_scenario(scenario)
     policies = load_policies(scenario, mocap, threads, progress)
+    expect_outputs(scenario)
     clock.lap("policies")
     prepared = prepare(scenario, policies, placed)
     clock.lap("prepare")
     with stop_signals() as caught:
         report.notes += clear_folder(folder)
+        clock.lap("prepare")
         try:
             _run_in(folder, scenario, prepared, resolved, threads, report, clock, command, caught, progress)
         except OutputError as error:
@@ -162,10 +164,15 @@ def _run_in(
         write_profile(folder, timings, take.avatar_count, scenario.outputs.profile)
         clock.lap("profile")
     for kind, written in files.items():
+        if not written:
+            # Avatars that never came have no file.
+            continue
         place = written[0].parent if kind in ("bvh", "ply", "pcd") else written[0]
         report.outputs[kind] = (place, len(written), sum(path.stat().st_size for path in written))
     watch("checksums", 0, 1)
-    write_manifest(folder, _manifest(scenario, prepared, report, clock, command, threads), threads)
+    hashes = checksums(folder, threads=threads)
+    clock.lap("checksums")
+    write_manifest(folder, _manifest(scenario, prepared, report, clock, command, threads), hashes)
     watch("checksums", 1, 1)
 
 

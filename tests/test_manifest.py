@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from crowdsim.errors import TakeError
-from crowdsim.manifest import read_manifest, update_manifest, verify, write_manifest
+from crowdsim.manifest import checksums, read_manifest, update_manifest, verify, write_manifest
 
 
 @pytest.fixture
@@ -15,7 +15,7 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "bvh").mkdir()
     (tmp_path / "bvh" / "a.bvh").write_bytes(b"HIERARCHY\n" * 100)
     (tmp_path / "scenario.resolved.yaml").write_text("version: 1\n")
-    write_manifest(tmp_path, {"status": "done", "seed": 4})
+    write_manifest(tmp_path, {"status": "done", "seed": 4}, checksums(tmp_path))
     return tmp_path
 
 

@@ -30,16 +30,26 @@ _SYSTEM_PACKAGES = "libgl1 libegl1 libgomp1 libusb-1.0-0 libx11-6"
 
 
 @cache
+def begin_probe() -> subprocess.Popen[str]:
+    """Begin to try Open3D in a process of its own, since without its system libraries it can take the process down."""
+    return subprocess.Popen(
+        [sys.executable, "-c", "import open3d"],
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+@cache
 def probe_open3d() -> None:
-    """Try Open3D in a process of its own, since without its system libraries it can take the process down.
+    """Wait until Open3D has been tried, see ``begin_probe``.
 
     Raises:
         RunError: It cannot be imported; the message says what is missing.
     """
-    done = subprocess.run([sys.executable, "-c", "import open3d"], capture_output=True, text=True, check=False)
-    if done.returncode:
-        lines = done.stderr.strip().splitlines()
-        why = lines[-1] if lines else f"it ended with {done.returncode}"
+    probe = begin_probe()
+    _, complaint = probe.communicate()
+    if probe.returncode:
+        lines = complaint.strip().splitlines()
+        why = lines[-1] if lines else f"it ended with {probe.returncode}"
         raise RunError(f"point clouds need Open3D, which cannot be loaded: {why}; on Debian: {_SYSTEM_PACKAGES}")
 
 

@@ -97,7 +97,7 @@ def stream_poses(
         fps: Output frames a second, of all sinks.
         sinks: What writes.
         threads: Threads that write.
-        progress: Called with the kind of a sink, how much is done and how much there is.
+        progress: Called with what is written, how many files are done and how many there are.
     """
     shared = len(sinks) > 1 and len(_union(sinks)) <= _MANY_AVATARS
     with ThreadPoolExecutor(max(1, threads)) as pool:
@@ -125,21 +125,36 @@ def _stream(
     margin = max(sink.margin for sink in sinks)
     last = sampler.take.output_frames(fps)
     size = int(np.clip(_POSES_AT_ONCE // max(1, len(avatars)), 1, _FRAMES_AT_ONCE))
+    kinds = " and ".join(sink.kind for sink in sinks)
+
+    def pose(first: int) -> Block:
+        end = min(first + size, stop)
+        low, high = max(first - margin, 0), min(end + margin, last)
+        block = Block(low, first, end, sampler.sample(low, high, fps, avatars))
+        if margin:
+            _ = block.joints
+        return block
+
+    ahead = ThreadPoolExecutor(1)
     try:
+        # The next block is posed while this one is written.
+        coming = ahead.submit(pose, start)
         for first in range(start, stop, size):
-            end = min(first + size, stop)
-            low, high = max(first - margin, 0), min(end + margin, last)
-            block = Block(low, first, end, sampler.sample(low, high, fps, avatars))
+            block = coming.result()
+            if block.stop_output < stop:
+                coming = ahead.submit(pose, first + size)
             for sink in sinks:
-                if sink.start < end and sink.stop > first:
+                if sink.start < block.stop_output and sink.stop > first:
                     sink.write(block, pool)
                 if progress is not None:
-                    progress(sink.kind, sink.done, sink.total)
+                    progress(kinds, sum(sink.done for sink in sinks), sum(sink.total for sink in sinks))
         return [sink.close() for sink in sinks]
     except BaseException:
         for sink in sinks:
             sink.abandon()
         raise
+    finally:
+        ahead.shutdown(wait=True, cancel_futures=True)
 
 
 def _union(sinks: Sequence[Sink]) -> Array:
