@@ -66,15 +66,15 @@ SLIP_RIGHT = Guarding(
 
 LEAN_BACK = Guarding(
     parts=(
-        Part(C.SHIFT_Z, -0.10, -0.10, 0.90, 1.00, 2.1),
+        Part(C.SHIFT_Z, -0.12, -0.10, 0.90, 1.00, 2.1),
         Part(C.SHIFT_X, -0.03, -0.10, 0.90, 1.00, 2.1),
         Part(C.HEIGHT, -0.045, -0.05, 0.90, 1.00, 2.0),
         Part(C.REAR_HEEL, -0.22, -0.05, 0.80, 1.05, 2.1),
-        Part(C.PELVIS_TILT, -0.12, 0.00, 0.90, 1.00, 2.0),
+        Part(C.PELVIS_TILT, -0.16, 0.00, 0.90, 1.00, 2.0),
         Part(C.PELVIS_TURN, -0.12, 0.00, 0.90, 1.00, 2.0),
-        Part(C.FLEX, -0.42, 0.05, 1.00, 1.00, 1.95),
+        Part(C.FLEX, -0.50, 0.05, 1.00, 1.00, 1.95),
         Part(C.TWIST, -0.08, 0.05, 1.00, 1.00, 1.95),
-        Part(C.HEAD_NOD, 0.08, 0.10, 1.00, 1.00, 2.0),
+        Part(C.HEAD_NOD, 0.12, 0.10, 1.00, 1.00, 2.0),
         Part(C.LEAD_HAND_Z, -0.06, 0.00, 0.90, 1.00, 2.0),
         Part(C.REAR_HAND_Z, -0.02, 0.00, 0.90, 1.00, 2.0),
     ),

@@ -23,11 +23,11 @@ _HEAD_CLEARANCE = 0.165
 """Least distance of the middle of a fist from the middle of the head [m]."""
 _LEAST_DEPTH, _LEAST_BESIDE = 0.20, 0.07
 """Least distance of a fist before its shoulder, straight in front of it and beside it [m]."""
-_FULL_REACH = 0.975 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
+_FULL_REACH = 0.965 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
 """How far from the shoulder a punch is aimed at the most [m]."""
 _LEAST_REACH = 0.48
 """How far from the middle between the shoulders a punch is aimed at the least [m]."""
-_SLOWEST, _FASTEST = 5.5, 11.0
+_SLOWEST, _FASTEST = 5.6, 11.0
 """Speeds between which a punching fist peaks relative to the pelvis [m/s]."""
 _ATTEMPTS = 12
 _SHORTEST = 0.11

@@ -1,4 +1,4 @@
-"""What never stops in the embedded boxer: bounce, breath, sway, wandering of guard and gaze, and the tremor of muscles."""
+"""What never stops in the embedded boxer: bounce, breath, sway, wandering of guard and gaze, and tremor."""
 
 from __future__ import annotations
 
@@ -72,9 +72,9 @@ _TREMOR: tuple[tuple[float, tuple[C, ...]], ...] = (
     (0.0015, (C.REAR_HAND_Z,)),
 )
 """Size of a quick noise, the channel that it moves, and one that gives way to it, so that the head stays quieter than
-what carries it. Nobody holds still: joints of captured boxers turn by some tenths of a radian a second at 3 to 10 Hz in
+what carries it. Nobody holds still: joints of captured boxers turn by some tenths of a radian a second at 3 to 15 Hz in
 their quietest moments."""
-_TREMBLING, _TREMOR_FALL = (2.5, 10.0), 1.7
+_TREMBLING, _TREMOR_FALL = (2.5, 18.0), 1.4
 """Frequencies of the tremor [Hz], and how steeply it falls with them."""
 
 
@@ -100,7 +100,7 @@ def add_life(channels: Array, style: Style, times: Array, loads: Array, rng: np.
         channels[:, channel] += size * noise(times, rng, low, high)
     vigour = soft_floor(1.0 + 0.3 * noise(times, rng, 0.2, 1.0), 0.4, 0.1)
     for size, (moved, *giving) in _TREMOR:
-        tremor = size * vigour * noise(times, rng, *_TREMBLING, waves=9, fall=_TREMOR_FALL)
+        tremor = size * vigour * noise(times, rng, *_TREMBLING, waves=12, fall=_TREMOR_FALL)
         channels[:, moved] += tremor
         for channel in giving:
             channels[:, channel] -= 0.85 * tremor

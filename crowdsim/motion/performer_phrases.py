@@ -61,10 +61,10 @@ class Theme:
 
 
 THEMES = (
-    Theme(combination=6.0, stepping=1.1, turning=0.45, defence=0.6, counter=1.4, rest=0.12, pause=0.16),
-    Theme(combination=7.0, stepping=0.6, turning=0.30, defence=0.3, counter=1.0, rest=0.10, pause=0.12),
-    Theme(combination=5.0, stepping=1.6, turning=0.90, defence=0.4, counter=1.2, rest=0.15, pause=0.18),
-    Theme(combination=5.0, stepping=0.6, turning=0.30, defence=0.9, counter=2.8, rest=0.12, pause=0.16),
+    Theme(combination=6.0, stepping=1.1, turning=0.45, defence=0.6, counter=1.4, rest=0.12, pause=0.24),
+    Theme(combination=7.0, stepping=0.6, turning=0.30, defence=0.3, counter=1.0, rest=0.10, pause=0.26),
+    Theme(combination=5.0, stepping=1.6, turning=0.90, defence=0.4, counter=1.2, rest=0.15, pause=0.26),
+    Theme(combination=5.0, stepping=0.6, turning=0.30, defence=0.9, counter=2.8, rest=0.12, pause=0.24),
 )
 
 

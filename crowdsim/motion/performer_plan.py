@@ -29,8 +29,8 @@ _ELBOWS = frozenset({Channel.LEAD_ELBOW, Channel.REAR_ELBOW})
 _BACKWARD = frozenset({Channel.BEND, Channel.SHIFT_X, Channel.TWIST})
 _LOADS = frozenset({Channel.LEAD_HAND_Y, Channel.REAR_HAND_Y, Channel.LEAD_SWING_Y, Channel.REAR_SWING_Y})
 """Channels by which an uppercut dips before it rises, the less the lower it is aimed."""
-_DRAWS = ((Channel.LEAD_HAND_X, Channel.LEAD_HAND_Z), (Channel.REAR_HAND_X, Channel.REAR_HAND_Z))
-"""Channels that draw a fist in before it strikes at close quarters."""
+_DRAWS = (((Channel.LEAD_HAND_X, -0.06), (Channel.LEAD_HAND_Z, -0.22)), ((Channel.REAR_HAND_Z, -0.14),))
+"""How each fist is drawn in before it strikes at close quarters [m]."""
 _ARMS_LENGTH = 0.93
 """Distance of a target from the pelvis from which on the trunk has to lean out to it [m]."""
 _ARMS = frozenset(channel for channel in Channel if channel >= Channel.LEAD_FORTH)
@@ -176,7 +176,7 @@ class Choreographer:
         least, most = recipe.distance
         far = float(np.clip(2.0 * (distance - least) / (most - least) - 1.0, -1.0, 1.0))
         near = float(np.clip((least - distance) / 0.25, 0.0, 1.0))
-        out = max(1.27 * (self._way_out(recipe.hand, bearing, distance, height) + recipe.extra) / speed, 0.125)
+        out = max(1.27 * (self._way_out(recipe.hand, bearing, distance, height) + recipe.extra) / speed, 0.14)
         hit = onset + out
         fall = hit + rng.uniform(0.0, 0.025)
         end = fall + out * rng.uniform(1.05, 1.35)
@@ -192,8 +192,9 @@ class Choreographer:
                 size *= 1.0 - max(1.34 - height, 0.0)
             if part.channel in _LOADS and part.size < 0.0:
                 size *= 1.0 - 1.8 * max(1.34 - height, 0.0)
-            arm = part.channel in _ARMS
-            self._play(part, size, onset if arm else gather, hit, hit, end if arm else settle, 0.03)
+            arm = part.channel in _ARMS and part.channel not in _ELBOWS
+            back = settle if part.channel not in _ARMS else end
+            self._play(part, size, onset if arm else gather, hit, hit, back, 0.03)
         self._aim(
             own_turn=1.0 if recipe.hand == REAR else -1.0,
             bearing=bearing,
@@ -205,7 +206,7 @@ class Choreographer:
         )
         drawn = float(np.clip((least + 0.12 - distance) / 0.30, 0.0, 1.0)) if recipe.inside < least else 0.0
         if drawn:
-            for channel, size in zip(_DRAWS[recipe.hand], (-0.05, -0.14), strict=True):
+            for channel, size in _DRAWS[recipe.hand]:
                 self.accent(channel, size * drawn, onset - 0.2, onset - 0.02, onset + 0.02, hit)
         path = tuple(accent for accent in self._accents[before:] if accent.channel in BENDS[recipe.hand])
         self._accents[before:] = [accent for accent in self._accents[before:] if accent not in path]

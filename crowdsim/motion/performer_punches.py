@@ -35,7 +35,7 @@ JAB = Punch(
     body=(0.95, 1.20),
     speed=(6.6, 0.9),
     extra=0.08,
-    skew=1.2,
+    skew=1.0,
     early=0.00,
 )
 
@@ -66,7 +66,7 @@ STRAIGHT = Punch(
     body=(0.95, 1.20),
     speed=(7.8, 1.1),
     extra=0.20,
-    skew=1.25,
+    skew=1.0,
     early=0.00,
 )
 
@@ -103,7 +103,7 @@ LEAD_HOOK = Punch(
     head=(1.28, 1.60),
     body=(0.95, 1.20),
     speed=(8.2, 1.2),
-    extra=0.45,
+    extra=0.52,
     skew=1.15,
     early=0.05,
     inside=0.40,
@@ -139,7 +139,7 @@ REAR_HOOK = Punch(
     head=(1.28, 1.60),
     body=(0.95, 1.20),
     speed=(8.6, 1.2),
-    extra=0.52,
+    extra=0.58,
     skew=1.2,
     early=0.05,
     inside=0.40,
@@ -180,7 +180,7 @@ LEAD_UPPERCUT = Punch(
     body=(1.00, 1.22),
     speed=(6.8, 0.9),
     extra=0.22,
-    skew=1.25,
+    skew=1.1,
     early=0.15,
     inside=0.33,
 )
@@ -221,7 +221,7 @@ REAR_UPPERCUT = Punch(
     body=(1.00, 1.22),
     speed=(7.2, 0.9),
     extra=0.30,
-    skew=1.25,
+    skew=1.1,
     early=0.15,
     inside=0.33,
 )

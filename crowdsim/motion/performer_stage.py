@@ -32,8 +32,10 @@ from crowdsim.motion.skeleton import Skeleton
 
 Array = NDArray[Any]
 
-_LOWEST = 0.57
+_LOWEST = 0.62
 """Height of the pelvis in the deepest crouch [m]."""
+_MOST_FLEX, _MOST_BEND = (-0.58, 0.60), (-0.55, 0.55)
+"""How far the spine flexes and bends on top of the guard, where moves add up [rad]."""
 _HIGHEST_HEEL = 0.95
 """Lift of a heel over the ball of the foot at the most [rad]."""
 _GAZE_FOLLOWS = 0.25
@@ -88,7 +90,7 @@ def _carry_pelvis(score: Score, feet: Footwork, channels: Array, ankles: Array) 
     base = np.stack([feet.carried[:, 0], feet.carried[:, 1], feet.heading], axis=-1)
     shift = np.stack([channels[:, Channel.SHIFT_X], np.zeros(len(base)), channels[:, Channel.SHIFT_Z]], axis=-1)
     hips = ground.to_world(base, shift)
-    height = soft_floor(style.height + channels[:, Channel.HEIGHT], _LOWEST, 0.03)
+    height = soft_floor(style.height + channels[:, Channel.HEIGHT], _LOWEST, 0.04)
     reach = LEG_REACH * (bones.THIGH + bones.SHANK)
     for foot in range(2):
         drop = quat.rotate(turn, np.array([bones.HIP_HALF * (1 - 2 * foot), -bones.HIP_DROP, 0.0]))
@@ -106,6 +108,8 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
     style = score.style
     channels = add_accents(score, times)
     add_life(channels, score.style, times, feet.loads, rng)
+    for channel, (least, most) in ((Channel.FLEX, _MOST_FLEX), (Channel.BEND, _MOST_BEND)):
+        channels[:, channel] = soft_cap(soft_floor(channels[:, channel], least, 0.06), most, 0.06)
     rotations = np.zeros((len(times), skeleton.joint_count, 4))
     rotations[..., 0] = 1.0
 

@@ -1,4 +1,4 @@
-"""How the embedded boxer stands: drawn once a clip, so that clips differ as sessions of one man do."""
+"""How the embedded boxer stands: drawn once a clip, so that clips differ as rounds of one man do."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ def draw_style(rng: np.random.Generator) -> Style:
     def near(middle: float, spread: float) -> float:
         return middle + float(rng.uniform(-spread, spread))
 
-    wide = near(1.02, 0.09)
+    wide = near(1.02, 0.05)
     return Style(
         lead_ball=(near(0.10 * wide, 0.012), 0.25 * wide),
         rear_ball=(near(-0.12 * wide, 0.012), -0.21 * wide),
-        foot_yaws=(near(-0.28, 0.08), near(-0.80, 0.1)),
-        heels=(near(0.08, 0.03), near(0.27, 0.07)),
-        height=near(0.885, 0.016),
-        lean=near(0.26, 0.05),
-        blade=near(-0.55, 0.07),
-        twist=near(-0.06, 0.05),
-        lead_fist=(near(0.10, 0.025), near(0.22, 0.035), near(0.36, 0.03)),
-        rear_fist=(near(-0.06, 0.015), near(0.215, 0.025), near(0.27, 0.02)),
-        elbows=(near(0.10, 0.12), near(0.12, 0.12)),
+        foot_yaws=(near(-0.28, 0.05), near(-0.80, 0.06)),
+        heels=(near(0.08, 0.02), near(0.27, 0.05)),
+        height=near(0.885, 0.010),
+        lean=near(0.26, 0.03),
+        blade=near(-0.55, 0.04),
+        twist=near(-0.06, 0.03),
+        lead_fist=(near(0.10, 0.016), near(0.22, 0.022), near(0.37, 0.02)),
+        rear_fist=(near(-0.06, 0.010), near(0.215, 0.016), near(0.27, 0.013)),
+        elbows=(near(0.10, 0.08), near(0.12, 0.08)),
         bounce=(near(0.010, 0.004), near(2.0, 0.3)),
         sway=near(0.042, 0.008),
         breath=near(0.46, 0.08),
