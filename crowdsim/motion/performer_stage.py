@@ -32,7 +32,7 @@ from crowdsim.motion.skeleton import Skeleton
 
 Array = NDArray[Any]
 
-_LOWEST = 0.62
+_LOWEST = 0.68
 """Height of the pelvis in the deepest crouch [m]."""
 _MOST_FLEX, _MOST_BEND = (-0.58, 0.60), (-0.55, 0.55)
 """How far the spine flexes and bends on top of the guard, where moves add up [rad]."""
