@@ -45,6 +45,10 @@ def main() -> None:
         # Whoever read standard output has gone; that is no failure of ours.
         sys.stderr.close()
         sys.exit(0)
+    except OSError as error:
+        # What the system says without a place of its own in our messages: a disk that fills up between two checks.
+        print(f"{error.filename or 'crowdsim'}: {error.strerror or error}", file=sys.stderr)
+        sys.exit(1)
 
 
 def _terminate(number: int, frame: Any) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import difflib
 import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -54,17 +55,46 @@ def check_folder(folder: Path, resolved: str, force: bool) -> bool:
     raise OutputError(f"{folder}: holds another run; --force replaces it, --out names another folder\n{change}")
 
 
-def clear_folder(folder: Path) -> list[str]:
-    """Make a folder that ``check_folder`` has seen and empty it of an earlier run; say what was found unfinished.
+@contextmanager
+def hold_folder(folder: Path) -> Iterator[None]:
+    """Make a folder and keep other runs out of it; nothing of that stays, however this process ends.
 
     Raises:
-        OutputError: It cannot be made, or something in it cannot be removed.
+        OutputError: It cannot be made, or another process holds it.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        held = sorted(path.name for path in folder.iterdir())
     except OSError as error:
         raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OutputError(f"{folder}: is in use by another run; wait for it, or name another with --out") from None
+        except OSError:
+            # Some network file systems lock no folders.
+            pass
+        yield
+    finally:
+        os.close(number)
+
+
+def clear_folder(folder: Path) -> list[str]:
+    """Empty a folder that ``check_folder`` has seen of an earlier run; say what was found unfinished.
+
+    Raises:
+        OutputError: Something in it cannot be removed.
+    """
+    try:
+        held = sorted(path.name for path in folder.iterdir())
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be read: {error.strerror or error}") from None
     finished = MANIFEST in held
     try:
         listed = {name.split("/")[0] for name in read_manifest(folder)["files"]} if finished else set()
@@ -83,7 +113,7 @@ def _is_run(held: Sequence[str]) -> bool:
 
 
 def _is_partial(name: str) -> bool:
-    return name.endswith((".partial", ".part"))
+    return name.endswith((".partial", ".part")) or name.startswith(".video-")
 
 
 def _read(path: Path) -> str:

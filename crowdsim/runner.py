@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -18,7 +19,7 @@ from crowdsim.manifest import checksums, peak_memory, read_manifest, write_manif
 from crowdsim.outputs import expect_outputs, write_outputs
 from crowdsim.preparation import Prepared, load_policies, prepare
 from crowdsim.recording import Clock, Interrupted, Report, record, stop_signals
-from crowdsim.run_folder import RESOLVED, check_folder, clear_folder, copy_file, write_text
+from crowdsim.run_folder import RESOLVED, check_folder, clear_folder, copy_file, hold_folder, write_text
 from crowdsim.take.take import VARIABLES, Events, Take
 from crowdsim.validation import check_scenario
 
@@ -111,16 +112,17 @@ def run_to(
     clock = Clock(report.seconds)
     resolved = dump_scenario(scenario)
     if check_folder(folder, resolved, force):
-        report.done_before = True
-        report.notes += _changed_policies(folder)
-        return report
+        return _done_before(report)
     placed = check_scenario(scenario)
     policies = load_policies(scenario, mocap, threads, progress)
     expect_outputs(scenario)
     clock.lap("policies")
     prepared = prepare(scenario, policies, placed)
     clock.lap("prepare")
-    with stop_signals() as caught:
+    with stop_signals() as caught, hold_folder(folder):
+        # Another run may have come and gone since the first look.
+        if check_folder(folder, resolved, force):
+            return _done_before(report)
         report.notes += clear_folder(folder)
         clock.lap("prepare")
         try:
@@ -128,6 +130,9 @@ def run_to(
         except OutputError as error:
             # The folder was fit to be written when the run began, so its input was valid.
             raise RunError(str(error)) from error
+        except OSError as error:
+            where = error.filename or folder
+            raise RunError(f"{where}: cannot be read or written: {error.strerror or error}") from error
     return report
 
 
@@ -167,7 +172,8 @@ def _run_in(
         if not written:
             # Avatars that never came have no file.
             continue
-        place = written[0].parent if kind in ("bvh", "ply", "pcd") else written[0]
+        # One picture is named, of several the folder they are in.
+        place = Path(os.path.commonpath(written)) if kind == "pictures" else written[0].parent
         report.outputs[kind] = (place, len(written), sum(path.stat().st_size for path in written))
     watch("checksums", 0, 1)
     hashes = checksums(folder, threads=threads)
@@ -194,6 +200,12 @@ def _manifest(
         "seconds": {stage: round(value, 6) for stage, value in report.seconds.items()},
         "peak_memory_bytes": peak_memory(),
     }
+
+
+def _done_before(report: Report) -> Report:
+    report.done_before = True
+    report.notes += _changed_policies(report.folder)
+    return report
 
 
 def _changed_policies(folder: Path) -> list[str]:

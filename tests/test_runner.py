@@ -1,5 +1,6 @@
 """Runs from scenario to manifest, and everything that can go wrong on the way."""
 
+import errno
 import hashlib
 import json
 import os
@@ -150,6 +151,45 @@ def test_foreign_folders_and_files_are_left_alone(workplace: Path, capsys) -> No
             assert crowdsim("run", "four.yaml", "--out", out, *force) == 2
             assert capsys.readouterr().err == message
     assert (workplace / "mine" / "bvh" / "capture.bvh").read_text() == "mine"
+
+
+def test_a_folder_in_use_by_another_run_is_refused_and_free_when_that_ends(workplace: Path, capsys) -> None:
+    write_scene(workplace / "long.yaml", name="long", duration=50_000_000)
+    process = start(workplace, "run", "long.yaml")
+    wait_for(workplace / "output" / "long" / "take.zarr.partial" / "x" / "0.0", process)
+    assert crowdsim("run", "long.yaml", "--frames", "20") == 2
+    told = capsys.readouterr().err.splitlines()[-1]
+    assert told == "output/long: is in use by another run; wait for it, or name another with --out"
+    process.kill()
+    process.communicate(timeout=60)
+    assert crowdsim("run", "long.yaml", "--frames", "20") == 0
+
+
+def test_nothing_of_an_unfinished_rendering_stays_in_another_run(workplace: Path) -> None:
+    write_scene(workplace / "four.yaml")
+    assert crowdsim("run", "four.yaml") == 0
+    folder = workplace / "output" / "four"
+    (folder / "manifest.json").unlink()
+    (folder / ".video-0123456789abcdef").mkdir()
+    assert crowdsim("run", "four.yaml") == 0
+    assert not list(folder.glob(".video-*"))
+
+
+def test_what_the_system_refuses_names_the_path_and_ends_with_1(workplace: Path, monkeypatch, capsys) -> None:
+    from crowdsim.crowd import profile
+
+    write_scene(workplace / "four.yaml", outputs={"profile": {}})
+
+    def full(source: Path, target: Path) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(profile.os, "replace", lambda *paths: full(*paths) if "csv" in str(paths[0]) else move(*paths))
+        move = os.rename
+        assert crowdsim("run", "four.yaml") == 1
+    message = "output/four/profile.csv: cannot be written: No space left on device"
+    assert capsys.readouterr().err.splitlines()[-1] == message
+    assert not [path for path in (workplace / "output" / "four").rglob("*") if path.name.endswith(".part")]
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="the superuser writes anywhere")

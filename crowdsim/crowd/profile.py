@@ -6,7 +6,8 @@ A simulation that is profiled takes these times itself (``Chunk.timings``); one 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter_ns
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.crowd.simulation import STAGES, Simulation
+from crowdsim.errors import OutputError
 
 if TYPE_CHECKING:
     from crowdsim.crowd.crowd import Crowd
@@ -160,14 +162,17 @@ def write_profile(folder: Path, timings: Array, avatars: int, wanted: ProfileOut
 
 
 def write_csv(path: Path, timings: Array, avatars: int) -> None:
-    """Write a row for each control frame: the time of each stage and of all but recording [us]."""
+    """Write a row for each control frame: the time of each stage and of all but recording [us].
+
+    Raises:
+        OutputError: It cannot be written.
+    """
     rows = ["frame,avatars," + ",".join(f"{stage}_us" for stage in STAGES) + ",control_us"]
     for frame, spent in enumerate(timings.tolist()):
         times = ",".join(f"{value / 1000:.3f}" for value in (*spent, sum(spent[:-1])))
         rows.append(f"{frame},{avatars},{times}")
-    part = path.with_name(path.name + ".part")
-    part.write_text("\n".join(rows) + "\n", encoding="utf-8")
-    os.replace(part, path)
+    with _written(path) as part:
+        part.write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
 def draw_profile(path: Path, timings: Array, avatars: int) -> None:
@@ -218,6 +223,18 @@ def draw_scaling(path: Path, profiles: Sequence[Profile]) -> None:
 
 
 def _save(figure: Any, path: Path) -> None:
+    with _written(path) as part:
+        figure.savefig(part, format="png", dpi=110)
+
+
+@contextmanager
+def _written(path: Path) -> Iterator[Path]:
+    """Give a temporary name beside a file, which becomes the file's where all goes well."""
     part = path.with_name(path.name + ".part")
-    figure.savefig(part, format="png", dpi=110)
-    os.replace(part, path)
+    try:
+        yield part
+        os.replace(part, path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        part.unlink(missing_ok=True)
