@@ -23,6 +23,8 @@ _HEAD_CLEARANCE = 0.165
 """Least distance of the middle of a fist from the middle of the head [m]."""
 _LEAST_DEPTH, _LEAST_BESIDE = 0.20, 0.07
 """Least distance of a fist before its shoulder, straight in front of it and beside it [m]."""
+_LEAST_AWAY = 0.235
+"""Least distance of a fist from its shoulder: a bent arm's flesh is in the way [m]."""
 _FULL_REACH = 0.965 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
 """How far from the shoulder a punch is aimed at the most [m]."""
 _LEAST_REACH = 0.48
@@ -148,7 +150,7 @@ def keep_ahead(fists: Array, shoulders: Array, ahead: Array) -> Array:
     aside = np.sum((gap - depth * ahead) ** 2, axis=-1, keepdims=True)
     least = (_LEAST_DEPTH - _LEAST_BESIDE) * np.exp(-aside / 0.15**2) + _LEAST_BESIDE
     gap = gap + ahead * (soft_floor(depth, least, 0.03) - depth)
-    return shoulders + _lengthen(gap, _LEAST_DEPTH, 0.03)
+    return shoulders + _lengthen(gap, _LEAST_AWAY, 0.02)
 
 
 def clear_head(fists: Array, head: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from crowdsim.motion import ground
+from crowdsim.motion.performer_aim import ARMS, ELBOWS, Aim
 from crowdsim.motion.performer_defences import DEFENCES
 from crowdsim.motion.performer_moves import Part
 from crowdsim.motion.performer_punches import PUNCHES
@@ -23,18 +24,7 @@ from crowdsim.motion.performer_score import (
 )
 from crowdsim.motion.performer_style import draw_style
 
-_WOUND = {Channel.PELVIS_TURN: 0.2, Channel.TWIST: 0.2, Channel.LEAD_ARC: 0.8, Channel.REAR_ARC: 0.8}
-"""What is left of winding up when the punch before has turned the body already."""
-_ELBOWS = frozenset({Channel.LEAD_ELBOW, Channel.REAR_ELBOW})
 _BACKWARD = frozenset({Channel.BEND, Channel.SHIFT_X, Channel.TWIST})
-_LOADS = frozenset({Channel.LEAD_HAND_Y, Channel.REAR_HAND_Y, Channel.LEAD_SWING_Y, Channel.REAR_SWING_Y})
-"""Channels by which an uppercut dips before it rises, the less the lower it is aimed."""
-_DRAWS = (((Channel.LEAD_HAND_X, -0.06), (Channel.LEAD_HAND_Z, -0.22)), ((Channel.REAR_HAND_Z, -0.14),))
-"""How each fist is drawn in before it strikes at close quarters [m]."""
-_ARMS_LENGTH = 0.93
-"""Distance of a target from the pelvis from which on the trunk has to lean out to it [m]."""
-_ARMS = frozenset(channel for channel in Channel if channel >= Channel.LEAD_FORTH)
-"""Channels of shoulders, elbows and fists, which are quicker than all that carries them."""
 _GATHER, _SETTLE = 0.16, 0.36
 """Least time in which legs and trunk go into a punch, and about the least in which they come out of it [s]."""
 
@@ -173,41 +163,23 @@ class Choreographer:
         if height is None:
             height = float(rng.uniform(*(recipe.body if to_body else recipe.head)))
         bearing += recipe.bearing[0] + recipe.bearing[1] * self.normal(2.0)
-        least, most = recipe.distance
-        far = float(np.clip(2.0 * (distance - least) / (most - least) - 1.0, -1.0, 1.0))
-        near = float(np.clip((least - distance) / 0.25, 0.0, 1.0))
+        aim = Aim(recipe, bearing, distance, height)
         out = max(1.27 * (self._way_out(recipe.hand, bearing, distance, height) + recipe.extra) / speed, 0.14)
         hit = onset + out
         fall = hit + rng.uniform(0.0, 0.025)
-        end = fall + out * rng.uniform(1.05, 1.35)
+        end = fall + out * rng.uniform(0.95, 1.2)
         vigour = self.about(1.0, 0.08)
         gather, settle = min(onset, hit - _GATHER), max(end, hit + self.about(_SETTLE, 0.15))
         wound = any(other.hand != recipe.hand and other.hit > onset - 0.35 for other in self._reaches[-2:])
         before = len(self._accents)
         for part in recipe.parts:
-            size = self.about(part.size, 0.12) * vigour
-            if wound and part.start < 0.0:
-                size *= _WOUND.get(part.channel, 1.0) if part.end < 1.2 else 1.0
-            if part.channel in _ELBOWS and part.size > 1.0:
-                size *= 1.0 - max(1.34 - height, 0.0)
-            if part.channel in _LOADS and part.size < 0.0:
-                size *= 1.0 - 1.8 * max(1.34 - height, 0.0)
-            arm = part.channel in _ARMS and part.channel not in _ELBOWS
-            back = settle if part.channel not in _ARMS else end
+            size = self.about(part.size, 0.12) * vigour * aim.share(part, wound)
+            arm = part.channel in ARMS and part.channel not in ELBOWS
+            back = settle if part.channel not in ARMS else end
             self._play(part, size, onset if arm else gather, hit, hit, back, 0.03)
-        self._aim(
-            own_turn=1.0 if recipe.hand == REAR else -1.0,
-            bearing=bearing,
-            height=height,
-            far=far,
-            lunge=float(np.clip((distance - _ARMS_LENGTH) / 0.17, 0.0, 1.0)),
-            near=near,
-            times=(gather, hit, settle),
-        )
-        drawn = float(np.clip((least + 0.12 - distance) / 0.30, 0.0, 1.0)) if recipe.inside < least else 0.0
-        if drawn:
-            for channel, size in _DRAWS[recipe.hand]:
-                self.accent(channel, size * drawn, onset - 0.2, onset - 0.02, onset + 0.02, hit)
+        self._aim(aim, gather, hit, settle)
+        for channel, size in aim.draws():
+            self.accent(channel, size, onset - 0.2, onset - 0.02, onset + 0.02, hit)
         path = tuple(accent for accent in self._accents[before:] if accent.channel in BENDS[recipe.hand])
         self._accents[before:] = [accent for accent in self._accents[before:] if accent not in path]
         reach = Reach(
@@ -233,35 +205,10 @@ class Choreographer:
         target = np.array([distance * np.sin(bearing), height, distance * np.cos(bearing)])
         return float(np.linalg.norm(target - [x, self.style.height + 0.31 + y, z + 0.09]))
 
-    def _aim(
-        self,
-        own_turn: float,
-        bearing: float,
-        height: float,
-        far: float,
-        lunge: float,
-        near: float,
-        times: tuple[float, float, float],
-    ) -> None:
-        """Bring trunk and knees to where a target is: turned to it, down to a low one, out to a far one.
-
-        At close quarters the hips come forward, and the trunk leans back to make room for the fist.
-        """
-        onset, hit, end = times
+    def _aim(self, aim: Aim, onset: float, hit: float, end: float) -> None:
+        """Bring the body to where the target is."""
         out, back = hit - onset, end - hit
-        low = max(1.34 - height, 0.0)
-        for channel, size in (
-            (Channel.PELVIS_TURN, 0.35 * bearing),
-            (Channel.TWIST, 0.35 * bearing + 0.06 * own_turn * far),
-            (Channel.HEAD_TURN, 0.5 * bearing),
-            (Channel.PELVIS_TILT, 0.08 * lunge - 0.12 * near),
-            (Channel.HEIGHT, -0.42 * low - 0.05 * lunge),
-            (Channel.FLEX, (0.60 - 0.3 * near) * low + 0.05 * far + 0.26 * lunge - 0.26 * near),
-            (Channel.BEND, -0.22 * low * own_turn),
-            (Channel.SHIFT_Z, 0.02 * far + 0.03 * near),
-            (Channel.HEAD_NOD, 0.25 * low),
-            (Channel.REAR_HEEL, 0.5 * low),
-        ):
+        for channel, size in aim.trunk():
             if abs(size) > 1e-3:
                 early = self.rng.uniform(0.6, 1.1)
                 self.accent(
