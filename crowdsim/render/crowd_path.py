@@ -18,21 +18,26 @@ _STEP = 0.25
 _WINDOW = 2.5
 """Time before and after a moment that its envelope covers [s]."""
 
+_THING = 0.15
+"""How far things that are no avatars reach above their middle [m]."""
+
 
 @dataclass(frozen=True)
 class Crowd:
-    """Where the crowd is at every ``step``-th frame.
+    """Where the crowd is at every ``step``-th frame, and the things that it fights.
 
     Attributes:
         step: Frames between moments.
         fps: Frames a second.
-        places: Ground transforms at each moment. Shape (M, N, 3).
-        heights: How high avatars reach [m]. Shape (N,).
+        avatars: Number of avatars N.
+        places: Ground transforms of N avatars and G things at each moment. Shape (M, N + G, 3).
+        heights: How high they reach [m]. Shape (N + G,).
         facing: Heading in which the camera ``auto`` looks [rad].
     """
 
     step: int
     fps: float
+    avatars: int
     places: Array
     heights: Array
     facing: float
@@ -46,7 +51,13 @@ def watch(source: PoseSource) -> Crowd:
     parts = [source.ground(frames[i : i + block]).astype(np.float32) for i in range(0, len(frames), block)]
     places = np.concatenate(parts)
     heights = np.asarray(source.avatar_heights, float)
-    return Crowd(step, source.fps, places, heights, _find_facing(places))
+    facing = _find_facing(places)
+    things = np.stack([np.asarray(source.markers(int(frame)), float) for frame in frames])
+    if things.shape[1]:
+        ground = np.concatenate([things[..., [0, 2]], np.zeros((*things.shape[:2], 1))], axis=-1)
+        places = np.concatenate([places, ground.astype(np.float32)], axis=1)
+        heights = np.append(heights, things[..., 1].max(axis=0) + _THING)
+    return Crowd(step, source.fps, len(source.avatar_teams), places, heights, facing)
 
 
 def _find_facing(places: Array) -> float:

@@ -174,7 +174,10 @@ def _project_flashes(flashes: Flashes | None, camera: Array) -> Array:
     seen = z > 0.2
     x, y, z = x[seen], y[seen], z[seen]
     focal = camera[12]
-    size = np.maximum(0.24 * focal / z, 3.0)
+    # Far flashes fade, so that they do not hide a crowd.
+    true = 0.24 * focal / z
+    size = np.maximum(true, 2.0)
+    fade = np.clip(true / 6.0, 0.2, 1.0)
     return np.stack(
         [
             camera[13] + focal * x / z,
@@ -182,7 +185,7 @@ def _project_flashes(flashes: Flashes | None, camera: Array) -> Array:
             np.sqrt(x * x + y * y + z * z) - 0.45,
             size,
             np.asarray(flashes.ages, float)[seen],
-            np.asarray(flashes.powers, float)[seen],
+            np.asarray(flashes.powers, float)[seen] * fade,
         ],
         axis=1,
     ).astype(np.float32)

@@ -19,7 +19,7 @@ from crowdsim.render.source import PoseSource
 
 Array = NDArray[Any]
 
-VERSION = 1
+VERSION = 2
 """Counts changes after which pictures differ."""
 FLASH = 0.28
 """Time for which a strike that landed flashes [s]."""

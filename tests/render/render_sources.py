@@ -28,6 +28,7 @@ class Walkers:
     teams: Any = None
     strikes: Any = field(default_factory=lambda: np.zeros((0, 4)))
     drawn: list[int] = field(default_factory=list)
+    things: Any = None
 
     def __post_init__(self) -> None:
         self.frame_count, count = self.paths.shape[:2]
@@ -58,7 +59,7 @@ class Walkers:
         return self.strikes[now, 1:], ages[now], np.full(now.sum(), 8.0)
 
     def markers(self, frame):
-        return np.zeros((0, 3))
+        return np.zeros((0, 3)) if self.things is None else self.things[frame]
 
 
 def random_walk(frames: int, count: int, seed: int, spread: float = 4.0) -> np.ndarray:

@@ -42,6 +42,36 @@ def test_cameras_of_the_crowd_show_everybody_from_head_to_foot_at_every_frame(co
         assert np.abs(y).max() < 1.0
 
 
+@pytest.mark.parametrize("camera", ["auto", "side", "front", "top"])
+@pytest.mark.parametrize("spread", [0.3, 4.0, 30.0])
+def test_the_crowd_stands_in_the_middle_of_the_picture_and_fills_it(camera, spread):
+    source = Walkers(random_walk(300, 30, 11, spread))
+    track = build_track(source, camera, SIZE)
+    centres, fills = [], []
+    for frame in range(0, 300, 10):
+        ground = source.paths[frame, :, :2]
+        points = np.concatenate([np.insert(ground, 1, height, axis=1) for height in (0.0, 1.8)])
+        x, y, _ = project(track.view(frame), points)
+        centres.append([x.max() + x.min(), y.max() + y.min()])
+        fills.append(max(x.max() - x.min(), y.max() - y.min()) / 2)
+    assert np.abs(centres).mean(axis=0).max() < 0.16
+    assert np.mean(fills) > 0.5
+
+
+def test_cameras_of_the_crowd_show_what_it_fights_too():
+    paths = random_walk(200, 1, 3)
+    angles = np.linspace(0.0, 6.0, 200)
+    things = np.stack([3.0 * np.sin(angles), np.full(200, 1.5), 3.0 * np.cos(angles)], axis=-1)[:, None]
+    source = Walkers(paths, things=things)
+    for camera in ("auto", "side", "top", "orbit"):
+        track = build_track(source, camera, SIZE)
+        for frame in range(0, 200, 5):
+            x, y, ahead = project(track.view(frame), things[frame])
+            assert ahead > 0.5
+            assert abs(x) < 1.0
+            assert abs(y) < 1.0
+
+
 @pytest.mark.parametrize("camera", ["auto", "side", "top", "orbit", "follow:2"])
 def test_cameras_move_without_jerks(camera):
     paths = random_walk(400, 6, 5)
