@@ -10,7 +10,7 @@ from crowdsim.motion.performer_score import Channel as C
 
 DUCK = Guarding(
     parts=(
-        Part(C.HEIGHT, -0.25, 0.00, 0.95, 1.00, 2.0),
+        Part(C.HEIGHT, -0.235, 0.00, 0.95, 1.00, 2.0),
         Part(C.PELVIS_TILT, 0.18, 0.00, 0.95, 1.00, 2.0),
         Part(C.FLEX, 0.34, 0.05, 1.00, 1.00, 1.9),
         Part(C.SHIFT_Z, -0.03, 0.00, 0.90, 1.00, 2.0),
@@ -23,7 +23,7 @@ DUCK = Guarding(
         Part(C.LEAD_RAISE, 0.12, 0.00, 0.80, 1.00, 2.0),
         Part(C.REAR_RAISE, 0.12, 0.00, 0.80, 1.00, 2.0),
     ),
-    seconds=(0.34, 0.12, 0.42),
+    seconds=(0.38, 0.10, 0.46),
 )
 
 SLIP_LEFT = Guarding(
@@ -185,7 +185,7 @@ WEAVE = Guarding(
         Part(C.LEAD_RAISE, 0.12, 0.00, 0.80, 1.20, 2.0),
         Part(C.REAR_RAISE, 0.12, 0.00, 0.80, 1.20, 2.0),
     ),
-    seconds=(0.40, 0.0, 0.48),
+    seconds=(0.42, 0.0, 0.50),
 )
 
 DEFENCES = {

@@ -29,10 +29,10 @@ _FULL_REACH = 0.965 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
 """How far from the shoulder a punch is aimed at the most [m]."""
 _LEAST_REACH = 0.48
 """How far from the middle between the shoulders a punch is aimed at the least [m]."""
-_SLOWEST, _FASTEST = 5.6, 11.0
+_SLOWEST, _FASTEST = 5.75, 11.0
 """Speeds between which a punching fist peaks relative to the pelvis [m/s]."""
 _ATTEMPTS = 12
-_SHORTEST = 0.11
+_SHORTEST = 0.105
 """Least time of a fist's way out [s]."""
 
 

@@ -125,6 +125,10 @@ def _add_bounce(channels: Array, style: Style, times: Array, spacing: float, rng
         channels[:, channel] -= 1.2 * size * late
     for channel in (C.LEAD_HAND_Y, C.REAR_HAND_Y):
         channels[:, channel] -= 0.30 * size * latest
+    # The hands circle in the rhythm of the feet, the lead hand more.
+    channels[:, C.LEAD_HAND_Z] += 1.1 * size * latest
+    channels[:, C.LEAD_HAND_Y] += 0.7 * size * late
+    channels[:, C.REAR_HAND_Z] += 0.5 * size * late
 
 
 def _add_sway(channels: Array, style: Style, times: Array, loads: Array, rng: np.random.Generator) -> None:

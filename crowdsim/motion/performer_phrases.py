@@ -182,7 +182,7 @@ class _Boxer:
             end = plan.defend(kind, begin, tempo=rng.uniform(0.85, 1.2))
         if counter:
             kinds_back = COMBINATIONS[int(rng.integers(len(COMBINATIONS)))]
-            end = self.combination(end - rng.uniform(0.1, 0.25), kinds_back)
+            end = self.combination(end - rng.uniform(0.04, 0.2), kinds_back)
         return end
 
     def phrase(self) -> None:

@@ -150,8 +150,8 @@ LEAD_UPPERCUT = Punch(
     parts=(
         Part(C.LEAD_HEEL, 0.28, 0.05, 0.95, 1.15, 2.2),
         Part(C.LEAD_YAW, -0.30, 0.00, 0.95, 1.20, 2.3),
-        Part(C.HEIGHT, -0.075, -1.30, 0.00, 0.10, 0.95),
-        Part(C.HEIGHT, 0.025, 0.20, 0.98, 1.15, 2.2),
+        Part(C.HEIGHT, -0.065, -1.80, -0.50, -0.45, 0.95),
+        Part(C.HEIGHT, 0.020, -0.20, 0.98, 1.15, 2.2),
         Part(C.PELVIS_TURN, 0.11, -1.30, -0.05, 0.00, 0.8),
         Part(C.PELVIS_TURN, -0.28, -0.40, 0.85, 1.15, 2.2),
         Part(C.SHIFT_X, 0.026, -1.30, 0.00, 0.40, 1.6),
@@ -190,8 +190,8 @@ REAR_UPPERCUT = Punch(
     parts=(
         Part(C.REAR_HEEL, 0.36, -0.70, 0.85, 1.15, 2.2),
         Part(C.REAR_YAW, 0.55, -0.65, 0.90, 1.20, 2.3),
-        Part(C.HEIGHT, -0.085, -1.30, 0.00, 0.10, 0.95),
-        Part(C.HEIGHT, 0.02, 0.20, 0.98, 1.15, 2.2),
+        Part(C.HEIGHT, -0.070, -1.80, -0.50, -0.45, 0.95),
+        Part(C.HEIGHT, 0.015, -0.20, 0.98, 1.15, 2.2),
         Part(C.PELVIS_TURN, -0.06, -1.30, -0.10, -0.05, 0.6),
         Part(C.PELVIS_TURN, 0.53, -0.60, 0.84, 1.15, 2.2),
         Part(C.SHIFT_X, -0.016, -1.30, -0.05, 0.00, 0.9),

@@ -25,7 +25,7 @@ _BEFORE, _AFTER, _APART = 0.4, 0.3, 0.2
 of one hand [s]."""
 _OVER = 0.06
 """How long after its furthest reach a hook's fist may still be at its fastest [s]."""
-_CROSSING = 0.9
+_CROSSING = 0.8
 """Share of its peak speed that such a fist has at the furthest reach: it crosses there, and does not turn back."""
 _ARRIVED = 0.05
 """Share of its peak speed below which a fist that still creeps outwards has arrived: held punches creep on."""

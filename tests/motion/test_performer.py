@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import butter, sosfiltfilt
 
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import build_body
@@ -154,6 +156,17 @@ def test_targets_are_spread_over_what_a_boxer_reaches(long_session):
     assert np.percentile(np.arctan2(places[:, 0], ahead), [2, 98]) == pytest.approx([-0.5, 0.5], abs=0.2)
 
 
+def test_hooks_and_uppercuts_hit_at_close_quarters_and_straights_at_arms_length(long_session):
+    strikes = [strike for performance in long_session for strike in performance.truth.strikes]
+    far = {kind: [np.hypot(s.place[0], s.place[2]) for s in strikes if s.kind == kind] for kind in PUNCHES}
+    for kind in ("lead_hook", "rear_hook", "lead_uppercut", "rear_uppercut"):
+        assert min(far[kind]) < 0.5
+    assert max(far["jab"]) > 0.92
+    assert max(far["straight"]) > 0.92
+    near = [s for s in strikes if np.hypot(s.place[0], s.place[2]) < 0.58]
+    assert 0.05 < len(near) / len(strikes) < 0.35
+
+
 def test_joints_stay_within_their_limits(session, posed):
     for performance, (positions, rotations) in zip(session, posed, strict=True):
         elbows, knees = _folds(performance.clip, list(FOREARMS)), _folds(performance.clip, list(LEGS))
@@ -207,11 +220,40 @@ def test_motion_has_no_pops(session):
 def test_the_same_motion_at_twice_the_rate_moves_as_smoothly():
     """Where accelerations are bounded and continuous, halving the step halves the change of acceleration."""
     jumps = []
-    for fps in (120.0, 240.0):
-        clip = perform(6.0, 4, fps=fps)[0].clip
-        acceleration = np.diff(clip.root_positions, 2, axis=0) * fps**2
-        jumps.append(np.linalg.norm(np.diff(acceleration, axis=0), axis=-1).max())
-    assert jumps[1] < 0.7 * jumps[0]
+    for fps in (480.0, 960.0):
+        clip = perform(9.0, 4, fps=fps)[0].clip
+        local = quaternion.continuous(clip.rotations)
+        turns = quaternion.to_rotation_vector(quaternion.multiply(quaternion.conjugate(local[:-1]), local[1:])) * fps
+        bends = np.diff(turns, axis=0) * fps
+        moves = np.diff(clip.root_positions, 2, axis=0) * fps**2
+        change = [np.linalg.norm(np.diff(part, axis=0), axis=-1).max(axis=0) for part in (bends, moves)]
+        jumps.append(np.append(change[0], change[1]))
+    assert np.all(jumps[1] < 0.7 * jumps[0])
+
+
+def test_nobody_holds_quite_still(session):
+    """In the quietest moments joints tremble at 3 to 10 Hz, as those of captured boxers do, and the head the least."""
+    for performance in session:
+        clip = performance.clip
+        local = quaternion.continuous(clip.rotations)
+        turns = quaternion.to_rotation_vector(quaternion.multiply(quaternion.conjugate(local[:-1]), local[1:])) * FPS
+        quick = sosfiltfilt(butter(2, (3.0, 10.0), "band", fs=FPS, output="sos"), turns[:, 0], axis=0)
+        size = np.sqrt(uniform_filter1d(np.sum(quick**2, axis=-1), 24))
+        assert 0.15 < np.percentile(size, 10) < 0.7
+        positions, _ = clip_kinematics(clip)
+        moves = np.diff(positions[:, HEAD], axis=0) * FPS
+        nods = sosfiltfilt(butter(2, (3.0, 10.0), "band", fs=FPS, output="sos"), moves, axis=0)
+        assert np.percentile(np.sqrt(uniform_filter1d(np.sum(nods**2, axis=-1), 24)), 10) < 0.25
+
+
+def test_the_body_comes_out_of_a_punch_slower_than_the_fist(session, posed):
+    """A pelvis that snaps back with the fist looks like a machine."""
+    for performance, (positions, _) in zip(session, posed, strict=True):
+        rising = np.gradient(positions[:, 0, 1]) * FPS
+        assert rising.max() < 1.8
+        assert np.percentile(np.abs(rising), 95) < 0.85
+        turning = np.abs(np.gradient(_headings(performance.clip.rotations[:, 0]))) * FPS
+        assert np.percentile(turning, 95) < 6.0
 
 
 def test_feet_never_cross(session, posed):

@@ -65,6 +65,24 @@ def test_the_way_back_is_no_strike_however_fast():
     assert len(find_strikes(_tracks(fist, REST), 1.75, FPS).frames) == 0
 
 
+def _hook(times: np.ndarray, at: float) -> np.ndarray:
+    """A left fist that goes out while it swings across, is furthest out at ``at`` and fastest a little later."""
+    share = np.clip((times - at + 0.4) / 0.8, 0.0, 1.0)
+    out = 64.0 * (share * (1.0 - share)) ** 3
+    turn = 0.5 - 1.4 / (1.0 + np.exp(-(times - at - 0.03) / 0.035)) + 1.4 / (1.0 + np.exp(-(times - at - 0.6) / 0.1))
+    far = 0.25 + 0.35 * out
+    return np.stack([far * np.sin(turn), 1.45 + 0.0 * times, far * np.cos(turn)], axis=1)
+
+
+def test_a_hook_that_is_fastest_past_its_furthest_reach_is_found_where_it_reaches_furthest():
+    fist = _hook(TIMES, 1.5)
+    assert np.argmax(np.linalg.norm(np.diff(fist, axis=0), axis=1)) > 90
+    found = find_strikes(_tracks(fist, REST), 1.75, FPS)
+    assert found.hands.tolist() == [0]
+    assert found.frames[0] == pytest.approx(90, abs=1)
+    assert found.peaks[0] > 90
+
+
 def test_a_slow_reach_is_no_strike():
     assert len(find_strikes(_tracks(_reach(TIMES, 1.5, out=0.9), REST), 1.75, FPS).frames) == 0
 
