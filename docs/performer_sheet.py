@@ -84,7 +84,7 @@ def _span(performance: Performance) -> tuple[int, int]:
     fps, truth = performance.clip.fps, performance.truth
     if truth.strikes:
         strike = truth.strikes[0]
-        return round(strike.start * fps) - 4, round(strike.end * fps) + 4
+        return round(strike.start * fps) - 9, round(strike.end * fps) + 9
     if truth.defences:
         return truth.defences[0].start, truth.defences[0].end - 1
     moving = np.flatnonzero(~truth.contacts.all(axis=1))

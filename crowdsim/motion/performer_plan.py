@@ -25,7 +25,7 @@ from crowdsim.motion.performer_score import (
 from crowdsim.motion.performer_style import draw_style
 
 _BACKWARD = frozenset({Channel.BEND, Channel.SHIFT_X, Channel.TWIST})
-_GATHER, _SETTLE = 0.17, 0.40
+_GATHER, _SETTLE = 0.17, 0.37
 """Least time in which legs and trunk go into a punch, and about the least in which they come out of it [s]."""
 
 
