@@ -1,17 +1,20 @@
 """How well cuts are hidden: can a classifier tell them from captured motion?
 
-    python benchmarks/motion_quality.py [--mocap DIR] [--json] [--windows 1500]
+    python benchmarks/motion_quality.py [--mocap DIR] [--json] [--windows 2000] [--policy BUNDLE ...]
 
-Windows of 0.4 s around cuts between captured frames, as the motion graph allows them, against windows of the capture
-itself around the very frames that those cuts leave and enter, so that nothing but the cut tells them apart. Features
-are velocities and accelerations of the body's joints at 60 Hz in the ground frame of the window's middle. Clips are
-split in halves: a classifier trained on cuts and captured motion of one half is asked about the other, four splits,
-of which the mean area under the ROC curve counts; 0.5 is guessing, 1 is certainty. Two classifiers try, logistic
-regression, and random trees that are told speeds and sizes of accelerations too; the better of them counts.
+Sixty avatars fight everyone against everyone by a trained policy. Windows of 0.4 s around the cuts that they make
+stand against windows of the capture itself around the very frames that those cuts leave and enter, so that nothing but
+the cut tells them apart. `every` are cuts evenly drawn from all that the graph allows instead, one at a time, whether
+anyone would make them or not. Features are velocities and accelerations of the body's joints at 60 Hz in the ground
+frame of the window's middle. Clips are split in halves: a classifier trained on cuts and captured motion of one half is
+asked about the other, four splits, of which the mean area under the ROC curve counts; 0.5 is guessing, 1 is certainty.
+Two classifiers try, logistic regression, and random trees that are told speeds and sizes of accelerations too; the
+better of them counts.
 
-`ours` are poses of takes with blends and planted feet, `crossfade` fades from one motion to the other over 0.4 s
-while both play on, `hard` does nothing. Motion is the embedded performer's and, with --mocap or CROWDSIM_MOCAP, the
-capture of `policies/boxer_cmu.yaml`.
+`ours` are poses as they are exported, with blends and planted feet, but without what strikes do to arms and to those
+they hit; `crossfade` fades from one motion to the other over 0.4 s while both play on, `hard` does nothing. Motion is
+the embedded performer's (`policies/boxer.yaml`) and, with --mocap or CROWDSIM_MOCAP, the capture of
+`policies/boxer_cmu.yaml`; their policies are trained first where they are not.
 """
 
 from __future__ import annotations
@@ -19,6 +22,8 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -26,10 +31,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.graph.motion_graph import MotionGraph, build_graph
+from crowdsim.crowd.scenario import load_scenario
+from crowdsim.graph.motion_graph import MotionGraph
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.policy.policy import Policy
+from crowdsim.policy.train import ready_policy
+from crowdsim.runner import run
 from crowdsim.take.poses import PoseSampler
 from crowdsim.take.take import Cast, Events, Take
 
@@ -42,20 +51,54 @@ FADE = 12
 """Playback frames of a cross-fade on either side of the cut."""
 ROWS = 15
 """Control frames of motion before and after a cut."""
+SCENE = ["groups.0.count=60", "types.boxer.scale=1", "groups.0.placement.radius=7", "fps=60", "duration=1000"]
+
+
+def inside(database: MotionDatabase, frames: Array, rows: int) -> Array:
+    """Whether control frames have captured motion around them."""
+    starts = np.asarray(database.clip_starts)
+    clip = np.searchsorted(starts, frames, side="right") - 1
+    return np.asarray((frames - rows - 1 >= starts[clip]) & (frames + rows + 1 < starts[clip + 1]))
 
 
 def usable(database: MotionDatabase, graph: MotionGraph, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
     """Return control frames before and after some cuts that have motion around them: left, and landed on."""
     leave, enter = np.asarray(graph.transition_from), np.asarray(graph.transition_to) - 1
-    starts = np.asarray(database.clip_starts)
-
-    def inside(frames: Array) -> Array:
-        clip = np.searchsorted(starts, frames, side="right") - 1
-        return (frames - ROWS - 1 >= starts[clip]) & (frames + ROWS + 1 < starts[clip + 1])
-
-    fits = np.flatnonzero(inside(leave) & inside(enter))
+    fits = np.flatnonzero(inside(database, leave, ROWS) & inside(database, enter, ROWS))
     fits = rng.permutation(fits)[:count]
     return leave[fits], enter[fits]
+
+
+def fight(policy: Policy) -> PoseSampler:
+    """Poses of sixty who fight by a policy, without what strikes do."""
+    scenario = load_scenario("brawl_30", SCENE)
+    take = run(scenario, [policy], threads=2)
+    none = Events(*(getattr(take.events, name)[:0] for name in Events.__dataclass_fields__))
+    return PoseSampler(replace(take, events=none), [policy], threads=2)
+
+
+def made(sampler: PoseSampler, most: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Control frames left and entered by cuts of a take, and joint places around them (n, T, roles, 3)."""
+    database, take = sampler.policies[0].database, sampler.take
+    rate, stride = database.playback_rate, database.stride
+    numbers = np.arange(take.avatar_count)
+    window = sampler.window(0, numbers, np.array([0.0, take.seconds]))
+    cuts = window.cuts()
+    leave, enter, centre = cuts.before // stride, cuts.after // stride, np.round(cuts.times * rate).astype(int)
+    reach, last = HALF + 1, take.output_frames(rate) - 1
+    rows = -(-reach // stride)
+    fits = inside(database, leave, rows) & inside(database, enter, rows)
+    fits &= (centre >= rate) & (centre < last - rate)
+    chosen = np.sort(rng.permutation(np.flatnonzero(fits))[:most])
+    places = []
+    for cut in chosen:
+        poses = sampler.sample(centre[cut] - reach, centre[cut] + reach + 1, rate, numbers[[cuts.owners[cut]]])[0]
+        base = cuts.places[cut]
+        rotations = np.array(poses.rotations[:, 0], dtype=float)
+        rotations[:, 0] = quaternion.multiply(quaternion.about_y(-base[2]), rotations[:, 0])
+        roots = ground.to_local(base, np.asarray(poses.root_positions[:, 0], dtype=float))
+        places.append(joints(database, roots[None], rotations[None])[0])
+    return leave[chosen], enter[chosen], np.stack(places)
 
 
 def take_of_cuts(database: MotionDatabase, leave: Array, enter: Array) -> PoseSampler:
@@ -76,13 +119,24 @@ def take_of_cuts(database: MotionDatabase, leave: Array, enter: Array) -> PoseSa
     cast = Cast(numbers.astype(str), zeros, zeros, zeros, np.ones(count, np.float32), np.ones(count, np.float32),
                 ("boxer",), ("all",), ("motion",), np.full((1, 3), np.nan))  # fmt: skip
     events = Events(*(np.zeros((0, 3) if name == "point" else 0) for name in Events.__dataclass_fields__))
+    x, z, heading = (place[..., k].astype(np.float32) for k in range(3))
     take = Take(
-        np.broadcast_to(action, shape).astype(np.int32),
-        np.broadcast_to(phase, shape).astype(np.float32),
-        *(place[..., k].astype(np.float32) for k in range(3)),
-        np.full(shape, -1, np.int32), cast, np.zeros((shape[0], 0, 3)), (), events, database.control_rate, "cuts", 0,
-        ("",), "done",
-    )  # fmt: skip
+        action=np.broadcast_to(action, shape).astype(np.int32),
+        action_frame=np.broadcast_to(phase, shape).astype(np.float32),
+        x=x,
+        z=z,
+        heading=heading,
+        opponent=np.full(shape, -1, np.int32),
+        cast=cast,
+        targets=np.zeros((shape[0], 0, 3)),
+        target_names=(),
+        events=events,
+        control_rate=database.control_rate,
+        scenario="cuts",
+        seed=0,
+        fingerprints=("",),
+        status="done",
+    )
     policy: Any = SimpleNamespace(database=database, graph=graph, fingerprint="")
     return PoseSampler(take, [policy], threads=2)
 
@@ -107,7 +161,7 @@ def joints(database: MotionDatabase, roots: Array, rotations: Array) -> Array:
 
 
 def ways(database: MotionDatabase, leave: Array, enter: Array) -> dict[str, Array]:
-    """Joint places over windows of every way to cut, and of the capture. Shape (n, T, roles, 3)."""
+    """Joint places over windows of plain ways to cut, and of the capture. Shape (n, T, roles, 3)."""
     reach = HALF + 1
     before, after = played(database, leave, reach), played(database, enter, reach)
     steps = np.arange(-reach, reach + 1)
@@ -119,16 +173,19 @@ def ways(database: MotionDatabase, leave: Array, enter: Array) -> dict[str, Arra
     sign = np.where(np.sum(before[1] * after[1], axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
     mixed = before[1] * (1.0 - share[..., None]) + sign * after[1] * share[..., None]
     faded = [before[0] * (1.0 - share) + after[0] * share, quaternion.normalise(mixed)]
-    sampler = take_of_cuts(database, leave, enter)
-    centre = ROWS * database.stride
-    poses = sampler.sample(centre - reach, centre + reach + 1, database.playback_rate)[0]
     return {
-        "ours": joints(database, poses.root_positions.swapaxes(0, 1), poses.rotations.swapaxes(0, 1)),
         "crossfade": joints(database, *faded),
         "hard": joints(database, *hard),
         "left": joints(database, *before),
         "entered": joints(database, *after),
     }
+
+
+def alone(database: MotionDatabase, leave: Array, enter: Array) -> Array:
+    """Joint places around cuts that are made one at a time. Shape (n, T, roles, 3)."""
+    sampler, reach, centre = take_of_cuts(database, leave, enter), HALF + 1, ROWS * database.stride
+    poses = sampler.sample(centre - reach, centre + reach + 1, database.playback_rate)[0]
+    return joints(database, poses.root_positions.swapaxes(0, 1), poses.rotations.swapaxes(0, 1))
 
 
 def features(places: Array, rate: float) -> tuple[Array, Array]:
@@ -163,15 +220,15 @@ def areas(database: MotionDatabase, cuts: dict[str, Array], leave: Array, enter:
         sides = np.isin(left, chosen).astype(int) + np.isin(entered, chosen)
         parts = []
         for side in (2, 0):
-            inside = sides == side
+            within = sides == side
             rows = [pairs[kind], *(tuple(f for f in pairs[key]) for key in ("left", "entered"))]
-            masks = [inside, inside & half, inside & ~half]
+            masks = [within, within & half, within & ~half]
             parts.append(
                 (
                     *tuple(
                         np.concatenate([row[k][mask] for row, mask in zip(rows, masks, strict=True)]) for k in (0, 1)
                     ),
-                    np.concatenate([np.ones(inside.sum()), np.zeros(inside.sum())]),
+                    np.concatenate([np.ones(within.sum()), np.zeros(within.sum())]),
                 )
             )
         (train, train_sizes, labels), (test, test_sizes, truth) = parts
@@ -186,42 +243,51 @@ def areas(database: MotionDatabase, cuts: dict[str, Array], leave: Array, enter:
     return {name: float(np.mean(values)) for name, values in told.items()}
 
 
-def motions(mocap: Path | None) -> dict[str, MotionDatabase]:
-    """The performer's motion, and the capture where it is at hand."""
-    from crowdsim.policy.fingerprint import capture_files
-    from crowdsim.policy.recipe import load_recipe
-    from crowdsim.policy.train import load_motion
-
-    performer = load_recipe(ROOT / "policies" / "boxer.yaml", ["motion.performer.seconds=150"])
-    told = {"performer": load_motion(performer, [])}
-    if mocap is not None:
-        recipe = load_recipe(ROOT / "policies" / "boxer_cmu.yaml")
-        told["capture"] = load_motion(recipe, capture_files(recipe, mocap))
+def judge(
+    database: MotionDatabase, leave: Array, enter: Array, ours: Array, kinds: tuple[str, ...] = ("crossfade", "hard")
+) -> dict[str, Any]:
+    """How well cuts are told from captured motion, made our way and plain ways."""
+    cuts = {**ways(database, leave, enter), "ours": ours}
+    told: dict[str, Any] = {"cuts": len(leave), "of_them_different": len(np.unique(np.stack([leave, enter]), axis=1).T)}
+    for kind in ("ours", *kinds):
+        by = areas(database, cuts, leave, enter, kind)
+        told[kind] = {"auc": max(by.values()), **by}
     return told
 
 
 def main() -> None:
+    """Read the command line, measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder with capture")
     parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
-    parser.add_argument("--windows", type=int, default=1500, help="cuts that are looked at, at the most")
+    parser.add_argument("--windows", type=int, default=2000, help="cuts that are looked at, at the most")
+    parser.add_argument("--policy", nargs="+", help="recipes or bundles other than boxer and boxer_cmu")
     options = parser.parse_args()
     result: dict[str, Any] = {}
-    for name, database in motions(options.mocap).items():
-        leave, enter = usable(database, build_graph(database), options.windows, np.random.default_rng(0))
-        cuts = ways(database, leave, enter)
-        result[name] = {"cuts": len(leave)}
-        for kind in ("ours", "crossfade", "hard"):
-            by = areas(database, cuts, leave, enter, kind)
-            result[name][kind] = {"auc": max(by.values()), **by}
+    for name in options.policy or ["boxer", *(["boxer_cmu"] if options.mocap else [])]:
+        print(f"{name} ...", file=sys.stderr, flush=True)
+        policy = ready_policy(name, options.mocap, threads=2)
+        database, sampler = policy.database, fight(policy)
+        present = sampler.take.avatar_count * sampler.take.seconds
+        every = usable(database, policy.graph, options.windows, np.random.default_rng(0))
+        result[Path(name).name] = {
+            "cuts_per_second": len(sampler.window(0, np.arange(60), np.array([0.0, sampler.take.seconds])).cuts().times)
+            / present,
+            "made": judge(database, *made(sampler, options.windows, np.random.default_rng(0))),
+            "every": judge(database, *every, alone(database, *every)),
+        }
     if options.json:
         print(json.dumps(result, indent=2))
         return
     for name, told in result.items():
-        print(f"{name}, {told['cuts']} cuts{'':12}   AUC logistic  trees")
-        for kind in ("ours", "crossfade", "hard"):
-            row = told[kind]
-            print(f"  {kind:24} {row['auc']:7.3f} {row['logistic']:8.3f} {row['trees']:6.3f}")
+        print(f"{name}: {told['cuts_per_second']:.2f} cuts a second and avatar")
+        for group in ("made", "every"):
+            rows = told[group]
+            print(f"  {group} ({rows['cuts']} cuts, {rows['of_them_different']} different)")
+            print(f"    {'':24} {'AUC':>7} {'logistic':>8} {'trees':>6}")
+            for kind in ("ours", "crossfade", "hard"):
+                row = rows[kind]
+                print(f"    {kind:24} {row['auc']:7.3f} {row['logistic']:8.3f} {row['trees']:6.3f}")
 
 
 if __name__ == "__main__":

@@ -1,13 +1,13 @@
 """Compiled limbs: legs that keep planted feet in their place, fists that touch, and bodies that give way to blows.
 
 A stand is a time over which a foot is planted, through cuts. At a cut the motion's own place of the foot jumps by
-delta. With k a kernel that is flat near the time t and ends within a second, and B the share of k over the stand that
-lies after the cut, a planted foot belongs at ``motion(t) + sum over cuts of delta (B - [t >= cut])``: its mean place
-over the stand. This does not jump at cuts and, where the stand is shorter than the flat part, does not move at all.
-Between stands a foot is let go of, or led from one place to the next where they follow closely.
+delta. With E a step from 0 to 1, a foot belongs at ``motion(t) + sum over cuts of delta (E(t) - [t >= cut])``, which
+goes on through cuts, and moves only where E does: E rises while the foot is in the air before or after the stand, or in
+a step that the foot makes for the cut, see ``footfall_kernels``. What moves planted feet besides is the capture's own.
+Feet that slide in the capture as much as a cut asks for are left to the blend. The turn of the foot, and of its toes,
+goes along. Between stands a foot is let go of, or led from one place to the next where they follow closely.
 
-Then the pelvis goes along with what planted feet ask for, and down a little for a leg that would be overstretched; legs
-ease into their longest reach, soles stay above the floor.
+The pelvis goes down a little, and evenly, for a leg that would be overstretched; soles stay above the floor.
 
 A fist is carried onto what it hits by a bump over time; for what an arm that eases into its longest reach does not
 give, the spine leans. A blow turns spine, neck and head along its way, and they spring back.
@@ -20,6 +20,8 @@ import numpy as np
 
 MOST = math.radians(150.0)
 """Flexion beyond which no knee or elbow is bent [rad]."""
+EVEN = 0.15
+"""Time around a cut in which velocities of planted feet become even [s]."""
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -33,30 +35,61 @@ def _ease(s):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _mass(x, flat, wide):
-    """Integral from 0 to x of a kernel that is 1 up to ``flat`` and fades to 0 at ``wide``."""
-    a = abs(x)
-    if a > flat:
-        u = min((a - flat) / (wide - flat), 1.0)
-        a = flat + (wide - flat) * (u - u * u * u + 0.5 * u * u * u * u)
-    return a if x >= 0.0 else -a
+def _soft(x):
+    """A bend from 0 to x, without a corner."""
+    return x + math.log1p(math.exp(-x)) if x > 0.0 else math.log1p(math.exp(x))
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _add_shift(cuts, first, stop, foot, rate, time, centre, begin, end, flat, wide, weight, out):
-    """Add how far a foot belongs from the motion's own place in a stand, times a weight."""
-    low, high = _mass(begin - centre, flat, wide), _mass(end - centre, flat, wide)
-    if high - low < 1e-9:
-        return
+def _blended(cuts, cut, time):
+    """How far the blend over a cut has gone."""
+    return _ease((time - cuts.times[cut] + cuts.spans[cut, 0]) / (cuts.spans[cut, 0] + cuts.spans[cut, 1]))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _let_slide(cuts, falls, first, stop, foot, time):
+    """How far cuts let a planted foot slide with the blend: 0 not at all, 1 altogether."""
+    held = 1.0
     for cut in range(first, stop):
-        at = cuts.times[cut]
-        beyond = high - min(max(_mass(at - centre, flat, wide), low), high)
-        share = beyond / (high - low)
+        if falls.kinds[cut, foot] == 1:
+            apart = time - cuts.times[cut]
+            span = cuts.spans[cut, 0] if apart < 0.0 else cuts.spans[cut, 1]
+            held *= 1.0 - _ease(2.0 - 2.0 * abs(apart) / span)
+    return 1.0 - held
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _add_shift(cuts, falls, first, stop, foot, rate, time, begin, end, weight, out):
+    """Add how far a foot belongs from the motion's own place and turn in a stand, times a weight."""
+    for cut in range(first, stop):
+        at, lift, even = cuts.times[cut], 0.0, 0.0
+        if at <= begin:
+            share = 1.0
+        elif at >= end:
+            share = 0.0
+        elif falls.kinds[cut, foot] == 1:
+            share = _blended(cuts, cut, time)
+        else:
+            low, high = falls.moves[cut, foot, 0], falls.moves[cut, foot, 1]
+            part = (time - low) / (high - low)
+            share = _ease(part)
+            if 0.0 < part < 1.0:
+                rise = part * (1.0 - part)
+                lift = 64.0 * rise * rise * rise * falls.moves[cut, foot, 2]
+            apart = abs(time - at)
+            if apart < EVEN:
+                # Both sides go over into the mean of their velocities.
+                far = 1.0 - apart / EVEN
+                even = -0.5 * apart * far * far * far
         if (at - time) * rate <= 1e-9:
             share -= 1.0
         if share != 0.0:
-            for k in range(3):
+            for k in range(9):
                 out[k] += weight * share * cuts.gaps[cut, foot, k]
+        if even != 0.0:
+            for k in range(9):
+                out[k] += weight * even * cuts.gaps[cut, foot, 9 + k]
+        out[1] += weight * lift
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -127,6 +160,13 @@ def _pose_chain(limbs, scale, root, rotations, places, turns):
             turns[j, 1] = a * f + b * e + c * h - d * g
             turns[j, 2] = a * g - b * h + c * e + d * f
             turns[j, 3] = a * h + b * g - c * f + d * e
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _beyond(now, wanted, longest, width):
+    """How far a limb that is ``now`` long is asked beyond its length; it begins a little before, without a corner."""
+    edge = longest - 1.5 * width
+    return width * (_soft((wanted - edge) / width) - _soft((now - edge) / width))
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -234,8 +274,55 @@ def _into_parent(limbs, turns, joint, after, before, rotations, moved):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
+def _turned(vector, share, q, out):
+    """Write a quaternion turned by a share of a rotation vector."""
+    x, y, z = vector[0] * share, vector[1] * share, vector[2] * share
+    angle = math.sqrt(x * x + y * y + z * z)
+    c, s = math.cos(0.5 * angle), 0.5
+    if angle > 1e-9:
+        s = math.sin(0.5 * angle) / angle
+    x, y, z = x * s, y * s, z * s
+    a, b, d, e = q[0], q[1], q[2], q[3]
+    out[0] = c * a - x * b - y * d - z * e
+    out[1] = c * b + x * a + y * e - z * d
+    out[2] = c * d - x * e + y * a + z * b
+    out[3] = c * e + x * d - y * b + z * a
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _mix(a, b, share, out):
+    """Write a quaternion between two."""
+    dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+    other = share if dot >= 0.0 else -share
+    w, x, y, z = (
+        a[0] * (1.0 - share) + b[0] * other,
+        a[1] * (1.0 - share) + b[1] * other,
+        a[2] * (1.0 - share) + b[2] * other,
+        a[3] * (1.0 - share) + b[3] * other,
+    )
+    size = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+    out[0], out[1], out[2], out[3] = w * size, x * size, y * size, z * size
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def plant_feet(
-    first, stop, columns, times, frames, fractions, grounds, m, cuts, stands, rate, scales, legs, how, roots, rotations
+    first,
+    stop,
+    columns,
+    times,
+    frames,
+    fractions,
+    grounds,
+    m,
+    cuts,
+    stands,
+    falls,
+    rate,
+    scales,
+    legs,
+    how,
+    roots,
+    rotations,
 ):
     """Bring planted feet of avatars ``first`` to ``stop`` of ``columns`` to where they belong, in place.
 
@@ -250,20 +337,22 @@ def plant_feet(
         m: The frames, a ``motion.Frames``.
         cuts: A ``window.Cuts``.
         stands: A ``window.Stands``.
+        falls: A ``window.Falls``.
         rate: Control frames a second.
         scales: Body size by column.
         legs: A ``motion.Limbs``.
-        how: Half widths of the kernel, flat and whole [s]; time to let go of a foot [s]; share of what feet ask for
-            that the pelvis goes along with; furthest that it goes aside and down [m]; least flexion of a knee [rad];
-            height over which soles ease onto the floor [m].
+        how: Furthest time that a cut moves feet from [s]; time to let go of a foot [s]; furthest that the pelvis goes
+            down [m]; least flexion of a knee [rad]; length of a leg over which it begins to be short [1]; height over
+            which soles ease onto the floor [m].
         roots: Places of the roots [m]. Shape (T, n, 3), changed.
         rotations: Local rotations. Shape (T, n, J, 4), changed.
     """
-    flat, wide, swing, along, aside, down, least, floor = how
+    wide, swing, down, least, slack, floor = how
     joints = legs.parents.shape[0]
     places, turns = np.empty((joints, 3)), np.empty((joints, 4))
-    asked, home, ball, ankle = np.empty((2, 3)), np.empty(3), np.empty((2, 3)), np.empty((2, 3))
-    firm, at = np.empty(2), np.empty(2, np.int64)
+    asked, ankle = np.empty((2, 3)), np.empty((2, 3))
+    shift, own, turned = np.empty(9), np.empty(4), np.empty(4)
+    firm, at, soles = np.empty(2), np.empty(2, np.int64), np.empty(2)
     now, longest = np.empty(2), np.empty(2)
     bend, turn, spare = np.empty(4), np.empty(4), np.empty(4)
     shared = times.shape[1] == 1
@@ -277,65 +366,68 @@ def plant_feet(
             if frame < 0:
                 continue
             time = times[t, 0 if shared else i]
-            while low < cuts.starts[n + 1] and cuts.times[low] <= time - wide - swing:
+            while low < cuts.starts[n + 1] and cuts.times[low] <= time - wide:
                 low += 1
             high = low
-            while high < cuts.starts[n + 1] and cuts.times[high] < time + wide + swing:
+            while high < cuts.starts[n + 1] and cuts.times[high] < time + wide:
                 high += 1
             root, pose = roots[t, i], rotations[t, i]
             _pose_chain(legs, scale, root, pose, places, turns)
-            cos, sin = math.cos(grounds[t, i, 2]), math.sin(grounds[t, i, 2])
-            shift_x, shift_z = 0.0, 0.0
-            for f in range(2):
-                one, before, other, after, at[f] = _stand_weights(stands, n, f, at[f], time, swing)
-                firm[f] = before + after
-                end = legs.joints[f, 2]
-                for k in range(3):
-                    ankle[f, k] = places[end, k]
-                o = legs.points[f, 1]
-                x, y, z = _rotate(turns[end], o[0] * scale, o[1] * scale, o[2] * scale)
-                ball[f, 0], ball[f, 1], ball[f, 2] = x, y, z
-                for k in range(3):
-                    asked[f, k] = 0.0
-                if firm[f] > 0.0:
-                    nearer, further = m.balls[frame, f], m.balls[frame + 1 if fractions[t, i] > 0.0 else frame, f]
-                    part = fractions[t, i]
-                    for k in range(3):
-                        home[k] = (nearer[k] + (further[k] - nearer[k]) * part) * scale
-                    hx, hz = home[0], home[2]
-                    home[0], home[2] = grounds[t, i, 0] + hx * cos + hz * sin, grounds[t, i, 1] - hx * sin + hz * cos
-                    for k in range(3):
-                        asked[f, k] = firm[f] * (home[k] - ankle[f, k] - ball[f, k])
-                    if before > 0.0:
-                        begin, ends = stands.spans[n, f, one, 0], stands.spans[n, f, one, 1]
-                        _add_shift(cuts, low, high, f, rate, time, min(time, ends), begin, ends, flat, wide, before,
-                                   asked[f])  # fmt: skip
-                    if after > 0.0:
-                        begin, ends = stands.spans[n, f, other, 0], stands.spans[n, f, other, 1]
-                        _add_shift(cuts, low, high, f, rate, time, begin, begin, ends, flat, wide, after, asked[f])
-                shift_x += 0.5 * along * asked[f, 0]
-                shift_z += 0.5 * along * asked[f, 2]
-            # The pelvis goes aside with the feet, and no further than it may.
-            size = math.sqrt(shift_x * shift_x + shift_z * shift_z)
-            if size > 1e-9:
-                share = aside * scale * math.tanh(size / (aside * scale)) / size
-                shift_x, shift_z = shift_x * share, shift_z * share
+            part = fractions[t, i]
+            rest, further = 1.0 - part, frame + 1 if part > 0.0 else frame
             lack = 0.0
             for f in range(2):
-                upper, middle = places[legs.joints[f, 0]], places[legs.joints[f, 1]]
-                free = 1.0 - firm[f]
-                asked[f, 0] += ankle[f, 0] + free * shift_x
-                asked[f, 1] += ankle[f, 1]
-                asked[f, 2] += ankle[f, 2] + free * shift_z
+                one, before, other, after, at[f] = _stand_weights(stands, n, f, at[f], time, swing)
+                if high > low and before + after > 0.0:
+                    held = 1.0 - _let_slide(cuts, falls, low, high, f, time)
+                    before, after = before * held, after * held
+                # Away from cuts feet are where they are captured.
+                firm[f] = before + after if high > low else 0.0
+                upper, middle, end = places[legs.joints[f, 0]], places[legs.joints[f, 1]], legs.joints[f, 2]
+                for k in range(3):
+                    ankle[f, k] = places[end, k]
+                    asked[f, k] = places[end, k]
+                o = legs.holds[f]
+                if firm[f] > 0.0:
+                    x, y, z = _rotate(turns[end], o[0] * scale, o[1] * scale, o[2] * scale)
+                    hold_x, hold_y, hold_z = places[end, 0] + x, places[end, 1] + y, places[end, 2] + z
+                    shift[:] = 0.0
+                    if before > 0.0:
+                        begin, ends = stands.spans[n, f, one, 0], stands.spans[n, f, one, 1]
+                        _add_shift(cuts, falls, low, high, f, rate, time, begin, ends, before, shift)
+                    if after > 0.0:
+                        begin, ends = stands.spans[n, f, other, 0], stands.spans[n, f, other, 1]
+                        _add_shift(cuts, falls, low, high, f, rate, time, begin, ends, after, shift)
+                    here, there = m.holds[frame, f], m.holds[further, f]
+                    x = (here[0] * rest + there[0] * part) * scale
+                    y = (here[1] * rest + there[1] * part) * scale
+                    z = (here[2] * rest + there[2] * part) * scale
+                    cos, sin = math.cos(grounds[t, i, 2]), math.sin(grounds[t, i, 2])
+                    hold_x += firm[f] * (grounds[t, i, 0] + x * cos + z * sin - hold_x) + shift[0]
+                    hold_y += firm[f] * (y - hold_y) + shift[1]
+                    hold_z += firm[f] * (grounds[t, i, 1] - x * sin + z * cos - hold_z) + shift[2]
+                    # The foot's own turn, and that of its toes.
+                    _mix(m.feet[frame, f], m.feet[further, f], part, own)
+                    turn[0], turn[1], turn[2], turn[3] = (
+                        math.cos(0.5 * grounds[t, i, 2]), 0.0, math.sin(0.5 * grounds[t, i, 2]), 0.0
+                    )  # fmt: skip
+                    _multiply(turn, own, own)
+                    _turned(shift[3:6], 1.0 / firm[f], own, turned)
+                    _mix(turns[end], turned, firm[f], turns[end])
+                    toe = legs.toes[f]
+                    if toe >= 0:
+                        _mix(m.rotations[frame, toe], m.rotations[further, toe], part, own)
+                        _turned(shift[6:9], 1.0 / firm[f], own, turned)
+                        _mix(pose[toe], turned, firm[f], pose[toe])
+                    x, y, z = _rotate(turns[end], o[0] * scale, o[1] * scale, o[2] * scale)
+                    asked[f, 0], asked[f, 1], asked[f, 2] = hold_x - x, hold_y - y, hold_z - z
                 # No sole under the floor: heel and ball ease onto it.
-                o = legs.points[f, 0]
-                _, heel, _ = _rotate(turns[legs.joints[f, 2]], o[0] * scale, o[1] * scale, o[2] * scale)
-                lowest = asked[f, 1] + min(heel, ball[f, 1])
-                soft = floor * scale
-                if lowest <= -soft:
-                    asked[f, 1] -= lowest
-                elif lowest < soft:
-                    asked[f, 1] += (lowest + soft) * (lowest + soft) / (4.0 * soft) - lowest
+                for end_of_sole in range(2):
+                    o = legs.points[f, end_of_sole]
+                    soles[end_of_sole] = _rotate(turns[end], o[0] * scale, o[1] * scale, o[2] * scale)[1]
+                soft, lowest = floor * scale, asked[f, 1] + min(soles[0], soles[1])
+                if lowest < 20.0 * soft:
+                    asked[f, 1] += soft * _soft(-lowest / soft)
                 a = math.sqrt((middle[0] - upper[0]) ** 2 + (middle[1] - upper[1]) ** 2 + (middle[2] - upper[2]) ** 2)
                 b = math.sqrt(
                     (ankle[f, 0] - middle[0]) ** 2 + (ankle[f, 1] - middle[1]) ** 2 + (ankle[f, 2] - middle[2]) ** 2
@@ -345,28 +437,21 @@ def plant_feet(
                 )
                 longest[f] = math.sqrt(a * a + b * b + 2.0 * a * b * math.cos(least))
                 wanted = math.sqrt(
-                    (asked[f, 0] - upper[0] - shift_x) ** 2
-                    + (asked[f, 1] - upper[1]) ** 2
-                    + (asked[f, 2] - upper[2] - shift_z) ** 2
+                    (asked[f, 0] - upper[0]) ** 2 + (asked[f, 1] - upper[1]) ** 2 + (asked[f, 2] - upper[2]) ** 2
                 )
-                over = wanted - _stretch(now[f], wanted, longest[f], 0.004 * (a + b))
+                over = _beyond(now[f], wanted, longest[f], slack * (a + b))
                 lack += over * wanted / max(upper[1] - asked[f, 1], 0.5 * wanted)
             drop = down * scale * math.tanh(lack / (down * scale))
-            root[0] += shift_x
             root[1] -= drop
-            root[2] += shift_z
             for f in range(2):
                 for k in range(3):
-                    j = legs.joints[f, k]
-                    places[j, 0] += shift_x
-                    places[j, 1] -= drop
-                    places[j, 2] += shift_z
+                    places[legs.joints[f, k], 1] -= drop
                 upper, end = places[legs.joints[f, 0]], places[legs.joints[f, 2]]
                 x, y, z = asked[f, 0], asked[f, 1], asked[f, 2]
-                if abs(x - end[0]) + abs(y - end[1]) + abs(z - end[2]) < 1e-7:
+                if firm[f] == 0.0 and abs(x - end[0]) + abs(y - end[1]) + abs(z - end[2]) < 1e-7:
                     continue
                 wanted = math.sqrt((x - upper[0]) ** 2 + (y - upper[1]) ** 2 + (z - upper[2]) ** 2)
-                distance = _stretch(now[f], wanted, longest[f], 0.004 * longest[f])
+                distance = wanted - _beyond(now[f], wanted, longest[f], 0.001 * longest[f])
                 _bend(legs, f, pose, places, turns, x, y, z, distance, True, bend, turn, spare)
 
 

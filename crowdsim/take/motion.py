@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import Body
-from crowdsim.motion.contacts import runs
 from crowdsim.motion.ik import flexion, hinge_axis
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
@@ -22,10 +21,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-SKATING = 0.03
-"""Speed down to which planted feet that skate in the capture are calmed [m/s]; slower ones tremble as they did."""
-_SETTLE = (0.3, 0.55)
-"""Half of the time over which a planted foot comes to rest in its mean place, evenly and fading [s]."""
+_SLIDE = 0.15
+"""Half of the time over which the speed of planted feet is averaged [s]."""
 _FREE, _MORE = np.deg2rad(130.0), np.deg2rad(8.0)
 """Flexion that blends may always give, and what they may give beyond that or the capture's own [rad]."""
 _SIDES = ("left", "right")
@@ -41,8 +38,10 @@ class Frames(NamedTuple):
         roots: Place of the root in the frame's ground frame [m]. Shape (P, 3), float32.
         ground: Ground transform in the clip's world. Shape (P, 3), float64.
         contacts: Whether each foot is planted. Shape (P, 2), bool.
-        balls: Ball of each foot on the sole in the frame's ground frame, planted ones calmed [m]. Shape (P, 2, 3),
-            float32.
+        holds: Point of each foot about which it turns while it stands, in the frame's ground frame [m].
+            Shape (P, 2, 3), float32.
+        feet: Turn of each foot in the frame's ground frame. Shape (P, 2, 4), float32.
+        slides: Speed of each foot over the floor, averaged [m/s]. Shape (P, 2), float32.
         bounds: First and last playback frame of the clip of each frame. Shape (P, 2).
         stride: Playback frames in a control frame.
         rate: Playback frames a second.
@@ -52,7 +51,9 @@ class Frames(NamedTuple):
     roots: Array
     ground: Array
     contacts: Array
-    balls: Array
+    holds: Array
+    feet: Array
+    slides: Array
     bounds: Array
     stride: int
     rate: float
@@ -70,6 +71,9 @@ class Limbs(NamedTuple):
         points: What is moved: heel and ball of each foot, or the fist twice, in the end joint's frame [m]. Shape
             (2, 2, 3).
         bends: Lower and upper joint of the spine that lean for arms. Shape (2,).
+        toes: A joint that hangs on each end joint and turns with the toes, -1 where there is none. Shape (2,).
+        holds: Point of each end joint that stays where it is while it holds on to something, in its frame [m]: where
+            the toes begin, the ball of the foot where there are none. Shape (2, 3).
     """
 
     parents: Array
@@ -79,6 +83,8 @@ class Limbs(NamedTuple):
     hinges: Array
     points: Array
     bends: Array
+    toes: Array
+    holds: Array
 
 
 class Hinges(NamedTuple):
@@ -136,30 +142,32 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     rotations[:, 0] = quaternion.multiply(headings, rotations[:, 0])
     _align_signs(rotations, starts)
     positions, turns = forward_kinematics(skeleton, database.root_positions, database.rotations, parallel=False)
-    feet = [body.roles["left_foot"], body.roles["right_foot"]]
-    balls = positions[:, feet] + quaternion.rotate(turns[:, feet], body.sole_offsets[:, 1])
+    some = slice(None, None, max(1, len(positions) // _SAMPLE))
+    sample = positions[some], turns[some]
+    bends = np.array([body.roles["spine"], body.roles["chest"]])
+    legs = _limbs(skeleton, body, ("hip", "knee", "foot"), body.sole_offsets, bends, sample)
+    feet = legs.joints[:, 2]
+    holds = positions[:, feet] + quaternion.rotate(turns[:, feet], legs.holds)
     contacts = np.array(database.contacts, dtype=bool)
-    balls[..., [0, 2]] += _calming(balls[..., [0, 2]], contacts, starts, database.playback_rate)
     clip = np.searchsorted(starts, np.arange(starts[-1]), side="right") - 1
     frames = Frames(
         rotations=rotations,
         roots=ground.to_local(database.ground, database.root_positions).astype(np.float32),
         ground=np.array(database.ground, dtype=np.float64),
         contacts=contacts,
-        balls=ground.to_local(database.ground[:, None], balls).astype(np.float32),
+        holds=ground.to_local(database.ground[:, None], holds).astype(np.float32),
+        feet=quaternion.multiply(headings[:, None], turns[:, feet]).astype(np.float32),
+        slides=_slides(holds[..., [0, 2]], starts, database.playback_rate),
         bounds=np.stack([starts[clip], starts[clip + 1] - 1], axis=1),
         stride=stride,
         rate=float(database.playback_rate),
     )
-    some = slice(None, None, max(1, len(positions) // _SAMPLE))
-    sample = positions[some], turns[some]
-    bends = np.array([body.roles["spine"], body.roles["chest"]])
     fists = np.repeat(body.fist_offsets[:, None], 2, axis=1)
     return PoseMotion(
         skeleton=skeleton,
         body=body,
         frames=frames,
-        legs=_limbs(skeleton, body, ("hip", "knee", "foot"), body.sole_offsets, bends, sample),
+        legs=legs,
         arms=_limbs(skeleton, body, ("shoulder", "elbow", "hand"), fists, bends, sample),
         hinges=_hinges(skeleton, body, positions),
         fists=np.asarray(database.fists),
@@ -196,6 +204,12 @@ def _limbs(
         hinge_axis(places[:, upper], places[:, middle], places[:, end], turns[:, upper])
         for upper, middle, end in joints
     ]
+    toes = [body.roles.get(f"{side}_toe", -1) if names[2] == "foot" else -1 for side in _SIDES]
+    # Toes may hang on a joint between them and the foot; then the ball holds.
+    toes = [
+        toe if toe >= 0 and skeleton.parents[toe] == end else -1 for toe, end in zip(toes, joints[:, 2], strict=True)
+    ]
+    holds = [skeleton.offsets[toe] if toe >= 0 else points[side, 1] for side, toe in enumerate(toes)]
     return Limbs(
         parents=np.asarray(skeleton.parents, dtype=np.int64),
         offsets=np.asarray(skeleton.offsets, dtype=np.float64),
@@ -204,6 +218,8 @@ def _limbs(
         hinges=np.stack(hinges),
         points=np.asarray(points, dtype=np.float64),
         bends=bends.astype(np.int64),
+        toes=np.array(toes, np.int64),
+        holds=np.array(holds, np.float64),
     )
 
 
@@ -235,27 +251,16 @@ def _align_signs(rotations: Array, starts: Array) -> None:
         rotations[start:stop] *= np.where(dots < 0.0, -1.0, 1.0)[None, :, None].astype(np.float32)
 
 
-def _calming(balls: Array, contacts: Array, starts: Array, rate: float) -> Array:
-    """How far planted feet go towards the mean place of their contact, eased from one to the next. Shape (P, 2, 2)."""
-    ways = np.zeros_like(balls)
-    flat, wide = (max(1, round(seconds * rate)) for seconds in _SETTLE)
-    ticks = np.abs(np.arange(-wide, wide + 1))
-    share = np.clip((ticks - flat) / max(1, wide - flat), 0.0, 1.0)
-    kernel = 1.0 - share * share * (3.0 - 2.0 * share)
+def _slides(balls: Array, starts: Array, rate: float) -> Array:
+    """Speed over the floor of points (P, 2, 2), averaged. Shape (P, 2), float32."""
+    half = max(1, round(_SLIDE * rate))
+    told = np.zeros(balls.shape[:2], np.float32)
     for start, stop in pairwise(starts):
-        for foot in range(2):
-            spans = runs(contacts[start:stop, foot]) + start
-            for low, high in spans:
-                path = balls[low:high, foot]
-                weight = np.convolve(np.ones(len(path)), kernel)[wide : wide + len(path)]
-                mean = np.stack([np.convolve(column, kernel)[wide : wide + len(path)] for column in path.T], axis=1)
-                speed = float(np.median(np.linalg.norm(np.diff(path, axis=0), axis=1))) * rate if len(path) > 1 else 0.0
-                stillness = max(0.0, 1.0 - SKATING / max(speed, 1e-9))
-                ways[low:high, foot] = stillness * (mean / weight[:, None] - path)
-            edges = [start, *spans.ravel().tolist(), stop]
-            for low, high in zip(edges[::2], edges[1::2], strict=True):
-                before = ways[low - 1, foot] if low > start else np.zeros(2)
-                after = ways[high, foot] if high < stop else np.zeros(2)
-                s = (np.arange(low, high) - low + 1.0)[:, None] / (high - low + 1.0)
-                ways[low:high, foot] = before + s * s * s * (10.0 - 15.0 * s + 6.0 * s * s) * (after - before)
-    return ways
+        if stop - start < 2:
+            continue
+        way = np.linalg.norm(np.diff(balls[start:stop], axis=0), axis=-1)
+        total = np.concatenate([np.zeros((1, 2)), np.cumsum(way, axis=0)])
+        low = np.maximum(np.arange(stop - start) - half, 0)
+        high = np.minimum(np.arange(stop - start) + half, stop - start - 1)
+        told[start:stop] = (total[high] - total[low]) / (high - low)[:, None] * rate
+    return told

@@ -17,9 +17,9 @@ from crowdsim.errors import TakeError
 from crowdsim.motion.body import Body
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
-from crowdsim.take.feet import STAND, SWING, hold_feet
+from crowdsim.take.feet import hold_feet
 from crowdsim.take.fists import plan_landings, reach_out
-from crowdsim.take.landed import AFTER, find_landed
+from crowdsim.take.landed import find_landed
 from crowdsim.take.motion import PoseMotion, prepare_motion
 from crowdsim.take.pose_kernels import blend_poses
 from crowdsim.take.reactions import build_trunk, give_way, plan_blows
@@ -107,8 +107,6 @@ class PoseSampler:
         self._threads = threads
         self._reactions = reactions
         self._landed = find_landed(take)
-        # What a carried fist depends on lies no further than ``REACH`` away.
-        self._stand = min(STAND, REACH - SWING - AFTER - 1.0 / take.control_rate)
 
     def sample(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:
         """Return the poses of output frames ``start`` to ``stop`` at ``fps``, one item a policy that has avatars.
@@ -182,7 +180,7 @@ class PoseSampler:
         first, last = float(times.min()), float(times.max())
         cuts = window.cuts()
         roots, rotations = self._blend(window, cuts, places, times, columns)
-        hold_feet(window, cuts, window.stands(), places, times, columns, self._stand, roots, rotations)
+        hold_feet(window, cuts, places, times, columns, roots, rotations)
         if self._reactions:
             lookup = np.full(self.take.avatar_count, -1)
             lookup[window.avatars] = np.arange(len(window.avatars))

@@ -12,6 +12,7 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.take.poses import Poses, PoseSampler
 from crowdsim.take.take import Take
+from crowdsim.take.window import STEPS, Cuts, Falls
 
 Array = NDArray[Any]
 Progress = Callable[[str, int, int], None]
@@ -38,7 +39,8 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict
         ``avatars``, ``control_frames``, ``seconds``; ``strikes_thrown``, ``strikes_landed``,
         ``hits_per_minute_per_avatar``; ``opponent_changes`` of all avatars; ``transitions_per_second`` of an avatar;
         ``overlap_share``, the share of avatar-frames in which two bodies' discs overlap; ``foot_slide_median`` and
-        ``foot_slide_95``, speed over the floor of planted feet [m/s], and beside them the capture's own;
+        ``foot_slide_95``, speed over the floor of planted feet [m/s], those apart that make a step for a cut, and
+        beside them the capture's own in the frames that are shown, and in all that there are;
         ``transition_jump_ratio``, accelerations of joints near cuts over those of the captured frames shown there.
         Figures of which there is nothing to measure are None.
     """
@@ -87,7 +89,7 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
     slides: list[Array] = []
     jumps: list[Array] = []
     own: list[Array] = []
-    shown: list[Array] = []
+    beneath: list[Array] = []
     captured = [_CapturedMotion(sampler, index) for index in range(len(sampler.motions))]
     for poses, start, rate in _some_poses(sampler, progress):
         motion = captured[poses.policy]
@@ -96,21 +98,27 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
         frames = window.place(times[:, None], np.arange(len(poses.avatars))).frames
         places, turns = poses.joints()
         balls = _balls(sampler, poses, places, turns)
+        cuts = window.cuts()
         planted = np.asarray(motion.contacts[np.maximum(frames, 0)]) & (frames >= 0)[..., None]
+        planted &= ~_stepping(cuts, window.falls(cuts, window.stands()), times, len(poses.avatars))
         speeds = np.linalg.norm(np.diff(balls, axis=0), axis=-1) * rate
         slides.append(speeds[planted[1:] & planted[:-1]])
         places = places[:, :, motion.joints]
         sizes = np.linalg.norm(np.diff(places, 2, axis=0), axis=-1).mean(axis=-1) * rate * rate
         near = np.zeros(frames.shape, bool)
-        cuts = window.cuts()
         for owner, time in zip(cuts.owners, cuts.times, strict=True):
             low, high = np.searchsorted(times, (time - _NEAR_CUT, time + _NEAR_CUT))
             near[low:high, owner] = True
+        pace = (poses.scales * sampler.take.cast.speeds[poses.avatars])[None, :, None]
+        both = planted[1:] & planted[:-1]
+        # Over a cut the capture has no speed.
+        both &= (np.diff(frames, axis=0) >= 0)[..., None] & (np.diff(frames, axis=0) < 4)[..., None]
+        beneath.append((motion.speeds[np.maximum(frames[1:], 0)] * pace)[both])
         counts = near[1:-1] & np.isfinite(sizes)
         jumps.append(sizes[counts])
         pace = (poses.scales * sampler.take.cast.speeds[poses.avatars] ** 2)[None]
         own.append((motion.accelerations[np.maximum(frames[1:-1], 0)] * pace)[counts])
-    shown = [motion.slides for motion in captured]
+    whole = [motion.slides for motion in captured]
 
     def percentile(values: list[Array], share: float) -> float | None:
         joined = np.concatenate(values) if values else np.zeros(0)
@@ -121,8 +129,10 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
     return {
         "foot_slide_median": percentile(slides, 50),
         "foot_slide_95": percentile(slides, 95),
-        "foot_slide_median_captured": percentile(shown, 50),
-        "foot_slide_95_captured": percentile(shown, 95),
+        "foot_slide_median_captured": percentile(beneath, 50),
+        "foot_slide_95_captured": percentile(beneath, 95),
+        "foot_slide_median_all_capture": percentile(whole, 50),
+        "foot_slide_95_all_capture": percentile(whole, 95),
         "transition_jump_ratio": float(np.concatenate(jumps).mean()) / reference if reference > 0.0 else None,
     }
 
@@ -149,6 +159,8 @@ class _CapturedMotion:
         feet = [roles["left_foot"], roles["right_foot"]]
         balls = positions[:, feet] + quaternion.rotate(turns[:, feet], body.sole_offsets[:, 1])
         speeds = np.linalg.norm(np.diff(balls[..., [0, 2]], axis=0), axis=-1) * rate
+        self.speeds = np.concatenate([speeds[:1], speeds])
+        self.speeds[starts] = self.speeds[np.minimum(starts + 1, len(self.speeds) - 1)]
         both = self.contacts[1:] & self.contacts[:-1]
         both[starts[1:] - 1] = False
         self.slides = speeds[both]
@@ -158,6 +170,15 @@ def _filled(values: Array) -> Array:
     """Values with gaps closed by what lies before them."""
     last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
     return np.asarray(values[last])
+
+
+def _stepping(cuts: Cuts, falls: Falls, times: Array, avatars: int) -> Array:
+    """Whether feet make a step at times (T,). Shape (T, avatars, 2)."""
+    stepping = np.zeros((len(times), avatars, 2), bool)
+    for cut, foot in zip(*np.nonzero(falls.kinds == STEPS), strict=True):
+        low, high = np.searchsorted(times, falls.moves[cut, foot, :2])
+        stepping[low : high + 1, cuts.owners[cut], foot] = True
+    return stepping
 
 
 def _balls(sampler: PoseSampler, poses: Poses, places: Array, turns: Array) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.take import Take
-from crowdsim.take.window_kernels import find_stands, measure_cuts, place_avatars
+from crowdsim.take.window_kernels import find_stands, measure_cuts, place_avatars, plan_falls
 from crowdsim.take.workers import share
 
 Array = NDArray[Any]
@@ -20,6 +20,14 @@ BLEND = 0.5
 """Length of the blend over a cut, half before it and half after where no strike is near [s]."""
 LEAST_BLEND = 0.1
 """Least time that it lasts before a cut, and after it [s]."""
+FALLS = (0.6, 0.25, 0.2, 0.22, 0.24, 0.01, 0.2, 0.05)
+"""What feet do about cuts: speed up to which they slide, over their own in the capture; time after a cut in which they
+come up, or before it in which they came down, so that they need no step [s]; time between a cut and a step [s]; length
+of a step [s]; how high it is at the least [m], how much higher for its length, and at the most [m]."""
+
+
+STEPS = 3
+"""The kind of fall that is a step."""
 
 
 class Rows(NamedTuple):
@@ -77,7 +85,7 @@ class Cuts(NamedTuple):
         spans: How long before and after the cut the blend over it lasts [s]. Shape (C, 2).
         signs: See ``measure_cuts``. Shape (C, J + 1).
         places: Likewise. Shape (C, 3).
-        gaps: Likewise. Shape (C, 2, 3).
+        gaps: Likewise. Shape (C, 2, 18).
     """
 
     starts: Array
@@ -101,6 +109,18 @@ class Stands(NamedTuple):
 
     spans: Array
     counts: Array
+
+
+class Falls(NamedTuple):
+    """What feet do about cuts; C cuts.
+
+    Attributes:
+        kinds: See ``plan_falls``. Shape (C, 2), int8.
+        moves: Likewise. Shape (C, 2, 3).
+    """
+
+    kinds: Array
+    moves: Array
 
 
 class Window:
@@ -178,11 +198,11 @@ class Window:
             spans=self._spans(before, after, rows.speeds[owner] * frames.rate),
             signs=np.empty((count, joints + 1), np.int8),
             places=np.empty((count, 3)),
-            gaps=np.empty((count, 2, 3)),
+            gaps=np.empty((count, 2, 18)),
         )
 
         def work(low: int, high: int) -> None:
-            measure_cuts(rows, frames, low, high, *cuts[1:5], *cuts[6:])
+            measure_cuts(rows, frames, self.motion.legs.toes, low, high, *cuts[1:5], *cuts[6:])
 
         share(self.threads, count, work)
         return cuts
@@ -210,3 +230,14 @@ class Window:
 
         share(self.threads, len(self.avatars), work)
         return Stands(spans, counts)
+
+    def falls(self, cuts: Cuts, stands: Stands) -> Falls:
+        """Return what feet do about cuts."""
+        rows = self.rows
+        falls = Falls(np.empty((len(cuts.times), 2), np.int8), np.empty((len(cuts.times), 2, 3)))
+
+        def work(low: int, high: int) -> None:
+            plan_falls(cuts, stands, self.motion.frames, rows.scales, low, high, FALLS, *falls)
+
+        share(self.threads, len(self.avatars), work)
+        return falls

@@ -114,12 +114,70 @@ def place_avatars(w, m, first, stop, columns, times, out_frames, out_fractions, 
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def measure_cuts(w, m, first, stop, owners, times, before, after, signs, places, gaps):
+def _turn_between(old, new, out):
+    """Write the rotation vector that turns one quaternion into another."""
+    a, b, c, d = np.float64(old[0]), np.float64(old[1]), np.float64(old[2]), np.float64(old[3])
+    e, f, g, h = np.float64(new[0]), np.float64(new[1]), np.float64(new[2]), np.float64(new[3])
+    w = e * a + f * b + g * c + h * d
+    x = f * a - e * b - g * d + h * c
+    y = g * a - e * c - h * b + f * d
+    z = h * a - e * d - f * c + g * b
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    size = math.sqrt(x * x + y * y + z * z)
+    share = 2.0 * math.atan2(size, w) / size if size > 1e-9 else 2.0
+    out[0], out[1], out[2] = x * share, y * share, z * share
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _about_y(heading, scale, vector):
+    """Turn a vector about the upright axis, and scale it, in place."""
+    cos, sin = math.cos(heading) * scale, math.sin(heading) * scale
+    x, z = vector[0], vector[2]
+    vector[0], vector[1], vector[2] = x * cos + z * sin, vector[1] * scale, z * cos - x * sin
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _velocity(m, foot, toe, one, other, at, heading, scale, pace, out):
+    """Add velocities of a foot's held point, turn and toes from a frame to the next, seen as at a frame of a place."""
+    if one == other:
+        return
+    moved, turned, first, second = np.empty(3), np.empty(3), np.empty(4), np.empty(4)
+    for which in range(2):
+        frame, sign = (one, -1.0) if which == 0 else (other, 1.0)
+        h = m.ground[frame, 2]
+        x, z = m.holds[frame, foot, 0], m.holds[frame, foot, 2]
+        x, z = x * math.cos(h) + z * math.sin(h), z * math.cos(h) - x * math.sin(h)
+        if which == 0:
+            moved[:] = 0.0
+        moved[0] += sign * (m.ground[frame, 0] + x)
+        moved[1] += sign * m.holds[frame, foot, 1]
+        moved[2] += sign * (m.ground[frame, 1] + z)
+        c, s, q = math.cos(0.5 * h), math.sin(0.5 * h), m.feet[frame, foot]
+        turn = first if which == 0 else second
+        turn[0], turn[1] = c * q[0] - s * q[2], c * q[1] + s * q[3]
+        turn[2], turn[3] = c * q[2] + s * q[0], c * q[3] - s * q[1]
+    _turn_between(first, second, turned)
+    away = heading - m.ground[at, 2]
+    _about_y(away, scale, moved)
+    _about_y(away, 1.0, turned)
+    for k in range(3):
+        out[k] += moved[k] * pace
+        out[3 + k] += turned[k] * pace
+    if toe >= 0:
+        _turn_between(m.rotations[one, toe], m.rotations[other, toe], turned)
+        for k in range(3):
+            out[6 + k] += turned[k] * pace
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def measure_cuts(w, m, toes, first, stop, owners, times, before, after, signs, places, gaps):
     """Measure how motion jumps at cuts ``first`` to ``stop``; C cuts.
 
     Args:
         w: The window.
         m: The frames.
+        toes: Joint of each foot's toes, -1 where there is none. Shape (2,).
         first: First cut.
         stop: One past the last.
         owners: Column of each cut's avatar. Shape (C,).
@@ -129,21 +187,31 @@ def measure_cuts(w, m, first, stop, owners, times, before, after, signs, places,
         signs: 1, or -1 where a joint's quaternion goes on with the other sign; in the last column whether any does.
             Shape (C, J + 1), int8.
         places: Ground transform. Shape (C, 3).
-        gaps: How far the balls of the feet jump in the world, new less old. Shape (C, 2, 3).
+        gaps: How far held points of the feet jump in the world [m], how far feet turn in the world, and toes on them,
+            as rotation vectors, new less old; then how their velocities do. Shape (C, 2, 18).
     """
     joints = m.rotations.shape[1]
     for i in range(first, stop):
         n, old, new = owners[i], before[i], after[i]
-        scale = w.scales[n]
+        scale, pace = w.scales[n], w.speeds[owners[i]] * m.rate
         _, _, x, z, heading = _place(w, m, times[i], n)
         places[i, 0], places[i, 1], places[i, 2] = x, z, heading
         cos, sin = math.cos(heading) * scale, math.sin(heading) * scale
         for f in range(2):
-            dx = np.float64(m.balls[new, f, 0]) - m.balls[old, f, 0]
-            dz = np.float64(m.balls[new, f, 2]) - m.balls[old, f, 2]
+            dx = np.float64(m.holds[new, f, 0]) - m.holds[old, f, 0]
+            dz = np.float64(m.holds[new, f, 2]) - m.holds[old, f, 2]
             gaps[i, f, 0] = dx * cos + dz * sin
-            gaps[i, f, 1] = (np.float64(m.balls[new, f, 1]) - m.balls[old, f, 1]) * scale
+            gaps[i, f, 1] = (np.float64(m.holds[new, f, 1]) - m.holds[old, f, 1]) * scale
             gaps[i, f, 2] = dz * cos - dx * sin
+            _turn_between(m.feet[old, f], m.feet[new, f], gaps[i, f, 3:6])
+            _about_y(heading, 1.0, gaps[i, f, 3:6])
+            gaps[i, f, 6:18] = 0.0
+            _velocity(m, f, toes[f], max(old - 1, m.bounds[old, 0]), old, old, heading, scale, pace, gaps[i, f, 9:18])
+            for k in range(9, 18):
+                gaps[i, f, k] = -gaps[i, f, k]
+            _velocity(m, f, toes[f], new, min(new + 1, m.bounds[new, 1]), new, heading, scale, pace, gaps[i, f, 9:18])
+            if toes[f] >= 0:
+                _turn_between(m.rotations[old, toes[f]], m.rotations[new, toes[f]], gaps[i, f, 6:9])
         signs[i, joints] = 0
         for j in range(joints):
             dot = np.float32(0.0)
@@ -200,3 +268,74 @@ def find_stands(w, m, first, stop, out_stands, out_counts):
                             out_stands[n, f, count - 1, 1] = (w.first + r + share) / w.rate
                         frame += 1
             out_counts[n, f] = count
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def plan_falls(cuts, stands, m, scales, first, stop, how, out_kinds, out_moves):
+    """Settle what feet of avatars ``first`` to ``stop`` do about cuts.
+
+    A foot that slides in the capture as much as a cut asks for slides with the blend. One that comes up soon after the
+    cut stays where it is until then, one that came down shortly before it came down where it stays. Others make a step,
+    before the cut or after it. All of it depends on what lies near the cut, and on no other cut.
+
+    Args:
+        cuts: A ``window.Cuts``.
+        stands: A ``window.Stands``.
+        m: The frames.
+        scales: Body size by column.
+        first: First column.
+        stop: One past the last.
+        how: See ``window.FALLS``.
+        out_kinds: 0 where a foot is in the air, 1 where it slides with the blend, 2 where it stays where it is before
+            the stand's end or from its beginning, 3 where it makes a step. Shape (C, 2), int8.
+        out_moves: Beginning and end of the time in which it moves [s], and how high it rises [m]. Shape (C, 2, 3).
+    """
+    rise, after_cut, before_cut, apart, length, least, share, most = how
+    for n in range(first, stop):
+        for cut in range(cuts.starts[n], cuts.starts[n + 1]):
+            time, steps = cuts.times[cut], 0
+            for f in range(2):
+                out_kinds[cut, f] = 0
+                out_moves[cut, f, 0], out_moves[cut, f, 1], out_moves[cut, f, 2] = time - 1e-3, time, 0.0
+                begin, end = 0.0, -1.0
+                for k in range(stands.counts[n, f]):
+                    if stands.spans[n, f, k, 0] < time < stands.spans[n, f, k, 1]:
+                        begin, end = stands.spans[n, f, k, 0], stands.spans[n, f, k, 1]
+                        break
+                if end < begin:
+                    continue
+                gap = cuts.gaps[cut, f]
+                far = math.sqrt(gap[0] * gap[0] + gap[2] * gap[2])
+                speed = far / (cuts.spans[cut, 0] + cuts.spans[cut, 1])
+                own = min(m.slides[cuts.before[cut], f], m.slides[cuts.after[cut], f]) * scales[n]
+                if speed <= rise * own:
+                    out_kinds[cut, f] = 1
+                    continue
+                out_kinds[cut, f] = 2
+                if end - time < after_cut:
+                    out_moves[cut, f, 0], out_moves[cut, f, 1] = time + 10.0, time + 11.0
+                elif time - begin < before_cut:
+                    out_moves[cut, f, 0], out_moves[cut, f, 1] = time - 11.0, time - 10.0
+                else:
+                    steps += 1
+                    out_kinds[cut, f] = 3
+                    high = min(least * scales[n] + share * far, most * scales[n]) * min(far / (0.02 * scales[n]), 1.0)
+                    out_moves[cut, f, 2] = high
+            if steps == 0:
+                continue
+            # The foot that leads the way steps before the cut, the body goes over, and the other one follows.
+            new, heading = m.holds[cuts.after[cut]], cuts.places[cut, 2]
+            x, z = new[0, 0] - new[1, 0], new[0, 2] - new[1, 2]
+            x, z = x * math.cos(heading) + z * math.sin(heading), z * math.cos(heading) - x * math.sin(heading)
+            along = x * (cuts.gaps[cut, 0, 0] + cuts.gaps[cut, 1, 0])
+            along += z * (cuts.gaps[cut, 0, 2] + cuts.gaps[cut, 1, 2])
+            for f in range(2):
+                if out_kinds[cut, f] == 3:
+                    leads = (along > 0.0) == (f == 0)
+                    if steps == 1:
+                        # Where the other one does not step it leads, or follows one that has moved or is moving.
+                        leads = out_kinds[cut, 1 - f] == 2 and out_moves[cut, 1 - f, 0] > time
+                    if leads:
+                        out_moves[cut, f, 0], out_moves[cut, f, 1] = time - apart - length, time - apart
+                    else:
+                        out_moves[cut, f, 0], out_moves[cut, f, 1] = time + apart, time + apart + length
