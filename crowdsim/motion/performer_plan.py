@@ -126,9 +126,9 @@ class Choreographer:
         """Plan the way of one foot to where it belongs in the present stance; return how long it takes [s]."""
         seconds = float(np.clip(self.about(0.14 + 0.25 * length, 0.08) / tempo, 0.12, 0.45))
         ball = (self.style.lead_ball, self.style.rear_ball)[foot]
-        x, z = np.array(ball) + self.rng.uniform(-0.02, 0.02, 2)
+        x, z = np.array(ball) + self.rng.uniform(-0.010, 0.010, 2)
         place = ground.to_world(self.place, np.array([x, 0.0, z]))
-        yaw = float(self.place[2]) + self.style.foot_yaws[foot] + self.rng.uniform(-0.07, 0.07)
+        yaw = float(self.place[2]) + self.style.foot_yaws[foot] + self.rng.uniform(-0.04, 0.04)
         lift = self.about(0.024 + 0.06 * length, 0.2)
         self._footsteps.append(Footstep(foot, begin, begin + seconds, float(place[0]), float(place[2]), yaw, lift))
         return seconds

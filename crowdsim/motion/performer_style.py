@@ -13,10 +13,10 @@ def draw_style(rng: np.random.Generator) -> Style:
     def near(middle: float, spread: float) -> float:
         return middle + float(rng.uniform(-spread, spread))
 
-    wide = near(1.02, 0.05)
+    wide = near(1.03, 0.025)
     return Style(
-        lead_ball=(near(0.10 * wide, 0.012), 0.25 * wide),
-        rear_ball=(near(-0.12 * wide, 0.012), -0.21 * wide),
+        lead_ball=(near(0.10 * wide, 0.007), 0.25 * wide),
+        rear_ball=(near(-0.12 * wide, 0.007), -0.21 * wide),
         foot_yaws=(near(-0.28, 0.05), near(-0.80, 0.06)),
         heels=(near(0.08, 0.02), near(0.27, 0.05)),
         height=near(0.885, 0.010),
