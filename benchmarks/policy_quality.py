@@ -33,6 +33,7 @@ from crowdsim.policy.actions import build_actions
 from crowdsim.policy.evaluation import Episodes, random_starts, run_episodes
 from crowdsim.policy.fingerprint import capture_files
 from crowdsim.policy.policy import Behaviour, Policy
+from crowdsim.policy.pruning import prune_graph
 from crowdsim.policy.ranges import strike_reach
 from crowdsim.policy.recipe import BehaviourSpec, Recipe, load_recipe
 from crowdsim.policy.rewards import TransitionTerm, target_body
@@ -49,10 +50,11 @@ LARGEST = 500e6
 def prepare(recipe: Recipe, name: str, mocap: str | None) -> Policy:
     """Return motion, graph and actions of a recipe as a policy that has learned nothing yet."""
     database = load_motion(recipe, capture_files(recipe, mocap))
-    graph = build_graph(database, recipe.graph)
+    graph, body = build_graph(database, recipe.graph), target_body(database)
+    if recipe.prune is not None:
+        graph = prune_graph(database, graph, recipe.behaviours, body, recipe.prune)
     nothing = np.zeros(0, np.float32)
-    actions = build_actions(database, graph)
-    return Policy(name, database, graph, actions, (), target_body(database), nothing, {}, {}, "", {})
+    return Policy(name, database, graph, build_actions(database, graph), (), body, nothing, {}, {}, "", {})
 
 
 def train(policy: Policy, name: str, spec: BehaviourSpec, precision: str = "float32") -> Behaviour:

@@ -203,6 +203,58 @@ def evaluate_actions(tables, behaviour_weights, state, x, y, z, cells, corner_we
     return n
 
 
+@njit(cache=True, nogil=True)
+def judge_ways(tables, moods, targets, cuts, most, first_state, last_state, keep, gains):
+    """Mark the actions of each state that are worth keeping, and write what each adds (``pruning.judge_ways``).
+
+    Args:
+        tables: ``LookupTables``.
+        moods: Weights of the behaviours. Shape (M, B).
+        targets: Places of the target. Shape (N, 3).
+        cuts: Whether each action begins with a cut; those that do not are always kept. Shape (A,).
+        most: How many others are kept at most.
+        first_state: First of the states.
+        last_state: One after the last.
+        keep: Written: 1 where an action is kept. Shape (A,), uint8.
+        gains: Written: by how much each of them, when it was taken, raised the best value on the average. Shape (A,).
+    """
+    offsets = tables.actions.offsets
+    count = len(moods) * len(targets)
+    for s in range(first_state, last_state):
+        first = offsets[s]
+        n = offsets[s + 1] - first
+        cells, weights = np.empty(64, np.int64), np.empty(64)
+        values, best, row = np.empty((n, count)), np.full(count, -1e30), np.empty(n)
+        for m in range(count):
+            x, y, z = targets[m % len(targets)]
+            evaluate_actions(tables, moods[m // len(targets)], s, x, y, z, cells, weights, row)
+            for k in range(n):
+                values[k, m] = row[k]
+        held = 0
+        for k in range(n):
+            if not cuts[first + k]:
+                keep[first + k] = 1
+                for m in range(count):
+                    best[m] = max(best[m], values[k, m])
+        while held < most:
+            chosen, most_gained = -1, 0.0
+            for k in range(n):
+                if keep[first + k] == 0:
+                    gained = 0.0
+                    for m in range(count):
+                        gained += max(values[k, m] - best[m], 0.0)
+                    if gained > most_gained:
+                        chosen, most_gained = k, gained
+            if chosen < 0:
+                break
+            # Where no captured frame follows, the first way out adds all there is: as much as a state's whole spread.
+            gains[first + chosen] = min(most_gained / count, 1.0)
+            keep[first + chosen] = 1
+            for m in range(count):
+                best[m] = max(best[m], values[chosen, m])
+            held += 1
+
+
 @njit(cache=True, parallel=True)
 def fill_successors(actions, axes, targets, velocities, lowers, shares):
     """Write where each moving cell of a grid is seen after each action: the lower corner, and the share of the upper.

@@ -160,6 +160,18 @@ class BehaviourSpec(StrictModel):
         return self
 
 
+class PruningSpec(StrictModel):
+    """Which ways out of a wide graph are kept: those that the behaviours are better off with (``pruning.py``)."""
+
+    ways: int = Field(default=8, ge=1, le=1000, description="Most ways out of a frame, beside the captured one.")
+    spacing: float = Field(
+        default=0.33,
+        ge=0.0,
+        allow_inf_nan=False,
+        description="Least time between decisions of a clip [s]; 0 keeps them all.",
+    )
+
+
 class Recipe(StrictModel):
     """A training recipe."""
 
@@ -173,6 +185,9 @@ class Recipe(StrictModel):
         default=60.0, ge=1.0, le=480.0, description="Poses are kept at this rate, a multiple of it."
     )
     graph: GraphSettings = Field(default_factory=GraphSettings, description="Which frame may follow which.")
+    prune: PruningSpec | None = Field(
+        default=None, description="Which ways out of the graph are kept, by what they are worth; null: all."
+    )
     behaviours: dict[Name, BehaviourSpec] = Field(min_length=1, description="What is learned, by name.")
     precision: Literal["float32", "float16", "int8"] = Field(default="float32", description="How values are stored.")
 

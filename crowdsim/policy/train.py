@@ -121,6 +121,7 @@ def train_policy(
         MotionError: The motion cannot be used.
     """
     from crowdsim.graph.motion_graph import build_graph
+    from crowdsim.policy.pruning import prune_graph
     from crowdsim.policy.statistics import policy_statistics
 
     with _threads(threads):
@@ -133,12 +134,16 @@ def train_policy(
             from crowdsim.policy.ranges import check_strikes
 
             check_strikes(database)
-        graph = build_graph(database, recipe.graph, progress)
-        actions = build_actions(database, graph)
         body = target_body(database)
+        graph = build_graph(database, recipe.graph, progress)
+        built = time.perf_counter()
+        if recipe.prune is not None:
+            graph = prune_graph(database, graph, recipe.behaviours, body, recipe.prune, progress)
+        actions = build_actions(database, graph)
         timings: dict[str, Any] = {
             "motion": moved - started,
-            "graph": time.perf_counter() - moved,
+            "graph": built - moved,
+            "prune": time.perf_counter() - built,
             "behaviours": {},
         }
         behaviours, told = [], {}

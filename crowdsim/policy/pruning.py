@@ -1,0 +1,153 @@
+"""Pruning: of many ways out of a frame those are kept that the behaviours are better off with.
+
+The cheapest transitions are not the most useful ones: most of a guard's look-alikes lead to the same few moves. So a
+wide graph is learned on coarse grids first. Of each state's ways out that set is kept whose best one is worth most, on
+the average over targets all around and over behaviours, alone and together; it is grown one by one, always by the way
+that adds most. Of decisions too near to one another those stay that add most. The graph of what is left has fewer
+decisions, each among fewer actions, and hardly earns less (``benchmarks/policy_quality.py``).
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.graph.states import MotionGraph, graph_of_transitions
+from crowdsim.graph.transitions import Transitions, decision_frames
+from crowdsim.policy.actions import Actions, build_actions
+from crowdsim.policy.recipe import BehaviourSpec, PruningSpec, ValueIterationSpec
+from crowdsim.policy.rewards import TargetBody
+from crowdsim.policy.solution import Progress
+
+if TYPE_CHECKING:
+    from crowdsim.motion.database import MotionDatabase
+
+Array = NDArray[Any]
+
+TARGETS = 96
+"""Places of the target over which ways out are judged, half of them in the region that strikes reach."""
+
+FAR = 4.0
+"""The other half lie up to this far away [m]."""
+
+COARSE = {"distance": 11, "bearing": 16, "height": 3}
+"""Most points of each axis on which the wide graph is learned."""
+
+_BLOCK = 64
+"""States that one thread judges at a time."""
+
+_SPREAD = (0.8191725133961645, 0.6710436067037893, 0.5497004779019703)
+"""Steps of a sequence that fills a cube evenly (the plastic number's, in three dimensions)."""
+
+
+def prune_graph(
+    database: MotionDatabase,
+    graph: MotionGraph,
+    specs: dict[str, BehaviourSpec],
+    body: TargetBody,
+    settings: PruningSpec,
+    progress: Progress | None = None,
+) -> MotionGraph:
+    """Return the graph of the transitions that are worth most to the behaviours.
+
+    Args:
+        database: The motion.
+        graph: The wide graph.
+        specs: What is to be learned, by name.
+        body: Sizes of the target.
+        settings: How much is kept.
+        progress: Called with (stage, done, total).
+
+    Raises:
+        MotionError: What is left has no cycle.
+    """
+    actions = build_actions(database, graph)
+    keep, gains = judge_ways(database, graph, actions, specs, body, settings.ways, progress)
+    chosen = np.flatnonzero(graph.action_cuts & keep)
+    sources = graph.state_frames[graph.action_states[chosen]]
+    order = np.lexsort((graph.action_first[chosen], sources))
+    chosen, sources = chosen[order], sources[order]
+    ways = Transitions(sources, graph.action_first[chosen], graph.action_costs[chosen])
+    spacing = max(1, round(settings.spacing * database.control_rate))
+    # What adds nothing is worth a little more than nothing, so that no frame loses all its ways for that.
+    decisions = decision_frames(ways, gains[chosen] + 1e-9, database.clip_starts, spacing)
+    left = ways.chosen(decisions[sources])
+    return graph_of_transitions(left, database.clip_starts, graph.threshold, database.clip_names)
+
+
+def judge_ways(
+    database: MotionDatabase,
+    graph: MotionGraph,
+    actions: Actions,
+    specs: dict[str, BehaviourSpec],
+    body: TargetBody,
+    ways: int,
+    progress: Progress | None = None,
+) -> tuple[Array, Array]:
+    """Return which actions of a graph are kept, and what each adds to those kept before it.
+
+    Returns:
+        Whether each action is kept, shape (A,), bool; where captured motion runs on, it always is. What each of the
+        others adds to what its state is worth, in parts of the behaviours' scales, shape (A,), float64.
+    """
+    import numba
+
+    from crowdsim.policy import kernels
+    from crowdsim.policy.policy import build_lookup_tables
+    from crowdsim.policy.train import train_behaviour
+
+    coarse = []
+    for name, spec in specs.items():
+        label = f"prune, {name}"
+        coarse.append(train_behaviour(label, _coarse(spec), database, actions, body, progress=progress)[0])
+    tables = build_lookup_tables(actions, tuple(coarse), body)
+    count = len(coarse)
+    moods = np.concatenate([np.eye(count), np.ones((1 if count > 1 else 0, count))])
+    keep = np.zeros(actions.action_count, np.uint8)
+    gains = np.zeros(actions.action_count)
+    targets, cuts, states = sample_targets(database), graph.action_cuts, actions.state_count
+
+    def judge(first: int) -> int:
+        last = min(first + _BLOCK, states)
+        kernels.judge_ways(tables, moods, targets, cuts, ways, first, last, keep, gains)
+        return last
+
+    with ThreadPoolExecutor(numba.get_num_threads()) as pool:
+        for last in pool.map(judge, range(0, states, _BLOCK)):
+            if progress is not None:
+                progress("prune, ways out", last, states)
+    return keep.astype(bool), gains
+
+
+def sample_targets(database: MotionDatabase, count: int = TARGETS) -> Array:
+    """Return places of a target all around an avatar, half of them within reach [m]. Shape (count, 3)."""
+    from crowdsim.policy.ranges import strike_reach
+
+    near, high = (0.3, 1.3), np.percentile(np.asarray(database.heads[:, 1], dtype=float), [5.0, 95.0])
+    if len(database.strike_frames):
+        near = strike_reach(database).distance
+    shares = (0.5 + np.outer(np.arange(count), _SPREAD)) % 1.0
+    ends = np.where((np.arange(count) % 2 == 0)[:, None], near, (near[0], FAR))
+    distance = ends[:, 0] + shares[:, 0] * (ends[:, 1] - ends[:, 0])
+    bearing = math.pi * (2.0 * shares[:, 1] - 1.0)
+    height = high[0] + shares[:, 2] * (high[1] - high[0])
+    return np.stack([distance * np.sin(bearing), height, distance * np.cos(bearing)], axis=-1)
+
+
+def _coarse(spec: BehaviourSpec) -> BehaviourSpec:
+    """Return a behaviour on a grid of few points, solved roughly."""
+    axes = {
+        name: axis.model_copy(update={"count": min(axis.count, COARSE[name])})
+        for name, axis in spec.axes.given().items()
+    }
+    changes = {
+        "axes": spec.axes.model_copy(update=axes),
+        "lookup": "v",
+        "backup": "interpolation_of_max",
+        "solver": ValueIterationSpec(tolerance=1e-2),
+    }
+    return spec.model_copy(update=changes)

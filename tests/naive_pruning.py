@@ -1,0 +1,33 @@
+"""Pruning as its module says it, without a compiled line."""
+
+import numpy as np
+
+from crowdsim.policy.policy import Policy, action_values
+from crowdsim.policy.pruning import _coarse, sample_targets
+from crowdsim.policy.train import train_behaviour
+
+
+def ways_worth_keeping(database, graph, actions, specs, body, ways, every=7):
+    """Return what ``pruning.judge_ways`` returns, for every seventh state; all else is 0."""
+    behaviours = tuple(train_behaviour(name, _coarse(spec), database, actions, body)[0] for name, spec in specs.items())
+    policy = Policy("naive", database, graph, actions, behaviours, body, np.zeros(0), {}, {}, "", {})
+    names = [behaviour.name for behaviour in behaviours]
+    moods = [{name: 1.0} for name in names] + [dict.fromkeys(names, 1.0)]
+    targets = sample_targets(database)
+    keep, gains = np.zeros(actions.action_count, bool), np.zeros(actions.action_count)
+    for state in range(0, graph.state_count, every):
+        first, end = graph.action_offsets[state : state + 2]
+        worth = np.array([action_values(policy, mood, state, target) for mood in moods for target in targets])
+        captured = [k for k in range(end - first) if not graph.action_cuts[first + k]]
+        held = list(captured)
+        while len(held) < len(captured) + ways:
+            best = worth[:, held].max(axis=1) if held else np.full(len(worth), -np.inf)
+            left = [k for k in range(end - first) if k not in held]
+            adds = [float(np.maximum(worth[:, k] - best, 0.0).mean()) for k in left]
+            if not left or max(adds) <= 0.0:
+                break
+            best_way = left[int(np.argmax(adds))]
+            gains[first + best_way] = min(max(adds), 1.0)
+            held.append(best_way)
+        keep[first + np.array(held)] = True
+    return keep, gains
