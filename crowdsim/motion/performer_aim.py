@@ -20,7 +20,7 @@ _DRAWS = (((Channel.LEAD_HAND_X, -0.06), (Channel.LEAD_HAND_Z, -0.20)), ((Channe
 """How each fist is drawn in before it strikes at close quarters [m]."""
 _LOW = 1.34
 """Height of a target under which trunk and knees go down to it [m]."""
-_ARMS_LENGTH = 0.93
+_ARMS_LENGTH = 0.90
 """Distance of a target from the pelvis from which on the trunk has to lean out to it [m]."""
 
 
@@ -68,7 +68,7 @@ class Aim:
             (Channel.HEAD_TURN, 0.5 * self.bearing),
             (Channel.PELVIS_TILT, 0.08 * lunge - 0.12 * near),
             (Channel.HEIGHT, -0.42 * low - 0.05 * lunge),
-            (Channel.FLEX, (0.60 - 0.3 * near) * low + 0.05 * far + 0.26 * lunge - 0.26 * near),
+            (Channel.FLEX, (0.60 - 0.3 * near) * low + 0.05 * far + 0.32 * lunge - 0.26 * near),
             (Channel.BEND, -0.22 * low * turn),
             (Channel.SHIFT_Z, 0.02 * far + 0.03 * near),
             (Channel.HEAD_NOD, 0.25 * low),

@@ -25,11 +25,11 @@ _LEAST_DEPTH, _LEAST_BESIDE = 0.20, 0.07
 """Least distance of a fist before its shoulder, straight in front of it and beside it [m]."""
 _LEAST_AWAY = 0.235
 """Least distance of a fist from its shoulder: a bent arm's flesh is in the way [m]."""
-_FULL_REACH = 0.965 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
+_FULL_REACH = 0.975 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
 """How far from the shoulder a punch is aimed at the most [m]."""
 _LEAST_REACH = 0.48
 """How far from the middle between the shoulders a punch is aimed at the least [m]."""
-_SLOWEST, _FASTEST = 5.75, 11.0
+_SLOWEST, _FASTEST = 5.9, 11.0
 """Speeds between which a punching fist peaks relative to the pelvis [m/s]."""
 _ATTEMPTS = 12
 _SHORTEST = 0.105

@@ -120,7 +120,7 @@ class _Boxer:
             if inside:
                 distance = float(rng.uniform(recipe.inside, least))
             else:
-                distance = float(rng.uniform(least, most if close < len(kinds) else 0.8 * most + 0.2 * least))
+                distance = float(rng.uniform(least, most if close < len(kinds) else 0.9 * most + 0.1 * least))
             speed = tempo * (recipe.speed[0] + recipe.speed[1] * plan.normal(1.6, 2.4))
             if previous is not None:
                 load = 0.10 if kind in _CLOSE else 0.02
