@@ -19,13 +19,14 @@ from crowdsim.take.workers import share
 
 Array = NDArray[Any]
 PoseAt = Callable[[Array, Array], list[tuple[Array, Body, Array, Array, Array]]]
-"""Poses avatars (E,) at times (E,) before fists are carried: for each policy which of them, body, scales, joint
-positions and rotations."""
+"""Poses avatars (E,) at times (E,): for each policy which of them, body, scales, joint positions and rotations."""
 
 MOST = 0.35
 """Furthest that a fist is carried [m]."""
 ELBOW_LEAST = math.radians(4.0)
 """Flexion that an elbow keeps at the least when it is stretched to reach something [rad]."""
+_OUT = 12
+"""Times that a point goes out of head or torso."""
 _TARGET_HEAD, _TARGET_TORSO, _TARGET_NECK, _TARGET_DROP = 0.105, 0.15, 0.16, 0.6
 
 
@@ -50,19 +51,29 @@ class Landings(NamedTuple):
 def surface_point(
     point: Array, head: Array, neck: Array, pelvis: Array, head_radius: Array, torso_radius: Array
 ) -> Array:
-    """Return the points of bodies' surfaces that are nearest to given points; all (E, 3), radii (E,) [m]."""
+    """Return the points of bodies' surfaces that are nearest to given points; all (E, 3), radii (E,) [m].
+
+    A point on the head that lies in the torso, or the other way round, is no surface: such points go out of one and of
+    the other until they lie on both.
+    """
     axis = pelvis - neck
-    share = np.sum((point - neck) * axis, axis=-1) / np.maximum(np.sum(axis * axis, axis=-1), 1e-12)
-    centre = neck + np.clip(share, 0.0, 1.0)[:, None] * axis
-    to_head, to_torso = point - head, point - centre
-    far_head = np.linalg.norm(to_head, axis=-1)
-    far_torso = np.linalg.norm(to_torso, axis=-1)
-    on_head = (far_head - head_radius <= far_torso - torso_radius)[:, None]
-    middle = np.where(on_head, head, centre)
-    out = np.where(on_head, to_head, to_torso)
-    length = np.maximum(np.where(on_head[:, 0], far_head, far_torso), 1e-9)
-    radius = np.where(on_head[:, 0], head_radius, torso_radius)
-    return np.asarray(middle + out / length[:, None] * radius[:, None])
+    square = np.maximum(np.sum(axis * axis, axis=-1), 1e-12)
+    found = np.array(point, dtype=float)
+    for step in range(_OUT):
+        share = np.sum((found - neck) * axis, axis=-1) / square
+        centre = neck + np.clip(share, 0.0, 1.0)[:, None] * axis
+        to_head, to_torso = found - head, found - centre
+        far_head, far_torso = np.linalg.norm(to_head, axis=-1), np.linalg.norm(to_torso, axis=-1)
+        above_head, above_torso = far_head - head_radius, far_torso - torso_radius
+        on_head = (above_head <= above_torso)[:, None]
+        middle = np.where(on_head, head, centre)
+        out = np.where(on_head, to_head, to_torso)
+        length = np.maximum(np.where(on_head[:, 0], far_head, far_torso), 1e-9)
+        radius = np.where(on_head[:, 0], head_radius, torso_radius)
+        surface = middle + out / length[:, None] * radius[:, None]
+        inside = np.minimum(above_head, above_torso) < -1e-6
+        found = np.where((inside | (step == 0))[:, None], surface, found)
+    return found
 
 
 def body_points(body: Body, positions: Array, turns: Array, scales: Array) -> tuple[Array, Array, Array, Array]:
@@ -76,7 +87,14 @@ def body_points(body: Body, positions: Array, turns: Array, scales: Array) -> tu
 
 
 def plan_landings(
-    take: Take, landed: Landed, columns: Array, count: int, first: float, last: float, pose_at: PoseAt
+    take: Take,
+    landed: Landed,
+    columns: Array,
+    count: int,
+    first: float,
+    last: float,
+    pose_at: PoseAt,
+    struck_at: PoseAt,
 ) -> Landings:
     """Find how far fists have to be carried.
 
@@ -88,13 +106,14 @@ def plan_landings(
         first: First time that is posed [s].
         last: Last time that is posed [s].
         pose_at: Poses avatars before any of this.
+        struck_at: Poses those who are hit.
     """
     near = landed.between(first - AFTER, last + BEFORE)
     near = near.of(columns[near.attackers] >= 0)
     fists = np.full((len(near.times), 3), np.nan)
     for which, body, scales, positions, turns in pose_at(near.attackers, near.times):
         fists[which] = body_points(body, positions, turns, scales)[3][np.arange(len(which)), near.hands[which]]
-    shifts = _surfaces(take, near, fists, pose_at) - fists
+    shifts = _surfaces(take, near, fists, struck_at) - fists
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
     shifts = np.where(np.isfinite(shifts), shifts, 0.0)

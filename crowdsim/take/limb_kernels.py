@@ -59,37 +59,65 @@ def _let_slide(cuts, falls, first, stop, foot, time):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _add_shift(cuts, falls, first, stop, foot, rate, time, begin, end, weight, out):
-    """Add how far a foot belongs from the motion's own place and turn in a stand, times a weight."""
-    for cut in range(first, stop):
-        at, lift, even = cuts.times[cut], 0.0, 0.0
-        if at <= begin:
-            share = 1.0
-        elif at >= end:
-            share = 0.0
-        elif falls.kinds[cut, foot] == 1:
-            share = _blended(cuts, cut, time)
-        else:
-            low, high = falls.moves[cut, foot, 0], falls.moves[cut, foot, 1]
-            part = (time - low) / (high - low)
-            share = _ease(part)
-            if 0.0 < part < 1.0:
-                rise = part * (1.0 - part)
-                lift = 64.0 * rise * rise * rise * falls.moves[cut, foot, 2]
-            apart = abs(time - at)
-            if apart < EVEN:
-                # Both sides go over into the mean of their velocities.
-                far = 1.0 - apart / EVEN
-                even = -0.5 * apart * far * far * far
-        if (at - time) * rate <= 1e-9:
+def _share(cuts, falls, cut, foot, time, begin, end):
+    """How far a foot has gone over a cut in a stand, from 0 to 1, and how high it is."""
+    at = cuts.times[cut]
+    if at <= begin:
+        return 1.0, 0.0
+    if at >= end:
+        return 0.0, 0.0
+    if falls.kinds[cut, foot] == 1:
+        return _blended(cuts, cut, time), 0.0
+    low, high = falls.moves[cut, foot, 0], falls.moves[cut, foot, 1]
+    part = (time - low) / (high - low)
+    rise = part * (1.0 - part) if 0.0 < part < 1.0 else 0.0
+    return _ease(part), 64.0 * rise * rise * rise * falls.moves[cut, foot, 2]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _add_shift(cuts, falls, first, stop, foot, rate, time, begin, end, weight, shift, turn, toes):
+    """Add, times a weight, how far a foot belongs from the motion's own place in a stand, and turn it and its toes.
+
+    Cuts that are past are undone from the latest back, those to come follow from the next on.
+    """
+    middle = first
+    while middle < stop and (cuts.times[middle] - time) * rate <= 1e-9:
+        middle += 1
+    for k in range(first, stop):
+        cut = middle - 1 - (k - first) if k < middle else k
+        share, lift = _share(cuts, falls, cut, foot, time, begin, end)
+        if k < middle:
             share -= 1.0
-        if share != 0.0:
-            for k in range(9):
-                out[k] += weight * share * cuts.gaps[cut, foot, k]
-        if even != 0.0:
-            for k in range(9):
-                out[k] += weight * even * cuts.gaps[cut, foot, 9 + k]
-        out[1] += weight * lift
+        even, apart = 0.0, abs(time - cuts.times[cut])
+        if apart < EVEN and begin < cuts.times[cut] < end:
+            # Both sides go over into the mean of their velocities.
+            far = 1.0 - apart / EVEN
+            even = -0.5 * apart * far * far * far
+        gap = cuts.gaps[cut, foot]
+        if share != 0.0 or even != 0.0:
+            for j in range(3):
+                shift[j] += weight * (share * gap[j] + even * gap[9 + j])
+            _turned(gap, 3, share, even, turn)
+            _turned(gap, 6, share, even, toes)
+        shift[1] += weight * lift
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _turned(gap, first, share, even, q):
+    """Turn a quaternion by shares of two rotation vectors, in place."""
+    x = gap[first] * share + gap[9 + first] * even
+    y = gap[first + 1] * share + gap[10 + first] * even
+    z = gap[first + 2] * share + gap[11 + first] * even
+    angle = math.sqrt(x * x + y * y + z * z)
+    c, s = math.cos(0.5 * angle), 0.5
+    if angle > 1e-9:
+        s = math.sin(0.5 * angle) / angle
+    x, y, z = x * s, y * s, z * s
+    a, b, d, e = q[0], q[1], q[2], q[3]
+    q[0] = c * a - x * b - y * d - z * e
+    q[1] = c * b + x * a + y * e - z * d
+    q[2] = c * d - x * e + y * a + z * b
+    q[3] = c * e + x * d - y * b + z * a
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -274,22 +302,6 @@ def _into_parent(limbs, turns, joint, after, before, rotations, moved):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _turned(vector, share, q, out):
-    """Write a quaternion turned by a share of a rotation vector."""
-    x, y, z = vector[0] * share, vector[1] * share, vector[2] * share
-    angle = math.sqrt(x * x + y * y + z * z)
-    c, s = math.cos(0.5 * angle), 0.5
-    if angle > 1e-9:
-        s = math.sin(0.5 * angle) / angle
-    x, y, z = x * s, y * s, z * s
-    a, b, d, e = q[0], q[1], q[2], q[3]
-    out[0] = c * a - x * b - y * d - z * e
-    out[1] = c * b + x * a + y * e - z * d
-    out[2] = c * d - x * e + y * a + z * b
-    out[3] = c * e + x * d - y * b + z * a
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _mix(a, b, share, out):
     """Write a quaternion between two."""
     dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
@@ -351,7 +363,7 @@ def plant_feet(
     joints = legs.parents.shape[0]
     places, turns = np.empty((joints, 3)), np.empty((joints, 4))
     asked, ankle = np.empty((2, 3)), np.empty((2, 3))
-    shift, own, turned = np.empty(9), np.empty(4), np.empty(4)
+    shift, own, turned, other_turned = np.empty(3), np.empty(4), np.empty((2, 4)), np.empty((2, 4))
     firm, at, soles = np.empty(2), np.empty(2, np.int64), np.empty(2)
     now, longest = np.empty(2), np.empty(2)
     bend, turn, spare = np.empty(4), np.empty(4), np.empty(4)
@@ -391,13 +403,24 @@ def plant_feet(
                 if firm[f] > 0.0:
                     x, y, z = _rotate(turns[end], o[0] * scale, o[1] * scale, o[2] * scale)
                     hold_x, hold_y, hold_z = places[end, 0] + x, places[end, 1] + y, places[end, 2] + z
+                    # The foot's own turn, and that of its toes.
+                    _mix(m.feet[frame, f], m.feet[further, f], part, own)
+                    c, d = math.cos(0.5 * grounds[t, i, 2]), math.sin(0.5 * grounds[t, i, 2])
+                    turned[0, 0], turned[0, 1] = c * own[0] - d * own[2], c * own[1] + d * own[3]
+                    turned[0, 2], turned[0, 3] = c * own[2] + d * own[0], c * own[3] - d * own[1]
+                    toe = legs.toes[f]
+                    if toe >= 0:
+                        _mix(m.rotations[frame, toe], m.rotations[further, toe], part, turned[1])
                     shift[:] = 0.0
+                    other_turned[:] = turned
                     if before > 0.0:
                         begin, ends = stands.spans[n, f, one, 0], stands.spans[n, f, one, 1]
-                        _add_shift(cuts, falls, low, high, f, rate, time, begin, ends, before, shift)
+                        _add_shift(cuts, falls, low, high, f, rate, time, begin, ends, before, shift, turned[0],
+                                   turned[1])  # fmt: skip
                     if after > 0.0:
                         begin, ends = stands.spans[n, f, other, 0], stands.spans[n, f, other, 1]
-                        _add_shift(cuts, falls, low, high, f, rate, time, begin, ends, after, shift)
+                        _add_shift(cuts, falls, low, high, f, rate, time, begin, ends, after, shift, other_turned[0],
+                                   other_turned[1])  # fmt: skip
                     here, there = m.holds[frame, f], m.holds[further, f]
                     x = (here[0] * rest + there[0] * part) * scale
                     y = (here[1] * rest + there[1] * part) * scale
@@ -406,19 +429,11 @@ def plant_feet(
                     hold_x += firm[f] * (grounds[t, i, 0] + x * cos + z * sin - hold_x) + shift[0]
                     hold_y += firm[f] * (y - hold_y) + shift[1]
                     hold_z += firm[f] * (grounds[t, i, 1] - x * sin + z * cos - hold_z) + shift[2]
-                    # The foot's own turn, and that of its toes.
-                    _mix(m.feet[frame, f], m.feet[further, f], part, own)
-                    turn[0], turn[1], turn[2], turn[3] = (
-                        math.cos(0.5 * grounds[t, i, 2]), 0.0, math.sin(0.5 * grounds[t, i, 2]), 0.0
-                    )  # fmt: skip
-                    _multiply(turn, own, own)
-                    _turned(shift[3:6], 1.0 / firm[f], own, turned)
-                    _mix(turns[end], turned, firm[f], turns[end])
-                    toe = legs.toes[f]
+                    for k in range(2 if toe >= 0 else 1):
+                        _mix(turned[k], other_turned[k], after / (before + after), turned[k])
+                    _mix(turns[end], turned[0], firm[f], turns[end])
                     if toe >= 0:
-                        _mix(m.rotations[frame, toe], m.rotations[further, toe], part, own)
-                        _turned(shift[6:9], 1.0 / firm[f], own, turned)
-                        _mix(pose[toe], turned, firm[f], pose[toe])
+                        _mix(pose[toe], turned[1], firm[f], pose[toe])
                     x, y, z = _rotate(turns[end], o[0] * scale, o[1] * scale, o[2] * scale)
                     asked[f, 0], asked[f, 1], asked[f, 2] = hold_x - x, hold_y - y, hold_z - z
                 # No sole under the floor: heel and ball ease onto it.

@@ -163,7 +163,7 @@ class PoseSampler:
         lookup = np.full(take.avatar_count, -1)
         lookup[avatars] = columns
         first, last = float(times[0]), float(times[-1])
-        landings = plan_landings(take, self._landed, lookup, len(columns), first, last, self._pose_at)
+        landings = plan_landings(take, self._landed, lookup, len(columns), first, last, self._pose_at, self._struck_at)
         reach_out(window, landings, times[:, None], columns, roots, rotations)
         return Poses(index, avatars, motion.skeleton, take.cast.scales[avatars], roots, rotations, places.ground)
 
@@ -219,11 +219,45 @@ class PoseSampler:
 
     def _pose_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
         """Pose avatars (E,) at times (E,), before fists are carried."""
-        told: list[tuple[Array, Body, Array, Array, Array]] = []
+        told = []
         for which, index, window, columns, moments in self._moments(avatars, times):
-            roots, rotations, places = self._pose(window, index, moments, columns)
-            motion, scales = window.motion, window.rows.scales[columns]
-            poses = Poses(index, window.avatars[columns], motion.skeleton, scales, roots, rotations, places.ground)
-            positions, turns = poses.joints()
-            told.append((which, motion.body, scales, positions[0], turns[0]))
+            roots, rotations, _ = self._pose(window, index, moments, columns)
+            told.append(self._joints_of(which, window, columns, roots, rotations))
         return told
+
+    def _struck_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
+        """Pose avatars (E,) at times (E,) with what their own fists do to them, nearly.
+
+        Where these fists go is found without feet and reactions, which would look too far around.
+        """
+        told = []
+        for which, index, window, columns, moments in self._moments(avatars, times):
+            roots, rotations, _ = self._pose(window, index, moments, columns)
+            lookup = np.full(self.take.avatar_count, -1)
+            lookup[window.avatars] = np.arange(len(window.avatars))
+            first, last = float(moments.min()), float(moments.max())
+            landings = plan_landings(
+                self.take, self._landed, lookup, len(window.avatars), first, last, self._bare_at, self._bare_at
+            )
+            reach_out(window, landings, moments, columns, roots, rotations)
+            told.append(self._joints_of(which, window, columns, roots, rotations))
+        return told
+
+    def _bare_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
+        """Pose avatars (E,) at times (E,) with blends and nothing else."""
+        told = []
+        for which, _, window, columns, moments in self._moments(avatars, times):
+            places = window.place(moments, columns)
+            roots, rotations = self._blend(window, window.cuts(), places, moments, columns)
+            told.append(self._joints_of(which, window, columns, roots, rotations))
+        return told
+
+    def _joints_of(
+        self, which: Array, window: Window, columns: Array, roots: Array, rotations: Array
+    ) -> tuple[Array, Body, Array, Array, Array]:
+        """Joint positions and rotations of poses (1, E)."""
+        motion, scales = window.motion, window.rows.scales[columns]
+        ground = np.zeros((*roots.shape[:2], 3))
+        poses = Poses(0, window.avatars[columns], motion.skeleton, scales, roots, rotations, ground)
+        positions, turns = poses.joints()
+        return which, motion.body, scales, positions[0], turns[0]
