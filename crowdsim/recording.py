@@ -135,6 +135,7 @@ def record(
     writer = TakeWriter(
         folder / TAKE, cast, frames, prepared.rate, scenario.name, scenario.seed,
         tuple(policy.fingerprint for policy in policies), tuple(scenario.targets), rows,
+        scenario.reactions,
     )  # fmt: skip
     clock.lap("take")
     simulation = Simulation(prepared.crowd, policies, prepared.script, threads, profiled=profiled, model=first.model)

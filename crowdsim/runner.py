@@ -84,6 +84,7 @@ def run(
         seed=scenario.seed,
         fingerprints=tuple(policy.fingerprint for policy in prepared.policies),
         status="done",
+        reactions=scenario.reactions,
     )
 
 

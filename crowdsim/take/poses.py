@@ -84,13 +84,13 @@ class PoseSampler:
         take: The take.
         policies: Its policies, in the order of ``take.cast.policy_names``.
         threads: Threads that share the work; the result does not depend on them.
-        reactions: Whether landed strikes move those whom they hit.
+        reactions: Whether landed strikes move those whom they hit; as the take says when None.
 
     Raises:
         TakeError: The policies are not those that the take was recorded with.
     """
 
-    def __init__(self, take: Take, policies: Sequence[Policy], threads: int = 1, reactions: bool = True) -> None:
+    def __init__(self, take: Take, policies: Sequence[Policy], threads: int = 1, reactions: bool | None = None) -> None:
         names = take.cast.policy_names
         if len(policies) != len(names):
             raise TakeError(f"{len(policies)} policies given, the take has {len(names)}: {', '.join(names)}")
@@ -105,7 +105,7 @@ class PoseSampler:
         self.motions = [prepare_motion(policy) for policy in policies]
         self._trunks = [build_trunk(motion) for motion in self.motions]
         self._threads = threads
-        self._reactions = reactions
+        self._reactions = take.reactions if reactions is None else reactions
         self._landed = find_landed(take)
 
     def sample(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:

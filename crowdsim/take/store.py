@@ -49,6 +49,7 @@ class TakeWriter:
         fingerprints: Fingerprint of each policy's bundle.
         target_names: Names of scripted targets.
         chunk: Control frames in a chunk on disk.
+        reactions: Whether those whom a strike lands on give way to it.
 
     Raises:
         OutputError: The folder cannot be written.
@@ -65,6 +66,7 @@ class TakeWriter:
         fingerprints: tuple[str, ...],
         target_names: tuple[str, ...] = (),
         chunk: int = 64,
+        reactions: bool = True,
     ) -> None:
         import zarr
 
@@ -81,7 +83,7 @@ class TakeWriter:
             if self._partial.exists():
                 shutil.rmtree(self._partial)
             self._group: Any = zarr.open_group(str(self._partial), mode="w", **_format_two())
-            self._begin(cast, frames, control_rate, scenario, seed, fingerprints, target_names)
+            self._begin(cast, frames, control_rate, scenario, seed, fingerprints, target_names, reactions)
 
     def _begin(
         self,
@@ -92,6 +94,7 @@ class TakeWriter:
         seed: int,
         fingerprints: tuple[str, ...],
         target_names: tuple[str, ...],
+        reactions: bool,
     ) -> None:
         """Write what is constant, and arrays without values."""
         chunk, avatars = self._chunk, len(cast.names)
@@ -109,6 +112,7 @@ class TakeWriter:
                 "policy_names": list(cast.policy_names),
                 "policy_fingerprints": list(fingerprints),
                 "target_names": list(target_names),
+                "reactions": reactions,
                 "type_colours": [[None if np.isnan(c) else float(c) for c in row] for row in cast.colours],
             }
         )
@@ -307,6 +311,8 @@ def open_take(path: str | os.PathLike[str]) -> Take:
             seed=int(attributes["seed"]),
             fingerprints=tuple(attributes["policy_fingerprints"]),
             status=str(attributes["status"]),
+            # Takes of before this could be said have them.
+            reactions=bool(attributes.get("reactions", True)),
         )
     except (KeyError, ValueError, OSError) as error:
         raise TakeError(f"{folder}: is damaged: {error}") from None

@@ -65,6 +65,7 @@ class Take:
         seed: Seed of the run.
         fingerprints: Fingerprint of each policy's bundle.
         status: ``done`` or ``interrupted``.
+        reactions: Whether those whom a strike lands on give way to it.
     """
 
     action: Any
@@ -82,6 +83,7 @@ class Take:
     seed: int
     fingerprints: tuple[str, ...]
     status: str
+    reactions: bool = True
 
     @property
     def frame_count(self) -> int:

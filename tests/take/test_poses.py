@@ -270,7 +270,7 @@ def test_hits_do_not_show_where_a_scenario_turns_them_off() -> None:
     take, policy, _ = duel(0.05)
     none = replace(take, events=Events(*(getattr(take.events, n)[:0] for n in Events.__dataclass_fields__)))
     frames = take.output_frames(60)
-    off = sampler(take, policy, reactions=False).sample(0, frames, 60)[0].joints()[0]
+    off = sampler(replace(take, reactions=False), policy).sample(0, frames, 60)[0].joints()[0]
     calm = sampler(none, policy).sample(0, frames, 60)[0].joints()[0]
     assert np.array_equal(off[:, 1], calm[:, 1])
     assert not np.array_equal(off[:, 0], calm[:, 0])

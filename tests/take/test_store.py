@@ -44,6 +44,14 @@ def chunk(first: int, frames: int) -> dict[str, np.ndarray]:
     return {name: base + index for index, name in enumerate(VARIABLES)}
 
 
+@pytest.mark.parametrize("reactions", [True, False])
+def test_a_take_knows_whether_hits_show(tmp_path: Path, reactions: bool) -> None:
+    writer = TakeWriter(tmp_path / "take.zarr", CAST, 1, 15.0, "test", 3, ("abc",), reactions=reactions)
+    writer.append(chunk(0, 1), events(), None)
+    writer.close()
+    assert open_take(tmp_path).reactions is reactions
+
+
 def write(path: Path, sizes: list[int], planned: int | None = None, chunk_rows: int = 4) -> TakeWriter:
     frames = sum(sizes) if planned is None else planned
     writer = TakeWriter(path, CAST, frames, 15.0, "test", 3, ("abc",), ("ball",), chunk_rows)
