@@ -24,6 +24,8 @@ CONTACT_REACH = 0.30
 """Distance from the floor at which a capsule stops to darken it [m]."""
 SMALLEST = 0.12
 """Capsules that cover fewer pixels than this are left out."""
+THINNEST = 1.0
+"""Capsules that show thinner than this cast no shadow of their own [px]."""
 _FINE = 28.0
 """Pixels a metre from which bodies darken their own creases."""
 _NEIGHBOURS = 16
@@ -148,7 +150,7 @@ def _shadow_lists(shades: Array, cones: Array, camera: Array, light: Array, segm
     light[9], light[10], light[11], light[12], light[13] = bounds[0], bounds[1], 1.0 / cell, columns, rows
     # Where cells are large the crowd is far away, and shadows may blur over a pixel there.
     light[15] = max(0.05, 0.45 * cell)
-    view_kernels.shadow_segments(shades, cones, camera, light, segments)
+    view_kernels.shadow_segments(shades, cones, camera, light, THINNEST, segments)
     return _lists(segments, columns, rows)
 
 

@@ -2,11 +2,14 @@
 
 A rounded cone is the union of the spheres about ``c(s) = m + s h`` with radius ``r(s) = r + s k``, s in -1..1. For a
 ray ``t d`` from the eye (d of unit length), with the axis moved to the point of the ray nearest to m, the squared
-distance between the ray and c(s) is ``D(s)^2 = d0^2 + A (s - s*)^2``. Two values of s matter:
+distance between the ray and c(s) is ``D(s)^2 = d0^2 + A (s - s*)^2``, with A = |h|^2 - (h.d)^2. Two values of s matter:
 
 * ``s_c``, where ``D(s) - r(s)`` is least: that gap, measured in pixels, gives the share of the pixel that is covered;
 * ``s_h``, where the ray enters first, ``t(s) = s (h.d) - sqrt(r(s)^2 - D(s)^2)``: the hit, whose normal points away
   from c(s_h).
+
+Where ``A < k^2`` the ray looks along the axis into the cone, D(s) - r(s) falls towards the wider end, and the root of
+t'(s) is another one; where even ``|h|^2 < k^2`` the wider end's sphere is all there is.
 
 The loops over the 64 pixels of a tile have no branches and work in float32 on one flat scratch array with a fixed
 distance between its rows, so that the compiler can use vector instructions.
@@ -82,6 +85,9 @@ def _meet(buf, start, stop, index, mx, my, mz, hx, hy, hz, r, k):
     A pixel keeps the two nearest that cover it wholly and the four nearest that cover a part of it.
     """
     hh = hx * hx + hy * hy + hz * hz
+    # One end's sphere holds all others.
+    swallowed = hh <= k * k
+    open_ = max(hh - k * k, TINY)
     for p in range(stop - start):
         i = U(start) + U(p)
         dx, dy, dz = buf[U(DX) + i], buf[U(DY) + i], buf[U(DZ) + i]
@@ -90,23 +96,30 @@ def _meet(buf, start, stop, index, mx, my, mz, hx, hy, hz, r, k):
         hd = hx * dx + hy * dy + hz * dz
         ph = px * hx + py * hy + pz * hz
         a = max(hh - hd * hd, TINY)
-        b = max(a - k * k, TINY)
+        b = a - k * k
         middle = -ph / a
         d0 = max(px * px + py * py + pz * pz + ph * middle, ZERO)
         # Where the ray comes nearest to the surface, or is deepest in it.
-        sc = middle + k * math.sqrt(d0 / (a * b))
-        sc = min(max(sc, -ONE), ONE)
+        wider = ONE if k > ZERO else -ONE
+        sc = middle + k * math.sqrt(d0 / (a * max(b, TINY)))
+        sc = min(max(sc, -ONE), ONE) if b > ZERO else wider
         q = sc - middle
         rc = r + sc * k
         dc = d0 + a * q * q
         gap = math.sqrt(dc) - rc
         per_pixel = ONE / max((t0 + sc * hd) * buf[U(SPREAD) + i], TINY)
         cover = min(max(HALF - gap * per_pixel, ZERO), ONE) - min(max(HALF - (gap + TWO * rc) * per_pixel, ZERO), ONE)
-        # Where it enters first.
-        vertex = (r * k + a * middle) / b
-        most = max(r * r - d0 - a * middle * middle + b * vertex * vertex, ZERO)
-        sh = vertex - hd * math.sqrt(most / (b * (b + hd * hd)))
-        sh = min(max(sh, -ONE), ONE)
+        # Where it enters first: of the two ways to write the root, the one that takes no difference of equals.
+        g = r * k + a * middle
+        foot = r + k * middle
+        inside = a * foot * foot - b * d0
+        root = hd * math.sqrt(max(inside, ZERO) / open_)
+        same = g * hd > ZERO
+        over = open_ * (g + root) if same else b
+        over = over if abs(over) > TINY else (TINY if over >= ZERO else -TINY)
+        sh = (g * g - hd * hd * (r * r - d0 - a * middle * middle) if same else g - root) / over
+        # Seen from its wider end, an open cone hides behind that.
+        sh = wider if swallowed | ((b <= ZERO) & (hd * k <= ZERO)) else min(max(sh, -ONE), ONE)
         q = sh - middle
         rh = r + sh * k
         chord = rh * rh - d0 - a * q * q

@@ -21,6 +21,8 @@ Array = NDArray[Any]
 
 VERSION = 2
 """Counts changes after which pictures differ."""
+_BETWEEN = 34
+"""Grey of the line between cameras side by side."""
 FLASH = 0.28
 """Time for which a strike that landed flashes [s]."""
 
@@ -62,6 +64,8 @@ class Stage:
             for track, left, right in zip(self.tracks, edges[:-1], edges[1:], strict=True)
         ]
         picture = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+        for edge in edges[1:-1]:
+            picture[:, max(edge - 1, 0) : edge + 1] = _BETWEEN
         if self.caption:
             draw_caption(picture, self.title(frame))
         return picture

@@ -127,9 +127,16 @@ def shadow_bounds(shades, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def shadow_segments(shades, cones, camera, light, out):
-    """Write the capsules as segments of the grid of shadows, widened by the softest edge that they can cast."""
+def shadow_segments(shades, cones, camera, light, thinnest, out):
+    """Write the capsules as segments of the grid of shadows, widened by the softest edge that they can cast.
+
+    Those that show thinner than ``thinnest`` pixels are left out.
+    """
     for c in range(shades.shape[0]):
+        ahead = cones[c, 0] * camera[9] + cones[c, 1] * camera[10] + cones[c, 2] * camera[11]
+        if 2.0 * (cones[c, 6] + abs(cones[c, 7])) * camera[12] < thinnest * max(ahead, 1.0):
+            out[c, 4] = -1.0
+            continue
         over = max(camera[1] + cones[c, 1] + abs(cones[c, 4]) + cones[c, 6] + abs(cones[c, 7]), 0.0)
         pad = light[14] * over / light[1] + light[15]
         for end in range(2):

@@ -50,9 +50,39 @@ cones = st.builds(
 )
 
 
+def cone_of(way, across, half, radius, change):
+    return np.array([across[0] * way, across[1] * way, -way, *half, radius, change], np.float32)
+
+
+INTO = [
+    cone_of(5.0, (0.0, 0.0), (0.02, 0.01, 0.03), 0.2, 0.1),
+    cone_of(5.0, (0.01, 0.0), (0.0, 0.0, 0.0), 0.2, -0.1),
+    cone_of(3.0, (0.0, 0.005), (0.1, 0.0, 0.0), 0.25, 0.1),
+    cone_of(9.0, (0.01, -0.01), (0.06, -0.05, 0.06), 0.2, -0.11),
+]
+"""Rounded cones of which one end's sphere holds, or just holds, the other's."""
+ALONG = [
+    cone_of(4.0, (0.0, 0.0), (0.0, 0.0, side * 0.4), 0.2, change)
+    for side in (-1.0, 1.0)
+    for change in (-0.12, 0.0, 0.12)
+] + [cone_of(1.5, (0.0, 0.0), (0.0, 0.0, side * 0.125), 0.25, side * -0.0625) for side in (-1.0, 1.0)]
+ALONG += [cone_of(4.0, (0.012, -0.007), (0.03, 0.02, side * 0.35), 0.15, 0.1) for side in (-1.0, 1.0)]
+"""Rounded cones that are looked at along their axis."""
+
+
+@pytest.mark.parametrize("cone", [*INTO, *ALONG])
+def test_rays_meet_cones_within_their_own_ends_and_along_their_axis(cone):
+    rays_meet(cone)
+
+
 @settings(max_examples=60, deadline=None)
 @given(cones)
 def test_rays_meet_rounded_cones_where_the_spheres_are_that_make_them(cone):
+    rays_meet(cone)
+
+
+def rays_meet(cone):
+    """Hold every ray of a tile against the naive twin."""
     way = float(np.linalg.norm(cone[:3]))
     focal = 8.0 * way / (2.5 * (np.linalg.norm(cone[3:6]) + cone[6] + abs(cone[7])))
     camera = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, -1, focal, 4.0, 4.0, 50.0])
