@@ -28,7 +28,8 @@ from crowdsim.take.poses import Poses, PoseSampler
 Array = NDArray[Any]
 
 FPS = 60.0
-STEPS = np.arange(-12, 13, 3)
+STEPS, WIDE_STEPS = np.arange(-12, 13, 3), np.arange(-28, 29, 7)
+"""Frames around a moment that are shown, and around one that has feet step."""
 TILE = (170, 190)
 _MOST_AVATARS = 60
 
@@ -37,23 +38,25 @@ def draw_strips(sampler: PoseSampler, path: Path, seed: int = 1, threads: int = 
     """Draw all strips into a PNG file."""
     rng = np.random.default_rng(seed)
     rows = []
-    for title, moments in (
-        ("transition", transitions(sampler, rng)),
-        ("planted foot", plants(sampler, rng)),
-        ("strike", strikes(sampler, rng)),
+    for title, moments, steps in (
+        ("transition", transitions(sampler, rng), STEPS),
+        ("planted foot", plants(sampler, rng), WIDE_STEPS),
+        ("strike", strikes(sampler, rng), STEPS),
     ):
         for number, (time, avatars) in enumerate(moments):
-            rows.append(draw_moment(sampler, f"{title} {number + 1}", time, avatars, threads))
+            rows.append(draw_moment(sampler, f"{title} {number + 1}", time, avatars, steps, threads))
     picture = Image.fromarray(np.concatenate(rows)).quantize(220, dither=Image.Dither.NONE)
     temporary = path.with_name(f".{path.name}")
     picture.save(temporary, format="PNG", optimize=True)
     temporary.replace(path)
 
 
-def draw_moment(sampler: PoseSampler, title: str, time: float, avatars: list[int], threads: int = 2) -> Array:
+def draw_moment(
+    sampler: PoseSampler, title: str, time: float, avatars: list[int], steps: Array, threads: int = 2
+) -> Array:
     """Draw two rows of tiles around a time, from the side of the first avatar."""
     middle = round(time * FPS)
-    start, stop = middle + int(STEPS[0]), middle + int(STEPS[-1]) + 1
+    start, stop = middle + int(steps[0]), middle + int(steps[-1]) + 1
     who = np.array(sorted(avatars))
     before, after = sampler.captured(start, stop, FPS, who), sampler.sample(start, stop, FPS, who)
     told = next(poses for poses in after if avatars[0] in poses.avatars)
@@ -70,7 +73,7 @@ def draw_moment(sampler: PoseSampler, title: str, time: float, avatars: list[int
     eye = centre + 5.6 * np.array([math.sin(azimuth), 0.1, math.cos(azimuth)])
     strips = [
         np.concatenate(
-            [_draw_tile(sampler, poses, step, eye, centre, azimuth, threads) for step in range(len(STEPS))], 1
+            [_draw_tile(sampler, poses, steps, at, eye, centre, azimuth, threads) for at in range(len(steps))], 1
         )
         for poses in (before, after)
     ]
@@ -81,9 +84,16 @@ def draw_moment(sampler: PoseSampler, title: str, time: float, avatars: list[int
 
 
 def _draw_tile(
-    sampler: PoseSampler, poses: list[Poses], step: int, eye: Array, centre: Array, azimuth: float, threads: int
+    sampler: PoseSampler,
+    poses: list[Poses],
+    steps: Array,
+    step: int,
+    eye: Array,
+    centre: Array,
+    azimuth: float,
+    threads: int,
 ) -> Array:
-    at = int(STEPS[step] - STEPS[0])
+    at = int(steps[step] - steps[0])
     figures, owners, scales, posed = [], [], [], []
     for index, part in enumerate(poses):
         figures.append(sampler.policies[part.policy].database.body)
@@ -102,7 +112,7 @@ def _draw_tile(
     ).astype(np.uint16)
     small = (large[::2, ::2] + large[1::2, ::2] + large[::2, 1::2] + large[1::2, 1::2] + 2) // 4
     tile = small.astype(np.uint8)
-    draw_caption(tile, f"{STEPS[step] / FPS:+.2f}", corner=(5, TILE[1] - 16), height=11)
+    draw_caption(tile, f"{steps[step] / FPS:+.2f}", corner=(5, TILE[1] - 16), height=11)
     return tile
 
 
@@ -145,7 +155,7 @@ def plants(sampler: PoseSampler, rng: np.random.Generator) -> list[tuple[float, 
     sizes, moments = [], []
     for frames, cuts, avatars in _some_cuts(sampler):
         planted = frames.contacts[cuts.before] & frames.contacts[cuts.after]
-        jump = (np.linalg.norm(cuts.gaps, axis=-1) * planted).max(axis=1)
+        jump = (np.linalg.norm(cuts.gaps[..., :3], axis=-1) * planted).max(axis=1)
         for k in range(len(cuts.times)):
             sizes.append(jump[k] if _inside(sampler, cuts.times[k]) else -1.0)
             moments.append((float(cuts.times[k]), [int(avatars[cuts.owners[k]])]))
