@@ -130,7 +130,9 @@ def test_strikes_that_land_flash_for_a_moment(walkers):
 def test_cameras_stand_side_by_side(walkers):
     both = batch.build_stage(walkers, SIZE, "side+top", caption=False).picture(3)
     halves = [batch.build_stage(walkers, (48, 64), camera, caption=False).picture(3) for camera in ("side", "top")]
-    np.testing.assert_array_equal(both, np.concatenate(halves, axis=1))
+    beside = [*range(47), *range(49, 96)]
+    np.testing.assert_array_equal(both[:, beside], np.concatenate(halves, axis=1)[:, beside])
+    assert len(np.unique(both[:, 47:49])) == 1
 
 
 @pytest.mark.parametrize(
