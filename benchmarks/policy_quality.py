@@ -167,8 +167,10 @@ def precisions(policy: Policy, name: str, spec: BehaviourSpec, threads: int) -> 
         exact = train(policy, name, changed(spec, counts, lookup=lookup))
         best = 0.0
         for precision, size in (("float32", 4), ("float16", 2), ("int8", 1)):
-            table = bundle.decode(*bundle.encode(exact.table, precision))
-            episodes = run_episodes(policy, replace(exact, table=table), states, targets, threads=threads)
+            table, low, step = bundle.encode(exact.table, precision)
+            episodes = run_episodes(
+                policy, replace(exact, table=table, low=low, step=step), states, targets, threads=threads
+            )
             best = best or float(episodes.returns.mean())
             shape = " x ".join(str(count) for count in exact.grid.shape)
             loss = 1.0 - episodes.returns.mean() / best

@@ -33,11 +33,11 @@ class Model(NamedTuple):
             it is. Shape (5, .), float32.
         strikes: For each strike its time [control frames from the state], the fist's place seen from the action's start
             [m], its speed over the mean of all, its speed [m/s], the hand. Shape (K, 7), float32.
-        behaviours: As in ``policy.LookupTables``, places moved. Shape (B, 9), float64.
+        behaviours: As in ``policy.LookupTables``, places moved. Shape (B, 11), float64.
         discounts: The discount of each behaviour to the power of 0, 1, 2 ... Shape (B, longest T + 1), float64.
         axes: As in ``policy.LookupTables``. Shape (n, 7), float64.
         terms: Likewise. Shape (n, 9), float64.
-        table: Likewise. Flat, float32.
+        table: Likewise; float32 where policies of a run differ. Flat, float32 or uint8.
         ground: Ground transform of each playback frame in its clip's world. Shape (L, 3), float64.
         bodies: Centre of the head, upper and lower end of the torso, in the frame's ground frame [m]. Shape (L, 9),
             float32.
@@ -160,13 +160,15 @@ class Record(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Scratch space for those who choose together, ``kernels.BATCH`` of them, and for all actions of a state.
+    """Scratch space for those who choose together, a batch, and for all actions of a state.
 
     Attributes:
         situations: Where each one's target is. Shape (batch, 3), float64.
         states: The state that it chooses in, -1 where there is nobody to fight. Shape (batch,), int32.
         moods: Its mood. Shape (batch,), int32.
         policies: Its policy. Shape (batch,), int32.
+        order: Places in the batch in the order of states. Shape (batch,), int64.
+        starts: Where each state begins in it. Shape (S + 2,), int64.
         values: What its actions are worth. Shape (batch, most actions of a state), float64.
         cells: Corners of a cell for each action. Shape (most corners, most actions), int64.
         shares: Their shares. Shape (most corners, most actions), float64.
@@ -180,6 +182,8 @@ class Scratch(NamedTuple):
     states: Array
     moods: Array
     policies: Array
+    order: Array
+    starts: Array
     values: Array
     cells: Array
     shares: Array
@@ -206,18 +210,19 @@ def empty_record(frames: int, count: int) -> Record:
     return Record(np.empty((2, frames, count), np.int32), np.empty((4, frames, count), np.float32))
 
 
-def empty_scratch(model: Model, neighbours: int) -> Scratch:
-    """Return scratch space for the states of a model, and for so many neighbours."""
+def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
+    """Return scratch space for the states of a model, for so many neighbours, and for a batch."""
     width = int(np.diff(model.offsets).max())
     behaviours = model.behaviours
     corners = 2 ** int((behaviours[:, 1] - behaviours[:, 0]).max(initial=0))
     rows = int(np.diff(model.actions[model.offsets, kernels.PATHS]).max())
-    batch = kernels.BATCH
     return Scratch(
         situations=np.empty((batch, 3)),
         states=np.empty(batch, np.int32),
         moods=np.empty(batch, np.int32),
         policies=np.empty(batch, np.int32),
+        order=np.empty(batch, np.int64),
+        starts=np.empty(len(model.offsets) + 1, np.int64),
         values=np.empty((batch, width)),
         cells=np.empty((corners, width), np.int64),
         shares=np.empty((corners, width)),

@@ -29,7 +29,7 @@ HEAD, NECK, PELVIS = 0, 3, 6
 STRIDE, BEHAVIOURS, ACTIONS, STATES = range(4)
 MARGIN, MOST, TEMPERATURE, HYSTERESIS = range(4)
 
-BATCH = 512  # avatars that choose together
+SORTED = 256  # so many avatars that choose together do so in the order of their states
 
 _clock_type = types.int32(types.int32, types.CPointer(types.int64))
 _clock_gettime = types.ExternalFunction("clock_gettime", _clock_type)
@@ -242,9 +242,9 @@ def _add_rewards(actions, moves, paths, strikes, terms, row, offset, n, x, y, z,
 @_kernel
 def value_actions(
     offsets, policies, actions, moves, paths, strikes, behaviours, discounts, axes, terms, table, weights, first,
-    last, situations, states, moods, whose, cells, shares, steps, work, rows, out,
+    last, order, situations, states, moods, whose, cells, shares, steps, work, rows, out,
 ):  # fmt: skip
-    """Write what each action of a state is worth in situations ``first`` to ``last``.
+    """Write what each action of a state is worth in the situations ``order[first:last]``.
 
     A situation is where the target's head is in the avatar's ground frame, for a body of scale 1: x, y, z [m]; then a
     ``state``, a row of ``weights``, which are those of the behaviours, and a policy. ``cells`` to ``rows``
@@ -252,7 +252,8 @@ def value_actions(
     """
     spare, sums, distances, angles = work[0], work[1], work[2], work[3]
     low, high = steps[0], steps[1]
-    for q in range(first, last):
+    for place in range(first, last):
+        q = order[place]
         state, mood, policy = states[q], moods[q], whose[q]
         if state < 0:
             continue
@@ -280,12 +281,14 @@ def value_actions(
                     spare[0] = distance if kind == 0.0 else (bearing if kind == 1.0 else y)
                     corners = _spread(axes, row, spare, 1, corners, cells, shares, low, high, rows)
                 entry = int(behaviours[b, 6]) + offset * cell_count
+                for k in range(n):
+                    out[q, k] += factor * behaviours[b, 9]
                 for corner in range(corners):
-                    share = shares[corner, 0]
+                    share = shares[corner, 0] * behaviours[b, 10]
                     if share != 0.0:
-                        place = entry + cells[corner, 0] * n
+                        begin = np.uint64(entry + cells[corner, 0] * n)
                         for k in range(n):
-                            out[q, k] += share * table[place + k]
+                            out[q, k] += share * table[begin + np.uint64(k)]
                 continue
             # One step of look-ahead: what the action earns itself, and what its end is worth.
             if not looked:
@@ -304,7 +307,8 @@ def value_actions(
             _look_up(table, corners, n, cells, shares, sums)
             log_discount = math.log(behaviours[b, 8])
             for k in range(n):
-                out[q, k] += factor * discounts[b, actions[offset + k, LENGTH]] * sums[k]
+                later = behaviours[b, 9] + behaviours[b, 10] * sums[k]
+                out[q, k] += factor * discounts[b, actions[offset + k, LENGTH]] * later
             for row in range(int(behaviours[b, 2]), int(behaviours[b, 3])):
                 _add_rewards(
                     actions, moves, paths, strikes, terms, row, offset, n, x, y, z, log_discount, factor, rows, out, q
@@ -441,9 +445,7 @@ def crowd_out(
     arena,
     crowding,
     due,
-    order,
-    first,
-    last,
+    count,
     counts,
     neighbours,
     near,
@@ -451,19 +453,18 @@ def crowd_out(
 ):
     """Lower the values of actions that end, or pass, inside a neighbour or outside the arena.
 
-    For avatars ``due[order[first:last]]``; neighbours run along with ``due``, values with the order.
+    For avatars ``due[:count]``, with which neighbours and values run along.
     """
     end_cost, path_cost, disc, gap = crowding[0], crowding[1], crowding[2], crowding[3]
-    for q in range(first, last):
-        observed = order[q]
-        own = due[observed]
+    for q in range(count):
+        own = due[q]
         x, z, scale, speed = real[X, own], real[Z, own], real[SCALE, own], real[SPEED, own]
         state = actions[whole[ACTION, own], NEXT]
         offset = offsets[state]
         furthest = reaches[state] * scale
         close = 0
-        for m in range(counts[observed]):
-            j = neighbours[observed, m]
+        for m in range(counts[q]):
+            j = neighbours[q, m]
             ax, az = real[X, j] - x, real[Z, j] - z
             wx, wz = real[END_X, j] - real[X, j], real[END_Z, j] - real[Z, j]
             room = disc * (scale + real[SCALE, j]) + gap
@@ -567,35 +568,35 @@ def _pick(values, row, n, margin, most, temperature, number, chances):
 
 
 @_kernel
-def order_by_state(whole, actions, due, first, last, starts, out_order):
-    """List the places ``first`` to ``last`` of ``due`` by the state that each is in; ``starts`` (S + 1,) is scratch.
+def order_by_state(states, count, starts, out_order):
+    """List the places of ``states[:count]`` by state; ``starts`` (S + 2,) is scratch.
 
     Those who choose among the same actions come one after another, so that these are read from memory once.
     """
     for state in range(starts.shape[0]):
         starts[state] = 0
-    for q in range(first, last):
-        starts[actions[whole[ACTION, due[q]], NEXT] + 1] += 1
+    for q in range(count):
+        starts[states[q] + 2] += 1
     for state in range(1, starts.shape[0]):
         starts[state] += starts[state - 1]
-    for q in range(first, last):
-        state = actions[whole[ACTION, due[q]], NEXT]
-        out_order[starts[state]] = q
-        starts[state] += 1
+    for q in range(count):
+        place = states[q] + 1
+        out_order[starts[place]] = q
+        starts[place] += 1
 
 
 @_kernel
 def aim(
-    whole, real, slot_of, actions, bodies, policies, arena, crowding, targets, moods, present, moment, due, order,
-    first, last, nearest, out_situations, out_states, out_moods, out_policies,
+    whole, real, slot_of, actions, bodies, policies, arena, crowding, targets, moods, present, moment, due, count,
+    nearest, out_situations, out_states, out_moods, out_policies,
 ):  # fmt: skip
-    """Choose opponents for avatars ``due[order[first:last]]`` and write their situations (``value_actions``).
+    """Choose opponents for avatars ``due[:count]`` and write their situations (``value_actions``).
 
     The state is that in which the action ends, or -1 where there is nobody to fight.
     """
-    for q in range(first, last):
-        own = due[order[q]]
-        opponent = _change_opponent(whole, real, slot_of, moods, present, own, nearest[order[q]])
+    for q in range(count):
+        own = due[q]
+        opponent = _change_opponent(whole, real, slot_of, moods, present, own, nearest[q])
         whole[OPPONENT_BEFORE, own] = whole[OPPONENT, own]
         whole[OPPONENT, own] = opponent
         x, z, scale = real[X, own], real[Z, own], real[SCALE, own]
@@ -630,10 +631,10 @@ def aim(
 
 
 @_kernel
-def draw_actions(whole, offsets, actions, moods, stream, due, order, first, last, values, chances, out_chosen):
-    """Draw the next action of avatars ``due[order[first:last]]`` by its value; return -1, or a slot without numbers."""
-    for q in range(first, last):
-        own = due[order[q]]
+def draw_actions(whole, offsets, actions, moods, stream, due, count, values, chances, out_chosen):
+    """Draw the next action of avatars ``due[:count]`` by its value; return -1, or a slot without numbers."""
+    for q in range(count):
+        own = due[q]
         state, mood = actions[whole[ACTION, own], NEXT], whole[MOOD, own]
         number = draw(stream[0], whole[NUMBER, own], whole[DECISIONS, own])
         picked = _pick(
@@ -642,51 +643,52 @@ def draw_actions(whole, offsets, actions, moods, stream, due, order, first, last
         )  # fmt: skip
         if picked < 0:
             return own
-        out_chosen[order[q]] = offsets[state] + picked
+        out_chosen[q] = offsets[state] + picked
     return -1
 
 
 @_kernel
-def keep_running(whole, offsets, actions, moves, due, order, first, last, states, values):
+def keep_running(whole, offsets, actions, moves, due, count, states, values):
     """Where there is nobody to fight, let captured motion run on: the cheapest transition is worth most."""
-    for q in range(first, last):
+    for q in range(count):
         if states[q] < 0:
-            state = actions[whole[ACTION, due[order[q]]], NEXT]
+            state = actions[whole[ACTION, due[q]], NEXT]
             for k in range(offsets[state + 1] - offsets[state]):
                 values[q, k] = -moves[COST, offsets[state] + k]
 
 
 @_kernel
-def choose(
-    model, avatars, world, present, moment, due, order, first, last, nearest, counts, neighbours, scratch, out_chosen
-):
-    """Choose an opponent and the next action for avatars ``due[order[first:last]]``, at most ``BATCH`` of them.
+def choose(model, avatars, world, present, moment, due, count, nearest, counts, neighbours, scratch, out_chosen):
+    """Choose an opponent and the next action for avatars ``due[:count]``, for whom ``scratch`` has room.
 
-    ``nearest``, ``counts`` and ``neighbours`` are what was observed and run along with ``due``; ``moment`` is the row
-    of ``world.targets`` for this frame. Writes the chosen actions along with ``due``. Returns -1, or the slot of an
+    ``nearest``, ``counts`` and ``neighbours`` are what was observed and run along with ``due``, as the chosen actions
+    do; ``moment`` is the row of ``world.targets`` for this frame. Everybody looks around in the order of storage, in
+    which neighbours lie together; many weigh their actions in the order of their states. Returns -1, or the slot of an
     avatar whose values are no numbers.
     """
     aim(
         avatars.whole, avatars.real, avatars.slot_of, model.actions, model.bodies, model.policies, world.arena,
-        world.crowding, world.targets, world.moods, present, moment, due, order, first, last, nearest,
-        scratch.situations, scratch.states, scratch.moods, scratch.policies,
+        world.crowding, world.targets, world.moods, present, moment, due, count, nearest, scratch.situations,
+        scratch.states, scratch.moods, scratch.policies,
     )  # fmt: skip
+    if count >= SORTED:
+        order_by_state(scratch.states, count, scratch.starts, scratch.order)
+    else:
+        for q in range(count):
+            scratch.order[q] = q
     value_actions(
         model.offsets, model.policies, model.actions, model.moves, model.paths, model.strikes, model.behaviours,
-        model.discounts, model.axes, model.terms, model.table, world.weights, first, last, scratch.situations,
-        scratch.states, scratch.moods, scratch.policies, scratch.cells, scratch.shares, scratch.steps, scratch.work,
-        scratch.rows, scratch.values,
+        model.discounts, model.axes, model.terms, model.table, world.weights, 0, count, scratch.order,
+        scratch.situations, scratch.states, scratch.moods, scratch.policies, scratch.cells, scratch.shares,
+        scratch.steps, scratch.work, scratch.rows, scratch.values,
     )  # fmt: skip
-    keep_running(
-        avatars.whole, model.offsets, model.actions, model.moves, due, order, first, last, scratch.states,
-        scratch.values,
-    )  # fmt: skip
+    keep_running(avatars.whole, model.offsets, model.actions, model.moves, due, count, scratch.states, scratch.values)
     crowd_out(
         avatars.whole, avatars.real, model.offsets, model.reaches, model.actions, model.moves, world.arena,
-        world.crowding, due, order, first, last, counts, neighbours, scratch.near, scratch.values,
+        world.crowding, due, count, counts, neighbours, scratch.near, scratch.values,
     )  # fmt: skip
     return draw_actions(
-        avatars.whole, model.offsets, model.actions, world.moods, world.stream, due, order, first, last, scratch.values,
+        avatars.whole, model.offsets, model.actions, world.moods, world.stream, due, count, scratch.values,
         scratch.rows, out_chosen,
     )  # fmt: skip
 
@@ -893,7 +895,8 @@ def run_frames(
     slot of an avatar that got lost. Returns the frames done, which are fewer where room for strikes may not last, and
     the number of strikes.
     """
-    due, hits, order = np.empty(present, np.int32), np.empty(present, np.int64), np.arange(present)
+    due, hits = np.empty(present, np.int32), np.empty(present, np.int64)
+    room = scratch.states.shape[0]
     nearest, counts = np.empty(present, np.int32), np.empty(present, np.int32)
     chosen = np.empty(present, np.int32)
     neighbours = np.empty((present, most_near), np.int32)
@@ -921,12 +924,12 @@ def run_frames(
         if timings is not None:
             times[2] = _now(clock)
         lost = -1
-        for start in range(0, dues, BATCH):
+        for start in range(0, dues, room):
             lost = max(
                 lost,
                 choose(
-                    model, avatars, world, present, k + 1, due, order[start:], 0, min(BATCH, dues - start), nearest,
-                    counts, neighbours, scratch, chosen,
+                    model, avatars, world, present, k + 1, due[start:], min(room, dues - start), nearest[start:],
+                    counts[start:], neighbours[start:], scratch, chosen[start:],
                 ),
             )  # fmt: skip
         if lost >= 0:

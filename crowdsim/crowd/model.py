@@ -46,7 +46,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
     }
     behaviours = []
     for p, table in enumerate(tables):
-        rows = np.array(table.behaviours, dtype=float).reshape(-1, 9)
+        rows = np.array(table.behaviours, dtype=float).reshape(-1, 11)
         rows[:, 0:2] += starts["axis"][p]
         rows[:, 2:4] += starts["term"][p]
         # Places in a table count from the policy's own first action or state; here from the run's.
@@ -62,6 +62,10 @@ def build_model(policies: Sequence[Policy]) -> Model:
         for policy, reach in zip(policies, map(_tolerance, policies), strict=True)
     ]
     parts = [np.asarray(table.table) for table in tables]
+    if len({part.dtype for part in parts}) > 1:
+        parts = [policy_values(policy) for policy in policies]
+        for rows in behaviours:
+            rows[:, 9:11] = 0.0, 1.0
     values = (parts[0] if len(parts) == 1 else np.concatenate(parts)).view(np.ndarray)
     values.flags.writeable = False  # mapped or not, kernels are compiled for one type
     paths = _joined([action.paths for action in actions], np.float64)
@@ -105,6 +109,11 @@ def build_model(policies: Sequence[Policy]) -> Model:
         ).astype(np.int32),
         sizes=np.array(sizes, dtype=float),
     )
+
+
+def policy_values(policy: Policy) -> Array:
+    """Return the tables of all behaviours as numbers, float32, one after another."""
+    return np.concatenate([behaviour.values() for behaviour in policy.behaviours]).astype(np.float32)
 
 
 def entry_actions(model: Model) -> Array:

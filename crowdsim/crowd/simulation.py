@@ -37,8 +37,8 @@ STAGES = ("index", "observe", "choose", "advance", "strikes", "record")
 SMALL = 400
 """Most avatars whose opponents are found by comparing with everyone, many frames in one compiled call."""
 
-_TOGETHER = 65_536
-"""Avatars of one thread that observe before they choose, which they do in the order of their states."""
+_TOGETHER = 8192
+"""Avatars of one thread that observe and choose together; what they note stays in a processor's cache."""
 
 _CHUNK_AVATAR_FRAMES = 1_000_000
 
@@ -125,7 +125,7 @@ class Simulation:
         self._profiled = profiled
         self._fresh = np.arange(self.present, dtype=np.int32)
         self._due = np.empty(crowd.count, np.int32)
-        self._scratch = empty_scratch(self.model, crowd.crowding.most)
+        self._scratch = empty_scratch(self.model, crowd.crowding.most, min(SMALL, max(crowd.count, 1)))
         self._world = World(
             weights=np.array(crowd.weights, dtype=float),
             moods=np.column_stack([crowd.margins, crowd.most, crowd.temperatures, crowd.hysteresis]).astype(float),
@@ -268,23 +268,19 @@ class Simulation:
         def decide(first: int, last: int) -> None:
             room = min(_TOGETHER, last - first)
             opponents, counts = np.empty(room, np.int32), np.empty(room, np.int32)
-            neighbours, order = np.empty((room, near.most), np.int32), np.empty(room, np.int64)
-            starts = np.empty(len(self.model.offsets), np.int64)
-            scratch = empty_scratch(self.model, near.most)
+            neighbours = np.empty((room, near.most), np.int32)
+            scratch = empty_scratch(self.model, near.most, room)
             for start in range(first, last, _TOGETHER):
                 some = due[start : min(start + _TOGETHER, last)]
                 begun = perf_counter_ns()
                 self._index.observe(self.avatars, some, 0, len(some), near.reach, opponents, counts, neighbours)
                 observed = perf_counter_ns()
-                kernels.order_by_state(self.avatars.whole, self.model.actions, some, 0, len(some), starts, order)
-                for batch in range(0, len(some), kernels.BATCH):
-                    slot = kernels.choose(
-                        self.model, self.avatars, world, self.present, 1, some, order[batch:], 0,
-                        min(kernels.BATCH, len(some) - batch), opponents, counts, neighbours, scratch,
-                        chosen[start:last],
-                    )  # fmt: skip
-                    if slot >= 0:
-                        lost.append(slot)
+                slot = kernels.choose(
+                    self.model, self.avatars, world, self.present, 1, some, len(some), opponents, counts, neighbours,
+                    scratch, chosen[start:last],
+                )  # fmt: skip
+                if slot >= 0:
+                    lost.append(slot)
                 spent[0] += observed - begun
                 spent[1] += perf_counter_ns() - begun
 

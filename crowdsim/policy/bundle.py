@@ -88,8 +88,10 @@ def _write(folder: Path, policy: Policy, timings: Mapping[str, Any]) -> None:
         arrays[f"actions_{name}"] = array
     stored = []
     for behaviour, told in zip(policy.behaviours, document["behaviours"], strict=True):
-        codes, told["stored_low"], told["stored_step"] = encode(behaviour.table, str(policy.recipe["precision"]))
-        stored.append(codes)
+        told["stored_low"], told["stored_step"] = behaviour.low, behaviour.step
+        stored.append(
+            behaviour.table.astype(np.float16) if policy.recipe["precision"] == "float16" else behaviour.table
+        )
     arrays["values"] = np.concatenate(stored)
     files = {}
     for name, array in sorted(arrays.items()):
@@ -153,24 +155,17 @@ def read_timings(folder: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def encode(values: Array, precision: str) -> tuple[Array, float, float]:
-    """Return values as they are stored, and the lowest value and the step of stored whole numbers.
+    """Return values as control reads them, what an entry of 0 is worth, and what one more is.
 
-    ``float32`` and ``float16`` are stored as they are, ``int8`` as 256 steps between the lowest and the highest.
+    ``float16`` keeps as many digits in the bundle and is read as float32; ``int8`` makes 256 steps between the lowest
+    and the highest value, which are also read.
     """
     if precision != "int8":
-        return values.astype(np.float16 if precision == "float16" else np.float32), 0.0, 1.0
+        rounded = values.astype(np.float16) if precision == "float16" else values
+        return rounded.astype(np.float32), 0.0, 1.0
     low, high = float(values.min()), float(values.max())
     step = (high - low) / 255.0 or 1.0
     return np.rint((values - low) / step).astype(np.uint8), low, step
-
-
-def decode(stored: Array, low: float, step: float) -> Array:
-    """Return stored values as numbers; float32 as it is, without a copy."""
-    if stored.dtype == np.float32:
-        return stored
-    if stored.dtype == np.float16:
-        return stored.astype(np.float32)
-    return (low + step * stored.astype(np.float32)).astype(np.float32)
 
 
 def file_hash(path: Path) -> str:
@@ -254,12 +249,10 @@ def _assemble(folder: Path, document: Mapping[str, Any], arrays: Mapping[str, Ar
     actions = Actions(*(arrays[f"actions_{name}"] for name in Actions._fields))
     terms: TypeAdapter[Any] = TypeAdapter(tuple[AnyTerm, ...])
     stored = arrays["values"]
-    values = stored if stored.dtype == np.float32 else np.empty(len(stored), np.float32)
+    values = stored.astype(np.float32) if stored.dtype == np.float16 else stored
     behaviours, first = [], 0
     for told in document["behaviours"]:
         end = first + told["entries"]
-        if values is not stored:
-            values[first:end] = decode(stored[first:end], told["stored_low"], told["stored_step"])
         grid = build_grid(Axis(**axis) for axis in told["axes"])
         expected = grid.cells * (actions.action_count if told["lookup"] == "q" else actions.state_count)
         if told["entries"] != expected or end > len(values):
@@ -275,6 +268,8 @@ def _assemble(folder: Path, document: Mapping[str, Any], arrays: Mapping[str, Ar
                 scale=told["scale"],
                 terms=terms.validate_python(told["rewards"]),
                 discount=told["discount"],
+                low=told["stored_low"],
+                step=told["stored_step"],
             )
         )
         first = end

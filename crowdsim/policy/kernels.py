@@ -147,10 +147,12 @@ def behaviour_values(tables, behaviour, state, x, y, z, factor, cells, weights, 
     if numbers[4] == 0.0:
         corners, _ = find_corners(tables.axes, axis_first, axis_end, x, y, z, cells, weights)
         base = start + first * cell_count
+        for k in range(n):
+            out[k] += factor * numbers[9]
         for corner in range(corners):
             if weights[corner] != 0.0:
                 entry = base + cells[corner] * n
-                share = weights[corner] * factor
+                share = weights[corner] * factor * numbers[10]
                 for k in range(n):
                     out[k] += share * tables.table[entry + k]
         return
@@ -164,6 +166,7 @@ def behaviour_values(tables, behaviour, state, x, y, z, factor, cells, weights, 
         later = 0.0
         for corner in range(corners):
             later += weights[corner] * tables.table[entry + cells[corner]]
+        later = numbers[9] + numbers[10] * later
         out[k] += factor * (value + math.exp(log_discount * actions.lengths[a]) * later)
 
 
@@ -303,7 +306,7 @@ def table_value(tables, behaviour, state, x, y, z, cells, weights):
     value = 0.0
     for corner in range(corners):
         value += weights[corner] * tables.table[entry + cells[corner]]
-    return value
+    return numbers[9] + numbers[10] * value
 
 
 @njit(cache=True)

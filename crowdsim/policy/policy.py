@@ -37,11 +37,13 @@ class Behaviour:
             ``offsets[s] * cells + c * n + k``, where n is the number of actions of s, so that actions lie side by side.
             ``v``: it holds V(state, cell) at ``s * cells + c``, and Q(action, e) is the action's own reward, exactly
             where the target is, plus gamma^T times V interpolated where the target will be.
-        table: The values, flat. Shape (A * cells,) or (S * cells,), float32.
+        table: The values, flat. Shape (A * cells,) or (S * cells,), float32; or uint8, whole numbers of steps.
         scale: Spread of V over states and cells (from its 5th to its 95th percentile). Values are divided by it before
             behaviours are added up.
         terms: The reward's terms.
         discount: gamma, a control frame.
+        low: What an entry of 0 is worth.
+        step: What an entry is worth more than the one below it.
     """
 
     name: str
@@ -51,6 +53,13 @@ class Behaviour:
     scale: float
     terms: tuple[Term, ...]
     discount: float
+    low: float = 0.0
+    step: float = 1.0
+
+    def values(self, entries: Any = slice(None)) -> Array:
+        """Return entries of the table as numbers, float64."""
+        numbers: Array = self.low + self.step * self.table[entries].astype(np.float64)
+        return numbers
 
 
 class LookupTables(NamedTuple):
@@ -60,13 +69,13 @@ class LookupTables(NamedTuple):
 
     Attributes:
         actions: The graph's actions; see ``Actions``.
-        behaviours: A row for each behaviour. Shape (B, 9), float64, whole numbers where they are places or counts:
+        behaviours: A row for each behaviour. Shape (B, 11), float64, whole numbers where they are places or counts:
             first and end row in ``axes``; first and end row in ``terms``; look-up (0 is q, 1 is v); number of cells;
-            first entry in ``table``; scale; discount.
+            first entry in ``table``; scale; discount; what an entry of 0 is worth, and a step of 1 more.
         axes: A row for each axis of each grid. Shape (n, 7), float64: code of ``AXIS_KINDS``, minimum, step, count,
             whether it wraps, stride in a table, fade.
         terms: A row for each reward term. Shape (n, 9), float64: code, then the term's numbers as its ``pack`` says.
-        table: The tables of all behaviours, one after another. Flat, float32.
+        table: The tables of all behaviours, one after another. Flat, float32 or uint8.
     """
 
     actions: Actions
@@ -87,7 +96,8 @@ class Policy:
         actions: What the graph's actions do, as seen from their states.
         behaviours: What has been learned.
         body: Sizes of the target that it was trained for.
-        values: The tables of all behaviours one after another, of which each ``table`` is a part. Flat, float32.
+        values: The tables of all behaviours one after another, of which each ``table`` is a part. Flat, float32 or
+            uint8.
         recipe: The recipe as it was resolved, plain data.
         statistics: What ``crowdsim inspect`` tells, plain data.
         fingerprint: SHA-256 over recipe, capture and sources, in hexadecimal.
@@ -147,12 +157,12 @@ def build_lookup_tables(
         terms.append(pack_terms(behaviour.terms, body))
         axis_end, term_end = axis_start + len(axes[-1]), term_start + len(terms[-1])
         lookup, cells = LOOKUPS.index(behaviour.lookup), behaviour.grid.cells
-        numbers = (lookup, cells, table_start, behaviour.scale, behaviour.discount)
-        rows.append((axis_start, axis_end, term_start, term_end, *numbers))
+        facts = (behaviour.scale, behaviour.discount, behaviour.low, behaviour.step)
+        rows.append((axis_start, axis_end, term_start, term_end, lookup, cells, table_start, *facts))
         axis_start, term_start, table_start = axis_end, term_end, table_start + len(behaviour.table)
     if values is None:
-        values = np.concatenate([np.asarray(behaviour.table, dtype=np.float32) for behaviour in behaviours])
-    packed = np.array(rows, dtype=np.float64).reshape(-1, 9)
+        values = np.concatenate([behaviour.table for behaviour in behaviours])
+    packed = np.array(rows, dtype=np.float64).reshape(-1, 11)
     return LookupTables(actions, packed, np.concatenate(axes), np.concatenate(terms), np.asarray(values))
 
 
@@ -190,9 +200,9 @@ def _action_value(policy: Policy, behaviour: Behaviour, state: int, action: int,
     first, n = int(actions.offsets[state]), int(actions.offsets[state + 1] - actions.offsets[state])
     if behaviour.lookup == "q":
         cells, shares = corners(grid, target)
-        return float(shares @ behaviour.table[first * grid.cells + cells * n + (action - first)])
+        return float(shares @ behaviour.values(first * grid.cells + cells * n + (action - first)))
     reward = action_reward(actions, action, target, behaviour.terms, policy.body, behaviour.discount)
     later = ground.to_local(actions.displacements[action].astype(float), target)
     cells, shares = corners(grid, later)
-    value = float(shares @ behaviour.table[int(actions.next[action]) * grid.cells + cells])
+    value = float(shares @ behaviour.values(int(actions.next[action]) * grid.cells + cells))
     return reward + math.pow(behaviour.discount, int(actions.lengths[action])) * value

@@ -249,7 +249,7 @@ def train_behaviour(
     else:
         table = solution.q if solution.q is not None else q_table(model, solution.values)
     low, high = np.percentile(solution.values[:: max(1, model.state_count // 2000)], [5.0, 95.0])
-    stored = bundle.decode(*bundle.encode(np.asarray(table, dtype=np.float32), precision))
+    stored, zero, step = bundle.encode(np.asarray(table, dtype=np.float32), precision)
     behaviour = Behaviour(
         name=name,
         grid=grid,
@@ -258,6 +258,8 @@ def train_behaviour(
         scale=max(float(high - low), 1e-6),
         terms=terms,
         discount=spec.discount,
+        low=zero,
+        step=step,
     )
     return behaviour, solution
 

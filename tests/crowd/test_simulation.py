@@ -1,4 +1,5 @@
 import dataclasses
+from dataclasses import replace
 
 import naive_crowd
 import numpy as np
@@ -12,6 +13,7 @@ from crowdsim.crowd.random import Purpose, stream, uniform
 from crowdsim.crowd.script import Change, CirclePath, LinePath, Script
 from crowdsim.crowd.simulation import VARIABLES, Simulation, simulate
 from crowdsim.errors import RunError
+from crowdsim.policy.bundle import encode
 from crowdsim.policy.policy import action_values
 
 POLICIES = [policy(0, "v", name="one"), policy(1, "q", frames=50, stride=2, name="two")]
@@ -84,9 +86,12 @@ def test_a_run_is_that_of_the_naive_twin(name, fields, targets):
 
 
 @pytest.mark.parametrize("lookup", ["v", "q"])
-def test_actions_are_worth_what_the_policy_says(lookup):
+@pytest.mark.parametrize("precisions", [("float32", "float32"), ("int8", "int8"), ("int8", "float32")])
+def test_actions_are_worth_what_the_policy_says(lookup, precisions):
     one, two = policy(4, lookup), policy(5, "q" if lookup == "v" else "v", frames=30)
+    one, two = (in_precision(each, precision) for each, precision in zip((one, two), precisions, strict=True))
     model = build_model([one, two])
+    assert model.table.dtype == (np.uint8 if precisions == ("int8", "int8") else np.float32)
     names = "offsets policies actions moves paths strikes behaviours discounts axes terms table".split()
     of_model = [getattr(model, name) for name in names]
     rng = np.random.default_rng(2)
@@ -96,12 +101,22 @@ def test_actions_are_worth_what_the_policy_says(lookup):
         states = rng.integers(chosen.actions.state_count, size=60)
         targets, weights = rng.uniform([-3, 1.0, -3], [3, 1.9, 3], (60, 3)), rng.uniform(0, 2, (60, 2))
         values, numbers = np.empty((60, 64)), states + model.policies[index, kernels.STATES]
-        rows, policies = np.arange(60), np.full(60, index)
-        kernels.value_actions(*of_model, weights, 0, 60, targets, numbers, rows, policies, *scratch, values)
+        rows, policies, order = np.arange(60), np.full(60, index), rng.permutation(60)
+        kernels.value_actions(*of_model, weights, 0, 60, order, targets, numbers, rows, policies, *scratch, values)
         for k in range(60):
             named = {b.name: weights[k, column] for column, b in enumerate(chosen.behaviours)}
             expected = action_values(chosen, named, states[k], targets[k])
             np.testing.assert_allclose(values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
+
+
+def in_precision(chosen, precision):
+    """Return a policy whose tables are stored so."""
+    behaviours = []
+    for behaviour in chosen.behaviours:
+        table, low, step = encode(behaviour.table, precision)
+        behaviours.append(replace(behaviour, table=table, low=low, step=step))
+    values = np.concatenate([behaviour.table for behaviour in behaviours])
+    return replace(chosen, behaviours=tuple(behaviours), values=values)
 
 
 def test_bearings_and_exponentials_are_those_of_numpy():
