@@ -52,7 +52,7 @@ def draw_sheet(
         moment = small.astype(np.uint8)
         if stage.caption:
             text = f"{frame / stage.source.fps:.2f} s" if index else stage.title(frame)
-            draw_caption(moment, text, height=max(11, text_height(height)))
+            draw_caption(moment, text, height=max(text_height(height), round(height / 27)))
         y, x = _GAP + (index // columns) * (height + _GAP), _GAP + (index % columns) * (width + _GAP)
         sheet[y : y + height, x : x + width] = moment
         if progress:
