@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 
 class CrowdsimError(Exception):
@@ -47,6 +48,15 @@ class RunError(CrowdsimError):
     """A run failed although its input was valid."""
 
     exit_code = 1
+
+
+@contextmanager
+def under_way() -> Iterator[None]:
+    """Raise as ``RunError`` what cannot be written: its place was fit when the work began, so the input was valid."""
+    try:
+        yield
+    except OutputError as error:
+        raise RunError(str(error)) from error
 
 
 def nearest(word: str, choices: Iterable[str]) -> str:

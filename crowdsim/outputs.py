@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from crowdsim.errors import CrowdsimError, ScenarioError
+from crowdsim.errors import CrowdsimError, ScenarioError, under_way
 
 if TYPE_CHECKING:
     from crowdsim.crowd.scenario import Scenario
@@ -152,7 +152,8 @@ def export_take(
 
     Raises:
         TakeError: Avatars or frames are asked for that the take does not have.
-        OutputError: A file cannot be written.
+        OutputError: A folder cannot be made.
+        RunError: A file cannot be written.
     """
     from crowdsim.export.bvh import BvhSink
     from crowdsim.export.select import parse_avatars, parse_range
@@ -175,11 +176,12 @@ def export_take(
             from crowdsim.export.pointcloud import CloudSink
 
             sinks.append(CloudSink(sampler, target / kind, kind, fps, options.points, frames, options.every, avatars))
-    written = stream_poses(sampler, fps, sinks, threads, progress)
-    told = dict(zip(options.kinds, written, strict=True))
-    if target.resolve() == folder.resolve() and (folder / NAME).exists():
-        for kind, files in told.items():
-            update_manifest(folder, kind, files, asdict(options), threads)
+    with under_way():
+        written = stream_poses(sampler, fps, sinks, threads, progress)
+        told = dict(zip(options.kinds, written, strict=True))
+        if target.resolve() == folder.resolve() and (folder / NAME).exists():
+            for kind, files in told.items():
+                update_manifest(folder, kind, files, asdict(options), threads)
     return told
 
 

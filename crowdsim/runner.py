@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from crowdsim import assets
 from crowdsim.crowd.scenario import Scenario, dump_scenario
-from crowdsim.errors import CrowdsimError, OutputError, RunError
+from crowdsim.errors import CrowdsimError, RunError, under_way
 from crowdsim.manifest import NAME as MANIFEST
 from crowdsim.manifest import checksums, peak_memory, read_manifest, write_manifest
 from crowdsim.outputs import expect_outputs, write_outputs
@@ -127,10 +127,8 @@ def run_to(
         report.notes += clear_folder(folder)
         clock.lap("prepare")
         try:
-            _run_in(folder, scenario, prepared, resolved, threads, report, clock, command, caught, progress)
-        except OutputError as error:
-            # The folder was fit to be written when the run began, so its input was valid.
-            raise RunError(str(error)) from error
+            with under_way():
+                _run_in(folder, scenario, prepared, resolved, threads, report, clock, command, caught, progress)
         except OSError as error:
             where = error.filename or folder
             raise RunError(f"{where}: cannot be read or written: {error.strerror or error}") from error

@@ -10,7 +10,7 @@ import typer
 
 from crowdsim.commands.common import CORES, Json, make_folder, print_json, print_tree
 from crowdsim.commands.progress import Bars
-from crowdsim.errors import CrowdsimError
+from crowdsim.errors import CrowdsimError, under_way
 
 
 def inspect(
@@ -49,7 +49,9 @@ def _inspect_bundle(name: str, as_json: bool, plots: Path | None) -> None:
 
         make_folder(plots)
         settings = GraphSettings.model_validate(policy.recipe["graph"])
-        for picture in [*plot_graph(policy.database, policy.graph, settings, plots), *plot_bundle(policy, plots)]:
+        with under_way():
+            pictures = [*plot_graph(policy.database, policy.graph, settings, plots), *plot_bundle(policy, plots)]
+        for picture in pictures:
             print(picture, file=sys.stderr)
     if as_json:
         print_json(told)
@@ -76,7 +78,9 @@ def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
         from crowdsim.take.plots import plot_take
 
         make_folder(plots)
-        for picture in plot_take(sampler, plots):
+        with under_way():
+            pictures = plot_take(sampler, plots)
+        for picture in pictures:
             print(picture, file=sys.stderr)
     if as_json:
         print_json(told)
@@ -96,7 +100,9 @@ def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None
         from crowdsim.motion.plots import plot_capture
 
         make_folder(plots)
-        for picture in plot_capture(capture, study, plots):
+        with under_way():
+            pictures = plot_capture(capture, study, plots)
+        for picture in pictures:
             print(picture, file=sys.stderr)
     if as_json:
         print_json(told)

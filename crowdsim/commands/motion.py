@@ -9,6 +9,7 @@ import typer
 
 from crowdsim.commands.common import CORES, Force, Mocap, Threads, make_folder
 from crowdsim.commands.progress import Bars
+from crowdsim.errors import under_way
 
 
 def perform(
@@ -20,7 +21,7 @@ def perform(
     from crowdsim.motion.performer import write_performance
 
     make_folder(out)
-    with Bars() as bars:
+    with Bars() as bars, under_way():
         paths = write_performance(out, seconds, seed, progress=bars)
     print(f"{len(paths)} clips in {out}")
 

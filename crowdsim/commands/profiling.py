@@ -9,7 +9,7 @@ import typer
 
 from crowdsim.commands.common import Json, Mocap, make_folder, print_json
 from crowdsim.commands.progress import Bars
-from crowdsim.errors import CrowdsimError
+from crowdsim.errors import CrowdsimError, under_way
 
 
 def profile(
@@ -46,11 +46,12 @@ def profile(
     if out is not None:
         make_folder(out)
         first = profiles[0]
-        write_csv(out / "profile.csv", first.timings, first.avatars)
-        draw_profile(out / "profile.png", first.timings, first.avatars)
-        draw_scaling(out / "scaling.png", profiles)
-        if trace:
-            profiling.write_trace(out / "trace.json", first)
+        with under_way():
+            write_csv(out / "profile.csv", first.timings, first.avatars)
+            draw_profile(out / "profile.png", first.timings, first.avatars)
+            draw_scaling(out / "scaling.png", profiles)
+            if trace:
+                profiling.write_trace(out / "trace.json", first)
     if as_json:
         told: dict[str, Any] = {"scenario": loaded.name, "profiles": [profiling.describe(one) for one in profiles]}
         print_json(told if seconds is None else {**told, "writing_seconds": seconds})

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import OutputError
-from crowdsim.export.stream import Block, Progress, stream_poses
+from crowdsim.export.stream import Block, Progress, run_all, stream_poses
 from crowdsim.motion.bvh import BvhWriter
 from crowdsim.take.poses import Poses, PoseSampler
 
@@ -89,7 +89,7 @@ class BvhSink:
                 writer.append(roots[there], rotations[there])
 
         work = [(poses, column) for poses in block.poses for column in range(len(poses.avatars))]
-        list(pool.map(lambda item: append(*item), work))
+        run_all(pool, lambda item: append(*item), work)
         self.done = self.total * (high - self.start) // (self.stop - self.start)
 
     def close(self) -> list[Path]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from crowdsim.errors import OutputError, RunError
 from crowdsim.export.bvh import make_folder
 from crowdsim.export.cloud_kernels import place_points
-from crowdsim.export.stream import Block, Progress, stream_poses
+from crowdsim.export.stream import Block, Progress, run_all, stream_poses
 from crowdsim.export.surface import Surface, build_surface
 from crowdsim.take.poses import Poses, PoseSampler
 
@@ -147,7 +147,7 @@ class CloudSink:
             write_cloud(path, self._build(block.poses, joints, surfaces, frame - block.first))
             return path
 
-        self._files += pool.map(write, frames)
+        self._files += run_all(pool, write, frames)
 
     def close(self) -> list[Path]:
         """Return the files."""

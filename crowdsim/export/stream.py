@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ from crowdsim.take.poses import Poses, PoseSampler
 
 Array = NDArray[Any]
 Progress = Callable[[str, int, int], None]
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 _POSES_AT_ONCE = 16_000
 _FRAMES_AT_ONCE = 512
@@ -155,6 +157,17 @@ def _stream(
         raise
     finally:
         ahead.shutdown(wait=True, cancel_futures=True)
+
+
+def run_all(pool: ThreadPoolExecutor, work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+    """Return what work makes of every item, in order; where one fails, no other is still going on afterwards."""
+    futures = [pool.submit(work, item) for item in items]
+    try:
+        return [future.result() for future in futures]
+    finally:
+        for future in futures:
+            future.cancel()
+        wait(futures)
 
 
 def _union(sinks: Sequence[Sink]) -> Array:

@@ -14,7 +14,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from crowdsim.errors import CrowdsimError, OutputError, TakeError
+from crowdsim.errors import CrowdsimError, OutputError, TakeError, under_way
 from crowdsim.render.camera import Keys
 from crowdsim.render.contact_sheet import sheet_frames, write_sheet
 from crowdsim.render.source import PoseSource
@@ -93,7 +93,8 @@ def render(
     Raises:
         TakeError: The range of frames is empty or reaches beyond the source.
         CrowdsimError: The camera, an avatar or the size is invalid.
-        OutputError: A file cannot be written.
+        OutputError: A folder cannot be made.
+        RunError: A file cannot be written.
     """
     start, stop = check_frames(frames, source.frame_count, source.name)
     if mp4 and (size[0] % 2 or size[1] % 2):
@@ -136,21 +137,24 @@ def render(
     if kept and progress:
         progress("frames", kept, total)
     drawn = sum(work.stop - work.start for work in works)
-    if jobs > 1 and len(works) > 1:
-        _share(works, source, (size, camera, caption), max(1, threads // jobs), min(jobs, len(works)), preset, count)
-    else:
-        for work in works:
-            _draw_segment(stage, work, threads, preset, count)
-    files = [folder / f"{frame:06d}.png" for frame in range(start, stop)] if folder else []
-    if parts:
-        video = out / "video.mp4"
-        join(video, _segments(parts, start, stop))
-        remove_folder(parts)
-        files.append(video)
-    if contact_sheet > 0:
-        sheet = out / "contact_sheet.png"
-        write_sheet(sheet, stage, sheet_frames(start, stop, contact_sheet), threads, progress)
-        files.append(sheet)
+    with under_way():
+        if jobs > 1 and len(works) > 1:
+            _share(
+                works, source, (size, camera, caption), max(1, threads // jobs), min(jobs, len(works)), preset, count
+            )
+        else:
+            for work in works:
+                _draw_segment(stage, work, threads, preset, count)
+        files = [folder / f"{frame:06d}.png" for frame in range(start, stop)] if folder else []
+        if parts:
+            video = out / "video.mp4"
+            join(video, _segments(parts, start, stop))
+            remove_folder(parts)
+            files.append(video)
+        if contact_sheet > 0:
+            sheet = out / "contact_sheet.png"
+            write_sheet(sheet, stage, sheet_frames(start, stop, contact_sheet), threads, progress)
+            files.append(sheet)
     return Rendered(tuple(files), drawn, kept)
 
 

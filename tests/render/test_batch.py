@@ -8,7 +8,7 @@ from PIL import Image
 from render_sources import Walkers, random_walk
 from test_video import decode, describe
 
-from crowdsim.errors import CrowdsimError, OutputError, TakeError
+from crowdsim.errors import CrowdsimError, OutputError, RunError, TakeError
 from crowdsim.render import batch
 from crowdsim.render.batch import render
 from crowdsim.render.contact_sheet import sheet_frames
@@ -158,7 +158,7 @@ def test_a_failure_leaves_no_half_written_video(tmp_path, walkers, monkeypatch):
         raise OutputError(f"{path}: cannot write picture: No space left on device, the disk is full")
 
     monkeypatch.setattr(batch, "write_png", full)
-    with pytest.raises(OutputError, match="the disk is full"):
+    with pytest.raises(RunError, match="the disk is full"):
         render(walkers, tmp_path, size=SIZE, png=True, threads=2)
     assert not (tmp_path / "video.mp4").exists()
     assert not list(tmp_path.rglob("*.part"))
