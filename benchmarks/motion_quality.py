@@ -1,15 +1,15 @@
 """How well cuts are hidden: can a classifier tell them from captured motion?
 
-    python benchmarks/motion_quality.py [--mocap DIR] [--json] [--windows 2000] [--policy BUNDLE ...]
+    python benchmarks/motion_quality.py [--mocap DIR] [--json] [--windows 2000] [--seconds 0.4] [--policy BUNDLE ...]
 
 Sixty avatars fight everyone against everyone by a trained policy. Windows of 0.4 s around the cuts that they make
-stand against windows of the capture itself around the very frames that those cuts leave and enter, so that nothing but
-the cut tells them apart. `every` are cuts evenly drawn from all that the graph allows instead, one at a time, whether
-anyone would make them or not. Features are velocities and accelerations of the body's joints at 60 Hz in the ground
-frame of the window's middle. Clips are split in halves: a classifier trained on cuts and captured motion of one half is
-asked about the other, four splits, of which the mean area under the ROC curve counts; 0.5 is guessing, 1 is certainty.
-Two classifiers try, logistic regression, and random trees that are told speeds and sizes of accelerations too; the
-better of them counts.
+(`made`) stand against windows of the capture itself around the very frames that those cuts leave and enter, so that
+nothing but the cut tells them apart. `apart` are those of them that no other cut is near; `every` are cuts evenly drawn
+from all that the graph allows instead, one at a time, whether anyone would make them or not. Features are velocities
+and accelerations of the body's joints at 60 Hz in the ground frame of the window's middle. Clips are split in halves: a
+classifier trained on cuts and captured motion of one half is asked about the other, four splits, of which the mean area
+under the ROC curve counts; 0.5 is guessing, 1 is certainty. Two classifiers try, logistic regression, and random trees
+that are told speeds and sizes of accelerations too; the better of them counts.
 
 `ours` are poses as they are exported, with blends and planted feet, but without what strikes do to arms and to those
 they hit; `crossfade` fades from one motion to the other over 0.4 s while both play on, `hard` does nothing. Motion is
@@ -45,8 +45,8 @@ from crowdsim.take.take import Cast, Events, Take
 Array = NDArray[Any]
 
 ROOT = Path(__file__).parents[1]
-HALF = 12
-"""Playback frames of a window on either side of its middle."""
+APART = 0.5
+"""Time within which no other cut lies where one counts as apart [s]."""
 FADE = 12
 """Playback frames of a cross-fade on either side of the cut."""
 ROWS = 15
@@ -77,18 +77,20 @@ def fight(policy: Policy) -> PoseSampler:
     return PoseSampler(replace(take, events=none), [policy], threads=2)
 
 
-def made(sampler: PoseSampler, most: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Control frames left and entered by cuts of a take, and joint places around them (n, T, roles, 3)."""
+def made(sampler: PoseSampler, half: int, most: int, rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
+    """Control frames left and entered by cuts of a take, joint places around them (n, T, roles, 3), which are apart."""
     database, take = sampler.policies[0].database, sampler.take
     rate, stride = database.playback_rate, database.stride
     numbers = np.arange(take.avatar_count)
     window = sampler.window(0, numbers, np.array([0.0, take.seconds]))
     cuts = window.cuts()
     leave, enter, centre = cuts.before // stride, cuts.after // stride, np.round(cuts.times * rate).astype(int)
-    reach, last = HALF + 1, take.output_frames(rate) - 1
+    reach, last = half + 1, take.output_frames(rate) - 1
     rows = -(-reach // stride)
     fits = inside(database, leave, rows) & inside(database, enter, rows)
     fits &= (centre >= rate) & (centre < last - rate)
+    gaps = np.where(cuts.owners[1:] == cuts.owners[:-1], np.diff(cuts.times), np.inf)
+    apart = np.minimum(np.concatenate([[np.inf], gaps]), np.concatenate([gaps, [np.inf]])) > APART
     chosen = np.sort(rng.permutation(np.flatnonzero(fits))[:most])
     places = []
     for cut in chosen:
@@ -98,7 +100,7 @@ def made(sampler: PoseSampler, most: int, rng: np.random.Generator) -> tuple[Arr
         rotations[:, 0] = quaternion.multiply(quaternion.about_y(-base[2]), rotations[:, 0])
         roots = ground.to_local(base, np.asarray(poses.root_positions[:, 0], dtype=float))
         places.append(joints(database, roots[None], rotations[None])[0])
-    return leave[chosen], enter[chosen], np.stack(places)
+    return leave[chosen], enter[chosen], np.stack(places), apart[chosen]
 
 
 def take_of_cuts(database: MotionDatabase, leave: Array, enter: Array) -> PoseSampler:
@@ -160,9 +162,9 @@ def joints(database: MotionDatabase, roots: Array, rotations: Array) -> Array:
     return places[:, kept].reshape(count, times, len(kept), 3).astype(float)
 
 
-def ways(database: MotionDatabase, leave: Array, enter: Array) -> dict[str, Array]:
+def ways(database: MotionDatabase, leave: Array, enter: Array, half: int) -> dict[str, Array]:
     """Joint places over windows of plain ways to cut, and of the capture. Shape (n, T, roles, 3)."""
-    reach = HALF + 1
+    reach = half + 1
     before, after = played(database, leave, reach), played(database, enter, reach)
     steps = np.arange(-reach, reach + 1)
     hard = [
@@ -181,9 +183,9 @@ def ways(database: MotionDatabase, leave: Array, enter: Array) -> dict[str, Arra
     }
 
 
-def alone(database: MotionDatabase, leave: Array, enter: Array) -> Array:
+def alone(database: MotionDatabase, leave: Array, enter: Array, half: int) -> Array:
     """Joint places around cuts that are made one at a time. Shape (n, T, roles, 3)."""
-    sampler, reach, centre = take_of_cuts(database, leave, enter), HALF + 1, ROWS * database.stride
+    sampler, reach, centre = take_of_cuts(database, leave, enter), half + 1, ROWS * database.stride
     poses = sampler.sample(centre - reach, centre + reach + 1, database.playback_rate)[0]
     return joints(database, poses.root_positions.swapaxes(0, 1), poses.rotations.swapaxes(0, 1))
 
@@ -232,6 +234,8 @@ def areas(database: MotionDatabase, cuts: dict[str, Array], leave: Array, enter:
                 )
             )
         (train, train_sizes, labels), (test, test_sizes, truth) = parts
+        if min(len(np.unique(labels)), len(np.unique(truth))) < 2:
+            continue
         trees = ExtraTreesClassifier(300, min_samples_leaf=2, n_jobs=2, random_state=split)
         models: dict[str, tuple[Any, Array, Array]] = {
             "logistic": (make_pipeline(StandardScaler(), LogisticRegression(C=1e-3, max_iter=200)), train, test),
@@ -240,14 +244,14 @@ def areas(database: MotionDatabase, cuts: dict[str, Array], leave: Array, enter:
         for name, (model, known, asked) in models.items():
             model.fit(known, labels)
             told[name].append(float(roc_auc_score(truth, model.predict_proba(asked)[:, 1])))
-    return {name: float(np.mean(values)) for name, values in told.items()}
+    return {name: float(np.mean(values)) if values else float("nan") for name, values in told.items()}
 
 
 def judge(
     database: MotionDatabase, leave: Array, enter: Array, ours: Array, kinds: tuple[str, ...] = ("crossfade", "hard")
 ) -> dict[str, Any]:
     """How well cuts are told from captured motion, made our way and plain ways."""
-    cuts = {**ways(database, leave, enter), "ours": ours}
+    cuts = {**ways(database, leave, enter, ours.shape[1] // 2 - 1), "ours": ours}
     told: dict[str, Any] = {"cuts": len(leave), "of_them_different": len(np.unique(np.stack([leave, enter]), axis=1).T)}
     for kind in ("ours", *kinds):
         by = areas(database, cuts, leave, enter, kind)
@@ -262,26 +266,32 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
     parser.add_argument("--windows", type=int, default=2000, help="cuts that are looked at, at the most")
     parser.add_argument("--policy", nargs="+", help="recipes or bundles other than boxer and boxer_cmu")
+    parser.add_argument("--seconds", type=float, default=0.4, help="length of a window, 0.2 to 1.6")
     options = parser.parse_args()
+    if not 0.2 <= options.seconds <= 1.6:
+        parser.error(f"--seconds is {options.seconds}, expected 0.2 to 1.6")
     result: dict[str, Any] = {}
     for name in options.policy or ["boxer", *(["boxer_cmu"] if options.mocap else [])]:
         print(f"{name} ...", file=sys.stderr, flush=True)
         policy = ready_policy(name, options.mocap, threads=2)
         database, sampler = policy.database, fight(policy)
+        half = round(0.5 * options.seconds * database.playback_rate)
+        leave, enter, shown, apart = made(sampler, half, options.windows, np.random.default_rng(0))
         present = sampler.take.avatar_count * sampler.take.seconds
         every = usable(database, policy.graph, options.windows, np.random.default_rng(0))
         result[Path(name).name] = {
             "cuts_per_second": len(sampler.window(0, np.arange(60), np.array([0.0, sampler.take.seconds])).cuts().times)
             / present,
-            "made": judge(database, *made(sampler, options.windows, np.random.default_rng(0))),
-            "every": judge(database, *every, alone(database, *every)),
+            "made": judge(database, leave, enter, shown),
+            "apart": judge(database, leave[apart], enter[apart], shown[apart]),
+            "every": judge(database, *every, alone(database, *every, half)),
         }
     if options.json:
         print(json.dumps(result, indent=2))
         return
     for name, told in result.items():
         print(f"{name}: {told['cuts_per_second']:.2f} cuts a second and avatar")
-        for group in ("made", "every"):
+        for group in ("made", "apart", "every"):
             rows = told[group]
             print(f"  {group} ({rows['cuts']} cuts, {rows['of_them_different']} different)")
             print(f"    {'':24} {'AUC':>7} {'logistic':>8} {'trees':>6}")

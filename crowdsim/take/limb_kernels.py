@@ -3,9 +3,9 @@
 A stand is a time over which a foot is planted, through cuts. At a cut the motion's own place of the foot jumps by
 delta. With E a step from 0 to 1, a foot belongs at ``motion(t) + sum over cuts of delta (E(t) - [t >= cut])``, which
 goes on through cuts, and moves only where E does: E rises while the foot is in the air before or after the stand, or in
-a step that the foot makes for the cut, see ``footfall_kernels``. What moves planted feet besides is the capture's own.
-Feet that slide in the capture as much as a cut asks for are left to the blend. The turn of the foot, and of its toes,
-goes along. Between stands a foot is let go of, or led from one place to the next where they follow closely.
+a step that the foot makes for the cut, see ``plan_falls``. What moves planted feet besides is the capture's own. The
+turn of the foot, and of its toes, goes along. Between stands a foot is let go of, or led from one place to the next
+where they follow closely.
 
 The pelvis goes down a little, and evenly, for a leg that would be overstretched; soles stay above the floor.
 
@@ -41,24 +41,6 @@ def _soft(x):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _blended(cuts, cut, time):
-    """How far the blend over a cut has gone."""
-    return _ease((time - cuts.times[cut] + cuts.spans[cut, 0]) / (cuts.spans[cut, 0] + cuts.spans[cut, 1]))
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _let_slide(cuts, falls, first, stop, foot, time):
-    """How far cuts let a planted foot slide with the blend: 0 not at all, 1 altogether."""
-    held = 1.0
-    for cut in range(first, stop):
-        if falls.kinds[cut, foot] == 1:
-            apart = time - cuts.times[cut]
-            span = cuts.spans[cut, 0] if apart < 0.0 else cuts.spans[cut, 1]
-            held *= 1.0 - _ease(2.0 - 2.0 * abs(apart) / span)
-    return 1.0 - held
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _share(cuts, falls, cut, foot, time, begin, end):
     """How far a foot has gone over a cut in a stand, from 0 to 1, and how high it is."""
     at = cuts.times[cut]
@@ -66,8 +48,6 @@ def _share(cuts, falls, cut, foot, time, begin, end):
         return 1.0, 0.0
     if at >= end:
         return 0.0, 0.0
-    if falls.kinds[cut, foot] == 1:
-        return _blended(cuts, cut, time), 0.0
     low, high = falls.moves[cut, foot, 0], falls.moves[cut, foot, 1]
     part = (time - low) / (high - low)
     rise = part * (1.0 - part) if 0.0 < part < 1.0 else 0.0
@@ -390,9 +370,6 @@ def plant_feet(
             lack = 0.0
             for f in range(2):
                 one, before, other, after, at[f] = _stand_weights(stands, n, f, at[f], time, swing)
-                if high > low and before + after > 0.0:
-                    held = 1.0 - _let_slide(cuts, falls, low, high, f, time)
-                    before, after = before * held, after * held
                 # Away from cuts feet are where they are captured.
                 firm[f] = before + after if high > low else 0.0
                 upper, middle, end = places[legs.joints[f, 0]], places[legs.joints[f, 1]], legs.joints[f, 2]

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-_SLIDE = 0.15
-"""Half of the time over which the speed of planted feet is averaged [s]."""
 _FREE, _MORE = np.deg2rad(130.0), np.deg2rad(8.0)
 """Flexion that blends may always give, and what they may give beyond that or the capture's own [rad]."""
 _SIDES = ("left", "right")
@@ -41,7 +39,6 @@ class Frames(NamedTuple):
         holds: Point of each foot about which it turns while it stands, in the frame's ground frame [m].
             Shape (P, 2, 3), float32.
         feet: Turn of each foot in the frame's ground frame. Shape (P, 2, 4), float32.
-        slides: Speed of each foot over the floor, averaged [m/s]. Shape (P, 2), float32.
         bounds: First and last playback frame of the clip of each frame. Shape (P, 2).
         stride: Playback frames in a control frame.
         rate: Playback frames a second.
@@ -53,7 +50,6 @@ class Frames(NamedTuple):
     contacts: Array
     holds: Array
     feet: Array
-    slides: Array
     bounds: Array
     stride: int
     rate: float
@@ -157,7 +153,6 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         contacts=contacts,
         holds=ground.to_local(database.ground[:, None], holds).astype(np.float32),
         feet=quaternion.multiply(headings[:, None], turns[:, feet]).astype(np.float32),
-        slides=_slides(holds[..., [0, 2]], starts, database.playback_rate),
         bounds=np.stack([starts[clip], starts[clip + 1] - 1], axis=1),
         stride=stride,
         rate=float(database.playback_rate),
@@ -249,18 +244,3 @@ def _align_signs(rotations: Array, starts: Array) -> None:
     for start, stop in pairwise(starts[1:]):
         dots = np.sum(rotations[start:stop].sum(axis=0) * first, axis=-1)
         rotations[start:stop] *= np.where(dots < 0.0, -1.0, 1.0)[None, :, None].astype(np.float32)
-
-
-def _slides(balls: Array, starts: Array, rate: float) -> Array:
-    """Speed over the floor of points (P, 2, 2), averaged. Shape (P, 2), float32."""
-    half = max(1, round(_SLIDE * rate))
-    told = np.zeros(balls.shape[:2], np.float32)
-    for start, stop in pairwise(starts):
-        if stop - start < 2:
-            continue
-        way = np.linalg.norm(np.diff(balls[start:stop], axis=0), axis=-1)
-        total = np.concatenate([np.zeros((1, 2)), np.cumsum(way, axis=0)])
-        low = np.maximum(np.arange(stop - start) - half, 0)
-        high = np.minimum(np.arange(stop - start) + half, stop - start - 1)
-        told[start:stop] = (total[high] - total[low]) / (high - low)[:, None] * rate
-    return told

@@ -20,13 +20,13 @@ BLEND = 0.5
 """Length of the blend over a cut, half before it and half after where no strike is near [s]."""
 LEAST_BLEND = 0.1
 """Least time that it lasts before a cut, and after it [s]."""
-FALLS = (0.6, 0.25, 0.2, 0.22, 0.24, 0.01, 0.2, 0.05)
-"""What feet do about cuts: speed up to which they slide, over their own in the capture; time after a cut in which they
-come up, or before it in which they came down, so that they need no step [s]; time between a cut and a step [s]; length
-of a step [s]; how high it is at the least [m], how much higher for its length, and at the most [m]."""
+FALLS = (0.25, 0.2, 0.22, 0.24, 0.01, 0.2, 0.05)
+"""What feet do about cuts: time after a cut in which they come up, or before it in which they came down, so that they
+need no step [s]; time between a cut and a step [s]; length of a step [s]; how high it is at the least [m], how much
+higher for its length, and at the most [m]."""
 
 
-STEPS = 3
+STEPS = 2
 """The kind of fall that is a step."""
 
 

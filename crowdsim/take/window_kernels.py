@@ -274,9 +274,9 @@ def find_stands(w, m, first, stop, out_stands, out_counts):
 def plan_falls(cuts, stands, m, scales, first, stop, how, out_kinds, out_moves):
     """Settle what feet of avatars ``first`` to ``stop`` do about cuts.
 
-    A foot that slides in the capture as much as a cut asks for slides with the blend. One that comes up soon after the
-    cut stays where it is until then, one that came down shortly before it came down where it stays. Others make a step,
-    before the cut or after it. All of it depends on what lies near the cut, and on no other cut.
+    A foot that comes up soon after the cut stays where it is until then, one that came down shortly before it came down
+    where it stays. Others make a step, before the cut or after it. All of it depends on what lies near the cut, and on
+    no other cut.
 
     Args:
         cuts: A ``window.Cuts``.
@@ -286,11 +286,11 @@ def plan_falls(cuts, stands, m, scales, first, stop, how, out_kinds, out_moves):
         first: First column.
         stop: One past the last.
         how: See ``window.FALLS``.
-        out_kinds: 0 where a foot is in the air, 1 where it slides with the blend, 2 where it stays where it is before
-            the stand's end or from its beginning, 3 where it makes a step. Shape (C, 2), int8.
+        out_kinds: 0 where a foot is in the air, 1 where it stays where it is all along, 2 where it makes a step. Shape
+            (C, 2), int8.
         out_moves: Beginning and end of the time in which it moves [s], and how high it rises [m]. Shape (C, 2, 3).
     """
-    rise, after_cut, before_cut, apart, length, least, share, most = how
+    after_cut, before_cut, apart, length, least, share, most = how
     for n in range(first, stop):
         for cut in range(cuts.starts[n], cuts.starts[n + 1]):
             time, steps = cuts.times[cut], 0
@@ -306,19 +306,14 @@ def plan_falls(cuts, stands, m, scales, first, stop, how, out_kinds, out_moves):
                     continue
                 gap = cuts.gaps[cut, f]
                 far = math.sqrt(gap[0] * gap[0] + gap[2] * gap[2])
-                speed = far / (cuts.spans[cut, 0] + cuts.spans[cut, 1])
-                own = min(m.slides[cuts.before[cut], f], m.slides[cuts.after[cut], f]) * scales[n]
-                if speed <= rise * own:
-                    out_kinds[cut, f] = 1
-                    continue
-                out_kinds[cut, f] = 2
+                out_kinds[cut, f] = 1
                 if end - time < after_cut:
                     out_moves[cut, f, 0], out_moves[cut, f, 1] = time + 10.0, time + 11.0
                 elif time - begin < before_cut:
                     out_moves[cut, f, 0], out_moves[cut, f, 1] = time - 11.0, time - 10.0
                 else:
                     steps += 1
-                    out_kinds[cut, f] = 3
+                    out_kinds[cut, f] = 2
                     high = min(least * scales[n] + share * far, most * scales[n]) * min(far / (0.02 * scales[n]), 1.0)
                     out_moves[cut, f, 2] = high
             if steps == 0:
@@ -330,11 +325,11 @@ def plan_falls(cuts, stands, m, scales, first, stop, how, out_kinds, out_moves):
             along = x * (cuts.gaps[cut, 0, 0] + cuts.gaps[cut, 1, 0])
             along += z * (cuts.gaps[cut, 0, 2] + cuts.gaps[cut, 1, 2])
             for f in range(2):
-                if out_kinds[cut, f] == 3:
+                if out_kinds[cut, f] == 2:
                     leads = (along > 0.0) == (f == 0)
                     if steps == 1:
                         # Where the other one does not step it leads, or follows one that has moved or is moving.
-                        leads = out_kinds[cut, 1 - f] == 2 and out_moves[cut, 1 - f, 0] > time
+                        leads = out_kinds[cut, 1 - f] == 1 and out_moves[cut, 1 - f, 0] > time
                     if leads:
                         out_moves[cut, f, 0], out_moves[cut, f, 1] = time - apart - length, time - apart
                     else:
