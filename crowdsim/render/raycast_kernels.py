@@ -38,7 +38,7 @@ POINTS = 7 * N
 X, Y, Z, NX, NY, NZ = 0, POINTS, 2 * POINTS, 3 * POINTS, 4 * POINTS, 5 * POINTS
 WIDTH, SHARE, SUN, SKY, WAY = 6 * POINTS, 7 * POINTS, 8 * POINTS, 9 * POINTS, 10 * POINTS
 POINT_SCRATCH = 11 * POINTS
-TOGETHER = 24
+TOGETHER = 48
 """Cones up to which all points of a tile meet each of them; beyond, eight points at a time look for fewer."""
 FLOOR, NOTHING = -1, -2
 AT_X, AT_Y, AT_Z, AT_NX, AT_NY, AT_NZ = U(X), U(Y), U(Z), U(NX), U(NY), U(NZ)
