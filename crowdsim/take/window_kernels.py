@@ -318,7 +318,7 @@ def plan_falls(cuts, stands, m, scales, first, stop, how, out_kinds, out_moves):
                     out_moves[cut, f, 2] = high
             if steps == 0:
                 continue
-            # The foot that leads the way steps before the cut, the body goes over, and the other one follows.
+            # Of two the foot that leads the way steps before the cut, the body goes over, and the other one follows.
             new, heading = m.holds[cuts.after[cut]], cuts.places[cut, 2]
             x, z = new[0, 0] - new[1, 0], new[0, 2] - new[1, 2]
             x, z = x * math.cos(heading) + z * math.sin(heading), z * math.cos(heading) - x * math.sin(heading)
@@ -326,10 +326,7 @@ def plan_falls(cuts, stands, m, scales, first, stop, how, out_kinds, out_moves):
             along += z * (cuts.gaps[cut, 0, 2] + cuts.gaps[cut, 1, 2])
             for f in range(2):
                 if out_kinds[cut, f] == 2:
-                    leads = (along > 0.0) == (f == 0)
-                    if steps == 1:
-                        # Where the other one does not step it leads, or follows one that has moved or is moving.
-                        leads = out_kinds[cut, 1 - f] == 1 and out_moves[cut, 1 - f, 0] > time
+                    leads = steps == 2 and (along > 0.0) == (f == 0)
                     if leads:
                         out_moves[cut, f, 0], out_moves[cut, f, 1] = time - apart - length, time - apart
                     else:
