@@ -12,7 +12,7 @@ from crowdsim.commands.common import CORES, Json, print_json
 from crowdsim.errors import CrowdsimError
 
 
-def validate(files: Annotated[list[Path], typer.Argument(metavar="FILE ...", help="Scenarios and recipes.")]) -> None:
+def validate(files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Scenarios and recipes.")]) -> None:
     """Check scenarios and recipes; print every finding with its line and column."""
     from crowdsim.validation import find_file_faults
 

@@ -13,7 +13,7 @@ from crowdsim.commands.progress import Bars
 
 
 def render(
-    things: Annotated[list[Path], typer.Argument(metavar="RUN|FILE.bvh ...", help="Run folders and BVH files.")],
+    things: Annotated[list[Path], typer.Argument(metavar="RUN|FILE.bvh", help="Run folders and BVH files.")],
     out: Annotated[Path | None, typer.Option(help="Folder of the pictures; with several things their parent.")] = None,
     size: Annotated[str, typer.Option(help="Width and height, 1280x720 say.")] = "1280x720",
     fps: Annotated[

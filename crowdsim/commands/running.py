@@ -16,7 +16,7 @@ from crowdsim.errors import CrowdsimError
 
 
 def run(
-    scenarios: Annotated[list[str], typer.Argument(metavar="SCENARIO ...", help="Scenario files, or their names.")],
+    scenarios: Annotated[list[str], typer.Argument(metavar="SCENARIO", help="Scenario files, or their names.")],
     out: Annotated[
         Path | None, typer.Option(help="Run folder; with several scenarios the folder they go into.")
     ] = None,

@@ -306,3 +306,19 @@ def test_flashes_behind_something_are_hidden():
     hidden = Flashes(np.array([[0.0, 1.5, -2.0]]), np.zeros(1), np.ones(1))
     plain = draw(scene, VIEW, (128, 96), SUN)
     np.testing.assert_array_equal(draw(scene, VIEW, (128, 96), SUN, hidden), plain)
+
+
+def test_capsules_that_show_thinner_than_a_pixel_cast_no_shadow_of_their_own():
+    rows = [[0, 1, 0, 0, 2, 0, 0.05, 0.05], [1, 1, 0, 1, 2, 0, 0.3, 0.3]]
+    right, _, ahead = directions(0.4, math.pi / 2)
+    for height, cast in ((8.0, (True, True)), (90.0, (False, True))):
+        view = View(np.array([0.0, height, 0.0]), ahead, right, 1e6, math.radians(50.0))
+        ratios = [shares_of_sun(capsules(row), view, (256, 256)) for row in rows]
+        foot = -SUN * 1.5 / SUN[1]
+        up = np.cross(view.right, view.ahead)
+        for row, ratio, shaded in zip(rows, ratios, cast, strict=True):
+            point = np.array(row[:3]) * [1, 0, 1] + foot * [1, 0, 1]
+            scale = 128 / (height * math.tan(math.radians(25.0)))
+            x, y = 128 + scale * float(point @ view.right), 128 - scale * float(point @ up)
+            around = ratio[int(y) - 1 : int(y) + 2, int(x) - 1 : int(x) + 2]
+            assert (around.min() < 0.93) == shaded
