@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from crowdsim.motion.body import HEIGHT
 from crowdsim.motion.tracks import Tracks, speeds
@@ -39,6 +38,8 @@ def find_contacts(tracks: Tracks, height: float, fps: float, floor: float = 0.0)
     Returns:
         Whether each foot is planted. Shape (F, 2), bool.
     """
+    from scipy.ndimage import gaussian_filter1d
+
     size = height / HEIGHT
     contacts = np.zeros(tracks.balls.shape[:2], bool)
     travel = np.linalg.norm(np.gradient(tracks.pelvises[:, [0, 2]], axis=0), axis=1) * fps if len(contacts) > 1 else 0.0

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from crowdsim.errors import MotionError
 from crowdsim.motion import quaternion
@@ -55,6 +54,8 @@ def mirrored(clip: Clip, body: Body) -> Clip:
 
 def mirror_partners(skeleton: Skeleton, body: Body) -> Array:
     """Return each joint's counterpart on the other side, itself for joints of the middle. Shape (J,)."""
+    from scipy.optimize import linear_sum_assignment
+
     normal = _mirror_normal(skeleton, body)
     partner = np.arange(skeleton.joint_count)
     names = [split_name(name) for name in skeleton.names]

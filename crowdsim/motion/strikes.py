@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
-from scipy.signal import find_peaks
 
 from crowdsim.motion import ground
 from crowdsim.motion.body import HEIGHT
@@ -64,6 +62,9 @@ def find_strikes(tracks: Tracks, height: float, fps: float) -> Strikes:
         height: Standing height of the body [m]; speeds and lengths scale with it.
         fps: Frames a second, 60 or more for true speeds.
     """
+    from scipy.ndimage import gaussian_filter1d
+    from scipy.signal import find_peaks
+
     size = height / HEIGHT
     centre = tracks.shoulders.mean(axis=1)
     found: list[tuple[int, int, int, float]] = []
