@@ -17,6 +17,8 @@ WIDE = 0.56
 """How far from a cut feet move for it [s]."""
 SWING = 0.2
 """How long it takes to let go of a foot, or to lead it to where it lands [s]."""
+_MOST = (0.17, 0.26)
+"""How far feet are moved from where blends have them before they are moved less, and at the most [m]."""
 _DOWN = 0.1
 _SLACK, _FLOOR = 0.02, 0.0004
 KNEE_LEAST = math.radians(4.0)
@@ -49,7 +51,7 @@ def hold_feet(
     motion, rows = window.motion, window.rows
     stands = window.stands()
     falls = window.falls(cuts, stands)
-    how = (WIDE, SWING, _DOWN, KNEE_LEAST, _SLACK, _FLOOR)
+    how = (WIDE, SWING, *_MOST, _DOWN, KNEE_LEAST, _SLACK, _FLOOR)
 
     def work(low: int, high: int) -> None:
         plant_feet(low, high, columns, times, places.frames, places.fractions, places.ground, motion.frames, cuts,

@@ -333,13 +333,14 @@ def plant_feet(
         rate: Control frames a second.
         scales: Body size by column.
         legs: A ``motion.Limbs``.
-        how: Furthest time that a cut moves feet from [s]; time to let go of a foot [s]; furthest that the pelvis goes
-            down [m]; least flexion of a knee [rad]; length of a leg over which it begins to be short [1]; height over
-            which soles ease onto the floor [m].
+        how: Furthest time that a cut moves feet from [s]; time to let go of a foot [s]; how far feet are moved from
+            where blends have them before they are moved less, and at the most [m]; furthest that the pelvis goes down
+            [m]; least flexion of a knee [rad]; length of a leg over which it begins to be short [1]; height over which
+            soles ease onto the floor [m].
         roots: Places of the roots [m]. Shape (T, n, 3), changed.
         rotations: Local rotations. Shape (T, n, J, 4), changed.
     """
-    wide, swing, down, least, slack, floor = how
+    wide, swing, free, most, down, least, slack, floor = how
     joints = legs.parents.shape[0]
     places, turns = np.empty((joints, 3)), np.empty((joints, 4))
     asked, ankle = np.empty((2, 3)), np.empty((2, 3))
@@ -403,9 +404,16 @@ def plant_feet(
                     y = (here[1] * rest + there[1] * part) * scale
                     z = (here[2] * rest + there[2] * part) * scale
                     cos, sin = math.cos(grounds[t, i, 2]), math.sin(grounds[t, i, 2])
-                    hold_x += firm[f] * (grounds[t, i, 0] + x * cos + z * sin - hold_x) + shift[0]
-                    hold_y += firm[f] * (y - hold_y) + shift[1]
-                    hold_z += firm[f] * (grounds[t, i, 1] - x * sin + z * cos - hold_z) + shift[2]
+                    shift[0] += firm[f] * (grounds[t, i, 0] + x * cos + z * sin - hold_x)
+                    shift[1] += firm[f] * (y - hold_y)
+                    shift[2] += firm[f] * (grounds[t, i, 1] - x * sin + z * cos - hold_z)
+                    # Where cuts pile up feet come along before legs get out of shape.
+                    way = math.sqrt(shift[0] * shift[0] + shift[1] * shift[1] + shift[2] * shift[2]) / scale
+                    if way > free:
+                        kept = (free + (most - free) * math.tanh((way - free) / (most - free))) / way
+                        for k in range(3):
+                            shift[k] *= kept
+                    hold_x, hold_y, hold_z = hold_x + shift[0], hold_y + shift[1], hold_z + shift[2]
                     for k in range(2 if toe >= 0 else 1):
                         _mix(turned[k], other_turned[k], after / (before + after), turned[k])
                     _mix(turns[end], turned[0], firm[f], turns[end])
