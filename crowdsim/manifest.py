@@ -62,6 +62,18 @@ def peak_memory() -> int | None:
     return int(peak if sys.platform == "darwin" else peak * 1024)
 
 
+def available_memory() -> int | None:
+    """Return how much memory is free for programs [bytes]; None where the system does not tell."""
+    try:
+        with open("/proc/meminfo", encoding="utf-8") as file:
+            for line in file:
+                if line.startswith("MemAvailable:"):
+                    return int(line.split()[1]) * 1024
+    except (OSError, ValueError):
+        pass
+    return None
+
+
 def checksums(folder: Path, paths: Iterable[Path] | None = None, threads: int = 1) -> dict[str, dict[str, Any]]:
     """Return size and SHA-256 of files of a run folder, by path; of all but the manifest when None is given."""
     chosen = sorted(_files(folder) if paths is None else paths)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.crowd.scenario import Scenario
+from crowdsim.manifest import available_memory
 from crowdsim.preparation import Prepared
 from crowdsim.run_folder import TAKE
 from crowdsim.take.take import Take
@@ -27,6 +29,13 @@ Progress = Callable[[str, int, int], None]
 
 _TAKE_CHUNK_AVATAR_FRAMES = 4_000_000
 _STEP_AVATAR_FRAMES = 200_000
+
+LARGE = 20_000
+"""Crowds of so many avatars are told beforehand what they need."""
+
+_BASE_BYTES, _AVATAR_BYTES, _FRAME_BYTES, _DISK_BYTES = 400e6, 1200.0, 6.0, 20.0
+"""Memory of a run: of the program and a policy, an avatar, an avatar-frame's strikes; and what a take holds of it on
+disk at most. Measured with the shipped crowds, rounded up."""
 
 
 class Interrupted(Exception):
@@ -85,6 +94,22 @@ class Clock:
         return perf_counter() - self._begun
 
 
+def needs(avatars: int, frames: int, folder: Path) -> str:
+    """Return a sentence on the memory and room on disk that a run takes, and whether there is as much."""
+    memory = _BASE_BYTES + avatars * (_AVATAR_BYTES + frames * _FRAME_BYTES)
+    room = avatars * frames * _DISK_BYTES
+    told = f"{avatars:,} avatars x {frames:,} control frames take up to {memory / 1e9:.1f} GB of memory and "
+    told += f"{room / 1e9:.1f} GB on disk, without outputs"
+    existing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
+    free = shutil.disk_usage(existing).free
+    available = available_memory()
+    if available is not None and memory > available:
+        told += f"; only {available / 1e9:.1f} GB of memory are free"
+    if room > free:
+        told += f"; only {free / 1e9:.1f} GB are free in {existing}"
+    return told
+
+
 @contextmanager
 def stop_signals() -> Iterator[list[int]]:
     """Collect the first SIGINT or SIGTERM instead of dying of it; a second one interrupts at once."""
@@ -127,6 +152,8 @@ def record(
     first = Simulation(prepared.crowd, policies, prepared.script, threads, profiled=profiled)
     first.run(1)
     first.close()
+    model = first.model
+    del first
     clock.lap("compile")
     count = len(cast.names)
     rows = max(1, min(scenario.outputs.take.chunk, _TAKE_CHUNK_AVATAR_FRAMES // count))
@@ -138,7 +165,7 @@ def record(
         scenario.reactions,
     )  # fmt: skip
     clock.lap("take")
-    simulation = Simulation(prepared.crowd, policies, prepared.script, threads, profiled=profiled, model=first.model)
+    simulation = Simulation(prepared.crowd, policies, prepared.script, threads, profiled=profiled, model=model)
     clock.lap("prepare")
     try:
         step = max(1, min(rows, _STEP_AVATAR_FRAMES // count))

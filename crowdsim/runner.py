@@ -18,7 +18,7 @@ from crowdsim.manifest import NAME as MANIFEST
 from crowdsim.manifest import checksums, peak_memory, read_manifest, write_manifest
 from crowdsim.outputs import expect_outputs, write_outputs
 from crowdsim.preparation import Prepared, load_policies, prepare
-from crowdsim.recording import Clock, Interrupted, Report, record, stop_signals
+from crowdsim.recording import LARGE, Clock, Interrupted, Report, needs, record, stop_signals
 from crowdsim.run_folder import RESOLVED, check_folder, clear_folder, copy_file, hold_folder, write_text
 from crowdsim.take.take import VARIABLES, Events, Take
 from crowdsim.validation import check_scenario
@@ -96,11 +96,12 @@ def run_to(
     force: bool = False,
     command: str = "",
     progress: Progress | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> Report:
     """Run a scenario into a folder: take, outputs, and the manifest last.
 
     A finished run of the same resolved scenario is not done again, unless ``force`` says so. What is wrong with the
-    input is found before the folder is made or touched.
+    input is found before the folder is made or touched. ``tell`` is handed what a large crowd will need, beforehand.
 
     Raises:
         ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
@@ -120,6 +121,8 @@ def run_to(
     clock.lap("policies")
     prepared = prepare(scenario, policies, placed)
     clock.lap("prepare")
+    if tell is not None and len(prepared.cast.names) >= LARGE:
+        tell(needs(len(prepared.cast.names), prepared.frames, folder))
     with stop_signals() as caught, hold_folder(folder):
         # Another run may have come and gone since the first look.
         if check_folder(folder, resolved, force):

@@ -4,6 +4,7 @@ import errno
 import hashlib
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -16,6 +17,7 @@ import pytest
 from scenes import crowdsim, write_scene
 
 import crowdsim as package
+from crowdsim import recording, runner
 from crowdsim.crowd.scenario import load_scenario
 from crowdsim.errors import RunError
 from crowdsim.manifest import read_manifest
@@ -240,7 +242,7 @@ def crowd(count: int, radius: float = 5.0) -> dict:
         (
             {"types": {"boxer": {"policy": "tinny"}}},
             "four.yaml:7:13: types.boxer.policy: is 'tinny', no known policy, expected boxer, boxer_cmu, "
-            "boxer_paper or tiny (did you mean 'tiny'?)",
+            "boxer_crowd, boxer_paper or tiny (did you mean 'tiny'?)",
         ),
     ],
 )  # fmt: skip
@@ -453,3 +455,25 @@ def test_status_tells_finished_runs_from_others(workplace: Path, capsys) -> None
     assert told == {"output/a": {"state": "done", "avatars": 4, "control_frames": 40}}
     assert crowdsim("status", "policies") == 2
     assert capsys.readouterr().err == "policies: holds no run\n"
+
+
+def test_a_large_crowd_is_told_beforehand_what_it_needs(tmp_path, monkeypatch):
+    told = recording.needs(1_000_000, 60, tmp_path / "not" / "there")
+    assert re.fullmatch(
+        r"1,000,000 avatars x 60 control frames take up to 2\.0 GB of memory and 1\.2 GB on disk, without outputs.*",
+        told,
+    )
+    monkeypatch.setattr(recording, "available_memory", lambda: 10**9)
+    short = recording.needs(1_000_000, 10**7, tmp_path)
+    assert "; only 1.0 GB of memory are free; only " in short
+    assert short.endswith(f" GB are free in {tmp_path}")
+
+
+def test_only_a_large_crowd_is_told(workplace, monkeypatch):
+    scenario = load_scenario(write_scene(workplace / "four.yaml"))
+    told = []
+    run_to(workplace / "quiet", scenario, tell=told.append)
+    assert told == []
+    monkeypatch.setattr(runner, "LARGE", 4)
+    run_to(workplace / "loud", scenario, tell=told.append)
+    assert [words.split(" take ")[0] for words in told] == ["4 avatars x 40 control frames"]

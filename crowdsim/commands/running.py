@@ -34,6 +34,9 @@ def run(
     from crowdsim.crowd.scenario import load_scenario
     from crowdsim.runner import Interrupted, run_to
 
+    def tell(words: str) -> None:
+        print(words, file=sys.stderr, flush=True)
+
     command = shlex.join(["crowdsim", *sys.argv[1:]])
     several, failures = len(scenarios) > 1, []
     for name in scenarios:
@@ -41,7 +44,7 @@ def run(
             scenario = load_scenario(name, override or (), seed, frames, fraction)
             folder = Path("output") / scenario.name if out is None else out / scenario.name if several else out
             with Bars() as bars:
-                report = run_to(folder, scenario, threads, mocap, force, command, bars)
+                report = run_to(folder, scenario, threads, mocap, force, command, bars, tell)
             _print_report(report)
         except Interrupted as stop:
             print(stop, file=sys.stderr)
