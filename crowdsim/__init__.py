@@ -18,6 +18,8 @@ Conventions, said here once; every module keeps them:
 from importlib import import_module
 from typing import Any
 
+from crowdsim.kernel_cache import choose_kernel_cache
+
 __version__ = "0.1.0"
 
 _LAZY = {
@@ -45,6 +47,9 @@ _LAZY = {
 }
 
 __all__ = ["__version__", *sorted(_LAZY)]
+
+
+choose_kernel_cache()
 
 
 def __getattr__(name: str) -> Any:
