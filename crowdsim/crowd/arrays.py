@@ -28,7 +28,7 @@ class Model(NamedTuple):
             on the avatar when it starts, and its first row in ``paths`` and in ``strikes``; the last row closes these
             two. Shape (A + 1, 5), int32.
         moves: Where each action ends, seen from its start: x, z [m], cosine and sine of the turn; then the cost of the
-            transition into it over the graph's threshold. Shape (5, A), float32.
+            transition into it (``policy.Actions.costs``). Shape (5, A), float32.
         paths: Where each action leads in control frames 1 to T: x, z [m], cosine and sine of the turn, and which frame
             it is. Shape (5, .), float32.
         strikes: For each strike its time [control frames from the state], the fist's place seen from the action's start

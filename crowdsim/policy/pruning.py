@@ -3,8 +3,9 @@
 The cheapest transitions are not the most useful ones: most of a guard's look-alikes lead to the same few moves. So a
 wide graph is learned on coarse grids first. Of each state's ways out that set is kept whose best one is worth most, on
 the average over targets all around and over behaviours, alone and together; it is grown one by one, always by the way
-that adds most. Of decisions too near to one another those stay that add most. The graph of what is left has fewer
-decisions, each among fewer actions, and hardly earns less (``benchmarks/policy_quality.py``).
+that adds most. Of decisions too near to one another those stay that add most, and no way out may land just before
+one: cuts that follow at once are seen most. Among the rest ways out are then chosen once more. The graph of what is
+left has fewer decisions, each among fewer actions, and hardly earns less (``benchmarks/policy_quality.py``).
 """
 
 from __future__ import annotations
@@ -67,16 +68,42 @@ def prune_graph(
     """
     actions = build_actions(database, graph)
     keep, gains = judge_ways(database, graph, actions, specs, body, settings.ways, progress)
-    chosen = np.flatnonzero(graph.action_cuts & keep)
-    sources = graph.state_frames[graph.action_states[chosen]]
-    order = np.lexsort((graph.action_first[chosen], sources))
-    chosen, sources = chosen[order], sources[order]
-    ways = Transitions(sources, graph.action_first[chosen], graph.action_costs[chosen])
-    spacing = max(1, round(settings.spacing * database.control_rate))
+    ways = _ways(graph, graph.action_cuts)
+    worth = np.zeros(len(ways))
+    chosen = keep[graph.action_cuts]
     # What adds nothing is worth a little more than nothing, so that no frame loses all its ways for that.
-    decisions = decision_frames(ways, gains[chosen] + 1e-9, database.clip_starts, spacing)
-    left = ways.chosen(decisions[sources])
+    worth[chosen] = gains[graph.action_cuts][chosen] + 1e-9
+    spacing = _frames(settings.spacing, database)
+    decisions = decision_frames(ways.chosen(chosen), worth[chosen], database.clip_starts, spacing)
+    landing = _frames(settings.landing, database)
+    if landing > 1:
+        fits = decisions[ways.sources] & (_uncut(ways, decisions, database) >= landing)
+        graph = graph_of_transitions(ways.chosen(fits), database.clip_starts, graph.threshold, database.clip_names)
+        actions = build_actions(database, graph)
+        keep, _ = judge_ways(database, graph, actions, specs, body, settings.ways, progress)
+        left = _ways(graph, graph.action_cuts & keep)
+    else:
+        left = ways.chosen(chosen & decisions[ways.sources])
     return graph_of_transitions(left, database.clip_starts, graph.threshold, database.clip_names)
+
+
+def _frames(seconds: float, database: MotionDatabase) -> int:
+    return max(1, round(seconds * database.control_rate))
+
+
+def _ways(graph: MotionGraph, which: Array) -> Transitions:
+    """Return the transitions into some actions, in the order of (source, target); a graph's actions lie so."""
+    chosen = np.flatnonzero(which)
+    sources = graph.state_frames[graph.action_states[chosen]]
+    return Transitions(sources, graph.action_first[chosen], graph.action_costs[chosen])
+
+
+def _uncut(ways: Transitions, decisions: Array, database: MotionDatabase) -> Array:
+    """Return how many frames each transition shows up to the next decision of the clip, or its end. Shape (T,)."""
+    stops = np.flatnonzero(decisions | np.isin(np.arange(database.frame_count), np.asarray(database.clip_starts) - 1))
+    following = np.searchsorted(stops, ways.targets)
+    result: Array = stops[np.minimum(following, len(stops) - 1)] - ways.targets + 1
+    return result
 
 
 def judge_ways(

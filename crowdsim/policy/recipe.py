@@ -170,6 +170,12 @@ class PruningSpec(StrictModel):
         allow_inf_nan=False,
         description="Least time between decisions of a clip [s]; 0 keeps them all.",
     )
+    landing: float = Field(
+        default=0.25,
+        ge=0.0,
+        allow_inf_nan=False,
+        description="Least time from a cut to the next decision, and so to the next cut [s].",
+    )
 
 
 class Recipe(StrictModel):

@@ -97,7 +97,7 @@ class ProximityTerm(Term):
 
 
 class TransitionTerm(Term):
-    """What a cut costs: its weight times its cost over the graph's threshold, and an amount for each cut."""
+    """What a cut costs: its weight times how visible it is (``Actions.costs``), and an amount for each cut."""
 
     code: ClassVar[int] = 2
     kind: Literal["transition"]
