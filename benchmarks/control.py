@@ -1,11 +1,11 @@
 """What control costs: thirty avatars, a million, and what others take for the same.
 
-    python benchmarks/control.py [--policy NAME] [--threads N] [--json] [--quick]
+    python benchmarks/control.py [--policy NAME] [--crowd-policy NAME] [--threads N] [--json] [--quick]
 
 * brawl_30: 30 avatars in the shipped scene, 1000 control frames, beside what scipy's cKDTree alone takes to be built
   and queried for the same places every frame.
 * scale: nanoseconds an avatar and control frame for 10,000, 100,000 and 1,000,000 avatars of two teams, spread out,
-  clustered, and as two armies a kilometre apart. Recording stands beside it.
+  clustered, and as two armies a kilometre apart, with the policy for large crowds. Recording stands beside it.
 * million: a control frame of a million avatars that are spread out, and memory an avatar.
 * jupedsim: agent-steps a second of its collision-free speed model with 100,000 agents, one thread, beside ours.
 * decision: one decision (observing and choosing) beside a motion-matching search, cKDTree over the usual 27 features of
@@ -236,27 +236,30 @@ def matching(policy: Policy, decision: float, repeats: int) -> dict[str, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--policy", default="boxer", help="a recipe's or bundle's name or path")
+    parser.add_argument("--policy", default="boxer", help="of the thirty: a recipe's or bundle's name or path")
+    parser.add_argument("--crowd-policy", default="boxer_crowd", help="of all larger crowds")
     parser.add_argument("--mocap", type=Path, help="folder of capture, for a policy that is trained on it")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--json", action="store_true", help="print JSON only")
     parser.add_argument("--quick", action="store_true", help="smaller crowds, fewer repeats")
     arguments = parser.parse_args()
     policy = ready_policy(arguments.policy, arguments.mocap, arguments.threads)
+    crowd_policy = ready_policy(arguments.crowd_policy, arguments.mocap, arguments.threads)
     repeats = 3 if arguments.quick else 7
     say("brawl_30")
     thirty = brawl(policy, repeats)
     say("decision")
     decision = matching(policy, thirty["decision_nanoseconds"], 3)
-    sizes, million = scale(policy, arguments.threads, arguments.quick)
+    sizes, million = scale(crowd_policy, arguments.threads, arguments.quick)
     say("jupedsim")
     try:
-        agents = jupedsim(policy, arguments.quick)
+        agents = jupedsim(crowd_policy, arguments.quick)
     except ImportError:
         say("jupedsim is not installed: pip install jupedsim")
         agents = {}
     found = {
         "policy": arguments.policy,
+        "crowd_policy": arguments.crowd_policy,
         "threads": arguments.threads,
         "brawl_30": thirty,
         "scale": sizes,

@@ -85,10 +85,10 @@ def success(name: str, episodes: Episodes) -> tuple[float, float]:
     return share, float(np.nanmedian(times)) if np.isfinite(times).any() else float("nan")
 
 
-def judge(policy: Policy, name: str, spec: BehaviourSpec, threads: int) -> dict[str, Any]:
+def judge(policy: Policy, name: str, spec: BehaviourSpec, precision: str, threads: int) -> dict[str, Any]:
     """Return how good one behaviour is, beside the reference and beside random choice."""
     states, targets = starts_of(policy, name)
-    learned = train(policy, name, spec)
+    learned = train(policy, name, spec, precision)
     counts = {axis: one.count for axis, one in spec.axes.given().items()}
     finer = {axis: count * (2 if axis in ("distance", "bearing") else 1) for axis, count in counts.items()}
     fine = train(policy, name, changed(spec, finer, lookup="v"))
@@ -213,7 +213,7 @@ def main() -> None:
         policy = prepare(recipe, stem, options.mocap)
         told[stem] = {}
         for name, spec in recipe.behaviours.items():
-            told[stem][name] = judge(policy, name, spec, options.threads)
+            told[stem][name] = judge(policy, name, spec, recipe.precision, options.threads)
             if options.json:
                 continue
             print(f"{stem} {name}: {policy.actions.action_count} actions of {policy.actions.state_count} states")

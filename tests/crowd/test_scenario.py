@@ -26,8 +26,8 @@ from crowdsim.errors import ScenarioError
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted((ROOT / "scenarios").glob("*.yaml"))
-NAMES = ["armies_200", "brawl_30", "brawl_30_cmu", "crowd_10k", "duel", "moving_target"]
-POLICIES = ["boxer", "boxer_cmu"]
+NAMES = ["armies_200", "brawl_30", "brawl_30_cmu", "crowd_100k", "crowd_10k", "crowd_1m", "duel", "moving_target"]
+POLICIES = ["boxer", "boxer_cmu", "boxer_crowd"]
 
 BASE = """\
 version: 1
@@ -136,7 +136,8 @@ def test_the_reference_page_links_to_sections_that_it_has():
         ("duration: 100", "duration: 1.5",
          "4:11: duration: is 1.5, expected a whole number from 1 to 100000000 or a mapping with seconds"),
         ("policy: boxer}", "policy: boxr}",
-         "6:19: types.boxer.policy: is 'boxr', no known policy, expected boxer or boxer_cmu (did you mean 'boxer'?)"),
+         "6:19: types.boxer.policy: is 'boxr', no known policy, expected boxer, boxer_cmu or boxer_crowd "
+         "(did you mean 'boxer'?)"),
         ("{policy: boxer}", "{extends: boxed}",
          "6:20: types.boxer.extends: is 'boxed', expected a type of this scenario: boxer (did you mean 'boxer'?)"),
         ("{policy: boxer}", "{extends: boxer}", "6:20: types.boxer.extends: goes round in a circle: boxer -> boxer"),

@@ -6,7 +6,8 @@ from naive_pruning import ways_worth_keeping
 
 from crowdsim.errors import RecipeError
 from crowdsim.graph.motion_graph import build_graph
-from crowdsim.policy.actions import build_actions
+from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.policy.actions import STILLEST, build_actions, joint_speeds, stillness
 from crowdsim.policy.evaluation import run_actions
 from crowdsim.policy.pruning import FAR, judge_ways, prune_graph, sample_targets
 from crowdsim.policy.ranges import strike_reach
@@ -71,7 +72,7 @@ def prune(motion, wide, recipe, **settings):
 
 
 def test_every_way_kept_was_one_before_and_no_frame_has_more_than_was_asked_for(motion, wide, recipe):
-    graph = prune(motion, wide, recipe, ways=3, spacing=0.0)
+    graph = prune(motion, wide, recipe, ways=3, spacing=0.0, landing=0.0)
     before = set(zip(wide.transition_from.tolist(), wide.transition_to.tolist(), strict=True))
     after = set(zip(graph.transition_from.tolist(), graph.transition_to.tolist(), strict=True))
     assert after < before
@@ -89,6 +90,14 @@ def test_decisions_lie_apart(motion, wide, recipe):
     assert graph.action_lengths.mean() > 1.5 * wide.action_lengths.mean()
 
 
+def test_nobody_lands_just_before_the_next_decision(motion, wide, recipe):
+    near, clear = (prune(motion, wide, recipe, ways=4, spacing=0.4, landing=landing) for landing in (0.0, 0.33))
+    shortest = [graph.action_lengths[graph.action_cuts].min() for graph in (near, clear)]
+    assert shortest[0] == 1
+    assert shortest[1] >= round(0.33 * motion.control_rate)
+    assert np.bincount(clear.transition_from).max() == 4
+
+
 def test_what_is_kept_is_what_an_obvious_search_keeps(motion, wide, recipe):
     actions, body = build_actions(motion, wide), target_body(motion)
     keep, gains = judge_ways(motion, wide, actions, recipe.behaviours, body, ways=3)
@@ -102,7 +111,7 @@ def test_what_is_kept_is_what_an_obvious_search_keeps(motion, wide, recipe):
 @pytest.mark.parametrize(("name", "far"), [("approach", (0.6, 4.0)), ("punch", (0.3, 1.6))])
 def test_an_avatar_earns_more_by_the_ways_of_worth_than_by_as_many_that_are_cheap(motion, wide, recipe, name, far):
     cheap = build_graph(motion, recipe.graph.model_copy(update={"branching": 5}))
-    worthy = prune(motion, wide, recipe, ways=5, spacing=0.0)
+    worthy = prune(motion, wide, recipe, ways=5, spacing=0.0, landing=0.0)
     earned = []
     for graph in (cheap, worthy, wide):
         actions, body = build_actions(motion, graph), target_body(motion)
@@ -146,6 +155,7 @@ def test_training_prunes_the_same_way_on_two_threads_and_says_so(recipe):
     [
         ("prune: {way: 3}", r"prune\.way: unknown key.*did you mean 'ways'"),
         ("prune: {ways: 0}", r"prune\.ways: is 0, expected a whole number from 1 to 1000"),
+        ("prune: {landing: soon}", r"prune\.landing: is 'soon', expected a number"),
         ("prune: {spacing: -1}", r"prune\.spacing: is -1, expected a number of at least 0"),
     ],
 )
@@ -153,3 +163,26 @@ def test_wrong_settings_are_told_with_their_place(tmp_path, line, message):
     (tmp_path / "bad.yaml").write_text(RECIPE + line + "\n")
     with pytest.raises(RecipeError, match=message):
         load_recipe(tmp_path / "bad.yaml")
+
+
+def test_a_cut_in_stillness_shows_more_than_the_same_in_motion(motion, wide):
+    speeds = joint_speeds(motion)
+    assert speeds.shape == (motion.frame_count,)
+    factors = stillness(motion, wide)
+    before = wide.state_frames[wide.action_states]
+    slow = np.minimum(speeds[before], speeds[wide.action_first - 1])
+    assert np.all(np.diff(factors[np.argsort(slow)]) <= 0.0)
+    assert factors.max() <= STILLEST
+    costs = build_actions(motion, wide).costs
+    np.testing.assert_allclose(costs, wide.action_costs / wide.threshold * factors, rtol=1e-6)
+    assert np.all((costs > 0.0) == wide.action_cuts)
+
+
+def test_speeds_of_joints_are_those_of_their_places(motion):
+    frame, reach = 40, 3
+    steps = []
+    for row in (frame + np.arange(-reach, reach + 1)) * motion.stride:
+        rows = slice(row, row + 2)
+        places, _ = forward_kinematics(motion.skeleton, motion.root_positions[rows], motion.rotations[rows])
+        steps.append(np.linalg.norm(np.diff(places.astype(float), axis=0)[0], axis=-1) * motion.playback_rate)
+    assert joint_speeds(motion)[frame] == pytest.approx(np.sqrt(np.mean(np.square(steps))), rel=1e-6)
