@@ -259,6 +259,13 @@ def judge(
     return told
 
 
+def _plain(told: Any) -> Any:
+    """Return plain data with null for what is no number: too few cuts to tell."""
+    if isinstance(told, dict):
+        return {key: _plain(value) for key, value in told.items()}
+    return None if isinstance(told, float) and not np.isfinite(told) else told
+
+
 def main() -> None:
     """Read the command line, measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -287,7 +294,7 @@ def main() -> None:
             "every": judge(database, *every, alone(database, *every, half)),
         }
     if options.json:
-        print(json.dumps(result, indent=2))
+        print(json.dumps(_plain(result), indent=2, allow_nan=False))
         return
     for name, told in result.items():
         print(f"{name}: {told['cuts_per_second']:.2f} cuts a second and avatar")

@@ -6,7 +6,7 @@ region that strikes reach; a success is a strike that lands within 3 s.
 
 The reference is the better of two: the same behaviour on a grid of four times the cells (twice the distances, twice
 the bearings), and a beam search at run time (128 nodes wide, 10 actions deep, exact rewards, that finer policy's
-values behind its leaves; over the first 40 starts, on which the ratio to it is taken). `random_return_ratio` is the
+values behind its leaves; over the first 160 starts, on which the ratio to it is taken). `random_return_ratio` is the
 return of drawn actions over that of the reference; it is negative where their cuts cost more than they earn.
 
 Without --json also: return against resolution, with the paper's grids, for both look-ups; what coarser numbers lose;
@@ -39,7 +39,7 @@ from crowdsim.policy.recipe import BehaviourSpec, Recipe, load_recipe
 from crowdsim.policy.rewards import TransitionTerm, target_body
 from crowdsim.policy.train import load_motion, train_behaviour
 
-STARTS, SEARCHED = 400, 40
+STARTS, SEARCHED = 400, 160
 WIDTH, DEPTH = 128, 10
 SECONDS = {"approach": 10.0, "punch": 3.0}
 POLICIES = Path(__file__).resolve().parent.parent / "policies"

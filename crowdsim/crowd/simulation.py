@@ -294,7 +294,7 @@ class Simulation:
         found: dict[int, Strikes] = {}
 
         def throw(first: int, last: int) -> None:
-            room = 64 + (last - first) // 8
+            room = 64 + (last - first) // 3
             while True:
                 strikes = _room(room)
                 held = kernels.strike(
