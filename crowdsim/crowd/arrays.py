@@ -207,7 +207,9 @@ class Strikes(NamedTuple):
 
 def empty_record(frames: int, count: int) -> Record:
     """Return a record with room for some frames."""
-    return Record(np.empty((2, frames, count), np.int32), np.empty((4, frames, count), np.float32))
+    # A spare frame, so that rows of it never lie in one piece: kernels are compiled for one layout, whatever the rows.
+    whole, real = np.empty((2, frames + 1, count), np.int32), np.empty((4, frames + 1, count), np.float32)
+    return Record(whole[:, :frames], real[:, :frames])
 
 
 def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:

@@ -7,6 +7,7 @@ import pytest
 from synthetic_policy import policy
 
 from crowdsim.crowd import kernels, simulation
+from crowdsim.crowd.arrays import empty_record
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.random import Purpose, stream, uniform
@@ -304,3 +305,13 @@ def test_policies_of_different_rates_are_refused():
     other = dataclasses.replace(other, database=dataclasses.replace(other.database, control_rate=30.0))
     with pytest.raises(RunError, match="one control rate"):
         build_model([POLICIES[0], other])
+
+
+def test_some_rows_of_a_record_are_of_the_same_kind_as_all():
+    from numba import typeof
+
+    record = empty_record(5, 3)
+    assert record.whole.shape == (2, 5, 3)
+    assert record.real.shape == (4, 5, 3)
+    for rows in (record.rows(0, 5), record.rows(0, 1), record.rows(2, 4), empty_record(1, 3).rows(0, 1)):
+        assert typeof(rows) == typeof(record)
