@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.crowd import kernels
 from crowdsim.crowd.simulation import STAGES, Simulation
 from crowdsim.errors import OutputError
 
@@ -199,6 +200,41 @@ def draw_profile(path: Path, timings: Array, avatars: int) -> None:
     _save(figure, path)
 
 
+def machine_limits() -> tuple[float, float]:
+    """Return what this machine's memory takes for an avatar at least, in one thread [ns].
+
+    Returns:
+        The time of copying as many bytes as an avatar has, in pieces that no cache holds; and the time of fetching a
+        value whose place depends on the one before, the least of several tries each.
+    """
+    bytes_moved = 4 * (11 + 1) + 8 * 14
+    source = np.ones(8_000_000)
+    target = np.empty_like(source)
+    copying = _least(lambda: np.copyto(target, source)) / source.nbytes * bytes_moved
+    # A walk along one cycle through all places, each time on from where it ended, so that nothing lies in a cache yet.
+    places = np.random.default_rng(0).permutation(len(source)).astype(np.int64)
+    steps = 20_000
+    following = np.empty_like(places)
+    following[places] = np.roll(places, -1)
+    here = kernels.walk(following, 0, steps)
+
+    def walk() -> None:
+        nonlocal here
+        here = kernels.walk(following, here, steps)
+
+    return copying, _least(walk) / steps
+
+
+def _least(work: Callable[[], object], times: int = 5) -> float:
+    """Return the least time of some runs [ns]."""
+    spent = []
+    for _ in range(times):
+        begun = perf_counter_ns()
+        work()
+        spent.append(perf_counter_ns() - begun)
+    return float(min(spent))
+
+
 def draw_scaling(path: Path, profiles: Sequence[Profile]) -> None:
     """Draw avatars against the cost of an avatar-frame, log-log, a line for each number of threads."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -216,6 +252,9 @@ def draw_scaling(path: Path, profiles: Sequence[Profile]) -> None:
     counts = [profile.avatars for profile in profiles]
     real = np.geomspace(max(min(counts), 1), max(max(counts), 10), 50)
     axes.plot(real, 1e9 / 15 / real, color="#c8553d", linestyle=":", label="real time at 15 Hz")
+    copying, fetching = machine_limits()
+    axes.axhline(copying, color="#6a9f58", linestyle="--", label="limit: reading and writing an avatar once")
+    axes.axhline(fetching, color="#967662", linestyle="--", label="limit: one value from anywhere in memory")
     axes.set(xscale="log", yscale="log", xlabel="avatars", ylabel="control of an avatar-frame [ns]")
     axes.grid(alpha=0.3, which="both")
     axes.legend()
