@@ -70,6 +70,12 @@ def changed(spec: BehaviourSpec, counts: dict[str, int], **more: Any) -> Behavio
     return BehaviourSpec.model_validate({**told, **more})
 
 
+def play(policy: Policy, behaviour: Behaviour, states: Any, targets: Any, **options: Any) -> Episodes:
+    """Return what came of a behaviour from each start."""
+    rate = policy.database.control_rate
+    return run_episodes(policy.actions, behaviour, policy.body, rate, states, targets, **options)
+
+
 def starts_of(policy: Policy, name: str) -> tuple[Any, Any]:
     """Return states and targets that a behaviour starts from."""
     reach = strike_reach(policy.database)
@@ -92,13 +98,11 @@ def judge(policy: Policy, name: str, spec: BehaviourSpec, precision: str, thread
     counts = {axis: one.count for axis, one in spec.axes.given().items()}
     finer = {axis: count * (2 if axis in ("distance", "bearing") else 1) for axis, count in counts.items()}
     fine = train(policy, name, changed(spec, finer, lookup="v"))
-    ours = run_episodes(policy, learned, states, targets, threads=threads)
-    theirs = run_episodes(policy, fine, states, targets, threads=threads)
-    drawn = run_episodes(policy, learned, states, targets, choice="random", threads=threads)
+    ours = play(policy, learned, states, targets, threads=threads)
+    theirs = play(policy, fine, states, targets, threads=threads)
+    drawn = play(policy, learned, states, targets, choice="random", threads=threads)
     few = slice(0, SEARCHED)
-    searched = run_episodes(
-        policy, fine, states[few], targets[few], choice="search", width=WIDTH, depth=DEPTH, threads=threads
-    )
+    searched = play(policy, fine, states[few], targets[few], choice="search", width=WIDTH, depth=DEPTH, threads=threads)
     to_fine = float(ours.returns.mean() / theirs.returns.mean())
     to_search = float(ours.returns[few].mean() / searched.returns.mean())
     share, median = success(name, ours)
@@ -149,7 +153,7 @@ def resolutions(policy: Policy, name: str, spec: BehaviourSpec, threads: int) ->
             if 4 * entries > LARGEST:
                 yield f"  {label:<26}{lookup:>8}{4e-6 * entries:9.1f}     left out: too large"
                 continue
-            episodes = run_episodes(
+            episodes = play(
                 policy, train(policy, name, changed(one, {}, lookup=lookup)), states, targets, threads=threads
             )
             share, _ = success(name, episodes)
@@ -168,9 +172,7 @@ def precisions(policy: Policy, name: str, spec: BehaviourSpec, threads: int) -> 
         best = 0.0
         for precision, size in (("float32", 4), ("float16", 2), ("int8", 1)):
             table, low, step = bundle.encode(exact.table, precision)
-            episodes = run_episodes(
-                policy, replace(exact, table=table, low=low, step=step), states, targets, threads=threads
-            )
+            episodes = play(policy, replace(exact, table=table, low=low, step=step), states, targets, threads=threads)
             best = best or float(episodes.returns.mean())
             shape = " x ".join(str(count) for count in exact.grid.shape)
             loss = 1.0 - episodes.returns.mean() / best
@@ -188,7 +190,7 @@ def prices(policy: Policy, name: str, spec: BehaviourSpec, threads: int) -> Iter
     for factor in (0.0, 0.25, 0.5, 1.0, 2.0):
         told = {"kind": "transition", "weight": price.weight * factor, "each": price.each * factor}
         learned = train(policy, name, changed(spec, {}, rewards=[*rewards, told]))
-        episodes = run_episodes(policy, learned, states, targets, threads=threads)
+        episodes = play(policy, learned, states, targets, threads=threads)
         share, _ = success(name, episodes)
         yield (
             f"  {factor:6.2f}x{episodes.earned.mean():9.3f}{share:9.1%}{episodes.cuts_per_second:8.2f}"

@@ -24,7 +24,7 @@ import scipy.sparse
 from crowdsim.policy import solver_kernels
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Axis, Grid, build_grid
-from crowdsim.policy.evaluation import run_actions
+from crowdsim.policy.evaluation import run_episodes
 from crowdsim.policy.model import Model, Movement, build_model, build_movement
 from crowdsim.policy.policy import Behaviour
 from crowdsim.policy.q_learning import q_learning
@@ -156,7 +156,7 @@ def mean_return(actions: Actions, grid: Grid, terms: tuple[Term, ...], solution:
     draw = np.random.default_rng(3)
     states = draw.integers(0, actions.state_count, 2000)
     targets = grid.targets()[draw.integers(0, grid.cells, 2000)]
-    episodes = run_actions(
+    episodes = run_episodes(
         actions, behaviour, TargetBody(), RATE, states, targets, seconds=10.0, target_speed=speed, seed=4, threads=2
     )
     return float(episodes.returns.mean())

@@ -23,7 +23,7 @@ LEFT_OF = {
     "export": {"motion", "graph", "policy", "crowd", "take"},
     "render": {"motion", "graph", "policy", "crowd", "take"},
 }
-COMMON = {"errors", "assets", "yaml_files", "yaml_findings", "yaml_schema", "yaml_tree"}
+COMMON = {"errors", "assets", "figures", "yaml_files", "yaml_findings", "yaml_schema", "yaml_tree"}
 
 
 def imports(path: Path, everywhere: bool = True) -> set[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -43,21 +44,10 @@ def _inspect_bundle(name: str, as_json: bool, plots: Path | None) -> None:
     policy = read_bundle(folder)
     told = inspect_bundle(policy, read_timings(folder))
     if plots is not None:
-        from crowdsim.graph.plots import plot_graph
-        from crowdsim.graph.settings import GraphSettings
         from crowdsim.policy.plots import plot_bundle
 
-        make_folder(plots)
-        settings = GraphSettings.model_validate(policy.recipe["graph"])
-        with under_way():
-            pictures = [*plot_graph(policy.database, policy.graph, settings, plots), *plot_bundle(policy, plots)]
-        for picture in pictures:
-            print(picture, file=sys.stderr)
-    if as_json:
-        print_json(told)
-        return
-    print(folder)
-    print_tree(told, 1)
+        _draw(plots, lambda: plot_bundle(policy, plots))
+    _tell(folder, told, as_json)
 
 
 def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
@@ -77,15 +67,25 @@ def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
     if plots is not None:
         from crowdsim.take.plots import plot_take
 
-        make_folder(plots)
-        with under_way():
-            pictures = plot_take(sampler, plots)
-        for picture in pictures:
-            print(picture, file=sys.stderr)
+        _draw(plots, lambda: plot_take(sampler, plots))
+    _tell(folder, told, as_json)
+
+
+def _draw(folder: Path, draw: Callable[[], list[Path]]) -> None:
+    """Make pictures in a folder and say where they are."""
+    make_folder(folder)
+    with under_way():
+        pictures = draw()
+    for picture in pictures:
+        print(picture, file=sys.stderr)
+
+
+def _tell(thing: Path, told: dict[str, Any], as_json: bool) -> None:
+    """Print what was found of a bundle or a run, as JSON or as a tree."""
     if as_json:
         print_json(told)
         return
-    print(folder)
+    print(thing)
     print_tree(told, 1)
 
 
@@ -99,11 +99,7 @@ def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None
     if plots is not None:
         from crowdsim.motion.plots import plot_capture
 
-        make_folder(plots)
-        with under_way():
-            pictures = plot_capture(capture, study, plots)
-        for picture in pictures:
-            print(picture, file=sys.stderr)
+        _draw(plots, lambda: plot_capture(capture, study, plots))
     if as_json:
         print_json(told)
         return

@@ -43,14 +43,6 @@ def _now(buffer):
 
 
 @_kernel
-def walk(following, place, steps):
-    """Return where so many steps lead from a place, each to what ``following`` says of the place before."""
-    for _ in range(steps):
-        place = following[place]
-    return place
-
-
-@_kernel
 def _mix(bits):
     """Scramble 64 bits."""
     bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)

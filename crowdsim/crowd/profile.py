@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd import kernels
+from crowdsim.crowd import limits_kernels
 from crowdsim.crowd.simulation import STAGES, Simulation
 from crowdsim.errors import OutputError
+from crowdsim.figures import new_figure, save_figure
 
 if TYPE_CHECKING:
     from crowdsim.crowd.crowd import Crowd
@@ -178,13 +179,9 @@ def write_csv(path: Path, timings: Array, avatars: int) -> None:
 
 def draw_profile(path: Path, timings: Array, avatars: int) -> None:
     """Draw what control cost: a histogram over frames, and the stages over time."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     microseconds = np.asarray(timings, dtype=float) * 1e-3
     control = microseconds[:, :-1].sum(axis=1)
-    figure = Figure(figsize=(10, 4), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(10, 4)
     left, right = figure.subplots(1, 2)
     left.hist(control, bins=min(60, max(10, len(control) // 10)), color="#4878a8")
     left.axvline(float(np.median(control)), color="#c8553d", label=f"median {np.median(control):.1f} µs")
@@ -197,7 +194,7 @@ def draw_profile(path: Path, timings: Array, avatars: int) -> None:
     right.stackplot(frames, smooth.T, labels=STAGES)
     right.set(xlabel="control frame", ylabel="time [µs]", title="stages")
     right.legend(loc="upper right", fontsize=8)
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def machine_limits() -> tuple[float, float]:
@@ -216,11 +213,11 @@ def machine_limits() -> tuple[float, float]:
     steps = 20_000
     following = np.empty_like(places)
     following[places] = np.roll(places, -1)
-    here = kernels.walk(following, 0, steps)
+    here = limits_kernels.walk(following, 0, steps)
 
     def walk() -> None:
         nonlocal here
-        here = kernels.walk(following, here, steps)
+        here = limits_kernels.walk(following, here, steps)
 
     return copying, _least(walk) / steps
 
@@ -237,11 +234,7 @@ def _least(work: Callable[[], object], times: int = 5) -> float:
 
 def draw_scaling(path: Path, profiles: Sequence[Profile]) -> None:
     """Draw avatars against the cost of an avatar-frame, log-log, a line for each number of threads."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7, 5), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(7, 5)
     axes = figure.subplots()
     for threads in sorted({profile.threads for profile in profiles}):
         mine = sorted((p for p in profiles if p.threads == threads), key=lambda p: p.avatars)
@@ -258,12 +251,7 @@ def draw_scaling(path: Path, profiles: Sequence[Profile]) -> None:
     axes.set(xscale="log", yscale="log", xlabel="avatars", ylabel="control of an avatar-frame [ns]")
     axes.grid(alpha=0.3, which="both")
     axes.legend()
-    _save(figure, path)
-
-
-def _save(figure: Any, path: Path) -> None:
-    with _written(path) as part:
-        figure.savefig(part, format="png", dpi=110)
+    save_figure(figure, path)
 
 
 @contextmanager

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.errors import OutputError
+from crowdsim.figures import new_figure, save_figure
 from crowdsim.graph.features import frame_features
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.graph.states import MotionGraph
@@ -42,7 +40,7 @@ def plot_graph(database: MotionDatabase, graph: MotionGraph, settings: GraphSett
         "degrees.png": degree_figure(graph),
         "action_lengths.png": length_figure(graph, database.control_rate),
     }
-    return [_save(figure, folder / name) for name, figure in figures.items()]
+    return [save_figure(figure, folder / name) for name, figure in figures.items()]
 
 
 def distance_figure(database: MotionDatabase, graph: MotionGraph, settings: GraphSettings) -> Figure:
@@ -56,7 +54,7 @@ def distance_figure(database: MotionDatabase, graph: MotionGraph, settings: Grap
     lengths = (features**2).sum(axis=1)
     squares = lengths[:, None] + lengths[None, :] - 2.0 * features @ features.T
     costs = np.sqrt(np.maximum(squares, 0.0))
-    figure = _figure(11.0, 12.0)
+    figure = new_figure(11.0, 12.0, layout=None)
     axes = figure.add_axes((0.17, 0.2, 0.81, 0.81 * 11.0 / 12.0))
     image = axes.imshow(
         costs,
@@ -88,7 +86,7 @@ def distance_figure(database: MotionDatabase, graph: MotionGraph, settings: Grap
 
 def degree_figure(graph: MotionGraph) -> Figure:
     """Draw how many states have how many actions, and from how many states each one can be reached at once."""
-    figure = _figure(10.0, 4.0, "constrained")
+    figure = new_figure(10.0, 4.0)
     ways_out = np.diff(graph.action_offsets)
     ways_in = np.bincount(graph.action_next, minlength=graph.state_count)
     for place, (counts, label) in enumerate([(ways_out, "actions of a state"), (ways_in, "actions into a state")], 1):
@@ -102,23 +100,13 @@ def degree_figure(graph: MotionGraph) -> Figure:
 
 def length_figure(graph: MotionGraph, control_rate: float) -> Figure:
     """Draw how many actions last how long."""
-    figure = _figure(6.0, 4.0, "constrained")
+    figure = new_figure(6.0, 4.0)
     axes = figure.add_subplot()
     _bars(axes, graph.action_lengths)
     mean = graph.action_lengths.mean()
     axes.set_xlabel(f"control frames of an action ({control_rate:g} a second)")
     axes.set_ylabel("actions")
     axes.set_title(f"{graph.action_count} actions, mean {mean:.1f} frames = {mean / control_rate:.2f} s", fontsize=10)
-    return figure
-
-
-def _figure(width: float, height: float, layout: Literal["constrained"] | None = None) -> Figure:
-    """Return an empty figure that belongs to no window."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout=layout)
-    FigureCanvasAgg(figure)
     return figure
 
 
@@ -132,18 +120,3 @@ def _bars(axes: Any, counts: Array) -> None:
     most = int(counts.max())
     width = max(1, -(-most // 60))
     axes.hist(counts, bins=np.arange(0, most + 2 * width, width) - 0.5, color="tab:blue")
-
-
-def _save(figure: Figure, path: Path) -> Path:
-    """Write a figure under a temporary name and rename it."""
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.png")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(temporary, dpi=120, metadata={"Software": "crowdsim"})
-        os.replace(temporary, path)
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
-    return path

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.figures import new_figure, save_figure
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import ROLES
 from crowdsim.motion.capture import Capture
 from crowdsim.motion.contacts import runs
 from crowdsim.motion.measuring import rests_like_a_body, sample_poses
 from crowdsim.motion.report import Study
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[Any]
 
@@ -25,32 +29,22 @@ _FIGURES = 12
 
 def plot_capture(capture: Capture, study: Study | None, folder: Path) -> list[Path]:
     """Write the pictures that a capture allows into a folder, and return their paths."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    folder.mkdir(parents=True, exist_ok=True)
-    stem = capture.clip.name
     written = []
 
     def save(figure: Figure, name: str) -> None:
-        path = folder / f"{stem}_{name}.png"
-        FigureCanvasAgg(figure)
-        partial = path.with_name(f".{path.name}.part")
-        figure.savefig(partial, format="png", dpi=100)
-        partial.replace(path)
-        written.append(path)
+        written.append(save_figure(figure, folder / f"{capture.clip.name}_{name}.png"))
 
-    figure = Figure(figsize=(20, 6), layout="constrained")
+    figure = new_figure(20, 6)
     _draw_skeleton(figure, capture)
     save(figure, "skeleton")
     if study is not None:
-        figure = Figure(figsize=(7, 7), layout="constrained")
+        figure = new_figure(7, 7)
         _draw_path(figure.subplots(), study)
         save(figure, "path")
-        figure = Figure(figsize=(14, 7), layout="constrained")
+        figure = new_figure(14, 7)
         _draw_time(figure, study)
         save(figure, "time")
-        figure = Figure(figsize=(16, 6.5), layout="constrained")
+        figure = new_figure(16, 6.5)
         _draw_figures(figure, capture, study)
         save(figure, "figures")
     return written

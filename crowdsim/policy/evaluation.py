@@ -70,41 +70,6 @@ def random_starts(
 
 
 def run_episodes(
-    policy: Policy,
-    behaviour: Behaviour,
-    states: Array,
-    targets: Array,
-    seconds: float = 10.0,
-    choice: str = "table",
-    width: int = 1,
-    depth: int = 1,
-    target_speed: float = 0.0,
-    seed: int = 0,
-    threads: int = 1,
-) -> Episodes:
-    """Let an avatar pursue a target from each start, and return what came of it.
-
-    Args:
-        policy: Its motion and actions.
-        behaviour: What it does; also one that is no part of the policy, over the same actions.
-        states: Where each starts. Shape (N,).
-        targets: Where the target is then [m]. Shape (N, 3).
-        seconds: Length of an episode [s].
-        choice: ``table``, ``random``, or ``search``: a beam search with V behind its leaves.
-        width: Width of the beam.
-        depth: Its depth in actions.
-        target_speed: Speed of the target, in a direction drawn anew for every action [m/s].
-        seed: Of the draws.
-        threads: Threads to use; results are the same for any number.
-    """
-    rate = policy.database.control_rate
-    return run_actions(
-        policy.actions, behaviour, policy.body, rate, states, targets, seconds, choice,
-        width, depth, target_speed, seed, threads,
-    )  # fmt: skip
-
-
-def run_actions(
     actions: Actions,
     behaviour: Behaviour,
     body: TargetBody,
@@ -119,7 +84,23 @@ def run_actions(
     seed: int = 0,
     threads: int = 1,
 ) -> Episodes:
-    """Do what ``run_episodes`` does, for actions that belong to no policy."""
+    """Let an avatar pursue a target from each start, and return what came of it.
+
+    Args:
+        actions: What it can do.
+        behaviour: What it does; learned over these actions.
+        body: Sizes of the target.
+        control_rate: Control frames a second.
+        states: Where each starts. Shape (N,).
+        targets: Where the target is then [m]. Shape (N, 3).
+        seconds: Length of an episode [s].
+        choice: ``table``, ``random``, or ``search``: a beam search with V behind its leaves.
+        width: Width of the beam.
+        depth: Its depth in actions.
+        target_speed: Speed of the target, in a direction drawn anew for every action [m/s].
+        seed: Of the draws.
+        threads: Threads to use; results are the same for any number.
+    """
     from crowdsim.policy import kernels
 
     tables = build_lookup_tables(actions, (behaviour,), body)

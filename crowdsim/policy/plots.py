@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.figures import new_figure, save_figure
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.policy.policy import Behaviour, Policy, build_lookup_tables
 from crowdsim.policy.statistics import PAPER_REACH
@@ -31,22 +32,20 @@ def plot_bundle(policy: Policy, folder: str | Path) -> list[Path]:
 
     Returns:
         The files.
+
+    Raises:
+        OutputError: The folder or a file cannot be written.
     """
     from crowdsim.graph.plots import plot_graph
 
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
     settings = GraphSettings(**policy.recipe["graph"]) if policy.recipe.get("graph") else GraphSettings()
     files = list(plot_graph(policy.database, policy.graph, settings, folder))
     figures = {"strikes": strikes_figure(policy)} if len(policy.database.strike_frames) else {}
     states = chosen_states(policy)
     for behaviour in policy.behaviours:
         figures[f"values_{behaviour.name}"] = maps_figure(policy, behaviour, states)
-    for name, figure in figures.items():
-        path = folder / f"{name}.png"
-        figure.savefig(path, dpi=110)
-        files.append(path)
-    return files
+    return files + [save_figure(figure, folder / f"{name}.png") for name, figure in figures.items()]
 
 
 def chosen_states(policy: Policy, count: int = 3) -> list[int]:
@@ -64,11 +63,9 @@ def chosen_states(policy: Policy, count: int = 3) -> list[int]:
 
 def strikes_figure(policy: Policy) -> Figure:
     """Draw the strikes from above, and their reach, height, direction and speed beside the paper's region."""
-    from matplotlib.figure import Figure
-
     database = policy.database
     x, y, z = np.asarray(database.strike_places, dtype=float).T
-    figure = Figure(figsize=(13, 8), layout="constrained")
+    figure = new_figure(13, 8)
     above, *others = (figure.add_subplot(2, 3, place) for place in (1, 2, 3, 5, 6))
     legend = figure.add_subplot(2, 3, 4)
     for hand, (label, colour) in enumerate(HANDS):
@@ -103,14 +100,12 @@ def strikes_figure(policy: Policy) -> Figure:
 
 def maps_figure(policy: Policy, behaviour: Behaviour, states: list[int], points: int = 81) -> Figure:
     """Draw what the best action is worth, and which one it is, for targets all around the avatar in some states."""
-    from matplotlib.figure import Figure
-
     from crowdsim.policy import kernels
 
     tables = build_lookup_tables(policy.actions, (behaviour,), policy.body)
     ones, cells, shares = np.ones(1), np.empty(64, np.int64), np.empty(64)
     found = np.empty(int(np.diff(policy.actions.offsets).max()))
-    figure = Figure(figsize=(4.6 * len(states), 8.2), layout="constrained")
+    figure = new_figure(4.6 * len(states), 8.2)
     far = next(axis.maximum for axis in behaviour.grid.axes if axis.name == "distance")
     height = _middle_height(behaviour)
     sides = np.linspace(-far, far, points)

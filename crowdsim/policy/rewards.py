@@ -15,6 +15,7 @@ To add a term, write its model here, add it to ``TERMS``, and add a branch to ``
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -53,9 +54,9 @@ class Term(BaseModel):
     code: ClassVar[int]
     weight: float = Field(default=1.0, ge=0.0, description="How much the term counts in the sum.")
 
+    @abstractmethod
     def pack(self, body: TargetBody) -> tuple[float, ...]:
         """Return the term's numbers after its code, as compiled code reads them."""
-        raise NotImplementedError
 
 
 class StrikeTerm(Term):

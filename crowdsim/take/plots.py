@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.errors import OutputError
+from crowdsim.figures import new_figure, save_figure
 from crowdsim.take.poses import PoseSampler
 from crowdsim.take.take import Take
 
@@ -36,7 +34,7 @@ def plot_take(sampler: PoseSampler, folder: Path) -> list[Path]:
         "distances.png": distance_figure(take),
         "actions.png": action_figure(take),
     }
-    return [_save(figure, folder / name) for name, figure in figures.items()]
+    return [save_figure(figure, folder / name) for name, figure in figures.items()]
 
 
 def hit_figure(sampler: PoseSampler) -> Figure:
@@ -51,7 +49,7 @@ def hit_figure(sampler: PoseSampler) -> Figure:
     scale = np.asarray(take.cast.scales, dtype=float)[victims]
     dx, dz = (points[:, 0] - x) / scale, (points[:, 2] - z) / scale
     across, ahead = dx * np.cos(heading) - dz * np.sin(heading), dx * np.sin(heading) + dz * np.cos(heading)
-    figure = _figure(9.0, 6.0)
+    figure = new_figure(9.0, 6.0)
     axes = figure.subplots(1, 2, sharey=True)
     edges = np.linspace(-0.6, 0.6, 49), np.linspace(0.4, 2.0, 65)
     for axis, values, label in ((axes[0], -across, "to its right [m]"), (axes[1], ahead, "ahead of it [m]")):
@@ -78,7 +76,7 @@ def distance_figure(take: Take) -> Figure:
         aim = np.clip(-2 - opponent, 0, targets.shape[1] - 1)
         gap = np.where(opponent < -1, np.hypot(x - targets[rows, aim, 0], z - targets[rows, aim, 2]), gap)
     gap[(opponent == -1) | (np.asarray(take.action[:]) < 0)] = np.nan
-    figure = _figure(9.0, 4.5)
+    figure = new_figure(9.0, 4.5)
     axes = figure.subplots()
     some = np.flatnonzero(np.isfinite(gap).any(axis=1))
     if len(some):
@@ -100,7 +98,7 @@ def action_figure(take: Take) -> Figure:
     phase = np.asarray(take.action_frame[:])
     begun = np.ones(action.shape, bool)
     begun[1:] = (action[1:] != action[:-1]) | (phase[1:] <= phase[:-1])
-    figure = _figure(9.0, 4.5)
+    figure = new_figure(9.0, 4.5)
     axes = figure.subplots()
     told = []
     for index, name in enumerate(take.cast.policy_names):
@@ -120,28 +118,3 @@ def action_figure(take: Take) -> Figure:
     if told:
         axes.legend()
     return figure
-
-
-def _figure(width: float, height: float) -> Figure:
-    """Return an empty figure that belongs to no window."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _save(figure: Figure, path: Path) -> Path:
-    """Write a figure under a temporary name and rename it."""
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.png")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(temporary, dpi=120, metadata={"Software": "crowdsim"})
-        os.replace(temporary, path)
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
-    return path

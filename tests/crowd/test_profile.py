@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowdsim.crowd import kernels
+from crowdsim.crowd import limits_kernels
 from crowdsim.crowd.profile import machine_limits
 
 
@@ -14,4 +14,4 @@ def test_limits_of_the_machine_are_times_of_memory():
 
 def test_a_walk_ends_where_its_steps_lead():
     following = np.array([2, 0, 1])
-    assert [kernels.walk(following, 0, steps) for steps in range(4)] == [0, 2, 1, 0]
+    assert [limits_kernels.walk(following, 0, steps) for steps in range(4)] == [0, 2, 1, 0]

@@ -46,5 +46,5 @@ def test_the_distance_matrix_is_dark_on_its_diagonal_and_symmetric(database, gra
 
 def test_a_folder_that_cannot_be_made_is_an_output_error(database, graph, tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="cannot write"):
+    with pytest.raises(OutputError, match="cannot be written"):
         plot_graph(database, graph, SETTINGS, tmp_path / "file" / "plots")

@@ -8,7 +8,7 @@ from crowdsim.errors import RecipeError
 from crowdsim.graph.motion_graph import build_graph
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.policy.actions import STILLEST, build_actions, joint_speeds, stillness
-from crowdsim.policy.evaluation import run_actions
+from crowdsim.policy.evaluation import run_episodes
 from crowdsim.policy.pruning import FAR, judge_ways, prune_graph, sample_targets
 from crowdsim.policy.ranges import strike_reach
 from crowdsim.policy.recipe import PruningSpec, load_recipe
@@ -120,7 +120,7 @@ def test_an_avatar_earns_more_by_the_ways_of_worth_than_by_as_many_that_are_chea
         states = draw.integers(0, actions.state_count, 400).astype(np.int32)
         distance, bearing = draw.uniform(*far, 400), draw.uniform(-np.pi, np.pi, 400)
         targets = np.stack([distance * np.sin(bearing), np.full(400, 1.5), distance * np.cos(bearing)], axis=-1)
-        earned.append(run_actions(actions, behaviour, body, motion.control_rate, states, targets).returns.mean())
+        earned.append(run_episodes(actions, behaviour, body, motion.control_rate, states, targets).returns.mean())
     assert worthy.action_count < 0.5 * wide.action_count
     assert earned[1] > 1.05 * earned[0]
     assert earned[1] > 0.9 * earned[2]

@@ -1,0 +1,11 @@
+"""Compiled measures of what the machine can do at best."""
+
+from numba import njit
+
+
+@njit(cache=True)
+def walk(following, place, steps):
+    """Return where so many steps lead from a place, each to what ``following`` says of the place before."""
+    for _ in range(steps):
+        place = following[place]
+    return place
