@@ -97,7 +97,7 @@ def judge(policy: Policy, name: str, spec: BehaviourSpec, precision: str, thread
     learned = train(policy, name, spec, precision)
     counts = {axis: one.count for axis, one in spec.axes.given().items()}
     finer = {axis: count * (2 if axis in ("distance", "bearing") else 1) for axis, count in counts.items()}
-    fine = train(policy, name, changed(spec, finer, lookup="v"))
+    fine = train(policy, name, changed(spec, finer, lookup="v", finer=1))
     ours = play(policy, learned, states, targets, threads=threads)
     theirs = play(policy, fine, states, targets, threads=threads)
     drawn = play(policy, learned, states, targets, choice="random", threads=threads)

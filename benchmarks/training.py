@@ -121,12 +121,12 @@ def time_sweeps(model: Model, repeats: int) -> dict[str, float]:
     size = model.state_count * model.grid.cells
     values = np.random.default_rng(2).random(size)
     theirs, ours = np.empty(size), np.empty(size, np.float32)
-    best, changes, narrow = np.zeros(size, np.uint16), np.empty(model.state_count), values.astype(np.float32)
+    changes, narrow = np.empty(model.state_count), values.astype(np.float32)
 
     def sweep(threads: int) -> float:
         numba.set_num_threads(threads)
         started = time.perf_counter()
-        solver_kernels.improve(packed, lanes, narrow, ours, best, changes)
+        solver_kernels.improve(packed, lanes, narrow, ours, None, changes)
         return time.perf_counter() - started
 
     def reference() -> float:

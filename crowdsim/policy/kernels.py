@@ -64,11 +64,16 @@ def find_corners(axes, first, end, x, y, z, cells, weights):
 def strike_lands(px, py, pz, x, y, z, terms, row):
     """Return whether a fist at (px, py, pz) is near enough to the surface of a target whose head is at (x, y, z)."""
     tolerance = terms[row, 2]
-    dx, dy, dz = px - x, py - y, pz - z
-    if abs(math.sqrt(dx * dx + dy * dy + dz * dz) - terms[row, 4]) <= tolerance:
+    dx, dz = px - x, pz - z
+    aside = dx * dx + dz * dz
+    reach = max(terms[row, 4], terms[row, 5]) + tolerance
+    if aside > 1.0001 * reach * reach:
+        return False  # most targets are: nothing else need be worked out
+    dy = py - y
+    if abs(math.sqrt(aside + dy * dy) - terms[row, 4]) <= tolerance:
         return True
     dy = py - min(max(py, y - terms[row, 7]), y - terms[row, 6])
-    return abs(math.sqrt(dx * dx + dy * dy + dz * dz) - terms[row, 5]) <= tolerance
+    return abs(math.sqrt(aside + dy * dy) - terms[row, 5]) <= tolerance
 
 
 @njit(cache=True)
@@ -77,7 +82,8 @@ def strike_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount):
     best = 0.0
     for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
         t = actions.strike_times[strike]
-        px, py, pz = actions.strike_places[strike]
+        places = actions.strike_places
+        px, py, pz = places[strike, 0], places[strike, 1], places[strike, 2]
         if strike_lands(px, py, pz, x + t * vx, y, z + t * vz, terms, row):
             speed = actions.strike_speeds[strike]
             best = max(best, math.exp(t * log_discount) * speed ** terms[row, 3])
@@ -110,18 +116,25 @@ def proximity_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount)
 
 
 @njit(cache=True)
+def term_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount):
+    """Return what one term says of an action, for a target that moves by (vx, vz) a frame."""
+    code = int(terms[row, 0])
+    if code == 0:
+        return strike_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount)
+    if code == 1:
+        return proximity_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount)
+    if code == 2:
+        cost = actions.costs[action]
+        return -(terms[row, 1] * cost + (terms[row, 2] if cost > 0.0 else 0.0))
+    return 0.0
+
+
+@njit(cache=True)
 def reward(actions, action, x, y, z, vx, vz, terms, first, end, log_discount):
     """Return r(e, a): rows ``first`` to ``end`` of the terms, for a target that moves by (vx, vz) a frame."""
     total = 0.0
     for row in range(first, end):
-        code = int(terms[row, 0])
-        if code == 0:
-            total += strike_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount)
-        elif code == 1:
-            total += proximity_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount)
-        elif code == 2:
-            cost = actions.costs[action]
-            total -= terms[row, 1] * cost + (terms[row, 2] if cost > 0.0 else 0.0)
+        total += term_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount)
     return total
 
 
@@ -272,10 +285,14 @@ def fill_successors(actions, axes, targets, velocities, lowers, shares):
     """
     for a in prange(lowers.shape[1]):
         length = actions.lengths[a]
+        last = actions.path_offsets[a + 1] - 1
+        cos, sin = math.cos(actions.paths[last, 2]), math.sin(actions.paths[last, 2])
         for outcome in range(lowers.shape[0]):
-            vx, vz = velocities[outcome, 0] * length, velocities[outcome, 1] * length
+            left = velocities[outcome, 0] * length - actions.paths[last, 0]
+            ahead = velocities[outcome, 1] * length - actions.paths[last, 1]
             for m in range(lowers.shape[2]):
-                x, z = after_action(actions, a, targets[m, 0] + vx, targets[m, 2] + vz)
+                dx, dz = targets[m, 0] + left, targets[m, 2] + ahead
+                x, z = dx * cos - dz * sin, dx * sin + dz * cos
                 cell = 0
                 for row in range(len(axes)):
                     lower, _, share, _ = place_on_axis(axes, row, x, 0.0, z)
@@ -286,15 +303,35 @@ def fill_successors(actions, axes, targets, velocities, lowers, shares):
 
 @njit(cache=True, parallel=True)
 def fill_rewards(actions, chosen, targets, velocities, terms, log_discount, out):
-    """Write r(e, a) for the ``chosen`` actions, every cell and every way the target may move. Shape (O, R, C)."""
+    """Write r(e, a) for the ``chosen`` actions, every cell and every way the target may move. Shape (O, R, C).
+
+    The sum of ``reward``, term by term; what a strike earns is worked out once for all cells.
+    """
+    cells = len(targets)
     for place in prange(len(chosen)):
+        action = chosen[place]
+        best = np.empty(cells)
         for outcome in range(out.shape[0]):
-            vx, vz = velocities[outcome]
-            for c in range(len(targets)):
-                x, y, z = targets[c]
-                out[outcome, place, c] = reward(
-                    actions, chosen[place], x, y, z, vx, vz, terms, 0, len(terms), log_discount
-                )
+            vx, vz = velocities[outcome, 0], velocities[outcome, 1]
+            total = np.zeros(cells)
+            for row in range(len(terms)):
+                if terms[row, 0] == 0.0:
+                    best[:] = 0.0
+                    for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
+                        t = actions.strike_times[strike]
+                        places = actions.strike_places
+                        px, py, pz = places[strike, 0] - t * vx, places[strike, 1], places[strike, 2] - t * vz
+                        earned = math.exp(t * log_discount) * actions.strike_speeds[strike] ** terms[row, 3]
+                        for c in range(cells):
+                            if strike_lands(px, py, pz, targets[c, 0], targets[c, 1], targets[c, 2], terms, row):
+                                best[c] = max(best[c], earned)
+                    for c in range(cells):
+                        total[c] += terms[row, 1] * best[c]
+                else:
+                    for c in range(cells):
+                        x, y, z = targets[c, 0], targets[c, 1], targets[c, 2]
+                        total[c] += term_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount)
+            out[outcome, place] = total
 
 
 @njit(cache=True)

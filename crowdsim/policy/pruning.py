@@ -176,5 +176,6 @@ def _coarse(spec: BehaviourSpec) -> BehaviourSpec:
         "lookup": "v",
         "backup": "interpolation_of_max",
         "solver": ValueIterationSpec(tolerance=1e-2),
+        "finer": 1,
     }
     return spec.model_copy(update=changes)

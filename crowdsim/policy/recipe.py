@@ -146,6 +146,12 @@ class BehaviourSpec(StrictModel):
     solver: Annotated[ValueIterationSpec | QLearningSpec, Field(discriminator="kind")] = Field(
         default_factory=ValueIterationSpec, description="How it is solved."
     )
+    finer: int = Field(
+        default=1,
+        ge=1,
+        le=4,
+        description="The table is fitted to values on a grid this many times finer on each axis; 1: to none.",
+    )
     target: TargetMovement = Field(default_factory=TargetMovement, description="How the target moves in training.")
 
     @property
@@ -157,6 +163,8 @@ class BehaviourSpec(StrictModel):
     def _learns_what_it_says(self) -> BehaviourSpec:
         if isinstance(self.solver, QLearningSpec) and self.backup != "max_of_interpolated":
             raise Fault("is interpolation_of_max, expected max_of_interpolated with q_learning", "backup")
+        if self.finer > 1 and self.backup == "max_of_interpolated":
+            raise Fault(f"is {self.finer}, expected 1 with the backup max_of_interpolated", "finer")
         return self
 
 

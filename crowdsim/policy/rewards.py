@@ -9,7 +9,7 @@ counts control frames from the action's state, and gamma is the discount a frame
   actions are cut) or its greatest (``max``, the paper's). d(t) is how far the target is from where it is wanted.
 * ``transition``: what cuts cost, since they are seen.
 
-To add a term, write its model here, add it to ``TERMS``, and add a branch to ``reward`` in ``kernels.py``.
+To add a term, write its model here, add it to ``TERMS``, and add a branch to ``term_reward`` in ``kernels.py``.
 """
 
 from __future__ import annotations

@@ -65,71 +65,97 @@ def back_up_action(model, values, action, layers, weights, row):
 
 
 @njit(cache=True, error_model="numpy")
-def improve_by_action(model, values, action, k, lanes, out, best):
-    """Raise ``out`` and ``best``, the state's V and best action of each cell, to Q(action, .) where that is greater.
+def improve_by_action(values, lowers, shares, steps, discount, rewards, constant, k, lanes, out, best):
+    """Raise ``out``, the V of a state in each cell, to Q(action, .) where that is greater, and set ``best`` to k there.
 
-    For a target that stands still and two moving axes: everything in one pass over the cells. The length of ``lanes``
-    is known when the kernel is compiled, so that the loops over it become vector instructions.
+    For a target that stands still and two moving axes: everything in one pass over the cells. ``values`` are those of
+    the next state alone. The length of ``lanes`` is known when the kernel is compiled, so that loops over it unroll;
+    indices are unsigned, since compiled code would look whether signed ones count from the end. ``rewards`` may be
+    None, where the reward is ``constant``, and ``best`` where nobody asks which action it is: compiled code has no
+    branch for either.
     """
-    layers = len(lanes)
-    base = model.next[action] * len(out)
-    discount, constant = model.discounts[action], model.constants[action]
-    row = model.reward_rows[action]
-    rewards = model.rewards[max(row, 0)]
-    lowers, shares = model.lowers[0, action], model.shares[0, action]
-    for m in range(len(lowers)):
-        lower = np.int64(lowers[m])
+    layers = np.uint64(len(lanes))
+    for i in range(len(lowers)):
+        m, lower = np.uint64(i), np.uint64(lowers[i])
         at = m * layers
         w1 = discount * shares[m, 0]
         w3 = w1 * shares[m, 1]
         w2 = discount * shares[m, 1] - w3
         w0 = discount - w1 - w2
         w1 -= w3
-        e0 = base + lower * layers
-        e1, e2, e3 = e0 + model.steps[lower, 1], e0 + model.steps[lower, 2], e0 + model.steps[lower, 3]
-        if row >= 0:
-            for h in range(len(lanes)):
-                later = w0 * values[e0 + h] + w1 * values[e1 + h] + w2 * values[e2 + h] + w3 * values[e3 + h]
-                value = rewards[at + h] + later
-                better = (k == 0) | (value > out[at + h])
-                out[at + h] = value if better else out[at + h]
-                best[at + h] = k if better else best[at + h]
-        else:
-            for h in range(len(lanes)):
-                later = w0 * values[e0 + h] + w1 * values[e1 + h] + w2 * values[e2 + h] + w3 * values[e3 + h]
-                value = constant + later
-                better = (k == 0) | (value > out[at + h])
-                out[at + h] = value if better else out[at + h]
-                best[at + h] = k if better else best[at + h]
+        e0 = lower * layers
+        e1, e2, e3 = e0 + steps[lower, 1], e0 + steps[lower, 2], e0 + steps[lower, 3]
+        for lane in range(len(lanes)):
+            h = np.uint64(lane)
+            value = w0 * values[e0 + h] + w1 * values[e1 + h] + w2 * values[e2 + h] + w3 * values[e3 + h]
+            if rewards is None:
+                value += constant
+            else:
+                value += rewards[at + h]
+            if best is not None:
+                best[at + h] = k if value > out[at + h] else best[at + h]
+            out[at + h] = max(value, out[at + h])
 
 
 @njit(cache=True, parallel=True)
 def improve(model, lanes, values, out, best, residuals):
     """Do one Bellman sweep: V'(s, c) = max over a of Q(a, c); write which action is best, and each state's change.
 
-    ``lanes`` is a tuple of as many numbers as the grid has layers.
+    ``lanes`` is a tuple of as many numbers as the grid has layers; ``best`` may be None.
     """
     cells = model.lowers.shape[2] * len(lanes)
     simple = len(model.probabilities) == 1 and model.steps.shape[1] == 4
+    steps = model.steps.astype(np.uint64)
     for s in prange(len(model.offsets) - 1):
         first = model.offsets[s]
-        state_out, state_best = out[s * cells : (s + 1) * cells], best[s * cells : (s + 1) * cells]
+        state_out = out[s * cells : (s + 1) * cells]
+        state_best = None if best is None else best[s * cells : (s + 1) * cells]
+        state_out[:] = -np.inf
         if simple:
             for k in range(model.offsets[s + 1] - first):
-                improve_by_action(model, values, first + k, k, lanes, state_out, state_best)
+                a = first + k
+                base = model.next[a] * cells
+                later = values[base : base + cells]
+                lowers, shares = model.lowers[0, a], model.shares[0, a]
+                discount, constant, row = model.discounts[a], model.constants[a], model.reward_rows[a]
+                if row < 0:
+                    improve_by_action(
+                        later, lowers, shares, steps, discount, None, constant, k, lanes, state_out, state_best
+                    )
+                else:
+                    earned = model.rewards[row]
+                    improve_by_action(
+                        later, lowers, shares, steps, discount, earned, constant, k, lanes, state_out, state_best
+                    )
         else:
             weights = np.empty(model.steps.shape[1], values.dtype)
-            row = np.empty(cells, values.dtype)
+            row_values = np.empty(cells, values.dtype)
             for k in range(model.offsets[s + 1] - first):
-                back_up_action(model, values, first + k, len(lanes), weights, row)
+                back_up_action(model, values, first + k, len(lanes), weights, row_values)
                 for c in range(cells):
-                    better = (k == 0) | (row[c] > state_out[c])
-                    state_out[c] = row[c] if better else state_out[c]
-                    state_best[c] = k if better else state_best[c]
+                    if state_best is not None:
+                        state_best[c] = k if row_values[c] > state_out[c] else state_best[c]
+                    state_out[c] = max(row_values[c], state_out[c])
         residual = 0.0
         for c in range(cells):
             residual = max(residual, abs(state_out[c] - values[s * cells + c]))
         residuals[s] = residual
+
+
+@njit(cache=True, parallel=True)
+def apply_along_axis(operator, values, out):
+    """Write a matrix (n, m) times values (S, before, m, after), along their third axis, to ``out``."""
+    for s in prange(len(values)):
+        row = np.empty(values.shape[3])
+        for b in range(values.shape[1]):
+            for i in range(operator.shape[0]):
+                row[:] = 0.0
+                for j in range(operator.shape[1]):
+                    weight = operator[i, j]
+                    if abs(weight) > 1e-6:
+                        for h in range(len(row)):
+                            row[h] += weight * values[s, b, j, h]
+                out[s, b, i] = row
 
 
 @njit(cache=True, parallel=True)

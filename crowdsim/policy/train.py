@@ -17,6 +17,7 @@ from crowdsim.errors import CrowdsimError, MotionError, PolicyError, RecipeError
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
 from crowdsim.policy.actions import Actions, build_actions
+from crowdsim.policy.environment import Grid
 from crowdsim.policy.fingerprint import capture_files, combine, fingerprints_of
 from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.recipe import BehaviourSpec, QLearningSpec, Recipe, load_recipe, plain
@@ -222,9 +223,10 @@ def train_behaviour(
     progress: Progress | None = None,
 ) -> tuple[Behaviour, Solution]:
     """Return one behaviour trained over the actions of a graph, and what its solver found."""
-    from crowdsim.policy.model import build_model, build_movement
+    from crowdsim.policy.model import Model, build_model, build_movement
     from crowdsim.policy.q_learning import q_learning
     from crowdsim.policy.ranges import resolve_grid
+    from crowdsim.policy.refinement import solve_by_levels
     from crowdsim.policy.value_iteration import value_iteration
 
     def report(stage: str, done: int, total: int) -> None:
@@ -235,20 +237,25 @@ def train_behaviour(
     terms = tuple(spec.rewards)
     target = spec.target
     movement = build_movement(target.speed, target.directions, target.still, database.control_rate)
-    report("model", 0, 1)
-    model = build_model(actions, grid, terms, body, spec.discount, movement)
-    report("model", 1, 1)
+
+    def model_on(one: Grid) -> Model:
+        report("model", 0, 1)
+        model = build_model(actions, one, terms, body, spec.discount, movement)
+        report("model", 1, 1)
+        return model
+
+    options = spec.solver.model_dump(exclude={"kind"})
     if isinstance(spec.solver, QLearningSpec):
-        options = spec.solver.model_dump(exclude={"kind"})
-        solution = q_learning(model, progress=report, **options)
+        solution = q_learning(model_on(grid), progress=report, **options)
+    elif spec.backup == "max_of_interpolated":
+        solution = value_iteration(model_on(grid), spec.backup, progress=report, **options)
     else:
-        options = spec.solver.model_dump(exclude={"kind"})
-        solution = value_iteration(model, spec.backup, progress=report, **options)
+        solution = solve_by_levels(model_on, grid, spec.finer, progress=report, **options)
     if spec.lookup == "v":
         table = solution.values.ravel()
     else:
-        table = solution.q if solution.q is not None else q_table(model, solution.values)
-    low, high = np.percentile(solution.values[:: max(1, model.state_count // 2000)], [5.0, 95.0])
+        table = solution.q if solution.q is not None else q_table(model_on(grid), solution.values)
+    low, high = np.percentile(solution.values[:: max(1, actions.state_count // 2000)], [5.0, 95.0])
     stored, zero, step = bundle.encode(np.asarray(table, dtype=np.float32), precision)
     behaviour = Behaviour(
         name=name,

@@ -33,6 +33,7 @@ def value_iteration(
     precision: DTypeLike = np.float32,
     evaluations: int | None = None,
     progress: Progress | None = None,
+    start: Array | None = None,
 ) -> Solution:
     """Return the values of a model, found by value iteration.
 
@@ -44,6 +45,7 @@ def value_iteration(
         precision: Type of the values.
         evaluations: Sweeps of policy evaluation after each sweep; by default as many as pay.
         progress: Called with ("value iteration", sweeps done, sweeps expected).
+        start: Values to start from, for the backup ``interpolation_of_max``; by default 0. Shape (S, C).
 
     Raises:
         ValueError: The backup has another name.
@@ -56,7 +58,11 @@ def value_iteration(
     started = time.perf_counter()
     residuals: list[float] = []
     if backup == "interpolation_of_max":
-        values, q, updates = _iterate_v(model, tolerance, max_sweeps, precision, evaluations, residuals, progress)
+        first = np.zeros(model.state_count * model.grid.cells) if start is None else start.ravel()
+        values, updates = _iterate_v(
+            model, tolerance, max_sweeps, first.astype(precision), evaluations, residuals, progress
+        )
+        q = None
     else:
         values, q, updates = _iterate_q(model, tolerance, max_sweeps, precision, evaluations, residuals, progress)
     return Solution(
@@ -87,26 +93,23 @@ def _iterate_v(
     model: Model,
     tolerance: float,
     max_sweeps: int,
-    precision: DTypeLike,
+    values: Array,
     evaluations: int,
     residuals: list[float],
     progress: Progress | None,
-) -> tuple[Array, None, int]:
-    size = model.state_count * model.grid.cells
+) -> tuple[Array, int]:
+    size, precision = len(values), values.dtype
     packed, layers = sweep_model(model, model.expected_rewards), model.grid.layers
-    values, other = np.zeros(size, precision), np.empty(size, precision)
-    best = np.zeros(size, np.uint16)
+    other = np.empty_like(values)
+    best = np.zeros(size, np.uint16) if evaluations else None
     changes = np.empty(model.state_count)
     lanes = (0,) * layers
     updates = 0
-    branching = model.action_count / model.state_count
-    if evaluations is None:
-        evaluations = 10 if branching >= EVALUATION_WORTH else 0
     width = len(model.probabilities) * model.steps.shape[1] if evaluations else 0
-    earned, weights = np.empty(size, precision), np.empty((size, width), precision)
+    earned, weights = np.empty(size if evaluations else 0, precision), np.empty((size, width), precision)
     entries = np.empty((size, width), np.int32 if size < 2**31 else np.int64)
     gains: list[float] = []
-    before, shifts = 0.0, 0
+    before, shifts = float(np.mean(values, dtype=np.float64)), 0
     while len(residuals) < max_sweeps:
         solver_kernels.improve(packed, lanes, values, other, best, changes)
         values, other = other, values
@@ -130,7 +133,7 @@ def _iterate_v(
             solver_kernels.follow(earned, entries, weights, values, other)
             values, other = other, values
             updates += size
-    return values, None, updates
+    return values, updates
 
 
 def _shift(gains: list[float]) -> float:
