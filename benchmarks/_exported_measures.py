@@ -99,26 +99,6 @@ def feet(stage: Stage) -> dict[str, Any]:
     }
 
 
-def folds(figure: Figure, sizes: Sizes) -> Array:
-    """Return how far knees fold backward and elbows forward, 1 wholly and -1 the other way, in the rest pose's frame.
-
-    Shape (4,). In the rest pose joints are not turned, so that forward is what is square to the hips and up.
-    """
-    rest = np.zeros_like(sizes.offsets)
-    parents = sizes.parents
-    for joint in range(1, len(rest)):
-        rest[joint] = rest[parents[joint]] + sizes.offsets[joint]
-    across = rest[sizes.roles["left_hip"]] - rest[sizes.roles["right_hip"]]
-    forward = np.cross(across, [0.0, 1.0, 0.0])
-    told = []
-    for hinge, axis in zip(HINGES, hinge_axes(figure), strict=True):
-        side, what = hinge.split("_")
-        upper = rest[sizes.roles[f"{side}_{'hip' if what == 'knee' else 'shoulder'}"]]
-        way = np.cross(axis, rest[sizes.roles[hinge]] - upper)
-        told.append((-1.0 if what == "knee" else 1.0) * float(np.dot(way, forward)) / np.linalg.norm(way))
-    return np.array(told) / np.linalg.norm(forward)
-
-
 def hinges(stage: Stage) -> dict[str, Any]:
     """Least and greatest flexion of knees and elbows [deg], and how often they are past straight."""
     source, axes = stage.source, np.zeros((4, 3))
@@ -141,13 +121,7 @@ def hinges(stage: Stage) -> dict[str, Any]:
             "past_straight_of_the_capture": float(np.mean((theirs < 0.0).any(axis=-1))),
             "worst": {"avatar": int(at[0]), "frame": int(at[1]), "joint": HINGES[part][int(at[2])]},
         }
-    by_clip = np.array(
-        [folds(source.figure.part(source.clips == clip), stage.sizes) for clip in np.unique(source.clips)]
-    )
-    told["clips_with_backward_hinges"] = [
-        {"clip": stage.sizes.clip_names[int(clip)], "joint": HINGES[int(hinge)]}
-        for clip, hinge in np.argwhere(by_clip < 0.0)
-    ]
+    told["clips_with_backward_hinges"] = [{"clip": clip, "joint": joint} for clip, joint in source.backward]
     return told
 
 

@@ -107,9 +107,15 @@ def local_turns(bvh: PlainBvh) -> tuple[Array, Array]:
     return places, turns
 
 
-def pose(bvh: PlainBvh) -> tuple[Array, Array]:
-    """Places (F, J, 3) [m] and turns (F, J, 3, 3) of joints in the world."""
+def pose(bvh: PlainBvh, turned: dict[int, Array] | None = None) -> tuple[Array, Array]:
+    """Places (F, J, 3) [m] and turns (F, J, 3, 3) of joints in the world.
+
+    Joints of ``turned`` turn as if half a turn about an axis (3,) of their parent's frame lay before it and after it.
+    """
     places, turns = local_turns(bvh)
+    for joint, axis in (turned or {}).items():
+        half = 2.0 * np.outer(axis, axis) / np.dot(axis, axis) - np.eye(3)
+        turns[:, joint] = half @ turns[:, joint] @ half
     for joint, parent in enumerate(bvh.parents):
         if parent >= 0:
             places[:, joint] = places[:, parent] + np.einsum("fij,fj->fi", turns[:, parent], places[:, joint])

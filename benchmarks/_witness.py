@@ -73,6 +73,13 @@ class Sizes:
     first: Array
     lengths: Array
 
+    def rest(self) -> Array:
+        """Places of the joints in the rest pose [m]. Shape (J, 3)."""
+        places = np.zeros_like(self.offsets)
+        for joint in range(1, len(places)):
+            places[joint] = places[self.parents[joint]] + self.offsets[joint]
+        return places
+
 
 def read_sizes(bundle: Path) -> Sizes:
     """Read the numbers of a bundle."""
@@ -149,14 +156,19 @@ def mirror(figure: Figure) -> Figure:
     )
 
 
-def read_figure(path: Path, sizes: Sizes) -> tuple[Figure, float, float]:
-    """Read a BVH file as a body; return it, its size over the bundle's body, and its frames a second."""
+def read_figure(path: Path, sizes: Sizes, turned: tuple[str, ...] = ()) -> tuple[Figure, float, float]:
+    """Read a BVH file as a body; return it, its size over the bundle's body, and its frames a second.
+
+    Elbows of ``turned`` fold the other way than the file has them.
+    """
     bvh = read_plain(path)
     if bvh.names != sizes.names:
         raise ValueError(f"{path}: has other joints than the policy's body")
     bones = np.linalg.norm(bvh.offsets[1:], axis=1)
     scale = float(bones.sum() / np.linalg.norm(sizes.offsets[1:], axis=1).sum())
-    places, turns = pose(bvh)
+    rest = sizes.rest()
+    uppers = {sizes.roles[name]: sizes.roles[name.replace("elbow", "shoulder")] for name in turned}
+    places, turns = pose(bvh, {joint: rest[joint] - rest[upper] for joint, upper in uppers.items()})
 
     def at(role: str, offset: Array) -> Array:
         joint = sizes.roles[role]
@@ -202,6 +214,23 @@ def flexions(figure: Figure, axes: Array) -> Array:
     return np.degrees(np.arctan2(side * size, figure.dots))
 
 
+def folds(figure: Figure, sizes: Sizes) -> Array:
+    """Return how far knees fold backward and elbows forward, 1 wholly and -1 the other way, in the rest pose's frame.
+
+    Shape (4,). In the rest pose joints are not turned, so that forward is what is square to the hips and up.
+    """
+    rest = sizes.rest()
+    across = rest[sizes.roles["left_hip"]] - rest[sizes.roles["right_hip"]]
+    forward = np.cross(across, [0.0, 1.0, 0.0])
+    told = []
+    for hinge, axis in zip(HINGES, hinge_axes(figure), strict=True):
+        side, what = hinge.split("_")
+        upper = rest[sizes.roles[f"{side}_{'hip' if what == 'knee' else 'shoulder'}"]]
+        way = np.cross(axis, rest[sizes.roles[hinge]] - upper)
+        told.append((-1.0 if what == "knee" else 1.0) * float(np.dot(way, forward)) / np.linalg.norm(way))
+    return np.array(told) / np.linalg.norm(forward)
+
+
 def ground(figure: Figure, fps: float) -> float:
     """Return the height of the floor under a figure: the median of its lowest sole over its stiller half."""
     soles = figure.soles.reshape(len(figure.soles), 4, 3)
@@ -220,6 +249,8 @@ class Source:
         starts: First playback frame of each clip, mirror images counted apart, and the end.
         apart: How far roots of the bundle's database lie from those of the capture at the most, over the floor [m].
         floors: How far the two disagree on each clip's floor [m]. Shape (clips,).
+        backward: Clips whose knees fold forward or elbows backward in the file, seen from the rest pose, and which.
+            Such elbows are turned here.
     """
 
     figure: Figure
@@ -227,6 +258,7 @@ class Source:
     starts: Array
     apart: float
     floors: Array
+    backward: list[tuple[str, str]]
 
 
 def read_source(paths: list[Path], sizes: Sizes) -> Source:
@@ -236,6 +268,7 @@ def read_source(paths: list[Path], sizes: Sizes) -> Source:
     numbers: list[int] = []
     clips: list[Array] = []
     floors: list[float] = []
+    backward: list[tuple[str, str]] = []
     apart = 0.0
     starts = sizes.clip_starts * sizes.stride
     seen: dict[str, tuple[int, Figure]] = {}
@@ -247,6 +280,10 @@ def read_source(paths: list[Path], sizes: Sizes) -> Source:
             parts.append(mirror(shown))
         else:
             figure, _, fps = read_figure(found[plain], sizes)
+            wrong = [HINGES[k] for k in np.flatnonzero(folds(figure, sizes) < 0.0)]
+            backward += [(plain, hinge) for hinge in wrong]
+            if wrong:
+                figure, _, fps = read_figure(found[plain], sizes, tuple(name for name in wrong if "elbow" in name))
             step, roots = round(fps / sizes.rate), sizes.roots[low:high]
             # Where the database begins in the file, which may open with a calibration pose.
             last = len(figure.joints) - step * (high - low - 1)
@@ -264,7 +301,7 @@ def read_source(paths: list[Path], sizes: Sizes) -> Source:
             parts.append(shown)
         numbers.append(number)
         clips.append(np.full(high - low, number))
-    return Source(join(parts), np.concatenate(clips), starts, apart, np.array(floors))
+    return Source(join(parts), np.concatenate(clips), starts, apart, np.array(floors), backward)
 
 
 def _lowered(figure: Figure, floor: float) -> Figure:

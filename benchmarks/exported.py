@@ -11,7 +11,7 @@ those of `crowdsim inspect` beside them. The capture is measured likewise.
 - Feet: a foot stands while its ball is lower than 3 cm and rises or falls slower than 0.15 m/s; its slide is the ball's
   level speed then, whatever the foot is meant to do.
 - Knees and elbows: flexion to the side to which the capture bends them; `clips_with_backward_hinges` are clips of the
-  capture whose knees fold forward, or elbows backward, seen from the rest pose.
+  capture whose knees fold forward, or elbows backward, in their files; such elbows are turned before all else.
 - Peaks: the largest speed and acceleration of any joint over the largest that the capture has of it.
 - Fists: how far the middle of the striking fist is from the surface of head or torso at the strike's time.
 - Bodies: discs of 0.2 m around pelvises, capsules of torsos (from pelvis to neck), and heads that lie in one another,
