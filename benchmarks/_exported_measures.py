@@ -270,3 +270,36 @@ def overlap(stage: Stage) -> dict[str, Any]:
         **{name: float(told.mean()) for name, told in inside.items()},
         "worst": {"avatar": deepest[1], "other": deepest[2], "frame": deepest[3], "depth": -deepest[0]},
     }
+
+
+def undisturbed(stage: Stage) -> dict[str, Any]:
+    """How far joints are from the capture where nothing is done to them, in their own frame [m].
+
+    That is a second from cuts, and away from strikes that the avatar lands or takes.
+    """
+    events, gaps = stage.events, [np.zeros(0)]
+    seconds = np.arange(len(stage.figures[0].head)) / stage.fps
+    for avatar, figure in enumerate(stage.figures):
+        told, frames = stage.decisions[avatar], stage.frames[avatar]
+        free = np.abs(frames - np.round(frames)) < 1e-3
+        for time in told[told[:, 1] != told[:, 2], 0]:
+            free &= np.abs(seconds - time) > 1.0
+        landed = events["landed"].astype(bool)
+        for time in events["seconds"][landed & (events["attacker"] == avatar)]:
+            free &= np.abs(seconds - time) > 0.3
+        for time in events["seconds"][landed & (events["victim"] == avatar)]:
+            free &= (seconds < time) | (seconds > time + 0.7)
+        own = _own_frame(figure.joints[free]) / stage.scales[avatar]
+        captured = _own_frame(stage.source.figure.joints[np.round(frames[free]).astype(int)])
+        gaps.append(np.linalg.norm(own - captured, axis=-1).max(axis=-1, initial=0.0))
+    gap = np.concatenate(gaps)
+    return {"frames": len(gap), "greatest_gap": float(gap.max()) if len(gap) else None}
+
+
+def _own_frame(joints: Array) -> Array:
+    """Joints over the floor under their pelvis, looking ahead."""
+    across = joints[:, JOINTS.index("left_hip")] - joints[:, JOINTS.index("right_hip")]
+    angle = np.arctan2(across[:, 2], across[:, 0])[:, None]
+    seen = joints - joints[:, :1] * [1.0, 0.0, 1.0]
+    x = seen[..., 0] * np.cos(angle) + seen[..., 2] * np.sin(angle)
+    return np.stack([x, seen[..., 1], seen[..., 2] * np.cos(angle) - seen[..., 0] * np.sin(angle)], axis=-1)

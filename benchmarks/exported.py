@@ -8,6 +8,7 @@ avatars chose which action; the policy's bundle gives sizes of bodies and where 
 `crowdsim perform` or the capture's own files give that. No code of the package takes part in the figures, but for
 those of `crowdsim inspect` beside them. The capture is measured likewise.
 
+- Calm frames: a second from cuts and away from strikes, where the files have to show the capture and nothing else.
 - Feet: a foot stands while its ball is lower than 3 cm and rises or falls slower than 0.15 m/s; its slide is the ball's
   level speed then, whatever the foot is meant to do.
 - Knees and elbows: flexion to the side to which the capture bends them; `clips_with_backward_hinges` are clips of the
@@ -36,7 +37,7 @@ from typing import Any
 import numpy as np
 import zarr
 from _cuts_told_apart import told_apart
-from _exported_measures import Stage, feet, fists, hinges, overlap, peaks
+from _exported_measures import Stage, feet, fists, hinges, overlap, peaks, undisturbed
 from _witness import Sizes, read_figure, read_sizes, read_source
 from numpy.typing import NDArray
 
@@ -160,6 +161,7 @@ def judge(run: Path, stage: Stage, seconds: float) -> dict[str, Any]:
         "cuts_per_second": cuts / len(stage.figures) / (len(stage.figures[0].head) / stage.fps),
         "database_off_its_capture": stage.source.apart,
         "floors_off": float(np.abs(stage.source.floors).max()),
+        "undisturbed": undisturbed(stage),
         "feet": feet(stage),
         "hinges": hinges(stage),
         "peaks": peaks(stage),
@@ -180,6 +182,10 @@ def _rows(told: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
 
     own, feet_, bends = told["inspect"], told["feet"], told["hinges"]
     rows = []
+    calm = told["undisturbed"]
+    if calm["frames"]:
+        gap = f"{1000 * calm['greatest_gap']:.2f}"
+        rows.append((f"joints off the capture in {calm['frames']} calm frames [mm]", gap, "", "", ""))
     for key, name in (("median", "median"), ("p95", "95")):
         there = own[f"foot_slide_{name}"], own[f"foot_slide_{name}_captured"]
         said = " of ".join("-" if value is None else f"{value:.3f}" for value in there)
@@ -209,9 +215,9 @@ def _rows(told: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
     hits, bodies, apart = told["fists"], told["overlap"], told["cuts_told_apart"]
     rows.append(("strikes landed", f"{hits['landed']}", "", f"{own['strikes_landed']}", ""))
     if hits["landed"]:
-        gap = hits["gap"]
+        off = hits["gap"]
         rows.append(("fist off what it hits, median, 95 %, most [cm]",
-                     f"{100 * gap['median']:.2f} {100 * gap['p95']:.2f} {100 * gap['greatest']:.1f}", "", "",
+                     f"{100 * off['median']:.2f} {100 * off['p95']:.2f} {100 * off['greatest']:.1f}", "", "",
                      place(hits["worst"])))  # fmt: skip
         rows.append(("  off by more than 2 cm", f"{hits['beyond_2_cm']:.2%}", "", "", ""))
         rows.append(("  misses whose fist is in the body", f"{hits['buried']:.2%}", "", "", ""))
