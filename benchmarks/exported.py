@@ -136,6 +136,8 @@ def read_stage(run: Path, policies: Path, folder: Path, mocap: Path | None) -> S
         sys.exit(f"{run}: avatars come late or leave, expected all of them all the time")
     read = [read_figure(run / "bvh" / f"{name}.bvh", sizes) for name in group["name"][:]]
     fps, speeds = round(read[0][2]), np.asarray(group["speed"][:]).astype(float)
+    if fps > sizes.rate or sizes.rate % fps:
+        sys.exit(f"{run}: has BVH files of {fps} frames a second, expected {sizes.rate:g} or a whole part of it")
     seconds = np.arange(len(read[0][0].head)) / fps
     followed = [follow(sizes, action[:, n], phase[:, n], pace, seconds, control) for n, pace in enumerate(speeds)]
     events = {name: np.asarray(group["events"][name][:]) for name in ("attacker", "victim", "hand", "landed")}
