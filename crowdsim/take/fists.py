@@ -96,31 +96,19 @@ def body_points(body: Body, positions: Array, turns: Array, scales: Array) -> tu
 
 
 def plan_landings(
-    take: Take,
-    landed: Landed,
-    columns: Array,
-    count: int,
-    first: float,
-    last: float,
-    pose_at: PoseAt,
-    struck_at: PoseAt,
-    arms: Limbs,
+    take: Take, near: Landed, columns: Array, count: int, pose_at: PoseAt, struck_at: PoseAt, arms: Limbs
 ) -> Landings:
     """Find how far fists have to be carried.
 
     Args:
         take: The take.
-        landed: Its landed strikes.
-        columns: Column of every avatar in the window, -1 for those that are not in it. Shape (N,).
+        near: Landed strikes of avatars of the window.
+        columns: Column of every avatar in the window. Shape (N,).
         count: Number of columns.
-        first: First time that is posed [s].
-        last: Last time that is posed [s].
         pose_at: Poses avatars before any of this.
         struck_at: Poses those who are hit.
         arms: The arms of those in the window.
     """
-    near = landed.between(first - LEAN - TOGETHER, last + LEAN + TOGETHER)
-    near = near.of(columns[near.attackers] >= 0)
     fists = np.full((len(near.times), 3), np.nan)
     posed = pose_at(near.attackers, near.times)
     for which, body, scales, positions, turns in posed:

@@ -56,6 +56,21 @@ class Landed:
         low, high = np.searchsorted(self.times, (first, last))
         return self.of(slice(low, high))
 
+    def around(self, first: float, last: float, columns: Array) -> Landed:
+        """Return those for which avatars with a column (N,), not -1, strike or lean from ``first`` to ``last`` [s]."""
+        near = self.between(first - LEAN - TOGETHER, last + LEAN + TOGETHER)
+        return near.of(columns[near.attackers] >= 0)
+
+    def around_each(self, avatars: Array, times: Array, within: float) -> Landed:
+        """Return those of some avatars (E,) no further from their times (E,) than ``within``, and few others [s]."""
+        within += TOGETHER + 1e-3
+        near = self.between(times.min() - within, times.max() + within)
+        # Times of all avatars one after another on one line.
+        line = 2.0 * (float(times.max()) + within) + 1.0
+        asked, keys = np.sort(avatars * line + times), near.attackers * line + near.times
+        at = np.searchsorted(asked, keys - within)
+        return near.of(np.append(asked, np.inf)[at] <= keys + within)
+
     def of(self, chosen: Any) -> Landed:
         """Return some of them, by index, slice or mask."""
         return Landed(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))

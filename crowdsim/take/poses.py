@@ -166,8 +166,8 @@ class PoseSampler:
         lookup = np.full(take.avatar_count, -1)
         lookup[avatars] = columns
         first, last = float(times[0]), float(times[-1])
-        landings = plan_landings(take, self._landed, lookup, len(columns), first, last, self._pose_at,
-                                 self._struck_at, motion.arms)  # fmt: skip
+        near = self._landed.around(first, last, lookup)
+        landings = plan_landings(take, near, lookup, len(columns), self._pose_at, self._struck_at, motion.arms)
         reach_out(window, landings, times[:, None], columns, roots, rotations)
         return Poses(index, avatars, motion.skeleton, take.cast.scales[avatars], roots, rotations, places.ground)
 
@@ -275,9 +275,9 @@ class PoseSampler:
         """Carry fists nearly to where they go, in place, for strikes that are no further off than ``within`` [s]."""
         lookup = np.full(self.take.avatar_count, -1)
         lookup[window.avatars] = np.arange(len(window.avatars))
-        first, last = float(moments.min()), float(moments.max())
-        landings = plan_landings(self.take, self._landed, lookup, len(window.avatars), first, last, self._nearly_at,
-                                 struck_at, window.motion.arms)  # fmt: skip
+        near = self._landed.around_each(window.avatars[columns], moments[0], within)
+        landings = plan_landings(self.take, near, lookup, len(window.avatars), self._nearly_at, struck_at,
+                                 window.motion.arms)  # fmt: skip
         reach_out(window, landings, moments, columns, roots, rotations, within)
 
     def _give_way(
