@@ -3,9 +3,10 @@
     python benchmarks/performer.py [--json] [--seconds 437] [--seed 1] [--capture FILE.bvh]
 
 The capture is CMU's clip 13_18 (shadow boxing), looked for in the folder of CROWDSIM_MOCAP; without it the table has no
-second column. Both are measured in the same way at 60 Hz: roles, body and tracks as training sees them, lengths and
-speeds scaled to a body of 1.75 m. Percentiles are over all frames, except where a row says otherwise; rows named
-"strikes" are the peaks of the striking arm on its way out.
+second column. Its elbows, which fold backward in the file, are turned as for training. Both are measured in the same
+way at 60 Hz: roles, body and tracks as training sees them, lengths and speeds scaled to a body of 1.75 m. Percentiles
+are over all frames, except where a row says otherwise; rows named "strikes" are the peaks of the striking arm on its
+way out.
 
 Coverage is over the cells of the paper's punch grid, heads as targets: a cell is covered where the fist of some strike,
 or of its mirror image, ends within 0.1 m of the surface of a head whose middle is the cell's. Targets are seen at the
@@ -60,11 +61,11 @@ JOINTS = {
     "head": ("head",),
 }
 REMARKS = {
-    "fist speed [m/s]": "The performer guards high and still between punches, the capture lets its fists wander.",
-    "fist speed, strikes [m/s]": "Held between 5 and 11 m/s; the capture peaks with its arms flung out, up to 16 m/s.",
+    "fist speed [m/s]": "More than twice as many strikes a second; between them the performer keeps its fists stiller.",
+    "fist speed, strikes [m/s]": "Held between 5 and 11 m/s, in earnest; the capture strikes at the air, elbows bent.",
     "pelvis height [height]": "The capture's retargeted figure crouches deeper than a boxer's guard.",
     "trunk lean [rad]": "The performer's guard leans a quarter of a radian; ducks and slips make the tail.",
-    "elbow fold [rad]": "A textbook guard folds the elbows; the capture's hands hang low.",
+    "elbow fold [rad]": "Elbows of the capture's figure are bent by 0.3 rad at rest, and its folds come on top.",
     "shoulder speed [rad/s]": "More than twice as many strikes a second as in the capture, out of a folded guard.",
     "elbow speed [rad/s]": "More than twice as many strikes a second; a strike alone: see its row.",
     "shoulder speed, strikes [rad/s]": "Out of a high guard a fist takes a longer way round to hooks and uppercuts.",

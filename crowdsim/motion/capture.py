@@ -15,6 +15,7 @@ from crowdsim.motion import units
 from crowdsim.motion.body import Body, standing_height
 from crowdsim.motion.bvh import Bvh, read_bvh, to_clip, turn_up
 from crowdsim.motion.cleaning import lead_in
+from crowdsim.motion.folding import backward_elbows, fold_forward
 from crowdsim.motion.joint_tree import JointTree
 from crowdsim.motion.measuring import finite_frames, human_roles, measure_body, rests_like_a_body, sample_poses
 from crowdsim.motion.skeleton import Clip, Skeleton
@@ -38,7 +39,8 @@ class Capture:
     Attributes:
         bvh: The file as it stands.
         clip: Its motion, y up, in metres where the scale is known and in file units where it is not; all frames,
-            lead-in included. Without a frame when the file has none.
+            lead-in included. Elbows that fold backward in the file fold forward in it. Without a frame when the file
+            has none.
         body: The human body on its skeleton; None when there is none, or no scale for it.
         roles: Joint of each role; empty when this is no human body.
         unit_scale: Metres in a file unit; None when unknown.
@@ -103,6 +105,10 @@ def load_capture(path: str | os.PathLike[str], unit: str | float | None = None, 
     elif scale is None:
         fault("unknown scale: without a human body there is nothing to measure it by")
     clip = _in_metres(raw, scale or 1.0, axis or "y")
+    if roles and bool(finite_frames(clip).all()):
+        wrong = backward_elbows(clip, roles)
+        clip = fold_forward(clip, roles, wrong)
+        findings.extend(f"{role.replace('_', ' ')} folds backward, it is turned to fold forward" for role in wrong)
     if clip.frame_count <= 1:
         fault("no frames, expected motion" if clip.frame_count == 0 else "a single frame, expected motion")
     body = measure_body(clip, roles) if roles and scale is not None else None

@@ -1,4 +1,4 @@
-"""Strikes that land touch: the arm, and where it is straight the spine, carries the fist onto the surface it hits."""
+"""Strikes that land touch: the arm, and where it is straight the trunk, carries the fist onto the surface it hits."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
-from crowdsim.take.landed import AFTER, BEFORE, Landed, by_column
+from crowdsim.take.feet import KNEE_LEAST
+from crowdsim.take.landed import LEAN, TOGETHER, Landed, by_column
+from crowdsim.take.leans import JOINTS, leaning_joints, plan_leans
 from crowdsim.take.limb_kernels import carry_fists
+from crowdsim.take.motion import Limbs
 from crowdsim.take.take import Take
 from crowdsim.take.window import Window
 from crowdsim.take.workers import share
@@ -39,6 +42,9 @@ class Landings(NamedTuple):
         hands: 0 left, 1 right. Shape (E,).
         shifts: How far the fist has to be carried then [m]. Shape (E, 3).
         spans: How long before and after it [s]. Shape (E, 2).
+        lean_spans: How long before and after it the trunk leans for it [s]. Shape (E, 2).
+        turns: How it leans then, see ``leans.Leans``. Shape (E, 4, 3).
+        moves: How far the pelvis goes then [m]. Shape (E, 3).
     """
 
     starts: Array
@@ -46,6 +52,9 @@ class Landings(NamedTuple):
     hands: Array
     shifts: Array
     spans: Array
+    lean_spans: Array
+    turns: Array
+    moves: Array
 
 
 def surface_point(
@@ -87,57 +96,80 @@ def body_points(body: Body, positions: Array, turns: Array, scales: Array) -> tu
 
 
 def plan_landings(
-    take: Take,
-    landed: Landed,
-    columns: Array,
-    count: int,
-    first: float,
-    last: float,
-    pose_at: PoseAt,
-    struck_at: PoseAt,
+    take: Take, near: Landed, columns: Array, count: int, pose_at: PoseAt, struck_at: PoseAt, arms: Limbs
 ) -> Landings:
     """Find how far fists have to be carried.
 
     Args:
         take: The take.
-        landed: Its landed strikes.
-        columns: Column of every avatar in the window, -1 for those that are not in it. Shape (N,).
+        near: Landed strikes of avatars of the window.
+        columns: Column of every avatar in the window. Shape (N,).
         count: Number of columns.
-        first: First time that is posed [s].
-        last: Last time that is posed [s].
         pose_at: Poses avatars before any of this.
         struck_at: Poses those who are hit.
+        arms: The arms of those in the window.
     """
-    near = landed.between(first - AFTER, last + BEFORE)
-    near = near.of(columns[near.attackers] >= 0)
     fists = np.full((len(near.times), 3), np.nan)
-    for which, body, scales, positions, turns in pose_at(near.attackers, near.times):
+    posed = pose_at(near.attackers, near.times)
+    for which, body, scales, positions, turns in posed:
         fists[which] = body_points(body, positions, turns, scales)[3][np.arange(len(which)), near.hands[which]]
     shifts = _surfaces(take, near, fists, struck_at) - fists
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
     shifts = np.where(np.isfinite(shifts), shifts, 0.0)
+    leans, moves = np.zeros((len(near.times), JOINTS, 3)), np.zeros((len(near.times), 3))
+    for which, _, _, positions, turns in posed:
+        leans[which], moves[which] = plan_leans(arms, ELBOW_LEAST, near.hands[which], shifts[which], positions, turns)
     order, starts = by_column(columns[near.attackers], count, near.times)
-    return Landings(starts, near.times[order], near.hands[order], shifts[order], near.spans[order])
+    for values in (leans, moves):
+        # Of those who are not there nothing is known.
+        values[~np.isfinite(values)] = 0.0
+    _lean_alike(near.attackers[order], near.hands[order], near.times[order], order, leans, moves)
+    told = (near.times, near.hands, shifts, near.spans, near.lean_spans, leans, moves)
+    return Landings(starts, *(values[order] for values in told))
 
 
-def reach_out(window: Window, landings: Landings, times: Array, columns: Array, roots: Array, rotations: Array) -> None:
+def _lean_alike(attackers: Array, hands: Array, times: Array, order: Array, leans: Array, moves: Array) -> None:
+    """Let strikes that are one lean as the one of them does that leans furthest, in place."""
+    sizes = np.linalg.norm(leans, axis=(1, 2)) + np.linalg.norm(moves, axis=1)
+    best = order.copy()
+    for away in range(1, 4):
+        near = (attackers[away:] == attackers[:-away]) & (hands[away:] == hands[:-away])
+        near &= times[away:] - times[:-away] <= TOGETHER
+        for one, other in ((slice(away, None), slice(None, -away)), (slice(None, -away), slice(away, None))):
+            further = near & (sizes[order[other]] > sizes[best[one]])
+            best[one] = np.where(further, order[other], best[one])
+    leans[order], moves[order] = leans[best], moves[best]
+
+
+def reach_out(
+    window: Window,
+    landings: Landings,
+    times: Array,
+    columns: Array,
+    roots: Array,
+    rotations: Array,
+    within: float = LEAN,
+) -> None:
     """Carry fists onto what they hit, in place.
 
     Args:
         window: The stretch of the take.
         landings: Strikes that landed.
-        times: Shape (T, 1) [s].
+        times: Shape (T, n) or (T, 1) [s].
         columns: Column of each avatar. Shape (n,).
-        roots: Places of the roots [m]. Shape (T, n, 3).
+        roots: Places of the roots [m]. Shape (T, n, 3), changed.
         rotations: Local rotations. Shape (T, n, J, 4), changed.
+        within: Time beyond which strikes are left out [s].
     """
     if not len(landings.times):
         return
-    arms, scales = window.motion.arms, window.rows.scales
+    arms, legs, scales = window.motion.arms, window.motion.legs, window.rows.scales
+    leaning, least = leaning_joints(arms), np.array([ELBOW_LEAST, KNEE_LEAST])
 
     def work(low: int, high: int) -> None:
-        carry_fists(low, high, columns, times, landings, scales, arms, ELBOW_LEAST, roots, rotations)
+        carry_fists(low, high, columns, times, landings, scales, arms, legs, leaning, least, within, roots,
+                    rotations)  # fmt: skip
 
     share(window.threads, len(columns), work)
 

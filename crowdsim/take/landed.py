@@ -15,6 +15,13 @@ Array = NDArray[Any]
 BEFORE, AFTER = 0.16, 0.22
 """How long before and after a strike the arm leaves its captured way [s]."""
 
+LEAN = 0.22
+"""How long before and after it the trunk leans for it at the most [s]."""
+_LEAST_LEAN = 0.15
+"""How long it leans at the least [s]."""
+TOGETHER = 0.07
+"""Strikes of a hand that are no further apart are one: a cut shortly after a strike showed it again [s]."""
+
 
 @dataclass(frozen=True)
 class Landed:
@@ -29,6 +36,9 @@ class Landed:
         speeds: Shape (E,) [m/s].
         spans: How long before and after it the arm is on its way, no longer than to the hand's strikes before and after
             [s]. Shape (E, 2).
+        lean_spans: How long before and after it the trunk leans for it, if it can be no longer than to strikes of
+            either hand before and after [s]. Shape (E, 2).
+        again: Whether it is one with the hand's strike before. Shape (E,).
     """
 
     times: Array
@@ -38,11 +48,28 @@ class Landed:
     points: Array
     speeds: Array
     spans: Array
+    lean_spans: Array
+    again: Array
 
     def between(self, first: float, last: float) -> Landed:
         """Return those from ``first`` to ``last`` [s]."""
         low, high = np.searchsorted(self.times, (first, last))
         return self.of(slice(low, high))
+
+    def around(self, first: float, last: float, columns: Array) -> Landed:
+        """Return those for which avatars with a column (N,), not -1, strike or lean from ``first`` to ``last`` [s]."""
+        near = self.between(first - LEAN - TOGETHER, last + LEAN + TOGETHER)
+        return near.of(columns[near.attackers] >= 0)
+
+    def around_each(self, avatars: Array, times: Array, within: float) -> Landed:
+        """Return those of some avatars (E,) no further from their times (E,) than ``within``, and few others [s]."""
+        within += TOGETHER + 1e-3
+        near = self.between(times.min() - within, times.max() + within)
+        # Times of all avatars one after another on one line.
+        line = 2.0 * (float(times.max()) + within) + 1.0
+        asked, keys = np.sort(avatars * line + times), near.attackers * line + near.times
+        at = np.searchsorted(asked, keys - within)
+        return near.of(np.append(asked, np.inf)[at] <= keys + within)
 
     def of(self, chosen: Any) -> Landed:
         """Return some of them, by index, slice or mask."""
@@ -66,9 +93,10 @@ def find_landed(take: Take) -> Landed:
     gaps = np.where(same, np.diff(times[order]), np.inf)
     ends = [np.inf] if len(order) else []
     spans = np.stack([np.concatenate([ends, gaps]), np.concatenate([gaps, ends])], axis=1)
+    again = spans[:, 0] <= TOGETHER
     spans = np.minimum(spans, (BEFORE, AFTER))
     later = np.lexsort((order, times[order]))
-    order, spans = order[later], spans[later]
+    order, spans, again = order[later], spans[later], again[later]
     chosen = landed[order]
     return Landed(
         times=times[order],
@@ -78,7 +106,24 @@ def find_landed(take: Take) -> Landed:
         points=np.asarray(events.point, dtype=np.float64)[chosen].reshape(-1, 3),
         speeds=np.asarray(events.speed)[chosen].astype(np.float64),
         spans=spans,
+        lean_spans=_lean_spans(attackers[order], times[order]),
+        again=again,
     )
+
+
+def _lean_spans(attackers: Array, times: Array) -> Array:
+    """How long trunks lean before and after strikes in order of time (E,). Shape (E, 2)."""
+    order = np.lexsort((times, attackers))
+    who, when = attackers[order], times[order]
+    found = np.full((len(order), 2), LEAN)
+    for away in range(1, 6):
+        gaps = np.where(who[away:] == who[:-away], when[away:] - when[:-away], np.inf)
+        gaps = np.where(gaps > TOGETHER, np.maximum(gaps, _LEAST_LEAN), np.inf)
+        found[away:, 0] = np.minimum(found[away:, 0], gaps)
+        found[:-away, 1] = np.minimum(found[:-away, 1], gaps)
+    out = np.empty_like(found)
+    out[order] = found
+    return out
 
 
 def by_column(columns: Array, count: int, times: Array) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ where they follow closely.
 The pelvis goes down a little, and evenly, for a leg that would be overstretched; soles stay above the floor.
 
 A fist is carried onto what it hits by a bump over time; for what an arm that eases into its longest reach does not
-give, the spine leans. A blow turns spine, neck and head along its way, and they spring back.
+give, the trunk leans by a longer one. A blow turns spine, neck and head along its way, and they spring back.
 """
 
 import math
@@ -487,22 +487,77 @@ def _unrotate(q, x, y, z):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _lean(arms, scale, hand, root, pose, places, turns, x, y, z):
-    """Turn the spine so that a shoulder goes by a vector [m], half at its lower end and half at the chest."""
-    shoulder = places[arms.joints[hand, 0]]
-    count = 1 if arms.bends[0] == arms.bends[1] else 2
-    for k in range(count):
-        joint = arms.bends[k]
-        p = places[joint]
-        ax, ay, az = shoulder[0] - p[0], shoulder[1] - p[1], shoulder[2] - p[2]
-        square = max(ax * ax + ay * ay + az * az, 1e-6) * count
-        _turn_in_world(arms, turns, joint, (ay * z - az * y) / square, (az * x - ax * z) / square,
-                       (ax * y - ay * x) / square, pose)  # fmt: skip
-    _pose_chain(arms, scale, root, pose, places, turns)
+def _turn_locally(joint, x, y, z, rotations):
+    """Turn a joint by a rotation vector in its parent's frame."""
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle < 1e-12:
+        return
+    s, c = math.sin(0.5 * angle) / angle, math.cos(0.5 * angle)
+    x, y, z = x * s, y * s, z * s
+    r = rotations[joint]
+    a, b, d, e = r[0], r[1], r[2], r[3]
+    r[0] = c * a - x * b - y * d - z * e
+    r[1] = c * b + x * a + y * e - z * d
+    r[2] = c * d - x * e + y * a + z * b
+    r[3] = c * e + x * d - y * b + z * a
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def carry_fists(first, stop, columns, times, landings, scales, arms, least, roots, rotations):
+def _lean_at(landings, n, time, within, lean):
+    """Write how a trunk leans at a time into ``lean``: four turns and the way of the pelvis; whether it does at all.
+
+    Bumps that overlap do not add: between strikes one lean passes into the other.
+    """
+    lean[:] = 0.0
+    rest, whole = 1.0, 0.0
+    for strike in range(landings.starts[n], landings.starts[n + 1]):
+        apart = time - landings.times[strike]
+        span = landings.lean_spans[strike, 0] if apart < 0.0 else landings.lean_spans[strike, 1]
+        weight = _ease(1.0 - abs(apart) / span)
+        if weight > 0.0 and abs(apart) <= within:
+            rest *= 1.0 - weight
+            square = weight * weight
+            whole += square
+            for k in range(4):
+                for j in range(3):
+                    lean[k, j] += square * landings.turns[strike, k, j]
+            for j in range(3):
+                lean[4, j] += square * landings.moves[strike, j]
+    if whole <= 0.0:
+        return False
+    share = (1.0 - rest) / whole
+    for k in range(5):
+        for j in range(3):
+            lean[k, j] *= share
+    return True
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _move_pelvis(legs, scale, lean, least, root, pose, places, turns, ankles, bend, turn, spare):
+    """Move the root by ``lean[4]`` over feet that stay where they are."""
+    _pose_chain(legs, scale, root, pose, places, turns)
+    for f in range(2):
+        for k in range(3):
+            ankles[f, k] = places[legs.joints[f, 2], k]
+    for j in range(legs.parents.shape[0]):
+        for k in range(3):
+            places[j, k] += lean[4, k]
+    for k in range(3):
+        root[k] += lean[4, k]
+    for f in range(2):
+        p, q, r = places[legs.joints[f, 0]], places[legs.joints[f, 1]], places[legs.joints[f, 2]]
+        a = math.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2 + (q[2] - p[2]) ** 2)
+        b = math.sqrt((r[0] - q[0]) ** 2 + (r[1] - q[1]) ** 2 + (r[2] - q[2]) ** 2)
+        now = math.sqrt((r[0] - p[0]) ** 2 + (r[1] - p[1]) ** 2 + (r[2] - p[2]) ** 2)
+        longest = math.sqrt(a * a + b * b + 2.0 * a * b * math.cos(least))
+        x, y, z = ankles[f, 0], ankles[f, 1], ankles[f, 2]
+        wanted = math.sqrt((x - p[0]) ** 2 + (y - p[1]) ** 2 + (z - p[2]) ** 2)
+        distance = wanted - _beyond(now, wanted, longest, 0.002 * longest)
+        _bend(legs, f, pose, places, turns, x, y, z, distance, True, bend, turn, spare)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def carry_fists(first, stop, columns, times, landings, scales, arms, legs, leaning, least, within, roots, rotations):
     """Carry fists of avatars ``first`` to ``stop`` of ``columns`` onto what they hit, in place.
 
     Args:
@@ -513,15 +568,17 @@ def carry_fists(first, stop, columns, times, landings, scales, arms, least, root
         landings: A ``fists.Landings``.
         scales: Body size by column.
         arms: A ``motion.Limbs``.
-        least: Least flexion of an elbow [rad].
-        roots: Places of the roots [m]. Shape (T, n, 3).
+        legs: Likewise.
+        leaning: Joints that lean, see ``leans.leaning_joints``. Shape (4,).
+        least: Least flexion of elbows and knees [rad]. Shape (2,).
+        within: Time beyond which the trunk does not lean for a strike [s].
+        roots: Places of the roots [m]. Shape (T, n, 3), changed.
         rotations: Local rotations. Shape (T, n, J, 4), changed.
     """
     joints = arms.parents.shape[0]
     places, turns = np.empty((joints, 3)), np.empty((joints, 4))
-    shifts, weights, wrists, targets = np.empty((2, 3)), np.empty(2), np.empty((2, 3)), np.empty((2, 3))
-    now, longest, soft = np.empty(2), np.empty(2), np.empty(2)
-    bend, turn, spare = np.empty(4), np.empty(4), np.empty(4)
+    shifts, weights, targets, ankles = np.empty((2, 3)), np.empty(2), np.empty((2, 3)), np.empty((2, 3))
+    lean, bend, turn, spare = np.empty((5, 3)), np.empty(4), np.empty(4), np.empty(4)
     shared = times.shape[1] == 1
     for i in range(first, stop):
         n = columns[i]
@@ -530,7 +587,6 @@ def carry_fists(first, stop, columns, times, landings, scales, arms, least, root
             time = times[t, 0 if shared else i]
             if not math.isfinite(roots[t, i, 0]):
                 continue
-            active = False
             weights[:] = 0.0
             shifts[:] = 0.0
             for strike in range(landings.starts[n], landings.starts[n + 1]):
@@ -538,61 +594,51 @@ def carry_fists(first, stop, columns, times, landings, scales, arms, least, root
                 span = landings.spans[strike, 0] if apart < 0.0 else landings.spans[strike, 1]
                 weight = _ease(1.0 - abs(apart) / span)
                 if weight > 0.0:
-                    active = True
                     hand = landings.hands[strike]
-                    weights[hand] = max(weights[hand], weight)
+                    weights[hand] += weight
                     for k in range(3):
                         shifts[hand, k] += weight * landings.shifts[strike, k]
-            if not active:
-                continue
+            leans = _lean_at(landings, n, time, within, lean)
             root, pose = roots[t, i], rotations[t, i]
+            if weights[0] > 0.0 or weights[1] > 0.0:
+                _pose_chain(arms, scale, root, pose, places, turns)
+                for hand in range(2):
+                    end, o = arms.joints[hand, 2], arms.points[hand, 0]
+                    x, y, z = _rotate(turns[end], o[0] * scale, o[1] * scale, o[2] * scale)
+                    targets[hand, 0] = places[end, 0] + x
+                    targets[hand, 1] = places[end, 1] + y
+                    targets[hand, 2] = places[end, 2] + z
+            if leans:
+                if lean[4, 0] != 0.0 or lean[4, 1] != 0.0 or lean[4, 2] != 0.0:
+                    _move_pelvis(legs, scale, lean, least[1], root, pose, places, turns, ankles, bend, turn, spare)
+                for k in range(4):
+                    if leaning[k] >= 0:
+                        _turn_locally(leaning[k], lean[k, 0], lean[k, 1], lean[k, 2], pose)
+            if weights[0] <= 0.0 and weights[1] <= 0.0:
+                continue
             _pose_chain(arms, scale, root, pose, places, turns)
             for hand in range(2):
-                p, q, r = (
-                    places[arms.joints[hand, 0]],
-                    places[arms.joints[hand, 1]],
-                    places[arms.joints[hand, 2]],
-                )
-                a = math.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2 + (q[2] - p[2]) ** 2)
-                b = math.sqrt((r[0] - q[0]) ** 2 + (r[1] - q[1]) ** 2 + (r[2] - q[2]) ** 2)
-                now[hand] = math.sqrt((r[0] - p[0]) ** 2 + (r[1] - p[1]) ** 2 + (r[2] - p[2]) ** 2)
-                longest[hand] = math.sqrt(a * a + b * b + 2.0 * a * b * math.cos(least))
-                soft[hand] = 0.01 * (a + b)
-                for k in range(3):
-                    wrists[hand, k] = r[k]
-                    targets[hand, k] = r[k] + shifts[hand, k]
-            for _ in range(3):
-                for hand in range(2):
-                    if weights[hand] <= 0.0:
-                        continue
-                    p = places[arms.joints[hand, 0]]
-                    x, y, z = targets[hand, 0] - p[0], targets[hand, 1] - p[1], targets[hand, 2] - p[2]
-                    wanted = math.sqrt(x * x + y * y + z * z)
-                    lack = wanted - _stretch(now[hand], wanted, longest[hand], soft[hand])
-                    if wanted < now[hand]:
-                        # A straight arm that has to get shorter would throw its elbow out: the trunk goes back too.
-                        straight = _ease((now[hand] / longest[hand] - 0.85) / 0.15)
-                        lack = 0.25 * straight * (wanted - now[hand])
-                    if abs(lack) > 1e-6:
-                        share = lack / wanted
-                        _lean(arms, scale, hand, root, pose, places, turns, x * share, y * share, z * share)
-            for hand in range(2):
-                weight = weights[hand]
+                weight = min(weights[hand], 1.0)
                 if weight <= 0.0:
                     continue
-                p, r = places[arms.joints[hand, 0]], places[arms.joints[hand, 2]]
-                # Where the trunk leans for the other hand, this one goes along as far as it is free to.
-                x = targets[hand, 0] * weight + (1.0 - weight) * (r[0] + shifts[hand, 0])
-                y = targets[hand, 1] * weight + (1.0 - weight) * (r[1] + shifts[hand, 1])
-                z = targets[hand, 2] * weight + (1.0 - weight) * (r[2] + shifts[hand, 2])
+                p, q, r = places[arms.joints[hand, 0]], places[arms.joints[hand, 1]], places[arms.joints[hand, 2]]
+                o = arms.points[hand, 0]
+                # As far as it is free to, the fist goes along with the trunk.
+                x, y, z = _rotate(turns[arms.joints[hand, 2]], o[0] * scale, o[1] * scale, o[2] * scale)
+                x = r[0] + weight * (targets[hand, 0] - r[0] - x) + shifts[hand, 0]
+                y = r[1] + weight * (targets[hand, 1] - r[1] - y) + shifts[hand, 1]
+                z = r[2] + weight * (targets[hand, 2] - r[2] - z) + shifts[hand, 2]
+                a = math.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2 + (q[2] - p[2]) ** 2)
+                b = math.sqrt((r[0] - q[0]) ** 2 + (r[1] - q[1]) ** 2 + (r[2] - q[2]) ** 2)
+                now = math.sqrt((r[0] - p[0]) ** 2 + (r[1] - p[1]) ** 2 + (r[2] - p[2]) ** 2)
+                longest = math.sqrt(a * a + b * b + 2.0 * a * b * math.cos(least[0]))
                 wanted = math.sqrt((x - p[0]) ** 2 + (y - p[1]) ** 2 + (z - p[2]) ** 2)
-                held = math.sqrt((r[0] - p[0]) ** 2 + (r[1] - p[1]) ** 2 + (r[2] - p[2]) ** 2)
-                distance = min(wanted, max(longest[hand], held))
+                distance = wanted - _beyond(now, wanted, longest, 0.0015 * (a + b))
                 _bend(arms, hand, pose, places, turns, x, y, z, distance, True, bend, turn, spare)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def show_blows(first, stop, columns, times, blows, trunk, peak, length, roots, rotations):
+def show_blows(first, stop, columns, times, blows, trunk, peak, length, recent, roots, rotations):
     """Lay reactions over poses of avatars ``first`` to ``stop`` of ``columns``, in place.
 
     A spring's answer to a blow is 1 at its highest, ``peak`` seconds after it, swings through a little, and is at rest
@@ -607,6 +653,7 @@ def show_blows(first, stop, columns, times, blows, trunk, peak, length, roots, r
         trunk: A ``reactions.Trunk``.
         peak: See above.
         length: See above.
+        recent: Time after which a blow is left out [s].
         roots: Places of the roots. Shape (T, n, 3).
         rotations: Local rotations. Shape (T, n, J, 4), changed.
     """
@@ -623,12 +670,12 @@ def show_blows(first, stop, columns, times, blows, trunk, peak, length, roots, r
             spin[:] = 0.0
             for blow in range(blows.starts[n], blows.starts[n + 1]):
                 since = time - blows.times[blow]
-                if not 0.0 < since < length:
+                if not 0.0 < since < min(length, recent):
                     continue
                 active = True
                 s = since / peak
                 back = min(max((since - 2.5 * peak) / (length - 2.5 * peak), 0.0), 1.0)
-                answer = s * s * math.exp(2.0 - 2.0 * s) - 0.12 * math.sin(math.pi * back) ** 2
+                answer = s * s * s * math.exp(3.0 - 3.0 * s) - 0.12 * math.sin(math.pi * back) ** 2
                 answer *= _ease((length - since) / (0.4 * length))
                 for k in range(3):
                     spin[blows.parts[blow], k] += answer * blows.axes[blow, k]

@@ -18,11 +18,11 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.take.feet import hold_feet
-from crowdsim.take.fists import plan_landings, reach_out
-from crowdsim.take.landed import find_landed
+from crowdsim.take.fists import PoseAt, plan_landings, reach_out
+from crowdsim.take.landed import LEAN, find_landed
 from crowdsim.take.motion import PoseMotion, prepare_motion
 from crowdsim.take.pose_kernels import blend_poses
-from crowdsim.take.reactions import build_trunk, give_way, plan_blows
+from crowdsim.take.reactions import LENGTH, build_trunk, give_way, plan_blows
 from crowdsim.take.take import Take
 from crowdsim.take.window import BLEND, Cuts, Places, Window
 from crowdsim.take.workers import share
@@ -34,6 +34,9 @@ Array = NDArray[Any]
 
 REACH = 1.0
 """How far a pose looks around its time in the take [s]."""
+_LATE, _CLOSE_BY = 0.35, 0.12
+"""Where it finds out where fists go of those who are struck: how far it looks back for blows, and around for strikes of
+those whom they strike in turn [s]."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +166,8 @@ class PoseSampler:
         lookup = np.full(take.avatar_count, -1)
         lookup[avatars] = columns
         first, last = float(times[0]), float(times[-1])
-        landings = plan_landings(take, self._landed, lookup, len(columns), first, last, self._pose_at, self._struck_at)
+        near = self._landed.around(first, last, lookup)
+        landings = plan_landings(take, near, lookup, len(columns), self._pose_at, self._struck_at, motion.arms)
         reach_out(window, landings, times[:, None], columns, roots, rotations)
         return Poses(index, avatars, motion.skeleton, take.cast.scales[avatars], roots, rotations, places.ground)
 
@@ -177,15 +181,11 @@ class PoseSampler:
     def _pose(self, window: Window, index: int, times: Array, columns: Array) -> tuple[Array, Array, Places]:
         """Poses at times (T, n) or (T, 1) of the avatars in columns (n,), before fists are carried."""
         places = window.place(times, columns)
-        first, last = float(times.min()), float(times.max())
         cuts = window.cuts()
         roots, rotations = self._blend(window, cuts, places, times, columns)
         hold_feet(window, cuts, places, times, columns, roots, rotations)
         if self._reactions:
-            lookup = np.full(self.take.avatar_count, -1)
-            lookup[window.avatars] = np.arange(len(window.avatars))
-            blows = plan_blows(self._landed, lookup, len(window.avatars), first, last, self._place_at)
-            give_way(window, blows, self._trunks[index], times, columns, roots, rotations)
+            self._give_way(window, index, times, columns, roots, rotations)
         return roots, rotations, places
 
     def _blend(self, window: Window, cuts: Cuts, places: Places, times: Array, columns: Array) -> tuple[Array, Array]:
@@ -228,29 +228,74 @@ class PoseSampler:
     def _struck_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
         """Pose avatars (E,) at times (E,) with what their own fists do to them, nearly.
 
-        Where these fists go is found without feet and reactions, which would look too far around.
+        Where these fists go is found without feet and early blows, which would look too far around.
         """
         told = []
         for which, index, window, columns, moments in self._moments(avatars, times):
             roots, rotations, _ = self._pose(window, index, moments, columns)
-            lookup = np.full(self.take.avatar_count, -1)
-            lookup[window.avatars] = np.arange(len(window.avatars))
-            first, last = float(moments.min()), float(moments.max())
-            landings = plan_landings(
-                self.take, self._landed, lookup, len(window.avatars), first, last, self._bare_at, self._bare_at
-            )
-            reach_out(window, landings, moments, columns, roots, rotations)
+            self._reach_out(window, moments, columns, roots, rotations, self._answering_at, LEAN)
             told.append(self._joints_of(which, window, columns, roots, rotations))
         return told
 
-    def _bare_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
-        """Pose avatars (E,) at times (E,) with blends and nothing else."""
+    def _answering_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
+        """Pose avatars (E,) at times (E,) with blends, late blows, and what strikes close by do to them."""
         told = []
-        for which, _, window, columns, moments in self._moments(avatars, times):
-            places = window.place(moments, columns)
-            roots, rotations = self._blend(window, window.cuts(), places, moments, columns)
+        for which, index, window, columns, moments in self._moments(avatars, times):
+            roots, rotations = self._pose_nearly(window, index, moments, columns)
+            self._reach_out(window, moments, columns, roots, rotations, self._nearly_at, _CLOSE_BY)
             told.append(self._joints_of(which, window, columns, roots, rotations))
         return told
+
+    def _nearly_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
+        """Pose avatars (E,) at times (E,) with blends and late blows, and nothing else."""
+        told = []
+        for which, index, window, columns, moments in self._moments(avatars, times):
+            roots, rotations = self._pose_nearly(window, index, moments, columns)
+            told.append(self._joints_of(which, window, columns, roots, rotations))
+        return told
+
+    def _pose_nearly(self, window: Window, index: int, moments: Array, columns: Array) -> tuple[Array, Array]:
+        """Poses with blends and late blows."""
+        places = window.place(moments, columns)
+        roots, rotations = self._blend(window, window.cuts(), places, moments, columns)
+        if self._reactions:
+            self._give_way(window, index, moments, columns, roots, rotations, _LATE)
+        return roots, rotations
+
+    def _reach_out(
+        self,
+        window: Window,
+        moments: Array,
+        columns: Array,
+        roots: Array,
+        rotations: Array,
+        struck_at: PoseAt,
+        within: float,
+    ) -> None:
+        """Carry fists nearly to where they go, in place, for strikes that are no further off than ``within`` [s]."""
+        lookup = np.full(self.take.avatar_count, -1)
+        lookup[window.avatars] = np.arange(len(window.avatars))
+        near = self._landed.around_each(window.avatars[columns], moments[0], within)
+        landings = plan_landings(self.take, near, lookup, len(window.avatars), self._nearly_at, struck_at,
+                                 window.motion.arms)  # fmt: skip
+        reach_out(window, landings, moments, columns, roots, rotations, within)
+
+    def _give_way(
+        self,
+        window: Window,
+        index: int,
+        times: Array,
+        columns: Array,
+        roots: Array,
+        rotations: Array,
+        recent: float = LENGTH,
+    ) -> None:
+        """Lay reactions to blows over poses, in place; to those that are no older than ``recent`` [s]."""
+        lookup = np.full(self.take.avatar_count, -1)
+        lookup[window.avatars] = np.arange(len(window.avatars))
+        first, last = float(times.min()), float(times.max())
+        blows = plan_blows(self._landed, lookup, len(window.avatars), first, last, self._place_at)
+        give_way(window, blows, self._trunks[index], times, columns, roots, rotations, recent)
 
     def _joints_of(
         self, which: Array, window: Window, columns: Array, roots: Array, rotations: Array

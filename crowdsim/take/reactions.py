@@ -20,7 +20,8 @@ PlaceAt = Callable[[Array, Array], list[tuple[Array, PoseMotion, Array, Places]]
 
 LENGTH = 0.65
 """How long a reaction lasts [s]."""
-_PEAK = 0.09
+_PEAK = 0.13
+"""Time of a blow to its highest; one that is shorter jerks the head more than captured motion does [s]."""
 _TYPICAL_SPEED, _STRONGEST = 8.0, 1.6
 _SWING = 0.05
 """Time over which the way of a fist is measured [s]."""
@@ -82,7 +83,7 @@ def plan_blows(landed: Landed, columns: Array, count: int, first: float, last: f
         place_at: Tells where avatars are.
     """
     near = landed.between(first - LENGTH, last)
-    near = near.of(near.victims >= 0)
+    near = near.of((near.victims >= 0) & ~near.again)
     near = near.of(columns[near.victims] >= 0)
     axes = np.zeros((len(near.times), 3))
     for which, motion, scales, places in place_at(near.attackers, near.times):
@@ -112,7 +113,14 @@ def plan_blows(landed: Landed, columns: Array, count: int, first: float, last: f
 
 
 def give_way(
-    window: Window, blows: Blows, trunk: Trunk, times: Array, columns: Array, roots: Array, rotations: Array
+    window: Window,
+    blows: Blows,
+    trunk: Trunk,
+    times: Array,
+    columns: Array,
+    roots: Array,
+    rotations: Array,
+    recent: float = LENGTH,
 ) -> None:
     """Lay reactions over poses, in place.
 
@@ -124,11 +132,12 @@ def give_way(
         columns: Column of each avatar. Shape (n,).
         roots: Places of the roots. Shape (T, n, 3).
         rotations: Local rotations. Shape (T, n, J, 4), changed.
+        recent: Time after which blows are left out [s].
     """
     if not len(blows.times):
         return
 
     def work(low: int, high: int) -> None:
-        show_blows(low, high, columns, times, blows, trunk, _PEAK, LENGTH, roots, rotations)
+        show_blows(low, high, columns, times, blows, trunk, _PEAK, LENGTH, recent, roots, rotations)
 
     share(window.threads, len(columns), work)

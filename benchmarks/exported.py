@@ -1,0 +1,275 @@
+"""Do exported files show what the package says of a run? Its figures again, from the BVH files, by code of its own.
+
+    python benchmarks/exported.py [RUN ...] [--mocap DIR] [--frames 450] [--seconds 0.4] [--quick] [--json]
+
+Without a RUN, `brawl_30`, `armies_200` and, with --mocap or CROWDSIM_MOCAP, `brawl_30_cmu` are run here, BVH files and
+no other output. Files are read and posed by a reader of this folder in plain numpy; the take gives strikes, and when
+avatars chose which action; the policy's bundle gives sizes of bodies and where actions begin in the capture, and
+`crowdsim perform` or the capture's own files give that. No code of the package takes part in the figures, but for
+those of `crowdsim inspect` beside them. The capture is measured likewise.
+
+- Calm frames: a second from cuts and away from strikes, where the files have to show the capture and nothing else.
+- Feet: a foot stands while its ball is lower than 3 cm and rises or falls slower than 0.15 m/s; its slide is the ball's
+  level speed then, whatever the foot is meant to do.
+- Knees and elbows: flexion to the side to which the capture bends them; `clips_with_backward_hinges` are clips of the
+  capture whose knees fold forward, or elbows backward, in their files; such elbows are turned before all else.
+- Peaks: the largest speed and acceleration of any joint over the largest that the capture has of it.
+- Fists: how far the middle of the striking fist is from the surface of head or torso at the strike's time.
+- Bodies: discs of 0.2 m around pelvises, capsules of torsos (from pelvis to neck), and heads that lie in one another,
+  as a share of avatar-frames.
+- Cuts: area under the ROC curve of a classifier that tells windows around cuts from those around other decisions;
+  `content` the same of the capture behind them. See `_cuts_told_apart.py`.
+
+Runs of one policy, whose avatars are there all the time, are what it knows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+from _cuts_told_apart import told_apart
+from _exported_measures import Stage, feet, fists, hinges, overlap, peaks, undisturbed
+from _witness import Sizes, read_figure, read_sizes, read_source
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+ROOT = Path(__file__).parents[1]
+SCENES = {"brawl_30": 60, "brawl_30_cmu": 60, "armies_200": 30}
+"""What is run without a RUN, and frames a second of its files."""
+QUICK = 150
+"""Control frames of a quick run."""
+
+
+def crowdsim(*words: str) -> str:
+    """Call the command line."""
+    program = "from crowdsim.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True, check=False)
+    if done.returncode:
+        sys.exit(done.stderr.strip() or f"crowdsim {' '.join(words)} failed")
+    return done.stdout
+
+
+def play(name: str, fps: int, frames: int | None, folder: Path, mocap: Path | None) -> Path:
+    """Run a scenario with BVH files as its only output."""
+    from crowdsim import load_scenario, run_to
+
+    overrides = ["outputs.ply=null", f"outputs.bvh.fps={fps}"]
+    if frames is not None:
+        overrides.append(f"duration={frames}")
+    run_to(folder / name, load_scenario(name, overrides), mocap=mocap)
+    return folder / name
+
+
+def clips_of(bundle: Path, folder: Path, mocap: Path | None) -> list[Path]:
+    """The files of the motion that a policy was trained on; the performer's are performed again."""
+    motion = json.loads((bundle / "policy.json").read_text())["recipe"]["motion"]
+    performer = motion.get("performer")
+    if performer is not None:
+        if performer["stance"] != "orthodox":
+            sys.exit(f"{bundle}: a {performer['stance']} performer is beyond this benchmark")
+        out = folder / f"performer_{performer['seed']}_{performer['seconds']:g}"
+        if not out.exists():
+            words = ("--seconds", str(performer["seconds"]), "--seed", str(performer["seed"]), "--out", str(out))
+            crowdsim("perform", *words)
+        return sorted(out.glob("*.bvh"))
+    if mocap is None:
+        sys.exit(f"{bundle}: was trained on capture, expected --mocap or CROWDSIM_MOCAP")
+    return sorted(path for pattern in motion["capture"]["clips"] for path in Path(mocap).glob(pattern))
+
+
+def follow(sizes: Sizes, action: Array, phase: Array, pace: float, seconds: Array, rate: float) -> tuple[Array, Array]:
+    """Where an avatar is in the capture, from what the take tells of it.
+
+    Args:
+        sizes: Numbers of the bundle.
+        action: Its action in each control frame. Shape (C,).
+        phase: Control frames of it done. Shape (C,).
+        pace: Motion frames in a control frame.
+        seconds: Times that are asked for. Shape (F,).
+        rate: Control frames a second.
+
+    Returns:
+        The playback frame at each time, shape (F,); and of each decision its time [s], the playback frame that it left
+        and the one that it went on from, shape (n, 3).
+    """
+    phase = np.minimum(phase, sizes.lengths[action])
+    fresh = np.concatenate([[True], (action[1:] != action[:-1]) | (phase[1:] < phase[:-1] + 0.5 * pace)])
+    clock = seconds * rate
+    now = np.minimum(np.floor(clock + 1e-6).astype(int), len(action) - 1)
+    later = np.minimum(now + 1, len(action) - 1)
+    part = clock - now
+    began = np.where((later > now) & fresh[later], 1.0 - phase[later] / pace, np.inf)
+    gone = np.minimum(phase[now] + part * pace, sizes.lengths[action[now]])
+    new = part >= began - 1e-6
+    ahead = np.where(new, part - np.where(new, began, 0.0), 0.0) * pace
+    frames = np.where(
+        new, sizes.first[action[later]] + ahead * sizes.stride, sizes.first[action[now]] + gone * sizes.stride
+    )
+    rows = np.flatnonzero(fresh[1:]) + 1
+    left = sizes.first[action[rows - 1]] + sizes.lengths[action[rows - 1]] * sizes.stride
+    return frames, np.stack([(rows - phase[rows] / pace) / rate, left, sizes.first[action[rows]]], axis=1)
+
+
+def read_stage(run: Path, policies: Path, folder: Path, mocap: Path | None) -> Stage:
+    """Read a run: BVH files, take, bundle and capture."""
+    group: Any = zarr.open_group(store=str(run / "take.zarr"), mode="r")
+    names = group.attrs["policy_names"]
+    if len(names) != 1:
+        sys.exit(f"{run}: has {len(names)} policies, expected one")
+    bundle, control = policies / names[0], float(group.attrs["control_rate"])
+    told = json.loads((bundle / "policy.json").read_text())["fingerprint"]
+    if told != group.attrs["policy_fingerprints"][0]:
+        sys.exit(f"{run}: {bundle} is not the bundle that it was run with")
+    sizes = read_sizes(bundle)
+    action, phase = np.asarray(group["action"][:]).astype(int), np.asarray(group["action_frame"][:]).astype(float)
+    if (action < 0).any():
+        sys.exit(f"{run}: avatars come late or leave, expected all of them all the time")
+    read = [read_figure(run / "bvh" / f"{name}.bvh", sizes) for name in group["name"][:]]
+    fps, speeds = round(read[0][2]), np.asarray(group["speed"][:]).astype(float)
+    if fps > sizes.rate or sizes.rate % fps:
+        sys.exit(f"{run}: has BVH files of {fps} frames a second, expected {sizes.rate:g} or a whole part of it")
+    seconds = np.arange(len(read[0][0].head)) / fps
+    followed = [follow(sizes, action[:, n], phase[:, n], pace, seconds, control) for n, pace in enumerate(speeds)]
+    events = {name: np.asarray(group["events"][name][:]) for name in ("attacker", "victim", "hand", "landed")}
+    return Stage(
+        sizes=sizes,
+        source=read_source(clips_of(bundle, folder, mocap), sizes),
+        figures=[one[0] for one in read],
+        scales=np.array([one[1] for one in read]),
+        speeds=speeds,
+        fps=fps,
+        frames=np.stack([frames for frames, _ in followed]),
+        decisions=[decisions for _, decisions in followed],
+        events={**events, "seconds": np.asarray(group["events"]["frame"][:]) / control},
+    )
+
+
+def judge(run: Path, stage: Stage, seconds: float) -> dict[str, Any]:
+    """All figures of a run, with what ``crowdsim inspect`` says of it."""
+    cuts = sum(int(np.sum(told[:, 1] != told[:, 2])) for told in stage.decisions)
+    return {
+        "avatars": len(stage.figures),
+        "frames": len(stage.figures[0].head),
+        "cuts_per_second": cuts / len(stage.figures) / (len(stage.figures[0].head) / stage.fps),
+        "database_off_its_capture": stage.source.apart,
+        "floors_off": float(np.abs(stage.source.floors).max()),
+        "undisturbed": undisturbed(stage),
+        "feet": feet(stage),
+        "hinges": hinges(stage),
+        "peaks": peaks(stage),
+        "fists": fists(stage),
+        "overlap": overlap(stage),
+        "cuts_told_apart": told_apart(stage, seconds),
+        "inspect": json.loads(crowdsim("inspect", str(run), "--json")),
+    }
+
+
+def _rows(told: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
+    """Lines of the table: figure, from the files, of the capture, as inspect says, where the worst is."""
+
+    def place(worst: dict[str, Any]) -> str:
+        return " ".join(
+            f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}" for key, value in worst.items()
+        )
+
+    own, feet_, bends = told["inspect"], told["feet"], told["hinges"]
+    rows = []
+    calm = told["undisturbed"]
+    if calm["frames"]:
+        gap = f"{1000 * calm['greatest_gap']:.2f}"
+        rows.append((f"joints off the capture in {calm['frames']} calm frames [mm]", gap, "", "", ""))
+    for key, name in (("median", "median"), ("p95", "95")):
+        there = own[f"foot_slide_{name}"], own[f"foot_slide_{name}_captured"]
+        said = " of ".join("-" if value is None else f"{value:.3f}" for value in there)
+        rows.append(
+            (f"slide of standing feet, {key} [m/s]", f"{feet_['slide'][key]:.3f}",
+             f"{feet_['slide_of_all_the_capture'][key]:.3f}", said, "")
+        )  # fmt: skip
+        rows.append(
+            (f"  where the capture stands too, {key}", f"{feet_['slide_where_the_capture_stands_too'][key]:.3f}",
+             f"{feet_['slide_of_the_capture_there'][key]:.3f}", "", "")
+        )  # fmt: skip
+    rows.append(("lowest sole [mm]", f"{1000 * feet_['lowest_sole']:.1f}",
+                 f"{1000 * feet_['lowest_sole_of_the_capture']:.1f}", "", place(feet_["worst"])))  # fmt: skip
+    for name in ("knees", "elbows"):
+        bend = bends[name]
+        rows.append((f"{name}, least and greatest flexion [deg]", f"{bend['least']:.0f} {bend['greatest']:.0f}",
+                     f"{bend['least_of_the_capture']:.0f} {bend['greatest_of_the_capture']:.0f}", "",
+                     place(bend["worst"])))  # fmt: skip
+        rows.append((f"{name} past straight, of frames", f"{bend['past_straight']:.2%}",
+                     f"{bend['past_straight_of_the_capture']:.2%}", "", ""))  # fmt: skip
+    for kind, parts in told["peaks"].items():
+        for part, peak in parts.items():
+            rows.append((f"greatest {kind} of {part} over the capture's", f"{peak['ratio']:.2f}", "1.00", "",
+                         place(peak["worst"])))  # fmt: skip
+            rows.append(("  99.99 %; frames beyond it by 10 %", f"{peak['p9999']:.3g}; {peak['frames_beyond']:.3%}",
+                         f"{peak['p9999_of_the_capture']:.3g}", "", ""))  # fmt: skip
+    hits, bodies, apart = told["fists"], told["overlap"], told["cuts_told_apart"]
+    rows.append(("strikes landed", f"{hits['landed']}", "", f"{own['strikes_landed']}", ""))
+    if hits["landed"]:
+        off = hits["gap"]
+        rows.append(("fist off what it hits, median, 95 %, most [cm]",
+                     f"{100 * off['median']:.2f} {100 * off['p95']:.2f} {100 * off['greatest']:.1f}", "", "",
+                     place(hits["worst"])))  # fmt: skip
+        rows.append(("  off by more than 2 cm", f"{hits['beyond_2_cm']:.2%}", "", "", ""))
+        rows.append(("  misses whose fist is in the body", f"{hits['buried']:.2%}", "", "", ""))
+    rows.append(("bodies overlap: discs", f"{bodies['discs']:.3%}", "", f"{own['overlap_share']:.3%}", ""))
+    rows.append(("  torsos", f"{bodies['torsos']:.3%}", "", "", place(bodies["worst"])))
+    rows.append(("  heads", f"{bodies['heads']:.3%}", "", "", ""))
+    rows.append(("cuts a second and avatar", f"{told['cuts_per_second']:.2f}", "",
+                 f"{own['transitions_per_second']:.2f}", ""))  # fmt: skip
+    if apart["auc"] is not None and apart["auc_of_content"] is not None:
+        rows.append((f"AUC of {apart['cuts']} cuts against {apart['others']} others", f"{apart['auc']:.3f}",
+                     f"{apart['auc_of_content']:.3f}", "", ""))  # fmt: skip
+    return rows
+
+
+def main() -> None:
+    """Read the command line, measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("runs", type=Path, nargs="*", metavar="RUN", help="folders of runs with BVH files")
+    parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder with capture")
+    parser.add_argument("--policies", type=Path, default=ROOT / "policies", help="folder of bundles")
+    parser.add_argument("--frames", type=int, default=450, help="control frames of runs that are made here")
+    parser.add_argument("--seconds", type=float, default=0.4, help="length of a window around a cut, 0.2 to 1.6")
+    parser.add_argument("--quick", action="store_true", help=f"brawl_30 alone, {QUICK} control frames")
+    parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
+    options = parser.parse_args()
+    if not 0.2 <= options.seconds <= 1.6:
+        parser.error(f"--seconds is {options.seconds}, expected 0.2 to 1.6")
+    result = {}
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        work: list[tuple[str, Path | None]] = [(run.name, run) for run in options.runs]
+        if not work:
+            names = ["brawl_30"] if options.quick else [name for name in SCENES if options.mocap or "cmu" not in name]
+            work = [(name, None) for name in names]
+        for name, given in work:
+            print(f"{name} ...", file=sys.stderr, flush=True)
+            frames = QUICK if options.quick else options.frames
+            run = given or play(name, SCENES[name], frames, folder, options.mocap)
+            result[name] = judge(run, read_stage(run, options.policies, folder, options.mocap), options.seconds)
+    if options.json:
+        print(json.dumps(result, indent=2))
+        return
+    for name, told in result.items():
+        print(f"{name}: {told['avatars']} avatars, {told['frames']} frames")
+        print(f"  {'':48} {'files':>18} {'capture':>10} {'inspect':>16}  worst")
+        for figure, shown, captured, said, worst in _rows(told):
+            print(f"  {figure:48} {shown:>18} {captured:>10} {said:>16}  {worst}")
+        for odd in told["hinges"]["clips_with_backward_hinges"]:
+            print(f"  the capture's {odd['joint'].replace('_', ' ')} folds the wrong way in {odd['clip']}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,93 @@
+"""Elbows that fold backward in a file, as no body's do, and the same motion with them turned to fold forward.
+
+Some conversions of capture lose the sense in which an elbow turns: the upper arm is where it was, and the forearm,
+which should come forward, goes back. In the rest pose, where no joint is turned, arms point sideways or down, and an
+elbow that folds brings the hand forward, or up where palms look ahead, but never back and down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion import quaternion
+from crowdsim.motion.kinematics import clip_kinematics
+from crowdsim.motion.measuring import rests_like_a_body
+from crowdsim.motion.skeleton import Clip, Skeleton
+
+Array = NDArray[Any]
+
+SIDES = ("left", "right")
+_BENT = np.sin(np.deg2rad(20.0))
+"""Sine of the flexion from which on an elbow tells about which axis it folds."""
+_LEAST = 0.3
+"""Time that it has to be bent [s]."""
+_ONE_AXIS = 0.9
+"""Length of the mean of unit axes above which they are one."""
+_BACKWARD = 0.5
+"""How plainly a forearm has to go back and down, 1 wholly."""
+
+
+def backward_elbows(clip: Clip, roles: Mapping[str, int]) -> tuple[str, ...]:
+    """Return the roles of elbows that fold backward throughout a clip: "left_elbow", "right_elbow", both or none.
+
+    Args:
+        clip: The clip, y up; all its numbers finite.
+        roles: Its joints by role. Where the rest pose is no pose of a body nothing is told.
+    """
+    if not clip.frame_count or not roles or not rests_like_a_body(clip.skeleton, roles):
+        return ()
+    rest = clip.skeleton.rest_positions()
+    # Some files turn the world, and not the rest pose: what is up in it the body itself tells.
+    hips = [rest[roles[f"{side}_hip"]] for side in SIDES]
+    up = _unit(rest[roles["head"]] - 0.5 * (hips[0] + hips[1]))
+    forward = _unit(np.cross(hips[0] - hips[1], up))
+    places, turns = clip_kinematics(clip)
+    found = []
+    for side in SIDES:
+        shoulder, elbow, hand = (roles[f"{side}_{role}"] for role in ("shoulder", "elbow", "hand"))
+        upper, lower = (_unit(places[:, b] - places[:, a]) for a, b in ((shoulder, elbow), (elbow, hand)))
+        axes = np.cross(upper, lower)
+        bent = np.linalg.norm(axes, axis=1) > _BENT
+        if np.count_nonzero(bent) < _LEAST * clip.fps:
+            continue
+        back = quaternion.conjugate(turns[bent, clip.skeleton.parents[elbow]])
+        axis = _unit(quaternion.rotate(back, axes[bent])).mean(axis=0)
+        along = _along(clip.skeleton, shoulder, elbow)
+        # Forward and up, as far as they are square to the arm.
+        ahead = forward + up
+        ahead = _unit(ahead - np.dot(ahead, along) * along)
+        if np.linalg.norm(axis) > _ONE_AXIS and np.dot(_unit(np.cross(axis, along)), ahead) < -_BACKWARD:
+            found.append(f"{side}_elbow")
+    return tuple(found)
+
+
+def fold_forward(clip: Clip, roles: Mapping[str, int], elbows: Sequence[str]) -> Clip:
+    """Return the clip with some elbows turned the other way by as much; forearms keep their twist.
+
+    Args:
+        clip: The clip.
+        roles: Its joints by role.
+        elbows: Roles of the elbows to turn.
+    """
+    rotations = np.array(clip.rotations)
+    for role in elbows:
+        along = _along(clip.skeleton, roles[role.replace("elbow", "shoulder")], roles[role])
+        # Half a turn about the upper arm, before and after: what turns about it stays, all else is turned back.
+        turn = rotations[:, roles[role], 1:]
+        rotations[:, roles[role], 1:] = 2.0 * (turn @ along)[:, None] * along - turn
+    return replace(clip, rotations=rotations)
+
+
+def _along(skeleton: Skeleton, start: int, end: int) -> Array:
+    """Direction between two joints in the rest pose."""
+    rest = skeleton.rest_positions()
+    return _unit(rest[end] - rest[start])
+
+
+def _unit(vectors: Array) -> Array:
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12))

@@ -1,0 +1,89 @@
+"""The witness of exported files: its own reader, kinematics and geometry, held against the package's on small files."""
+
+import importlib
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from crowdsim import PoseSampler, load_scenario, open_run, read_bvh, run_to, to_clip, write_bvh
+from crowdsim.motion import quaternion
+from crowdsim.motion.kinematics import clip_kinematics
+from crowdsim.motion.performer import perform_solo
+
+SCENARIO = """version: 1
+name: two
+seed: 1
+duration: 60
+types:
+  boxer:
+    policy: tiny
+    scale: {kind: uniform, minimum: 0.9, maximum: 1.1}
+    speed: {kind: uniform, minimum: 0.9, maximum: 1.1}
+groups: [{name: boxers, type: boxer, count: 2, placement: {kind: disc, radius: 1, distance: 0.6}}]
+opponents: {kind: anyone}
+outputs: {bvh: {fps: 60}}
+"""
+
+
+@pytest.fixture
+def witness(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
+    names = ("_plain_bvh", "_witness", "_exported_measures", "exported")
+    return SimpleNamespace(**{name.strip("_"): importlib.import_module(name) for name in names})
+
+
+def test_its_reader_and_kinematics_agree_with_the_package(witness: SimpleNamespace, tmp_path: Path) -> None:
+    clip = perform_solo("jab").clip
+    orders = ["XYZ", "ZXY", "YXZ"] * clip.skeleton.joint_count
+    write_bvh(tmp_path / "jab.bvh", clip, orders[: clip.skeleton.joint_count])
+    places, turns = witness.plain_bvh.pose(witness.plain_bvh.read_plain(tmp_path / "jab.bvh"))
+    expected, quaternions = clip_kinematics(to_clip(read_bvh(tmp_path / "jab.bvh"), 0.01))
+    np.testing.assert_allclose(places, expected, atol=2e-6)
+    axis = np.array([0.3, -0.5, 0.8])
+    np.testing.assert_allclose(turns @ axis, quaternion.rotate(quaternions, axis), atol=2e-6)
+
+
+def test_knees_and_elbows_that_fold_the_wrong_way_are_past_straight(witness: SimpleNamespace) -> None:
+    angles = np.radians([30.0, 5.0, -5.0])
+    crosses = np.zeros((3, 4, 3))
+    crosses[..., 1] = np.sin(angles)[:, None]
+    figure = SimpleNamespace(crosses=crosses, dots=np.repeat(np.cos(angles)[:, None], 4, axis=1))
+    axes = witness.witness.hinge_axes(figure)
+    np.testing.assert_allclose(witness.witness.flexions(figure, axes), [[30.0] * 4, [5.0] * 4, [-5.0] * 4])
+
+
+def test_segments_are_as_far_apart_as_their_nearest_of_many_points(witness: SimpleNamespace) -> None:
+    p, q, r, s = np.random.default_rng(1).normal(size=(4, 50, 3))
+    share = np.linspace(0.0, 1.0, 201)[:, None, None]
+    one, two = p + share * (q - p), r + share * (s - r)
+    least = np.linalg.norm(one[:, None] - two[None], axis=-1).min(axis=(0, 1))
+    found = witness.exported_measures._between(p, q, r, s)
+    assert np.all(found <= least + 1e-9)
+    np.testing.assert_allclose(found, least, atol=0.02)
+
+
+def test_a_run_is_read_as_the_package_has_it(witness: SimpleNamespace, workplace: Path) -> None:
+    (workplace / "two.yaml").write_text(SCENARIO)
+    run_to(workplace / "run", load_scenario("two.yaml"))
+    stage = witness.exported.read_stage(workplace / "run", workplace / "policies", workplace, None)
+    take, policies, _ = open_run(workplace / "run")
+    sampler = PoseSampler(take, policies)
+    poses = sampler.sample(0, take.output_frames(60), 60)[0]
+    places, _ = poses.joints()
+    database, times = policies[0].database, np.arange(len(places)) / 60.0
+    shown = sampler.window(0, np.arange(2), times).place(times[:, None], np.arange(2))
+    np.testing.assert_allclose(stage.frames.T, shown.frames + shown.fractions, atol=1e-3)
+    np.testing.assert_allclose(stage.scales, take.cast.scales, rtol=1e-5)
+    roles = [database.body.roles[name] for name in witness.witness.JOINTS]
+    for avatar, figure in enumerate(stage.figures):
+        np.testing.assert_allclose(figure.joints, places[:, avatar, roles], atol=1e-5)
+    # The capture behind it is the database's, mirror images included.
+    np.testing.assert_allclose(stage.source.figure.joints[:, 0], database.root_positions, atol=2e-3)
+    told = witness.exported.judge(workplace / "run", stage, 0.4)
+    assert told["fists"]["landed"] <= told["inspect"]["strikes_landed"]
+    assert told["cuts_per_second"] == pytest.approx(told["inspect"]["transitions_per_second"], rel=0.05)
+    assert told["hinges"]["clips_with_backward_hinges"] == []
+    json.dumps(told, allow_nan=False)
