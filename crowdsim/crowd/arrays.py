@@ -29,13 +29,15 @@ class Model(NamedTuple):
             two. Shape (A + 1, 5), int32.
         moves: Where each action ends, seen from its start: x, z [m], cosine and sine of the turn; then the cost of the
             transition into it (``policy.Actions.costs``). Shape (5, A), float32.
-        paths: Where each action leads in control frames 1 to T: x, z [m], cosine and sine of the turn, and which frame
-            it is. Shape (5, .), float32.
+        paths: Where each action leads in control frames 1 to T: x, z [m], cosine and sine of the turn; then room to
+            read beyond the last one. Shape (4, .), float32.
         strikes: For each strike its time [control frames from the state], the fist's place seen from the action's start
             [m], its speed over the mean of all, its speed [m/s], the hand. Shape (K, 7), float32.
         behaviours: As in ``policy.LookupTables``, places moved. Shape (B, 11), float64.
         discounts: The discount of each behaviour to the power of 0, 1, 2 ... Shape (B, longest T + 1), float64.
-        axes: As in ``policy.LookupTables``. Shape (n, 7), float64.
+        grids: For each behaviour its axes of distance, bearing and height: the first grid point, grid points in a unit,
+            how many there are, whether the axis wraps, how far apart they lie in a table, over how much the behaviour
+            fades beyond them (0 not at all). One that it does not have is a single point. Shape (B, 3, 6), float64.
         terms: Likewise. Shape (n, 9), float64.
         table: Likewise; float32 where policies of a run differ. Flat, float32 or uint8.
         ground: Ground transform of each playback frame in its clip's world. Shape (L, 3), float64.
@@ -55,7 +57,7 @@ class Model(NamedTuple):
     strikes: Array
     behaviours: Array
     discounts: Array
-    axes: Array
+    grids: Array
     terms: Array
     table: Array
     ground: Array
@@ -170,10 +172,16 @@ class Scratch(NamedTuple):
         order: Places in the batch in the order of states. Shape (batch,), int64.
         starts: Where each state begins in it. Shape (S + 2,), int64.
         values: What its actions are worth. Shape (batch, most actions of a state), float64.
-        cells: Corners of a cell for each action. Shape (most corners, most actions), int64.
-        shares: Their shares. Shape (most corners, most actions), float64.
-        steps: From an action's cell to its neighbours along an axis. Shape (2, most actions), int64.
-        work: Shape (4, most actions), float64.
+        begins: Where the actions of each of a block begin in ``cells`` and ``work``. Shape (block + 1,), int64.
+        spots: For each of a block and each behaviour an entry of the table, and steps from there to the next along
+            each axis. Shape (block * behaviours, 4), int64.
+        parts: Likewise the shares of the next one along each axis, and how much the behaviour counts.
+            Shape (block * behaviours, 4), float64.
+        nears: Steps between distances in each behaviour's table. Shape (behaviours,), int64.
+        cells: For each behaviour an entry of the table where each action ends, and the step to the next along the
+            bearing; then a row to spare. Shape (2 * behaviours + 1, actions of a block), int64.
+        work: Where the target is seen from there: x, z, distance, bearing; then for each behaviour the shares of the
+            next distance and bearing. Shape (4 + 2 * behaviours, actions of a block), float64.
         rows: A number for each control frame of a state's actions, or for each action. float64.
         near: Neighbours that may be in the way. Shape (most neighbours, 6), float64.
     """
@@ -185,9 +193,11 @@ class Scratch(NamedTuple):
     order: Array
     starts: Array
     values: Array
+    begins: Array
+    spots: Array
+    parts: Array
+    nears: Array
     cells: Array
-    shares: Array
-    steps: Array
     work: Array
     rows: Array
     near: Array
@@ -214,10 +224,10 @@ def empty_record(frames: int, count: int) -> Record:
 
 def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
     """Return scratch space for the states of a model, for so many neighbours, and for a batch."""
-    width = int(np.diff(model.offsets).max())
-    behaviours = model.behaviours
-    corners = 2 ** int((behaviours[:, 1] - behaviours[:, 0]).max(initial=0))
-    rows = int(np.diff(model.actions[model.offsets, kernels.PATHS]).max())
+    lanes, block = kernels.LANES, min(kernels.BLOCK, batch)
+    width = -(-int(np.diff(model.offsets).max()) // lanes) * lanes
+    behaviours = int(np.diff(model.policies[:, kernels.BEHAVIOURS]).max())
+    rows = int(np.diff(model.actions[model.offsets, kernels.PATHS]).max()) + lanes
     return Scratch(
         situations=np.empty((batch, 3)),
         states=np.empty(batch, np.int32),
@@ -226,10 +236,12 @@ def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
         order=np.empty(batch, np.int64),
         starts=np.empty(len(model.offsets) + 1, np.int64),
         values=np.empty((batch, width)),
-        cells=np.empty((corners, width), np.int64),
-        shares=np.empty((corners, width)),
-        steps=np.empty((2, width), np.int64),
-        work=np.empty((4, width)),
+        begins=np.empty(block + 1, np.int64),
+        spots=np.empty((block * behaviours, 4), np.int64),
+        parts=np.empty((block * behaviours, 4)),
+        nears=np.empty(behaviours, np.int64),
+        cells=np.empty((2 * behaviours + 1, block * width), np.int64),
+        work=np.empty((4 + 2 * behaviours, block * width)),
         rows=np.empty(max(rows, width)),
         near=np.empty((max(neighbours, 1), 6)),
     )

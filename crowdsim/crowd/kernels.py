@@ -10,6 +10,9 @@ import math
 import numba as nb
 import numpy as np
 from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
 
 # Kernels that allocate nothing do without numba's counting of references, which would cost more than their work: two
 # atomic operations for every array that is handed to a function, or looked up in a named tuple.
@@ -28,11 +31,31 @@ TIME, FIST_X, FIST_Y, FIST_Z, WEIGHT, FIST_SPEED, HAND = range(7)
 HEAD, NECK, PELVIS = 0, 3, 6
 STRIDE, BEHAVIOURS, ACTIONS, STATES = range(4)
 MARGIN, MOST, TEMPERATURE, HYSTERESIS = range(4)
+LOOKS_AHEAD, CELLS, TABLE, NORM, DISCOUNT, LOW, STEP = range(4, 11)
+MINIMUM, PER_UNIT, POINTS, WRAPS, APART, FADE = range(6)
+
+LANES = 8  # entries that are worked on at once
+BLOCK = 16  # situations that are weighed at a time
 
 SORTED = 256  # so many avatars that choose together do so in the order of their states
 
 _clock_type = types.int32(types.int32, types.CPointer(types.int64))
 _clock_gettime = types.ExternalFunction("clock_gettime", _clock_type)
+
+
+@intrinsic
+def _ask_for(typing, array, index):
+    """Ask memory for an entry of a flat array that will be read soon; any place will do."""
+
+    def generate(context, builder, signature, values):
+        pointer = builder.gep(make_array(signature.args[0])(context, builder, values[0]).data, [values[1]])
+        byte, number = cgutils.voidptr_t, cgutils.int32_t
+        kind = cgutils.ir.FunctionType(cgutils.ir.VoidType(), [byte, number, number, number])
+        function = builder.module.declare_intrinsic("llvm.prefetch", [byte], kind)
+        builder.call(function, [builder.bitcast(pointer, byte), number(0), number(3), number(1)])
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64), generate
 
 
 @_kernel
@@ -71,16 +94,15 @@ def _between(rows, place, column):
 
 
 @_kernel
-def _fade(axes, first, end, distance, bearing, height):
+def _fade(grids, b, distance, bearing, height):
     """Return how much a behaviour counts for a target: 1 inside its grid, falling to 0 beyond it."""
     fade = 1.0
-    for row in range(first, end):
-        if axes[row, 4] == 0.0 and axes[row, 6] > 0.0:
-            kind = axes[row, 0]
-            value = distance if kind == 0.0 else (bearing if kind == 1.0 else height)
-            place = (value - axes[row, 1]) / axes[row, 2]
-            beyond = max(-place, place - (axes[row, 3] - 1.0), 0.0) * axes[row, 2]
-            fade *= max(0.0, 1.0 - beyond / axes[row, 6])
+    for axis in range(3):
+        if grids[b, axis, FADE] > 0.0:
+            value = distance if axis == 0 else (bearing if axis == 1 else height)
+            place = (value - grids[b, axis, MINIMUM]) * grids[b, axis, PER_UNIT]
+            beyond = max(-place, place - (grids[b, axis, POINTS] - 1.0), 0.0) / grids[b, axis, PER_UNIT]
+            fade *= max(0.0, 1.0 - beyond / grids[b, axis, FADE])
     return fade
 
 
@@ -92,8 +114,8 @@ def exponentials(values, count):
     """
     for k in range(count):
         y = max(values[k], -32.0) * (1.0 / 256.0)
-        v = 1.0 + y / 5.0 * (1.0 + y / 6.0 * (1.0 + y / 7.0))
-        v = 1.0 + y * (1.0 + y / 2.0 * (1.0 + y / 3.0 * (1.0 + y / 4.0 * v)))
+        v = 1.0 / 24.0 + y * (1.0 / 120.0 + y * (1.0 / 720.0 + y * (1.0 / 5040.0)))
+        v = 1.0 + y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y * v)))
         v *= v
         v *= v
         v *= v
@@ -124,195 +146,333 @@ def bearings(xs, zs, count, out):
 
 
 @_kernel
-def _spread(axes, row, values, count, corners, cells, shares, low, high, part):
-    """Split each corner of each place in two along one axis, at ``values``; return how many corners there are.
+def _corner(grids, b, axis, value):
+    """Return the cell below a value on one axis of a grid, how far the next one lies in a table, and its share."""
+    place = (value - grids[b, axis, MINIMUM]) * grids[b, axis, PER_UNIT]
+    points, stride = grids[b, axis, POINTS], grids[b, axis, APART]
+    step = stride if points > 1.0 else 0.0
+    if grids[b, axis, WRAPS] != 0.0:
+        place -= points * math.floor(place / points)
+        lower = min(math.floor(place), points - 1.0)
+        step = step if lower + 1.0 < points else stride * (1.0 - points)
+    else:
+        place = min(max(place, 0.0), points - 1.0)
+        lower = min(math.floor(place), max(points - 2.0, 0.0))
+    return int(lower * stride), int(step), place - lower
 
-    ``low``, ``high`` and ``part`` are scratch space.
-    """
-    minimum, step, points, stride = axes[row, 1], axes[row, 2], axes[row, 3], int(axes[row, 5])
-    if axes[row, 4] != 0.0:
+
+@_kernel
+def _place_all(grids, b, axis, values, count, cells, steps, shares):
+    """Do for many values what ``_corner`` does, and add the cells to ``cells``."""
+    minimum, per_unit = grids[b, axis, MINIMUM], grids[b, axis, PER_UNIT]
+    points, stride = grids[b, axis, POINTS], np.int64(grids[b, axis, APART])
+    if grids[b, axis, WRAPS] != 0.0:
+        back = stride - stride * np.int64(points)
         for k in range(count):
-            place = (values[k] - minimum) / step
+            place = (values[k] - minimum) * per_unit
             place -= points * np.floor(place / points)
             lower = min(np.floor(place), points - 1.0)
-            upper = lower + 1.0
-            upper = upper if upper < points else 0.0
-            part[k] = place - lower
-            low[k], high[k] = int(lower) * stride, int(upper) * stride
+            shares[k] = place - lower
+            cells[k] += np.int64(lower) * stride
+            steps[k] = stride if lower + 1.0 < points else back
     else:
+        last, step = max(points - 2.0, 0.0), stride if points > 1.0 else 0
         for k in range(count):
-            place = (values[k] - minimum) / step
-            place = min(max(place, 0.0), points - 1.0)
-            lower = max(min(np.floor(place), points - 2.0), 0.0)
-            upper = min(lower + 1.0, points - 1.0)
-            part[k] = place - lower
-            low[k], high[k] = int(lower) * stride, int(upper) * stride
-    for corner in range(corners):
-        other = corners + corner
-        for k in range(count):
-            cells[other, k] = cells[corner, k] + high[k]
-            cells[corner, k] += low[k]
-        for k in range(count):
-            shares[other, k] = shares[corner, k] * part[k]
-            shares[corner, k] *= 1.0 - part[k]
-    return 2 * corners
+            place = min(max((values[k] - minimum) * per_unit, 0.0), points - 1.0)
+            lower = min(np.floor(place), last)
+            shares[k] = place - lower
+            cells[k] += np.int64(lower) * stride
+            steps[k] = step
 
 
 @_kernel
-def _look_up(table, corners, count, cells, shares, out):
-    """Write the interpolated entries of a table: the sum over corners of share times entry."""
-    for k in range(count):
-        total = 0.0
-        for corner in range(corners):
-            total += shares[corner, k] * table[np.uint64(cells[corner, k])]
-        out[k] = total
-
-
-@_kernel
-def _see_ends(moves, first, last, x, z, out_x, out_z, out_distance):
-    """Write where a target at (x, z) is seen from the end of each action from ``first`` to ``last``."""
-    for action in range(first, last):
+def _see_ends(moves, action, first, last, x, z, out_x, out_z, out_distance):
+    """Write where a target at (x, z) is seen from the end of each action from ``action`` on, at ``first`` to ``last``."""
+    for k in range(first, last):
         dx, dz = x - moves[MOVE_X, action], z - moves[MOVE_Z, action]
         cos, sin = moves[MOVE_COS, action], moves[MOVE_SIN, action]
         later_x, later_z = dx * cos - dz * sin, dx * sin + dz * cos
-        out_x[action - first], out_z[action - first] = later_x, later_z
-        out_distance[action - first] = math.sqrt(later_x * later_x + later_z * later_z)
+        out_x[k], out_z[k] = later_x, later_z
+        out_distance[k] = later_x * later_x + later_z * later_z
+        action += 1
 
 
 @_kernel
-def _near_rows(paths, first, last, x, z, wanted, sigma, facing, log_discount, out):
-    """Write the logarithm of gamma^t exp(-gap / sigma) for the rows ``first`` to ``last`` of paths."""
+def _near_rows(paths, first, count, x, z, wanted, sigma, facing, out):
+    """Write exp(-gap / sigma) for ``count`` rows of paths from ``first`` on."""
+    shrink = -1.0 / sigma
     if facing:
-        for row in range(first, last):
+        for k in range(count):
+            row = first + np.uint64(k)
             dx, dz = x - paths[0, row], z - paths[1, row]
             cos, sin = paths[2, row], paths[3, row]
             aside, ahead = dx * cos - dz * sin, dx * sin + dz * cos - wanted
-            gap = math.sqrt(ahead * ahead + aside * aside)
-            out[row - first] = paths[4, row] * log_discount - gap / sigma
+            out[k] = math.sqrt(ahead * ahead + aside * aside) * shrink
     else:
-        for row in range(first, last):
+        for k in range(count):
+            row = first + np.uint64(k)
             dx, dz = x - paths[0, row], z - paths[1, row]
-            gap = abs(math.sqrt(dx * dx + dz * dz) - wanted)
-            out[row - first] = paths[4, row] * log_discount - gap / sigma
+            out[k] = abs(math.sqrt(dx * dx + dz * dz) - wanted) * shrink
+    exponentials(out, count)
 
 
 @_kernel
 def _strike_reward(strikes, first, last, x, y, z, terms, row, log_discount):
     """Return the strike term of one action, whose strikes are ``first`` to ``last``."""
     best = 0.0
+    tolerance, head, torso = terms[row, 2], terms[row, 4], terms[row, 5]
+    furthest = (max(head, torso) + tolerance) ** 2
     for k in range(first, last):
         px, py, pz = strikes[k, FIST_X], strikes[k, FIST_Y], strikes[k, FIST_Z]
         dx, dy, dz = px - x, py - y, pz - z
-        lands = abs(math.sqrt(dx * dx + dy * dy + dz * dz) - terms[row, 4]) <= terms[row, 2]
+        aside = dx * dx + dz * dz
+        if aside > furthest:
+            continue
+        lands = abs(math.sqrt(aside + dy * dy) - head) <= tolerance
         if not lands:
             dy = py - min(max(py, y - terms[row, 7]), y - terms[row, 6])
-            lands = abs(math.sqrt(dx * dx + dy * dy + dz * dz) - terms[row, 5]) <= terms[row, 2]
+            lands = abs(math.sqrt(aside + dy * dy) - torso) <= tolerance
         if lands:
             best = max(best, math.exp(strikes[k, TIME] * log_discount) * strikes[k, WEIGHT] ** terms[row, 3])
     return terms[row, 1] * best
 
 
 @_kernel
-def _add_rewards(actions, moves, paths, strikes, terms, row, offset, n, x, y, z, log_discount, factor, rows, out, q):
-    """Add ``factor`` times one term of the reward to what each action is worth."""
+def _add_reward(model, b, row, offset, n, x, y, z, factor, rows, out):
+    """Add ``factor`` times one term of a behaviour's reward to what each action of a state is worth."""
+    actions, terms = model.actions, model.terms
     code = terms[row, 0]
     if code == 0.0:
+        log_discount = math.log(model.behaviours[b, DISCOUNT])
         for k in range(n):
             first, last = actions[offset + k, STRIKES], actions[offset + k + 1, STRIKES]
             if first < last:
-                out[q, k] += factor * _strike_reward(strikes, first, last, x, y, z, terms, row, log_discount)
+                out[k] += factor * _strike_reward(model.strikes, first, last, x, y, z, terms, row, log_discount)
     elif code == 1.0:
-        begun, end = np.uint64(actions[offset, PATHS]), np.uint64(actions[offset + n, PATHS])
-        _near_rows(paths, begun, end, x, z, terms[row, 2], terms[row, 3], terms[row, 5] != 0.0, log_discount, rows)
-        exponentials(rows, end - begun)
+        begun, end = actions[offset, PATHS], actions[offset + n, PATHS]
+        facing = terms[row, 5] != 0.0
+        _near_rows(
+            model.paths, np.uint64(begun), _whole_lanes(end - begun), x, z, terms[row, 2], terms[row, 3], facing, rows
+        )
+        discounts, scale = model.discounts, factor * terms[row, 1]
         k = 0
         greatest = terms[row, 4] != 0.0
-        for action in range(offset, offset + n):
+        for action in range(n):
             near = 0.0
-            for _ in range(actions[action, LENGTH]):
-                near = max(near, rows[k]) if greatest else near + rows[k]
+            for t in range(1, actions[offset + action, LENGTH] + 1):
+                worth = discounts[b, t] * rows[k]
+                near = max(near, worth) if greatest else near + worth
                 k += 1
-            out[q, action - offset] += factor * terms[row, 1] * near
+            out[action] += scale * near
     else:
         for k in range(n):
-            cost = moves[COST, offset + k]
-            out[q, k] -= factor * (terms[row, 1] * cost + (terms[row, 2] if cost > 0.0 else 0.0))
+            cost = model.moves[COST, offset + k]
+            out[k] -= factor * (terms[row, 1] * cost + (terms[row, 2] if cost > 0.0 else 0.0))
 
 
 @_kernel
-def value_actions(
-    offsets, policies, actions, moves, paths, strikes, behaviours, discounts, axes, terms, table, weights, first,
-    last, order, situations, states, moods, whose, cells, shares, steps, work, rows, out,
-):  # fmt: skip
-    """Write what each action of a state is worth in the situations ``order[first:last]``.
+def _whole_lanes(count):
+    """Return a whole number of ``LANES``: loops over so many leave no rest that would be done one by one."""
+    return (count + LANES - 1) // LANES * LANES
 
-    A situation is where the target's head is in the avatar's ground frame, for a body of scale 1: x, y, z [m]; then a
-    ``state``, a row of ``weights``, which are those of the behaviours, and a policy. ``cells`` to ``rows``
-    are scratch space; ``out`` has a row for each situation.
+
+@_kernel
+def _interpolate(table, cell, near, aside, above, part, turned, raised):
+    """Return an entry of a table between eight cells: steps to the next along each axis, and their shares."""
+    low = np.uint64(cell)
+    high = np.uint64(cell + near)
+    left = np.uint64(cell + aside)
+    both = np.uint64(cell + near + aside)
+    value = (1.0 - part) * ((1.0 - turned) * table[low] + turned * table[left])
+    value += part * ((1.0 - turned) * table[high] + turned * table[both])
+    if above == 0:
+        return value
+    up = np.uint64(above)
+    upper = (1.0 - part) * ((1.0 - turned) * table[low + up] + turned * table[left + up])
+    upper += part * ((1.0 - turned) * table[high + up] + turned * table[both + up])
+    return value + raised * (upper - value)
+
+
+@_kernel
+def _add_rows(table, at, near, aside, above, part, turned, raised, factor, n, out):
+    """Add to ``out`` what lies between eight rows of a table, ``n`` entries each from ``at`` on, times ``factor``."""
+    c, d, e = factor * (1.0 - part), factor * part, 1.0 - turned
+    f, g = 1.0 - raised, raised
+    if above == 0:
+        f, g = 1.0, 0.0
+    w0, w1, w2, w3 = c * e * f, c * turned * f, d * e * f, d * turned * f
+    w4, w5, w6, w7 = c * e * g, c * turned * g, d * e * g, d * turned * g
+    last = table.shape[0] - LANES
+    a0, a1, a2, a3 = at, at + aside, at + near, at + near + aside
+    ends = max(max(a0, a1), max(a2, a3)) + above
+    for begin in range(0, n, LANES):
+        # Whole lanes are read, also beyond the last action, where there is more of the table.
+        if ends + begin <= last:
+            i0, i1, i2, i3 = np.uint64(a0 + begin), np.uint64(a1 + begin), np.uint64(a2 + begin), np.uint64(a3 + begin)
+            up, o = np.uint64(above), np.uint64(begin)
+            if above == 0:
+                for k in range(np.uint64(LANES)):
+                    out[o + k] += w0 * table[i0 + k] + w1 * table[i1 + k] + w2 * table[i2 + k] + w3 * table[i3 + k]
+            else:
+                i4, i5, i6, i7 = i0 + up, i1 + up, i2 + up, i3 + up
+                for k in range(np.uint64(LANES)):
+                    out[o + k] += (
+                        w0 * table[i0 + k] + w1 * table[i1 + k] + w2 * table[i2 + k] + w3 * table[i3 + k]
+                    ) + (w4 * table[i4 + k] + w5 * table[i5 + k] + w6 * table[i6 + k] + w7 * table[i7 + k])
+        else:
+            for k in range(begin, min(begin + LANES, n)):
+                out[k] += (w0 * table[a0 + k] + w1 * table[a1 + k] + w2 * table[a2 + k] + w3 * table[a3 + k]) + (
+                    w4 * table[a0 + above + k] + w5 * table[a1 + above + k] + w6 * table[a2 + above + k]
+                    + w7 * table[a3 + above + k]
+                )  # fmt: skip
+
+
+@_kernel
+def _prepare(model, weights, scratch, first, count, policy):
+    """Look at ``count`` situations from ``order[first]`` on, and ask memory for what weighing them will read.
+
+    Returns how many actions are looked ahead along.
     """
-    spare, sums, distances, angles = work[0], work[1], work[2], work[3]
-    low, high = steps[0], steps[1]
-    for place in range(first, last):
-        q = order[place]
-        state, mood, policy = states[q], moods[q], whose[q]
+    behaviours, actions, moves, work = model.behaviours, model.actions, model.moves, scratch.work
+    begun, end = model.policies[policy, BEHAVIOURS], model.policies[policy + 1, BEHAVIOURS]
+    pairs = 0
+    scratch.begins[0] = 0
+    for d in range(count):
+        q = scratch.order[first + d]
+        scratch.begins[d + 1] = pairs
+        state = scratch.states[q]
         if state < 0:
             continue
-        x, y, z = situations[q, 0], situations[q, 1], situations[q, 2]
-        offset = offsets[state]
-        n = offsets[state + 1] - offset
-        for k in range(n):
-            out[q, k] = 0.0
-        start, end = policies[policy, BEHAVIOURS], policies[policy + 1, BEHAVIOURS]
+        x, y, z = scratch.situations[q, 0], scratch.situations[q, 1], scratch.situations[q, 2]
+        offset = model.offsets[state]
+        n = model.offsets[state + 1] - offset
+        for k in range(_whole_lanes(n)):
+            scratch.values[q, k] = 0.0
         distance, bearing = math.sqrt(x * x + z * z), math.atan2(x, z)
-        looked = False
-        for b in range(start, end):
-            weight = weights[mood, b - start]
-            if weight == 0.0:
-                continue
-            axis_first, axis_end, cell_count = int(behaviours[b, 0]), int(behaviours[b, 1]), int(behaviours[b, 5])
-            factor = weight * _fade(axes, axis_first, axis_end, distance, bearing, y) / behaviours[b, 7]
+        ahead = False
+        for b in range(begun, end):
+            spot = d * (end - begun) + b - begun
+            factor = weights[scratch.moods[q], b - begun]
+            if factor != 0.0:
+                factor *= _fade(model.grids, b, distance, bearing, y) / behaviours[b, NORM]
+            scratch.parts[spot, 3] = factor
             if factor == 0.0:
                 continue
-            if behaviours[b, 4] == 0.0:
-                corners = 1
-                cells[0, 0], shares[0, 0] = 0, factor
-                for row in range(axis_first, axis_end):
-                    kind = axes[row, 0]
-                    spare[0] = distance if kind == 0.0 else (bearing if kind == 1.0 else y)
-                    corners = _spread(axes, row, spare, 1, corners, cells, shares, low, high, rows)
-                entry = int(behaviours[b, 6]) + offset * cell_count
-                for k in range(n):
-                    out[q, k] += factor * behaviours[b, 9]
-                for corner in range(corners):
-                    share = shares[corner, 0] * behaviours[b, 10]
-                    if share != 0.0:
-                        begin = np.uint64(entry + cells[corner, 0] * n)
-                        for k in range(n):
-                            out[q, k] += share * table[begin + np.uint64(k)]
+            cell, scratch.spots[spot, 3], scratch.parts[spot, 2] = _corner(model.grids, b, 2, y)
+            if behaviours[b, LOOKS_AHEAD] != 0.0:
+                ahead = True
+                scratch.spots[spot, 0] = int(behaviours[b, TABLE]) + cell
                 continue
-            # One step of look-ahead: what the action earns itself, and what its end is worth.
-            if not looked:
-                looked = True
-                _see_ends(moves, np.uint64(offset), np.uint64(offset + n), x, z, spare, sums, distances)
-                bearings(spare, sums, n, angles)
+            near, near_step, scratch.parts[spot, 0] = _corner(model.grids, b, 0, distance)
+            aside, aside_step, scratch.parts[spot, 1] = _corner(model.grids, b, 1, bearing)
+            at = int(behaviours[b, TABLE]) + offset * int(behaviours[b, CELLS]) + (cell + near + aside) * n
+            near_step, aside_step = near_step * n, aside_step * n
+            scratch.spots[spot, 0], scratch.spots[spot, 1], scratch.spots[spot, 2] = at, near_step, aside_step
+            scratch.spots[spot, 3] *= n
+            _ask_for(model.table, at)
+            _ask_for(model.table, at + near_step)
+            _ask_for(model.table, at + aside_step)
+            _ask_for(model.table, at + near_step + aside_step)
+        if ahead:
+            _see_ends(moves, offset, np.uint64(pairs), np.uint64(pairs + n), x, z, work[0], work[1], work[2])
+            pairs += n
+            scratch.begins[d + 1] = pairs
+    return pairs
+
+
+@_kernel
+def _look_ahead(model, b, slot, slots, scratch, first, count, pairs):
+    """Find what one behaviour's table is read for at the end of each of so many actions, and ask memory for it."""
+    cells, steps = scratch.cells[2 * slot], scratch.cells[2 * slot + 1]
+    states_cells = int(model.behaviours[b, CELLS])
+    for d in range(count):
+        if scratch.begins[d] == scratch.begins[d + 1]:
+            continue
+        at, action = scratch.spots[d * slots + slot, 0], model.offsets[scratch.states[scratch.order[first + d]]]
+        counts = scratch.parts[d * slots + slot, 3] != 0.0
+        for k in range(scratch.begins[d], scratch.begins[d + 1]):
+            cells[k] = at + model.actions[action, NEXT] * states_cells if counts else 0
+            action += 1
+    near_steps = scratch.cells[2 * slots]
+    _place_all(model.grids, b, 0, scratch.work[2], pairs, cells, near_steps, scratch.work[4 + 2 * slot])
+    _place_all(model.grids, b, 1, scratch.work[3], pairs, cells, steps, scratch.work[5 + 2 * slot])
+    near = near_steps[0]
+    for d in range(count):
+        if scratch.parts[d * slots + slot, 3] != 0.0:
+            for k in range(scratch.begins[d], scratch.begins[d + 1]):
+                _ask_for(model.table, cells[k])
+                _ask_for(model.table, cells[k] + near)
+    return near
+
+
+@_kernel
+def _weigh(model, weights, scratch, first, count, policy):
+    """Do what ``value_actions`` does for ``count`` situations of one policy, which share a block of scratch space."""
+    behaviours, table, work = model.behaviours, model.table, scratch.work
+    begun, end = model.policies[policy, BEHAVIOURS], model.policies[policy + 1, BEHAVIOURS]
+    slots = end - begun
+    pairs = _prepare(model, weights, scratch, first, count, policy)
+    if pairs > 0:
+        for k in range(pairs):
+            work[2, k] = math.sqrt(work[2, k])
+        bearings(work[0], work[1], pairs, work[3])
+        for b in range(begun, end):
+            if behaviours[b, LOOKS_AHEAD] != 0.0:
+                scratch.nears[b - begun] = _look_ahead(model, b, b - begun, slots, scratch, first, count, pairs)
+    for d in range(count):
+        q = scratch.order[first + d]
+        state = scratch.states[q]
+        if state < 0:
+            continue
+        offset = model.offsets[state]
+        n = model.offsets[state + 1] - offset
+        out = scratch.values[q]
+        for b in range(begun, end):
+            spot = d * slots + b - begun
+            factor = scratch.parts[spot, 3]
+            if factor == 0.0:
+                continue
+            above, raised = scratch.spots[spot, 3], scratch.parts[spot, 2]
+            if behaviours[b, LOOKS_AHEAD] == 0.0:
+                for k in range(n):
+                    out[k] += factor * behaviours[b, LOW]
+                _add_rows(
+                    table, scratch.spots[spot, 0], scratch.spots[spot, 1], scratch.spots[spot, 2], above,
+                    scratch.parts[spot, 0], scratch.parts[spot, 1], raised, factor * behaviours[b, STEP], n, out,
+                )  # fmt: skip
+                continue
+            slot = b - begun
+            near, at = scratch.nears[slot], scratch.begins[d]
             for k in range(n):
-                spare[k] = y
-                cells[0, k] = int(behaviours[b, 6]) + actions[offset + k, NEXT] * cell_count
-                shares[0, k] = 1.0
-            corners = 1
-            for row in range(axis_first, axis_end):
-                kind = axes[row, 0]
-                measured = distances if kind == 0.0 else (angles if kind == 1.0 else spare)
-                corners = _spread(axes, row, measured, n, corners, cells, shares, low, high, rows)
-            _look_up(table, corners, n, cells, shares, sums)
-            log_discount = math.log(behaviours[b, 8])
-            for k in range(n):
-                later = behaviours[b, 9] + behaviours[b, 10] * sums[k]
-                out[q, k] += factor * discounts[b, actions[offset + k, LENGTH]] * later
+                value = _interpolate(
+                    table, scratch.cells[2 * slot, at + k], near, scratch.cells[2 * slot + 1, at + k], above,
+                    work[4 + 2 * slot, at + k], work[5 + 2 * slot, at + k], raised,
+                )  # fmt: skip
+                value = behaviours[b, LOW] + behaviours[b, STEP] * value
+                out[k] += factor * model.discounts[b, model.actions[offset + k, LENGTH]] * value
             for row in range(int(behaviours[b, 2]), int(behaviours[b, 3])):
-                _add_rewards(
-                    actions, moves, paths, strikes, terms, row, offset, n, x, y, z, log_discount, factor, rows, out, q
-                )
+                _add_reward(
+                    model, b, row, offset, n, scratch.situations[q, 0], scratch.situations[q, 1],
+                    scratch.situations[q, 2], factor, scratch.rows, out,
+                )  # fmt: skip
+
+
+@_kernel
+def value_actions(model, weights, scratch, first, last):
+    """Write into ``scratch.values`` what each action of a state is worth in the situations ``order[first:last]``.
+
+    A situation is where the target's head is in the avatar's ground frame, for a body of scale 1: x, y, z [m]; then a
+    state, a row of ``weights``, which are those of the behaviours, and a policy, all in ``scratch``. ``BLOCK`` of them
+    are weighed at a time: what they read lies anywhere in memory, and one waits for it while others are worked on.
+    """
+    whose = scratch.policies
+    while first < last:
+        policy = whose[scratch.order[first]]
+        count = 1
+        while first + count < last and count < BLOCK and whose[scratch.order[first + count]] == policy:
+            count += 1
+        _weigh(model, weights, scratch, first, count, policy)
+        first += count
 
 
 @_kernel
@@ -676,12 +836,7 @@ def choose(model, avatars, world, present, moment, due, count, nearest, counts, 
     else:
         for q in range(count):
             scratch.order[q] = q
-    value_actions(
-        model.offsets, model.policies, model.actions, model.moves, model.paths, model.strikes, model.behaviours,
-        model.discounts, model.axes, model.terms, model.table, world.weights, 0, count, scratch.order,
-        scratch.situations, scratch.states, scratch.moods, scratch.policies, scratch.cells, scratch.shares,
-        scratch.steps, scratch.work, scratch.rows, scratch.values,
-    )  # fmt: skip
+    value_actions(model, world.weights, scratch, 0, count)
     keep_running(avatars.whole, model.offsets, model.actions, model.moves, due, count, scratch.states, scratch.values)
     crowd_out(
         avatars.whole, avatars.real, model.offsets, model.reaches, model.actions, model.moves, world.arena,

@@ -69,7 +69,6 @@ def build_model(policies: Sequence[Policy]) -> Model:
     values = (parts[0] if len(parts) == 1 else np.concatenate(parts)).view(np.ndarray)
     values.flags.writeable = False  # mapped or not, kernels are compiled for one type
     paths = _joined([action.paths for action in actions], np.float64)
-    times = np.concatenate([np.arange(length) + 1.0 for action in actions for length in action.lengths])
     joined = np.concatenate(behaviours)
     ways = np.concatenate([action.displacements for action in actions]).astype(float)
     closing = np.array([[-1, 0, 0, starts["path"][-1], starts["strike"][-1]]])
@@ -88,11 +87,11 @@ def build_model(policies: Sequence[Policy]) -> Model:
         reaches=np.maximum.reduceat(np.hypot(ways[:, 0], ways[:, 1]), offsets[:-1]),
         actions=np.concatenate([np.column_stack(columns), closing]).astype(np.int32),
         moves=np.stack([ways[:, 0], ways[:, 1], np.cos(ways[:, 2]), np.sin(ways[:, 2]), costs]).astype(np.float32),
-        paths=np.stack([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2]), times]).astype(np.float32),
+        paths=_padded([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2])]),
         strikes=np.concatenate([_strikes(policy) for policy in policies]),
         behaviours=joined,
         discounts=joined[:, 8:9] ** np.arange(int(max(action.lengths.max() for action in actions)) + 1),
-        axes=_joined([table.axes for table in tables], np.float64),
+        grids=_grids(joined, _joined([table.axes for table in tables], np.float64)),
         terms=_joined([table.terms for table in tables], np.float64),
         table=values,
         ground=_joined([database.ground for database in databases], np.float64),
@@ -138,6 +137,20 @@ def _strikes(policy: Policy) -> Array:
     speeds, hands = database.strike_speeds[actions.strike_ids], database.strike_hands[actions.strike_ids]
     places = np.reshape(actions.strike_places, (-1, 3))
     return np.column_stack([actions.strike_times, places, actions.strike_speeds, speeds, hands]).astype(np.float32)
+
+
+def _grids(behaviours: Array, axes: Array) -> Array:
+    """Return each behaviour's axes, those of a kind in one place; one that it does not have is a single point."""
+    grids = np.tile([0.0, 1.0, 1.0, 0.0, 0.0, 0.0], (len(behaviours), 3, 1))
+    for grid, (first, end) in zip(grids, behaviours[:, :2].astype(int), strict=True):
+        for kind, minimum, step, points, wraps, stride, fade in axes[first:end]:
+            grid[int(kind)] = minimum, 1.0 / step, points, wraps, stride, 0.0 if wraps else fade
+    return grids
+
+
+def _padded(rows: Sequence[Array]) -> Array:
+    """Return rows with room to read beyond their ends, float32."""
+    return np.pad(np.stack(rows), ((0, 0), (0, kernels.LANES))).astype(np.float32)
 
 
 def _starts(counts: Sequence[int]) -> Array:

@@ -7,7 +7,7 @@ import pytest
 from synthetic_policy import policy
 
 from crowdsim.crowd import kernels, simulation
-from crowdsim.crowd.arrays import empty_record
+from crowdsim.crowd.arrays import empty_record, empty_scratch
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.random import Purpose, stream, uniform
@@ -93,21 +93,20 @@ def test_actions_are_worth_what_the_policy_says(lookup, precisions):
     one, two = (in_precision(each, precision) for each, precision in zip((one, two), precisions, strict=True))
     model = build_model([one, two])
     assert model.table.dtype == (np.uint8 if precisions == ("int8", "int8") else np.float32)
-    names = "offsets policies actions moves paths strikes behaviours discounts axes terms table".split()
-    of_model = [getattr(model, name) for name in names]
     rng = np.random.default_rng(2)
-    scratch = [np.empty((8, 64), np.int64), np.empty((8, 64)), np.empty((2, 64), np.int64)]
-    scratch += [np.empty((4, 64)), np.empty(500)]
+    scratch = empty_scratch(model, 1, 60)
+    scratch.order[:] = rng.permutation(60)
     for index, chosen in enumerate((one, two)):
         states = rng.integers(chosen.actions.state_count, size=60)
         targets, weights = rng.uniform([-3, 1.0, -3], [3, 1.9, 3], (60, 3)), rng.uniform(0, 2, (60, 2))
-        values, numbers = np.empty((60, 64)), states + model.policies[index, kernels.STATES]
-        rows, policies, order = np.arange(60), np.full(60, index), rng.permutation(60)
-        kernels.value_actions(*of_model, weights, 0, 60, order, targets, numbers, rows, policies, *scratch, values)
+        scratch.situations[:], scratch.moods[:], scratch.policies[:] = targets, np.arange(60), index
+        scratch.states[:] = states + model.policies[index, kernels.STATES]
+        scratch.values[:] = np.nan
+        kernels.value_actions(model, weights, scratch, 0, 60)
         for k in range(60):
             named = {b.name: weights[k, column] for column, b in enumerate(chosen.behaviours)}
             expected = action_values(chosen, named, states[k], targets[k])
-            np.testing.assert_allclose(values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
+            np.testing.assert_allclose(scratch.values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
 
 
 def in_precision(chosen, precision):
