@@ -27,18 +27,22 @@ class Model(NamedTuple):
         actions: For each action the state in which it ends, its length T [control frames], the playback frame that lies
             on the avatar when it starts, and its first row in ``paths`` and in ``strikes``; the last row closes these
             two. Shape (A + 1, 5), int32.
-        moves: Where each action ends, seen from its start: x, z [m], cosine and sine of the turn; then the cost of the
-            transition into it (``policy.Actions.costs``). Shape (5, A), float32.
+        moves: Where each action ends, seen from its start: x, z [m], cosine and sine of the turn; the cost of the
+            transition into it (``policy.Actions.costs``), and what it takes from each behaviour of the policy as its
+            transition terms say; then room, so that no more lines of memory are read than must be.
+            Shape (A, 8 or more), float32.
         paths: Where each action leads in control frames 1 to T: x, z [m], cosine and sine of the turn; then room to
             read beyond the last one. Shape (4, .), float32.
         strikes: For each strike its time [control frames from the state], the fist's place seen from the action's start
-            [m], its speed over the mean of all, its speed [m/s], the hand. Shape (K, 7), float32.
+            [m], its speed [m/s], the hand, which of its state's actions it is in, and what it earns where it lands by
+            each strike term of the policy; then room. Shape (K, 8 or more), float32.
         behaviours: As in ``policy.LookupTables``, places moved. Shape (B, 11), float64.
-        discounts: The discount of each behaviour to the power of 0, 1, 2 ... Shape (B, longest T + 1), float64.
+        discounts: Powers of each behaviour's discount: row 0 from 0 on; row T for frames 1 to T, and zeros behind them.
+            Shape (B, longest T + 1, longest T + 1 or more), float64.
         grids: For each behaviour its axes of distance, bearing and height: the first grid point, grid points in a unit,
             how many there are, whether the axis wraps, how far apart they lie in a table, over how much the behaviour
             fades beyond them (0 not at all). One that it does not have is a single point. Shape (B, 3, 6), float64.
-        terms: Likewise. Shape (n, 9), float64.
+        terms: Likewise, but for transition terms. Shape (n, 9), float64.
         table: Likewise; float32 where policies of a run differ. Flat, float32 or uint8.
         ground: Ground transform of each playback frame in its clip's world. Shape (L, 3), float64.
         bodies: Centre of the head, upper and lower end of the torso, in the frame's ground frame [m]. Shape (L, 9),
@@ -178,10 +182,10 @@ class Scratch(NamedTuple):
         parts: Likewise the shares of the next one along each axis, and how much the behaviour counts.
             Shape (block * behaviours, 4), float64.
         nears: Steps between distances in each behaviour's table. Shape (behaviours,), int64.
-        cells: For each behaviour an entry of the table where each action ends, and the step to the next along the
-            bearing; then a row to spare. Shape (2 * behaviours + 1, actions of a block), int64.
-        work: Where the target is seen from there: x, z, distance, bearing; then for each behaviour the shares of the
-            next distance and bearing. Shape (4 + 2 * behaviours, actions of a block), float64.
+        cells: For each behaviour where each action ends in the table, and the step to the next bearing.
+            Shape (2 * behaviours, actions of a block), float64.
+        work: Where the target is seen from there: x, z, distance, bearing; the state; then for each behaviour the
+            shares of the next distance and bearing. Shape (5 + 2 * behaviours, actions of a block), float64.
         rows: A number for each control frame of a state's actions, or for each action. float64.
         near: Neighbours that may be in the way. Shape (most neighbours, 6), float64.
     """
@@ -240,8 +244,8 @@ def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
         spots=np.empty((block * behaviours, 4), np.int64),
         parts=np.empty((block * behaviours, 4)),
         nears=np.empty(behaviours, np.int64),
-        cells=np.empty((2 * behaviours + 1, block * width), np.int64),
-        work=np.empty((4 + 2 * behaviours, block * width)),
+        cells=np.zeros((2 * behaviours, block * width)),
+        work=np.zeros((5 + 2 * behaviours, block * width)),
         rows=np.empty(max(rows, width)),
         near=np.empty((max(neighbours, 1), 6)),
     )

@@ -26,8 +26,8 @@ SCALE, SPEED, PHASE, PHASE_BEFORE, BASE_X, BASE_Z, BASE_COS, BASE_SIN, BASE_TURN
 
 # Columns of the tables of ``Model`` and of ``World.moods``.
 NEXT, LENGTH, ORIGIN, PATHS, STRIKES = range(5)
-MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST = range(5)
-TIME, FIST_X, FIST_Y, FIST_Z, WEIGHT, FIST_SPEED, HAND = range(7)
+MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, CUT = range(6)
+TIME, FIST_X, FIST_Y, FIST_Z, FIST_SPEED, HAND, OWNER, WORTH = range(8)
 HEAD, NECK, PELVIS = 0, 3, 6
 STRIDE, BEHAVIOURS, ACTIONS, STATES = range(4)
 MARGIN, MOST, TEMPERATURE, HYSTERESIS = range(4)
@@ -162,39 +162,46 @@ def _corner(grids, b, axis, value):
 
 
 @_kernel
-def _place_all(grids, b, axis, values, count, cells, steps, shares):
-    """Do for many values what ``_corner`` does, and add the cells to ``cells``."""
-    minimum, per_unit = grids[b, axis, MINIMUM], grids[b, axis, PER_UNIT]
-    points, stride = grids[b, axis, POINTS], np.int64(grids[b, axis, APART])
-    if grids[b, axis, WRAPS] != 0.0:
-        back = stride - stride * np.int64(points)
-        for k in range(count):
-            place = (values[k] - minimum) * per_unit
-            place -= points * np.floor(place / points)
-            lower = min(np.floor(place), points - 1.0)
-            shares[k] = place - lower
-            cells[k] += np.int64(lower) * stride
-            steps[k] = stride if lower + 1.0 < points else back
-    else:
-        last, step = max(points - 2.0, 0.0), stride if points > 1.0 else 0
-        for k in range(count):
-            place = min(max((values[k] - minimum) * per_unit, 0.0), points - 1.0)
-            lower = min(np.floor(place), last)
-            shares[k] = place - lower
-            cells[k] += np.int64(lower) * stride
-            steps[k] = step
+def _place_all(grids, b, cell_count, count, cells, steps, work, near_shares, aside_shares):
+    """Find where each end lies on the grid of a behaviour, whose table begins at its state's first cell.
+
+    ``work`` holds distances and bearings. ``cells`` are the states and become entries, ``steps`` go to the next bearing.
+    """
+    near_least, near_per, near_points = grids[b, 0, MINIMUM], grids[b, 0, PER_UNIT], grids[b, 0, POINTS]
+    aside_least, aside_per, aside_points = grids[b, 1, MINIMUM], grids[b, 1, PER_UNIT], grids[b, 1, POINTS]
+    near_apart, aside_apart = grids[b, 0, APART], grids[b, 1, APART]
+    near_last, aside_last = max(near_points - 2.0, 0.0), max(aside_points - 2.0, 0.0)
+    wraps = grids[b, 1, WRAPS] != 0.0
+    once = 1.0 / aside_points if wraps else 0.0
+    step = aside_apart if aside_points > 1.0 else 0.0
+    back = aside_apart - aside_apart * aside_points if wraps else step
+    aside_last = aside_points - 1.0 if wraps else aside_last
+    most = np.inf if wraps else aside_points - 1.0
+    least = -np.inf if wraps else 0.0
+    for k in range(count):
+        place = min(max((work[2, k] - near_least) * near_per, 0.0), near_points - 1.0)
+        lower = min(np.floor(place), near_last)
+        near_shares[k] = place - lower
+        cell = cells[k] * cell_count + lower * near_apart
+        place = min(max((work[3, k] - aside_least) * aside_per, least), most)
+        place -= aside_points * np.floor(place * once)
+        lower = max(min(np.floor(place), aside_last), 0.0)
+        aside_shares[k] = place - lower
+        cells[k] = cell + lower * aside_apart
+        steps[k] = step if lower + 1.0 < aside_points else back
 
 
 @_kernel
-def _see_ends(moves, action, first, last, x, z, out_x, out_z, out_distance):
-    """Write where a target at (x, z) is seen from the end of each action from ``action`` on, at ``first`` to ``last``."""
-    for k in range(first, last):
-        dx, dz = x - moves[MOVE_X, action], z - moves[MOVE_Z, action]
-        cos, sin = moves[MOVE_COS, action], moves[MOVE_SIN, action]
+def _see_ends(moves, actions, offset, n, x, z, first, work):
+    """Write where a target at (x, z) is seen from the end of ``n`` actions: x, z and distance; and their ends."""
+    for k in range(n):
+        action, at = np.uint64(offset + k), np.uint64(first + k)
+        dx, dz = x - moves[action, MOVE_X], z - moves[action, MOVE_Z]
+        cos, sin = moves[action, MOVE_COS], moves[action, MOVE_SIN]
         later_x, later_z = dx * cos - dz * sin, dx * sin + dz * cos
-        out_x[k], out_z[k] = later_x, later_z
-        out_distance[k] = later_x * later_x + later_z * later_z
-        action += 1
+        work[0, at], work[1, at] = later_x, later_z
+        work[2, at] = math.sqrt(later_x * later_x + later_z * later_z)
+        work[4, at] = actions[action, NEXT]
 
 
 @_kernel
@@ -203,71 +210,80 @@ def _near_rows(paths, first, count, x, z, wanted, sigma, facing, out):
     shrink = -1.0 / sigma
     if facing:
         for k in range(count):
-            row = first + np.uint64(k)
+            row = np.uint64(first + k)
             dx, dz = x - paths[0, row], z - paths[1, row]
             cos, sin = paths[2, row], paths[3, row]
             aside, ahead = dx * cos - dz * sin, dx * sin + dz * cos - wanted
             out[k] = math.sqrt(ahead * ahead + aside * aside) * shrink
     else:
         for k in range(count):
-            row = first + np.uint64(k)
+            row = np.uint64(first + k)
             dx, dz = x - paths[0, row], z - paths[1, row]
             out[k] = abs(math.sqrt(dx * dx + dz * dz) - wanted) * shrink
     exponentials(out, count)
 
 
 @_kernel
-def _strike_reward(strikes, first, last, x, y, z, terms, row, log_discount):
-    """Return the strike term of one action, whose strikes are ``first`` to ``last``."""
-    best = 0.0
-    tolerance, head, torso = terms[row, 2], terms[row, 4], terms[row, 5]
-    furthest = (max(head, torso) + tolerance) ** 2
-    for k in range(first, last):
+def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, factor, rows, out):
+    """Add ``factor`` times a strike term to what each of ``n`` actions is worth."""
+    tolerance, head, torso, column = terms[row, 2], terms[row, 4], terms[row, 5], int(terms[row, 8])
+    low, high = y - terms[row, 7], y - terms[row, 6]
+    for k in range(n):
+        rows[k] = 0.0
+    for k in range(actions[offset, STRIKES], actions[offset + n, STRIKES]):  # no branch: what lands is anybody's guess
         px, py, pz = strikes[k, FIST_X], strikes[k, FIST_Y], strikes[k, FIST_Z]
         dx, dy, dz = px - x, py - y, pz - z
         aside = dx * dx + dz * dz
-        if aside > furthest:
-            continue
-        lands = abs(math.sqrt(aside + dy * dy) - head) <= tolerance
-        if not lands:
-            dy = py - min(max(py, y - terms[row, 7]), y - terms[row, 6])
-            lands = abs(math.sqrt(aside + dy * dy) - torso) <= tolerance
-        if lands:
-            best = max(best, math.exp(strikes[k, TIME] * log_discount) * strikes[k, WEIGHT] ** terms[row, 3])
-    return terms[row, 1] * best
+        on_head = abs(math.sqrt(aside + dy * dy) - head) <= tolerance
+        dy = py - min(max(py, low), high)
+        on_torso = abs(math.sqrt(aside + dy * dy) - torso) <= tolerance
+        action = np.uint64(strikes[k, OWNER])
+        rows[action] = max(rows[action], strikes[k, column] if on_head | on_torso else 0.0)
+    factor *= terms[row, 1]
+    for k in range(n):
+        out[k] += factor * rows[k]
 
 
 @_kernel
-def _add_reward(model, b, row, offset, n, x, y, z, factor, rows, out):
-    """Add ``factor`` times one term of a behaviour's reward to what each action of a state is worth."""
-    actions, terms = model.actions, model.terms
-    code = terms[row, 0]
-    if code == 0.0:
-        log_discount = math.log(model.behaviours[b, DISCOUNT])
-        for k in range(n):
-            first, last = actions[offset + k, STRIKES], actions[offset + k + 1, STRIKES]
-            if first < last:
-                out[k] += factor * _strike_reward(model.strikes, first, last, x, y, z, terms, row, log_discount)
-    elif code == 1.0:
-        begun, end = actions[offset, PATHS], actions[offset + n, PATHS]
-        facing = terms[row, 5] != 0.0
-        _near_rows(
-            model.paths, np.uint64(begun), _whole_lanes(end - begun), x, z, terms[row, 2], terms[row, 3], facing, rows
-        )
-        discounts, scale = model.discounts, factor * terms[row, 1]
-        k = 0
-        greatest = terms[row, 4] != 0.0
-        for action in range(n):
-            near = 0.0
-            for t in range(1, actions[offset + action, LENGTH] + 1):
-                worth = discounts[b, t] * rows[k]
-                near = max(near, worth) if greatest else near + worth
-                k += 1
-            out[action] += scale * near
-    else:
-        for k in range(n):
-            cost = model.moves[COST, offset + k]
-            out[k] -= factor * (terms[row, 1] * cost + (terms[row, 2] if cost > 0.0 else 0.0))
+def _fold(rows, i, weights, t, before, greatest):
+    """Return the sum, or the greatest, of eight rows from ``i`` on, weighed from ``t`` on, and of what was before."""
+    one = np.uint64(1)
+    a = rows[i] * weights[t]
+    i, t = i + one, t + one
+    c = rows[i] * weights[t]
+    i, t = i + one, t + one
+    d = rows[i] * weights[t]
+    i, t = i + one, t + one
+    e = rows[i] * weights[t]
+    i, t = i + one, t + one
+    f = rows[i] * weights[t]
+    i, t = i + one, t + one
+    g = rows[i] * weights[t]
+    i, t = i + one, t + one
+    h = rows[i] * weights[t]
+    i, t = i + one, t + one
+    j = rows[i] * weights[t]
+    if greatest:
+        return max(before, max(max(max(a, c), max(d, e)), max(max(f, g), max(h, j))))
+    return before + (((a + c) + (d + e)) + ((f + g) + (h + j)))
+
+
+@_kernel
+def _add_nearness(actions, paths, terms, row, discounts, b, offset, n, x, z, factor, rows, out):
+    """Add ``factor`` times a proximity term to what each of ``n`` actions is worth."""
+    begun, end = actions[offset, PATHS], actions[offset + n, PATHS]
+    facing, greatest = terms[row, 5] != 0.0, terms[row, 4] != 0.0
+    _near_rows(paths, begun, _whole_lanes(end - begun), x, z, terms[row, 2], terms[row, 3], facing, rows)
+    factor *= terms[row, 1]
+    at = 0
+    for k in range(n):
+        # Rows of the next action count for nothing: whole lanes leave no number of rounds to guess.
+        length = actions[offset + k, LENGTH]
+        near = 0.0
+        for t in range(0, length, LANES):
+            near = _fold(rows, np.uint64(at + t), discounts[b, length], np.uint64(t), near, greatest)
+        out[k] += factor * near
+        at += length
 
 
 @_kernel
@@ -333,7 +349,7 @@ def _prepare(model, weights, scratch, first, count, policy):
 
     Returns how many actions are looked ahead along.
     """
-    behaviours, actions, moves, work = model.behaviours, model.actions, model.moves, scratch.work
+    behaviours = model.behaviours
     begun, end = model.policies[policy, BEHAVIOURS], model.policies[policy + 1, BEHAVIOURS]
     pairs = 0
     scratch.begins[0] = 0
@@ -374,7 +390,14 @@ def _prepare(model, weights, scratch, first, count, policy):
             _ask_for(model.table, at + aside_step)
             _ask_for(model.table, at + near_step + aside_step)
         if ahead:
-            _see_ends(moves, offset, np.uint64(pairs), np.uint64(pairs + n), x, z, work[0], work[1], work[2])
+            first_row, last_row = model.actions[offset, PATHS], model.actions[offset + n, PATHS]
+            for row in range(first_row, last_row + 15, 16):
+                _ask_for(model.paths, row)
+                _ask_for(model.paths, row + model.paths.shape[1])
+            first_row, last_row = model.actions[offset, STRIKES], model.actions[offset + n, STRIKES]
+            for row in range(first_row * 8, last_row * 8 + 15, 16):
+                _ask_for(model.strikes, row)
+            _see_ends(model.moves, model.actions, offset, n, x, z, pairs, scratch.work)
             pairs += n
             scratch.begins[d + 1] = pairs
     return pairs
@@ -384,24 +407,19 @@ def _prepare(model, weights, scratch, first, count, policy):
 def _look_ahead(model, b, slot, slots, scratch, first, count, pairs):
     """Find what one behaviour's table is read for at the end of each of so many actions, and ask memory for it."""
     cells, steps = scratch.cells[2 * slot], scratch.cells[2 * slot + 1]
-    states_cells = int(model.behaviours[b, CELLS])
-    for d in range(count):
-        if scratch.begins[d] == scratch.begins[d + 1]:
-            continue
-        at, action = scratch.spots[d * slots + slot, 0], model.offsets[scratch.states[scratch.order[first + d]]]
-        counts = scratch.parts[d * slots + slot, 3] != 0.0
-        for k in range(scratch.begins[d], scratch.begins[d + 1]):
-            cells[k] = at + model.actions[action, NEXT] * states_cells if counts else 0
-            action += 1
-    near_steps = scratch.cells[2 * slots]
-    _place_all(model.grids, b, 0, scratch.work[2], pairs, cells, near_steps, scratch.work[4 + 2 * slot])
-    _place_all(model.grids, b, 1, scratch.work[3], pairs, cells, steps, scratch.work[5 + 2 * slot])
-    near = near_steps[0]
+    for k in range(pairs):
+        cells[k] = scratch.work[4, k]
+    _place_all(
+        model.grids, b, model.behaviours[b, CELLS], _whole_lanes(pairs), cells, steps, scratch.work,
+        scratch.work[5 + 2 * slot], scratch.work[6 + 2 * slot],
+    )  # fmt: skip
+    near = int(model.grids[b, 0, APART]) if model.grids[b, 0, POINTS] > 1.0 else 0
     for d in range(count):
         if scratch.parts[d * slots + slot, 3] != 0.0:
+            at = scratch.spots[d * slots + slot, 0]
             for k in range(scratch.begins[d], scratch.begins[d + 1]):
-                _ask_for(model.table, cells[k])
-                _ask_for(model.table, cells[k] + near)
+                _ask_for(model.table, at + int(cells[k]))
+                _ask_for(model.table, at + int(cells[k]) + near)
     return near
 
 
@@ -413,9 +431,7 @@ def _weigh(model, weights, scratch, first, count, policy):
     slots = end - begun
     pairs = _prepare(model, weights, scratch, first, count, policy)
     if pairs > 0:
-        for k in range(pairs):
-            work[2, k] = math.sqrt(work[2, k])
-        bearings(work[0], work[1], pairs, work[3])
+        bearings(work[0], work[1], _whole_lanes(pairs), work[3])
         for b in range(begun, end):
             if behaviours[b, LOOKS_AHEAD] != 0.0:
                 scratch.nears[b - begun] = _look_ahead(model, b, b - begun, slots, scratch, first, count, pairs)
@@ -445,16 +461,24 @@ def _weigh(model, weights, scratch, first, count, policy):
             near, at = scratch.nears[slot], scratch.begins[d]
             for k in range(n):
                 value = _interpolate(
-                    table, scratch.cells[2 * slot, at + k], near, scratch.cells[2 * slot + 1, at + k], above,
-                    work[4 + 2 * slot, at + k], work[5 + 2 * slot, at + k], raised,
+                    table, scratch.spots[spot, 0] + int(scratch.cells[2 * slot, at + k]), near,
+                    int(scratch.cells[2 * slot + 1, at + k]), above, work[5 + 2 * slot, at + k],
+                    work[6 + 2 * slot, at + k], raised,
                 )  # fmt: skip
                 value = behaviours[b, LOW] + behaviours[b, STEP] * value
-                out[k] += factor * model.discounts[b, model.actions[offset + k, LENGTH]] * value
+                value *= model.discounts[b, 0, model.actions[offset + k, LENGTH]]
+                out[k] += factor * (value - model.moves[offset + k, CUT + slot])
+            x, y, z = scratch.situations[q, 0], scratch.situations[q, 1], scratch.situations[q, 2]
             for row in range(int(behaviours[b, 2]), int(behaviours[b, 3])):
-                _add_reward(
-                    model, b, row, offset, n, scratch.situations[q, 0], scratch.situations[q, 1],
-                    scratch.situations[q, 2], factor, scratch.rows, out,
-                )  # fmt: skip
+                if model.terms[row, 0] == 0.0:
+                    _add_strikes(
+                        model.actions, model.strikes, model.terms, row, offset, n, x, y, z, factor, scratch.rows, out,
+                    )  # fmt: skip
+                else:
+                    _add_nearness(
+                        model.actions, model.paths, model.terms, row, model.discounts, b, offset, n, x, z, factor,
+                        scratch.rows, out,
+                    )  # fmt: skip
 
 
 @_kernel
@@ -638,7 +662,7 @@ def crowd_out(
         done = min(real[PHASE, own] - actions[whole[ACTION, own], LENGTH], speed)
         for k in range(offsets[state + 1] - offset):
             action = offset + k
-            ex, ez = moves[MOVE_X, action], moves[MOVE_Z, action]
+            ex, ez = moves[action, MOVE_X], moves[action, MOVE_Z]
             mx, mz = ex * cos + ez * sin, ez * cos - ex * sin
             worst = 0.0
             if close > 0:
@@ -747,7 +771,7 @@ def order_by_state(states, count, starts, out_order):
 
 @_kernel
 def aim(
-    whole, real, slot_of, actions, bodies, policies, arena, crowding, targets, moods, present, moment, due, count,
+    whole, real, slot_of, offsets, actions, moves, bodies, policies, arena, crowding, targets, moods, present, moment, due, count,
     nearest, out_situations, out_states, out_moods, out_policies,
 ):  # fmt: skip
     """Choose opponents for avatars ``due[:count]`` and write their situations (``value_actions``).
@@ -786,7 +810,11 @@ def aim(
         out_situations[q, 0] = dx * cos - dz * sin
         out_situations[q, 1] = ty / scale
         out_situations[q, 2] = dx * sin + dz * cos
-        out_states[q] = actions[whole[ACTION, own], NEXT] if seen else -1
+        state = actions[whole[ACTION, own], NEXT]
+        for action in range(offsets[state], offsets[state + 1], 2):
+            _ask_for(moves, action * moves.shape[1])
+            _ask_for(actions, action * 5)
+        out_states[q] = state if seen else -1
         out_moods[q], out_policies[q] = whole[MOOD, own], whole[POLICY, own]
 
 
@@ -814,7 +842,7 @@ def keep_running(whole, offsets, actions, moves, due, count, states, values):
         if states[q] < 0:
             state = actions[whole[ACTION, due[q]], NEXT]
             for k in range(offsets[state + 1] - offsets[state]):
-                values[q, k] = -moves[COST, offsets[state] + k]
+                values[q, k] = -moves[offsets[state] + k, COST]
 
 
 @_kernel
@@ -827,7 +855,7 @@ def choose(model, avatars, world, present, moment, due, count, nearest, counts, 
     avatar whose values are no numbers.
     """
     aim(
-        avatars.whole, avatars.real, avatars.slot_of, model.actions, model.bodies, model.policies, world.arena,
+        avatars.whole, avatars.real, avatars.slot_of, model.offsets, model.actions, model.moves, model.bodies, model.policies, world.arena,
         world.crowding, world.targets, world.moods, present, moment, due, count, nearest, scratch.situations,
         scratch.states, scratch.moods, scratch.policies,
     )  # fmt: skip

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import Model
 from crowdsim.errors import RunError
+from crowdsim.policy.rewards import StrikeTerm, TransitionTerm
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -70,6 +71,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
     values.flags.writeable = False  # mapped or not, kernels are compiled for one type
     paths = _joined([action.paths for action in actions], np.float64)
     joined = np.concatenate(behaviours)
+    terms = _joined([table.terms for table in tables], np.float64)
     ways = np.concatenate([action.displacements for action in actions]).astype(float)
     closing = np.array([[-1, 0, 0, starts["path"][-1], starts["strike"][-1]]])
     offsets = _csr([action.offsets for action in actions], starts["action"])
@@ -82,17 +84,22 @@ def build_model(policies: Sequence[Policy]) -> Model:
     ]
     costs = _joined([action.costs for action in actions], np.float64)
     databases = [policy.database for policy in policies]
+    moves = _moves(ways, costs, joined, terms, starts)
+    strikes = _strikes(policies, joined, terms, starts)
+    # What cuts cost is known beforehand and stands among ``moves``.
+    kept = np.concatenate([[0], np.cumsum(terms[:, 0] != TransitionTerm.code)])
+    joined[:, 2:4] = kept[joined[:, 2:4].astype(int)]
     return Model(
         offsets=offsets,
         reaches=np.maximum.reduceat(np.hypot(ways[:, 0], ways[:, 1]), offsets[:-1]),
         actions=np.concatenate([np.column_stack(columns), closing]).astype(np.int32),
-        moves=np.stack([ways[:, 0], ways[:, 1], np.cos(ways[:, 2]), np.sin(ways[:, 2]), costs]).astype(np.float32),
+        moves=moves,
         paths=_padded([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2])]),
-        strikes=np.concatenate([_strikes(policy) for policy in policies]),
+        strikes=strikes,
         behaviours=joined,
-        discounts=joined[:, 8:9] ** np.arange(int(max(action.lengths.max() for action in actions)) + 1),
+        discounts=_discounts(joined[:, kernels.DISCOUNT], int(max(action.lengths.max() for action in actions))),
         grids=_grids(joined, _joined([table.axes for table in tables], np.float64)),
-        terms=_joined([table.terms for table in tables], np.float64),
+        terms=terms[terms[:, 0] != TransitionTerm.code],
         table=values,
         ground=_joined([database.ground for database in databases], np.float64),
         bodies=np.concatenate(
@@ -118,7 +125,7 @@ def policy_values(policy: Policy) -> Array:
 def entry_actions(model: Model) -> Array:
     """Return the cheapest action that ends in each state, the first among equals; -1 for none. Shape (S,), int32."""
     ends = model.actions[:-1, kernels.NEXT]
-    order = np.lexsort((np.arange(len(ends)), model.moves[kernels.COST], ends))
+    order = np.lexsort((np.arange(len(ends)), model.moves[:, kernels.COST], ends))
     entries = np.full(len(model.offsets) - 1, -1, np.int32)
     states, first = np.unique(ends[order], return_index=True)
     entries[states] = order[first]
@@ -132,11 +139,50 @@ def _tolerance(policy: Policy) -> float:
     return float(max(found, default=TOLERANCE))
 
 
-def _strikes(policy: Policy) -> Array:
-    actions, database = policy.actions, policy.database
-    speeds, hands = database.strike_speeds[actions.strike_ids], database.strike_hands[actions.strike_ids]
-    places = np.reshape(actions.strike_places, (-1, 3))
-    return np.column_stack([actions.strike_times, places, actions.strike_speeds, speeds, hands]).astype(np.float32)
+def _strikes(policies: Sequence[Policy], behaviours: Array, terms: Array, starts: dict[str, Array]) -> Array:
+    """Return the strikes in actions, and what those that land earn by each strike term of their policy.
+
+    The column of what a term earns is written into its row.
+    """
+    parts = []
+    for p, policy in enumerate(policies):
+        actions, database = policy.actions, policy.database
+        speeds, hands = database.strike_speeds[actions.strike_ids], database.strike_hands[actions.strike_ids]
+        places = np.reshape(actions.strike_places, (-1, 3))
+        owners = np.repeat(np.arange(actions.action_count), np.diff(actions.strike_offsets))
+        owners -= np.repeat(actions.offsets[:-1], np.diff(actions.offsets))[owners]
+        columns = [actions.strike_times, *places.T, speeds, hands, owners]
+        for row in behaviours[starts["behaviour"][p] : starts["behaviour"][p + 1]]:
+            for term in terms[int(row[2]) : int(row[3])]:
+                if term[0] == StrikeTerm.code:
+                    term[8] = len(columns)
+                    fast = actions.strike_speeds.astype(float) ** term[3]
+                    columns.append(row[kernels.DISCOUNT] ** actions.strike_times.astype(float) * fast)
+        parts.append(np.column_stack(columns))
+    width = -(-max(part.shape[1] for part in parts) // 8) * 8
+    return np.concatenate([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts]).astype(np.float32)
+
+
+def _discounts(discounts: Array, longest: int) -> Array:
+    """Return powers of each discount: row 0 from 0 on, row T for frames 1 to T of an action, and zeros behind them."""
+    times = np.arange(-(-(longest + 1) // kernels.LANES) * kernels.LANES)
+    rows = discounts[:, None, None] ** (times + 1.0) * (times < np.arange(longest + 1)[:, None])
+    rows[:, 0] = discounts[:, None] ** times
+    return np.asarray(rows)
+
+
+def _moves(ways: Array, costs: Array, behaviours: Array, terms: Array, starts: dict[str, Array]) -> Array:
+    """Return where actions end, what their transitions cost, and what cuts cost each behaviour of the policy."""
+    slots = int(np.diff(starts["behaviour"]).max())
+    moves = np.zeros((len(ways), -(-(kernels.CUT + slots) // 8) * 8), np.float32)
+    moves[:, : kernels.CUT] = np.column_stack([ways[:, :2], np.cos(ways[:, 2]), np.sin(ways[:, 2]), costs])
+    for p, start in enumerate(starts["behaviour"][:-1]):
+        own = slice(starts["action"][p], starts["action"][p + 1])
+        for slot, row in enumerate(behaviours[start : starts["behaviour"][p + 1]]):
+            for code, weight, each, *_ in terms[int(row[2]) : int(row[3])]:
+                if code == TransitionTerm.code:
+                    moves[own, kernels.CUT + slot] += weight * costs[own] + each * (costs[own] > 0.0)
+    return moves
 
 
 def _grids(behaviours: Array, axes: Array) -> Array:
