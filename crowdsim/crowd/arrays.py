@@ -25,8 +25,8 @@ class Model(NamedTuple):
         offsets: CSR: actions of state s are ``offsets[s]:offsets[s + 1]``. Shape (S + 1,), int32.
         reaches: How far the actions of each state lead at most [m]. Shape (S,), float64.
         actions: For each action the state in which it ends, its length T [control frames], the playback frame that lies
-            on the avatar when it starts, and its first row in ``paths`` and in ``strikes``; the last row closes these
-            two. Shape (A + 1, 5), int32.
+            on the avatar when it starts, and its first row in ``paths`` and in ``strikes``, which the last row closes;
+            and the last whole frame before its first strike. Shape (A + 1, 6), int32.
         moves: Where each action ends, seen from its start: x, z [m], cosine and sine of the turn; the cost of the
             transition into it (``policy.Actions.costs``), and what it takes from each behaviour of the policy as its
             transition terms say; then room, so that no more lines of memory are read than must be.
@@ -49,8 +49,9 @@ class Model(NamedTuple):
             float32.
         policies: For each policy the playback frames in a control frame, its first row in ``behaviours``, its first
             action and its first state; the last row closes these three. Shape (P + 1, 4), int32.
-        sizes: Radius of head and torso, drop from the head to neck and pelvis, and a strike's tolerance [m].
-            Shape (P, 5), float64.
+        sizes: Radius of head and torso, drop from the head to neck and pelvis, a strike's tolerance; how far the surface
+            of head and torso is from where the body stands at most, and how far it moves in a control frame at most
+            [m]. Shape (P, 7), float64.
     """
 
     offsets: Array
@@ -79,7 +80,8 @@ class Avatars(NamedTuple):
     Rows of ``whole``: number; policy; mood (row of ``World.moods``); team; skip, the team that the opponent may not be
     of (-1 nearest of anyone, -2 ``fixed`` says); fixed (number of the opponent, -2 - k for target k, -1 for nobody);
     opponent, likewise; opponent before the last decision; decisions taken; action; action before, -1 when there was no
-    decision in this frame.
+    decision in this frame; pending, the last whole frame of the action before its next strike, or -1 where the action
+    before may still have one.
 
     Rows of ``real``: scale of the body; speed [frames of motion in a control frame]; phase, frames of the action done
     (an action shows its frame ``min(phase, T)``; what goes beyond is motion that the next action starts with); phase
@@ -87,7 +89,7 @@ class Avatars(NamedTuple):
     sine times scale, turn); x, z [m] and heading [rad] where it stands; x and z where its action ends.
 
     Attributes:
-        whole: Shape (11, N), int32.
+        whole: Shape (12, N), int32.
         real: Shape (14, N), float64.
         slot_of: Slot of each number. Shape (N,), int32.
     """

@@ -164,7 +164,7 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
     slot_of = np.empty(count, np.int32)
     slot_of[numbers] = np.arange(count, dtype=np.int32)
 
-    avatars = Avatars(np.zeros((11, count), np.int32), np.zeros((14, count)), slot_of)
+    avatars = Avatars(np.zeros((12, count), np.int32), np.zeros((14, count)), slot_of)
     whole, real = avatars.whole, avatars.real
     whole[kernels.NUMBER] = numbers
     for row, values in (
@@ -222,4 +222,5 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
         real[row, slots] = values
     whole[kernels.ACTION, slots] = action
     whole[kernels.ACTION_BEFORE, slots] = -1
+    whole[kernels.PENDING, slots] = kernels.NO_STRIKE
     whole[kernels.OPPONENT, slots] = whole[kernels.OPPONENT_BEFORE, slots] = -1

@@ -19,16 +19,17 @@ from numba.np.arrayobj import make_array
 _kernel = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)  # type: ignore[call-overload]
 
 # Rows of ``Avatars.whole`` and ``Avatars.real``, a column for each slot.
-NUMBER, POLICY, MOOD, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE = range(11)
+NUMBER, POLICY, MOOD, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE, PENDING = range(12)
 SCALE, SPEED, PHASE, PHASE_BEFORE, BASE_X, BASE_Z, BASE_COS, BASE_SIN, BASE_TURN, X, Z, HEADING, END_X, END_Z = range(
     14
 )
 
 # Columns of the tables of ``Model`` and of ``World.moods``.
-NEXT, LENGTH, ORIGIN, PATHS, STRIKES = range(5)
+NEXT, LENGTH, ORIGIN, PATHS, STRIKES, FIRST_STRIKE = range(6)
 MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, CUT = range(6)
 TIME, FIST_X, FIST_Y, FIST_Z, FIST_SPEED, HAND, OWNER, WORTH = range(8)
 HEAD, NECK, PELVIS = 0, 3, 6
+HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE = range(7)
 STRIDE, BEHAVIOURS, ACTIONS, STATES = range(4)
 MARGIN, MOST, TEMPERATURE, HYSTERESIS = range(4)
 LOOKS_AHEAD, CELLS, TABLE, NORM, DISCOUNT, LOW, STEP = range(4, 11)
@@ -37,6 +38,7 @@ MINIMUM, PER_UNIT, POINTS, WRAPS, APART, FADE = range(6)
 LANES = 8  # entries that are worked on at once
 BLOCK = 16  # situations that are weighed at a time
 
+NO_STRIKE = 1 << 30  # instead of a frame, where an action has no strike left
 SORTED = 256  # so many avatars that choose together do so in the order of their states
 
 _clock_type = types.int32(types.int32, types.CPointer(types.int64))
@@ -44,8 +46,8 @@ _clock_gettime = types.ExternalFunction("clock_gettime", _clock_type)
 
 
 @intrinsic
-def _ask_for(typing, array, index):
-    """Ask memory for an entry of a flat array that will be read soon; any place will do."""
+def _request(typing, array, index):
+    """Ask memory for an entry of an array."""
 
     def generate(context, builder, signature, values):
         pointer = builder.gep(make_array(signature.args[0])(context, builder, values[0]).data, [values[1]])
@@ -56,6 +58,12 @@ def _ask_for(typing, array, index):
         return context.get_dummy_value()
 
     return types.void(array, types.int64), generate
+
+
+@_kernel
+def _ask_for(array, index):
+    """Ask memory for an entry, counted from the first one, of an array that will be read soon; any place will do."""
+    _request(array, index)  # type: ignore[call-arg]
 
 
 @_kernel
@@ -91,6 +99,26 @@ def _between(rows, place, column):
     if share > 0.0:
         value += share * (rows[below + 1, column] - value)
     return value
+
+
+@_kernel
+def _ground_at(ground, place):
+    """Return the ground transform at a fractional row."""
+    below = int(place)
+    share = place - below
+    x, z, heading = ground[below, 0], ground[below, 1], ground[below, 2]
+    if share > 0.0:
+        x += share * (ground[below + 1, 0] - x)
+        z += share * (ground[below + 1, 1] - z)
+        heading += share * (ground[below + 1, 2] - heading)
+    return x, z, heading
+
+
+@_kernel
+def _point_at(rows, place, column, x, z, size, cos, sin):
+    """Return where a point of a body is that stands at (x, z): three columns of ``rows`` at a fractional row."""
+    px, pz = _between(rows, place, column), _between(rows, place, column + 2)
+    return x + px * cos + pz * sin, _between(rows, place, column + 1) * size, z - px * sin + pz * cos
 
 
 @_kernel
@@ -500,6 +528,16 @@ def value_actions(model, weights, scratch, first, last):
 
 
 @_kernel
+def _next_strike(actions, strikes, action, phase):
+    """Return the last whole frame before the next strike of an action, or ``NO_STRIKE``."""
+    found = NO_STRIKE
+    for k in range(actions[action, STRIKES], actions[action + 1, STRIKES]):
+        if strikes[k, TIME] > phase:
+            found = min(found, int(math.ceil(strikes[k, TIME])) - 1)
+    return found
+
+
+@_kernel
 def advance(model, avatars, first, last, due):
     """Move avatars by one frame; list in ``due[first:]`` those whose action has ended.
 
@@ -513,14 +551,16 @@ def advance(model, avatars, first, last, due):
         length = actions[action, LENGTH]
         real[PHASE_BEFORE, i] = min(real[PHASE, i], length)
         phase = real[PHASE, i] + real[SPEED, i]
+        if real[PHASE, i] > whole[PENDING, i]:
+            whole[PENDING, i] = _next_strike(actions, model.strikes, action, real[PHASE_BEFORE, i])
         real[PHASE, i] = phase
         whole[ACTION_BEFORE, i] = -1
         place = actions[action, ORIGIN] + min(phase, length) * policies[whole[POLICY, i], STRIDE]
-        gx, gz = _between(ground, place, 0), _between(ground, place, 1)
+        gx, gz, turned = _ground_at(ground, place)
         cos, sin = real[BASE_COS, i], real[BASE_SIN, i]
         x = real[BASE_X, i] + gx * cos + gz * sin
         z = real[BASE_Z, i] - gx * sin + gz * cos
-        heading = real[BASE_TURN, i] + _between(ground, place, 2)
+        heading = real[BASE_TURN, i] + turned
         real[X, i], real[Z, i], real[HEADING, i] = x, z, heading
         if not math.isfinite(x + z + heading):
             return -1 - i
@@ -813,7 +853,7 @@ def aim(
         state = actions[whole[ACTION, own], NEXT]
         for action in range(offsets[state], offsets[state + 1], 2):
             _ask_for(moves, action * moves.shape[1])
-            _ask_for(actions, action * 5)
+            _ask_for(actions, action * actions.shape[1])
         out_states[q] = state if seen else -1
         out_moods[q], out_policies[q] = whole[MOOD, own], whole[POLICY, own]
 
@@ -900,10 +940,11 @@ def switch(model, avatars, due, chosen, first, last):
         real[END_X, i], real[END_Z, i] = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
         if phase > 0.0:
             place = origin + min(phase, actions[new, LENGTH]) * stride
-            gx, gz = _between(ground, place, 0), _between(ground, place, 1)
+            gx, gz, heading = _ground_at(ground, place)
             x, z = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
-            heading = turn + _between(ground, place, 2)
+            heading += turn
         real[X, i], real[Z, i], real[HEADING, i] = x, z, heading
+        whole[PENDING, i] = -1 if whole[PENDING, i] < actions[old, LENGTH] else actions[new, FIRST_STRIKE]
         whole[ACTION_BEFORE, i] = old
         whole[ACTION, i] = new
         real[PHASE, i] = phase
@@ -927,67 +968,117 @@ def _base_before(whole, real, actions, ground, policies, i):
 
 
 @_kernel
-def land(
-    whole, real, slot_of, actions, ground, bodies, policies, sizes, targets, moment, present, frame, first, last,
-    out_whole, out_real,
-):  # fmt: skip
-    """Tell which of the strikes ``first`` to ``last`` land: near the surface of the opponent's head or torso then."""
-    for row in range(first, last):
-        opponent = out_whole[row, 1]
-        px, py, pz = out_real[row, 1], out_real[row, 2], out_real[row, 3]
-        share = out_real[row, 0] - (frame - 1.0)
-        attacker = slot_of[out_whole[row, 0]]
-        policy, scale = whole[POLICY, attacker], real[SCALE, attacker]
-        out_whole[row, 3] = 0
-        if opponent <= -2:
-            target = -2 - opponent
-            hx = targets[moment - 1, target, 0] + share * (targets[moment, target, 0] - targets[moment - 1, target, 0])
-            hy = targets[moment - 1, target, 1] + share * (targets[moment, target, 1] - targets[moment - 1, target, 1])
-            hz = targets[moment - 1, target, 2] + share * (targets[moment, target, 2] - targets[moment - 1, target, 2])
-            head_radius, torso_radius = sizes[policy, 0] * scale, sizes[policy, 1] * scale
-            ux, uy, uz = hx, hy - sizes[policy, 2] * scale, hz
-            lx, ly, lz = hx, hy - sizes[policy, 3] * scale, hz
+def _body_at(model, avatars, j, share):
+    """Return head, upper and lower end of the torso of an avatar, ``share`` of the way to this frame."""
+    whole, real, actions, policies, bodies = avatars.whole, avatars.real, model.actions, model.policies, model.bodies
+    action, phase = whole[ACTION, j], min(real[PHASE, j], actions[whole[ACTION, j], LENGTH])
+    bx, bz, cos, sin = real[BASE_X, j], real[BASE_Z, j], real[BASE_COS, j], real[BASE_SIN, j]
+    turn = real[BASE_TURN, j]
+    if whole[ACTION_BEFORE, j] < 0:
+        phase = real[PHASE_BEFORE, j] + share * (phase - real[PHASE_BEFORE, j])
+    else:
+        before = actions[whole[ACTION_BEFORE, j], LENGTH] - real[PHASE_BEFORE, j]
+        moved = share * (before + phase)
+        if moved < before:
+            action = whole[ACTION_BEFORE, j]
+            phase = real[PHASE_BEFORE, j] + moved
+            bx, bz, cos, sin, turn = _base_before(whole, real, actions, model.ground, policies, j)
         else:
-            j = slot_of[opponent] if opponent >= 0 else present
-            if j >= present:
-                continue
-            action, phase = whole[ACTION, j], min(real[PHASE, j], actions[whole[ACTION, j], LENGTH])
-            bx, bz, cos, sin = real[BASE_X, j], real[BASE_Z, j], real[BASE_COS, j], real[BASE_SIN, j]
-            turn = real[BASE_TURN, j]
-            if whole[ACTION_BEFORE, j] < 0:
-                phase = real[PHASE_BEFORE, j] + share * (phase - real[PHASE_BEFORE, j])
-            else:
-                before = actions[whole[ACTION_BEFORE, j], LENGTH] - real[PHASE_BEFORE, j]
-                moved = share * (before + phase)
-                if moved < before:
-                    action = whole[ACTION_BEFORE, j]
-                    phase = real[PHASE_BEFORE, j] + moved
-                    bx, bz, cos, sin, turn = _base_before(whole, real, actions, ground, policies, j)
-                else:
-                    phase = moved - before
-            place = actions[action, ORIGIN] + phase * policies[whole[POLICY, j], STRIDE]
-            gx, gz = _between(ground, place, 0), _between(ground, place, 1)
-            x, z = bx + gx * cos + gz * sin, bz - gx * sin + gz * cos
-            heading = turn + _between(ground, place, 2)
-            size = real[SCALE, j]
-            cos, sin = math.cos(heading) * size, math.sin(heading) * size
-            gx, gz = _between(bodies, place, HEAD), _between(bodies, place, HEAD + 2)
-            hx, hy, hz = x + gx * cos + gz * sin, _between(bodies, place, HEAD + 1) * size, z - gx * sin + gz * cos
-            gx, gz = _between(bodies, place, NECK), _between(bodies, place, NECK + 2)
-            ux, uy, uz = x + gx * cos + gz * sin, _between(bodies, place, NECK + 1) * size, z - gx * sin + gz * cos
-            gx, gz = _between(bodies, place, PELVIS), _between(bodies, place, PELVIS + 2)
-            lx, ly, lz = x + gx * cos + gz * sin, _between(bodies, place, PELVIS + 1) * size, z - gx * sin + gz * cos
-            head_radius = sizes[whole[POLICY, j], 0] * size
-            torso_radius = sizes[whole[POLICY, j], 1] * size
-        gap = abs(math.sqrt((px - hx) ** 2 + (py - hy) ** 2 + (pz - hz) ** 2) - head_radius)
-        dx, dy, dz = ux - lx, uy - ly, uz - lz
-        square = dx * dx + dy * dy + dz * dz
-        t = 0.0
-        if square > 0.0:
-            t = min(max(((px - lx) * dx + (py - ly) * dy + (pz - lz) * dz) / square, 0.0), 1.0)
-        torso = math.sqrt((px - lx - t * dx) ** 2 + (py - ly - t * dy) ** 2 + (pz - lz - t * dz) ** 2)
-        landed = min(gap, abs(torso - torso_radius)) <= sizes[policy, 4] * scale
-        out_whole[row, 3] = landed
+            phase = moved - before
+    place = actions[action, ORIGIN] + phase * policies[whole[POLICY, j], STRIDE]
+    gx, gz, heading = _ground_at(model.ground, place)
+    x, z = bx + gx * cos + gz * sin, bz - gx * sin + gz * cos
+    size = real[SCALE, j]
+    cos, sin = math.cos(turn + heading) * size, math.sin(turn + heading) * size
+    head = _point_at(bodies, place, HEAD, x, z, size, cos, sin)
+    return head, _point_at(bodies, place, NECK, x, z, size, cos, sin), _point_at(
+        bodies, place, PELVIS, x, z, size, cos, sin
+    )
+
+
+@_kernel
+def _touches(head, neck, pelvis, head_radius, torso_radius, tolerance, px, py, pz):
+    """Tell whether a point is within the tolerance of the surface of a head or a torso."""
+    hx, hy, hz = px - head[0], py - head[1], pz - head[2]
+    gap = abs(math.sqrt(hx * hx + hy * hy + hz * hz) - head_radius)
+    dx, dy, dz = neck[0] - pelvis[0], neck[1] - pelvis[1], neck[2] - pelvis[2]
+    lx, ly, lz = px - pelvis[0], py - pelvis[1], pz - pelvis[2]
+    square = dx * dx + dy * dy + dz * dz
+    t = 0.0
+    if square > 0.0:
+        t = min(max((lx * dx + ly * dy + lz * dz) / square, 0.0), 1.0)
+    lx, ly, lz = lx - t * dx, ly - t * dy, lz - t * dz
+    return min(gap, abs(math.sqrt(lx * lx + ly * ly + lz * lz) - torso_radius)) <= tolerance
+
+
+@_kernel
+def _lands(model, avatars, targets, moment, present, i, opponent, share, px, py, pz):
+    """Tell whether a strike of avatar ``i`` lands: near the surface of the opponent's head or torso then."""
+    real, sizes, policy, scale = avatars.real, model.sizes, avatars.whole[POLICY, i], avatars.real[SCALE, i]
+    tolerance = sizes[policy, TOLERANCE] * scale
+    if opponent <= -2:
+        before, now = targets[moment - 1, -2 - opponent], targets[moment, -2 - opponent]
+        hx, hz = before[0] + share * (now[0] - before[0]), before[2] + share * (now[2] - before[2])
+        hy = before[1] + share * (now[1] - before[1])
+        neck = (hx, hy - sizes[policy, NECK_DROP] * scale, hz)
+        pelvis = (hx, hy - sizes[policy, PELVIS_DROP] * scale, hz)
+        head_radius, torso_radius = sizes[policy, HEAD_RADIUS] * scale, sizes[policy, TORSO_RADIUS] * scale
+        return _touches((hx, hy, hz), neck, pelvis, head_radius, torso_radius, tolerance, px, py, pz)
+    j = avatars.slot_of[opponent] if opponent >= 0 else present
+    if j >= present:
+        return False
+    whose, size = avatars.whole[POLICY, j], real[SCALE, j]
+    dx, dz = real[X, j] - px, real[Z, j] - pz
+    # As far as a body reaches from where it stands, and moves in a frame: most who miss are not even near.
+    far = size * (sizes[whose, REACH] + real[SPEED, j] * sizes[whose, PACE]) + tolerance
+    if dx * dx + dz * dz > far * far:
+        return False
+    head, neck, pelvis = _body_at(model, avatars, j, share)
+    head_radius, torso_radius = sizes[whose, HEAD_RADIUS] * size, sizes[whose, TORSO_RADIUS] * size
+    return _touches(head, neck, pelvis, head_radius, torso_radius, tolerance, px, py, pz)
+
+
+@_kernel
+def _strikes_in(model, avatars, targets, present, moment, frame, i, old, out_whole, out_real, held):
+    """List the strikes of one avatar in its action, or in its ``old`` one; return how many ``held`` and they are."""
+    whole, real, actions, strikes, ground = avatars.whole, avatars.real, model.actions, model.strikes, model.ground
+    switched = whole[ACTION_BEFORE, i] >= 0
+    before = whole[ACTION_BEFORE, i] if switched else whole[ACTION, i]
+    action = before if old else whole[ACTION, i]
+    shown = min(real[PHASE, i], actions[whole[ACTION, i], LENGTH])
+    rest = actions[before, LENGTH] - real[PHASE_BEFORE, i] if switched else 0.0
+    motion = rest + shown if switched else shown - real[PHASE_BEFORE, i]
+    low = real[PHASE_BEFORE, i] if old or not switched else 0.0
+    high = actions[before, LENGTH] if old else shown
+    scale = real[SCALE, i]
+    opponent = whole[OPPONENT_BEFORE, i] if old else whole[OPPONENT, i]
+    for k in range(actions[action, STRIKES], actions[action + 1, STRIKES]):
+        time = np.float64(strikes[k, TIME])
+        if not low < time <= high:
+            continue
+        if held < out_whole.shape[0]:
+            base_x, base_z, cos, sin = real[BASE_X, i], real[BASE_Z, i], real[BASE_COS, i], real[BASE_SIN, i]
+            if old:
+                base_x, base_z, cos, sin, _ = _base_before(whole, real, actions, ground, model.policies, i)
+            origin = actions[action, ORIGIN]
+            gx, gz, gh = ground[origin, 0], ground[origin, 1], ground[origin, 2]
+            wx, wz = math.cos(gh), math.sin(gh)
+            fx, fz = strikes[k, FIST_X], strikes[k, FIST_Z]
+            gx, gz = gx + fx * wx + fz * wz, gz - fx * wz + fz * wx
+            px, pz = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
+            py = strikes[k, FIST_Y] * scale
+            share = (time - low + (0.0 if old or not switched else rest)) / motion
+            out_whole[held, 0] = whole[NUMBER, i]
+            out_whole[held, 1] = opponent
+            out_whole[held, 2] = strikes[k, HAND]
+            # Between two frames, and as exact as a number that is written: landing is judged then.
+            out_real[held, 0] = frame - 1.0 + share
+            out_real[held, 1], out_real[held, 2], out_real[held, 3] = px, py, pz
+            out_real[held, 4] = strikes[k, FIST_SPEED] * scale * real[SPEED, i]
+            share = out_real[held, 0] - (frame - 1.0)
+            out_whole[held, 3] = _lands(model, avatars, targets, moment, present, i, opponent, share, px, py, pz)
+        held += 1
+    return held
 
 
 @_kernel
@@ -998,55 +1089,15 @@ def strike(model, avatars, world, present, moment, frame, first, last, out_whole
     are placed in between accordingly. Where ``out_whole`` and ``out_real`` have no room, strikes are only counted.
     """
     whole, real = avatars.whole, avatars.real
-    actions, strikes, ground, policies = model.actions, model.strikes, model.ground, model.policies
-    begun = held
     for i in range(first, last):
-        switched = whole[ACTION_BEFORE, i] >= 0
-        before = whole[ACTION_BEFORE, i] if switched else whole[ACTION, i]
-        now = whole[ACTION, i]
-        if actions[before, STRIKES] == actions[before + 1, STRIKES] and (
-            actions[now, STRIKES] == actions[now + 1, STRIKES]
-        ):
-            continue
-        shown = min(real[PHASE, i], actions[now, LENGTH])
-        rest = actions[before, LENGTH] - real[PHASE_BEFORE, i] if switched else 0.0
-        motion = rest + shown if switched else shown - real[PHASE_BEFORE, i]
-        scale = real[SCALE, i]
-        for part in range(2 if switched else 1):
-            old = switched and part == 0
-            action = before if old else now
-            low = real[PHASE_BEFORE, i] if old or not switched else 0.0
-            high = actions[before, LENGTH] if old else shown
-            for k in range(actions[action, STRIKES], actions[action + 1, STRIKES]):
-                time = np.float64(strikes[k, TIME])
-                if not low < time <= high:
-                    continue
-                if old:
-                    base_x, base_z, cos, sin, _ = _base_before(whole, real, actions, ground, policies, i)
-                else:
-                    base_x, base_z = real[BASE_X, i], real[BASE_Z, i]
-                    cos, sin = real[BASE_COS, i], real[BASE_SIN, i]
-                origin = actions[action, ORIGIN]
-                gx, gz, gh = ground[origin, 0], ground[origin, 1], ground[origin, 2]
-                wx, wz = math.cos(gh), math.sin(gh)
-                fx, fz = strikes[k, FIST_X], strikes[k, FIST_Z]
-                gx, gz = gx + fx * wx + fz * wz, gz - fx * wz + fz * wx
-                px, pz = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
-                py = strikes[k, FIST_Y] * scale
-                share = (time - low + (0.0 if old or not switched else rest)) / motion
-                opponent = whole[OPPONENT_BEFORE, i] if old else whole[OPPONENT, i]
-                if held < out_whole.shape[0]:
-                    out_whole[held, 0] = whole[NUMBER, i]
-                    out_whole[held, 1] = opponent
-                    out_whole[held, 2] = strikes[k, HAND]
-                    out_real[held, 0] = frame - 1.0 + share
-                    out_real[held, 1], out_real[held, 2], out_real[held, 3] = px, py, pz
-                    out_real[held, 4] = strikes[k, FIST_SPEED] * scale * real[SPEED, i]
-                held += 1
-    land(
-        whole, real, avatars.slot_of, actions, ground, model.bodies, policies, model.sizes, world.targets, moment,
-        present, frame, begun, min(held, out_whole.shape[0]), out_whole, out_real,
-    )  # fmt: skip
+        if real[PHASE, i] > whole[PENDING, i]:
+            if whole[ACTION_BEFORE, i] >= 0:
+                held = _strikes_in(
+                    model, avatars, world.targets, present, moment, frame, i, True, out_whole, out_real, held
+                )
+            held = _strikes_in(
+                model, avatars, world.targets, present, moment, frame, i, False, out_whole, out_real, held
+            )
     return held
 
 

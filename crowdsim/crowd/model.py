@@ -14,6 +14,7 @@ from crowdsim.errors import RunError
 from crowdsim.policy.rewards import StrikeTerm, TransitionTerm
 
 if TYPE_CHECKING:
+    from crowdsim.policy.actions import Actions
     from crowdsim.policy.policy import Policy
 
 Array = NDArray[Any]
@@ -58,10 +59,6 @@ def build_model(policies: Sequence[Policy]) -> Model:
         start + policy.database.stride * (np.asarray(policy.graph.action_first, np.int64) - 1)
         for start, policy in zip(starts["frame"], policies, strict=False)
     ]
-    sizes = [
-        (*(getattr(policy.body, name) for name in ("head_radius", "torso_radius", "neck_drop", "pelvis_drop")), reach)
-        for policy, reach in zip(policies, map(_tolerance, policies), strict=True)
-    ]
     parts = [np.asarray(table.table) for table in tables]
     if len({part.dtype for part in parts}) > 1:
         parts = [policy_values(policy) for policy in policies]
@@ -73,7 +70,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
     joined = np.concatenate(behaviours)
     terms = _joined([table.terms for table in tables], np.float64)
     ways = np.concatenate([action.displacements for action in actions]).astype(float)
-    closing = np.array([[-1, 0, 0, starts["path"][-1], starts["strike"][-1]]])
+    closing = np.array([[-1, 0, 0, starts["path"][-1], starts["strike"][-1], kernels.NO_STRIKE]])
     offsets = _csr([action.offsets for action in actions], starts["action"])
     columns = [
         _moved([action.next for action in actions], starts["state"]),
@@ -81,6 +78,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
         _joined(origins, np.int32),
         _moved([action.path_offsets[:-1] for action in actions], starts["path"]),
         _moved([action.strike_offsets[:-1] for action in actions], starts["strike"]),
+        np.concatenate([_before_first_strike(action) for action in actions]),
     ]
     costs = _joined([action.costs for action in actions], np.float64)
     databases = [policy.database for policy in policies]
@@ -113,7 +111,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
                 starts["state"],
             ]
         ).astype(np.int32),
-        sizes=np.array(sizes, dtype=float),
+        sizes=np.array([_sizes(policy) for policy in policies]),
     )
 
 
@@ -130,6 +128,29 @@ def entry_actions(model: Model) -> Array:
     states, first = np.unique(ends[order], return_index=True)
     entries[states] = order[first]
     return entries
+
+
+def _before_first_strike(actions: Actions) -> Array:
+    found = np.full(actions.action_count, kernels.NO_STRIKE)
+    owners = np.repeat(np.arange(actions.action_count), np.diff(actions.strike_offsets))
+    np.minimum.at(found, owners, np.ceil(actions.strike_times.astype(np.float32)).astype(int) - 1)
+    return found
+
+
+def _sizes(policy: Policy) -> list[float]:
+    body, database = policy.body, policy.database
+
+    def reach(*points: Array) -> float:
+        return max((float(np.hypot(point[:, 0], point[:, 2]).max(initial=0.0)) for point in points), default=0.0)
+
+    furthest = max(
+        reach(database.heads) + body.head_radius, reach(database.necks, database.pelvises) + body.torso_radius
+    )
+    steps = np.hypot(*np.diff(database.ground[:, :2], axis=0).T)
+    steps[np.asarray(database.clip_starts[1:-1], int) * database.stride - 1] = 0.0
+    pace = float(steps.max(initial=0.0)) * database.stride
+    drops = (body.neck_drop, body.pelvis_drop)
+    return [body.head_radius, body.torso_radius, *drops, _tolerance(policy), furthest + 1e-5, pace + 1e-5]
 
 
 def _tolerance(policy: Policy) -> float:
