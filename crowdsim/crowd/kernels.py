@@ -18,6 +18,9 @@ from numba.np.arrayobj import make_array
 # atomic operations for every array that is handed to a function, or looked up in a named tuple.
 _kernel = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)  # type: ignore[call-overload]
 
+# Parts of kernels: handing over arrays, of which a model has twenty, would take longer than what many of them do.
+_part = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False, forceinline=True)  # type: ignore[call-overload]
+
 # Rows of ``Avatars.whole`` and ``Avatars.real``, a column for each slot.
 NUMBER, POLICY, MOOD, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE, PENDING = range(12)
 SCALE, SPEED, PHASE, PHASE_BEFORE, BASE_X, BASE_Z, BASE_COS, BASE_SIN, BASE_TURN, X, Z, HEADING, END_X, END_Z = range(
@@ -60,7 +63,7 @@ def _request(typing, array, index):
     return types.void(array, types.int64), generate
 
 
-@_kernel
+@_part
 def _ask_for(array, index):
     """Ask memory for an entry, counted from the first one, of an array that will be read soon; any place will do."""
     _request(array, index)  # type: ignore[call-arg]
@@ -73,7 +76,7 @@ def _now(buffer):
     return buffer[0] * 1_000_000_000 + buffer[1]
 
 
-@_kernel
+@_part
 def _mix(bits):
     """Scramble 64 bits."""
     bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -90,7 +93,7 @@ def draw(stream, avatar, decision):
     return np.float64(bits >> np.uint64(11)) * 2.0**-53
 
 
-@_kernel
+@_part
 def _between(rows, place, column):
     """Return a column of ``rows`` at a fractional row."""
     below = int(place)
@@ -101,7 +104,7 @@ def _between(rows, place, column):
     return value
 
 
-@_kernel
+@_part
 def _ground_at(ground, place):
     """Return the ground transform at a fractional row."""
     below = int(place)
@@ -114,14 +117,14 @@ def _ground_at(ground, place):
     return x, z, heading
 
 
-@_kernel
+@_part
 def _point_at(rows, place, column, x, z, size, cos, sin):
     """Return where a point of a body is that stands at (x, z): three columns of ``rows`` at a fractional row."""
     px, pz = _between(rows, place, column), _between(rows, place, column + 2)
     return x + px * cos + pz * sin, _between(rows, place, column + 1) * size, z - px * sin + pz * cos
 
 
-@_kernel
+@_part
 def _fade(grids, b, distance, bearing, height):
     """Return how much a behaviour counts for a target: 1 inside its grid, falling to 0 beyond it."""
     fade = 1.0
@@ -173,7 +176,7 @@ def bearings(xs, zs, count, out):
         out[k] = -angle if x < 0.0 else angle
 
 
-@_kernel
+@_part
 def _corner(grids, b, axis, value):
     """Return the cell below a value on one axis of a grid, how far the next one lies in a table, and its share."""
     place = (value - grids[b, axis, MINIMUM]) * grids[b, axis, PER_UNIT]
@@ -219,7 +222,7 @@ def _place_all(grids, b, cell_count, count, cells, steps, work, near_shares, asi
         steps[k] = step if lower + 1.0 < aside_points else back
 
 
-@_kernel
+@_part
 def _see_ends(moves, actions, offset, n, x, z, first, work):
     """Write where a target at (x, z) is seen from the end of ``n`` actions: x, z and distance; and their ends."""
     for k in range(n):
@@ -232,7 +235,7 @@ def _see_ends(moves, actions, offset, n, x, z, first, work):
         work[4, at] = actions[action, NEXT]
 
 
-@_kernel
+@_part
 def _near_rows(paths, first, count, x, z, wanted, sigma, facing, out):
     """Write exp(-gap / sigma) for ``count`` rows of paths from ``first`` on."""
     shrink = -1.0 / sigma
@@ -251,7 +254,7 @@ def _near_rows(paths, first, count, x, z, wanted, sigma, facing, out):
     exponentials(out, count)
 
 
-@_kernel
+@_part
 def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, factor, rows, out):
     """Add ``factor`` times a strike term to what each of ``n`` actions is worth."""
     tolerance, head, torso, column = terms[row, 2], terms[row, 4], terms[row, 5], int(terms[row, 8])
@@ -272,7 +275,7 @@ def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, factor, rows,
         out[k] += factor * rows[k]
 
 
-@_kernel
+@_part
 def _fold(rows, i, weights, t, before, greatest):
     """Return the sum, or the greatest, of eight rows from ``i`` on, weighed from ``t`` on, and of what was before."""
     one = np.uint64(1)
@@ -296,7 +299,7 @@ def _fold(rows, i, weights, t, before, greatest):
     return before + (((a + c) + (d + e)) + ((f + g) + (h + j)))
 
 
-@_kernel
+@_part
 def _add_nearness(actions, paths, terms, row, discounts, b, offset, n, x, z, factor, rows, out):
     """Add ``factor`` times a proximity term to what each of ``n`` actions is worth."""
     begun, end = actions[offset, PATHS], actions[offset + n, PATHS]
@@ -314,13 +317,13 @@ def _add_nearness(actions, paths, terms, row, discounts, b, offset, n, x, z, fac
         at += length
 
 
-@_kernel
+@_part
 def _whole_lanes(count):
     """Return a whole number of ``LANES``: loops over so many leave no rest that would be done one by one."""
     return (count + LANES - 1) // LANES * LANES
 
 
-@_kernel
+@_part
 def _interpolate(table, cell, near, aside, above, part, turned, raised):
     """Return an entry of a table between eight cells: steps to the next along each axis, and their shares."""
     low = np.uint64(cell)
@@ -337,7 +340,7 @@ def _interpolate(table, cell, near, aside, above, part, turned, raised):
     return value + raised * (upper - value)
 
 
-@_kernel
+@_part
 def _add_rows(table, at, near, aside, above, part, turned, raised, factor, n, out):
     """Add to ``out`` what lies between eight rows of a table, ``n`` entries each from ``at`` on, times ``factor``."""
     c, d, e = factor * (1.0 - part), factor * part, 1.0 - turned
@@ -527,7 +530,7 @@ def value_actions(model, weights, scratch, first, last):
         first += count
 
 
-@_kernel
+@_part
 def _next_strike(actions, strikes, action, phase):
     """Return the last whole frame before the next strike of an action, or ``NO_STRIKE``."""
     found = NO_STRIKE
@@ -626,7 +629,7 @@ def observe_all(avatars, present, due, first, last, reach, distances, hits, out_
         out_opponents[q] = found
 
 
-@_kernel
+@_part
 def _outside(arena, x, z):
     """Return how far a place lies outside the arena [m]; 0 inside."""
     if arena[0] == 1.0:
@@ -638,7 +641,7 @@ def _outside(arena, x, z):
     return 0.0
 
 
-@_kernel
+@_part
 def _change_opponent(whole, real, slot_of, moods, present, own, nearest):
     """Return the number of an avatar's opponent, or what stands for a target: the old one, unless another is nearer."""
     skip = whole[SKIP, own]
@@ -951,7 +954,7 @@ def switch(model, avatars, due, chosen, first, last):
         whole[DECISIONS, i] += 1
 
 
-@_kernel
+@_part
 def _base_before(whole, real, actions, ground, policies, i):
     """Return where the action before the present one is based: x, z, cos, sin, turn."""
     origin = actions[whole[ACTION, i], ORIGIN]
@@ -967,7 +970,7 @@ def _base_before(whole, real, actions, ground, policies, i):
     return x - gx * cos - gz * sin, z + gx * sin - gz * cos, cos, sin, turn
 
 
-@_kernel
+@_part
 def _body_at(model, avatars, j, share):
     """Return head, upper and lower end of the torso of an avatar, ``share`` of the way to this frame."""
     whole, real, actions, policies, bodies = avatars.whole, avatars.real, model.actions, model.policies, model.bodies
@@ -996,7 +999,7 @@ def _body_at(model, avatars, j, share):
     )
 
 
-@_kernel
+@_part
 def _touches(head, neck, pelvis, head_radius, torso_radius, tolerance, px, py, pz):
     """Tell whether a point is within the tolerance of the surface of a head or a torso."""
     hx, hy, hz = px - head[0], py - head[1], pz - head[2]
@@ -1011,7 +1014,7 @@ def _touches(head, neck, pelvis, head_radius, torso_radius, tolerance, px, py, p
     return min(gap, abs(math.sqrt(lx * lx + ly * ly + lz * lz) - torso_radius)) <= tolerance
 
 
-@_kernel
+@_part
 def _lands(model, avatars, targets, moment, present, i, opponent, share, px, py, pz):
     """Tell whether a strike of avatar ``i`` lands: near the surface of the opponent's head or torso then."""
     real, sizes, policy, scale = avatars.real, model.sizes, avatars.whole[POLICY, i], avatars.real[SCALE, i]
@@ -1038,7 +1041,7 @@ def _lands(model, avatars, targets, moment, present, i, opponent, share, px, py,
     return _touches(head, neck, pelvis, head_radius, torso_radius, tolerance, px, py, pz)
 
 
-@_kernel
+@_part
 def _strikes_in(model, avatars, targets, present, moment, frame, i, old, out_whole, out_real, held):
     """List the strikes of one avatar in its action, or in its ``old`` one; return how many ``held`` and they are."""
     whole, real, actions, strikes, ground = avatars.whole, avatars.real, model.actions, model.strikes, model.ground
