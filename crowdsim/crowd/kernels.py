@@ -541,24 +541,30 @@ def _next_strike(actions, strikes, action, phase):
 
 
 @_kernel
-def advance(model, avatars, first, last, due):
+def advance(model, avatars, first, last, due, few):
     """Move avatars by one frame; list in ``due[first:]`` those whose action has ended.
 
-    Returns how many those are, or -1 - i where avatar i stands nowhere (not a number).
+    Where they are ``few``, memory is asked for what the next frame will read. Returns how many are listed, or -1 - i
+    where avatar i stands nowhere (not a number).
     """
     whole, real = avatars.whole, avatars.real
     actions, ground, policies = model.actions, model.ground, model.policies
     held = first
     for i in range(first, last):
         action = whole[ACTION, i]
-        length = actions[action, LENGTH]
-        real[PHASE_BEFORE, i] = min(real[PHASE, i], length)
-        phase = real[PHASE, i] + real[SPEED, i]
-        if real[PHASE, i] > whole[PENDING, i]:
-            whole[PENDING, i] = _next_strike(actions, model.strikes, action, real[PHASE_BEFORE, i])
+        length, before = actions[action, LENGTH], real[PHASE, i]
+        if before > whole[PENDING, i]:
+            whole[PENDING, i] = _next_strike(actions, model.strikes, action, before)
+        phase = before + real[SPEED, i]
+        real[PHASE_BEFORE, i] = min(before, length)
         real[PHASE, i] = phase
         whole[ACTION_BEFORE, i] = -1
-        place = actions[action, ORIGIN] + min(phase, length) * policies[whole[POLICY, i], STRIDE]
+        stride = policies[whole[POLICY, i], STRIDE]
+        place = actions[action, ORIGIN] + min(phase, length) * stride
+        if few:
+            soon = int(place) + stride
+            _ask_for(ground, 3 * soon)
+            _ask_for(model.bodies, 9 * soon)
         gx, gz, turned = _ground_at(ground, place)
         cos, sin = real[BASE_COS, i], real[BASE_SIN, i]
         x = real[BASE_X, i] + gx * cos + gz * sin
@@ -567,9 +573,8 @@ def advance(model, avatars, first, last, due):
         real[X, i], real[Z, i], real[HEADING, i] = x, z, heading
         if not math.isfinite(x + z + heading):
             return -1 - i
-        if phase >= length:
-            due[held] = i
-            held += 1
+        due[held] = i
+        held += phase >= length
     return held - first
 
 
@@ -1151,7 +1156,7 @@ def run_frames(
                 due[i] = i
             dues = present
         else:
-            dues = advance(model, avatars, 0, present, due)
+            dues = advance(model, avatars, 0, present, due, True)
             if dues < 0:
                 fault[0], fault[1] = frame + k, -1 - dues
                 return k, held
@@ -1174,6 +1179,10 @@ def run_frames(
             return k, held
         if timings is not None:
             times[3] = _now(clock)
+        for q in range(dues):
+            origin, length = model.actions[chosen[q], ORIGIN], model.actions[chosen[q], LENGTH]
+            _ask_for(model.ground, 3 * origin)
+            _ask_for(model.ground, 3 * (origin + length * model.policies[avatars.whole[POLICY, due[q]], STRIDE]))
         switch(model, avatars, due, chosen, 0, dues)
         if timings is not None:
             times[4] = _now(clock)

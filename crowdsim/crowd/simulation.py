@@ -251,7 +251,7 @@ class Simulation:
         found: dict[int, int] = {}
 
         def move(first: int, last: int) -> None:
-            found[first] = kernels.advance(self.model, self.avatars, first, last, self._due)
+            found[first] = kernels.advance(self.model, self.avatars, first, last, self._due, False)
 
         self._workers.each(move, self.present)
         for held in found.values():
