@@ -49,9 +49,9 @@ class Model(NamedTuple):
             float32.
         policies: For each policy the playback frames in a control frame, its first row in ``behaviours``, its first
             action and its first state; the last row closes these three. Shape (P + 1, 4), int32.
-        sizes: Radius of head and torso, drop from the head to neck and pelvis, a strike's tolerance; how far the surface
-            of head and torso is from where the body stands at most, and how far it moves in a control frame at most
-            [m]. Shape (P, 7), float64.
+        sizes: Radius of head and torso, drop from the head to neck and pelvis, a strike's tolerance; how far the
+            surface of head and torso is from where the body stands at most, and how far it moves in a control frame at
+            most [m]. Shape (P, 7), float64.
     """
 
     offsets: Array

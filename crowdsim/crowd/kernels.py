@@ -22,7 +22,9 @@ _kernel = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)  # ty
 _part = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False, forceinline=True)  # type: ignore[call-overload]
 
 # Rows of ``Avatars.whole`` and ``Avatars.real``, a column for each slot.
-NUMBER, POLICY, MOOD, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE, PENDING = range(12)
+NUMBER, POLICY, MOOD, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE, PENDING = range(
+    12
+)
 SCALE, SPEED, PHASE, PHASE_BEFORE, BASE_X, BASE_Z, BASE_COS, BASE_SIN, BASE_TURN, X, Z, HEADING, END_X, END_Z = range(
     14
 )
@@ -196,7 +198,7 @@ def _corner(grids, b, axis, value):
 def _place_all(grids, b, cell_count, count, cells, steps, work, near_shares, aside_shares):
     """Find where each end lies on the grid of a behaviour, whose table begins at its state's first cell.
 
-    ``work`` holds distances and bearings. ``cells`` are the states and become entries, ``steps`` go to the next bearing.
+    ``work`` holds distances and bearings; ``cells`` are states and become entries; ``steps`` go to the next bearing.
     """
     near_least, near_per, near_points = grids[b, 0, MINIMUM], grids[b, 0, PER_UNIT], grids[b, 0, POINTS]
     aside_least, aside_per, aside_points = grids[b, 1, MINIMUM], grids[b, 1, PER_UNIT], grids[b, 1, POINTS]
@@ -261,7 +263,8 @@ def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, factor, rows,
     low, high = y - terms[row, 7], y - terms[row, 6]
     for k in range(n):
         rows[k] = 0.0
-    for k in range(actions[offset, STRIKES], actions[offset + n, STRIKES]):  # no branch: what lands is anybody's guess
+    # No branch: what lands is anybody's guess.
+    for k in range(np.uint64(actions[offset, STRIKES]), np.uint64(actions[offset + n, STRIKES])):
         px, py, pz = strikes[k, FIST_X], strikes[k, FIST_Y], strikes[k, FIST_Z]
         dx, dy, dz = px - x, py - y, pz - z
         aside = dx * dx + dz * dz
@@ -489,16 +492,18 @@ def _weigh(model, weights, scratch, first, count, policy):
                 )  # fmt: skip
                 continue
             slot = b - begun
-            near, at = scratch.nears[slot], scratch.begins[d]
+            near, at, begin = scratch.nears[slot], scratch.spots[spot, 0], scratch.begins[d]
+            cells, steps = scratch.cells[2 * slot], scratch.cells[2 * slot + 1]
+            parts, turns = work[5 + 2 * slot], work[6 + 2 * slot]
+            low, step, discounts = behaviours[b, LOW], behaviours[b, STEP], model.discounts[b, 0]
             for k in range(n):
+                pair, action = np.uint64(begin + k), np.uint64(offset + k)
                 value = _interpolate(
-                    table, scratch.spots[spot, 0] + int(scratch.cells[2 * slot, at + k]), near,
-                    int(scratch.cells[2 * slot + 1, at + k]), above, work[5 + 2 * slot, at + k],
-                    work[6 + 2 * slot, at + k], raised,
+                    table, at + np.int64(cells[pair]), near, np.int64(steps[pair]), above, parts[pair], turns[pair],
+                    raised,
                 )  # fmt: skip
-                value = behaviours[b, LOW] + behaviours[b, STEP] * value
-                value *= model.discounts[b, 0, model.actions[offset + k, LENGTH]]
-                out[k] += factor * (value - model.moves[offset + k, CUT + slot])
+                value = (low + step * value) * discounts[np.uint64(model.actions[action, LENGTH])]
+                out[np.uint64(k)] += factor * (value - model.moves[action, CUT + slot])
             x, y, z = scratch.situations[q, 0], scratch.situations[q, 1], scratch.situations[q, 2]
             for row in range(int(behaviours[b, 2]), int(behaviours[b, 3])):
                 if model.terms[row, 0] == 0.0:
@@ -536,7 +541,7 @@ def _next_strike(actions, strikes, action, phase):
     found = NO_STRIKE
     for k in range(actions[action, STRIKES], actions[action + 1, STRIKES]):
         if strikes[k, TIME] > phase:
-            found = min(found, int(math.ceil(strikes[k, TIME])) - 1)
+            found = min(found, np.int64(np.ceil(strikes[k, TIME])) - 1)
     return found
 
 
@@ -819,8 +824,8 @@ def order_by_state(states, count, starts, out_order):
 
 @_kernel
 def aim(
-    whole, real, slot_of, offsets, actions, moves, bodies, policies, arena, crowding, targets, moods, present, moment, due, count,
-    nearest, out_situations, out_states, out_moods, out_policies,
+    whole, real, slot_of, offsets, actions, moves, bodies, policies, arena, crowding, targets, moods, present, moment,
+    due, count, nearest, out_situations, out_states, out_moods, out_policies,
 ):  # fmt: skip
     """Choose opponents for avatars ``due[:count]`` and write their situations (``value_actions``).
 
@@ -903,9 +908,9 @@ def choose(model, avatars, world, present, moment, due, count, nearest, counts, 
     avatar whose values are no numbers.
     """
     aim(
-        avatars.whole, avatars.real, avatars.slot_of, model.offsets, model.actions, model.moves, model.bodies, model.policies, world.arena,
-        world.crowding, world.targets, world.moods, present, moment, due, count, nearest, scratch.situations,
-        scratch.states, scratch.moods, scratch.policies,
+        avatars.whole, avatars.real, avatars.slot_of, model.offsets, model.actions, model.moves, model.bodies,
+        model.policies, world.arena, world.crowding, world.targets, world.moods, present, moment, due, count, nearest,
+        scratch.situations, scratch.states, scratch.moods, scratch.policies,
     )  # fmt: skip
     if count >= SORTED:
         order_by_state(scratch.states, count, scratch.starts, scratch.order)
@@ -999,8 +1004,10 @@ def _body_at(model, avatars, j, share):
     size = real[SCALE, j]
     cos, sin = math.cos(turn + heading) * size, math.sin(turn + heading) * size
     head = _point_at(bodies, place, HEAD, x, z, size, cos, sin)
-    return head, _point_at(bodies, place, NECK, x, z, size, cos, sin), _point_at(
-        bodies, place, PELVIS, x, z, size, cos, sin
+    return (
+        head,
+        _point_at(bodies, place, NECK, x, z, size, cos, sin),
+        _point_at(bodies, place, PELVIS, x, z, size, cos, sin),
     )
 
 

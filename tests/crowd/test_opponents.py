@@ -3,7 +3,6 @@ import numpy as np
 import pytest
 from synthetic_policy import policy
 
-from crowdsim.crowd import opponents
 from crowdsim.crowd.crowd import build_avatars, build_crowd
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import build_index, store_in_order
@@ -71,16 +70,6 @@ def test_absent_avatars_are_nobodys_opponent():
     who, around = observed(build_index("kd_tree", Workers(1)), avatars, int(present.sum()))
     assert present[who[present]].all()
     assert all(present[list(near)].all() for near in around.values())
-
-
-def test_few_teams_have_a_tree_each_and_many_share_one(monkeypatch):
-    plans = []
-    plan = opponents.plan_forest
-    monkeypatch.setattr(opponents, "plan_forest", lambda *a: plans.append(len(a[-1])) or plan(*a))
-    for teams in (2, 8, 9):
-        observed(build_index("auto", Workers(1)), avatars_of(400, np.arange(400) % teams), 400)
-    observed(build_index("auto", Workers(1)), avatars_of(400, None), 400)
-    assert plans == [2, 8, 1, 1]
 
 
 def test_storing_in_another_order_moves_all_that_an_avatar_is():
