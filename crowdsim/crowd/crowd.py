@@ -44,6 +44,11 @@ class Crowding:
     reach: float = 1.5
     most: int = 12
 
+    @classmethod
+    def none(cls) -> Crowding:
+        """Return rules by which nobody heeds anybody but the opponent; the arena stays."""
+        return cls(end=0.0, path=0.0, reach=0.0, most=1)
+
     def numbers(self) -> Array:
         """Return what kernels read. Shape (6,)."""
         return np.array([self.end, self.path, self.radius, self.gap, self.outside, self.turn])

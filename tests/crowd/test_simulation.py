@@ -8,9 +8,12 @@ from synthetic_policy import policy
 
 from crowdsim.crowd import kernels, simulation
 from crowdsim.crowd.arrays import empty_record, empty_scratch
+from crowdsim.crowd.cast import cast_crowd
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.model import build_model
+from crowdsim.crowd.placement import place_groups
 from crowdsim.crowd.random import Purpose, stream, uniform
+from crowdsim.crowd.scenario import load_scenario
 from crowdsim.crowd.script import Change, CirclePath, LinePath, Script
 from crowdsim.crowd.simulation import VARIABLES, Simulation, simulate
 from crowdsim.errors import RunError
@@ -269,7 +272,19 @@ def test_keeping_apart_keeps_bodies_apart():
         near = np.hypot(x[:, :, None] - x[:, None], z[:, :, None] - z[:, None]) < 0.4
         return near.sum(axis=2).mean() - 1
 
-    assert overlap(Crowding()) < 0.5 * overlap(Crowding(end=0.0, path=0.0))
+    assert overlap(Crowding()) < 0.5 * overlap(Crowding.none())
+
+
+def test_those_who_keep_no_distance_need_no_neighbours():
+    free, blind = (crowd(36, crowding=rules) for rules in (Crowding(end=0.0, path=0.0), Crowding.none()))
+    assert bytes_of(simulate(free, POLICIES, 60)) == bytes_of(simulate(blind, POLICIES, 60))
+
+
+def test_a_scenario_may_let_avatars_walk_through_one_another():
+    for said, rules in ((True, Crowding()), (False, Crowding.none())):
+        scenario = load_scenario("brawl_30", [f"keep_apart={str(said).lower()}"])
+        boxer = [replace(POLICIES[0], name="boxer")]
+        assert cast_crowd(scenario, place_groups(scenario), boxer)[0].crowding == rules
 
 
 def test_avatars_turn_back_at_the_border():
