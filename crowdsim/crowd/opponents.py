@@ -22,7 +22,7 @@ Array = NDArray[Any]
 
 SEARCHES = ("auto", "kd_tree", "scipy")
 
-SORT_EVERY = 16
+SORT_EVERY = 32
 """Frames after which avatars are brought into the order of a newly built tree; between, it is only refitted."""
 
 
