@@ -40,6 +40,7 @@ MARGIN, MOST, TEMPERATURE, HYSTERESIS = range(4)
 LOOKS_AHEAD, CELLS, TABLE, NORM, DISCOUNT, LOW, STEP = range(4, 11)
 MINIMUM, PER_UNIT, POINTS, WRAPS, APART, FADE = range(6)
 
+AHEAD = 4  # so many avatars before one is worked on, memory is asked for what that reads
 LANES = 8  # entries that are worked on at once
 BLOCK = 16  # situations that are weighed at a time
 
@@ -831,7 +832,22 @@ def aim(
 
     The state is that in which the action ends, or -1 where there is nobody to fight.
     """
+    width = whole.shape[1]
     for q in range(count):
+        if q + 2 * AHEAD < count:
+            own, j = due[q + 2 * AHEAD], max(nearest[q + 2 * AHEAD], 0)
+            for row in (OPPONENT, SKIP, ACTION, MOOD, POLICY, OPPONENT_BEFORE):
+                _ask_for(whole, row * width + own)
+            for row in (X, Z, SCALE, HEADING):
+                _ask_for(real, row * width + own)
+                _ask_for(real, row * width + j)
+            _ask_for(real, PHASE * width + j)
+            _ask_for(whole, ACTION * width + j)
+            _ask_for(whole, POLICY * width + j)
+        if q + AHEAD < count:
+            j = max(nearest[q + AHEAD], 0)
+            place = actions[whole[ACTION, j], ORIGIN] + int(real[PHASE, j]) * policies[whole[POLICY, j], STRIDE]
+            _ask_for(bodies, 9 * place)
         own = due[q]
         opponent = _change_opponent(whole, real, slot_of, moods, present, own, nearest[q])
         whole[OPPONENT_BEFORE, own] = whole[OPPONENT, own]
@@ -1097,22 +1113,34 @@ def _strikes_in(model, avatars, targets, present, moment, frame, i, old, out_who
 
 
 @_kernel
-def strike(model, avatars, world, present, moment, frame, first, last, out_whole, out_real, held):
+def strike(model, avatars, world, present, moment, frame, first, last, who, out_whole, out_real, held):
     """List the strikes that avatars have thrown on the way to this frame; return how many ``held`` and they are.
 
     Within a control frame motion runs evenly, through the end of an action where there is one; strikes and opponents
     are placed in between accordingly. Where ``out_whole`` and ``out_real`` have no room, strikes are only counted.
+    ``who[first:last]`` is scratch space.
     """
-    whole, real = avatars.whole, avatars.real
-    for i in range(first, last):
-        if real[PHASE, i] > whole[PENDING, i]:
-            if whole[ACTION_BEFORE, i] >= 0:
-                held = _strikes_in(
-                    model, avatars, world.targets, present, moment, frame, i, True, out_whole, out_real, held
-                )
+    whole, real, actions, slot_of = avatars.whole, avatars.real, model.actions, avatars.slot_of
+    listed = first
+    for i in range(first, last):  # no branch: who strikes is anybody's guess
+        who[listed] = i
+        listed += real[PHASE, i] > whole[PENDING, i]
+    for k in range(first, listed):
+        if k + AHEAD < listed:
+            i = who[k + AHEAD]
+            _ask_for(model.strikes, model.strikes.shape[1] * actions[whole[ACTION, i], STRIKES])
+            _ask_for(model.ground, 3 * actions[whole[ACTION, i], ORIGIN])
+            j = slot_of[max(whole[OPPONENT, i], 0)]
+            place = int(real[PHASE, j]) * model.policies[whole[POLICY, j], STRIDE]
+            place += actions[whole[ACTION, j], ORIGIN]
+            _ask_for(model.bodies, 9 * place)
+            _ask_for(model.ground, 3 * place)
+        i = who[k]
+        if whole[ACTION_BEFORE, i] >= 0:
             held = _strikes_in(
-                model, avatars, world.targets, present, moment, frame, i, False, out_whole, out_real, held
+                model, avatars, world.targets, present, moment, frame, i, True, out_whole, out_real, held
             )
+        held = _strikes_in(model, avatars, world.targets, present, moment, frame, i, False, out_whole, out_real, held)
     return held
 
 
@@ -1193,7 +1221,9 @@ def run_frames(
         switch(model, avatars, due, chosen, 0, dues)
         if timings is not None:
             times[4] = _now(clock)
-        held = strike(model, avatars, world, present, k + 1, frame + k, 0, present, strikes.whole, strikes.real, held)
+        held = strike(
+            model, avatars, world, present, k + 1, frame + k, 0, present, due, strikes.whole, strikes.real, held
+        )
         if timings is not None:
             times[5] = _now(clock)
         write_record(model, avatars, record, k, 0, present)

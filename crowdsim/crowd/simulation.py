@@ -298,7 +298,7 @@ class Simulation:
             while True:
                 strikes = _room(room)
                 held = kernels.strike(
-                    self.model, self.avatars, world, self.present, 1, self.frame, first, last, *strikes, 0
+                    self.model, self.avatars, world, self.present, 1, self.frame, first, last, self._due, *strikes, 0
                 )
                 if held <= room:
                     found[first] = Strikes(strikes.whole[:held], strikes.real[:held])
