@@ -22,8 +22,11 @@ Array = NDArray[Any]
 
 SEARCHES = ("auto", "kd_tree", "scipy")
 
-SORT_EVERY = 32
-"""Frames after which avatars are brought into the order of a newly built tree; between, it is only refitted."""
+SORT_EVERY = 16
+"""Frames after which avatars may be brought into the order of a newly built tree; between, it is only refitted."""
+
+GROWN = 1.2
+"""How much longer the sides of the leaves' boxes must have become for that, since a crowd that fights hardly moves."""
 
 
 class Index(Protocol):
@@ -47,7 +50,7 @@ class TreeIndex:
 
     Args:
         workers: Threads for building and fitting.
-        sort_every: Frames between sorting the storage.
+        sort_every: Least frames between sorting the storage.
     """
 
     def __init__(self, workers: Workers, sort_every: int = SORT_EVERY) -> None:
@@ -55,6 +58,7 @@ class TreeIndex:
         self._sort_every = sort_every
         self._tree: Tree | None = None
         self._age = 0
+        self._extent = 0.0
 
     @property
     def nbytes(self) -> int:
@@ -71,13 +75,21 @@ class TreeIndex:
             self._tree = plan_tree(
                 avatars.x[:present], avatars.z[:present], avatars.number[:present], avatars.team[:present]
             )
-            self._age = self._sort_every
-        if self._age >= self._sort_every:
+            self._age, self._extent = self._sort_every, 0.0
+        if self._age >= self._sort_every and self._extents() > GROWN * self._extent:
             copy = replace(self._tree, xs=avatars.x[:present].copy(), zs=avatars.z[:present].copy())
             store_in_order(avatars, sort_tree(copy, self._workers))
-            self._age = 0
+            fit_tree(self._tree, self._workers)
+            self._age, self._extent = 0, self._extents()
+        else:
+            fit_tree(self._tree, self._workers)
         self._age += 1
-        fit_tree(self._tree, self._workers)
+
+    def _extents(self) -> float:
+        """Return the length of all sides of the leaves' boxes; that of a tree which is not fitted yet has no end."""
+        assert self._tree is not None
+        boxes = self._tree.boxes[1 << self._tree.depth :]
+        return float(np.abs(boxes[:, 1] - boxes[:, 0]).sum() + np.abs(boxes[:, 3] - boxes[:, 2]).sum())
 
     def observe(
         self, avatars: Avatars, due: Array, first: int, last: int, reach: float, opponents: Array, counts: Array,

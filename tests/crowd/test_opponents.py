@@ -80,3 +80,18 @@ def test_storing_in_another_order_moves_all_that_an_avatar_is():
         slot = avatars.slot_of[number]
         assert np.array_equal(avatars.whole[:, slot], whole)
         assert np.array_equal(avatars.real[:, slot], real)
+
+
+def test_storage_is_sorted_again_when_avatars_have_moved_far_and_not_before():
+    avatars = avatars_of(900, None)
+    index = build_index("kd_tree", Workers(1), sort_every=2)
+    index.update(avatars, 900)
+    sorted_once = avatars.number.copy()
+    for _ in range(6):
+        avatars.x[:] += 0.01
+        index.update(avatars, 900)
+    assert np.array_equal(avatars.number, sorted_once)
+    avatars.x[:] = np.random.default_rng(0).permutation(avatars.x)
+    for _ in range(2):
+        index.update(avatars, 900)
+    assert not np.array_equal(avatars.number, sorted_once)
