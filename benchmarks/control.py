@@ -29,10 +29,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from crowdsim.crowd.cast import cast_crowd
+from crowdsim.crowd.chunk import STAGES, Chunk
 from crowdsim.crowd.crowd import Crowd, build_crowd
 from crowdsim.crowd.placement import place_groups
 from crowdsim.crowd.scenario import load_scenario
-from crowdsim.crowd.simulation import STAGES, Chunk, Simulation
+from crowdsim.crowd.simulation import Simulation
 from crowdsim.motion import ground
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.policy.policy import Policy

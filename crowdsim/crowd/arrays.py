@@ -228,6 +228,11 @@ def empty_record(frames: int, count: int) -> Record:
     return Record(whole[:, :frames], real[:, :frames])
 
 
+def empty_strikes(count: int) -> Strikes:
+    """Return room for some strikes."""
+    return Strikes(np.empty((count, 4), np.int32), np.empty((count, 5)))
+
+
 def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
     """Return scratch space for the states of a model, for so many neighbours, and for a batch."""
     lanes, block = kernels.LANES, min(kernels.BLOCK, batch)

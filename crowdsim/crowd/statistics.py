@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from crowdsim.crowd.chunk import Chunk
 from crowdsim.crowd.kd_tree import build_tree, neighbours
-from crowdsim.crowd.simulation import Chunk
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy

@@ -10,12 +10,13 @@ from crowdsim.crowd import kernels, simulation
 from crowdsim.crowd.arrays import empty_record, empty_scratch
 from crowdsim.crowd.cast import cast_crowd
 from crowdsim.crowd.crowd import Crowding, build_crowd
+from crowdsim.crowd.events import VARIABLES
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.placement import place_groups
 from crowdsim.crowd.random import Purpose, stream, uniform
 from crowdsim.crowd.scenario import load_scenario
 from crowdsim.crowd.script import Change, CirclePath, LinePath, Script
-from crowdsim.crowd.simulation import VARIABLES, Simulation, simulate
+from crowdsim.crowd.simulation import Simulation, simulate
 from crowdsim.errors import RunError
 from crowdsim.policy.bundle import encode
 from crowdsim.policy.policy import action_values
