@@ -8,6 +8,7 @@
   clustered, and as two armies a kilometre apart, with the policy for large crowds. Recording stands beside it.
 * million: a control frame of a million avatars that are spread out, and memory an avatar.
 * jupedsim: agent-steps a second of its collision-free speed model with 100,000 agents, one thread, beside ours.
+* apart: control of ``brawl_30`` and ``armies_200``, beside what it costs where nobody keeps out of anybody's way.
 * decision: one decision (observing and choosing) beside a motion-matching search, cKDTree over the usual 27 features of
   the same motion at the control rate, batched; and at the playback rate, at which motion matching usually searches.
 
@@ -28,10 +29,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from crowdsim.crowd.cast import cast_crowd
+from crowdsim.crowd.chunk import STAGES, Chunk
 from crowdsim.crowd.crowd import Crowd, build_crowd
 from crowdsim.crowd.placement import place_groups
 from crowdsim.crowd.scenario import load_scenario
-from crowdsim.crowd.simulation import STAGES, Chunk, Simulation
+from crowdsim.crowd.simulation import Simulation
 from crowdsim.motion import ground
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.policy.policy import Policy
@@ -114,6 +116,24 @@ def brawl(policy: Policy, repeats: int) -> dict[str, float]:
         "decisions": decisions,
         "decision_nanoseconds": float(timings[:, 1:3].sum()) / decisions,
     }
+
+
+def apart(policy: Policy, repeats: int) -> dict[str, Any]:
+    """Return what control of shipped scenarios costs with and without keeping apart, and the ratio."""
+    result: dict[str, Any] = {}
+    for name in ("brawl_30", "armies_200"):
+        spent = {}
+        for said in ("true", "false"):
+            scenario = load_scenario(name, [f"keep_apart={said}"])
+            crowd, _ = cast_crowd(scenario, place_groups(scenario), [policy])
+            timings = least(lambda crowd=crowd: timed(crowd, policy, 300, 1)[0], repeats)
+            spent[said] = float(timings[:, : len(STAGES) - 1].sum() * 1e-6)
+        result[name] = {
+            "milliseconds": spent["true"],
+            "milliseconds_without": spent["false"],
+            "ratio": spent["true"] / spent["false"],
+        }
+    return result
 
 
 def scale(policy: Policy, threads: int, quick: bool) -> tuple[dict[str, Any], dict[str, float]]:
@@ -250,6 +270,8 @@ def main() -> None:
     thirty = brawl(policy, repeats)
     say("decision")
     decision = matching(policy, thirty["decision_nanoseconds"], 3)
+    say("apart")
+    keeping = apart(policy, repeats)
     sizes, million = scale(crowd_policy, arguments.threads, arguments.quick)
     say("jupedsim")
     try:
@@ -262,6 +284,7 @@ def main() -> None:
         "crowd_policy": arguments.crowd_policy,
         "threads": arguments.threads,
         "brawl_30": thirty,
+        "apart": keeping,
         "scale": sizes,
         **million,
         "jupedsim": agents,
@@ -272,6 +295,11 @@ def main() -> None:
         return
     print(f"30 avatars x 1000 frames: {thirty['milliseconds']:.1f} ms of control; cKDTree alone", end=" ")
     print(f"{thirty['ckdtree_milliseconds']:.1f} ms; ratio {thirty['ratio_to_ckdtree']:.2f}")
+    for name, numbers in keeping.items():
+        print(
+            f"{name}, 300 frames: {numbers['milliseconds']:.1f} ms, {numbers['milliseconds_without']:.1f} ms", end=" "
+        )
+        print(f"where nobody keeps out of anybody's way; ratio {numbers['ratio']:.2f}")
     for kind, numbers in sizes.items():
         costs = " ".join(f"{k.rsplit('_', 1)[1]} {v:.0f} ns" for k, v in numbers.items() if k.startswith("ns_per"))
         ratios = " ".join(f"{v:.2f}" for k, v in numbers.items() if k.startswith("ratio"))

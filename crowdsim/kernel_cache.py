@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept: beside the package, or where a read-only installation may write."""
+"""How compiled kernels are kept, beside the package or where a read-only installation may write, and loaded."""
 
 from __future__ import annotations
 
@@ -36,6 +36,22 @@ def choose_kernel_cache(package: Path = PACKAGE) -> None:
                 stacklevel=3,
             )
             return
+
+
+def load_numba() -> None:
+    """Load numba without scipy, for which it looks as it loads, which takes a tenth of a second.
+
+    Only linear algebra in compiled code needs scipy, and no kernel here has any. For the program alone: in a process in
+    which others compile as well, they may.
+    """
+    name = "scipy.linalg.cython_blas"
+    if "numba.np.arraymath" in sys.modules or name in sys.modules:
+        return
+    sys.modules[name] = None  # type: ignore[assignment]
+    try:
+        import numba.np.arraymath  # noqa: F401
+    finally:
+        del sys.modules[name]
 
 
 def _usable(place: Path, private: bool) -> bool:

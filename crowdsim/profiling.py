@@ -157,7 +157,7 @@ def describe(profile: Profile) -> dict[str, Any]:
 
 def write_trace(path: Path, profile: Profile) -> None:
     """Write stages of frames as a trace that Perfetto and chrome://tracing open."""
-    from crowdsim.crowd.simulation import STAGES
+    from crowdsim.crowd.chunk import STAGES
     from crowdsim.run_folder import write_text
 
     events: list[dict[str, Any]] = []

@@ -24,7 +24,7 @@ from crowdsim.take.take import VARIABLES, Events, Take
 from crowdsim.validation import check_scenario
 
 if TYPE_CHECKING:
-    from crowdsim.crowd.simulation import Chunk
+    from crowdsim.crowd.chunk import Chunk
     from crowdsim.policy.policy import Policy
 
 __all__ = ["Interrupted", "Report", "load_policies", "open_run", "prepare", "run", "run_to"]

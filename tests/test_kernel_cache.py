@@ -1,6 +1,8 @@
 """Kernels are kept where the user may write, and a read-only installation says where."""
 
 import os
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -68,3 +70,13 @@ def test_where_the_variable_decides_it_does(read_only, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/somewhere")
     choose_kernel_cache(package)
     assert os.environ["NUMBA_CACHE_DIR"] == "/somewhere"
+
+
+def test_numba_is_loaded_without_scipys_linear_algebra_which_comes_when_it_is_asked_for():
+    program = (
+        "import sys; from crowdsim.kernel_cache import load_numba; load_numba()\n"
+        "assert 'numba.np.arraymath' in sys.modules and 'scipy.linalg' not in sys.modules\n"
+        "import scipy.linalg.cython_blas\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr

@@ -32,6 +32,7 @@ def run(
 ) -> None:
     """Run scenarios: simulate, and write take and outputs."""
     from crowdsim.crowd.scenario import load_scenario
+    from crowdsim.kernel_cache import load_numba
     from crowdsim.runner import Interrupted, run_to
 
     def tell(words: str) -> None:
@@ -42,6 +43,7 @@ def run(
     for name in scenarios:
         try:
             scenario = load_scenario(name, override or (), seed, frames, fraction)
+            load_numba()
             folder = Path("output") / scenario.name if out is None else out / scenario.name if several else out
             with Bars() as bars:
                 report = run_to(folder, scenario, threads, mocap, force, command, bars, tell)

@@ -25,26 +25,33 @@ class Model(NamedTuple):
         offsets: CSR: actions of state s are ``offsets[s]:offsets[s + 1]``. Shape (S + 1,), int32.
         reaches: How far the actions of each state lead at most [m]. Shape (S,), float64.
         actions: For each action the state in which it ends, its length T [control frames], the playback frame that lies
-            on the avatar when it starts, and its first row in ``paths`` and in ``strikes``; the last row closes these
-            two. Shape (A + 1, 5), int32.
-        moves: Where each action ends, seen from its start: x, z [m], cosine and sine of the turn; then the cost of the
-            transition into it (``policy.Actions.costs``). Shape (5, A), float32.
-        paths: Where each action leads in control frames 1 to T: x, z [m], cosine and sine of the turn, and which frame
-            it is. Shape (5, .), float32.
+            on the avatar when it starts, and its first row in ``paths`` and in ``strikes``, which the last row closes;
+            and the last whole frame before its first strike. Shape (A + 1, 6), int32.
+        moves: Where each action ends, seen from its start: x, z [m], cosine and sine of the turn; the cost of the
+            transition into it (``policy.Actions.costs``), and what it takes from each behaviour of the policy as its
+            transition terms say; then room, so that no more lines of memory are read than must be.
+            Shape (A, 8 or more), float32.
+        paths: Where each action leads in control frames 1 to T: x, z [m], cosine and sine of the turn; then room to
+            read beyond the last one. Shape (4, .), float32.
         strikes: For each strike its time [control frames from the state], the fist's place seen from the action's start
-            [m], its speed over the mean of all, its speed [m/s], the hand. Shape (K, 7), float32.
+            [m], its speed [m/s], the hand, which of its state's actions it is in, and what it earns where it lands by
+            each strike term of the policy; then room. Shape (K, 8 or more), float32.
         behaviours: As in ``policy.LookupTables``, places moved. Shape (B, 11), float64.
-        discounts: The discount of each behaviour to the power of 0, 1, 2 ... Shape (B, longest T + 1), float64.
-        axes: As in ``policy.LookupTables``. Shape (n, 7), float64.
-        terms: Likewise. Shape (n, 9), float64.
+        discounts: Powers of each behaviour's discount: row 0 from 0 on; row T for frames 1 to T, and zeros behind them.
+            Shape (B, longest T + 1, longest T + 1 or more), float64.
+        grids: For each behaviour its axes of distance, bearing and height: the first grid point, grid points in a unit,
+            how many there are, whether the axis wraps, how far apart they lie in a table, over how much the behaviour
+            fades beyond them (0 not at all). One that it does not have is a single point. Shape (B, 3, 6), float64.
+        terms: Likewise, but for transition terms. Shape (n, 9), float64.
         table: Likewise; float32 where policies of a run differ. Flat, float32 or uint8.
         ground: Ground transform of each playback frame in its clip's world. Shape (L, 3), float64.
         bodies: Centre of the head, upper and lower end of the torso, in the frame's ground frame [m]. Shape (L, 9),
             float32.
         policies: For each policy the playback frames in a control frame, its first row in ``behaviours``, its first
             action and its first state; the last row closes these three. Shape (P + 1, 4), int32.
-        sizes: Radius of head and torso, drop from the head to neck and pelvis, and a strike's tolerance [m].
-            Shape (P, 5), float64.
+        sizes: Radius of head and torso, drop from the head to neck and pelvis, a strike's tolerance; how far the
+            surface of head and torso is from where the body stands at most, and how far it moves in a control frame at
+            most [m]. Shape (P, 7), float64.
     """
 
     offsets: Array
@@ -55,7 +62,7 @@ class Model(NamedTuple):
     strikes: Array
     behaviours: Array
     discounts: Array
-    axes: Array
+    grids: Array
     terms: Array
     table: Array
     ground: Array
@@ -73,7 +80,8 @@ class Avatars(NamedTuple):
     Rows of ``whole``: number; policy; mood (row of ``World.moods``); team; skip, the team that the opponent may not be
     of (-1 nearest of anyone, -2 ``fixed`` says); fixed (number of the opponent, -2 - k for target k, -1 for nobody);
     opponent, likewise; opponent before the last decision; decisions taken; action; action before, -1 when there was no
-    decision in this frame.
+    decision in this frame; pending, the last whole frame of the action before its next strike, or -1 where the action
+    before may still have one.
 
     Rows of ``real``: scale of the body; speed [frames of motion in a control frame]; phase, frames of the action done
     (an action shows its frame ``min(phase, T)``; what goes beyond is motion that the next action starts with); phase
@@ -81,7 +89,7 @@ class Avatars(NamedTuple):
     sine times scale, turn); x, z [m] and heading [rad] where it stands; x and z where its action ends.
 
     Attributes:
-        whole: Shape (11, N), int32.
+        whole: Shape (12, N), int32.
         real: Shape (14, N), float64.
         slot_of: Slot of each number. Shape (N,), int32.
     """
@@ -170,10 +178,16 @@ class Scratch(NamedTuple):
         order: Places in the batch in the order of states. Shape (batch,), int64.
         starts: Where each state begins in it. Shape (S + 2,), int64.
         values: What its actions are worth. Shape (batch, most actions of a state), float64.
-        cells: Corners of a cell for each action. Shape (most corners, most actions), int64.
-        shares: Their shares. Shape (most corners, most actions), float64.
-        steps: From an action's cell to its neighbours along an axis. Shape (2, most actions), int64.
-        work: Shape (4, most actions), float64.
+        begins: Where the actions of each of a block begin in ``cells`` and ``work``. Shape (block + 1,), int64.
+        spots: For each of a block and each behaviour an entry of the table, and steps from there to the next along
+            each axis. Shape (block * behaviours, 4), int64.
+        parts: Likewise the shares of the next one along each axis, and how much the behaviour counts.
+            Shape (block * behaviours, 4), float64.
+        nears: Steps between distances in each behaviour's table. Shape (behaviours,), int64.
+        cells: For each behaviour where each action ends in the table, and the step to the next bearing.
+            Shape (2 * behaviours, actions of a block), float64.
+        work: Where the target is seen from there: x, z, distance, bearing; the state; then for each behaviour the
+            shares of the next distance and bearing. Shape (5 + 2 * behaviours, actions of a block), float64.
         rows: A number for each control frame of a state's actions, or for each action. float64.
         near: Neighbours that may be in the way. Shape (most neighbours, 6), float64.
     """
@@ -185,9 +199,11 @@ class Scratch(NamedTuple):
     order: Array
     starts: Array
     values: Array
+    begins: Array
+    spots: Array
+    parts: Array
+    nears: Array
     cells: Array
-    shares: Array
-    steps: Array
     work: Array
     rows: Array
     near: Array
@@ -212,12 +228,17 @@ def empty_record(frames: int, count: int) -> Record:
     return Record(whole[:, :frames], real[:, :frames])
 
 
+def empty_strikes(count: int) -> Strikes:
+    """Return room for some strikes."""
+    return Strikes(np.empty((count, 4), np.int32), np.empty((count, 5)))
+
+
 def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
     """Return scratch space for the states of a model, for so many neighbours, and for a batch."""
-    width = int(np.diff(model.offsets).max())
-    behaviours = model.behaviours
-    corners = 2 ** int((behaviours[:, 1] - behaviours[:, 0]).max(initial=0))
-    rows = int(np.diff(model.actions[model.offsets, kernels.PATHS]).max())
+    lanes, block = kernels.LANES, min(kernels.BLOCK, batch)
+    width = -(-int(np.diff(model.offsets).max()) // lanes) * lanes
+    behaviours = int(np.diff(model.policies[:, kernels.BEHAVIOURS]).max())
+    rows = int(np.diff(model.actions[model.offsets, kernels.PATHS]).max()) + lanes
     return Scratch(
         situations=np.empty((batch, 3)),
         states=np.empty(batch, np.int32),
@@ -226,10 +247,12 @@ def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
         order=np.empty(batch, np.int64),
         starts=np.empty(len(model.offsets) + 1, np.int64),
         values=np.empty((batch, width)),
-        cells=np.empty((corners, width), np.int64),
-        shares=np.empty((corners, width)),
-        steps=np.empty((2, width), np.int64),
-        work=np.empty((4, width)),
+        begins=np.empty(block + 1, np.int64),
+        spots=np.empty((block * behaviours, 4), np.int64),
+        parts=np.empty((block * behaviours, 4)),
+        nears=np.empty(behaviours, np.int64),
+        cells=np.zeros((2 * behaviours, block * width)),
+        work=np.zeros((5 + 2 * behaviours, block * width)),
         rows=np.empty(max(rows, width)),
         near=np.empty((max(neighbours, 1), 6)),
     )

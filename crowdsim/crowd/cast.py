@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd.crowd import ANYONE, SCRIPTED, Crowd
+from crowdsim.crowd.crowd import ANYONE, SCRIPTED, Crowd, Crowding
 from crowdsim.crowd.placement import Placed
 from crowdsim.crowd.scenario import Scenario
 from crowdsim.crowd.scenario_events import (
@@ -94,6 +94,7 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         temperatures=np.array([kind.temperature for kind in settings]),
         hysteresis=np.array([_hysteresis(scenario.groups[group].opponents) for group, _ in moods]),
         arena=_arena(scenario.arena),
+        crowding=Crowding() if scenario.keep_apart else Crowding.none(),
         seed=scenario.seed,
     )
     rate = float(policies[0].database.control_rate)

@@ -44,6 +44,11 @@ class Crowding:
     reach: float = 1.5
     most: int = 12
 
+    @classmethod
+    def none(cls) -> Crowding:
+        """Return rules by which nobody heeds anybody but the opponent; the arena stays."""
+        return cls(end=0.0, path=0.0, reach=0.0, most=1)
+
     def numbers(self) -> Array:
         """Return what kernels read. Shape (6,)."""
         return np.array([self.end, self.path, self.radius, self.gap, self.outside, self.turn])
@@ -164,7 +169,7 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
     slot_of = np.empty(count, np.int32)
     slot_of[numbers] = np.arange(count, dtype=np.int32)
 
-    avatars = Avatars(np.zeros((11, count), np.int32), np.zeros((14, count)), slot_of)
+    avatars = Avatars(np.zeros((12, count), np.int32), np.zeros((14, count)), slot_of)
     whole, real = avatars.whole, avatars.real
     whole[kernels.NUMBER] = numbers
     for row, values in (
@@ -222,4 +227,5 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
         real[row, slots] = values
     whole[kernels.ACTION, slots] = action
     whole[kernels.ACTION_BEFORE, slots] = -1
+    whole[kernels.PENDING, slots] = kernels.NO_STRIKE
     whole[kernels.OPPONENT, slots] = whole[kernels.OPPONENT_BEFORE, slots] = -1

@@ -10,29 +10,66 @@ import math
 import numba as nb
 import numpy as np
 from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
 
 # Kernels that allocate nothing do without numba's counting of references, which would cost more than their work: two
 # atomic operations for every array that is handed to a function, or looked up in a named tuple.
 _kernel = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)  # type: ignore[call-overload]
 
+# Parts of kernels: handing over arrays, of which a model has twenty, would take longer than what many of them do.
+_part = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False, forceinline=True)  # type: ignore[call-overload]
+
 # Rows of ``Avatars.whole`` and ``Avatars.real``, a column for each slot.
-NUMBER, POLICY, MOOD, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE = range(11)
+NUMBER, POLICY, MOOD, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE, PENDING = range(
+    12
+)
 SCALE, SPEED, PHASE, PHASE_BEFORE, BASE_X, BASE_Z, BASE_COS, BASE_SIN, BASE_TURN, X, Z, HEADING, END_X, END_Z = range(
     14
 )
 
 # Columns of the tables of ``Model`` and of ``World.moods``.
-NEXT, LENGTH, ORIGIN, PATHS, STRIKES = range(5)
-MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST = range(5)
-TIME, FIST_X, FIST_Y, FIST_Z, WEIGHT, FIST_SPEED, HAND = range(7)
+NEXT, LENGTH, ORIGIN, PATHS, STRIKES, FIRST_STRIKE = range(6)
+MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, CUT = range(6)
+TIME, FIST_X, FIST_Y, FIST_Z, FIST_SPEED, HAND, OWNER, WORTH = range(8)
 HEAD, NECK, PELVIS = 0, 3, 6
+HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE = range(7)
 STRIDE, BEHAVIOURS, ACTIONS, STATES = range(4)
 MARGIN, MOST, TEMPERATURE, HYSTERESIS = range(4)
+LOOKS_AHEAD, CELLS, TABLE, NORM, DISCOUNT, LOW, STEP = range(4, 11)
+MINIMUM, PER_UNIT, POINTS, WRAPS, APART, FADE = range(6)
 
+AHEAD = 4  # so many avatars before one is worked on, memory is asked for what that reads
+LANES = 8  # entries that are worked on at once
+BLOCK = 16  # situations that are weighed at a time
+
+NO_STRIKE = 1 << 30  # instead of a frame, where an action has no strike left
 SORTED = 256  # so many avatars that choose together do so in the order of their states
 
 _clock_type = types.int32(types.int32, types.CPointer(types.int64))
 _clock_gettime = types.ExternalFunction("clock_gettime", _clock_type)
+
+
+@intrinsic
+def _request(typing, array, index):
+    """Ask memory for an entry of an array."""
+
+    def generate(context, builder, signature, values):
+        pointer = builder.gep(make_array(signature.args[0])(context, builder, values[0]).data, [values[1]])
+        byte, number = cgutils.voidptr_t, cgutils.int32_t
+        kind = cgutils.ir.FunctionType(cgutils.ir.VoidType(), [byte, number, number, number])
+        function = builder.module.declare_intrinsic("llvm.prefetch", [byte], kind)
+        builder.call(function, [builder.bitcast(pointer, byte), number(0), number(3), number(1)])
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64), generate
+
+
+@_part
+def _ask_for(array, index):
+    """Ask memory for an entry, counted from the first one, of an array that will be read soon; any place will do."""
+    _request(array, index)  # type: ignore[call-arg]
 
 
 @_kernel
@@ -42,7 +79,7 @@ def _now(buffer):
     return buffer[0] * 1_000_000_000 + buffer[1]
 
 
-@_kernel
+@_part
 def _mix(bits):
     """Scramble 64 bits."""
     bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -59,7 +96,7 @@ def draw(stream, avatar, decision):
     return np.float64(bits >> np.uint64(11)) * 2.0**-53
 
 
-@_kernel
+@_part
 def _between(rows, place, column):
     """Return a column of ``rows`` at a fractional row."""
     below = int(place)
@@ -70,17 +107,36 @@ def _between(rows, place, column):
     return value
 
 
-@_kernel
-def _fade(axes, first, end, distance, bearing, height):
+@_part
+def _ground_at(ground, place):
+    """Return the ground transform at a fractional row."""
+    below = int(place)
+    share = place - below
+    x, z, heading = ground[below, 0], ground[below, 1], ground[below, 2]
+    if share > 0.0:
+        x += share * (ground[below + 1, 0] - x)
+        z += share * (ground[below + 1, 1] - z)
+        heading += share * (ground[below + 1, 2] - heading)
+    return x, z, heading
+
+
+@_part
+def _point_at(rows, place, column, x, z, size, cos, sin):
+    """Return where a point of a body is that stands at (x, z): three columns of ``rows`` at a fractional row."""
+    px, pz = _between(rows, place, column), _between(rows, place, column + 2)
+    return x + px * cos + pz * sin, _between(rows, place, column + 1) * size, z - px * sin + pz * cos
+
+
+@_part
+def _fade(grids, b, distance, bearing, height):
     """Return how much a behaviour counts for a target: 1 inside its grid, falling to 0 beyond it."""
     fade = 1.0
-    for row in range(first, end):
-        if axes[row, 4] == 0.0 and axes[row, 6] > 0.0:
-            kind = axes[row, 0]
-            value = distance if kind == 0.0 else (bearing if kind == 1.0 else height)
-            place = (value - axes[row, 1]) / axes[row, 2]
-            beyond = max(-place, place - (axes[row, 3] - 1.0), 0.0) * axes[row, 2]
-            fade *= max(0.0, 1.0 - beyond / axes[row, 6])
+    for axis in range(3):
+        if grids[b, axis, FADE] > 0.0:
+            value = distance if axis == 0 else (bearing if axis == 1 else height)
+            place = (value - grids[b, axis, MINIMUM]) * grids[b, axis, PER_UNIT]
+            beyond = max(-place, place - (grids[b, axis, POINTS] - 1.0), 0.0) / grids[b, axis, PER_UNIT]
+            fade *= max(0.0, 1.0 - beyond / grids[b, axis, FADE])
     return fade
 
 
@@ -92,8 +148,8 @@ def exponentials(values, count):
     """
     for k in range(count):
         y = max(values[k], -32.0) * (1.0 / 256.0)
-        v = 1.0 + y / 5.0 * (1.0 + y / 6.0 * (1.0 + y / 7.0))
-        v = 1.0 + y * (1.0 + y / 2.0 * (1.0 + y / 3.0 * (1.0 + y / 4.0 * v)))
+        v = 1.0 / 24.0 + y * (1.0 / 120.0 + y * (1.0 / 720.0 + y * (1.0 / 5040.0)))
+        v = 1.0 + y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y * v)))
         v *= v
         v *= v
         v *= v
@@ -123,226 +179,408 @@ def bearings(xs, zs, count, out):
         out[k] = -angle if x < 0.0 else angle
 
 
-@_kernel
-def _spread(axes, row, values, count, corners, cells, shares, low, high, part):
-    """Split each corner of each place in two along one axis, at ``values``; return how many corners there are.
-
-    ``low``, ``high`` and ``part`` are scratch space.
-    """
-    minimum, step, points, stride = axes[row, 1], axes[row, 2], axes[row, 3], int(axes[row, 5])
-    if axes[row, 4] != 0.0:
-        for k in range(count):
-            place = (values[k] - minimum) / step
-            place -= points * np.floor(place / points)
-            lower = min(np.floor(place), points - 1.0)
-            upper = lower + 1.0
-            upper = upper if upper < points else 0.0
-            part[k] = place - lower
-            low[k], high[k] = int(lower) * stride, int(upper) * stride
+@_part
+def _corner(grids, b, axis, value):
+    """Return the cell below a value on one axis of a grid, how far the next one lies in a table, and its share."""
+    place = (value - grids[b, axis, MINIMUM]) * grids[b, axis, PER_UNIT]
+    points, stride = grids[b, axis, POINTS], grids[b, axis, APART]
+    step = stride if points > 1.0 else 0.0
+    if grids[b, axis, WRAPS] != 0.0:
+        place -= points * math.floor(place / points)
+        lower = min(math.floor(place), points - 1.0)
+        step = step if lower + 1.0 < points else stride * (1.0 - points)
     else:
-        for k in range(count):
-            place = (values[k] - minimum) / step
-            place = min(max(place, 0.0), points - 1.0)
-            lower = max(min(np.floor(place), points - 2.0), 0.0)
-            upper = min(lower + 1.0, points - 1.0)
-            part[k] = place - lower
-            low[k], high[k] = int(lower) * stride, int(upper) * stride
-    for corner in range(corners):
-        other = corners + corner
-        for k in range(count):
-            cells[other, k] = cells[corner, k] + high[k]
-            cells[corner, k] += low[k]
-        for k in range(count):
-            shares[other, k] = shares[corner, k] * part[k]
-            shares[corner, k] *= 1.0 - part[k]
-    return 2 * corners
+        place = min(max(place, 0.0), points - 1.0)
+        lower = min(math.floor(place), max(points - 2.0, 0.0))
+    return int(lower * stride), int(step), place - lower
 
 
 @_kernel
-def _look_up(table, corners, count, cells, shares, out):
-    """Write the interpolated entries of a table: the sum over corners of share times entry."""
+def _place_all(grids, b, cell_count, count, cells, steps, work, near_shares, aside_shares):
+    """Find where each end lies on the grid of a behaviour, whose table begins at its state's first cell.
+
+    ``work`` holds distances and bearings; ``cells`` are states and become entries; ``steps`` go to the next bearing.
+    """
+    near_least, near_per, near_points = grids[b, 0, MINIMUM], grids[b, 0, PER_UNIT], grids[b, 0, POINTS]
+    aside_least, aside_per, aside_points = grids[b, 1, MINIMUM], grids[b, 1, PER_UNIT], grids[b, 1, POINTS]
+    near_apart, aside_apart = grids[b, 0, APART], grids[b, 1, APART]
+    near_last, aside_last = max(near_points - 2.0, 0.0), max(aside_points - 2.0, 0.0)
+    wraps = grids[b, 1, WRAPS] != 0.0
+    once = 1.0 / aside_points if wraps else 0.0
+    step = aside_apart if aside_points > 1.0 else 0.0
+    back = aside_apart - aside_apart * aside_points if wraps else step
+    aside_last = aside_points - 1.0 if wraps else aside_last
+    most = np.inf if wraps else aside_points - 1.0
+    least = -np.inf if wraps else 0.0
     for k in range(count):
-        total = 0.0
-        for corner in range(corners):
-            total += shares[corner, k] * table[np.uint64(cells[corner, k])]
-        out[k] = total
+        place = min(max((work[2, k] - near_least) * near_per, 0.0), near_points - 1.0)
+        lower = min(np.floor(place), near_last)
+        near_shares[k] = place - lower
+        cell = cells[k] * cell_count + lower * near_apart
+        place = min(max((work[3, k] - aside_least) * aside_per, least), most)
+        place -= aside_points * np.floor(place * once)
+        lower = max(min(np.floor(place), aside_last), 0.0)
+        aside_shares[k] = place - lower
+        cells[k] = cell + lower * aside_apart
+        steps[k] = step if lower + 1.0 < aside_points else back
 
 
-@_kernel
-def _see_ends(moves, first, last, x, z, out_x, out_z, out_distance):
-    """Write where a target at (x, z) is seen from the end of each action from ``first`` to ``last``."""
-    for action in range(first, last):
-        dx, dz = x - moves[MOVE_X, action], z - moves[MOVE_Z, action]
-        cos, sin = moves[MOVE_COS, action], moves[MOVE_SIN, action]
+@_part
+def _see_ends(moves, actions, offset, n, x, z, first, work):
+    """Write where a target at (x, z) is seen from the end of ``n`` actions: x, z and distance; and their ends."""
+    for k in range(n):
+        action, at = np.uint64(offset + k), np.uint64(first + k)
+        dx, dz = x - moves[action, MOVE_X], z - moves[action, MOVE_Z]
+        cos, sin = moves[action, MOVE_COS], moves[action, MOVE_SIN]
         later_x, later_z = dx * cos - dz * sin, dx * sin + dz * cos
-        out_x[action - first], out_z[action - first] = later_x, later_z
-        out_distance[action - first] = math.sqrt(later_x * later_x + later_z * later_z)
+        work[0, at], work[1, at] = later_x, later_z
+        work[2, at] = math.sqrt(later_x * later_x + later_z * later_z)
+        work[4, at] = actions[action, NEXT]
 
 
-@_kernel
-def _near_rows(paths, first, last, x, z, wanted, sigma, facing, log_discount, out):
-    """Write the logarithm of gamma^t exp(-gap / sigma) for the rows ``first`` to ``last`` of paths."""
+@_part
+def _near_rows(paths, first, count, x, z, wanted, sigma, facing, out):
+    """Write exp(-gap / sigma) for ``count`` rows of paths from ``first`` on."""
+    shrink = -1.0 / sigma
     if facing:
-        for row in range(first, last):
+        for k in range(count):
+            row = np.uint64(first + k)
             dx, dz = x - paths[0, row], z - paths[1, row]
             cos, sin = paths[2, row], paths[3, row]
             aside, ahead = dx * cos - dz * sin, dx * sin + dz * cos - wanted
-            gap = math.sqrt(ahead * ahead + aside * aside)
-            out[row - first] = paths[4, row] * log_discount - gap / sigma
+            out[k] = math.sqrt(ahead * ahead + aside * aside) * shrink
     else:
-        for row in range(first, last):
+        for k in range(count):
+            row = np.uint64(first + k)
             dx, dz = x - paths[0, row], z - paths[1, row]
-            gap = abs(math.sqrt(dx * dx + dz * dz) - wanted)
-            out[row - first] = paths[4, row] * log_discount - gap / sigma
+            out[k] = abs(math.sqrt(dx * dx + dz * dz) - wanted) * shrink
+    exponentials(out, count)
 
 
-@_kernel
-def _strike_reward(strikes, first, last, x, y, z, terms, row, log_discount):
-    """Return the strike term of one action, whose strikes are ``first`` to ``last``."""
-    best = 0.0
-    for k in range(first, last):
+@_part
+def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, factor, rows, out):
+    """Add ``factor`` times a strike term to what each of ``n`` actions is worth."""
+    tolerance, head, torso, column = terms[row, 2], terms[row, 4], terms[row, 5], int(terms[row, 8])
+    low, high = y - terms[row, 7], y - terms[row, 6]
+    for k in range(n):
+        rows[k] = 0.0
+    # No branch: what lands is anybody's guess.
+    for k in range(np.uint64(actions[offset, STRIKES]), np.uint64(actions[offset + n, STRIKES])):
         px, py, pz = strikes[k, FIST_X], strikes[k, FIST_Y], strikes[k, FIST_Z]
         dx, dy, dz = px - x, py - y, pz - z
-        lands = abs(math.sqrt(dx * dx + dy * dy + dz * dz) - terms[row, 4]) <= terms[row, 2]
-        if not lands:
-            dy = py - min(max(py, y - terms[row, 7]), y - terms[row, 6])
-            lands = abs(math.sqrt(dx * dx + dy * dy + dz * dz) - terms[row, 5]) <= terms[row, 2]
-        if lands:
-            best = max(best, math.exp(strikes[k, TIME] * log_discount) * strikes[k, WEIGHT] ** terms[row, 3])
-    return terms[row, 1] * best
+        aside = dx * dx + dz * dz
+        on_head = abs(math.sqrt(aside + dy * dy) - head) <= tolerance
+        dy = py - min(max(py, low), high)
+        on_torso = abs(math.sqrt(aside + dy * dy) - torso) <= tolerance
+        action = np.uint64(strikes[k, OWNER])
+        rows[action] = max(rows[action], strikes[k, column] if on_head | on_torso else 0.0)
+    factor *= terms[row, 1]
+    for k in range(n):
+        out[k] += factor * rows[k]
+
+
+@_part
+def _fold(rows, i, weights, t, before, greatest):
+    """Return the sum, or the greatest, of eight rows from ``i`` on, weighed from ``t`` on, and of what was before."""
+    one = np.uint64(1)
+    a = rows[i] * weights[t]
+    i, t = i + one, t + one
+    c = rows[i] * weights[t]
+    i, t = i + one, t + one
+    d = rows[i] * weights[t]
+    i, t = i + one, t + one
+    e = rows[i] * weights[t]
+    i, t = i + one, t + one
+    f = rows[i] * weights[t]
+    i, t = i + one, t + one
+    g = rows[i] * weights[t]
+    i, t = i + one, t + one
+    h = rows[i] * weights[t]
+    i, t = i + one, t + one
+    j = rows[i] * weights[t]
+    if greatest:
+        return max(before, max(max(max(a, c), max(d, e)), max(max(f, g), max(h, j))))
+    return before + (((a + c) + (d + e)) + ((f + g) + (h + j)))
+
+
+@_part
+def _add_nearness(actions, paths, terms, row, discounts, b, offset, n, x, z, factor, rows, out):
+    """Add ``factor`` times a proximity term to what each of ``n`` actions is worth."""
+    begun, end = actions[offset, PATHS], actions[offset + n, PATHS]
+    facing, greatest = terms[row, 5] != 0.0, terms[row, 4] != 0.0
+    _near_rows(paths, begun, _whole_lanes(end - begun), x, z, terms[row, 2], terms[row, 3], facing, rows)
+    factor *= terms[row, 1]
+    at = 0
+    for k in range(n):
+        # Rows of the next action count for nothing: whole lanes leave no number of rounds to guess.
+        length = actions[offset + k, LENGTH]
+        near = 0.0
+        for t in range(0, length, LANES):
+            near = _fold(rows, np.uint64(at + t), discounts[b, length], np.uint64(t), near, greatest)
+        out[k] += factor * near
+        at += length
+
+
+@_part
+def _whole_lanes(count):
+    """Return a whole number of ``LANES``: loops over so many leave no rest that would be done one by one."""
+    return (count + LANES - 1) // LANES * LANES
+
+
+@_part
+def _interpolate(table, cell, near, aside, above, part, turned, raised):
+    """Return an entry of a table between eight cells: steps to the next along each axis, and their shares."""
+    low = np.uint64(cell)
+    high = np.uint64(cell + near)
+    left = np.uint64(cell + aside)
+    both = np.uint64(cell + near + aside)
+    value = (1.0 - part) * ((1.0 - turned) * table[low] + turned * table[left])
+    value += part * ((1.0 - turned) * table[high] + turned * table[both])
+    if above == 0:
+        return value
+    up = np.uint64(above)
+    upper = (1.0 - part) * ((1.0 - turned) * table[low + up] + turned * table[left + up])
+    upper += part * ((1.0 - turned) * table[high + up] + turned * table[both + up])
+    return value + raised * (upper - value)
+
+
+@_part
+def _add_rows(table, at, near, aside, above, part, turned, raised, factor, n, out):
+    """Add to ``out`` what lies between eight rows of a table, ``n`` entries each from ``at`` on, times ``factor``."""
+    c, d, e = factor * (1.0 - part), factor * part, 1.0 - turned
+    f, g = 1.0 - raised, raised
+    if above == 0:
+        f, g = 1.0, 0.0
+    w0, w1, w2, w3 = c * e * f, c * turned * f, d * e * f, d * turned * f
+    w4, w5, w6, w7 = c * e * g, c * turned * g, d * e * g, d * turned * g
+    last = table.shape[0] - LANES
+    a0, a1, a2, a3 = at, at + aside, at + near, at + near + aside
+    ends = max(max(a0, a1), max(a2, a3)) + above
+    for begin in range(0, n, LANES):
+        # Whole lanes are read, also beyond the last action, where there is more of the table.
+        if ends + begin <= last:
+            i0, i1, i2, i3 = np.uint64(a0 + begin), np.uint64(a1 + begin), np.uint64(a2 + begin), np.uint64(a3 + begin)
+            up, o = np.uint64(above), np.uint64(begin)
+            if above == 0:
+                for k in range(np.uint64(LANES)):
+                    out[o + k] += w0 * table[i0 + k] + w1 * table[i1 + k] + w2 * table[i2 + k] + w3 * table[i3 + k]
+            else:
+                i4, i5, i6, i7 = i0 + up, i1 + up, i2 + up, i3 + up
+                for k in range(np.uint64(LANES)):
+                    out[o + k] += (
+                        w0 * table[i0 + k] + w1 * table[i1 + k] + w2 * table[i2 + k] + w3 * table[i3 + k]
+                    ) + (w4 * table[i4 + k] + w5 * table[i5 + k] + w6 * table[i6 + k] + w7 * table[i7 + k])
+        else:
+            for k in range(begin, min(begin + LANES, n)):
+                out[k] += (w0 * table[a0 + k] + w1 * table[a1 + k] + w2 * table[a2 + k] + w3 * table[a3 + k]) + (
+                    w4 * table[a0 + above + k] + w5 * table[a1 + above + k] + w6 * table[a2 + above + k]
+                    + w7 * table[a3 + above + k]
+                )  # fmt: skip
 
 
 @_kernel
-def _add_rewards(actions, moves, paths, strikes, terms, row, offset, n, x, y, z, log_discount, factor, rows, out, q):
-    """Add ``factor`` times one term of the reward to what each action is worth."""
-    code = terms[row, 0]
-    if code == 0.0:
-        for k in range(n):
-            first, last = actions[offset + k, STRIKES], actions[offset + k + 1, STRIKES]
-            if first < last:
-                out[q, k] += factor * _strike_reward(strikes, first, last, x, y, z, terms, row, log_discount)
-    elif code == 1.0:
-        begun, end = np.uint64(actions[offset, PATHS]), np.uint64(actions[offset + n, PATHS])
-        _near_rows(paths, begun, end, x, z, terms[row, 2], terms[row, 3], terms[row, 5] != 0.0, log_discount, rows)
-        exponentials(rows, end - begun)
-        k = 0
-        greatest = terms[row, 4] != 0.0
-        for action in range(offset, offset + n):
-            near = 0.0
-            for _ in range(actions[action, LENGTH]):
-                near = max(near, rows[k]) if greatest else near + rows[k]
-                k += 1
-            out[q, action - offset] += factor * terms[row, 1] * near
-    else:
-        for k in range(n):
-            cost = moves[COST, offset + k]
-            out[q, k] -= factor * (terms[row, 1] * cost + (terms[row, 2] if cost > 0.0 else 0.0))
+def _prepare(model, weights, scratch, first, count, policy):
+    """Look at ``count`` situations from ``order[first]`` on, and ask memory for what weighing them will read.
 
-
-@_kernel
-def value_actions(
-    offsets, policies, actions, moves, paths, strikes, behaviours, discounts, axes, terms, table, weights, first,
-    last, order, situations, states, moods, whose, cells, shares, steps, work, rows, out,
-):  # fmt: skip
-    """Write what each action of a state is worth in the situations ``order[first:last]``.
-
-    A situation is where the target's head is in the avatar's ground frame, for a body of scale 1: x, y, z [m]; then a
-    ``state``, a row of ``weights``, which are those of the behaviours, and a policy. ``cells`` to ``rows``
-    are scratch space; ``out`` has a row for each situation.
+    Returns how many actions are looked ahead along.
     """
-    spare, sums, distances, angles = work[0], work[1], work[2], work[3]
-    low, high = steps[0], steps[1]
-    for place in range(first, last):
-        q = order[place]
-        state, mood, policy = states[q], moods[q], whose[q]
+    behaviours = model.behaviours
+    begun, end = model.policies[policy, BEHAVIOURS], model.policies[policy + 1, BEHAVIOURS]
+    pairs = 0
+    scratch.begins[0] = 0
+    for d in range(count):
+        q = scratch.order[first + d]
+        scratch.begins[d + 1] = pairs
+        state = scratch.states[q]
         if state < 0:
             continue
-        x, y, z = situations[q, 0], situations[q, 1], situations[q, 2]
-        offset = offsets[state]
-        n = offsets[state + 1] - offset
-        for k in range(n):
-            out[q, k] = 0.0
-        start, end = policies[policy, BEHAVIOURS], policies[policy + 1, BEHAVIOURS]
+        x, y, z = scratch.situations[q, 0], scratch.situations[q, 1], scratch.situations[q, 2]
+        offset = model.offsets[state]
+        n = model.offsets[state + 1] - offset
+        for k in range(_whole_lanes(n)):
+            scratch.values[q, k] = 0.0
         distance, bearing = math.sqrt(x * x + z * z), math.atan2(x, z)
-        looked = False
-        for b in range(start, end):
-            weight = weights[mood, b - start]
-            if weight == 0.0:
-                continue
-            axis_first, axis_end, cell_count = int(behaviours[b, 0]), int(behaviours[b, 1]), int(behaviours[b, 5])
-            factor = weight * _fade(axes, axis_first, axis_end, distance, bearing, y) / behaviours[b, 7]
+        ahead = False
+        for b in range(begun, end):
+            spot = d * (end - begun) + b - begun
+            factor = weights[scratch.moods[q], b - begun]
+            if factor != 0.0:
+                factor *= _fade(model.grids, b, distance, bearing, y) / behaviours[b, NORM]
+            scratch.parts[spot, 3] = factor
             if factor == 0.0:
                 continue
-            if behaviours[b, 4] == 0.0:
-                corners = 1
-                cells[0, 0], shares[0, 0] = 0, factor
-                for row in range(axis_first, axis_end):
-                    kind = axes[row, 0]
-                    spare[0] = distance if kind == 0.0 else (bearing if kind == 1.0 else y)
-                    corners = _spread(axes, row, spare, 1, corners, cells, shares, low, high, rows)
-                entry = int(behaviours[b, 6]) + offset * cell_count
-                for k in range(n):
-                    out[q, k] += factor * behaviours[b, 9]
-                for corner in range(corners):
-                    share = shares[corner, 0] * behaviours[b, 10]
-                    if share != 0.0:
-                        begin = np.uint64(entry + cells[corner, 0] * n)
-                        for k in range(n):
-                            out[q, k] += share * table[begin + np.uint64(k)]
+            cell, scratch.spots[spot, 3], scratch.parts[spot, 2] = _corner(model.grids, b, 2, y)
+            if behaviours[b, LOOKS_AHEAD] != 0.0:
+                ahead = True
+                scratch.spots[spot, 0] = int(behaviours[b, TABLE]) + cell
                 continue
-            # One step of look-ahead: what the action earns itself, and what its end is worth.
-            if not looked:
-                looked = True
-                _see_ends(moves, np.uint64(offset), np.uint64(offset + n), x, z, spare, sums, distances)
-                bearings(spare, sums, n, angles)
-            for k in range(n):
-                spare[k] = y
-                cells[0, k] = int(behaviours[b, 6]) + actions[offset + k, NEXT] * cell_count
-                shares[0, k] = 1.0
-            corners = 1
-            for row in range(axis_first, axis_end):
-                kind = axes[row, 0]
-                measured = distances if kind == 0.0 else (angles if kind == 1.0 else spare)
-                corners = _spread(axes, row, measured, n, corners, cells, shares, low, high, rows)
-            _look_up(table, corners, n, cells, shares, sums)
-            log_discount = math.log(behaviours[b, 8])
-            for k in range(n):
-                later = behaviours[b, 9] + behaviours[b, 10] * sums[k]
-                out[q, k] += factor * discounts[b, actions[offset + k, LENGTH]] * later
-            for row in range(int(behaviours[b, 2]), int(behaviours[b, 3])):
-                _add_rewards(
-                    actions, moves, paths, strikes, terms, row, offset, n, x, y, z, log_discount, factor, rows, out, q
-                )
+            near, near_step, scratch.parts[spot, 0] = _corner(model.grids, b, 0, distance)
+            aside, aside_step, scratch.parts[spot, 1] = _corner(model.grids, b, 1, bearing)
+            at = int(behaviours[b, TABLE]) + offset * int(behaviours[b, CELLS]) + (cell + near + aside) * n
+            near_step, aside_step = near_step * n, aside_step * n
+            scratch.spots[spot, 0], scratch.spots[spot, 1], scratch.spots[spot, 2] = at, near_step, aside_step
+            scratch.spots[spot, 3] *= n
+            _ask_for(model.table, at)
+            _ask_for(model.table, at + near_step)
+            _ask_for(model.table, at + aside_step)
+            _ask_for(model.table, at + near_step + aside_step)
+        if ahead:
+            first_row, last_row = model.actions[offset, PATHS], model.actions[offset + n, PATHS]
+            for row in range(first_row, last_row + 15, 16):
+                _ask_for(model.paths, row)
+                _ask_for(model.paths, row + model.paths.shape[1])
+            first_row, last_row = model.actions[offset, STRIKES], model.actions[offset + n, STRIKES]
+            for row in range(first_row * 8, last_row * 8 + 15, 16):
+                _ask_for(model.strikes, row)
+            _see_ends(model.moves, model.actions, offset, n, x, z, pairs, scratch.work)
+            pairs += n
+            scratch.begins[d + 1] = pairs
+    return pairs
 
 
 @_kernel
-def advance(model, avatars, first, last, due):
+def _look_ahead(model, b, slot, slots, scratch, first, count, pairs):
+    """Find what one behaviour's table is read for at the end of each of so many actions, and ask memory for it."""
+    cells, steps = scratch.cells[2 * slot], scratch.cells[2 * slot + 1]
+    for k in range(pairs):
+        cells[k] = scratch.work[4, k]
+    _place_all(
+        model.grids, b, model.behaviours[b, CELLS], _whole_lanes(pairs), cells, steps, scratch.work,
+        scratch.work[5 + 2 * slot], scratch.work[6 + 2 * slot],
+    )  # fmt: skip
+    near = int(model.grids[b, 0, APART]) if model.grids[b, 0, POINTS] > 1.0 else 0
+    for d in range(count):
+        if scratch.parts[d * slots + slot, 3] != 0.0:
+            at = scratch.spots[d * slots + slot, 0]
+            for k in range(scratch.begins[d], scratch.begins[d + 1]):
+                _ask_for(model.table, at + int(cells[k]))
+                _ask_for(model.table, at + int(cells[k]) + near)
+    return near
+
+
+@_kernel
+def _weigh(model, weights, scratch, first, count, policy):
+    """Do what ``value_actions`` does for ``count`` situations of one policy, which share a block of scratch space."""
+    behaviours, table, work = model.behaviours, model.table, scratch.work
+    begun, end = model.policies[policy, BEHAVIOURS], model.policies[policy + 1, BEHAVIOURS]
+    slots = end - begun
+    pairs = _prepare(model, weights, scratch, first, count, policy)
+    if pairs > 0:
+        bearings(work[0], work[1], _whole_lanes(pairs), work[3])
+        for b in range(begun, end):
+            if behaviours[b, LOOKS_AHEAD] != 0.0:
+                scratch.nears[b - begun] = _look_ahead(model, b, b - begun, slots, scratch, first, count, pairs)
+    for d in range(count):
+        q = scratch.order[first + d]
+        state = scratch.states[q]
+        if state < 0:
+            continue
+        offset = model.offsets[state]
+        n = model.offsets[state + 1] - offset
+        out = scratch.values[q]
+        for b in range(begun, end):
+            spot = d * slots + b - begun
+            factor = scratch.parts[spot, 3]
+            if factor == 0.0:
+                continue
+            above, raised = scratch.spots[spot, 3], scratch.parts[spot, 2]
+            if behaviours[b, LOOKS_AHEAD] == 0.0:
+                for k in range(n):
+                    out[k] += factor * behaviours[b, LOW]
+                _add_rows(
+                    table, scratch.spots[spot, 0], scratch.spots[spot, 1], scratch.spots[spot, 2], above,
+                    scratch.parts[spot, 0], scratch.parts[spot, 1], raised, factor * behaviours[b, STEP], n, out,
+                )  # fmt: skip
+                continue
+            slot = b - begun
+            near, at, begin = scratch.nears[slot], scratch.spots[spot, 0], scratch.begins[d]
+            cells, steps = scratch.cells[2 * slot], scratch.cells[2 * slot + 1]
+            parts, turns = work[5 + 2 * slot], work[6 + 2 * slot]
+            low, step, discounts = behaviours[b, LOW], behaviours[b, STEP], model.discounts[b, 0]
+            for k in range(n):
+                pair, action = np.uint64(begin + k), np.uint64(offset + k)
+                value = _interpolate(
+                    table, at + np.int64(cells[pair]), near, np.int64(steps[pair]), above, parts[pair], turns[pair],
+                    raised,
+                )  # fmt: skip
+                value = (low + step * value) * discounts[np.uint64(model.actions[action, LENGTH])]
+                out[np.uint64(k)] += factor * (value - model.moves[action, CUT + slot])
+            x, y, z = scratch.situations[q, 0], scratch.situations[q, 1], scratch.situations[q, 2]
+            for row in range(int(behaviours[b, 2]), int(behaviours[b, 3])):
+                if model.terms[row, 0] == 0.0:
+                    _add_strikes(
+                        model.actions, model.strikes, model.terms, row, offset, n, x, y, z, factor, scratch.rows, out,
+                    )  # fmt: skip
+                else:
+                    _add_nearness(
+                        model.actions, model.paths, model.terms, row, model.discounts, b, offset, n, x, z, factor,
+                        scratch.rows, out,
+                    )  # fmt: skip
+
+
+@_kernel
+def value_actions(model, weights, scratch, first, last):
+    """Write into ``scratch.values`` what each action of a state is worth in the situations ``order[first:last]``.
+
+    A situation is where the target's head is in the avatar's ground frame, for a body of scale 1: x, y, z [m]; then a
+    state, a row of ``weights``, which are those of the behaviours, and a policy, all in ``scratch``. ``BLOCK`` of them
+    are weighed at a time: what they read lies anywhere in memory, and one waits for it while others are worked on.
+    """
+    whose = scratch.policies
+    while first < last:
+        policy = whose[scratch.order[first]]
+        count = 1
+        while first + count < last and count < BLOCK and whose[scratch.order[first + count]] == policy:
+            count += 1
+        _weigh(model, weights, scratch, first, count, policy)
+        first += count
+
+
+@_part
+def _next_strike(actions, strikes, action, phase):
+    """Return the last whole frame before the next strike of an action, or ``NO_STRIKE``."""
+    found = NO_STRIKE
+    for k in range(actions[action, STRIKES], actions[action + 1, STRIKES]):
+        if strikes[k, TIME] > phase:
+            found = min(found, np.int64(np.ceil(strikes[k, TIME])) - 1)
+    return found
+
+
+@_kernel
+def advance(model, avatars, first, last, due, few):
     """Move avatars by one frame; list in ``due[first:]`` those whose action has ended.
 
-    Returns how many those are, or -1 - i where avatar i stands nowhere (not a number).
+    Where they are ``few``, memory is asked for what the next frame will read. Returns how many are listed, or -1 - i
+    where avatar i stands nowhere (not a number).
     """
     whole, real = avatars.whole, avatars.real
     actions, ground, policies = model.actions, model.ground, model.policies
     held = first
     for i in range(first, last):
         action = whole[ACTION, i]
-        length = actions[action, LENGTH]
-        real[PHASE_BEFORE, i] = min(real[PHASE, i], length)
-        phase = real[PHASE, i] + real[SPEED, i]
+        length, before = actions[action, LENGTH], real[PHASE, i]
+        if before > whole[PENDING, i]:
+            whole[PENDING, i] = _next_strike(actions, model.strikes, action, before)
+        phase = before + real[SPEED, i]
+        real[PHASE_BEFORE, i] = min(before, length)
         real[PHASE, i] = phase
         whole[ACTION_BEFORE, i] = -1
-        place = actions[action, ORIGIN] + min(phase, length) * policies[whole[POLICY, i], STRIDE]
-        gx, gz = _between(ground, place, 0), _between(ground, place, 1)
+        stride = policies[whole[POLICY, i], STRIDE]
+        place = actions[action, ORIGIN] + min(phase, length) * stride
+        if few:
+            soon = int(place) + stride
+            _ask_for(ground, 3 * soon)
+            _ask_for(model.bodies, 9 * soon)
+        gx, gz, turned = _ground_at(ground, place)
         cos, sin = real[BASE_COS, i], real[BASE_SIN, i]
         x = real[BASE_X, i] + gx * cos + gz * sin
         z = real[BASE_Z, i] - gx * sin + gz * cos
-        heading = real[BASE_TURN, i] + _between(ground, place, 2)
+        heading = real[BASE_TURN, i] + turned
         real[X, i], real[Z, i], real[HEADING, i] = x, z, heading
         if not math.isfinite(x + z + heading):
             return -1 - i
-        if phase >= length:
-            due[held] = i
-            held += 1
+        due[held] = i
+        held += phase >= length
     return held - first
 
 
@@ -402,7 +640,7 @@ def observe_all(avatars, present, due, first, last, reach, distances, hits, out_
         out_opponents[q] = found
 
 
-@_kernel
+@_part
 def _outside(arena, x, z):
     """Return how far a place lies outside the arena [m]; 0 inside."""
     if arena[0] == 1.0:
@@ -414,7 +652,7 @@ def _outside(arena, x, z):
     return 0.0
 
 
-@_kernel
+@_part
 def _change_opponent(whole, real, slot_of, moods, present, own, nearest):
     """Return the number of an avatar's opponent, or what stands for a target: the old one, unless another is nearer."""
     skip = whole[SKIP, own]
@@ -478,7 +716,7 @@ def crowd_out(
         done = min(real[PHASE, own] - actions[whole[ACTION, own], LENGTH], speed)
         for k in range(offsets[state + 1] - offset):
             action = offset + k
-            ex, ez = moves[MOVE_X, action], moves[MOVE_Z, action]
+            ex, ez = moves[action, MOVE_X], moves[action, MOVE_Z]
             mx, mz = ex * cos + ez * sin, ez * cos - ex * sin
             worst = 0.0
             if close > 0:
@@ -587,14 +825,29 @@ def order_by_state(states, count, starts, out_order):
 
 @_kernel
 def aim(
-    whole, real, slot_of, actions, bodies, policies, arena, crowding, targets, moods, present, moment, due, count,
-    nearest, out_situations, out_states, out_moods, out_policies,
+    whole, real, slot_of, offsets, actions, moves, bodies, policies, arena, crowding, targets, moods, present, moment,
+    due, count, nearest, out_situations, out_states, out_moods, out_policies,
 ):  # fmt: skip
     """Choose opponents for avatars ``due[:count]`` and write their situations (``value_actions``).
 
     The state is that in which the action ends, or -1 where there is nobody to fight.
     """
+    width = whole.shape[1]
     for q in range(count):
+        if q + 2 * AHEAD < count:
+            own, j = due[q + 2 * AHEAD], max(nearest[q + 2 * AHEAD], 0)
+            for row in (OPPONENT, SKIP, ACTION, MOOD, POLICY, OPPONENT_BEFORE):
+                _ask_for(whole, row * width + own)
+            for row in (X, Z, SCALE, HEADING):
+                _ask_for(real, row * width + own)
+                _ask_for(real, row * width + j)
+            _ask_for(real, PHASE * width + j)
+            _ask_for(whole, ACTION * width + j)
+            _ask_for(whole, POLICY * width + j)
+        if q + AHEAD < count:
+            j = max(nearest[q + AHEAD], 0)
+            place = actions[whole[ACTION, j], ORIGIN] + int(real[PHASE, j]) * policies[whole[POLICY, j], STRIDE]
+            _ask_for(bodies, 9 * place)
         own = due[q]
         opponent = _change_opponent(whole, real, slot_of, moods, present, own, nearest[q])
         whole[OPPONENT_BEFORE, own] = whole[OPPONENT, own]
@@ -626,7 +879,11 @@ def aim(
         out_situations[q, 0] = dx * cos - dz * sin
         out_situations[q, 1] = ty / scale
         out_situations[q, 2] = dx * sin + dz * cos
-        out_states[q] = actions[whole[ACTION, own], NEXT] if seen else -1
+        state = actions[whole[ACTION, own], NEXT]
+        for action in range(offsets[state], offsets[state + 1], 2):
+            _ask_for(moves, action * moves.shape[1])
+            _ask_for(actions, action * actions.shape[1])
+        out_states[q] = state if seen else -1
         out_moods[q], out_policies[q] = whole[MOOD, own], whole[POLICY, own]
 
 
@@ -654,7 +911,7 @@ def keep_running(whole, offsets, actions, moves, due, count, states, values):
         if states[q] < 0:
             state = actions[whole[ACTION, due[q]], NEXT]
             for k in range(offsets[state + 1] - offsets[state]):
-                values[q, k] = -moves[COST, offsets[state] + k]
+                values[q, k] = -moves[offsets[state] + k, COST]
 
 
 @_kernel
@@ -667,21 +924,16 @@ def choose(model, avatars, world, present, moment, due, count, nearest, counts, 
     avatar whose values are no numbers.
     """
     aim(
-        avatars.whole, avatars.real, avatars.slot_of, model.actions, model.bodies, model.policies, world.arena,
-        world.crowding, world.targets, world.moods, present, moment, due, count, nearest, scratch.situations,
-        scratch.states, scratch.moods, scratch.policies,
+        avatars.whole, avatars.real, avatars.slot_of, model.offsets, model.actions, model.moves, model.bodies,
+        model.policies, world.arena, world.crowding, world.targets, world.moods, present, moment, due, count, nearest,
+        scratch.situations, scratch.states, scratch.moods, scratch.policies,
     )  # fmt: skip
     if count >= SORTED:
         order_by_state(scratch.states, count, scratch.starts, scratch.order)
     else:
         for q in range(count):
             scratch.order[q] = q
-    value_actions(
-        model.offsets, model.policies, model.actions, model.moves, model.paths, model.strikes, model.behaviours,
-        model.discounts, model.axes, model.terms, model.table, world.weights, 0, count, scratch.order,
-        scratch.situations, scratch.states, scratch.moods, scratch.policies, scratch.cells, scratch.shares,
-        scratch.steps, scratch.work, scratch.rows, scratch.values,
-    )  # fmt: skip
+    value_actions(model, world.weights, scratch, 0, count)
     keep_running(avatars.whole, model.offsets, model.actions, model.moves, due, count, scratch.states, scratch.values)
     crowd_out(
         avatars.whole, avatars.real, model.offsets, model.reaches, model.actions, model.moves, world.arena,
@@ -717,17 +969,18 @@ def switch(model, avatars, due, chosen, first, last):
         real[END_X, i], real[END_Z, i] = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
         if phase > 0.0:
             place = origin + min(phase, actions[new, LENGTH]) * stride
-            gx, gz = _between(ground, place, 0), _between(ground, place, 1)
+            gx, gz, heading = _ground_at(ground, place)
             x, z = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
-            heading = turn + _between(ground, place, 2)
+            heading += turn
         real[X, i], real[Z, i], real[HEADING, i] = x, z, heading
+        whole[PENDING, i] = -1 if whole[PENDING, i] < actions[old, LENGTH] else actions[new, FIRST_STRIKE]
         whole[ACTION_BEFORE, i] = old
         whole[ACTION, i] = new
         real[PHASE, i] = phase
         whole[DECISIONS, i] += 1
 
 
-@_kernel
+@_part
 def _base_before(whole, real, actions, ground, policies, i):
     """Return where the action before the present one is based: x, z, cos, sin, turn."""
     origin = actions[whole[ACTION, i], ORIGIN]
@@ -743,127 +996,151 @@ def _base_before(whole, real, actions, ground, policies, i):
     return x - gx * cos - gz * sin, z + gx * sin - gz * cos, cos, sin, turn
 
 
-@_kernel
-def land(
-    whole, real, slot_of, actions, ground, bodies, policies, sizes, targets, moment, present, frame, first, last,
-    out_whole, out_real,
-):  # fmt: skip
-    """Tell which of the strikes ``first`` to ``last`` land: near the surface of the opponent's head or torso then."""
-    for row in range(first, last):
-        opponent = out_whole[row, 1]
-        px, py, pz = out_real[row, 1], out_real[row, 2], out_real[row, 3]
-        share = out_real[row, 0] - (frame - 1.0)
-        attacker = slot_of[out_whole[row, 0]]
-        policy, scale = whole[POLICY, attacker], real[SCALE, attacker]
-        out_whole[row, 3] = 0
-        if opponent <= -2:
-            target = -2 - opponent
-            hx = targets[moment - 1, target, 0] + share * (targets[moment, target, 0] - targets[moment - 1, target, 0])
-            hy = targets[moment - 1, target, 1] + share * (targets[moment, target, 1] - targets[moment - 1, target, 1])
-            hz = targets[moment - 1, target, 2] + share * (targets[moment, target, 2] - targets[moment - 1, target, 2])
-            head_radius, torso_radius = sizes[policy, 0] * scale, sizes[policy, 1] * scale
-            ux, uy, uz = hx, hy - sizes[policy, 2] * scale, hz
-            lx, ly, lz = hx, hy - sizes[policy, 3] * scale, hz
+@_part
+def _body_at(model, avatars, j, share):
+    """Return head, upper and lower end of the torso of an avatar, ``share`` of the way to this frame."""
+    whole, real, actions, policies, bodies = avatars.whole, avatars.real, model.actions, model.policies, model.bodies
+    action, phase = whole[ACTION, j], min(real[PHASE, j], actions[whole[ACTION, j], LENGTH])
+    bx, bz, cos, sin = real[BASE_X, j], real[BASE_Z, j], real[BASE_COS, j], real[BASE_SIN, j]
+    turn = real[BASE_TURN, j]
+    if whole[ACTION_BEFORE, j] < 0:
+        phase = real[PHASE_BEFORE, j] + share * (phase - real[PHASE_BEFORE, j])
+    else:
+        before = actions[whole[ACTION_BEFORE, j], LENGTH] - real[PHASE_BEFORE, j]
+        moved = share * (before + phase)
+        if moved < before:
+            action = whole[ACTION_BEFORE, j]
+            phase = real[PHASE_BEFORE, j] + moved
+            bx, bz, cos, sin, turn = _base_before(whole, real, actions, model.ground, policies, j)
         else:
-            j = slot_of[opponent] if opponent >= 0 else present
-            if j >= present:
-                continue
-            action, phase = whole[ACTION, j], min(real[PHASE, j], actions[whole[ACTION, j], LENGTH])
-            bx, bz, cos, sin = real[BASE_X, j], real[BASE_Z, j], real[BASE_COS, j], real[BASE_SIN, j]
-            turn = real[BASE_TURN, j]
-            if whole[ACTION_BEFORE, j] < 0:
-                phase = real[PHASE_BEFORE, j] + share * (phase - real[PHASE_BEFORE, j])
-            else:
-                before = actions[whole[ACTION_BEFORE, j], LENGTH] - real[PHASE_BEFORE, j]
-                moved = share * (before + phase)
-                if moved < before:
-                    action = whole[ACTION_BEFORE, j]
-                    phase = real[PHASE_BEFORE, j] + moved
-                    bx, bz, cos, sin, turn = _base_before(whole, real, actions, ground, policies, j)
-                else:
-                    phase = moved - before
-            place = actions[action, ORIGIN] + phase * policies[whole[POLICY, j], STRIDE]
-            gx, gz = _between(ground, place, 0), _between(ground, place, 1)
-            x, z = bx + gx * cos + gz * sin, bz - gx * sin + gz * cos
-            heading = turn + _between(ground, place, 2)
-            size = real[SCALE, j]
-            cos, sin = math.cos(heading) * size, math.sin(heading) * size
-            gx, gz = _between(bodies, place, HEAD), _between(bodies, place, HEAD + 2)
-            hx, hy, hz = x + gx * cos + gz * sin, _between(bodies, place, HEAD + 1) * size, z - gx * sin + gz * cos
-            gx, gz = _between(bodies, place, NECK), _between(bodies, place, NECK + 2)
-            ux, uy, uz = x + gx * cos + gz * sin, _between(bodies, place, NECK + 1) * size, z - gx * sin + gz * cos
-            gx, gz = _between(bodies, place, PELVIS), _between(bodies, place, PELVIS + 2)
-            lx, ly, lz = x + gx * cos + gz * sin, _between(bodies, place, PELVIS + 1) * size, z - gx * sin + gz * cos
-            head_radius = sizes[whole[POLICY, j], 0] * size
-            torso_radius = sizes[whole[POLICY, j], 1] * size
-        gap = abs(math.sqrt((px - hx) ** 2 + (py - hy) ** 2 + (pz - hz) ** 2) - head_radius)
-        dx, dy, dz = ux - lx, uy - ly, uz - lz
-        square = dx * dx + dy * dy + dz * dz
-        t = 0.0
-        if square > 0.0:
-            t = min(max(((px - lx) * dx + (py - ly) * dy + (pz - lz) * dz) / square, 0.0), 1.0)
-        torso = math.sqrt((px - lx - t * dx) ** 2 + (py - ly - t * dy) ** 2 + (pz - lz - t * dz) ** 2)
-        landed = min(gap, abs(torso - torso_radius)) <= sizes[policy, 4] * scale
-        out_whole[row, 3] = landed
+            phase = moved - before
+    place = actions[action, ORIGIN] + phase * policies[whole[POLICY, j], STRIDE]
+    gx, gz, heading = _ground_at(model.ground, place)
+    x, z = bx + gx * cos + gz * sin, bz - gx * sin + gz * cos
+    size = real[SCALE, j]
+    cos, sin = math.cos(turn + heading) * size, math.sin(turn + heading) * size
+    head = _point_at(bodies, place, HEAD, x, z, size, cos, sin)
+    return (
+        head,
+        _point_at(bodies, place, NECK, x, z, size, cos, sin),
+        _point_at(bodies, place, PELVIS, x, z, size, cos, sin),
+    )
+
+
+@_part
+def _touches(head, neck, pelvis, head_radius, torso_radius, tolerance, px, py, pz):
+    """Tell whether a point is within the tolerance of the surface of a head or a torso."""
+    hx, hy, hz = px - head[0], py - head[1], pz - head[2]
+    gap = abs(math.sqrt(hx * hx + hy * hy + hz * hz) - head_radius)
+    dx, dy, dz = neck[0] - pelvis[0], neck[1] - pelvis[1], neck[2] - pelvis[2]
+    lx, ly, lz = px - pelvis[0], py - pelvis[1], pz - pelvis[2]
+    square = dx * dx + dy * dy + dz * dz
+    t = 0.0
+    if square > 0.0:
+        t = min(max((lx * dx + ly * dy + lz * dz) / square, 0.0), 1.0)
+    lx, ly, lz = lx - t * dx, ly - t * dy, lz - t * dz
+    return min(gap, abs(math.sqrt(lx * lx + ly * ly + lz * lz) - torso_radius)) <= tolerance
+
+
+@_part
+def _lands(model, avatars, targets, moment, present, i, opponent, share, px, py, pz):
+    """Tell whether a strike of avatar ``i`` lands: near the surface of the opponent's head or torso then."""
+    real, sizes, policy, scale = avatars.real, model.sizes, avatars.whole[POLICY, i], avatars.real[SCALE, i]
+    tolerance = sizes[policy, TOLERANCE] * scale
+    if opponent <= -2:
+        before, now = targets[moment - 1, -2 - opponent], targets[moment, -2 - opponent]
+        hx, hz = before[0] + share * (now[0] - before[0]), before[2] + share * (now[2] - before[2])
+        hy = before[1] + share * (now[1] - before[1])
+        neck = (hx, hy - sizes[policy, NECK_DROP] * scale, hz)
+        pelvis = (hx, hy - sizes[policy, PELVIS_DROP] * scale, hz)
+        head_radius, torso_radius = sizes[policy, HEAD_RADIUS] * scale, sizes[policy, TORSO_RADIUS] * scale
+        return _touches((hx, hy, hz), neck, pelvis, head_radius, torso_radius, tolerance, px, py, pz)
+    j = avatars.slot_of[opponent] if opponent >= 0 else present
+    if j >= present:
+        return False
+    whose, size = avatars.whole[POLICY, j], real[SCALE, j]
+    dx, dz = real[X, j] - px, real[Z, j] - pz
+    # As far as a body reaches from where it stands, and moves in a frame: most who miss are not even near.
+    far = size * (sizes[whose, REACH] + real[SPEED, j] * sizes[whose, PACE]) + tolerance
+    if dx * dx + dz * dz > far * far:
+        return False
+    head, neck, pelvis = _body_at(model, avatars, j, share)
+    head_radius, torso_radius = sizes[whose, HEAD_RADIUS] * size, sizes[whose, TORSO_RADIUS] * size
+    return _touches(head, neck, pelvis, head_radius, torso_radius, tolerance, px, py, pz)
+
+
+@_part
+def _strikes_in(model, avatars, targets, present, moment, frame, i, old, out_whole, out_real, held):
+    """List the strikes of one avatar in its action, or in its ``old`` one; return how many ``held`` and they are."""
+    whole, real, actions, strikes, ground = avatars.whole, avatars.real, model.actions, model.strikes, model.ground
+    switched = whole[ACTION_BEFORE, i] >= 0
+    before = whole[ACTION_BEFORE, i] if switched else whole[ACTION, i]
+    action = before if old else whole[ACTION, i]
+    shown = min(real[PHASE, i], actions[whole[ACTION, i], LENGTH])
+    rest = actions[before, LENGTH] - real[PHASE_BEFORE, i] if switched else 0.0
+    motion = rest + shown if switched else shown - real[PHASE_BEFORE, i]
+    low = real[PHASE_BEFORE, i] if old or not switched else 0.0
+    high = actions[before, LENGTH] if old else shown
+    scale = real[SCALE, i]
+    opponent = whole[OPPONENT_BEFORE, i] if old else whole[OPPONENT, i]
+    for k in range(actions[action, STRIKES], actions[action + 1, STRIKES]):
+        time = np.float64(strikes[k, TIME])
+        if not low < time <= high:
+            continue
+        if held < out_whole.shape[0]:
+            base_x, base_z, cos, sin = real[BASE_X, i], real[BASE_Z, i], real[BASE_COS, i], real[BASE_SIN, i]
+            if old:
+                base_x, base_z, cos, sin, _ = _base_before(whole, real, actions, ground, model.policies, i)
+            origin = actions[action, ORIGIN]
+            gx, gz, gh = ground[origin, 0], ground[origin, 1], ground[origin, 2]
+            wx, wz = math.cos(gh), math.sin(gh)
+            fx, fz = strikes[k, FIST_X], strikes[k, FIST_Z]
+            gx, gz = gx + fx * wx + fz * wz, gz - fx * wz + fz * wx
+            px, pz = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
+            py = strikes[k, FIST_Y] * scale
+            share = (time - low + (0.0 if old or not switched else rest)) / motion
+            out_whole[held, 0] = whole[NUMBER, i]
+            out_whole[held, 1] = opponent
+            out_whole[held, 2] = strikes[k, HAND]
+            # Between two frames, and as exact as a number that is written: landing is judged then.
+            out_real[held, 0] = frame - 1.0 + share
+            out_real[held, 1], out_real[held, 2], out_real[held, 3] = px, py, pz
+            out_real[held, 4] = strikes[k, FIST_SPEED] * scale * real[SPEED, i]
+            share = out_real[held, 0] - (frame - 1.0)
+            out_whole[held, 3] = _lands(model, avatars, targets, moment, present, i, opponent, share, px, py, pz)
+        held += 1
+    return held
 
 
 @_kernel
-def strike(model, avatars, world, present, moment, frame, first, last, out_whole, out_real, held):
+def strike(model, avatars, world, present, moment, frame, first, last, who, out_whole, out_real, held):
     """List the strikes that avatars have thrown on the way to this frame; return how many ``held`` and they are.
 
     Within a control frame motion runs evenly, through the end of an action where there is one; strikes and opponents
     are placed in between accordingly. Where ``out_whole`` and ``out_real`` have no room, strikes are only counted.
+    ``who[first:last]`` is scratch space.
     """
-    whole, real = avatars.whole, avatars.real
-    actions, strikes, ground, policies = model.actions, model.strikes, model.ground, model.policies
-    begun = held
-    for i in range(first, last):
-        switched = whole[ACTION_BEFORE, i] >= 0
-        before = whole[ACTION_BEFORE, i] if switched else whole[ACTION, i]
-        now = whole[ACTION, i]
-        if actions[before, STRIKES] == actions[before + 1, STRIKES] and (
-            actions[now, STRIKES] == actions[now + 1, STRIKES]
-        ):
-            continue
-        shown = min(real[PHASE, i], actions[now, LENGTH])
-        rest = actions[before, LENGTH] - real[PHASE_BEFORE, i] if switched else 0.0
-        motion = rest + shown if switched else shown - real[PHASE_BEFORE, i]
-        scale = real[SCALE, i]
-        for part in range(2 if switched else 1):
-            old = switched and part == 0
-            action = before if old else now
-            low = real[PHASE_BEFORE, i] if old or not switched else 0.0
-            high = actions[before, LENGTH] if old else shown
-            for k in range(actions[action, STRIKES], actions[action + 1, STRIKES]):
-                time = np.float64(strikes[k, TIME])
-                if not low < time <= high:
-                    continue
-                if old:
-                    base_x, base_z, cos, sin, _ = _base_before(whole, real, actions, ground, policies, i)
-                else:
-                    base_x, base_z = real[BASE_X, i], real[BASE_Z, i]
-                    cos, sin = real[BASE_COS, i], real[BASE_SIN, i]
-                origin = actions[action, ORIGIN]
-                gx, gz, gh = ground[origin, 0], ground[origin, 1], ground[origin, 2]
-                wx, wz = math.cos(gh), math.sin(gh)
-                fx, fz = strikes[k, FIST_X], strikes[k, FIST_Z]
-                gx, gz = gx + fx * wx + fz * wz, gz - fx * wz + fz * wx
-                px, pz = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
-                py = strikes[k, FIST_Y] * scale
-                share = (time - low + (0.0 if old or not switched else rest)) / motion
-                opponent = whole[OPPONENT_BEFORE, i] if old else whole[OPPONENT, i]
-                if held < out_whole.shape[0]:
-                    out_whole[held, 0] = whole[NUMBER, i]
-                    out_whole[held, 1] = opponent
-                    out_whole[held, 2] = strikes[k, HAND]
-                    out_real[held, 0] = frame - 1.0 + share
-                    out_real[held, 1], out_real[held, 2], out_real[held, 3] = px, py, pz
-                    out_real[held, 4] = strikes[k, FIST_SPEED] * scale * real[SPEED, i]
-                held += 1
-    land(
-        whole, real, avatars.slot_of, actions, ground, model.bodies, policies, model.sizes, world.targets, moment,
-        present, frame, begun, min(held, out_whole.shape[0]), out_whole, out_real,
-    )  # fmt: skip
+    whole, real, actions, slot_of = avatars.whole, avatars.real, model.actions, avatars.slot_of
+    listed = first
+    for i in range(first, last):  # no branch: who strikes is anybody's guess
+        who[listed] = i
+        listed += real[PHASE, i] > whole[PENDING, i]
+    for k in range(first, listed):
+        if k + AHEAD < listed:
+            i = who[k + AHEAD]
+            _ask_for(model.strikes, model.strikes.shape[1] * actions[whole[ACTION, i], STRIKES])
+            _ask_for(model.ground, 3 * actions[whole[ACTION, i], ORIGIN])
+            j = slot_of[max(whole[OPPONENT, i], 0)]
+            place = int(real[PHASE, j]) * model.policies[whole[POLICY, j], STRIDE]
+            place += actions[whole[ACTION, j], ORIGIN]
+            _ask_for(model.bodies, 9 * place)
+            _ask_for(model.ground, 3 * place)
+        i = who[k]
+        if whole[ACTION_BEFORE, i] >= 0:
+            held = _strikes_in(
+                model, avatars, world.targets, present, moment, frame, i, True, out_whole, out_real, held
+            )
+        held = _strikes_in(model, avatars, world.targets, present, moment, frame, i, False, out_whole, out_real, held)
     return held
 
 
@@ -914,7 +1191,7 @@ def run_frames(
                 due[i] = i
             dues = present
         else:
-            dues = advance(model, avatars, 0, present, due)
+            dues = advance(model, avatars, 0, present, due, True)
             if dues < 0:
                 fault[0], fault[1] = frame + k, -1 - dues
                 return k, held
@@ -937,10 +1214,16 @@ def run_frames(
             return k, held
         if timings is not None:
             times[3] = _now(clock)
+        for q in range(dues):
+            origin, length = model.actions[chosen[q], ORIGIN], model.actions[chosen[q], LENGTH]
+            _ask_for(model.ground, 3 * origin)
+            _ask_for(model.ground, 3 * (origin + length * model.policies[avatars.whole[POLICY, due[q]], STRIDE]))
         switch(model, avatars, due, chosen, 0, dues)
         if timings is not None:
             times[4] = _now(clock)
-        held = strike(model, avatars, world, present, k + 1, frame + k, 0, present, strikes.whole, strikes.real, held)
+        held = strike(
+            model, avatars, world, present, k + 1, frame + k, 0, present, due, strikes.whole, strikes.real, held
+        )
         if timings is not None:
             times[5] = _now(clock)
         write_record(model, avatars, record, k, 0, present)

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import Model
 from crowdsim.errors import RunError
+from crowdsim.policy.rewards import StrikeTerm, TransitionTerm
 
 if TYPE_CHECKING:
+    from crowdsim.policy.actions import Actions
     from crowdsim.policy.policy import Policy
 
 Array = NDArray[Any]
@@ -57,10 +59,6 @@ def build_model(policies: Sequence[Policy]) -> Model:
         start + policy.database.stride * (np.asarray(policy.graph.action_first, np.int64) - 1)
         for start, policy in zip(starts["frame"], policies, strict=False)
     ]
-    sizes = [
-        (*(getattr(policy.body, name) for name in ("head_radius", "torso_radius", "neck_drop", "pelvis_drop")), reach)
-        for policy, reach in zip(policies, map(_tolerance, policies), strict=True)
-    ]
     parts = [np.asarray(table.table) for table in tables]
     if len({part.dtype for part in parts}) > 1:
         parts = [policy_values(policy) for policy in policies]
@@ -69,10 +67,10 @@ def build_model(policies: Sequence[Policy]) -> Model:
     values = (parts[0] if len(parts) == 1 else np.concatenate(parts)).view(np.ndarray)
     values.flags.writeable = False  # mapped or not, kernels are compiled for one type
     paths = _joined([action.paths for action in actions], np.float64)
-    times = np.concatenate([np.arange(length) + 1.0 for action in actions for length in action.lengths])
     joined = np.concatenate(behaviours)
+    terms = _joined([table.terms for table in tables], np.float64)
     ways = np.concatenate([action.displacements for action in actions]).astype(float)
-    closing = np.array([[-1, 0, 0, starts["path"][-1], starts["strike"][-1]]])
+    closing = np.array([[-1, 0, 0, starts["path"][-1], starts["strike"][-1], kernels.NO_STRIKE]])
     offsets = _csr([action.offsets for action in actions], starts["action"])
     columns = [
         _moved([action.next for action in actions], starts["state"]),
@@ -80,20 +78,26 @@ def build_model(policies: Sequence[Policy]) -> Model:
         _joined(origins, np.int32),
         _moved([action.path_offsets[:-1] for action in actions], starts["path"]),
         _moved([action.strike_offsets[:-1] for action in actions], starts["strike"]),
+        np.concatenate([_before_first_strike(action) for action in actions]),
     ]
     costs = _joined([action.costs for action in actions], np.float64)
     databases = [policy.database for policy in policies]
+    moves = _moves(ways, costs, joined, terms, starts)
+    strikes = _strikes(policies, joined, terms, starts)
+    # What cuts cost is known beforehand and stands among ``moves``.
+    kept = np.concatenate([[0], np.cumsum(terms[:, 0] != TransitionTerm.code)])
+    joined[:, 2:4] = kept[joined[:, 2:4].astype(int)]
     return Model(
         offsets=offsets,
         reaches=np.maximum.reduceat(np.hypot(ways[:, 0], ways[:, 1]), offsets[:-1]),
         actions=np.concatenate([np.column_stack(columns), closing]).astype(np.int32),
-        moves=np.stack([ways[:, 0], ways[:, 1], np.cos(ways[:, 2]), np.sin(ways[:, 2]), costs]).astype(np.float32),
-        paths=np.stack([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2]), times]).astype(np.float32),
-        strikes=np.concatenate([_strikes(policy) for policy in policies]),
+        moves=moves,
+        paths=_padded([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2])]),
+        strikes=strikes,
         behaviours=joined,
-        discounts=joined[:, 8:9] ** np.arange(int(max(action.lengths.max() for action in actions)) + 1),
-        axes=_joined([table.axes for table in tables], np.float64),
-        terms=_joined([table.terms for table in tables], np.float64),
+        discounts=_discounts(joined[:, kernels.DISCOUNT], int(max(action.lengths.max() for action in actions))),
+        grids=_grids(joined, _joined([table.axes for table in tables], np.float64)),
+        terms=terms[terms[:, 0] != TransitionTerm.code],
         table=values,
         ground=_joined([database.ground for database in databases], np.float64),
         bodies=np.concatenate(
@@ -107,7 +111,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
                 starts["state"],
             ]
         ).astype(np.int32),
-        sizes=np.array(sizes, dtype=float),
+        sizes=np.array([_sizes(policy) for policy in policies]),
     )
 
 
@@ -119,11 +123,34 @@ def policy_values(policy: Policy) -> Array:
 def entry_actions(model: Model) -> Array:
     """Return the cheapest action that ends in each state, the first among equals; -1 for none. Shape (S,), int32."""
     ends = model.actions[:-1, kernels.NEXT]
-    order = np.lexsort((np.arange(len(ends)), model.moves[kernels.COST], ends))
+    order = np.lexsort((np.arange(len(ends)), model.moves[:, kernels.COST], ends))
     entries = np.full(len(model.offsets) - 1, -1, np.int32)
     states, first = np.unique(ends[order], return_index=True)
     entries[states] = order[first]
     return entries
+
+
+def _before_first_strike(actions: Actions) -> Array:
+    found = np.full(actions.action_count, kernels.NO_STRIKE)
+    owners = np.repeat(np.arange(actions.action_count), np.diff(actions.strike_offsets))
+    np.minimum.at(found, owners, np.ceil(actions.strike_times.astype(np.float32)).astype(int) - 1)
+    return found
+
+
+def _sizes(policy: Policy) -> list[float]:
+    body, database = policy.body, policy.database
+
+    def reach(*points: Array) -> float:
+        return max((float(np.hypot(point[:, 0], point[:, 2]).max(initial=0.0)) for point in points), default=0.0)
+
+    furthest = max(
+        reach(database.heads) + body.head_radius, reach(database.necks, database.pelvises) + body.torso_radius
+    )
+    steps = np.hypot(*np.diff(database.ground[:, :2], axis=0).T)
+    steps[np.asarray(database.clip_starts[1:-1], int) * database.stride - 1] = 0.0
+    pace = float(steps.max(initial=0.0)) * database.stride
+    drops = (body.neck_drop, body.pelvis_drop)
+    return [body.head_radius, body.torso_radius, *drops, _tolerance(policy), furthest + 1e-5, pace + 1e-5]
 
 
 def _tolerance(policy: Policy) -> float:
@@ -133,11 +160,64 @@ def _tolerance(policy: Policy) -> float:
     return float(max(found, default=TOLERANCE))
 
 
-def _strikes(policy: Policy) -> Array:
-    actions, database = policy.actions, policy.database
-    speeds, hands = database.strike_speeds[actions.strike_ids], database.strike_hands[actions.strike_ids]
-    places = np.reshape(actions.strike_places, (-1, 3))
-    return np.column_stack([actions.strike_times, places, actions.strike_speeds, speeds, hands]).astype(np.float32)
+def _strikes(policies: Sequence[Policy], behaviours: Array, terms: Array, starts: dict[str, Array]) -> Array:
+    """Return the strikes in actions, and what those that land earn by each strike term of their policy.
+
+    The column of what a term earns is written into its row.
+    """
+    parts = []
+    for p, policy in enumerate(policies):
+        actions, database = policy.actions, policy.database
+        speeds, hands = database.strike_speeds[actions.strike_ids], database.strike_hands[actions.strike_ids]
+        places = np.reshape(actions.strike_places, (-1, 3))
+        owners = np.repeat(np.arange(actions.action_count), np.diff(actions.strike_offsets))
+        owners -= np.repeat(actions.offsets[:-1], np.diff(actions.offsets))[owners]
+        columns = [actions.strike_times, *places.T, speeds, hands, owners]
+        for row in behaviours[starts["behaviour"][p] : starts["behaviour"][p + 1]]:
+            for term in terms[int(row[2]) : int(row[3])]:
+                if term[0] == StrikeTerm.code:
+                    term[8] = len(columns)
+                    fast = actions.strike_speeds.astype(float) ** term[3]
+                    columns.append(row[kernels.DISCOUNT] ** actions.strike_times.astype(float) * fast)
+        parts.append(np.column_stack(columns))
+    width = -(-max(part.shape[1] for part in parts) // 8) * 8
+    return np.concatenate([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts]).astype(np.float32)
+
+
+def _discounts(discounts: Array, longest: int) -> Array:
+    """Return powers of each discount: row 0 from 0 on, row T for frames 1 to T of an action, and zeros behind them."""
+    times = np.arange(-(-(longest + 1) // kernels.LANES) * kernels.LANES)
+    rows = discounts[:, None, None] ** (times + 1.0) * (times < np.arange(longest + 1)[:, None])
+    rows[:, 0] = discounts[:, None] ** times
+    return np.asarray(rows)
+
+
+def _moves(ways: Array, costs: Array, behaviours: Array, terms: Array, starts: dict[str, Array]) -> Array:
+    """Return where actions end, what their transitions cost, and what cuts cost each behaviour of the policy."""
+    slots = int(np.diff(starts["behaviour"]).max())
+    moves = np.zeros((len(ways), -(-(kernels.CUT + slots) // 8) * 8), np.float32)
+    moves[:, : kernels.CUT] = np.column_stack([ways[:, :2], np.cos(ways[:, 2]), np.sin(ways[:, 2]), costs])
+    for p, start in enumerate(starts["behaviour"][:-1]):
+        own = slice(starts["action"][p], starts["action"][p + 1])
+        for slot, row in enumerate(behaviours[start : starts["behaviour"][p + 1]]):
+            for code, weight, each, *_ in terms[int(row[2]) : int(row[3])]:
+                if code == TransitionTerm.code:
+                    moves[own, kernels.CUT + slot] += weight * costs[own] + each * (costs[own] > 0.0)
+    return moves
+
+
+def _grids(behaviours: Array, axes: Array) -> Array:
+    """Return each behaviour's axes, those of a kind in one place; one that it does not have is a single point."""
+    grids = np.tile([0.0, 1.0, 1.0, 0.0, 0.0, 0.0], (len(behaviours), 3, 1))
+    for grid, (first, end) in zip(grids, behaviours[:, :2].astype(int), strict=True):
+        for kind, minimum, step, points, wraps, stride, fade in axes[first:end]:
+            grid[int(kind)] = minimum, 1.0 / step, points, wraps, stride, 0.0 if wraps else fade
+    return grids
+
+
+def _padded(rows: Sequence[Array]) -> Array:
+    """Return rows with room to read beyond their ends, float32."""
+    return np.pad(np.stack(rows), ((0, 0), (0, kernels.LANES))).astype(np.float32)
 
 
 def _starts(counts: Sequence[int]) -> Array:

@@ -2,18 +2,19 @@
 
 Every index gives the same answers: the nearest opponent by squared distance in float64, the lower number among
 equals, and the neighbours within reach. ``kd_tree`` is what ``auto`` takes; ``scipy`` finds opponents its own way, for
-comparison, and leaves the neighbours to the trees.
+comparison, and leaves the neighbours to the tree.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.crowd.arrays import Avatars
-from crowdsim.crowd.kd_tree import Forest, fit_forest, plan_forest, sort_forest
+from crowdsim.crowd.kd_tree import Tree, fit_tree, plan_tree, sort_tree
 from crowdsim.crowd.kd_tree_kernels import observe
 from crowdsim.crowd.workers import Workers
 
@@ -21,11 +22,11 @@ Array = NDArray[Any]
 
 SEARCHES = ("auto", "kd_tree", "scipy")
 
-FEW_TEAMS = 8
-"""Up to so many teams have a tree each; more share one, whose nodes know when all below are of one team."""
-
 SORT_EVERY = 16
-"""Frames after which avatars are brought into the order of newly built trees; between, trees are only refitted."""
+"""Frames after which avatars may be brought into the order of a newly built tree; between, it is only refitted."""
+
+GROWN = 1.2
+"""How much longer the sides of the leaves' boxes must have become for that, since a crowd that fights hardly moves."""
 
 
 class Index(Protocol):
@@ -45,54 +46,50 @@ class Index(Protocol):
 
 
 class TreeIndex:
-    """KD-trees over the avatars' own arrays, which it keeps sorted.
+    """A KD-tree over the avatars' own arrays, which it keeps sorted.
 
     Args:
         workers: Threads for building and fitting.
-        sort_every: Frames between sorting the storage.
+        sort_every: Least frames between sorting the storage.
     """
 
     def __init__(self, workers: Workers, sort_every: int = SORT_EVERY) -> None:
         self._workers = workers
         self._sort_every = sort_every
-        self._forest: Forest | None = None
+        self._tree: Tree | None = None
         self._age = 0
+        self._extent = 0.0
 
     @property
     def nbytes(self) -> int:
-        """Memory of the trees' boxes."""
-        return 0 if self._forest is None else self._forest.boxes.nbytes + self._forest.box_teams.nbytes
+        """Memory of the tree's boxes."""
+        return 0 if self._tree is None else self._tree.boxes.nbytes + self._tree.box_teams.nbytes
 
     def reset(self) -> None:
         """Forget the order, since other avatars are present, or they fight otherwise."""
-        self._forest = None
+        self._tree = None
 
     def update(self, avatars: Avatars, present: int) -> None:
         """Take up where the first ``present`` slots stand now; sort their storage when the time has come."""
-        if self._forest is None:
-            self._forest = self._group(avatars, present)
-            self._age = self._sort_every
-        if self._age >= self._sort_every:
-            self._sort(avatars, present)
-            self._age = 0
+        if self._tree is None:
+            self._tree = plan_tree(
+                avatars.x[:present], avatars.z[:present], avatars.number[:present], avatars.team[:present]
+            )
+            self._age, self._extent = self._sort_every, 0.0
+        if self._age >= self._sort_every and self._extents() > GROWN * self._extent:
+            copy = replace(self._tree, xs=avatars.x[:present].copy(), zs=avatars.z[:present].copy())
+            store_in_order(avatars, sort_tree(copy, self._workers))
+            fit_tree(self._tree, self._workers)
+            self._age, self._extent = 0, self._extents()
+        else:
+            fit_tree(self._tree, self._workers)
         self._age += 1
-        fit_forest(self._forest, self._workers)
 
-    def _group(self, avatars: Avatars, present: int) -> Forest:
-        """Store teams one after another where each has a tree, and plan the trees."""
-        counts = np.array([present])
-        teams = np.unique(avatars.team[:present])
-        if 1 < len(teams) <= FEW_TEAMS and (avatars.skip[:present] >= 0).any():
-            counts = np.array([np.count_nonzero(avatars.team[:present] == team) for team in teams])
-            store_in_order(avatars, np.argsort(avatars.team[:present], kind="stable"))
-        return plan_forest(
-            avatars.x[:present], avatars.z[:present], avatars.number[:present], avatars.team[:present], counts
-        )
-
-    def _sort(self, avatars: Avatars, present: int) -> None:
-        assert self._forest is not None
-        forest = Forest(**{**vars(self._forest), "xs": avatars.x[:present].copy(), "zs": avatars.z[:present].copy()})
-        store_in_order(avatars, sort_forest(forest, self._workers))
+    def _extents(self) -> float:
+        """Return the length of all sides of the leaves' boxes; that of a tree which is not fitted yet has no end."""
+        assert self._tree is not None
+        boxes = self._tree.boxes[1 << self._tree.depth :]
+        return float(np.abs(boxes[:, 1] - boxes[:, 0]).sum() + np.abs(boxes[:, 3] - boxes[:, 2]).sum())
 
     def observe(
         self, avatars: Avatars, due: Array, first: int, last: int, reach: float, opponents: Array, counts: Array,
@@ -105,10 +102,10 @@ class TreeIndex:
         self, avatars: Avatars, skip: Array, due: Array, first: int, last: int, reach: float, opponents: Array,
         counts: Array, neighbours: Array,
     ) -> None:  # fmt: skip
-        f = self._forest
-        assert f is not None
+        tree = self._tree
+        assert tree is not None
         observe(
-            f.xs, f.zs, f.number, f.team, f.starts, f.depths, f.nodes, f.boxes, f.box_teams, due, skip,
+            tree.xs, tree.zs, tree.number, tree.team, tree.depth, tree.boxes, tree.box_teams, due, skip,
             avatars.opponent, avatars.slot_of, reach, first, last, opponents, counts, neighbours,
         )  # fmt: skip
 

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.crowd import limits_kernels
-from crowdsim.crowd.simulation import STAGES, Simulation
+from crowdsim.crowd.chunk import STAGES
+from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import OutputError
 from crowdsim.figures import new_figure, save_figure
 

@@ -65,6 +65,10 @@ class Scenario(StrictModel):
         default_factory=lambda: AnyoneOpponents(kind="anyone"),
         description="Whom avatars fight, unless their group says.",
     )
+    keep_apart: bool = Field(
+        default=True,
+        description="Whether avatars choose ways that keep out of one another; else they may walk through.",
+    )
     reactions: bool = Field(default=True, description="Whether those whom a strike lands on give way to it.")
     targets: dict[Name, Target] = Field(default_factory=dict, description="Scripted targets by name.")
     events: tuple[Event, ...] = Field(default=(), description="What happens on the way; each once.")

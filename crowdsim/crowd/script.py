@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -114,6 +114,50 @@ class Script:
 
     targets: tuple[TargetPath, ...] = ()
     changes: tuple[Change, ...] = ()
+
+
+class Agenda:
+    """The changes of a script that have not happened yet, and what they wait for.
+
+    Args:
+        changes: The changes.
+        teams: Number of teams.
+    """
+
+    def __init__(self, changes: Sequence[Change], teams: int) -> None:
+        self._pending = list(changes)
+        self._landed = np.zeros(teams, np.int64)
+
+    def until_next(self, frame: int, most: int) -> int:
+        """Return how many frames can be run from ``frame`` on before something may happen, at most ``most``."""
+        for change in self._pending:
+            most = min(most, 1 if change.frame is None else max(change.frame - frame, 1))
+        return most
+
+    def count(self, teams: Array) -> None:
+        """Count strikes that have landed by the teams of those who threw them. Shape (n,)."""
+        if self._pending:
+            self._landed += np.bincount(teams, minlength=len(self._landed))
+
+    def due(self, frame: int, distance: Callable[[int, int], float]) -> Iterator[Change]:
+        """Yield each change whose time has come, once, and ask for the next one's when it has been made.
+
+        Args:
+            frame: The control frame.
+            distance: Tells the least distance between avatars of two groups [m].
+        """
+        for change in list(self._pending):
+            if self._is_time(change, frame, distance):
+                self._pending.remove(change)
+                yield change
+
+    def _is_time(self, change: Change, frame: int, distance: Callable[[int, int], float]) -> bool:
+        if change.frame is not None:
+            return frame >= change.frame
+        if change.near is not None:
+            return frame > 0 and distance(change.near[0], change.near[1]) < change.near[2]
+        landed = self._landed.sum() if change.team < 0 else self._landed[change.team]
+        return bool(landed >= change.strikes > 0)
 
 
 def target_places(paths: Sequence[TargetPath], first: int, count: int, rate: float) -> Array:

@@ -8,7 +8,6 @@ stage shared out among threads. Both give the same bytes, for any number of thre
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from time import perf_counter_ns
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.crowd import kernels
-from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World, empty_record, empty_scratch
+from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World, empty_record, empty_scratch, empty_strikes
+from crowdsim.crowd.chunk import STAGES, Chunk, events_of
 from crowdsim.crowd.crowd import Crowd, build_avatars, enter
-from crowdsim.crowd.events import VARIABLES, Events
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import SEARCHES, Index, build_index
 from crowdsim.crowd.random import Purpose, stream
-from crowdsim.crowd.script import Change, Script, target_places
+from crowdsim.crowd.script import Agenda, Change, Script, target_places
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import RunError, nearest
 
@@ -31,9 +30,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-STAGES = ("index", "observe", "choose", "advance", "strikes", "record")
-"""What a control frame's time is spent on."""
-
 SMALL = 400
 """Most avatars whose opponents are found by comparing with everyone, many frames in one compiled call."""
 
@@ -41,44 +37,6 @@ _TOGETHER = 8192
 """Avatars of one thread that observe and choose together; what they note stays in a processor's cache."""
 
 _CHUNK_AVATAR_FRAMES = 1_000_000
-
-
-@dataclass(frozen=True)
-class Chunk:
-    """Some control frames of a run; arrays (frames, N) by avatar number.
-
-    Attributes:
-        first: The first of the frames.
-        action: Action that each avatar does, a number of its policy's graph; -1 where it is absent. int32.
-        action_frame: Frames of that action done. float32.
-        x: Where it stands [m]. float32.
-        z: Likewise. float32.
-        heading: Where it looks [rad], in -pi..pi. float32.
-        opponent: Avatar that it fights, ``-2 - k`` for scripted target k, -1 for nobody. int32.
-        targets: Places of scripted targets [m]. Shape (frames, G, 3), float32.
-        events: Strikes thrown on the way to these frames.
-        timings: Time of each of ``STAGES`` [ns], in a run that is profiled. Shape (frames, 6), int64.
-    """
-
-    first: int
-    action: Array
-    action_frame: Array
-    x: Array
-    z: Array
-    heading: Array
-    opponent: Array
-    targets: Array
-    events: Events
-    timings: Array | None = None
-
-    @property
-    def frames(self) -> int:
-        """Number of control frames."""
-        return len(self.action)
-
-    def variables(self) -> dict[str, Array]:
-        """Return what is recorded for each frame and avatar, by name."""
-        return {name: getattr(self, name) for name in VARIABLES}
 
 
 class Simulation:
@@ -117,8 +75,7 @@ class Simulation:
         self.frame = 0
         self.rate = float(policies[0].database.control_rate)
         self._script = script or Script()
-        self._pending = list(self._script.changes)
-        self._landed = np.zeros(int(crowd.team.max(initial=0)) + 1, np.int64)
+        self._agenda = Agenda(self._script.changes, int(crowd.team.max(initial=0)) + 1)
         self._workers = Workers(threads)
         self._search = search
         self._index: Index = build_index(search, self._workers)
@@ -160,7 +117,7 @@ class Simulation:
             self._happen()
             if self.present < count:
                 self._blank(record, done, frames)
-            step = self._until_next_change(frames - done)
+            step = self._agenda.until_next(self.frame, frames - done)
             rows = record.rows(done, done + step)
             times = None if timings is None else timings[done : done + step]
             if self.present <= SMALL and self._search in ("auto", "kd_tree"):
@@ -179,7 +136,7 @@ class Simulation:
             heading=record.real[3],
             opponent=record.whole[1],
             targets=targets.astype(np.float32),
-            events=_in_order(strikes),
+            events=events_of(strikes),
             timings=timings,
         )
 
@@ -187,7 +144,7 @@ class Simulation:
         """Run as many frames as there are rows, or as there is room for strikes, in one compiled call."""
         frames, present = rows.whole.shape[1], self.present
         world = self._world_at(self.frame - 1, frames + 1)
-        strikes = _room(16 * present + present * frames // 2)
+        strikes = empty_strikes(16 * present + present * frames // 2)
         fault = np.full(2, -1, np.int64)
         fresh = len(self._fresh) > 0
         if fresh and len(self._fresh) < present:
@@ -202,7 +159,7 @@ class Simulation:
         self._fresh = self._fresh[:0]
         self.frame += ran
         thrown = Strikes(strikes.whole[:held], strikes.real[:held])
-        self._count_landed(thrown)
+        self._agenda.count(self.crowd.team[thrown.whole[thrown.whole[:, 3] > 0, 0]])
         return int(ran), thrown
 
     def _run_stages(self, rows: Record, timings: Array | None) -> tuple[int, Strikes]:
@@ -243,7 +200,7 @@ class Simulation:
                 spent[4], spent[5],
             )  # fmt: skip
         self.frame += 1
-        self._count_landed(thrown)
+        self._agenda.count(self.crowd.team[thrown.whole[thrown.whole[:, 3] > 0, 0]])
         return 1, thrown
 
     def _advance(self) -> Array:
@@ -251,7 +208,7 @@ class Simulation:
         found: dict[int, int] = {}
 
         def move(first: int, last: int) -> None:
-            found[first] = kernels.advance(self.model, self.avatars, first, last, self._due)
+            found[first] = kernels.advance(self.model, self.avatars, first, last, self._due, False)
 
         self._workers.each(move, self.present)
         for held in found.values():
@@ -296,9 +253,9 @@ class Simulation:
         def throw(first: int, last: int) -> None:
             room = 64 + (last - first) // 3
             while True:
-                strikes = _room(room)
+                strikes = empty_strikes(room)
                 held = kernels.strike(
-                    self.model, self.avatars, world, self.present, 1, self.frame, first, last, *strikes, 0
+                    self.model, self.avatars, world, self.present, 1, self.frame, first, last, self._due, *strikes, 0
                 )
                 if held <= room:
                     found[first] = Strikes(strikes.whole[:held], strikes.real[:held])
@@ -307,7 +264,7 @@ class Simulation:
 
         self._workers.each(throw, self.present)
         parts = [found[first] for first in sorted(found)]
-        return Strikes(*(np.concatenate(part) for part in zip(*parts, strict=True))) if parts else _room(0)
+        return Strikes(*(np.concatenate(part) for part in zip(*parts, strict=True))) if parts else empty_strikes(0)
 
     def _world_at(self, first: int, frames: int) -> World:
         if not self._script.targets:
@@ -328,31 +285,10 @@ class Simulation:
             "finite numbers; the policy's tables or motion are damaged"
         )
 
-    def _until_next_change(self, most: int) -> int:
-        """Return how many frames can be run before something may happen."""
-        for change in self._pending:
-            most = min(most, 1 if change.frame is None else max(change.frame - self.frame, 1))
-        return most
-
-    def _count_landed(self, thrown: Strikes) -> None:
-        if self._pending:
-            attackers = thrown.whole[thrown.whole[:, 3] > 0, 0]
-            self._landed += np.bincount(self.crowd.team[attackers], minlength=len(self._landed))
-
     def _happen(self) -> None:
         """Make changes whose time has come, before this frame's decisions."""
-        for change in list(self._pending):
-            if self._is_time(change):
-                self._pending.remove(change)
-                self._make(change)
-
-    def _is_time(self, change: Change) -> bool:
-        if change.frame is not None:
-            return self.frame >= change.frame
-        if change.near is not None:
-            return self.frame > 0 and self._distance(change.near[0], change.near[1]) < change.near[2]
-        landed = self._landed.sum() if change.team < 0 else self._landed[change.team]
-        return bool(landed >= change.strikes > 0)
+        for change in self._agenda.due(self.frame, self._distance):
+            self._make(change)
 
     def _distance(self, one: int, other: int) -> float:
         """Return the least distance between avatars of two groups [m]."""
@@ -433,23 +369,3 @@ def simulate(
             yield simulation.run(min(size, frames - simulation.frame))
     finally:
         simulation.close()
-
-
-def _room(count: int) -> Strikes:
-    return Strikes(np.empty((count, 4), np.int32), np.empty((count, 5)))
-
-
-def _in_order(parts: list[Strikes]) -> Events:
-    whole = np.concatenate([part.whole for part in parts])
-    real = np.concatenate([part.real for part in parts])
-    order = np.lexsort((whole[:, 2], whole[:, 0], real[:, 0]))
-    whole, real = whole[order], real[order]
-    return Events(
-        frame=real[:, 0].copy(),
-        attacker=whole[:, 0].copy(),
-        victim=whole[:, 1].copy(),
-        hand=whole[:, 2].astype(np.uint8),
-        point=real[:, 1:4].astype(np.float32),
-        speed=real[:, 4].astype(np.float32),
-        landed=whole[:, 3] > 0,
-    )

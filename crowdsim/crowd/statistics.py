@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crowdsim.crowd.kd_tree import build_forest, neighbours
-from crowdsim.crowd.simulation import Chunk
+from crowdsim.crowd.chunk import Chunk
+from crowdsim.crowd.kd_tree import build_tree, neighbours
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -133,12 +133,12 @@ def overlapping(x: ArrayLike, z: ArrayLike, scale: ArrayLike = 1.0, radius: floa
     radii = np.broadcast_to(np.asarray(scale, dtype=float) * radius, xs.shape)
     if len(xs) < 2:
         return np.zeros(len(xs), bool)
-    forest, order = build_forest(xs, zs)
+    tree, order = build_tree(xs, zs)
     own = np.arange(len(xs), dtype=np.int32)
-    counts, near = neighbours(forest, forest.xs, forest.zs, own, float(2 * radii.max()), 16)
+    counts, near = neighbours(tree, tree.xs, tree.zs, own, float(2 * radii.max()), 16)
     listed = np.arange(near.shape[1]) < counts[:, None]
     others = np.where(listed, near, 0)
-    distance = np.hypot(forest.xs[:, None] - forest.xs[others], forest.zs[:, None] - forest.zs[others])
+    distance = np.hypot(tree.xs[:, None] - tree.xs[others], tree.zs[:, None] - tree.zs[others])
     closer = listed & (distance < radii[order][:, None] + radii[order][others])
     result = np.empty(len(xs), bool)
     result[order] = closer.any(axis=1)

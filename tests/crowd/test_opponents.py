@@ -3,7 +3,6 @@ import numpy as np
 import pytest
 from synthetic_policy import policy
 
-from crowdsim.crowd import opponents
 from crowdsim.crowd.crowd import build_avatars, build_crowd
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import build_index, store_in_order
@@ -73,16 +72,6 @@ def test_absent_avatars_are_nobodys_opponent():
     assert all(present[list(near)].all() for near in around.values())
 
 
-def test_few_teams_have_a_tree_each_and_many_share_one(monkeypatch):
-    plans = []
-    plan = opponents.plan_forest
-    monkeypatch.setattr(opponents, "plan_forest", lambda *a: plans.append(len(a[-1])) or plan(*a))
-    for teams in (2, 8, 9):
-        observed(build_index("auto", Workers(1)), avatars_of(400, np.arange(400) % teams), 400)
-    observed(build_index("auto", Workers(1)), avatars_of(400, None), 400)
-    assert plans == [2, 8, 1, 1]
-
-
 def test_storing_in_another_order_moves_all_that_an_avatar_is():
     avatars = avatars_of(100, np.arange(100) % 3)
     before = {int(n): (avatars.whole[:, i].copy(), avatars.real[:, i].copy()) for i, n in enumerate(avatars.number)}
@@ -91,3 +80,18 @@ def test_storing_in_another_order_moves_all_that_an_avatar_is():
         slot = avatars.slot_of[number]
         assert np.array_equal(avatars.whole[:, slot], whole)
         assert np.array_equal(avatars.real[:, slot], real)
+
+
+def test_storage_is_sorted_again_when_avatars_have_moved_far_and_not_before():
+    avatars = avatars_of(900, None)
+    index = build_index("kd_tree", Workers(1), sort_every=2)
+    index.update(avatars, 900)
+    sorted_once = avatars.number.copy()
+    for _ in range(6):
+        avatars.x[:] += 0.01
+        index.update(avatars, 900)
+    assert np.array_equal(avatars.number, sorted_once)
+    avatars.x[:] = np.random.default_rng(0).permutation(avatars.x)
+    for _ in range(2):
+        index.update(avatars, 900)
+    assert not np.array_equal(avatars.number, sorted_once)

@@ -7,12 +7,16 @@ import pytest
 from synthetic_policy import policy
 
 from crowdsim.crowd import kernels, simulation
-from crowdsim.crowd.arrays import empty_record
+from crowdsim.crowd.arrays import empty_record, empty_scratch
+from crowdsim.crowd.cast import cast_crowd
 from crowdsim.crowd.crowd import Crowding, build_crowd
+from crowdsim.crowd.events import VARIABLES
 from crowdsim.crowd.model import build_model
+from crowdsim.crowd.placement import place_groups
 from crowdsim.crowd.random import Purpose, stream, uniform
+from crowdsim.crowd.scenario import load_scenario
 from crowdsim.crowd.script import Change, CirclePath, LinePath, Script
-from crowdsim.crowd.simulation import VARIABLES, Simulation, simulate
+from crowdsim.crowd.simulation import Simulation, simulate
 from crowdsim.errors import RunError
 from crowdsim.policy.bundle import encode
 from crowdsim.policy.policy import action_values
@@ -93,21 +97,20 @@ def test_actions_are_worth_what_the_policy_says(lookup, precisions):
     one, two = (in_precision(each, precision) for each, precision in zip((one, two), precisions, strict=True))
     model = build_model([one, two])
     assert model.table.dtype == (np.uint8 if precisions == ("int8", "int8") else np.float32)
-    names = "offsets policies actions moves paths strikes behaviours discounts axes terms table".split()
-    of_model = [getattr(model, name) for name in names]
     rng = np.random.default_rng(2)
-    scratch = [np.empty((8, 64), np.int64), np.empty((8, 64)), np.empty((2, 64), np.int64)]
-    scratch += [np.empty((4, 64)), np.empty(500)]
+    scratch = empty_scratch(model, 1, 60)
+    scratch.order[:] = rng.permutation(60)
     for index, chosen in enumerate((one, two)):
         states = rng.integers(chosen.actions.state_count, size=60)
         targets, weights = rng.uniform([-3, 1.0, -3], [3, 1.9, 3], (60, 3)), rng.uniform(0, 2, (60, 2))
-        values, numbers = np.empty((60, 64)), states + model.policies[index, kernels.STATES]
-        rows, policies, order = np.arange(60), np.full(60, index), rng.permutation(60)
-        kernels.value_actions(*of_model, weights, 0, 60, order, targets, numbers, rows, policies, *scratch, values)
+        scratch.situations[:], scratch.moods[:], scratch.policies[:] = targets, np.arange(60), index
+        scratch.states[:] = states + model.policies[index, kernels.STATES]
+        scratch.values[:] = np.nan
+        kernels.value_actions(model, weights, scratch, 0, 60)
         for k in range(60):
             named = {b.name: weights[k, column] for column, b in enumerate(chosen.behaviours)}
             expected = action_values(chosen, named, states[k], targets[k])
-            np.testing.assert_allclose(values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
+            np.testing.assert_allclose(scratch.values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
 
 
 def in_precision(chosen, precision):
@@ -270,7 +273,19 @@ def test_keeping_apart_keeps_bodies_apart():
         near = np.hypot(x[:, :, None] - x[:, None], z[:, :, None] - z[:, None]) < 0.4
         return near.sum(axis=2).mean() - 1
 
-    assert overlap(Crowding()) < 0.5 * overlap(Crowding(end=0.0, path=0.0))
+    assert overlap(Crowding()) < 0.5 * overlap(Crowding.none())
+
+
+def test_those_who_keep_no_distance_need_no_neighbours():
+    free, blind = (crowd(36, crowding=rules) for rules in (Crowding(end=0.0, path=0.0), Crowding.none()))
+    assert bytes_of(simulate(free, POLICIES, 60)) == bytes_of(simulate(blind, POLICIES, 60))
+
+
+def test_a_scenario_may_let_avatars_walk_through_one_another():
+    for said, rules in ((True, Crowding()), (False, Crowding.none())):
+        scenario = load_scenario("brawl_30", [f"keep_apart={str(said).lower()}"])
+        boxer = [replace(POLICIES[0], name="boxer")]
+        assert cast_crowd(scenario, place_groups(scenario), boxer)[0].crowding == rules
 
 
 def test_avatars_turn_back_at_the_border():
