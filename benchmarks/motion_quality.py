@@ -1,6 +1,7 @@
 """How well cuts are hidden: can a classifier tell them from captured motion?
 
-    python benchmarks/motion_quality.py [--mocap DIR] [--json] [--windows 2000] [--seconds 0.4] [--policy BUNDLE ...]
+    python benchmarks/motion_quality.py [--mocap DIR] [--json] [--windows 2000] [--seconds 0.4] [--noise 0.01]
+                                        [--policy BUNDLE ...]
 
 Sixty avatars fight everyone against everyone by a trained policy. Windows of 0.4 s around the cuts that they make
 (`made`) stand against windows of the capture itself around the very frames that those cuts leave and enter, so that
@@ -12,9 +13,12 @@ under the ROC curve counts; 0.5 is guessing, 1 is certainty. Two classifiers try
 that are told speeds and sizes of accelerations too; the better of them counts.
 
 `ours` are poses as they are exported, with blends and planted feet, but without what strikes do to arms and to those
-they hit; `crossfade` fades from one motion to the other over 0.4 s while both play on, `hard` does nothing. Motion is
-the embedded performer's (`policies/boxer.yaml`) and, with --mocap or CROWDSIM_MOCAP, the capture of
-`policies/boxer_cmu.yaml`; their policies are trained first where they are not.
+they hit; `crossfade` fades from one motion to the other over 0.4 s while both play on, `hard` does nothing, and
+`motions alone` leaves the moment of a hard cut out: what it is told by is which motions meet, and no blend can change
+that. All places, captured ones too, are told with noise of a hundredth of a millimetre, a tenth of what good optical
+capture has: without it the feet of the performer, which stand as still as numbers can, tell pushes and roundings of a
+micrometre apart, which nobody sees. Motion is the embedded performer's (`policies/boxer.yaml`) and, with --mocap or
+CROWDSIM_MOCAP, the capture of `policies/boxer_cmu.yaml`; their policies are trained first where they are not.
 """
 
 from __future__ import annotations
@@ -47,6 +51,10 @@ Array = NDArray[Any]
 ROOT = Path(__file__).parents[1]
 APART = 0.5
 """Time within which no other cut lies where one counts as apart [s]."""
+NOISE = 1e-5
+"""Standard deviation of the noise on places [m]."""
+NEAR = 0.05
+"""Time around a hard cut that `motions alone` leaves out [s]."""
 FADE = 12
 """Playback frames of a cross-fade on either side of the cut."""
 ROWS = 15
@@ -190,11 +198,13 @@ def alone(database: MotionDatabase, leave: Array, enter: Array, half: int) -> Ar
     return joints(database, poses.root_positions.swapaxes(0, 1), poses.rotations.swapaxes(0, 1))
 
 
-def features(places: Array, rate: float) -> tuple[Array, Array]:
-    """Velocities and accelerations of windows (n, ...), and their sizes alone."""
+def features(places: Array, rate: float, leave_out: float) -> tuple[Array, Array]:
+    """Velocities and accelerations of windows (n, ...), and their sizes alone, but in the middle."""
     velocity = (places[:, 2:] - places[:, :-2]) * (0.5 * rate)
     acceleration = (places[:, 2:] - 2.0 * places[:, 1:-1] + places[:, :-2]) * (rate * rate)
     both = np.stack([velocity, acceleration], axis=2)[:, ::2]
+    steps = np.arange(both.shape[1]) * 2 - velocity.shape[1] // 2
+    both = both[:, np.abs(steps) >= leave_out * rate - 1e-6]
     sizes = np.linalg.norm(both, axis=-1)
     return both.reshape(len(both), -1).astype(np.float32), sizes.reshape(len(sizes), -1).astype(np.float32)
 
@@ -214,7 +224,12 @@ def areas(database: MotionDatabase, cuts: dict[str, Array], leave: Array, enter:
     clip_of = np.array([unique.index(name) for name in names])
     starts = np.asarray(database.clip_starts)
     left, entered = (clip_of[np.searchsorted(starts, frames, side="right") - 1] for frames in (leave, enter))
-    pairs = {key: features(cuts[key], rate) for key in (kind, "left", "entered")}
+    bare = kind == "motions alone"
+    shown = cuts["hard" if bare else kind]
+    pairs = {
+        key: features(places, rate, NEAR if bare else 0.0)
+        for key, places in ((kind, shown), ("left", cuts["left"]), ("entered", cuts["entered"]))
+    }
     half = np.arange(len(leave)) % 2 == 0
     told: dict[str, list[float]] = {"logistic": [], "trees": []}
     for split in range(4):
@@ -248,10 +263,17 @@ def areas(database: MotionDatabase, cuts: dict[str, Array], leave: Array, enter:
 
 
 def judge(
-    database: MotionDatabase, leave: Array, enter: Array, ours: Array, kinds: tuple[str, ...] = ("crossfade", "hard")
+    database: MotionDatabase,
+    leave: Array,
+    enter: Array,
+    ours: Array,
+    kinds: tuple[str, ...] = ("crossfade", "hard", "motions alone"),
+    noise: float = NOISE,
 ) -> dict[str, Any]:
     """How well cuts are told from captured motion, made our way and plain ways."""
     cuts = {**ways(database, leave, enter, ours.shape[1] // 2 - 1), "ours": ours}
+    rng = np.random.default_rng(0)
+    cuts = {key: places + noise * rng.standard_normal(places.shape) for key, places in cuts.items()}
     told: dict[str, Any] = {"cuts": len(leave), "of_them_different": len(np.unique(np.stack([leave, enter]), axis=1).T)}
     for kind in ("ours", *kinds):
         by = areas(database, cuts, leave, enter, kind)
@@ -274,10 +296,14 @@ def main() -> None:
     parser.add_argument("--windows", type=int, default=2000, help="cuts that are looked at, at the most")
     parser.add_argument("--policy", nargs="+", help="recipes or bundles other than boxer and boxer_cmu")
     parser.add_argument("--seconds", type=float, default=0.4, help="length of a window, 0.2 to 1.6")
+    parser.add_argument("--noise", type=float, default=1e3 * NOISE, help="noise on all places [mm]")
     options = parser.parse_args()
+    if options.noise < 0.0:
+        parser.error(f"--noise is {options.noise}, expected 0 or more")
     if not 0.2 <= options.seconds <= 1.6:
         parser.error(f"--seconds is {options.seconds}, expected 0.2 to 1.6")
     result: dict[str, Any] = {}
+    noise = 1e-3 * options.noise
     for name in options.policy or ["boxer", *(["boxer_cmu"] if options.mocap else [])]:
         print(f"{name} ...", file=sys.stderr, flush=True)
         policy = ready_policy(name, options.mocap, threads=2)
@@ -289,9 +315,9 @@ def main() -> None:
         result[Path(name).name] = {
             "cuts_per_second": len(sampler.window(0, np.arange(60), np.array([0.0, sampler.take.seconds])).cuts().times)
             / present,
-            "made": judge(database, leave, enter, shown),
-            "apart": judge(database, leave[apart], enter[apart], shown[apart]),
-            "every": judge(database, *every, alone(database, *every, half)),
+            "made": judge(database, leave, enter, shown, noise=noise),
+            "apart": judge(database, leave[apart], enter[apart], shown[apart], noise=noise),
+            "every": judge(database, *every, alone(database, *every, half), noise=noise),
         }
     if options.json:
         print(json.dumps(_plain(result), indent=2, allow_nan=False))
@@ -302,7 +328,7 @@ def main() -> None:
             rows = told[group]
             print(f"  {group} ({rows['cuts']} cuts, {rows['of_them_different']} different)")
             print(f"    {'':24} {'AUC':>7} {'logistic':>8} {'trees':>6}")
-            for kind in ("ours", "crossfade", "hard"):
+            for kind in ("ours", "crossfade", "hard", "motions alone"):
                 row = rows[kind]
                 print(f"    {kind:24} {row['auc']:7.3f} {row['logistic']:8.3f} {row['trees']:6.3f}")
 

@@ -13,10 +13,12 @@ from crowdsim.take.workers import share
 
 Array = NDArray[Any]
 
-WIDE = 0.56
+WIDE = 0.82
 """How far from a cut feet move for it [s]."""
 SWING = 0.2
 """How long it takes to let go of a foot, or to lead it to where it lands [s]."""
+PASS = 0.3
+"""Time between two stands in which a foot is led from one to the other [s]."""
 _MOST = (0.17, 0.26)
 """How far feet are moved from where blends have them before they are moved less, and at the most [m]."""
 _DOWN = 0.1
@@ -51,7 +53,7 @@ def hold_feet(
     motion, rows = window.motion, window.rows
     stands = window.stands()
     falls = window.falls(cuts, stands)
-    how = (WIDE, SWING, *_MOST, _DOWN, KNEE_LEAST, _SLACK, _FLOOR)
+    how = (WIDE, SWING, PASS, *_MOST, _DOWN, KNEE_LEAST, _SLACK, _FLOOR)
 
     def work(low: int, high: int) -> None:
         plant_feet(low, high, columns, times, places.frames, places.fractions, places.ground, motion.frames, cuts,

@@ -101,11 +101,11 @@ def _turned(gap, first, share, even, q):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _stand_weights(stands, n, foot, at, time, swing):
+def _stand_weights(stands, n, foot, at, time, swing, near):
     """The stands before and after a time: their numbers and weights, and the first that is not yet over.
 
-    In a stand its weight is 1. Away from stands a weight fades over ``swing``; between two that are near each other one
-    passes into the other.
+    In a stand its weight is 1. Away from stands a weight fades over ``swing``; between two that are not further than
+    ``near`` apart one passes into the other.
     """
     count = stands.counts[n, foot]
     while at < count and stands.spans[n, foot, at, 1] < time:
@@ -118,7 +118,7 @@ def _stand_weights(stands, n, foot, at, time, swing):
     if at < count:
         other, until = at, stands.spans[n, foot, at, 0] - time
     before, after = _ease(1.0 - since / swing), _ease(1.0 - until / swing)
-    if since + until < 2.0 * swing:
+    if since + until < near:
         passed = _ease(since / (since + until))
         before, after = before * (1.0 - passed), after * passed
     return one, before, other, after, at
@@ -333,14 +333,14 @@ def plant_feet(
         rate: Control frames a second.
         scales: Body size by column.
         legs: A ``motion.Limbs``.
-        how: Furthest time that a cut moves feet from [s]; time to let go of a foot [s]; how far feet are moved from
-            where blends have them before they are moved less, and at the most [m]; furthest that the pelvis goes down
-            [m]; least flexion of a knee [rad]; length of a leg over which it begins to be short [1]; height over which
-            soles ease onto the floor [m].
+        how: Furthest time that a cut moves feet from [s]; time to let go of a foot [s]; time between stands over which
+            one passes into the next [s]; how far feet are moved from where blends have them before they are moved less,
+            and at the most [m]; furthest that the pelvis goes down [m]; least flexion of a knee [rad]; length of a leg
+            over which it begins to be short [1]; height over which soles ease onto the floor [m].
         roots: Places of the roots [m]. Shape (T, n, 3), changed.
         rotations: Local rotations. Shape (T, n, J, 4), changed.
     """
-    wide, swing, free, most, down, least, slack, floor = how
+    wide, swing, near, free, most, down, least, slack, floor = how
     joints = legs.parents.shape[0]
     places, turns = np.empty((joints, 3)), np.empty((joints, 4))
     asked, ankle = np.empty((2, 3)), np.empty((2, 3))
@@ -370,7 +370,7 @@ def plant_feet(
             rest, further = 1.0 - part, frame + 1 if part > 0.0 else frame
             lack = 0.0
             for f in range(2):
-                one, before, other, after, at[f] = _stand_weights(stands, n, f, at[f], time, swing)
+                one, before, other, after, at[f] = _stand_weights(stands, n, f, at[f], time, swing, near)
                 # Away from cuts feet are where they are captured.
                 firm[f] = before + after if high > low else 0.0
                 upper, middle, end = places[legs.joints[f, 0]], places[legs.joints[f, 1]], legs.joints[f, 2]

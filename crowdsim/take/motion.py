@@ -15,6 +15,7 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.ik import flexion, hinge_axis
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.take.gait import Gait, measure_gait
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -108,6 +109,7 @@ class PoseMotion:
         legs: The legs.
         arms: The arms.
         hinges: Elbows and knees.
+        gait: How it steps and stands.
         fists: Place of the left and right fist in the frame's ground frame [m]. Shape (P, 2, 3), float32.
         heads: Centre of the head in the frame's ground frame [m]. Shape (P, 3), float32.
         strikes: Playback frames at which strikes reach furthest, ascending. Shape (S,).
@@ -121,6 +123,7 @@ class PoseMotion:
     legs: Limbs
     arms: Limbs
     hinges: Hinges
+    gait: Gait
     fists: Array
     heads: Array
     strikes: Array
@@ -145,6 +148,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     feet = legs.joints[:, 2]
     holds = positions[:, feet] + quaternion.rotate(turns[:, feet], legs.holds)
     contacts = np.array(database.contacts, dtype=bool)
+    balls = positions[:, feet] + quaternion.rotate(turns[:, feet], legs.points[:, 1])
     clip = np.searchsorted(starts, np.arange(starts[-1]), side="right") - 1
     frames = Frames(
         rotations=rotations,
@@ -165,6 +169,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         legs=legs,
         arms=_limbs(skeleton, body, ("shoulder", "elbow", "hand"), fists, bends, sample),
         hinges=_hinges(skeleton, body, positions),
+        gait=measure_gait(contacts, balls, starts, float(database.playback_rate)),
         fists=np.asarray(database.fists),
         heads=np.asarray(database.heads),
         strikes=np.asarray(database.strike_frames, dtype=np.int64),

@@ -16,15 +16,19 @@ from crowdsim.take.workers import share
 
 Array = NDArray[Any]
 
-BLEND = 0.5
+BLEND = 0.6
 """Length of the blend over a cut, half before it and half after where no strike is near [s]."""
 LEAST_BLEND = 0.1
 """Least time that it lasts before a cut, and after it [s]."""
-FALLS = (0.25, 0.2, 0.22, 0.24, 0.01, 0.2, 0.05)
+FALLS = (0.5, 0.13, 0.28, 0.12, 0.2, 0.05, 0.4, 0.7, 0.08)
 """What feet do about cuts: time after a cut in which they come up, or before it in which they came down, so that they
-need no step [s]; time between a cut and a step [s]; length of a step [s]; how high it is at the least [m], how much
-higher for its length, and at the most [m]."""
+need no step [s]; time between a cut and a step [s]; how long a step lasts at the least and at the most [s]; how high it
+is at the most [m]; time before a cut from which on feet are dragged a little way, and time after it up to which they
+are [s]; furthest that they are dragged [m].
 
+A pose sees a second around it. What a foot does some time before a cut adds up with how far after it that is settled,
+and the other way round, to less than that.
+"""
 
 STEPS = 2
 """The kind of fall that is a step."""
@@ -237,7 +241,7 @@ class Window:
         falls = Falls(np.empty((len(cuts.times), 2), np.int8), np.empty((len(cuts.times), 2, 3)))
 
         def work(low: int, high: int) -> None:
-            plan_falls(cuts, stands, self.motion.frames, rows.scales, low, high, FALLS, *falls)
+            plan_falls(cuts, stands, self.motion.frames, rows.scales, low, high, FALLS, self.motion.gait, *falls)
 
         share(self.threads, len(self.avatars), work)
         return falls

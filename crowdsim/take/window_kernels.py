@@ -271,12 +271,13 @@ def find_stands(w, m, first, stop, out_stands, out_counts):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def plan_falls(cuts, stands, m, scales, first, stop, how, out_kinds, out_moves):
+def plan_falls(cuts, stands, m, scales, first, stop, how, gait, out_kinds, out_moves):
     """Settle what feet of avatars ``first`` to ``stop`` do about cuts.
 
     A foot that comes up soon after the cut stays where it is until then, one that came down shortly before it came down
-    where it stays. Others make a step, before the cut or after it. All of it depends on what lies near the cut, and on
-    no other cut.
+    where it stays. Where it is not far, and the foot gets there no faster than planted feet slide in the capture, it is
+    dragged. Others make a step as the capture has them, before the cut or after it. All of it depends on what lies near
+    the cut, and on no other cut.
 
     Args:
         cuts: A ``window.Cuts``.
@@ -286,11 +287,15 @@ def plan_falls(cuts, stands, m, scales, first, stop, how, out_kinds, out_moves):
         first: First column.
         stop: One past the last.
         how: See ``window.FALLS``.
+        gait: A ``gait.Gait``.
         out_kinds: 0 where a foot is in the air, 1 where it stays where it is all along, 2 where it makes a step. Shape
             (C, 2), int8.
         out_moves: Beginning and end of the time in which it moves [s], and how high it rises [m]. Shape (C, 2, 3).
     """
-    after_cut, before_cut, apart, length, least, share, most = how
+    after_cut, before_cut, early, shortest, longest, most, ahead, behind, near = how
+    # An eased way is fastest in its middle, 15 / 8 of the mean.
+    near = min(near, gait.slide * (ahead + behind) / 1.875)
+    lasts = np.empty(2)
     for n in range(first, stop):
         for cut in range(cuts.starts[n], cuts.starts[n + 1]):
             time, steps = cuts.times[cut], 0
@@ -311,14 +316,19 @@ def plan_falls(cuts, stands, m, scales, first, stop, how, out_kinds, out_moves):
                     out_moves[cut, f, 0], out_moves[cut, f, 1] = time + 10.0, time + 11.0
                 elif time - begin < before_cut:
                     out_moves[cut, f, 0], out_moves[cut, f, 1] = time - 11.0, time - 10.0
+                elif far < near * scales[n]:
+                    out_moves[cut, f, 0], out_moves[cut, f, 1] = time - ahead, time + behind
                 else:
                     steps += 1
                     out_kinds[cut, f] = 2
-                    high = min(least * scales[n] + share * far, most * scales[n]) * min(far / (0.02 * scales[n]), 1.0)
-                    out_moves[cut, f, 2] = high
+                    way = far / scales[n]
+                    lasts[f] = min(max(gait.seconds + gait.seconds_each * way, shortest), longest)
+                    high = min(gait.height + gait.height_each * way, most) * min(way / 0.04, 1.0)
+                    out_moves[cut, f, 2] = high * scales[n]
             if steps == 0:
                 continue
-            # Of two the foot that leads the way steps before the cut, the body goes over, and the other one follows.
+            # Feet wait as long as they can, for they may come up by themselves. Of two the one that leads the way steps
+            # first.
             new, heading = m.holds[cuts.after[cut]], cuts.places[cut, 2]
             x, z = new[0, 0] - new[1, 0], new[0, 2] - new[1, 2]
             x, z = x * math.cos(heading) + z * math.sin(heading), z * math.cos(heading) - x * math.sin(heading)
@@ -327,7 +337,5 @@ def plan_falls(cuts, stands, m, scales, first, stop, how, out_kinds, out_moves):
             for f in range(2):
                 if out_kinds[cut, f] == 2:
                     leads = steps == 2 and (along > 0.0) == (f == 0)
-                    if leads:
-                        out_moves[cut, f, 0], out_moves[cut, f, 1] = time - apart - length, time - apart
-                    else:
-                        out_moves[cut, f, 0], out_moves[cut, f, 1] = time + apart, time + apart + length
+                    out_moves[cut, f, 0] = time + (early if leads else after_cut)
+                    out_moves[cut, f, 1] = out_moves[cut, f, 0] + lasts[f]
