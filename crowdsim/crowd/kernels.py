@@ -430,8 +430,9 @@ def _prepare(model, weights, scratch, first, count, policy):
                 _ask_for(model.paths, row)
                 _ask_for(model.paths, row + model.paths.shape[1])
             first_row, last_row = model.actions[offset, STRIKES], model.actions[offset + n, STRIKES]
-            for row in range(first_row * 8, last_row * 8 + 15, 16):
-                _ask_for(model.strikes, row)
+            width = model.strikes.shape[1]
+            for entry in range(first_row * width, last_row * width + 15, 16):
+                _ask_for(model.strikes, entry)
             _see_ends(model.moves, model.actions, offset, n, x, z, pairs, scratch.work)
             pairs += n
             scratch.begins[d + 1] = pairs

@@ -98,7 +98,8 @@ class TakeWriter:
     ) -> None:
         """Write what is constant, and arrays without values."""
         chunk, avatars = self._chunk, len(cast.names)
-        self._group.attrs.update(
+        # All at once: one by one each would be written to disk anew.
+        self._group.attrs.put(
             {
                 "format": FORMAT,
                 "version": VERSION,
@@ -151,13 +152,14 @@ class TakeWriter:
         import zarr
 
         codec = numcodecs.Zstd(level=1)
-        if hasattr(zarr.Group, "create_array"):
-            array = group.create_array(name, shape=shape, chunks=chunks, dtype=dtype, compressors=codec, fill_value=0)
-        else:
-            array = group.create_dataset(name, shape=shape, chunks=chunks, dtype=dtype, compressor=codec, fill_value=0)
-        array.attrs["_ARRAY_DIMENSIONS"] = dimensions
+        attributes: dict[str, Any] = {"_ARRAY_DIMENSIONS": dimensions}
         if units and units.get(name):
-            array.attrs["units"] = units[name]
+            attributes["units"] = units[name]
+        facts: dict[str, Any] = {"shape": shape, "chunks": chunks, "dtype": dtype, "fill_value": 0}
+        if hasattr(zarr.Group, "create_array"):
+            return group.create_array(name, compressors=codec, attributes=attributes, **facts)
+        array = group.create_dataset(name, compressor=codec, **facts)
+        array.attrs.put(attributes)
         return array
 
     def append(self, chunk: dict[str, Array], events: Events, targets: Array | None = None) -> None:

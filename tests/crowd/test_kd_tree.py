@@ -69,10 +69,19 @@ def test_neighbours_are_those_of_a_direct_comparison_nearest_first(kind, count, 
 @settings(deadline=None, max_examples=40)
 @given(most=st.integers(1, 9), **everything)
 def test_observing_in_groups_finds_what_single_queries_find(kind, count, seed, most):
+    observe_and_compare(kind, count, seed, most, 0.5)
+
+
+@pytest.mark.parametrize(("kind", "count"), [("clusters", 3000), ("one place", 20_000)])
+def test_observing_finds_the_same_where_more_is_near_than_can_be_shared(kind, count):
+    observe_and_compare(kind, count, 0, 5, 30 / count)
+
+
+def observe_and_compare(kind, count, seed, most, share):
     x, z, team = places(kind, count, seed)
     tree, order = build_tree(x, z, team)
     rng = np.random.default_rng(seed)
-    due = np.flatnonzero(rng.random(count) < 0.5).astype(np.int32)
+    due = np.flatnonzero(rng.random(count) < share).astype(np.int32)
     skipped = np.where(rng.random(count) < 0.2, rng.integers(-2, 0, count), tree.team).astype(np.int32)
     guess = rng.integers(-1, count, count).astype(np.int32)
     slot_of = np.argsort(order).astype(np.int32)
