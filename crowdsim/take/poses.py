@@ -225,6 +225,20 @@ class PoseSampler:
             told.append(self._joints_of(which, window, columns, roots, rotations))
         return told
 
+    def moments(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
+        """Pose avatars (E,) at times (E,), each at its own.
+
+        Returns:
+            For each policy which of them are its own (n,), its body, their sizes (n,), places (n, J, 3) [m] and
+            rotations (n, J, 4) of joints in the world.
+        """
+        told = []
+        for which, index, window, columns, moments in self._moments(avatars, times):
+            roots, rotations, _ = self._pose(window, index, moments, columns)
+            self._reach_out(window, moments, columns, roots, rotations, self._pose_at, self._struck_at, LEAN)
+            told.append(self._joints_of(which, window, columns, roots, rotations))
+        return told
+
     def _struck_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
         """Pose avatars (E,) at times (E,) with what their own fists do to them, nearly.
 
@@ -233,7 +247,7 @@ class PoseSampler:
         told = []
         for which, index, window, columns, moments in self._moments(avatars, times):
             roots, rotations, _ = self._pose(window, index, moments, columns)
-            self._reach_out(window, moments, columns, roots, rotations, self._answering_at, LEAN)
+            self._reach_out(window, moments, columns, roots, rotations, self._nearly_at, self._answering_at, LEAN)
             told.append(self._joints_of(which, window, columns, roots, rotations))
         return told
 
@@ -242,7 +256,7 @@ class PoseSampler:
         told = []
         for which, index, window, columns, moments in self._moments(avatars, times):
             roots, rotations = self._pose_nearly(window, index, moments, columns)
-            self._reach_out(window, moments, columns, roots, rotations, self._nearly_at, _CLOSE_BY)
+            self._reach_out(window, moments, columns, roots, rotations, self._nearly_at, self._nearly_at, _CLOSE_BY)
             told.append(self._joints_of(which, window, columns, roots, rotations))
         return told
 
@@ -269,14 +283,15 @@ class PoseSampler:
         columns: Array,
         roots: Array,
         rotations: Array,
+        pose_at: PoseAt,
         struck_at: PoseAt,
         within: float,
     ) -> None:
-        """Carry fists nearly to where they go, in place, for strikes that are no further off than ``within`` [s]."""
+        """Carry fists to where they go, in place, for strikes that are no further off than ``within`` [s]."""
         lookup = np.full(self.take.avatar_count, -1)
         lookup[window.avatars] = np.arange(len(window.avatars))
         near = self._landed.around_each(window.avatars[columns], moments[0], within)
-        landings = plan_landings(self.take, near, lookup, len(window.avatars), self._nearly_at, struck_at,
+        landings = plan_landings(self.take, near, lookup, len(window.avatars), pose_at, struck_at,
                                  window.motion.arms)  # fmt: skip
         reach_out(window, landings, moments, columns, roots, rotations, within)
 

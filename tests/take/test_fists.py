@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from crowdsim.motion.ik import flexion
 from crowdsim.take.fists import body_points, surface_point
+from crowdsim.take.quality import measure_take
 from crowdsim.take.take import Events, Take
 from tests.take.synthetic_take import database, sampler
 from tests.take.test_poses import duel, same
@@ -75,3 +76,13 @@ def test_a_strike_that_a_cut_shows_again_throws_its_victim_back_once() -> None:
     one, both = (sampler(t, policy).sample(0, frames, 60)[0] for t in (take, replace(take, events=twice)))
     assert same(one.at(0), both.at(0))
     assert np.array_equal(one.rotations[:, 1], both.rotations[:, 1])
+
+
+def test_figures_of_a_run_tell_how_far_fists_are_from_what_they_hit() -> None:
+    take, policy, _ = duel(0.1)
+    told = measure_take(sampler(take, policy))
+    assert told["fist_gap_most"] < 0.01
+    assert told["fists_off_share"] == 0.0
+    far = replace(take, x=take.x + np.array([0.0, 3.0], np.float32))
+    assert measure_take(sampler(far, policy))["fists_off_share"] == 1.0
+    assert measure_take(sampler(without_strikes(take), policy))["fist_gap_most"] is None
