@@ -96,6 +96,15 @@ def surface_point(
     return found
 
 
+def depth(point: Array, head: Array, neck: Array, pelvis: Array, head_radius: Array, torso_radius: Array) -> Array:
+    """Return how deep points (E, 3) lie in bodies, below zero outside of them (E,) [m]; as of ``surface_point``."""
+    axis = pelvis - neck
+    share = np.sum((point - neck) * axis, axis=-1) / np.maximum(np.sum(axis * axis, axis=-1), 1e-12)
+    centre = neck + np.clip(share, 0.0, 1.0)[:, None] * axis
+    to_head = head_radius - np.linalg.norm(point - head, axis=-1)
+    return np.asarray(np.maximum(to_head, torso_radius - np.linalg.norm(point - centre, axis=-1)))
+
+
 def _near_side(
     point: Array,
     head: Array,
@@ -224,6 +233,10 @@ def _surfaces(take: Take, near: Landed, fists: Array, shoulders: Array, pose_at:
         points[chosen] = surface_point(
             fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales, shoulders[chosen]
         )
+        # A fist that misses is left alone where it is in no body.
+        deep = depth(fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales)
+        free = chosen[near.missed[chosen] & (deep <= 0.0)]
+        points[free] = fists[free]
     scripted = np.flatnonzero(near.victims < -1)
     if len(scripted):
         clock = near.times[scripted] * take.control_rate

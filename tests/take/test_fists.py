@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crowdsim.motion.ik import flexion
-from crowdsim.take.fists import body_points, surface_point
+from crowdsim.take.fists import body_points, depth, surface_point
 from crowdsim.take.quality import measure_take
 from crowdsim.take.take import Events, Take
 from tests.take.synthetic_take import database, sampler
@@ -86,3 +86,17 @@ def test_figures_of_a_run_tell_how_far_fists_are_from_what_they_hit() -> None:
     far = replace(take, x=take.x + np.array([0.0, 3.0], np.float32))
     assert measure_take(sampler(far, policy))["fists_off_share"] == 1.0
     assert measure_take(sampler(without_strikes(take), policy))["fist_gap_most"] is None
+
+
+def test_a_fist_that_misses_for_being_deep_in_a_body_stays_at_its_surface_and_is_no_blow() -> None:
+    take, policy, frame = duel(-0.2, landed=False)
+    body, hand = database().body, int(take.events.hand[0])
+    poses = sampler(take, policy).sample(frame, frame + 1, 60)[0]
+    positions, turns = (a[0] for a in poses.joints())
+    head, neck, pelvis, fists = body_points(body, positions, turns, poses.scales)
+    radii = np.array([body.head_radius]), np.array([body.torso_radius])
+    assert abs(float(depth(fists[:1, hand], head[1:], neck[1:], pelvis[1:], *radii)[0])) < 0.01
+    frames = take.output_frames(60)
+    one, none = (sampler(t, policy).sample(0, frames, 60)[0] for t in (take, without_strikes(take)))
+    assert np.array_equal(one.rotations[:, 1], none.rotations[:, 1])
+    assert not np.array_equal(one.rotations[:, 0], none.rotations[:, 0])
