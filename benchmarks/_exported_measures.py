@@ -275,7 +275,8 @@ def overlap(stage: Stage) -> dict[str, Any]:
 def undisturbed(stage: Stage) -> dict[str, Any]:
     """How far joints are from the capture where nothing is done to them, in their own frame [m].
 
-    That is a second from cuts, and away from strikes that the avatar lands or takes.
+    That is a second from cuts, and away from strikes that the avatar throws (a fist that misses for being
+    deep in a body is carried too) or takes.
     """
     events, gaps = stage.events, [np.zeros(0)]
     seconds = np.arange(len(stage.figures[0].head)) / stage.fps
@@ -285,7 +286,7 @@ def undisturbed(stage: Stage) -> dict[str, Any]:
         for time in told[told[:, 1] != told[:, 2], 0]:
             free &= np.abs(seconds - time) > 1.0
         landed = events["landed"].astype(bool)
-        for time in events["seconds"][landed & (events["attacker"] == avatar)]:
+        for time in events["seconds"][events["attacker"] == avatar]:
             free &= np.abs(seconds - time) > 0.3
         for time in events["seconds"][landed & (events["victim"] == avatar)]:
             free &= (seconds < time) | (seconds > time + 0.7)

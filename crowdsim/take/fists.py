@@ -28,6 +28,8 @@ MOST = 0.35
 """Furthest that a fist is carried [m]."""
 ELBOW_LEAST = math.radians(4.0)
 """Flexion that an elbow keeps at the least when it is stretched to reach something [rad]."""
+_FACING = 0.2
+"""Cosine of the angle between the way out to a point that is hit and the way to the shoulder, at the least."""
 _OUT = 12
 """Times that a point goes out of head or torso."""
 _TARGET_HEAD, _TARGET_TORSO, _TARGET_NECK, _TARGET_DROP = 0.105, 0.15, 0.16, 0.6
@@ -58,16 +60,25 @@ class Landings(NamedTuple):
 
 
 def surface_point(
-    point: Array, head: Array, neck: Array, pelvis: Array, head_radius: Array, torso_radius: Array
+    point: Array,
+    head: Array,
+    neck: Array,
+    pelvis: Array,
+    head_radius: Array,
+    torso_radius: Array,
+    origin: Array | None = None,
 ) -> Array:
     """Return the points of bodies' surfaces that are nearest to given points; all (E, 3), radii (E,) [m].
 
     A point on the head that lies in the torso, or the other way round, is no surface: such points go out of one and of
-    the other until they lie on both.
+    the other until they lie on both. With ``origin`` points on the far side, as seen from there, come around: a fist
+    does not go through a head to its back.
     """
     axis = pelvis - neck
     square = np.maximum(np.sum(axis * axis, axis=-1), 1e-12)
     found = np.array(point, dtype=float)
+    if origin is not None:
+        found = _near_side(found, head, neck, axis, square, head_radius, torso_radius, origin)
     for step in range(_OUT):
         share = np.sum((found - neck) * axis, axis=-1) / square
         centre = neck + np.clip(share, 0.0, 1.0)[:, None] * axis
@@ -83,6 +94,42 @@ def surface_point(
         inside = np.minimum(above_head, above_torso) < -1e-6
         found = np.where((inside | (step == 0))[:, None], surface, found)
     return found
+
+
+def depth(point: Array, head: Array, neck: Array, pelvis: Array, head_radius: Array, torso_radius: Array) -> Array:
+    """Return how deep points (E, 3) lie in bodies, below zero outside of them (E,) [m]; as of ``surface_point``."""
+    axis = pelvis - neck
+    share = np.sum((point - neck) * axis, axis=-1) / np.maximum(np.sum(axis * axis, axis=-1), 1e-12)
+    centre = neck + np.clip(share, 0.0, 1.0)[:, None] * axis
+    to_head = head_radius - np.linalg.norm(point - head, axis=-1)
+    return np.asarray(np.maximum(to_head, torso_radius - np.linalg.norm(point - centre, axis=-1)))
+
+
+def _near_side(
+    point: Array,
+    head: Array,
+    neck: Array,
+    axis: Array,
+    square: Array,
+    head_radius: Array,
+    torso_radius: Array,
+    origin: Array,
+) -> Array:
+    """Points that lie behind the head or torso that they are nearest to, or far in it, brought around it."""
+    share = np.clip(np.sum((point - neck) * axis, axis=-1) / square, 0.0, 1.0)
+    centre = neck + share[:, None] * axis
+    gaps = [np.linalg.norm(point - middle, axis=-1) for middle in (head, centre)]
+    on_head = gaps[0] - head_radius <= gaps[1] - torso_radius
+    middle, radius = np.where(on_head[:, None], head, centre), np.where(on_head, head_radius, torso_radius)
+    way, out = _unit(origin - middle), _unit(point - middle)
+    ahead = np.sum(out * way, axis=-1)
+    aside = _unit(out - ahead[:, None] * way)
+    around = middle + radius[:, None] * (_FACING * way + math.sqrt(1.0 - _FACING**2) * aside)
+    return np.where((ahead < _FACING)[:, None], around, point)
+
+
+def _unit(vectors: Array) -> Array:
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9))
 
 
 def body_points(body: Body, positions: Array, turns: Array, scales: Array) -> tuple[Array, Array, Array, Array]:
@@ -109,11 +156,13 @@ def plan_landings(
         struck_at: Poses those who are hit.
         arms: The arms of those in the window.
     """
-    fists = np.full((len(near.times), 3), np.nan)
+    fists, shoulders = np.full((len(near.times), 3), np.nan), np.full((len(near.times), 3), np.nan)
     posed = pose_at(near.attackers, near.times)
     for which, body, scales, positions, turns in posed:
-        fists[which] = body_points(body, positions, turns, scales)[3][np.arange(len(which)), near.hands[which]]
-    shifts = _surfaces(take, near, fists, struck_at) - fists
+        rows, hands = np.arange(len(which)), near.hands[which]
+        fists[which] = body_points(body, positions, turns, scales)[3][rows, hands]
+        shoulders[which] = positions[rows, arms.joints[hands, 0]]
+    shifts = _surfaces(take, near, fists, shoulders, struck_at) - fists
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
     shifts = np.where(np.isfinite(shifts), shifts, 0.0)
@@ -174,7 +223,7 @@ def reach_out(
     share(window.threads, len(columns), work)
 
 
-def _surfaces(take: Take, near: Landed, fists: Array, pose_at: PoseAt) -> Array:
+def _surfaces(take: Take, near: Landed, fists: Array, shoulders: Array, pose_at: PoseAt) -> Array:
     """Nearest points on what is hit. Shape (E, 3)."""
     points = np.full((len(near.times), 3), np.nan)
     people = np.flatnonzero(near.victims >= 0)
@@ -182,8 +231,12 @@ def _surfaces(take: Take, near: Landed, fists: Array, pose_at: PoseAt) -> Array:
         head, neck, pelvis, _ = body_points(body, positions, turns, scales)
         chosen = people[which]
         points[chosen] = surface_point(
-            fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales
+            fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales, shoulders[chosen]
         )
+        # A fist that misses is left alone where it is in no body.
+        deep = depth(fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales)
+        free = chosen[near.missed[chosen] & (deep <= 0.0)]
+        points[free] = fists[free]
     scripted = np.flatnonzero(near.victims < -1)
     if len(scripted):
         clock = near.times[scripted] * take.control_rate
@@ -196,6 +249,6 @@ def _surfaces(take: Take, near: Landed, fists: Array, pose_at: PoseAt) -> Array:
         neck, pelvis = heads - [0.0, _TARGET_NECK, 0.0], heads - [0.0, _TARGET_DROP, 0.0]
         size = np.ones(len(scripted))
         points[scripted] = surface_point(
-            fists[scripted], heads, neck, pelvis, size * _TARGET_HEAD, size * _TARGET_TORSO
+            fists[scripted], heads, neck, pelvis, size * _TARGET_HEAD, size * _TARGET_TORSO, shoulders[scripted]
         )
     return points

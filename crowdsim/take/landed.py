@@ -1,4 +1,4 @@
-"""Landed strikes of a take: who hits whom when."""
+"""Landed strikes of a take: who hits whom when; and those that miss, for being too deep in a body."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TOGETHER = 0.07
 
 @dataclass(frozen=True)
 class Landed:
-    """Landed strikes in order of time; E strikes.
+    """Landed strikes in order of time, and others whose fists would be seen in a body; E strikes.
 
     Attributes:
         times: When [s]. Shape (E,).
@@ -39,6 +39,7 @@ class Landed:
         lean_spans: How long before and after it the trunk leans for it, if it can be no longer than to strikes of
             either hand before and after [s]. Shape (E, 2).
         again: Whether it is one with the hand's strike before. Shape (E,).
+        missed: Whether it did not land. Shape (E,).
     """
 
     times: Array
@@ -50,6 +51,7 @@ class Landed:
     spans: Array
     lean_spans: Array
     again: Array
+    missed: Array
 
     def between(self, first: float, last: float) -> Landed:
         """Return those from ``first`` to ``last`` [s]."""
@@ -76,10 +78,11 @@ class Landed:
         return Landed(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
 
-def find_landed(take: Take) -> Landed:
-    """Return a take's landed strikes; of two of a hand at the same time, the first."""
+def find_landed(take: Take, buried: Array | None = None) -> Landed:
+    """Return a take's landed strikes and those that are ``buried`` (E,); of two of a hand at once, the first."""
     events = take.events
-    landed = np.flatnonzero(np.asarray(events.landed, dtype=bool))
+    told = np.asarray(events.landed, dtype=bool)
+    landed = np.flatnonzero(told if buried is None else told | buried)
     frames = np.asarray(events.frame, dtype=np.float64)[landed]
     attackers = np.asarray(events.attacker)[landed].astype(np.int64)
     hands = np.asarray(events.hand)[landed].astype(np.int64)
@@ -108,6 +111,7 @@ def find_landed(take: Take) -> Landed:
         spans=spans,
         lean_spans=_lean_spans(attackers[order], times[order]),
         again=again,
+        missed=~told[chosen],
     )
 
 

@@ -32,6 +32,8 @@ _EASE = 0.01
 """Share of an arm's length over which it eases into its longest reach."""
 _MARGIN = 0.006
 """Share of an arm's length that it keeps in hand at its strike."""
+_FOLDED = math.radians(140.0)
+"""Flexion beyond which no elbow is bent for it [rad]."""
 _BACK = 0.5
 """Share of what a straight arm has to get shorter that the trunk gives by going back."""
 
@@ -84,7 +86,8 @@ def plan_leans(arms: Limbs, least: float, hands: Array, shifts: Array, positions
     target = end + fists + shifts
     compliance = np.where(mine >= 0, np.asarray(_COMPLIANCE), 0.0)
     found, moved, goes = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros(count, bool)
-    goal = _goal(now, np.linalg.norm(end + shifts - upper, axis=1), longest, _EASE * (a + b))
+    shortest = np.minimum(now, np.sqrt(a * a + b * b + 2.0 * a * b * math.cos(_FOLDED)))
+    goal = np.maximum(_goal(now, np.linalg.norm(end + shifts - upper, axis=1), longest, _EASE * (a + b)), shortest)
     for done in range(_ROUNDS[1]):
         spins = quaternion.from_rotation_vector(found)
         # Joint by joint from the shoulder down: what hangs on each, turned by all of them above it and by itself.

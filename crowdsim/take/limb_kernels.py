@@ -20,6 +20,8 @@ import numpy as np
 
 MOST = math.radians(150.0)
 """Flexion beyond which no knee or elbow is bent [rad]."""
+FOLDED = math.radians(145.0)
+"""Flexion towards which elbows go at the most to bring a fist near [rad]."""
 EVEN = 0.15
 """Time around a cut in which velocities of planted feet become even [s]."""
 
@@ -633,7 +635,9 @@ def carry_fists(first, stop, columns, times, landings, scales, arms, legs, leani
                 now = math.sqrt((r[0] - p[0]) ** 2 + (r[1] - p[1]) ** 2 + (r[2] - p[2]) ** 2)
                 longest = math.sqrt(a * a + b * b + 2.0 * a * b * math.cos(least[0]))
                 wanted = math.sqrt((x - p[0]) ** 2 + (y - p[1]) ** 2 + (z - p[2]) ** 2)
+                shortest = math.sqrt(a * a + b * b + 2.0 * a * b * math.cos(FOLDED))
                 distance = wanted - _beyond(now, wanted, longest, 0.0015 * (a + b))
+                distance += _beyond(-now, -wanted, -shortest, 0.01 * (a + b))
                 _bend(arms, hand, pose, places, turns, x, y, z, distance, True, bend, turn, spare)
 
 

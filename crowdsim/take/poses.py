@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import TakeError
+from crowdsim.motion import ground
 from crowdsim.motion.body import Body
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.take.feet import hold_feet
-from crowdsim.take.fists import PoseAt, plan_landings, reach_out
+from crowdsim.take.fists import PoseAt, depth, plan_landings, reach_out
 from crowdsim.take.landed import LEAN, find_landed
 from crowdsim.take.motion import PoseMotion, prepare_motion
 from crowdsim.take.pose_kernels import blend_poses
@@ -34,6 +35,10 @@ Array = NDArray[Any]
 
 REACH = 1.0
 """How far a pose looks around its time in the take [s]."""
+_BLOCK, _AROUND = 8.0, 3.0
+"""Length of stretches that are searched for buried fists at once, and how far around what is posed [s]."""
+_NECK, _NEAR = 0.3, 0.05
+"""Where necks are between head and pelvis, and how near fists that miss may be to be looked at closely [m]."""
 _LATE, _CLOSE_BY = 0.35, 0.12
 """Where it finds out where fists go of those who are struck: how far it looks back for blows, and around for strikes of
 those whom they strike in turn [s]."""
@@ -110,6 +115,8 @@ class PoseSampler:
         self._threads = threads
         self._reactions = take.reactions if reactions is None else reactions
         self._landed = find_landed(take)
+        self._buried = np.zeros(len(take.events.frame), bool)
+        self._searched: set[int] = set()
 
     def sample(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:
         """Return the poses of output frames ``start`` to ``stop`` at ``fps``, one item a policy that has avatars.
@@ -123,6 +130,8 @@ class PoseSampler:
         numbers = np.arange(self.take.avatar_count) if avatars is None else np.asarray(avatars)
         owners = self.take.cast.policies[numbers]
         times = np.arange(start, stop) / fps
+        if len(times):
+            self._look_for_buried(float(times[0]), float(times[-1]))
         return [
             self._sample_policy(index, numbers[owners == index], times)
             for index in range(len(self.motions))
@@ -157,6 +166,33 @@ class PoseSampler:
         control = np.clip(control, 0, self.take.frame_count - 1)
         action = np.asarray(self.take.action[int(control[0]) : int(control[-1]) + 1, avatar])
         return int(np.count_nonzero(action[control - control[0]] >= 0))
+
+    def _look_for_buried(self, first: float, last: float) -> None:
+        """Find strikes around a range of times [s] that miss avatars because they are too deep in them."""
+        blocks = range(max(0, int((first - _AROUND) // _BLOCK)), int((last + _AROUND) // _BLOCK) + 1)
+        fresh = [block for block in blocks if block not in self._searched]
+        self._searched.update(fresh)
+        if any([self._mark_buried(block * _BLOCK, (block + 1) * _BLOCK) for block in fresh]):
+            self._landed = find_landed(self.take, self._buried)
+
+    def _mark_buried(self, first: float, last: float) -> bool:
+        """Mark those of a range of times, nearly, since some others may be among them; whether there are any."""
+        events = self.take.events
+        times = np.asarray(events.frame, dtype=np.float64) / self.take.control_rate
+        missed = ~np.asarray(events.landed, dtype=bool) & (np.asarray(events.victim) >= 0)
+        some = np.flatnonzero(missed & (times >= first) & (times < last))
+        points = np.asarray(events.point, dtype=np.float64).reshape(-1, 3)[some]
+        victims = np.asarray(events.victim)[some].astype(np.int64)
+        for which, motion, scales, places in self._place_at(victims, times[some]):
+            frames, size = np.maximum(places.frames[0], 0), scales[:, None]
+            heads, pelvises = (
+                ground.to_world(places.ground[0], local[frames].astype(float) * size)
+                for local in (motion.heads, motion.frames.roots)
+            )
+            body, necks = motion.body, heads + _NECK * (pelvises - heads)
+            deep = depth(points[which], heads, necks, pelvises, body.head_radius * scales, body.torso_radius * scales)
+            self._buried[some[which]] = deep > -_NEAR * scales
+        return bool(self._buried[some].any())
 
     def _sample_policy(self, index: int, avatars: Array, times: Array) -> Poses:
         take, motion = self.take, self.motions[index]
@@ -225,6 +261,22 @@ class PoseSampler:
             told.append(self._joints_of(which, window, columns, roots, rotations))
         return told
 
+    def moments(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
+        """Pose avatars (E,) at times (E,), each at its own.
+
+        Returns:
+            For each policy which of them are its own (n,), its body, their sizes (n,), places (n, J, 3) [m] and
+            rotations (n, J, 4) of joints in the world.
+        """
+        told = []
+        if len(times):
+            self._look_for_buried(float(times.min()), float(times.max()))
+        for which, index, window, columns, moments in self._moments(avatars, times):
+            roots, rotations, _ = self._pose(window, index, moments, columns)
+            self._reach_out(window, moments, columns, roots, rotations, self._pose_at, self._struck_at, LEAN)
+            told.append(self._joints_of(which, window, columns, roots, rotations))
+        return told
+
     def _struck_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
         """Pose avatars (E,) at times (E,) with what their own fists do to them, nearly.
 
@@ -233,7 +285,7 @@ class PoseSampler:
         told = []
         for which, index, window, columns, moments in self._moments(avatars, times):
             roots, rotations, _ = self._pose(window, index, moments, columns)
-            self._reach_out(window, moments, columns, roots, rotations, self._answering_at, LEAN)
+            self._reach_out(window, moments, columns, roots, rotations, self._nearly_at, self._answering_at, LEAN)
             told.append(self._joints_of(which, window, columns, roots, rotations))
         return told
 
@@ -242,7 +294,7 @@ class PoseSampler:
         told = []
         for which, index, window, columns, moments in self._moments(avatars, times):
             roots, rotations = self._pose_nearly(window, index, moments, columns)
-            self._reach_out(window, moments, columns, roots, rotations, self._nearly_at, _CLOSE_BY)
+            self._reach_out(window, moments, columns, roots, rotations, self._nearly_at, self._nearly_at, _CLOSE_BY)
             told.append(self._joints_of(which, window, columns, roots, rotations))
         return told
 
@@ -269,14 +321,15 @@ class PoseSampler:
         columns: Array,
         roots: Array,
         rotations: Array,
+        pose_at: PoseAt,
         struck_at: PoseAt,
         within: float,
     ) -> None:
-        """Carry fists nearly to where they go, in place, for strikes that are no further off than ``within`` [s]."""
+        """Carry fists to where they go, in place, for strikes that are no further off than ``within`` [s]."""
         lookup = np.full(self.take.avatar_count, -1)
         lookup[window.avatars] = np.arange(len(window.avatars))
         near = self._landed.around_each(window.avatars[columns], moments[0], within)
-        landings = plan_landings(self.take, near, lookup, len(window.avatars), self._nearly_at, struck_at,
+        landings = plan_landings(self.take, near, lookup, len(window.avatars), pose_at, struck_at,
                                  window.motion.arms)  # fmt: skip
         reach_out(window, landings, moments, columns, roots, rotations, within)
 

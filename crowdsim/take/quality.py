@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.take.fists import body_points, surface_point
 from crowdsim.take.poses import Poses, PoseSampler
 from crowdsim.take.take import Take
 from crowdsim.take.window import STEPS, Cuts, Falls
@@ -19,11 +20,14 @@ Progress = Callable[[str, int, int], None]
 
 BODY_RADIUS = 0.2
 """Radius of the disc that a body takes up on the ground [m]; it scales with the body."""
+TOUCH = 0.02
+"""How far from a surface a fist touches it [m]."""
 _NEAR_CUT = 0.1
 """Time around a cut in which accelerations count as its own [s]."""
 _MOST_POSES = 150_000
 _POSES_AT_ONCE = 20_000
 _MOST_OVERLAPS = 2_000_000
+_MOST_STRIKES = 4000
 
 
 def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict[str, Any]:
@@ -41,7 +45,9 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict
         ``overlap_share``, the share of avatar-frames in which two bodies' discs overlap; ``foot_slide_median`` and
         ``foot_slide_95``, speed over the floor of planted feet [m/s], those apart that make a step for a cut, and
         beside them the capture's own in the frames that are shown, and in all that there are;
-        ``transition_jump_ratio``, accelerations of joints near cuts over those of the captured frames shown there.
+        ``transition_jump_ratio``, accelerations of joints near cuts over those of the captured frames shown there;
+        ``fist_gap_median``, ``fist_gap_95`` and ``fist_gap_most``, how far fists are from the surface of the avatars
+        that they land on [m], and ``fists_off_share``, the share of them that are further than ``TOUCH`` from it.
         Figures of which there is nothing to measure are None.
     """
     take = sampler.take
@@ -60,6 +66,7 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict
         "overlap_share": overlap_share(take),
     }
     told.update(_of_poses(sampler, progress))
+    told.update(_of_fists(sampler))
     told["opponent_changes"] = int(np.count_nonzero(there & (opponent[1:] != opponent[:-1])))
     told["transitions_per_second"] = _count_cuts(sampler) / (minutes * 60.0) if minutes else None
     return told
@@ -134,6 +141,32 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
         "foot_slide_median_all_capture": percentile(whole, 50),
         "foot_slide_95_all_capture": percentile(whole, 95),
         "transition_jump_ratio": float(np.concatenate(jumps).mean()) / reference if reference > 0.0 else None,
+    }
+
+
+def _of_fists(sampler: PoseSampler) -> dict[str, float | None]:
+    """Gaps between fists that land and the surface of whom they land on; of many strikes, some evenly picked."""
+    events = sampler.take.events
+    landed = np.flatnonzero(np.asarray(events.landed, dtype=bool) & (np.asarray(events.victim) >= 0))
+    some = landed[np.unique(np.linspace(0, len(landed) - 1, min(len(landed), _MOST_STRIKES)).astype(np.int64))]
+    times = np.asarray(events.frame, dtype=np.float64)[some] / sampler.take.control_rate
+    fists, surfaces = np.full((len(some), 3), np.nan), np.full((len(some), 3), np.nan)
+    hands = np.asarray(events.hand)[some].astype(np.int64)
+    for which, body, scales, places, turns in sampler.moments(np.asarray(events.attacker)[some].astype(int), times):
+        fists[which] = body_points(body, places, turns, scales)[3][np.arange(len(which)), hands[which]]
+    for which, body, scales, places, turns in sampler.moments(np.asarray(events.victim)[some].astype(int), times):
+        head, neck, pelvis, _ = body_points(body, places, turns, scales)
+        surfaces[which] = surface_point(
+            fists[which], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales
+        )
+    gaps = np.linalg.norm(fists - surfaces, axis=1)
+    gaps = gaps[np.isfinite(gaps)]
+    there = len(gaps) > 0
+    return {
+        "fist_gap_median": float(np.median(gaps)) if there else None,
+        "fist_gap_95": float(np.percentile(gaps, 95)) if there else None,
+        "fist_gap_most": float(gaps.max()) if there else None,
+        "fists_off_share": float(np.mean(gaps > TOUCH)) if there else None,
     }
 
 

@@ -83,7 +83,7 @@ def plan_blows(landed: Landed, columns: Array, count: int, first: float, last: f
         place_at: Tells where avatars are.
     """
     near = landed.between(first - LENGTH, last)
-    near = near.of((near.victims >= 0) & ~near.again)
+    near = near.of((near.victims >= 0) & ~near.again & ~near.missed)
     near = near.of(columns[near.victims] >= 0)
     axes = np.zeros((len(near.times), 3))
     for which, motion, scales, places in place_at(near.attackers, near.times):

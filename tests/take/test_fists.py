@@ -1,0 +1,102 @@
+"""Fists that land: where on a body, how the trunk helps, and what that does to the rest of the pose."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from crowdsim.motion.ik import flexion
+from crowdsim.take.fists import body_points, depth, surface_point
+from crowdsim.take.quality import measure_take
+from crowdsim.take.take import Events, Take
+from tests.take.synthetic_take import database, sampler
+from tests.take.test_poses import duel, same
+
+
+def without_strikes(take: Take) -> Take:
+    return replace(take, events=Events(*(getattr(take.events, n)[:0] for n in Events.__dataclass_fields__)))
+
+
+def places(take: Take, policy: Any, fps: float = 60.0) -> np.ndarray:
+    return np.asarray(sampler(take, policy).sample(0, take.output_frames(fps), fps)[0].joints()[0], dtype=float)
+
+
+@given(st.integers(0, 10_000), st.sampled_from([(1.7, 0.11), (1.2, 0.15)]))
+def test_a_point_that_is_hit_lies_on_the_surface_and_not_behind_the_body(seed: int, part: tuple[float, float]) -> None:
+    rng = np.random.default_rng(seed)
+    height, radius = part
+    head, neck, pelvis = np.array([[0.0, 1.7, 0.0]]), np.array([[0.0, 1.5, 0.0]]), np.array([[0.0, 1.0, 0.0]])
+    middle = np.array([[0.0, height, 0.0]])
+    fist = middle + rng.normal(size=(1, 3)) * [0.1, 0.0, 0.1] + [0.0, 0.02, 0.0]
+    origin = fist * [0.0, 1.0, 0.0] + np.array([[np.cos(seed), 0.0, np.sin(seed)]]) * 0.6
+    found = surface_point(fist, head, neck, pelvis, np.array([0.11]), np.array([0.15]), origin)
+    out = (found - middle) * ([1.0, 1.0, 1.0] if height > 1.5 else [1.0, 0.0, 1.0])
+    assert np.linalg.norm(out) == pytest.approx(radius, abs=1e-3)
+    assert float(np.sum(out * origin)) > 0.1 * 0.6 * radius
+    there = surface_point(found, head, neck, pelvis, np.array([0.11]), np.array([0.15]), origin)
+    assert np.linalg.norm(there - found) < 1e-3
+
+
+@pytest.mark.parametrize("gap", [-0.15, 0.12, 0.17])
+def test_what_a_straight_arm_does_not_reach_the_trunk_gives(gap: float) -> None:
+    take, policy, frame = duel(gap)
+    body, hand = database().body, int(take.events.hand[0])
+    poses = sampler(take, policy).sample(frame, frame + 1, 60)[0]
+    positions, turns = (a[0] for a in poses.joints())
+    head, neck, pelvis, fists = body_points(body, positions, turns, poses.scales)
+    touched = surface_point(
+        fists[:1, hand], head[1:], neck[1:], pelvis[1:], np.array([body.head_radius]), np.array([body.torso_radius])
+    )
+    assert np.linalg.norm(touched - fists[0, hand]) < 0.01
+    arm = [body.roles[f"{('left', 'right')[hand]}_{name}"] for name in ("shoulder", "elbow", "hand")]
+    bend = np.rad2deg(flexion(*(positions[0, joint] for joint in arm)))
+    assert 6.0 < bend < 146.0
+
+
+def test_trunks_lean_for_fists_without_a_jerk_over_feet_that_stay() -> None:
+    take, policy, frame = duel(0.17)
+    roles = database().body.roles
+    take = replace(take, reactions=False)
+    moved = (places(take, policy) - places(without_strikes(take), policy))[:, 0]
+    head = moved[:, roles["head"]]
+    assert np.linalg.norm(head[frame]) > 0.005
+    assert np.linalg.norm(np.diff(head, 2, axis=0), axis=1).max() * 3600.0 < 20.0
+    feet = moved[:, [roles["left_foot"], roles["right_foot"]]]
+    assert np.linalg.norm(feet, axis=-1).max() < 2e-3
+
+
+def test_a_strike_that_a_cut_shows_again_throws_its_victim_back_once() -> None:
+    take, policy, _ = duel(0.0)
+    twice = Events(*(np.repeat(getattr(take.events, n), 2, axis=0) for n in Events.__dataclass_fields__))
+    twice = replace(twice, frame=twice.frame + np.array([0.0, 0.5], np.float32))
+    frames = take.output_frames(60)
+    one, both = (sampler(t, policy).sample(0, frames, 60)[0] for t in (take, replace(take, events=twice)))
+    assert same(one.at(0), both.at(0))
+    assert np.array_equal(one.rotations[:, 1], both.rotations[:, 1])
+
+
+def test_figures_of_a_run_tell_how_far_fists_are_from_what_they_hit() -> None:
+    take, policy, _ = duel(0.1)
+    told = measure_take(sampler(take, policy))
+    assert told["fist_gap_most"] < 0.01
+    assert told["fists_off_share"] == 0.0
+    far = replace(take, x=take.x + np.array([0.0, 3.0], np.float32))
+    assert measure_take(sampler(far, policy))["fists_off_share"] == 1.0
+    assert measure_take(sampler(without_strikes(take), policy))["fist_gap_most"] is None
+
+
+def test_a_fist_that_misses_for_being_deep_in_a_body_stays_at_its_surface_and_is_no_blow() -> None:
+    take, policy, frame = duel(-0.2, landed=False)
+    body, hand = database().body, int(take.events.hand[0])
+    poses = sampler(take, policy).sample(frame, frame + 1, 60)[0]
+    positions, turns = (a[0] for a in poses.joints())
+    head, neck, pelvis, fists = body_points(body, positions, turns, poses.scales)
+    radii = np.array([body.head_radius]), np.array([body.torso_radius])
+    assert abs(float(depth(fists[:1, hand], head[1:], neck[1:], pelvis[1:], *radii)[0])) < 0.01
+    frames = take.output_frames(60)
+    one, none = (sampler(t, policy).sample(0, frames, 60)[0] for t in (take, without_strikes(take)))
+    assert np.array_equal(one.rotations[:, 1], none.rotations[:, 1])
+    assert not np.array_equal(one.rotations[:, 0], none.rotations[:, 0])
