@@ -34,7 +34,7 @@ NEXT, LENGTH, ORIGIN, PATHS, STRIKES, FIRST_STRIKE = range(6)
 MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, CUT = range(6)
 TIME, FIST_X, FIST_Y, FIST_Z, FIST_SPEED, HAND, OWNER, WORTH = range(8)
 HEAD, NECK, PELVIS = 0, 3, 6
-HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE = range(7)
+HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE, FARTHEST = range(8)
 STRIDE, BEHAVIOURS, ACTIONS, STATES = range(4)
 MARGIN, MOST, TEMPERATURE, HYSTERESIS = range(4)
 LOOKS_AHEAD, CELLS, TABLE, NORM, DISCOUNT, LOW, STEP = range(4, 11)
@@ -400,6 +400,11 @@ def _prepare(model, weights, scratch, first, count, policy):
         for k in range(_whole_lanes(n)):
             scratch.values[q, k] = 0.0
         distance, bearing = math.sqrt(x * x + z * z), math.atan2(x, z)
+        if distance > model.sizes[policy, FARTHEST]:
+            # At the end of all grids every place further on looks alike, so that nothing would draw the avatar there.
+            x, z = x * model.sizes[policy, FARTHEST] / distance, z * model.sizes[policy, FARTHEST] / distance
+            distance = model.sizes[policy, FARTHEST]
+            scratch.situations[q, 0], scratch.situations[q, 2] = x, z
         ahead = False
         for b in range(begun, end):
             spot = d * (end - begun) + b - begun

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -150,7 +151,14 @@ def _sizes(policy: Policy) -> list[float]:
     steps[np.asarray(database.clip_starts[1:-1], int) * database.stride - 1] = 0.0
     pace = float(steps.max(initial=0.0)) * database.stride
     drops = (body.neck_drop, body.pelvis_drop)
-    return [body.head_radius, body.torso_radius, *drops, _tolerance(policy), furthest + 1e-5, pace + 1e-5]
+    tolerance = _tolerance(policy)
+    return [body.head_radius, body.torso_radius, *drops, tolerance, furthest + 1e-5, pace + 1e-5, farthest(policy)]
+
+
+def farthest(policy: Policy) -> float:
+    """Return the distance beyond which no behaviour tells places apart [m]: targets further away are seen there."""
+    axes = [axis for behaviour in policy.behaviours for axis in behaviour.grid.axes if axis.name == "distance"]
+    return max((axis.maximum + axis.fade for axis in axes), default=math.inf)
 
 
 def _tolerance(policy: Policy) -> float:
