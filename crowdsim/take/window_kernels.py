@@ -10,8 +10,8 @@ import numba as nb
 import numpy as np
 
 SNAP = 1e-4
-HOP = 0.15
-"""Time between two stands with a cut between them that is too short for a swing [s]."""
+HOP, SHORT = 0.15, 0.11
+"""Least time of a hop, and time between two stands with a cut between them that is too short for a swing [s]."""
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -266,7 +266,7 @@ def find_stands(w, m, first, stop, out_stands, out_counts):
                             share = low + max(frame - begin, 0.0) / (speed * m.stride)
                             time = (w.first + r + share) / w.rate
                             hops = count > 0 and last > out_stands[n, f, max(count - 1, 0), 1] - 1e-6
-                            hops = hops and time - out_stands[n, f, max(count - 1, 0), 1] < HOP
+                            hops = hops and time - out_stands[n, f, max(count - 1, 0), 1] < SHORT
                             if planted and count < most and not hops:
                                 out_stands[n, f, count, 0] = time
                                 count += 1
