@@ -17,7 +17,7 @@ WIDE = 0.82
 """How far from a cut feet move for it [s]."""
 SWING = 0.2
 """How long it takes to let go of a foot, or to lead it to where it lands [s]."""
-PASS = 0.3
+PASS = 0.2
 """Time between two stands in which a foot is led from one to the other [s]."""
 _MOST = (0.17, 0.26)
 """How far feet are moved from where blends have them before they are moved less, and at the most [m]."""

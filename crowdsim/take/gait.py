@@ -14,7 +14,7 @@ _LONGEST, _FURTHEST = 0.5, 0.5
 """What takes longer [s] or goes further [m] is no single step."""
 _LEAST = 12
 """Fewer steps tell nothing."""
-_TYPICAL = 75
+_TYPICAL = 60
 """Percentile of the speeds of planted feet that a foot may be dragged at."""
 
 

@@ -10,6 +10,8 @@ import numba as nb
 import numpy as np
 
 SNAP = 1e-4
+HOP, SHORT = 0.15, 0.11
+"""Least time of a hop, and time between two stands with a cut between them that is too short for a swing [s]."""
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -226,6 +228,8 @@ def measure_cuts(w, m, toes, first, stop, owners, times, before, after, signs, p
 def find_stands(w, m, first, stop, out_stands, out_counts):
     """Find when the feet of the avatars in columns ``first`` to ``stop`` are planted, through cuts.
 
+    A foot that leaves the floor before a cut and is down again right after it stands all along.
+
     Args:
         w: The window, R rows.
         m: The frames.
@@ -239,13 +243,15 @@ def find_stands(w, m, first, stop, out_stands, out_counts):
     for n in range(first, stop):
         speed = w.speeds[n]
         for f in range(2):
-            count, standing = 0, False
+            count, standing, last = 0, False, -math.inf
             for r in range(rows - 1):
                 if not w.present[r, n]:
                     standing = False
                     continue
                 cut = w.fresh[r + 1, n] and w.present[r + 1, n]
                 began = 1.0 - w.phase[r + 1, n] / speed if cut else 1.0
+                if cut:
+                    last = (w.first + r + began) / w.rate
                 for piece in range(2 if cut else 1):
                     if piece == 0:
                         origin, phase, low, high = w.origins[r, n], w.phase[r, n], 0.0, began
@@ -259,7 +265,9 @@ def find_stands(w, m, first, stop, out_stands, out_counts):
                         if planted != standing:
                             share = low + max(frame - begin, 0.0) / (speed * m.stride)
                             time = (w.first + r + share) / w.rate
-                            if planted and count < most:
+                            hops = count > 0 and last > out_stands[n, f, max(count - 1, 0), 1] - 1e-6
+                            hops = hops and time - out_stands[n, f, max(count - 1, 0), 1] < SHORT
+                            if planted and count < most and not hops:
                                 out_stands[n, f, count, 0] = time
                                 count += 1
                             standing = planted
@@ -292,7 +300,7 @@ def plan_falls(cuts, stands, m, scales, first, stop, how, gait, out_kinds, out_m
             (C, 2), int8.
         out_moves: Beginning and end of the time in which it moves [s], and how high it rises [m]. Shape (C, 2, 3).
     """
-    after_cut, before_cut, early, shortest, longest, most, ahead, behind, near = how
+    after_cut, before_cut, early, shortest, longest, most, ahead, behind, near, speed = how
     # An eased way is fastest in its middle, 15 / 8 of the mean.
     near = min(near, gait.slide * (ahead + behind) / 1.875)
     lasts = np.empty(2)
@@ -300,22 +308,29 @@ def plan_falls(cuts, stands, m, scales, first, stop, how, gait, out_kinds, out_m
         for cut in range(cuts.starts[n], cuts.starts[n + 1]):
             time, steps = cuts.times[cut], 0
             for f in range(2):
-                out_kinds[cut, f] = 0
+                out_kinds[cut, f], lasts[f] = 0, 0.0
                 out_moves[cut, f, 0], out_moves[cut, f, 1], out_moves[cut, f, 2] = time - 1e-3, time, 0.0
-                begin, end = 0.0, -1.0
+                begin, end, air = 0.0, -1.0, HOP
                 for k in range(stands.counts[n, f]):
                     if stands.spans[n, f, k, 0] < time < stands.spans[n, f, k, 1]:
                         begin, end = stands.spans[n, f, k, 0], stands.spans[n, f, k, 1]
+                        if k > 0:
+                            air = begin - stands.spans[n, f, k - 1, 1]
                         break
                 if end < begin:
                     continue
                 gap = cuts.gaps[cut, f]
                 far = math.sqrt(gap[0] * gap[0] + gap[2] * gap[2])
                 out_kinds[cut, f] = 1
-                if end - time < after_cut:
-                    out_moves[cut, f, 0], out_moves[cut, f, 1] = time + 10.0, time + 11.0
-                elif time - begin < before_cut:
+                if not (m.contacts[cuts.before[cut], f] and m.contacts[cuts.after[cut], f]):
+                    # It is in the air for a moment, and goes over in a hop as long as it needs.
+                    out_kinds[cut, f] = 2
+                    half = 0.5 * min(max(HOP, far / (scales[n] * speed)), 2.0 * HOP)
+                    out_moves[cut, f, 0], out_moves[cut, f, 1] = time - half, time + half
+                elif time - begin < before_cut and air > min(far / (scales[n] * speed), HOP) - 1e-6:
                     out_moves[cut, f, 0], out_moves[cut, f, 1] = time - 11.0, time - 10.0
+                elif end - time < after_cut:
+                    out_moves[cut, f, 0], out_moves[cut, f, 1] = time + 10.0, time + 11.0
                 elif far < near * scales[n]:
                     out_moves[cut, f, 0], out_moves[cut, f, 1] = time - ahead, time + behind
                 else:
@@ -335,7 +350,7 @@ def plan_falls(cuts, stands, m, scales, first, stop, how, gait, out_kinds, out_m
             along = x * (cuts.gaps[cut, 0, 0] + cuts.gaps[cut, 1, 0])
             along += z * (cuts.gaps[cut, 0, 2] + cuts.gaps[cut, 1, 2])
             for f in range(2):
-                if out_kinds[cut, f] == 2:
+                if lasts[f] > 0.0:
                     leads = steps == 2 and (along > 0.0) == (f == 0)
                     out_moves[cut, f, 0] = time + (early if leads else after_cut)
                     out_moves[cut, f, 1] = out_moves[cut, f, 0] + lasts[f]
