@@ -158,11 +158,20 @@ def decide(one, avatars, crowd, targets):
         values = -actions.costs[list(ways)].astype(float)
     else:
         weights = {b.name: crowd.weights[one.mood, k] for k, b in enumerate(policy.behaviours)}
-        values = action_values(policy, weights, state, ground.to_local(mine, target) / one.scale)
+        values = action_values(policy, weights, state, within_grids(policy, ground.to_local(mine, target) / one.scale))
     near = neighbours(x, z, mine[0], mine[1], one.number, crowd.crowding.reach, crowd.crowding.most)
     for k, action in enumerate(ways):
         values[k] -= crowding(one, action, mine, [avatars[j] for j in near], places, crowd)
     return opponent, ways[pick(values, one, crowd)]
+
+
+def within_grids(policy, target):
+    """A target beyond all grids is seen where they end, in the same direction."""
+    axes = [axis for behaviour in policy.behaviours for axis in behaviour.grid.axes if axis.name == "distance"]
+    furthest = max(axis.maximum + axis.fade for axis in axes)
+    distance = np.hypot(target[0], target[2])
+    shrink = furthest / distance if distance > furthest else 1.0
+    return np.array([target[0] * shrink, target[1], target[2] * shrink])
 
 
 def crowding(one, action, mine, near, places, crowd):

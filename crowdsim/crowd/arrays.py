@@ -51,7 +51,7 @@ class Model(NamedTuple):
             action and its first state; the last row closes these three. Shape (P + 1, 4), int32.
         sizes: Radius of head and torso, drop from the head to neck and pelvis, a strike's tolerance; how far the
             surface of head and torso is from where the body stands at most, and how far it moves in a control frame at
-            most [m]. Shape (P, 7), float64.
+            most; the distance beyond which all grids end [m]. Shape (P, 8), float64.
     """
 
     offsets: Array

@@ -11,7 +11,7 @@ from crowdsim.crowd.arrays import empty_record, empty_scratch
 from crowdsim.crowd.cast import cast_crowd
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.events import VARIABLES
-from crowdsim.crowd.model import build_model
+from crowdsim.crowd.model import build_model, farthest
 from crowdsim.crowd.placement import place_groups
 from crowdsim.crowd.random import Purpose, stream, uniform
 from crowdsim.crowd.scenario import load_scenario
@@ -111,6 +111,28 @@ def test_actions_are_worth_what_the_policy_says(lookup, precisions):
             named = {b.name: weights[k, column] for column, b in enumerate(chosen.behaviours)}
             expected = action_values(chosen, named, states[k], targets[k])
             np.testing.assert_allclose(scratch.values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
+
+
+def test_a_target_beyond_all_grids_is_seen_where_they_end():
+    chosen = policy(4, "v")
+    grids = [replace(b.grid, axes=tuple(replace(axis, fade=0.0) for axis in b.grid.axes)) for b in chosen.behaviours]
+    behaviours = [replace(b, grid=grid) for b, grid in zip(chosen.behaviours, grids, strict=True)]
+    chosen = replace(chosen, behaviours=tuple(behaviours))
+    model = build_model([chosen])
+    end = farthest(chosen)
+    assert end == max(axis.maximum for grid in grids for axis in grid.axes if axis.name == "distance")
+    scratch = empty_scratch(model, 1, 20)
+    rng = np.random.default_rng(3)
+    bearings = rng.uniform(-3, 3, 20)
+    at_end = end * np.stack([np.sin(bearings), np.zeros(20), np.cos(bearings)], axis=-1) + [0.0, 1.5, 0.0]
+    states = rng.integers(chosen.actions.state_count, size=20)
+    scratch.order[:], scratch.moods[:], scratch.policies[:], scratch.states[:] = np.arange(20), 0, 0, states
+    scratch.situations[:] = (at_end - [0.0, 1.5, 0.0]) * rng.uniform(1.1, 9.0, (20, 1)) + [0.0, 1.5, 0.0]
+    kernels.value_actions(model, np.ones((1, 2)), scratch, 0, 20)
+    for k in range(20):
+        expected = action_values(chosen, {b.name: 1.0 for b in behaviours}, states[k], at_end[k])
+        assert np.ptp(expected) > 0.0
+        np.testing.assert_allclose(scratch.values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
 
 
 def in_precision(chosen, precision):
