@@ -131,9 +131,10 @@ def judge(policy: Policy, name: str, spec: BehaviourSpec, precision: str, thread
 
 
 def resolutions(policy: Policy, name: str, spec: BehaviourSpec, threads: int) -> Iterator[str]:
-    """Yield return against resolution, a line each, for both look-ups and backups."""
+    """Yield return against resolution, a line each, for both look-ups; the recipe's own table comes last."""
     states, targets = starts_of(policy, name)
     shapes: list[tuple[str, BehaviourSpec]] = []
+    own, spec = spec, changed(spec, {}, finer=1)
     if name == "punch":
         paper = load_recipe(POLICIES / "boxer_paper.yaml").behaviours["punch"].axes.model_dump(mode="json")
         shapes.append(("paper's ranges", changed(spec, {}, axes=paper)))
@@ -142,6 +143,7 @@ def resolutions(policy: Policy, name: str, spec: BehaviourSpec, threads: int) ->
     else:
         sizes2 = [(5, 13), (10, 16), (21, 24), (42, 48)]
         shapes += [("", changed(spec, dict(zip(("distance", "bearing"), n, strict=True)))) for n in sizes2]
+    shapes.append((f"fitted, finer {own.finer}" if own.finer > 1 else "", own))
     yield f"  {'grid':<26}{'look-up':>8}{'MB':>9}{'return':>9}{'success':>9}{'us a decision':>15}"
     for note, one in shapes:
         for lookup in ("q", "v"):

@@ -31,6 +31,7 @@ behaviours:
         count: 8
     rewards:
       - kind: proximity
+    finer: 2
   punch:
     axes:
       distance:
