@@ -314,6 +314,12 @@ class PoseSampler:
             self._give_way(window, index, moments, columns, roots, rotations, _LATE)
         return roots, rotations
 
+    def _columns_of(self, window: Window) -> Array:
+        """Return each avatar's column in a window, -1 for those outside it. Shape (avatars of the take,)."""
+        columns = np.full(self.take.avatar_count, -1)
+        columns[window.avatars] = np.arange(len(window.avatars))
+        return columns
+
     def _reach_out(
         self,
         window: Window,
@@ -326,8 +332,7 @@ class PoseSampler:
         within: float,
     ) -> None:
         """Carry fists to where they go, in place, for strikes that are no further off than ``within`` [s]."""
-        lookup = np.full(self.take.avatar_count, -1)
-        lookup[window.avatars] = np.arange(len(window.avatars))
+        lookup = self._columns_of(window)
         near = self._landed.around_each(window.avatars[columns], moments[0], within)
         landings = plan_landings(self.take, near, lookup, len(window.avatars), pose_at, struck_at,
                                  window.motion.arms)  # fmt: skip
@@ -344,8 +349,7 @@ class PoseSampler:
         recent: float = LENGTH,
     ) -> None:
         """Lay reactions to blows over poses, in place; to those that are no older than ``recent`` [s]."""
-        lookup = np.full(self.take.avatar_count, -1)
-        lookup[window.avatars] = np.arange(len(window.avatars))
+        lookup = self._columns_of(window)
         first, last = float(times.min()), float(times.max())
         blows = plan_blows(self._landed, lookup, len(window.avatars), first, last, self._place_at)
         give_way(window, blows, self._trunks[index], times, columns, roots, rotations, recent)

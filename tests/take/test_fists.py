@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from synthetic_take import database, sampler
+from test_poses import duel, same
 
 from crowdsim.motion.ik import flexion
 from crowdsim.take.fists import body_points, depth, surface_point
 from crowdsim.take.quality import measure_take
 from crowdsim.take.take import Events, Take
-from tests.take.synthetic_take import database, sampler
-from tests.take.test_poses import duel, same
 
 
 def without_strikes(take: Take) -> Take:

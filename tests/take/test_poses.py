@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from synthetic_take import actions, build_take, database, sampler
 
 from crowdsim.errors import TakeError
 from crowdsim.motion import quaternion
@@ -16,7 +17,6 @@ from crowdsim.take.fists import body_points, surface_point
 from crowdsim.take.poses import Poses, PoseSampler
 from crowdsim.take.take import Events, Take
 from crowdsim.take.window import STEPS
-from tests.take.synthetic_take import actions, build_take, database, sampler
 
 LEGS = ("hip", "knee", "foot", "toe")
 
