@@ -42,8 +42,10 @@ class MotionDatabase:
         clip_starts: First control frame of each clip, and F. Shape (C + 1,), int32.
         root_positions: Place of the root in its clip's world, the floor at 0 [m]. Shape (P, 3), float32.
         rotations: Local joint rotations, continuous in sign within a clip. Shape (P, J, 4), float32.
-        ground: Ground transform of the body (pelvis over the floor, and facing) in its clip's world. Shape (P, 3),
-            float64; headings are continuous within a clip.
+        ground: Ground transform of the body in its clip's world: where its feet stand, as ``Tracks.stances`` say, and
+            turned by as much in all frames that headings are where bodies face on the average, mirror images by as
+            much the other way. A punch sways pelvis and shoulders, and hardly this: where one motion is laid upon
+            another, feet stay where they are. Shape (P, 3), float64; headings are continuous within a clip.
         contacts: Whether the left and right foot are planted. Shape (P, 2), bool.
         fists: Place of the left and right fist in the frame's own ground frame [m]. Shape (P, 2, 3), float32.
         heads: Centre of the head in the frame's own ground frame [m]. Shape (P, 3), float32.
@@ -157,7 +159,7 @@ def build_database(
             progress("motion", len(parts), count)
     if mirror:
         for part in list(parts):
-            parts.append(_measure(mirrored(part.clip, body), body))
+            parts.append(_measure(mirrored(part.clip, body), body, mirror=True))
             if progress is not None:
                 progress("motion", len(parts), count)
     return _join(parts, body, control_rate, playback_rate)
@@ -171,9 +173,10 @@ class _Part:
     tracks: Tracks
     contacts: Array
     strikes: Strikes
+    mirror: bool
 
 
-def _measure(clip: Clip, body: Body) -> _Part:
+def _measure(clip: Clip, body: Body, mirror: bool = False) -> _Part:
     positions, rotations = clip_kinematics(clip)
     tracks = build_tracks(body, positions, rotations)
     return _Part(
@@ -181,6 +184,7 @@ def _measure(clip: Clip, body: Body) -> _Part:
         tracks,
         find_contacts(tracks, body.height, clip.fps),
         find_strikes(tracks, body.height, clip.fps),
+        mirror,
     )
 
 
@@ -188,12 +192,11 @@ def _join(parts: list[_Part], body: Body, control_rate: float, playback_rate: fl
     stride = round(playback_rate / control_rate)
     lengths = np.array([part.clip.frame_count for part in parts])
     starts = np.concatenate([[0], np.cumsum(lengths)])
+    grounds = _grounds(parts)
 
     def local(name: str) -> Array:
         places = [getattr(part.tracks, name) for part in parts]
-        grounds = [part.tracks.ground for part in parts]
-        grounds = [g if p.ndim == 2 else g[:, None] for g, p in zip(grounds, places, strict=True)]
-        joined = [ground.to_local(g, p) for g, p in zip(grounds, places, strict=True)]
+        joined = [ground.to_local(g if p.ndim == 2 else g[:, None], p) for g, p in zip(grounds, places, strict=True)]
         return np.concatenate(joined).astype(np.float32)
 
     def strikes(name: str, shift: bool = False) -> Array:
@@ -202,6 +205,7 @@ def _join(parts: list[_Part], body: Body, control_rate: float, playback_rate: fl
             values = [value + start for value, start in zip(values, starts[:-1], strict=True)]
         return np.concatenate(values).astype(values[0].dtype)
 
+    fists, frames, hands = local("fists"), strikes("frames", shift=True).astype(np.int32), strikes("hands")
     return MotionDatabase(
         skeleton=parts[0].clip.skeleton,
         body=body,
@@ -211,15 +215,31 @@ def _join(parts: list[_Part], body: Body, control_rate: float, playback_rate: fl
         clip_starts=(starts // stride).astype(np.int32),
         root_positions=np.concatenate([part.clip.root_positions for part in parts]).astype(np.float32),
         rotations=np.concatenate([quaternion.continuous(part.clip.rotations) for part in parts]).astype(np.float32),
-        ground=np.concatenate([part.tracks.ground for part in parts]),
+        ground=np.concatenate(grounds),
         contacts=np.concatenate([part.contacts for part in parts]),
-        fists=local("fists"),
+        fists=fists,
         heads=local("heads"),
         necks=local("necks"),
         pelvises=local("pelvises"),
-        strike_frames=strikes("frames", shift=True).astype(np.int32),
-        strike_hands=strikes("hands"),
+        strike_frames=frames,
+        strike_hands=hands,
         strike_peaks=strikes("peaks", shift=True).astype(np.int32),
         strike_speeds=strikes("speeds"),
-        strike_places=strikes("places"),
+        strike_places=fists[frames, hands],
     )
+
+
+def _grounds(parts: list[_Part]) -> list[Array]:
+    """Return each clip's ground transforms: its stances, turned to where bodies face on the average."""
+    turned: list[Array] = []
+    for mirror in (False, True):
+        group = [part for part in parts if part.mirror == mirror]
+        if not group:
+            continue
+        stances = [part.tracks.stances for part in group]
+        away = np.concatenate(
+            [part.tracks.ground[:, 2] - stance[:, 2] for part, stance in zip(group, stances, strict=True)]
+        )
+        turn = float(np.angle(np.exp(1j * away).mean()))
+        turned += [stance + np.array([0.0, 0.0, turn]) for stance in stances]
+    return turned

@@ -13,6 +13,9 @@ from crowdsim.motion.body import Body
 
 Array = NDArray[Any]
 
+_FEET = 8.0
+"""How much more than hips and shoulders the feet say where a stance looks; those two where feet are close together."""
+
 
 @dataclass(frozen=True)
 class Tracks:
@@ -20,6 +23,8 @@ class Tracks:
 
     Attributes:
         ground: Ground transform: under the pelvis, facing as hips and shoulders do. Shape (F, 3), headings continuous.
+        stances: Ground transform that stands still while both feet do: between the toes, or the balls where there are
+            none, and looking nearly at right angles to the line between them. Shape (F, 3), headings continuous.
         fists: Left and right fist [m]. Shape (F, 2, 3).
         shoulders: Left and right shoulder joint [m]. Shape (F, 2, 3).
         heads: Centre of the head [m]. Shape (F, 3).
@@ -30,6 +35,7 @@ class Tracks:
     """
 
     ground: Array
+    stances: Array
     fists: Array
     shoulders: Array
     heads: Array
@@ -52,19 +58,29 @@ def build_tracks(body: Body, positions: Array, rotations: Array) -> Tracks:
     feet = [role["left_foot"], role["right_foot"]]
     shoulders = positions[:, [role["left_shoulder"], role["right_shoulder"]]]
     across = shoulders[:, 0] - shoulders[:, 1] + positions[:, role["left_hip"]] - positions[:, role["right_hip"]]
-    # Facing is left cross up.
-    heading = np.unwrap(np.arctan2(-across[:, 2], across[:, 0]))
     pelvis = positions[:, role["pelvis"]]
+    balls = positions[:, feet] + quaternion.rotate(rotations[:, feet], body.sole_offsets[:, 1])
+    # A foot that stands turns about its toes.
+    toes = [role[name] for name in ("left_toe", "right_toe") if name in role]
+    stands = positions[:, toes] if len(toes) == 2 else balls
     return Tracks(
-        ground=np.stack([pelvis[:, 0], pelvis[:, 2], heading], axis=1).astype(float),
+        ground=_ground(pelvis, across),
+        stances=_ground(stands.mean(axis=1), across + _FEET * (stands[:, 0] - stands[:, 1])),
         fists=positions[:, hands] + quaternion.rotate(rotations[:, hands], body.fist_offsets),
         shoulders=shoulders,
         heads=positions[:, role["head"]] + quaternion.rotate(rotations[:, role["head"]], body.head_offset),
         necks=positions[:, role["neck"]],
         pelvises=pelvis,
         heels=positions[:, feet] + quaternion.rotate(rotations[:, feet], body.sole_offsets[:, 0]),
-        balls=positions[:, feet] + quaternion.rotate(rotations[:, feet], body.sole_offsets[:, 1]),
+        balls=balls,
     )
+
+
+def _ground(places: Array, across: Array) -> Array:
+    """Return ground transforms under places (F, 3), with what is across (F, 3) from the right to the left."""
+    # Facing is left cross up.
+    heading = np.unwrap(np.arctan2(-across[:, 2], across[:, 0]))
+    return np.stack([places[:, 0], places[:, 2], heading], axis=1).astype(float)
 
 
 def speeds(path: Array, fps: float) -> Array:

@@ -15,7 +15,7 @@ Array = NDArray[Any]
 
 WIDE = 0.82
 """How far from a cut feet move for it [s]."""
-SWING = 0.2
+SWING = 0.15
 """How long it takes to let go of a foot, or to lead it to where it lands [s]."""
 PASS = 0.2
 """Time between two stands in which a foot is led from one to the other [s]."""

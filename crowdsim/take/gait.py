@@ -44,7 +44,7 @@ def measure_gait(contacts: Array, points: Array, starts: Array, rate: float) -> 
 
     Args:
         contacts: Whether each foot is planted, over P frames. Shape (P, 2), bool.
-        points: Ball of each foot in its clip's world [m]. Shape (P, 2, 3).
+        points: Point about which each foot turns while it stands, in its clip's world [m]. Shape (P, 2, 3).
         starts: First frame of each clip, and the number of frames. Shape (clips + 1,).
         rate: Frames a second.
     """

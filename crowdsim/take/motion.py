@@ -148,7 +148,6 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     feet = legs.joints[:, 2]
     holds = positions[:, feet] + quaternion.rotate(turns[:, feet], legs.holds)
     contacts = np.array(database.contacts, dtype=bool)
-    balls = positions[:, feet] + quaternion.rotate(turns[:, feet], legs.points[:, 1])
     clip = np.searchsorted(starts, np.arange(starts[-1]), side="right") - 1
     frames = Frames(
         rotations=rotations,
@@ -169,7 +168,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         legs=legs,
         arms=_limbs(skeleton, body, ("shoulder", "elbow", "hand"), fists, bends, sample),
         hinges=_hinges(skeleton, body, positions),
-        gait=measure_gait(contacts, balls, starts, float(database.playback_rate)),
+        gait=measure_gait(contacts, holds, starts, float(database.playback_rate)),
         fists=np.asarray(database.fists),
         heads=np.asarray(database.heads),
         strikes=np.asarray(database.strike_frames, dtype=np.int64),

@@ -50,13 +50,36 @@ def test_clips_are_ranges_of_whole_control_frames(database, clips):
 def test_what_is_kept_is_what_the_poses_give(database):
     positions, rotations = forward_kinematics(database.skeleton, database.root_positions, database.rotations)
     tracks = build_tracks(database.body, positions, rotations)
-    gap = ground.wrap(tracks.ground - database.ground)
-    assert np.abs(gap).max() < 1e-4
+    gap = ground.wrap(tracks.stances - database.ground)
+    turn = gap[0, 2]
+    assert np.abs(ground.wrap(gap - [0.0, 0.0, turn])).max() < 1e-4
     np.testing.assert_allclose(ground.to_local(database.ground[:, None], tracks.fists), database.fists, atol=1e-4)
     np.testing.assert_allclose(ground.to_local(database.ground, tracks.heads), database.heads, atol=1e-4)
     frames, hands = database.strike_frames, database.strike_hands
     assert len(frames) > 5
     np.testing.assert_allclose(database.strike_places, database.fists[frames, hands], atol=1e-4)
+
+
+def test_where_bodies_stand_hardly_moves_while_feet_do_not_and_they_look_ahead_on_the_average(database):
+    positions, rotations = forward_kinematics(database.skeleton, database.root_positions, database.rotations)
+    tracks = build_tracks(database.body, positions, rotations)
+    ahead = ground.wrap(tracks.ground[:, 2] - database.ground[:, 2])
+    assert np.abs(np.angle(np.exp(1j * ahead).mean())) < 1e-3
+    both = database.contacts.all(axis=1)
+    still = both[1:] & both[:-1]
+    still[4 * database.clip_starts[1:-1] - 1] = False
+    ways = [np.hypot(*np.diff(places[:, :2], axis=0)[still].T) for places in (database.ground, tracks.ground)]
+    turns = [np.abs(np.diff(places[:, 2])[still]) for places in (database.ground, tracks.ground)]
+    assert still.sum() > 300
+    assert ways[0].mean() < 0.1 * ways[1].mean()
+    assert turns[0].mean() < 0.3 * turns[1].mean()
+
+
+def test_mirror_images_stand_in_the_mirror(clips):
+    both = build_database(clips[:1], mirror=True)
+    own, image = np.split(both.ground, 2)
+    np.testing.assert_allclose(image[:, 0], -own[:, 0], atol=1e-9)
+    np.testing.assert_allclose(ground.wrap(image[:, 2] + own[:, 2]), 0.0, atol=1e-9)
 
 
 def test_strikes_are_in_order_within_clips_and_after_their_peaks(database):

@@ -59,9 +59,9 @@ def test_headings_turn_the_other_way_and_hands_and_feet_are_exchanged(boxer):
     clip = boxer[0]
     body = measure_body(clip)
     tracks, images = (build_tracks(body, *clip_kinematics(c)) for c in (clip, mirrored(clip, body)))
-    np.testing.assert_allclose(images.ground[:, 0], -tracks.ground[:, 0], atol=1e-9)
-    gap = np.angle(np.exp(1j * (images.ground[:, 2] + tracks.ground[:, 2])))
-    np.testing.assert_allclose(gap, 0.0, atol=1e-9)
+    for own, image in ((tracks.ground, images.ground), (tracks.stances, images.stances)):
+        np.testing.assert_allclose(image[:, 0], -own[:, 0], atol=1e-9)
+        np.testing.assert_allclose(np.angle(np.exp(1j * (image[:, 2] + own[:, 2]))), 0.0, atol=1e-9)
     contacts, shown = (find_contacts(t, body.height, clip.fps) for t in (tracks, images))
     assert np.array_equal(contacts, shown[:, ::-1])
     strikes, mirror = (find_strikes(t, body.height, clip.fps) for t in (tracks, images))

@@ -149,11 +149,11 @@ def test_planted_feet_stay_where_they_are_through_cuts() -> None:
     take, policy = build_take([rng.permutation(200).tolist() for _ in range(6)], first, lengths, 90)
     ours = sampler(take, policy).sample(0, take.output_frames(60), 60)[0].joints()[0]
     ours, plain = _slide(ours, take, policy), _slide(hard(take, policy), take, policy)
-    assert np.percentile(plain, 99) > 3.0
+    assert np.percentile(plain, 99.9) > 3.0
     # Where a cut leaves no time for anything else feet are dragged, which few are.
-    assert np.median(ours) < 0.01
-    assert np.percentile(ours, 80) < 0.2
-    assert np.percentile(ours, 99) < np.percentile(plain, 99)
+    assert np.percentile(ours, 90) < 0.001
+    assert np.percentile(ours, 95) < 0.02
+    assert ours.max() < 0.5
 
 
 def test_a_planted_foot_stands_as_still_as_it_is_captured_while_the_body_goes_over_a_cut() -> None:
