@@ -295,6 +295,9 @@ def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, factor, rows,
     """Add ``factor`` times a strike term to what each of ``n`` actions is worth."""
     tolerance, head, torso, column = terms[row, 2], terms[row, 4], terms[row, 5], int(terms[row, 8])
     low, high = y - terms[row, 7], y - terms[row, 6]
+    # Within the tolerance of a surface: squares between these, which takes no roots.
+    head_least, head_most = max(head - tolerance, 0.0) ** 2, (head + tolerance) ** 2
+    torso_least, torso_most = max(torso - tolerance, 0.0) ** 2, (torso + tolerance) ** 2
     for k in range(n):
         rows[k] = 0.0
     # No branch: what lands is anybody's guess.
@@ -302,11 +305,13 @@ def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, factor, rows,
         px, py, pz = strikes[k, FIST_X], strikes[k, FIST_Y], strikes[k, FIST_Z]
         dx, dy, dz = px - x, py - y, pz - z
         aside = dx * dx + dz * dz
-        on_head = abs(math.sqrt(aside + dy * dy) - head) <= tolerance
+        square = aside + dy * dy
+        on_head = (square >= head_least) & (square <= head_most)
         dy = py - min(max(py, low), high)
-        on_torso = abs(math.sqrt(aside + dy * dy) - torso) <= tolerance
+        square = aside + dy * dy
+        on_torso = (square >= torso_least) & (square <= torso_most)
         action = np.uint64(strikes[k, OWNER])
-        rows[action] = max(rows[action], strikes[k, column] if on_head | on_torso else 0.0)
+        rows[action] = max(rows[action], strikes[k, column] * np.float64(on_head | on_torso))
     factor *= terms[row, 1]
     for k in range(n):
         out[k] += factor * rows[k]
@@ -710,6 +715,15 @@ def _outside(arena, x, z):
 
 
 @_part
+def _may_leave(arena, x, z, furthest):
+    """Tell whether somebody may end outside the arena who goes so far."""
+    dx, dz = abs(x - arena[1]), abs(z - arena[2])
+    if arena[0] == 1.0:
+        return furthest > arena[3] or dx * dx + dz * dz > (arena[3] - furthest) ** 2
+    return arena[0] == 2.0 and (dx + furthest > arena[3] or dz + furthest > arena[4])
+
+
+@_part
 def _change_opponent(whole, real, slot_of, moods, present, own, nearest):
     """Return the number of an avatar's opponent, or what stands for a target: the old one, unless another is nearer."""
     skip = whole[SKIP, own]
@@ -744,60 +758,93 @@ def crowd_out(
     counts,
     neighbours,
     near,
+    work,
     values,
 ):
     """Lower the values of actions that end, or pass, inside a neighbour or outside the arena.
 
-    For avatars ``due[:count]``, with which neighbours and values run along.
+    For avatars ``due[:count]``, with which neighbours and values run along. ``near`` and ``work`` are scratch space.
     """
+    ends_x, ends_z, frames, worst = work[0], work[1], work[2], work[3]
     end_cost, path_cost, disc, gap = crowding[0], crowding[1], crowding[2], crowding[3]
     for q in range(count):
         own = due[q]
         x, z, scale, speed = real[X, own], real[Z, own], real[SCALE, own], real[SPEED, own]
         state = actions[whole[ACTION, own], NEXT]
         offset = offsets[state]
-        furthest = reaches[state] * scale
+        furthest = reaches[state] * scale + 1e-6  # moves are single numbers
         close = 0
         for m in range(counts[q]):
             j = neighbours[q, m]
             ax, az = real[X, j] - x, real[Z, j] - z
             wx, wz = real[END_X, j] - real[X, j], real[END_Z, j] - real[Z, j]
             room = disc * (scale + real[SCALE, j]) + gap
-            if ax * ax + az * az < (room + furthest + math.sqrt(wx * wx + wz * wz)) ** 2:
-                near[close, 0], near[close, 1], near[close, 2], near[close, 3], near[close, 4] = ax, az, wx, wz, room
-                near[close, 5] = (actions[whole[ACTION, j], LENGTH] - real[PHASE, j]) / real[SPEED, j]
-                close += 1
-        if close == 0 and arena[0] == 0.0:
+            # Where on its way the neighbour comes nearest to where the avatar is now.
+            towards, moved = -(ax * wx + az * wz), wx * wx + wz * wz
+            t = min(towards / moved, 1.0) if towards > 0.0 else 0.0
+            nx, nz = ax + t * wx, az + t * wz
+            near[close, 0], near[close, 1], near[close, 2], near[close, 3], near[close, 4] = ax, az, wx, wz, room
+            near[close, 5] = (actions[whole[ACTION, j], LENGTH] - real[PHASE, j]) / real[SPEED, j]
+            close += nx * nx + nz * nz < (room + furthest) ** 2
+        leaves = _may_leave(arena, x, z, furthest)
+        if close == 0 and not leaves:
             continue
         cos, sin = cos_sin(real[HEADING, own])
         cos, sin = cos * scale, sin * scale
         done = min(real[PHASE, own] - actions[whole[ACTION, own], LENGTH], speed)
-        for k in range(offsets[state + 1] - offset):
-            action = offset + k
+        n = offsets[state + 1] - offset
+        for k in range(np.uint64(n)):
+            action = np.uint64(offset) + k
             ex, ez = moves[action, MOVE_X], moves[action, MOVE_Z]
-            mx, mz = ex * cos + ez * sin, ez * cos - ex * sin
-            worst = 0.0
-            if close > 0:
-                frames = max(actions[action, LENGTH] - done, 0.0) / speed
-                for m in range(close):
-                    ax, az, room, left = near[m, 0], near[m, 1], near[m, 4], near[m, 5]
-                    share = frames / left if frames < left else 1.0
-                    dx, dz = share * near[m, 2] - mx, share * near[m, 3] - mz
-                    bx, bz = ax + dx, az + dz
-                    at_end = bx * bx + bz * bz
-                    if at_end < room * room:
-                        worst = max(worst, end_cost * (1.0 - math.sqrt(at_end) / room))
-                    # Where on their straight ways the two come nearest, seen from the avatar.
-                    towards, moved = -(ax * dx + az * dz), dx * dx + dz * dz
-                    if towards > 0.0:
-                        t = towards / moved if towards < moved else 1.0
-                        nx, nz = ax + t * dx, az + t * dz
-                        nearest = nx * nx + nz * nz
-                        if nearest < room * room:
-                            worst = max(worst, path_cost * (1.0 - math.sqrt(nearest) / room))
-            if arena[0] != 0.0:
-                worst += crowding[4] * _outside(arena, x + mx, z + mz)
-            values[q, k] -= worst
+            ends_x[k], ends_z[k] = ex * cos + ez * sin, ez * cos - ex * sin
+            frames[k] = actions[action, LENGTH]
+        lanes = np.uint64(_whole_lanes(n))
+        for k in range(lanes):
+            frames[k] = max(frames[k] - done, 0.0) / speed
+            worst[k] = 0.0
+        for m in range(np.uint64(close)):
+            ax, az, wx, wz, room, left = near[m, 0], near[m, 1], near[m, 2], near[m, 3], near[m, 4], near[m, 5]
+            # No branch: who comes too near is anybody's guess.
+            for k in range(lanes):
+                share = frames[k] / left if frames[k] < left else 1.0
+                dx, dz = share * wx - ends_x[k], share * wz - ends_z[k]
+                bx, bz = ax + dx, az + dz
+                at_end = end_cost * (1.0 - math.sqrt(bx * bx + bz * bz) / room)
+                # Where on their straight ways the two come nearest, seen from the avatar.
+                towards, moved = -(ax * dx + az * dz), dx * dx + dz * dz
+                t = towards / moved if towards < moved else 1.0
+                nx, nz = ax + t * dx, az + t * dz
+                on_way = path_cost * (1.0 - math.sqrt(nx * nx + nz * nz) / room)
+                worst[k] = max(max(worst[k], at_end), on_way if towards > 0.0 else 0.0)
+        if leaves:
+            for k in range(lanes):
+                worst[k] += crowding[4] * _outside(arena, x + ends_x[k], z + ends_z[k])
+        for k in range(lanes):
+            values[q, k] -= worst[k]
+
+
+@_part
+def _drawn(chances, count, wanted):
+    """Return the first chance that is not zero and up to which they add up to more than is wanted, or the last one."""
+    picked = 0
+    for k in range(count):
+        if chances[k] > 0.0:
+            picked = k
+            wanted -= chances[k]
+            if wanted < 0.0:
+                break
+    return picked
+
+
+@_part
+def _candidate(values, row, n, floor, place):
+    """Return the action that comes ``place``-th, counted from 0, among those worth ``floor`` or more."""
+    for k in range(n):
+        if values[row, k] >= floor:
+            if place == 0:
+                return k
+            place -= 1
+    return -1
 
 
 @_part
@@ -806,33 +853,38 @@ def _pick(values, row, n, margin, most, temperature, number, chances):
 
     Where there are too many, those of the least values drop out, the later ones among equals.
     """
-    best = 0
+    top = values[row, 0]
     for k in range(1, n):
-        if values[row, k] > values[row, best]:
-            best = k
-    top = values[row, best]
+        top = values[row, k] if values[row, k] > top else top
     if not math.isfinite(top):
         return -1
-    if temperature <= 0.0 or most <= 1 or n == 1:
-        return best
+    first = temperature <= 0.0 or most <= 1
+    floor = top if first else top - margin
     near = 0
+    for k in range(n):  # no branch: who is near is anybody's guess
+        chances[near] = values[row, k]
+        near += values[row, k] >= floor
+    if near == 1 or first:
+        return _candidate(values, row, n, top, 0)
+    if near <= most:
+        total = 0.0
+        for c in range(near):
+            chances[c] = math.exp((chances[c] - top) / temperature)
+            total += chances[c]
+        return _candidate(values, row, n, floor, _drawn(chances, near, number * total))
+    # The value that comes ``most``-th, and how many of those who have it may stay.
+    held = 0
     for k in range(n):
-        near += values[row, k] >= top - margin
-    floor = top - margin
-    if near > most:
-        # The value that comes ``most``-th, and how many of those who have it may stay.
-        held = 0
-        for k in range(n):
-            value = values[row, k]
-            if held < most or value > chances[held - 1]:
-                m = held if held < most else held - 1
-                while m > 0 and chances[m - 1] < value:
-                    chances[m] = chances[m - 1]
-                    m -= 1
-                chances[m] = value
-                held = min(held + 1, int(most))
-        floor = chances[held - 1]
-        near = held
+        value = values[row, k]
+        if held < most or value > chances[held - 1]:
+            m = held if held < most else held - 1
+            while m > 0 and chances[m - 1] < value:
+                chances[m] = chances[m - 1]
+                m -= 1
+            chances[m] = value
+            held = min(held + 1, int(most))
+    floor = chances[held - 1]
+    near = held
     total = 0.0
     left = near
     for k in range(n):
@@ -852,15 +904,7 @@ def _pick(values, row, n, margin, most, temperature, number, chances):
             for m in range(k + 1, n):
                 chances[m] = 0.0
             break
-    wanted = number * total
-    picked = best
-    for k in range(n):
-        if chances[k] > 0.0:
-            picked = k
-            wanted -= chances[k]
-            if wanted < 0.0:
-                break
-    return picked
+    return _drawn(chances, n, number * total)
 
 
 @_kernel
@@ -995,7 +1039,8 @@ def choose(model, avatars, world, present, moment, due, count, nearest, counts, 
     keep_running(avatars.whole, model.offsets, model.actions, model.moves, due, count, scratch.states, scratch.values)
     crowd_out(
         avatars.whole, avatars.real, model.offsets, model.reaches, model.actions, model.moves, world.arena,
-        world.crowding, due, count, counts, neighbours, scratch.near, scratch.values,
+        world.crowding, due, count, counts, neighbours, scratch.near, scratch.work,
+        scratch.values,
     )  # fmt: skip
     return draw_actions(
         avatars.whole, model.offsets, model.actions, world.moods, world.stream, due, count, scratch.values,

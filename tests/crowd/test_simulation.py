@@ -74,6 +74,7 @@ def bytes_of(chunks):
         ),
         ("a rectangle", {"arena": np.array([2.0, 1.5, 1.5, 1.0, 2.0])}, ()),
         ("the best action only", {"temperature": 0.0}, ()),
+        ("nothing worth less than the best", {"margin": 0.0}, ()),
         ("two candidates of wide choice", {"temperature": 2.0, "margin": 50.0, "most": 2}, ()),
     ],
 )
@@ -190,6 +191,23 @@ def test_bearings_and_exponentials_are_those_of_numpy():
     expected = np.exp(np.maximum(values, -32))
     kernels.exponentials(values, 2000)
     np.testing.assert_allclose(values, expected, rtol=2e-9)
+
+
+@pytest.mark.parametrize("most", [1, 2, 3, 40])
+@pytest.mark.parametrize("margin", [0.0, 1.0, 2.5, 100.0])
+@pytest.mark.parametrize("temperature", [0.0, 0.01, 1.5])
+def test_candidates_are_the_best_ones_the_first_among_equals(most, margin, temperature):
+    rng = np.random.default_rng(6)
+    chances = np.empty(24)
+    for n in [1, 2, *rng.integers(3, 24, 30)]:
+        values, number = rng.integers(0, 5, (1, n)).astype(float), rng.random()
+        order = [k for k in np.argsort(-values[0], kind="stable")[:most] if values[0, k] >= values.max() - margin]
+        candidates = np.sort(order if temperature > 0.0 else order[:1])
+        weights = np.exp((values[0, candidates] - values.max()) / max(temperature, 1e-9))
+        expected = candidates[np.searchsorted(np.cumsum(weights), number * weights.sum(), side="right")]
+        assert kernels._pick(values, 0, n, margin, most, temperature, number, chances) == expected
+    assert kernels._pick(np.array([[np.nan, 1.0]]), 0, 2, margin, most, temperature, 0.5, chances) == -1
+    assert kernels._pick(np.array([[np.inf, 1.0]]), 0, 2, margin, most, temperature, 0.5, chances) == -1
 
 
 def test_cosines_and_sines_are_those_of_numpy():
