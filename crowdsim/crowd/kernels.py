@@ -453,7 +453,7 @@ def _prepare(model, weights, scratch, first, count, policy):
         n = model.offsets[state + 1] - offset
         for k in range(_whole_lanes(n)):
             scratch.values[q, k] = 0.0
-        distance, bearing = math.sqrt(x * x + z * z), math.atan2(x, z)
+        distance, bearing, sought = math.sqrt(x * x + z * z), 0.0, False
         if distance > model.sizes[policy, FARTHEST]:
             # At the end of all grids every place further on looks alike, so that nothing would draw the avatar there.
             x, z = x * model.sizes[policy, FARTHEST] / distance, z * model.sizes[policy, FARTHEST] / distance
@@ -463,6 +463,8 @@ def _prepare(model, weights, scratch, first, count, policy):
         for b in range(begun, end):
             spot = d * (end - begun) + b - begun
             factor = weights[scratch.moods[q], b - begun]
+            if not sought and (behaviours[b, LOOKS_AHEAD] == 0.0 or model.grids[b, 1, FADE] > 0.0):
+                bearing, sought = math.atan2(x, z), True
             if factor != 0.0:
                 factor *= _fade(model.grids, b, distance, bearing, y) / behaviours[b, NORM]
             scratch.parts[spot, 3] = factor

@@ -170,6 +170,28 @@ def test_a_target_beyond_all_grids_is_seen_where_they_end():
         np.testing.assert_allclose(scratch.values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.parametrize("lookup", ["v", "q"])
+def test_a_behaviour_counts_less_beyond_its_bearings(lookup):
+    chosen = policy(4, lookup)
+
+    def narrow(axis):
+        return replace(axis, minimum=-1.0, maximum=1.0, wraps=False, fade=1.5) if axis.name == "bearing" else axis
+
+    grids = [replace(b.grid, axes=tuple(narrow(axis) for axis in b.grid.axes)) for b in chosen.behaviours]
+    behaviours = [replace(b, grid=grid) for b, grid in zip(chosen.behaviours, grids, strict=True)]
+    chosen = replace(chosen, behaviours=tuple(behaviours))
+    model, scratch = build_model([chosen]), empty_scratch(build_model([chosen]), 1, 40)
+    bearings = np.linspace(-3, 3, 40)
+    targets = np.stack([np.sin(bearings), np.full(40, 1.5), np.cos(bearings)], axis=-1)
+    scratch.order[:], scratch.moods[:], scratch.policies[:], scratch.states[:] = np.arange(40), 0, 0, 2
+    scratch.situations[:] = targets
+    kernels.value_actions(model, np.ones((1, 2)), scratch, 0, 40)
+    assert np.all(scratch.values[0, :2] == 0.0), "nothing counts behind"
+    for k in range(40):
+        expected = action_values(chosen, {b.name: 1.0 for b in behaviours}, 2, targets[k])
+        np.testing.assert_allclose(scratch.values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
+
+
 def in_precision(chosen, precision):
     """Return a policy whose tables are stored so."""
     behaviours = []
