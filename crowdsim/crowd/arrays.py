@@ -188,6 +188,7 @@ class Scratch(NamedTuple):
             Shape (2 * behaviours, actions of a block), float64.
         work: Where the target is seen from there: x, z, distance, bearing; the state; then for each behaviour the
             shares of the next distance and bearing. Shape (5 + 2 * behaviours, actions of a block), float64.
+        gaps: How far from where it should be a target is in each control frame of a state's actions [m]. float64.
         rows: A number for each control frame of a state's actions, or for each action. float64.
         near: Neighbours that may be in the way. Shape (most neighbours, 6), float64.
     """
@@ -205,6 +206,7 @@ class Scratch(NamedTuple):
     nears: Array
     cells: Array
     work: Array
+    gaps: Array
     rows: Array
     near: Array
 
@@ -253,6 +255,7 @@ def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
         nears=np.empty(behaviours, np.int64),
         cells=np.zeros((2 * behaviours, block * width)),
         work=np.zeros((5 + 2 * behaviours, block * width)),
+        gaps=np.empty(rows),
         rows=np.empty(max(rows, width)),
         near=np.empty((max(neighbours, 1), 6)),
     )

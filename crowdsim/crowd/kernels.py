@@ -18,7 +18,8 @@ from numba.np.arrayobj import make_array
 # atomic operations for every array that is handed to a function, or looked up in a named tuple.
 _kernel = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)  # type: ignore[call-overload]
 
-# Parts of kernels: handing over arrays, of which a model has twenty, would take longer than what many of them do.
+# Parts of kernels: handing over arrays, of which a model has fifteen and scratch space as many, would take longer than
+# what they do for a small crowd. Stages of a frame are parts too: all of them are one function in ``run_frames``.
 _part = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False, forceinline=True)  # type: ignore[call-overload]
 
 # Rows of ``Avatars.whole`` and ``Avatars.real``, a column for each slot.
@@ -80,6 +81,30 @@ def _now(buffer):
 
 
 @_part
+def cos_sin(angle):
+    """Return cosine and sine of an angle, as exact as a library does, but in the caller's own code, at half the cost.
+
+    What is left of a quarter turn goes into polynomials (those of fdlibm); a quarter turn has two parts, so that whole
+    ones leave no error behind.
+    """
+    if not abs(angle) < 1e5:
+        return math.cos(angle), math.sin(angle)
+    quarters = math.floor(angle * (2.0 / math.pi) + 0.5)
+    v = (angle - quarters * 1.5707963267341256) - quarters * 6.077100506506192e-11
+    u = v * v
+    sin = 2.75573137070700676789e-06 + u * (-2.50507602534068634195e-08 + u * 1.58969099521155010221e-10)
+    sin = -1.66666666666666324348e-01 + u * (8.33333333332248946124e-03 + u * (-1.98412698298579493134e-04 + u * sin))
+    sin = v + v * u * sin
+    cos = -2.75573143513906633035e-07 + u * (2.08757232129817482790e-09 - u * 1.13596475577881948265e-11)
+    cos = 4.16666666666666019037e-02 + u * (-1.38888888888741095749e-03 + u * (2.48015872894767294178e-05 + u * cos))
+    cos = 1.0 - (0.5 * u - u * u * cos)
+    q = int(quarters)
+    odd = q & 1 != 0
+    cos, sin = (sin if odd else cos), (cos if odd else sin)
+    return -cos if (q + 1) & 2 != 0 else cos, -sin if q & 2 != 0 else sin
+
+
+@_part
 def _mix(bits):
     """Scramble 64 bits."""
     bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -87,7 +112,7 @@ def _mix(bits):
     return bits ^ (bits >> np.uint64(31))
 
 
-@_kernel
+@_part
 def draw(stream, avatar, decision):
     """Return a number in [0, 1) that depends on nothing else."""
     golden = np.uint64(0x9E3779B97F4A7C15)
@@ -140,24 +165,34 @@ def _fade(grids, b, distance, bearing, height):
     return fade
 
 
+@_part
+def _exponential(value):
+    """Return the exponential of a number up to 0, to 1e-9 of it; what lies below -32 counts as -32.
+
+    exp(v) = exp(v / 1024) ^ 1024: the polynomial that is best for so small a number, and ten squarings, which
+    vectorise, as library functions do not.
+    """
+    y = max(value, -32.0) * (1.0 / 1024.0)
+    v = 0.9999999999995212 + y * (
+        0.9999999992338505 + y * (0.49999980375826153 + y * (0.16664906210443037 + y * 0.04102110216102971))
+    )
+    v *= v
+    v *= v
+    v *= v
+    v *= v
+    v *= v
+    v *= v
+    v *= v
+    v *= v
+    v *= v
+    return v * v
+
+
 @_kernel
 def exponentials(values, count):
-    """Replace numbers up to 0 by their exponentials, to 1e-9 of each; what lies below -32 counts as -32.
-
-    exp(v) = exp(v / 256) ^ 256: a short series and eight squarings, which vectorise, as library functions do not.
-    """
+    """Replace numbers up to 0 by their exponentials (``_exponential``)."""
     for k in range(count):
-        y = max(values[k], -32.0) * (1.0 / 256.0)
-        v = 1.0 / 24.0 + y * (1.0 / 120.0 + y * (1.0 / 720.0 + y * (1.0 / 5040.0)))
-        v = 1.0 + y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y * v)))
-        v *= v
-        v *= v
-        v *= v
-        v *= v
-        v *= v
-        v *= v
-        v *= v
-        values[k] = v * v
+        values[k] = _exponential(values[k])
 
 
 @_kernel
@@ -195,7 +230,7 @@ def _corner(grids, b, axis, value):
     return int(lower * stride), int(step), place - lower
 
 
-@_kernel
+@_part
 def _place_all(grids, b, cell_count, count, cells, steps, work, near_shares, aside_shares):
     """Find where each end lies on the grid of a behaviour, whose table begins at its state's first cell.
 
@@ -239,22 +274,20 @@ def _see_ends(moves, actions, offset, n, x, z, first, work):
 
 
 @_part
-def _near_rows(paths, first, count, x, z, wanted, sigma, facing, out):
-    """Write exp(-gap / sigma) for ``count`` rows of paths from ``first`` on."""
-    shrink = -1.0 / sigma
+def _gaps(paths, first, count, x, z, wanted, facing, out):
+    """Write how far from where it should be a target is along ``count`` rows of paths from ``first`` on."""
     if facing:
         for k in range(count):
             row = np.uint64(first + k)
             dx, dz = x - paths[0, row], z - paths[1, row]
             cos, sin = paths[2, row], paths[3, row]
             aside, ahead = dx * cos - dz * sin, dx * sin + dz * cos - wanted
-            out[k] = math.sqrt(ahead * ahead + aside * aside) * shrink
+            out[k] = math.sqrt(ahead * ahead + aside * aside)
     else:
         for k in range(count):
             row = np.uint64(first + k)
             dx, dz = x - paths[0, row], z - paths[1, row]
-            out[k] = abs(math.sqrt(dx * dx + dz * dz) - wanted) * shrink
-    exponentials(out, count)
+            out[k] = abs(math.sqrt(dx * dx + dz * dz) - wanted)
 
 
 @_part
@@ -262,6 +295,9 @@ def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, factor, rows,
     """Add ``factor`` times a strike term to what each of ``n`` actions is worth."""
     tolerance, head, torso, column = terms[row, 2], terms[row, 4], terms[row, 5], int(terms[row, 8])
     low, high = y - terms[row, 7], y - terms[row, 6]
+    # Within the tolerance of a surface: squares between these, which takes no roots.
+    head_least, head_most = max(head - tolerance, 0.0) ** 2, (head + tolerance) ** 2
+    torso_least, torso_most = max(torso - tolerance, 0.0) ** 2, (torso + tolerance) ** 2
     for k in range(n):
         rows[k] = 0.0
     # No branch: what lands is anybody's guess.
@@ -269,11 +305,13 @@ def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, factor, rows,
         px, py, pz = strikes[k, FIST_X], strikes[k, FIST_Y], strikes[k, FIST_Z]
         dx, dy, dz = px - x, py - y, pz - z
         aside = dx * dx + dz * dz
-        on_head = abs(math.sqrt(aside + dy * dy) - head) <= tolerance
+        square = aside + dy * dy
+        on_head = (square >= head_least) & (square <= head_most)
         dy = py - min(max(py, low), high)
-        on_torso = abs(math.sqrt(aside + dy * dy) - torso) <= tolerance
+        square = aside + dy * dy
+        on_torso = (square >= torso_least) & (square <= torso_most)
         action = np.uint64(strikes[k, OWNER])
-        rows[action] = max(rows[action], strikes[k, column] if on_head | on_torso else 0.0)
+        rows[action] = max(rows[action], strikes[k, column] * np.float64(on_head | on_torso))
     factor *= terms[row, 1]
     for k in range(n):
         out[k] += factor * rows[k]
@@ -304,12 +342,27 @@ def _fold(rows, i, weights, t, before, greatest):
 
 
 @_part
-def _add_nearness(actions, paths, terms, row, discounts, b, offset, n, x, z, factor, rows, out):
-    """Add ``factor`` times a proximity term to what each of ``n`` actions is worth."""
+def _add_nearness(actions, paths, terms, row, last, discounts, b, offset, n, x, z, factor, gaps, rows, out):
+    """Add ``factor`` times proximity terms to what each of ``n`` actions is worth; return the row behind the terms.
+
+    These are the one in ``row`` and those behind it, before ``last``, that differ in weight and width alone: one sum.
+    """
     begun, end = actions[offset, PATHS], actions[offset + n, PATHS]
-    facing, greatest = terms[row, 5] != 0.0, terms[row, 4] != 0.0
-    _near_rows(paths, begun, _whole_lanes(end - begun), x, z, terms[row, 2], terms[row, 3], facing, rows)
-    factor *= terms[row, 1]
+    wanted, facing, greatest = terms[row, 2], terms[row, 5] != 0.0, terms[row, 4] != 0.0
+    count = _whole_lanes(end - begun)
+    _gaps(paths, begun, count, x, z, wanted, facing, gaps)
+    weight, shrink = terms[row, 1], -1.0 / terms[row, 3]
+    for k in range(count):
+        rows[k] = weight * _exponential(gaps[k] * shrink)
+    row += 1
+    while (
+        not greatest and row < last and terms[row, 0] != 0.0 and terms[row, 4] == 0.0
+        and terms[row, 2] == wanted and (terms[row, 5] != 0.0) == facing
+    ):  # fmt: skip
+        weight, shrink = terms[row, 1], -1.0 / terms[row, 3]
+        for k in range(count):
+            rows[k] += weight * _exponential(gaps[k] * shrink)
+        row += 1
     at = 0
     for k in range(n):
         # Rows of the next action count for nothing: whole lanes leave no number of rounds to guess.
@@ -319,6 +372,7 @@ def _add_nearness(actions, paths, terms, row, discounts, b, offset, n, x, z, fac
             near = _fold(rows, np.uint64(at + t), discounts[b, length], np.uint64(t), near, greatest)
         out[k] += factor * near
         at += length
+    return row
 
 
 @_part
@@ -378,7 +432,7 @@ def _add_rows(table, at, near, aside, above, part, turned, raised, factor, n, ou
                 )  # fmt: skip
 
 
-@_kernel
+@_part
 def _prepare(model, weights, scratch, first, count, policy):
     """Look at ``count`` situations from ``order[first]`` on, and ask memory for what weighing them will read.
 
@@ -399,7 +453,7 @@ def _prepare(model, weights, scratch, first, count, policy):
         n = model.offsets[state + 1] - offset
         for k in range(_whole_lanes(n)):
             scratch.values[q, k] = 0.0
-        distance, bearing = math.sqrt(x * x + z * z), math.atan2(x, z)
+        distance, bearing, sought = math.sqrt(x * x + z * z), 0.0, False
         if distance > model.sizes[policy, FARTHEST]:
             # At the end of all grids every place further on looks alike, so that nothing would draw the avatar there.
             x, z = x * model.sizes[policy, FARTHEST] / distance, z * model.sizes[policy, FARTHEST] / distance
@@ -409,6 +463,8 @@ def _prepare(model, weights, scratch, first, count, policy):
         for b in range(begun, end):
             spot = d * (end - begun) + b - begun
             factor = weights[scratch.moods[q], b - begun]
+            if not sought and (behaviours[b, LOOKS_AHEAD] == 0.0 or model.grids[b, 1, FADE] > 0.0):
+                bearing, sought = math.atan2(x, z), True
             if factor != 0.0:
                 factor *= _fade(model.grids, b, distance, bearing, y) / behaviours[b, NORM]
             scratch.parts[spot, 3] = factor
@@ -444,7 +500,7 @@ def _prepare(model, weights, scratch, first, count, policy):
     return pairs
 
 
-@_kernel
+@_part
 def _look_ahead(model, b, slot, slots, scratch, first, count, pairs):
     """Find what one behaviour's table is read for at the end of each of so many actions, and ask memory for it."""
     cells, steps = scratch.cells[2 * slot], scratch.cells[2 * slot + 1]
@@ -464,7 +520,7 @@ def _look_ahead(model, b, slot, slots, scratch, first, count, pairs):
     return near
 
 
-@_kernel
+@_part
 def _weigh(model, weights, scratch, first, count, policy):
     """Do what ``value_actions`` does for ``count`` situations of one policy, which share a block of scratch space."""
     behaviours, table, work = model.behaviours, model.table, scratch.work
@@ -512,19 +568,21 @@ def _weigh(model, weights, scratch, first, count, policy):
                 value = (low + step * value) * discounts[np.uint64(model.actions[action, LENGTH])]
                 out[np.uint64(k)] += factor * (value - model.moves[action, CUT + slot])
             x, y, z = scratch.situations[q, 0], scratch.situations[q, 1], scratch.situations[q, 2]
-            for row in range(int(behaviours[b, 2]), int(behaviours[b, 3])):
+            row, last = int(behaviours[b, 2]), int(behaviours[b, 3])
+            while row < last:
                 if model.terms[row, 0] == 0.0:
                     _add_strikes(
                         model.actions, model.strikes, model.terms, row, offset, n, x, y, z, factor, scratch.rows, out,
                     )  # fmt: skip
+                    row += 1
                 else:
-                    _add_nearness(
-                        model.actions, model.paths, model.terms, row, model.discounts, b, offset, n, x, z, factor,
-                        scratch.rows, out,
+                    row = _add_nearness(
+                        model.actions, model.paths, model.terms, row, last, model.discounts, b, offset, n, x, z,
+                        factor, scratch.gaps, scratch.rows, out,
                     )  # fmt: skip
 
 
-@_kernel
+@_part
 def value_actions(model, weights, scratch, first, last):
     """Write into ``scratch.values`` what each action of a state is worth in the situations ``order[first:last]``.
 
@@ -552,7 +610,7 @@ def _next_strike(actions, strikes, action, phase):
     return found
 
 
-@_kernel
+@_part
 def advance(model, avatars, first, last, due, few):
     """Move avatars by one frame; list in ``due[first:]`` those whose action has ended.
 
@@ -590,7 +648,7 @@ def advance(model, avatars, first, last, due, few):
     return held - first
 
 
-@_kernel
+@_part
 def observe_all(avatars, present, due, first, last, reach, distances, hits, out_opponents, out_counts, out_neighbours):
     """Find opponents and neighbours as ``kd_tree_kernels.observe`` does, by comparing with all ``present`` slots."""
     whole, real = avatars.whole, avatars.real
@@ -659,6 +717,15 @@ def _outside(arena, x, z):
 
 
 @_part
+def _may_leave(arena, x, z, furthest):
+    """Tell whether somebody may end outside the arena who goes so far."""
+    dx, dz = abs(x - arena[1]), abs(z - arena[2])
+    if arena[0] == 1.0:
+        return furthest > arena[3] or dx * dx + dz * dz > (arena[3] - furthest) ** 2
+    return arena[0] == 2.0 and (dx + furthest > arena[3] or dz + furthest > arena[4])
+
+
+@_part
 def _change_opponent(whole, real, slot_of, moods, present, own, nearest):
     """Return the number of an avatar's opponent, or what stands for a target: the old one, unless another is nearer."""
     skip = whole[SKIP, own]
@@ -678,7 +745,7 @@ def _change_opponent(whole, real, slot_of, moods, present, own, nearest):
     return whole[NUMBER, nearest]
 
 
-@_kernel
+@_part
 def crowd_out(
     whole,
     real,
@@ -693,94 +760,133 @@ def crowd_out(
     counts,
     neighbours,
     near,
+    work,
     values,
 ):
     """Lower the values of actions that end, or pass, inside a neighbour or outside the arena.
 
-    For avatars ``due[:count]``, with which neighbours and values run along.
+    For avatars ``due[:count]``, with which neighbours and values run along. ``near`` and ``work`` are scratch space.
     """
+    ends_x, ends_z, frames, worst = work[0], work[1], work[2], work[3]
     end_cost, path_cost, disc, gap = crowding[0], crowding[1], crowding[2], crowding[3]
     for q in range(count):
         own = due[q]
         x, z, scale, speed = real[X, own], real[Z, own], real[SCALE, own], real[SPEED, own]
         state = actions[whole[ACTION, own], NEXT]
         offset = offsets[state]
-        furthest = reaches[state] * scale
+        furthest = reaches[state] * scale + 1e-6  # moves are single numbers
         close = 0
         for m in range(counts[q]):
             j = neighbours[q, m]
             ax, az = real[X, j] - x, real[Z, j] - z
             wx, wz = real[END_X, j] - real[X, j], real[END_Z, j] - real[Z, j]
             room = disc * (scale + real[SCALE, j]) + gap
-            if ax * ax + az * az < (room + furthest + math.sqrt(wx * wx + wz * wz)) ** 2:
-                near[close, 0], near[close, 1], near[close, 2], near[close, 3], near[close, 4] = ax, az, wx, wz, room
-                near[close, 5] = (actions[whole[ACTION, j], LENGTH] - real[PHASE, j]) / real[SPEED, j]
-                close += 1
-        if close == 0 and arena[0] == 0.0:
+            # Where on its way the neighbour comes nearest to where the avatar is now.
+            towards, moved = -(ax * wx + az * wz), wx * wx + wz * wz
+            t = min(towards / moved, 1.0) if towards > 0.0 else 0.0
+            nx, nz = ax + t * wx, az + t * wz
+            near[close, 0], near[close, 1], near[close, 2], near[close, 3], near[close, 4] = ax, az, wx, wz, room
+            near[close, 5] = (actions[whole[ACTION, j], LENGTH] - real[PHASE, j]) / real[SPEED, j]
+            close += nx * nx + nz * nz < (room + furthest) ** 2
+        leaves = _may_leave(arena, x, z, furthest)
+        if close == 0 and not leaves:
             continue
-        cos, sin = math.cos(real[HEADING, own]) * scale, math.sin(real[HEADING, own]) * scale
+        cos, sin = cos_sin(real[HEADING, own])
+        cos, sin = cos * scale, sin * scale
         done = min(real[PHASE, own] - actions[whole[ACTION, own], LENGTH], speed)
-        for k in range(offsets[state + 1] - offset):
-            action = offset + k
+        n = offsets[state + 1] - offset
+        for k in range(np.uint64(n)):
+            action = np.uint64(offset) + k
             ex, ez = moves[action, MOVE_X], moves[action, MOVE_Z]
-            mx, mz = ex * cos + ez * sin, ez * cos - ex * sin
-            worst = 0.0
-            if close > 0:
-                frames = max(actions[action, LENGTH] - done, 0.0) / speed
-                for m in range(close):
-                    ax, az, room, left = near[m, 0], near[m, 1], near[m, 4], near[m, 5]
-                    share = frames / left if frames < left else 1.0
-                    dx, dz = share * near[m, 2] - mx, share * near[m, 3] - mz
-                    bx, bz = ax + dx, az + dz
-                    at_end = bx * bx + bz * bz
-                    if at_end < room * room:
-                        worst = max(worst, end_cost * (1.0 - math.sqrt(at_end) / room))
-                    # Where on their straight ways the two come nearest, seen from the avatar.
-                    towards, moved = -(ax * dx + az * dz), dx * dx + dz * dz
-                    if towards > 0.0:
-                        t = towards / moved if towards < moved else 1.0
-                        nx, nz = ax + t * dx, az + t * dz
-                        nearest = nx * nx + nz * nz
-                        if nearest < room * room:
-                            worst = max(worst, path_cost * (1.0 - math.sqrt(nearest) / room))
-            if arena[0] != 0.0:
-                worst += crowding[4] * _outside(arena, x + mx, z + mz)
-            values[q, k] -= worst
+            ends_x[k], ends_z[k] = ex * cos + ez * sin, ez * cos - ex * sin
+            frames[k] = actions[action, LENGTH]
+        lanes = np.uint64(_whole_lanes(n))
+        for k in range(lanes):
+            frames[k] = max(frames[k] - done, 0.0) / speed
+            worst[k] = 0.0
+        for m in range(np.uint64(close)):
+            ax, az, wx, wz, room, left = near[m, 0], near[m, 1], near[m, 2], near[m, 3], near[m, 4], near[m, 5]
+            # No branch: who comes too near is anybody's guess.
+            for k in range(lanes):
+                share = frames[k] / left if frames[k] < left else 1.0
+                dx, dz = share * wx - ends_x[k], share * wz - ends_z[k]
+                bx, bz = ax + dx, az + dz
+                at_end = end_cost * (1.0 - math.sqrt(bx * bx + bz * bz) / room)
+                # Where on their straight ways the two come nearest, seen from the avatar.
+                towards, moved = -(ax * dx + az * dz), dx * dx + dz * dz
+                t = towards / moved if towards < moved else 1.0
+                nx, nz = ax + t * dx, az + t * dz
+                on_way = path_cost * (1.0 - math.sqrt(nx * nx + nz * nz) / room)
+                worst[k] = max(max(worst[k], at_end), on_way if towards > 0.0 else 0.0)
+        if leaves:
+            for k in range(lanes):
+                worst[k] += crowding[4] * _outside(arena, x + ends_x[k], z + ends_z[k])
+        for k in range(lanes):
+            values[q, k] -= worst[k]
 
 
-@_kernel
+@_part
+def _drawn(chances, count, wanted):
+    """Return the first chance that is not zero and up to which they add up to more than is wanted, or the last one."""
+    picked = 0
+    for k in range(count):
+        if chances[k] > 0.0:
+            picked = k
+            wanted -= chances[k]
+            if wanted < 0.0:
+                break
+    return picked
+
+
+@_part
+def _candidate(values, row, n, floor, place):
+    """Return the action that comes ``place``-th, counted from 0, among those worth ``floor`` or more."""
+    for k in range(n):
+        if values[row, k] >= floor:
+            if place == 0:
+                return k
+            place -= 1
+    return -1
+
+
+@_part
 def _pick(values, row, n, margin, most, temperature, number, chances):
     """Return one of the candidates: those near the best value, drawn by ``number`` in [0, 1); -1 for no number.
 
     Where there are too many, those of the least values drop out, the later ones among equals.
     """
-    best = 0
+    top = values[row, 0]
     for k in range(1, n):
-        if values[row, k] > values[row, best]:
-            best = k
-    top = values[row, best]
+        top = values[row, k] if values[row, k] > top else top
     if not math.isfinite(top):
         return -1
-    if temperature <= 0.0 or most <= 1 or n == 1:
-        return best
+    first = temperature <= 0.0 or most <= 1
+    floor = top if first else top - margin
     near = 0
+    for k in range(n):  # no branch: who is near is anybody's guess
+        chances[near] = values[row, k]
+        near += values[row, k] >= floor
+    if near == 1 or first:
+        return _candidate(values, row, n, top, 0)
+    if near <= most:
+        total = 0.0
+        for c in range(near):
+            chances[c] = math.exp((chances[c] - top) / temperature)
+            total += chances[c]
+        return _candidate(values, row, n, floor, _drawn(chances, near, number * total))
+    # The value that comes ``most``-th, and how many of those who have it may stay.
+    held = 0
     for k in range(n):
-        near += values[row, k] >= top - margin
-    floor = top - margin
-    if near > most:
-        # The value that comes ``most``-th, and how many of those who have it may stay.
-        held = 0
-        for k in range(n):
-            value = values[row, k]
-            if held < most or value > chances[held - 1]:
-                m = held if held < most else held - 1
-                while m > 0 and chances[m - 1] < value:
-                    chances[m] = chances[m - 1]
-                    m -= 1
-                chances[m] = value
-                held = min(held + 1, int(most))
-        floor = chances[held - 1]
-        near = held
+        value = values[row, k]
+        if held < most or value > chances[held - 1]:
+            m = held if held < most else held - 1
+            while m > 0 and chances[m - 1] < value:
+                chances[m] = chances[m - 1]
+                m -= 1
+            chances[m] = value
+            held = min(held + 1, int(most))
+    floor = chances[held - 1]
+    near = held
     total = 0.0
     left = near
     for k in range(n):
@@ -800,15 +906,7 @@ def _pick(values, row, n, margin, most, temperature, number, chances):
             for m in range(k + 1, n):
                 chances[m] = 0.0
             break
-    wanted = number * total
-    picked = best
-    for k in range(n):
-        if chances[k] > 0.0:
-            picked = k
-            wanted -= chances[k]
-            if wanted < 0.0:
-                break
-    return picked
+    return _drawn(chances, n, number * total)
 
 
 @_kernel
@@ -829,7 +927,7 @@ def order_by_state(states, count, starts, out_order):
         starts[place] += 1
 
 
-@_kernel
+@_part
 def aim(
     whole, real, slot_of, offsets, actions, moves, bodies, policies, arena, crowding, targets, moods, present, moment,
     due, count, nearest, out_situations, out_states, out_moods, out_policies,
@@ -872,7 +970,7 @@ def aim(
             place = actions[action, ORIGIN] + done * policies[whole[POLICY, j], STRIDE]
             size = real[SCALE, j]
             hx, hz = _between(bodies, place, HEAD) * size, _between(bodies, place, HEAD + 2) * size
-            cos, sin = math.cos(real[HEADING, j]), math.sin(real[HEADING, j])
+            cos, sin = cos_sin(real[HEADING, j])
             tx, tz = real[X, j] + hx * cos + hz * sin, real[Z, j] - hx * sin + hz * cos
             ty = _between(bodies, place, HEAD + 1) * size
             seen = True
@@ -880,7 +978,7 @@ def aim(
             # Turn back: the middle counts until the avatar is inside again.
             tx, tz = arena[1], arena[2]
             seen = True
-        cos, sin = math.cos(real[HEADING, own]), math.sin(real[HEADING, own])
+        cos, sin = cos_sin(real[HEADING, own])
         dx, dz = (tx - x) / scale, (tz - z) / scale
         out_situations[q, 0] = dx * cos - dz * sin
         out_situations[q, 1] = ty / scale
@@ -893,7 +991,7 @@ def aim(
         out_moods[q], out_policies[q] = whole[MOOD, own], whole[POLICY, own]
 
 
-@_kernel
+@_part
 def draw_actions(whole, offsets, actions, moods, stream, due, count, values, chances, out_chosen):
     """Draw the next action of avatars ``due[:count]`` by its value; return -1, or a slot without numbers."""
     for q in range(count):
@@ -910,7 +1008,7 @@ def draw_actions(whole, offsets, actions, moods, stream, due, count, values, cha
     return -1
 
 
-@_kernel
+@_part
 def keep_running(whole, offsets, actions, moves, due, count, states, values):
     """Where there is nobody to fight, let captured motion run on: the cheapest transition is worth most."""
     for q in range(count):
@@ -920,7 +1018,7 @@ def keep_running(whole, offsets, actions, moves, due, count, states, values):
                 values[q, k] = -moves[offsets[state] + k, COST]
 
 
-@_kernel
+@_part
 def choose(model, avatars, world, present, moment, due, count, nearest, counts, neighbours, scratch, out_chosen):
     """Choose an opponent and the next action for avatars ``due[:count]``, for whom ``scratch`` has room.
 
@@ -943,7 +1041,8 @@ def choose(model, avatars, world, present, moment, due, count, nearest, counts, 
     keep_running(avatars.whole, model.offsets, model.actions, model.moves, due, count, scratch.states, scratch.values)
     crowd_out(
         avatars.whole, avatars.real, model.offsets, model.reaches, model.actions, model.moves, world.arena,
-        world.crowding, due, count, counts, neighbours, scratch.near, scratch.values,
+        world.crowding, due, count, counts, neighbours, scratch.near, scratch.work,
+        scratch.values,
     )  # fmt: skip
     return draw_actions(
         avatars.whole, model.offsets, model.actions, world.moods, world.stream, due, count, scratch.values,
@@ -951,7 +1050,7 @@ def choose(model, avatars, world, present, moment, due, count, nearest, counts, 
     )  # fmt: skip
 
 
-@_kernel
+@_part
 def switch(model, avatars, due, chosen, first, last):
     """Start the chosen actions where the old ones have ended, with the motion that was left over."""
     whole, real = avatars.whole, avatars.real
@@ -965,7 +1064,8 @@ def switch(model, avatars, due, chosen, first, last):
         x, z, heading = real[X, i], real[Z, i], real[HEADING, i]
         heading -= 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
         turn = heading - ground[origin, 2]
-        cos, sin = math.cos(turn) * scale, math.sin(turn) * scale
+        cos, sin = cos_sin(turn)
+        cos, sin = cos * scale, sin * scale
         gx, gz = ground[origin, 0], ground[origin, 1]
         base_x, base_z = x - gx * cos - gz * sin, z + gx * sin - gz * cos
         real[BASE_X, i], real[BASE_Z, i] = base_x, base_z
@@ -997,7 +1097,8 @@ def _base_before(whole, real, actions, ground, policies, i):
     old = whole[ACTION_BEFORE, i]
     end = actions[old, ORIGIN] + actions[old, LENGTH] * policies[whole[POLICY, i], STRIDE]
     turn = real[BASE_TURN, i] + ground[origin, 2] - ground[end, 2]
-    cos, sin = math.cos(turn) * real[SCALE, i], math.sin(turn) * real[SCALE, i]
+    cos, sin = cos_sin(turn)
+    cos, sin = cos * real[SCALE, i], sin * real[SCALE, i]
     gx, gz = ground[end, 0], ground[end, 1]
     return x - gx * cos - gz * sin, z + gx * sin - gz * cos, cos, sin, turn
 
@@ -1024,7 +1125,8 @@ def _body_at(model, avatars, j, share):
     gx, gz, heading = _ground_at(model.ground, place)
     x, z = bx + gx * cos + gz * sin, bz - gx * sin + gz * cos
     size = real[SCALE, j]
-    cos, sin = math.cos(turn + heading) * size, math.sin(turn + heading) * size
+    cos, sin = cos_sin(turn + heading)
+    cos, sin = cos * size, sin * size
     head = _point_at(bodies, place, HEAD, x, z, size, cos, sin)
     return (
         head,
@@ -1099,7 +1201,7 @@ def _strikes_in(model, avatars, targets, present, moment, frame, i, old, out_who
                 base_x, base_z, cos, sin, _ = _base_before(whole, real, actions, ground, model.policies, i)
             origin = actions[action, ORIGIN]
             gx, gz, gh = ground[origin, 0], ground[origin, 1], ground[origin, 2]
-            wx, wz = math.cos(gh), math.sin(gh)
+            wx, wz = cos_sin(gh)
             fx, fz = strikes[k, FIST_X], strikes[k, FIST_Z]
             gx, gz = gx + fx * wx + fz * wz, gz - fx * wz + fz * wx
             px, pz = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
@@ -1118,7 +1220,7 @@ def _strikes_in(model, avatars, targets, present, moment, frame, i, old, out_who
     return held
 
 
-@_kernel
+@_part
 def strike(model, avatars, world, present, moment, frame, first, last, who, out_whole, out_real, held):
     """List the strikes that avatars have thrown on the way to this frame; return how many ``held`` and they are.
 
@@ -1150,7 +1252,7 @@ def strike(model, avatars, world, present, moment, frame, first, last, who, out_
     return held
 
 
-@_kernel
+@_part
 def write_record(model, avatars, record, row, first, last):
     """Write what the take keeps of avatars ``first`` to ``last`` into a row of the record, by number."""
     whole, real = avatars.whole, avatars.real

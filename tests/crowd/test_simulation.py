@@ -20,7 +20,9 @@ from crowdsim.crowd.simulation import Simulation, simulate
 from crowdsim.errors import RunError
 from crowdsim.policy.bundle import encode
 from crowdsim.policy.policy import action_values
+from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TransitionTerm
 
+STRIKES = StrikeTerm(kind="strike", tolerance=0.3)
 POLICIES = [policy(0, "v", name="one"), policy(1, "q", frames=50, stride=2, name="two")]
 
 
@@ -38,6 +40,10 @@ def crowd(count=12, seed=0, spacing=1.0, policies=2, **other):
     }
     jitter = rng.normal(0, 0.1, (2, count))
     return build_crowd(x * spacing + jitter[0], z * spacing + jitter[1], rng.uniform(-3, 3, count), **fields)
+
+
+def near(**fields):
+    return ProximityTerm(kind="proximity", **fields)
 
 
 def whole(chunks):
@@ -68,6 +74,7 @@ def bytes_of(chunks):
         ),
         ("a rectangle", {"arena": np.array([2.0, 1.5, 1.5, 1.0, 2.0])}, ()),
         ("the best action only", {"temperature": 0.0}, ()),
+        ("nothing worth less than the best", {"margin": 0.0}, ()),
         ("two candidates of wide choice", {"temperature": 2.0, "margin": 50.0, "most": 2}, ()),
     ],
 )
@@ -113,6 +120,34 @@ def test_actions_are_worth_what_the_policy_says(lookup, precisions):
             np.testing.assert_allclose(scratch.values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    "terms",
+    [
+        [near(), near(sigma=10.0)],
+        [near(weight=0.3, sigma=0.7), near(weight=2.0, sigma=4.0), near(sigma=0.2)],
+        [near(), near(distance=1.5), near(distance=1.5, sigma=3.0)],
+        [near(facing=True), near(sigma=3.0, facing=True), near(sigma=3.0)],
+        [near(form="max"), near(form="max", sigma=3.0), near(sigma=3.0), near(form="max")],
+        [near(), STRIKES, near(sigma=10.0), TransitionTerm(kind="transition"), near(sigma=2.0)],
+        [near(weight=0.0), near(sigma=10.0)],
+    ],
+    ids=["two widths", "three weights", "two distances", "facing", "the greatest", "others between", "no weight"],
+)
+def test_terms_of_proximity_add_up_whatever_they_share(terms):
+    chosen = policy(4, "v")
+    chosen = replace(chosen, behaviours=tuple(replace(each, terms=tuple(terms)) for each in chosen.behaviours))
+    model = build_model([chosen])
+    rng = np.random.default_rng(4)
+    scratch = empty_scratch(model, 1, 30)
+    states, targets = rng.integers(chosen.actions.state_count, size=30), rng.uniform([-3, 1, -3], [3, 1.9, 3], (30, 3))
+    scratch.order[:], scratch.moods[:], scratch.policies[:], scratch.states[:] = np.arange(30), 0, 0, states
+    scratch.situations[:] = targets
+    kernels.value_actions(model, np.ones((1, 2)), scratch, 0, 30)
+    for k in range(30):
+        expected = action_values(chosen, {each.name: 1.0 for each in chosen.behaviours}, states[k], targets[k])
+        np.testing.assert_allclose(scratch.values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
+
+
 def test_a_target_beyond_all_grids_is_seen_where_they_end():
     chosen = policy(4, "v")
     grids = [replace(b.grid, axes=tuple(replace(axis, fade=0.0) for axis in b.grid.axes)) for b in chosen.behaviours]
@@ -132,6 +167,28 @@ def test_a_target_beyond_all_grids_is_seen_where_they_end():
     for k in range(20):
         expected = action_values(chosen, {b.name: 1.0 for b in behaviours}, states[k], at_end[k])
         assert np.ptp(expected) > 0.0
+        np.testing.assert_allclose(scratch.values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("lookup", ["v", "q"])
+def test_a_behaviour_counts_less_beyond_its_bearings(lookup):
+    chosen = policy(4, lookup)
+
+    def narrow(axis):
+        return replace(axis, minimum=-1.0, maximum=1.0, wraps=False, fade=1.5) if axis.name == "bearing" else axis
+
+    grids = [replace(b.grid, axes=tuple(narrow(axis) for axis in b.grid.axes)) for b in chosen.behaviours]
+    behaviours = [replace(b, grid=grid) for b, grid in zip(chosen.behaviours, grids, strict=True)]
+    chosen = replace(chosen, behaviours=tuple(behaviours))
+    model, scratch = build_model([chosen]), empty_scratch(build_model([chosen]), 1, 40)
+    bearings = np.linspace(-3, 3, 40)
+    targets = np.stack([np.sin(bearings), np.full(40, 1.5), np.cos(bearings)], axis=-1)
+    scratch.order[:], scratch.moods[:], scratch.policies[:], scratch.states[:] = np.arange(40), 0, 0, 2
+    scratch.situations[:] = targets
+    kernels.value_actions(model, np.ones((1, 2)), scratch, 0, 40)
+    assert np.all(scratch.values[0, :2] == 0.0), "nothing counts behind"
+    for k in range(40):
+        expected = action_values(chosen, {b.name: 1.0 for b in behaviours}, 2, targets[k])
         np.testing.assert_allclose(scratch.values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
 
 
@@ -156,6 +213,30 @@ def test_bearings_and_exponentials_are_those_of_numpy():
     expected = np.exp(np.maximum(values, -32))
     kernels.exponentials(values, 2000)
     np.testing.assert_allclose(values, expected, rtol=2e-9)
+
+
+@pytest.mark.parametrize("most", [1, 2, 3, 40])
+@pytest.mark.parametrize("margin", [0.0, 1.0, 2.5, 100.0])
+@pytest.mark.parametrize("temperature", [0.0, 0.01, 1.5])
+def test_candidates_are_the_best_ones_the_first_among_equals(most, margin, temperature):
+    rng = np.random.default_rng(6)
+    chances = np.empty(24)
+    for n in [1, 2, *rng.integers(3, 24, 30)]:
+        values, number = rng.integers(0, 5, (1, n)).astype(float), rng.random()
+        order = [k for k in np.argsort(-values[0], kind="stable")[:most] if values[0, k] >= values.max() - margin]
+        candidates = np.sort(order if temperature > 0.0 else order[:1])
+        weights = np.exp((values[0, candidates] - values.max()) / max(temperature, 1e-9))
+        expected = candidates[np.searchsorted(np.cumsum(weights), number * weights.sum(), side="right")]
+        assert kernels._pick(values, 0, n, margin, most, temperature, number, chances) == expected
+    assert kernels._pick(np.array([[np.nan, 1.0]]), 0, 2, margin, most, temperature, 0.5, chances) == -1
+    assert kernels._pick(np.array([[np.inf, 1.0]]), 0, 2, margin, most, temperature, 0.5, chances) == -1
+
+
+def test_cosines_and_sines_are_those_of_numpy():
+    whole_turns = np.arange(-40, 41) * (np.pi / 4)
+    angles = np.concatenate([np.random.default_rng(0).normal(0, 100, 3000), whole_turns, [0.0, -0.0, 9e4, 2e5, -1e9]])
+    found = np.array([kernels.cos_sin(angle) for angle in angles])
+    np.testing.assert_allclose(found, np.stack([np.cos(angles), np.sin(angles)], axis=-1), rtol=0, atol=4e-16)
 
 
 def test_draws_are_those_of_the_random_module():
