@@ -22,7 +22,7 @@ PASS = 0.2
 _MOST = (0.17, 0.26)
 """How far feet are moved from where blends have them before they are moved less, and at the most [m]."""
 _DOWN = 0.1
-_SLACK, _FLOOR = 0.02, 0.0004
+_SLACK, _FLOOR = 0.02, 0.0001
 KNEE_LEAST = math.radians(4.0)
 """Flexion that a knee keeps at the least when it is stretched to hold a foot [rad]."""
 

@@ -70,15 +70,17 @@ def _add_shift(cuts, falls, first, stop, foot, rate, time, begin, end, weight, s
         share, lift = _share(cuts, falls, cut, foot, time, begin, end)
         if k < middle:
             share -= 1.0
-        even, apart = 0.0, abs(time - cuts.times[cut])
+        gap = cuts.gaps[cut, foot]
+        even, stride, apart = 0.0, 0.0, abs(time - cuts.times[cut])
         if apart < EVEN and begin < cuts.times[cut] < end:
-            # Both sides go over into the mean of their velocities.
+            # Both sides go over into the mean of their velocities; of a foot that is about to go, the side that stands
+            # does not take part.
             far = 1.0 - apart / EVEN
             even = -0.5 * apart * far * far * far
-        gap = cuts.gaps[cut, foot]
+            stride = 2.0 * even * (1.0 - gap[18] if k < middle else gap[18])
         if share != 0.0 or even != 0.0:
             for j in range(3):
-                shift[j] += weight * (share * gap[j] + even * gap[9 + j])
+                shift[j] += weight * (share * gap[j] + stride * gap[9 + j])
             _turned(gap, 3, share, even, turn)
             _turned(gap, 6, share, even, toes)
         shift[1] += weight * lift

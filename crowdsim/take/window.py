@@ -90,7 +90,7 @@ class Cuts(NamedTuple):
         spans: How long before and after the cut the blend over it lasts [s]. Shape (C, 2).
         signs: See ``measure_cuts``. Shape (C, J + 1).
         places: Likewise. Shape (C, 3).
-        gaps: Likewise. Shape (C, 2, 18).
+        gaps: Likewise. Shape (C, 2, 19).
     """
 
     starts: Array
@@ -203,7 +203,7 @@ class Window:
             spans=self._spans(before, after, rows.speeds[owner] * frames.rate),
             signs=np.empty((count, joints + 1), np.int8),
             places=np.empty((count, 3)),
-            gaps=np.empty((count, 2, 18)),
+            gaps=np.empty((count, 2, 19)),
         )
 
         def work(low: int, high: int) -> None:
