@@ -13,7 +13,7 @@ from crowdsim.take.workers import share
 
 Array = NDArray[Any]
 
-WIDE = 0.82
+WIDE = 0.9
 """How far from a cut feet move for it [s]."""
 SWING = 0.15
 """How long it takes to let go of a foot, or to lead it to where it lands [s]."""

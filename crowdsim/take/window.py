@@ -20,7 +20,7 @@ BLEND = 0.6
 """Length of the blend over a cut, half before it and half after where no strike is near [s]."""
 LEAST_BLEND = 0.1
 """Least time that it lasts before a cut, and after it [s]."""
-FALLS = (0.53, 0.3, 0.38, 0.12, 0.17, 0.05, 0.3, 0.65, 0.08, 1.25)
+FALLS = (0.72, 0.1, 0.55, 0.12, 0.17, 0.05, 0.3, 0.65, 0.08, 1.25)
 """What feet do about cuts: time after a cut in which they come up, or before it in which they came down, so that they
 need no step [s]; time between a cut and a step [s]; how long a step lasts at the least and at the most [s]; how high it
 is at the most [m]; time before a cut from which on feet are dragged a little way, and time after it up to which they
