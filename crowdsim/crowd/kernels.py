@@ -166,7 +166,7 @@ def _fade(grids, b, distance, bearing, height):
 
 
 @_part
-def _exponential(value):
+def exponential(value):
     """Return the exponential of a number up to 0, to 1e-9 of it; what lies below -32 counts as -32.
 
     exp(v) = exp(v / 1024) ^ 1024: the polynomial that is best for so small a number, and ten squarings, which
@@ -186,13 +186,6 @@ def _exponential(value):
     v *= v
     v *= v
     return v * v
-
-
-@_kernel
-def exponentials(values, count):
-    """Replace numbers up to 0 by their exponentials (``_exponential``)."""
-    for k in range(count):
-        values[k] = _exponential(values[k])
 
 
 @_kernel
@@ -353,7 +346,7 @@ def _add_nearness(actions, paths, terms, row, last, discounts, b, offset, n, x, 
     _gaps(paths, begun, count, x, z, wanted, facing, gaps)
     weight, shrink = terms[row, 1], -1.0 / terms[row, 3]
     for k in range(count):
-        rows[k] = weight * _exponential(gaps[k] * shrink)
+        rows[k] = weight * exponential(gaps[k] * shrink)
     row += 1
     while (
         not greatest and row < last and terms[row, 0] != 0.0 and terms[row, 4] == 0.0
@@ -361,7 +354,7 @@ def _add_nearness(actions, paths, terms, row, last, discounts, b, offset, n, x, 
     ):  # fmt: skip
         weight, shrink = terms[row, 1], -1.0 / terms[row, 3]
         for k in range(count):
-            rows[k] += weight * _exponential(gaps[k] * shrink)
+            rows[k] += weight * exponential(gaps[k] * shrink)
         row += 1
     at = 0
     for k in range(n):

@@ -92,10 +92,16 @@ def _turned(gap, first, share, even, q):
     x = gap[first] * share + gap[9 + first] * even
     y = gap[first + 1] * share + gap[10 + first] * even
     z = gap[first + 2] * share + gap[11 + first] * even
+    _turn_by(q, x, y, z)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _turn_by(q, x, y, z):
+    """Turn a quaternion by a rotation vector of the frame that it is given in, in place."""
     angle = math.sqrt(x * x + y * y + z * z)
-    c, s = math.cos(0.5 * angle), 0.5
-    if angle > 1e-9:
-        s = math.sin(0.5 * angle) / angle
+    if angle < 1e-12:
+        return
+    s, c = math.sin(0.5 * angle) / angle, math.cos(0.5 * angle)
     x, y, z = x * s, y * s, z * s
     a, b, d, e = q[0], q[1], q[2], q[3]
     q[0] = c * a - x * b - y * d - z * e
@@ -462,19 +468,8 @@ def plant_feet(
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _turn_in_world(limbs, turns, joint, x, y, z, rotations):
     """Turn a joint by a rotation vector of the world, in its local rotation."""
-    angle = math.sqrt(x * x + y * y + z * z)
-    if angle < 1e-12:
-        return
-    s = math.sin(0.5 * angle) / angle
-    p, r = turns[limbs.parents[joint]], rotations[joint]
-    # The vector in the parent's frame.
-    qx, qy, qz = _unrotate(p, x * s, y * s, z * s)
-    c = math.cos(0.5 * angle)
-    a, b, d, e = r[0], r[1], r[2], r[3]
-    r[0] = c * a - qx * b - qy * d - qz * e
-    r[1] = c * b + qx * a + qy * e - qz * d
-    r[2] = c * d - qx * e + qy * a + qz * b
-    r[3] = c * e + qx * d - qy * b + qz * a
+    x, y, z = _unrotate(turns[limbs.parents[joint]], x, y, z)
+    _turn_by(rotations[joint], x, y, z)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -488,22 +483,6 @@ def _unrotate(q, x, y, z):
         y + q[0] * ty - q[3] * tx + q[1] * tz,
         z + q[0] * tz - q[1] * ty + q[2] * tx,
     )
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _turn_locally(joint, x, y, z, rotations):
-    """Turn a joint by a rotation vector in its parent's frame."""
-    angle = math.sqrt(x * x + y * y + z * z)
-    if angle < 1e-12:
-        return
-    s, c = math.sin(0.5 * angle) / angle, math.cos(0.5 * angle)
-    x, y, z = x * s, y * s, z * s
-    r = rotations[joint]
-    a, b, d, e = r[0], r[1], r[2], r[3]
-    r[0] = c * a - x * b - y * d - z * e
-    r[1] = c * b + x * a + y * e - z * d
-    r[2] = c * d - x * e + y * a + z * b
-    r[3] = c * e + x * d - y * b + z * a
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -617,7 +596,7 @@ def carry_fists(first, stop, columns, times, landings, scales, arms, legs, leani
                     _move_pelvis(legs, scale, lean, least[1], root, pose, places, turns, ankles, bend, turn, spare)
                 for k in range(4):
                     if leaning[k] >= 0:
-                        _turn_locally(leaning[k], lean[k, 0], lean[k, 1], lean[k, 2], pose)
+                        _turn_by(pose[leaning[k]], lean[k, 0], lean[k, 1], lean[k, 2])
             if weights[0] <= 0.0 and weights[1] <= 0.0:
                 continue
             _pose_chain(arms, scale, root, pose, places, turns)

@@ -6,7 +6,7 @@ and after its time, so that any range of frames, posed alone, gives the same byt
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
 Array = NDArray[Any]
+_Pose = Callable[[Window, int, Array, Array], tuple[Array, Array]]
+"""Poses roots and rotations in a window, of a policy, at moments (1, E), of the avatars in columns (E,)."""
 
 REACH = 1.0
 """How far a pose looks around its time in the take [s]."""
@@ -253,13 +255,12 @@ class PoseSampler:
             for which, _, window, columns, moments in self._moments(avatars, times)
         ]
 
-    def _pose_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
-        """Pose avatars (E,) at times (E,), before fists are carried."""
-        told = []
-        for which, index, window, columns, moments in self._moments(avatars, times):
-            roots, rotations, _ = self._pose(window, index, moments, columns)
-            told.append(self._joints_of(which, window, columns, roots, rotations))
-        return told
+    def _joints_at(self, avatars: Array, times: Array, pose: _Pose) -> list[tuple[Array, Body, Array, Array, Array]]:
+        """Pose avatars (E,) at times (E,), each at its own, in one of the ways below."""
+        return [
+            self._joints_of(which, window, columns, *pose(window, index, moments, columns))
+            for which, index, window, columns, moments in self._moments(avatars, times)
+        ]
 
     def moments(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
         """Pose avatars (E,) at times (E,), each at its own.
@@ -268,43 +269,46 @@ class PoseSampler:
             For each policy which of them are its own (n,), its body, their sizes (n,), places (n, J, 3) [m] and
             rotations (n, J, 4) of joints in the world.
         """
-        told = []
         if len(times):
             self._look_for_buried(float(times.min()), float(times.max()))
-        for which, index, window, columns, moments in self._moments(avatars, times):
+
+        def pose(window: Window, index: int, moments: Array, columns: Array) -> tuple[Array, Array]:
             roots, rotations, _ = self._pose(window, index, moments, columns)
             self._reach_out(window, moments, columns, roots, rotations, self._pose_at, self._struck_at, LEAN)
-            told.append(self._joints_of(which, window, columns, roots, rotations))
-        return told
+            return roots, rotations
+
+        return self._joints_at(avatars, times, pose)
+
+    def _pose_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
+        """Pose avatars (E,) at times (E,), before fists are carried."""
+        return self._joints_at(avatars, times, lambda *where: self._pose(*where)[:2])
 
     def _struck_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
         """Pose avatars (E,) at times (E,) with what their own fists do to them, nearly.
 
         Where these fists go is found without feet and early blows, which would look too far around.
         """
-        told = []
-        for which, index, window, columns, moments in self._moments(avatars, times):
+
+        def pose(window: Window, index: int, moments: Array, columns: Array) -> tuple[Array, Array]:
             roots, rotations, _ = self._pose(window, index, moments, columns)
             self._reach_out(window, moments, columns, roots, rotations, self._nearly_at, self._answering_at, LEAN)
-            told.append(self._joints_of(which, window, columns, roots, rotations))
-        return told
+            return roots, rotations
+
+        return self._joints_at(avatars, times, pose)
 
     def _answering_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
         """Pose avatars (E,) at times (E,) with blends, late blows, and what strikes close by do to them."""
-        told = []
-        for which, index, window, columns, moments in self._moments(avatars, times):
+
+        def pose(window: Window, index: int, moments: Array, columns: Array) -> tuple[Array, Array]:
             roots, rotations = self._pose_nearly(window, index, moments, columns)
             self._reach_out(window, moments, columns, roots, rotations, self._nearly_at, self._nearly_at, _CLOSE_BY)
-            told.append(self._joints_of(which, window, columns, roots, rotations))
-        return told
+            return roots, rotations
+
+        return self._joints_at(avatars, times, pose)
 
     def _nearly_at(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
         """Pose avatars (E,) at times (E,) with blends and late blows, and nothing else."""
-        told = []
-        for which, index, window, columns, moments in self._moments(avatars, times):
-            roots, rotations = self._pose_nearly(window, index, moments, columns)
-            told.append(self._joints_of(which, window, columns, roots, rotations))
-        return told
+        return self._joints_at(avatars, times, self._pose_nearly)
 
     def _pose_nearly(self, window: Window, index: int, moments: Array, columns: Array) -> tuple[Array, Array]:
         """Poses with blends and late blows."""

@@ -194,7 +194,7 @@ def measure_cuts(w, m, toes, first, stop, owners, times, before, after, signs, p
             Shape (C, 2, 19).
     """
     joints = m.rotations.shape[1]
-    going = np.empty(9)
+    came, goes = np.empty(9), np.empty(9)
     for i in range(first, stop):
         n, old, new = owners[i], before[i], after[i]
         scale, pace = w.scales[n], w.speeds[owners[i]] * m.rate
@@ -209,17 +209,16 @@ def measure_cuts(w, m, toes, first, stop, owners, times, before, after, signs, p
             gaps[i, f, 2] = dz * cos - dx * sin
             _turn_between(m.feet[old, f], m.feet[new, f], gaps[i, f, 3:6])
             _about_y(heading, 1.0, gaps[i, f, 3:6])
-            gaps[i, f, 6:19] = 0.0
-            _velocity(m, f, toes[f], max(old - 1, m.bounds[old, 0]), old, old, heading, scale, pace, gaps[i, f, 9:18])
-            slow = math.sqrt(gaps[i, f, 9] ** 2 + gaps[i, f, 10] ** 2 + gaps[i, f, 11] ** 2)
-            for k in range(9, 18):
-                going[k - 9] = gaps[i, f, k]
-                gaps[i, f, k] = 0.0
-            _velocity(m, f, toes[f], new, min(new + 1, m.bounds[new, 1]), new, heading, scale, pace, gaps[i, f, 9:18])
-            fast = math.sqrt(gaps[i, f, 9] ** 2 + gaps[i, f, 10] ** 2 + gaps[i, f, 11] ** 2)
-            gaps[i, f, 18] = (slow + 1e-9) / (slow + fast + 2e-9)
-            for k in range(9, 18):
-                gaps[i, f, k] -= going[k - 9]
+            gaps[i, f, 6:9] = 0.0
+            came[:] = 0.0
+            goes[:] = 0.0
+            _velocity(m, f, toes[f], max(old - 1, m.bounds[old, 0]), old, old, heading, scale, pace, came)
+            _velocity(m, f, toes[f], new, min(new + 1, m.bounds[new, 1]), new, heading, scale, pace, goes)
+            for k in range(9):
+                gaps[i, f, 9 + k] = goes[k] - came[k]
+            slow = math.sqrt(came[0] ** 2 + came[1] ** 2 + came[2] ** 2) + 1e-9
+            fast = math.sqrt(goes[0] ** 2 + goes[1] ** 2 + goes[2] ** 2) + 1e-9
+            gaps[i, f, 18] = slow / (slow + fast)
             if toes[f] >= 0:
                 _turn_between(m.rotations[old, toes[f]], m.rotations[new, toes[f]], gaps[i, f, 6:9])
         signs[i, joints] = 0
