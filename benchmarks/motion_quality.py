@@ -40,6 +40,7 @@ from crowdsim.graph.motion_graph import MotionGraph
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.policy.alignment import align_cuts
 from crowdsim.policy.policy import Policy
 from crowdsim.policy.train import ready_policy
 from crowdsim.runner import run
@@ -120,6 +121,9 @@ def take_of_cuts(database: MotionDatabase, leave: Array, enter: Array) -> PoseSa
     middle = np.where(past, enter, leave)
     place = ground.compose(ground.inverse(database.ground[middle * stride]), database.ground[frames * stride])
     numbers = np.arange(count)
+    shifts = np.zeros((2 * count, 3))
+    shifts[1::2] = align_cuts(database, leave * stride, enter * stride).shifts
+    place = np.where(past[..., None], ground.compose(shifts[1::2], place), place)
     action = np.where(past, 2 * numbers + 1, 2 * numbers)
     phase = np.where(past, steps[:, None], steps[:, None] + ROWS)
     shape = (2 * ROWS + 1, count)
@@ -147,7 +151,8 @@ def take_of_cuts(database: MotionDatabase, leave: Array, enter: Array) -> PoseSa
         fingerprints=("",),
         status="done",
     )
-    policy: Any = SimpleNamespace(database=database, graph=graph, fingerprint="")
+    actions = SimpleNamespace(shifts=shifts)
+    policy: Any = SimpleNamespace(database=database, graph=graph, actions=actions, fingerprint="")
     return PoseSampler(take, [policy], threads=2)
 
 

@@ -27,6 +27,7 @@ from crowdsim.graph.motion_graph import MotionGraph, build_graph
 from crowdsim.motion import ground
 from crowdsim.motion.database import MotionDatabase, build_database
 from crowdsim.motion.performer import perform
+from crowdsim.policy.alignment import align_actions
 from crowdsim.take.poses import PoseSampler
 from crowdsim.take.take import Cast, Events, Take
 
@@ -39,7 +40,7 @@ _CUT = 0.25
 """Share of decisions that cut."""
 
 
-def walk(database: MotionDatabase, graph: MotionGraph, avatars: int, seconds: float) -> Take:
+def walk(database: MotionDatabase, graph: MotionGraph, shifts: Array, avatars: int, seconds: float) -> Take:
     """Avatars that take actions at random; most go on with the capture."""
     rng = np.random.default_rng(0)
     frames, stride = round(seconds * database.control_rate) + 1, database.stride
@@ -60,6 +61,7 @@ def walk(database: MotionDatabase, graph: MotionGraph, avatars: int, seconds: fl
         drawn = first + (rng.random(avatars) * count).astype(np.int64)
         go_on = ~cuts[first] & (rng.random(avatars) > _CUT)
         action = np.where(done, np.where(go_on, first, drawn), action)
+        base[done] = ground.compose(base, shifts[action])[done]
         phase = np.where(done, 0, phase)
         told_action[frame], told_phase[frame] = action, phase
         places[frame] = _moved(database, base, origins[action], phase * stride)
@@ -121,9 +123,10 @@ def measure(avatars: int, seconds: float, repeats: int) -> dict[str, Any]:
     """Return poses a second."""
     database = build_database([performed.clip for performed in perform(120, 1)])
     graph = build_graph(database)
+    actions = align_actions(database, graph)
     database = with_fingers(database)
-    take = walk(database, graph, avatars, seconds)
-    policy: Any = SimpleNamespace(database=database, graph=graph, fingerprint="")
+    take = walk(database, graph, actions.shifts, avatars, seconds)
+    policy: Any = SimpleNamespace(database=database, graph=graph, actions=actions, fingerprint="")
     frames = min(512, take.output_frames(60))
     poses = frames * avatars
     result: dict[str, Any] = {"joints": database.skeleton.joint_count, "avatars": avatars, "frames": frames}
@@ -131,7 +134,7 @@ def measure(avatars: int, seconds: float, repeats: int) -> dict[str, Any]:
         sampler = PoseSampler(take, [policy], threads)
         clock, processor = best(lambda sampler=sampler: sampler.sample(0, frames, 60), repeats)
         result[f"threads_{threads}"] = {"poses_per_s": poses / clock, "poses_per_processor_s": poses / processor}
-    crowd = walk(database, graph, 10_000, 3.0)
+    crowd = walk(database, graph, actions.shifts, 10_000, 3.0)
     sampler = PoseSampler(crowd, [policy], 2)
     clock, processor = best(lambda: sampler.sample(90, 98, 60), max(1, repeats // 3))
     result["crowd_of_10000_by_8_frames"] = {"poses_per_s": 80_000 / clock, "poses_per_processor_s": 80_000 / processor}

@@ -52,6 +52,7 @@ class Avatar:
         """Ground transform since the action's start, scaled."""
         rows = self.policy.database.ground
         moved = ground.compose(ground.inverse(rows[int(self.place(action, 0))]), at(rows, self.place(action, phase)))
+        moved = ground.compose(self.policy.actions.shifts[action], moved)
         return moved * [self.scale, self.scale, 1.0]
 
     def before_start(self, action, end):
@@ -116,6 +117,9 @@ def run(crowd, policies, frames, script=None):
         chosen = [decide(one, avatars, crowd, targets[1]) for one in due]
         for one, (opponent, action) in zip(due, chosen, strict=True):
             one.action_before, one.start_before, one.start = one.action, one.start, one.stands()
+            if one.decisions == 0:  # whoever enters stands where they should
+                shift = one.policy.actions.shifts[action] * [one.scale, one.scale, 1.0]
+                one.start = ground.compose(one.start, ground.inverse(shift))
             one.phase = min(one.phase - one.length, one.speed)
             one.action, one.decided = action, True
             one.opponent_before, one.opponent = one.opponent, opponent

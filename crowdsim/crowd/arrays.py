@@ -45,6 +45,8 @@ class Model(NamedTuple):
         terms: Likewise, but for transition terms. Shape (n, 9), float64.
         table: Likewise; float32 where policies of a run differ. Flat, float32 or uint8.
         ground: Ground transform of each playback frame in its clip's world. Shape (L, 3), float64.
+        starts: What lies on the avatar's ground transform, in the clip's world, when each action starts. Shape (A, 3),
+            float64.
         bodies: Centre of the head, upper and lower end of the torso, in the frame's ground frame [m]. Shape (L, 9),
             float32.
         policies: For each policy the playback frames in a control frame, its first row in ``behaviours``, its first
@@ -66,6 +68,7 @@ class Model(NamedTuple):
     terms: Array
     table: Array
     ground: Array
+    starts: Array
     bodies: Array
     policies: Array
     sizes: Array
@@ -79,9 +82,9 @@ class Avatars(NamedTuple):
 
     Rows of ``whole``: number; policy; mood (row of ``World.moods``); team; skip, the team that the opponent may not be
     of (-1 nearest of anyone, -2 ``fixed`` says); fixed (number of the opponent, -2 - k for target k, -1 for nobody);
-    opponent, likewise; opponent before the last decision; decisions taken; action; action before, -1 when there was no
-    decision in this frame; pending, the last whole frame of the action before its next strike, or -1 where the action
-    before may still have one.
+    opponent, likewise; opponent before the last decision; decisions taken; action; action before, negative when there
+    was no decision in this frame; pending, the last whole frame of the action before its next strike, or -1 where the
+    action before may still have one.
 
     Rows of ``real``: scale of the body; speed [frames of motion in a control frame]; phase, frames of the action done
     (an action shows its frame ``min(phase, T)``; what goes beyond is motion that the next action starts with); phase

@@ -226,6 +226,6 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
     ):
         real[row, slots] = values
     whole[kernels.ACTION, slots] = action
-    whole[kernels.ACTION_BEFORE, slots] = -1
+    whole[kernels.ACTION_BEFORE, slots] = kernels.ENTERED
     whole[kernels.PENDING, slots] = kernels.NO_STRIKE
     whole[kernels.OPPONENT, slots] = whole[kernels.OPPONENT_BEFORE, slots] = -1

@@ -45,6 +45,7 @@ AHEAD = 4  # so many avatars before one is worked on, memory is asked for what t
 LANES = 8  # entries that are worked on at once
 BLOCK = 16  # situations that are weighed at a time
 
+ENTERED = -2  # instead of an action before, of those who have just entered
 NO_STRIKE = 1 << 30  # instead of a frame, where an action has no strike left
 SORTED = 256  # so many avatars that choose together do so in the order of their states
 
@@ -1047,7 +1048,7 @@ def choose(model, avatars, world, present, moment, due, count, nearest, counts, 
 def switch(model, avatars, due, chosen, first, last):
     """Start the chosen actions where the old ones have ended, with the motion that was left over."""
     whole, real = avatars.whole, avatars.real
-    actions, ground, policies = model.actions, model.ground, model.policies
+    actions, ground, starts, policies = model.actions, model.ground, model.starts, model.policies
     for q in range(first, last):
         i = due[q]
         old, new = whole[ACTION, i], chosen[q]
@@ -1056,22 +1057,21 @@ def switch(model, avatars, due, chosen, first, last):
         origin = actions[new, ORIGIN]
         x, z, heading = real[X, i], real[Z, i], real[HEADING, i]
         heading -= 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
-        turn = heading - ground[origin, 2]
+        gx, gz, gh = starts[new, 0], starts[new, 1], starts[new, 2]
+        if whole[ACTION_BEFORE, i] == ENTERED:  # nobody has seen what came before, so they stand where they should
+            gx, gz, gh = ground[origin, 0], ground[origin, 1], ground[origin, 2]
+        turn = heading - gh
         cos, sin = cos_sin(turn)
         cos, sin = cos * scale, sin * scale
-        gx, gz = ground[origin, 0], ground[origin, 1]
         base_x, base_z = x - gx * cos - gz * sin, z + gx * sin - gz * cos
         real[BASE_X, i], real[BASE_Z, i] = base_x, base_z
         real[BASE_COS, i], real[BASE_SIN, i], real[BASE_TURN, i] = cos, sin, turn
         last_frame = origin + actions[new, LENGTH] * stride
         gx, gz = ground[last_frame, 0], ground[last_frame, 1]
         real[END_X, i], real[END_Z, i] = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
-        if phase > 0.0:
-            place = origin + min(phase, actions[new, LENGTH]) * stride
-            gx, gz, heading = _ground_at(ground, place)
-            x, z = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
-            heading += turn
-        real[X, i], real[Z, i], real[HEADING, i] = x, z, heading
+        gx, gz, heading = _ground_at(ground, origin + min(phase, actions[new, LENGTH]) * stride)
+        real[X, i], real[Z, i] = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
+        real[HEADING, i] = heading + turn
         whole[PENDING, i] = -1 if whole[PENDING, i] < actions[old, LENGTH] else actions[new, FIRST_STRIKE]
         whole[ACTION_BEFORE, i] = old
         whole[ACTION, i] = new
@@ -1080,16 +1080,16 @@ def switch(model, avatars, due, chosen, first, last):
 
 
 @_part
-def _base_before(whole, real, actions, ground, policies, i):
+def _base_before(model, whole, real, i):
     """Return where the action before the present one is based: x, z, cos, sin, turn."""
-    origin = actions[whole[ACTION, i], ORIGIN]
-    gx, gz = ground[origin, 0], ground[origin, 1]
+    actions, ground, starts, new = model.actions, model.ground, model.starts, whole[ACTION, i]
+    gx, gz = starts[new, 0], starts[new, 1]
     cos, sin = real[BASE_COS, i], real[BASE_SIN, i]
     x = real[BASE_X, i] + gx * cos + gz * sin
     z = real[BASE_Z, i] - gx * sin + gz * cos
     old = whole[ACTION_BEFORE, i]
-    end = actions[old, ORIGIN] + actions[old, LENGTH] * policies[whole[POLICY, i], STRIDE]
-    turn = real[BASE_TURN, i] + ground[origin, 2] - ground[end, 2]
+    end = actions[old, ORIGIN] + actions[old, LENGTH] * model.policies[whole[POLICY, i], STRIDE]
+    turn = real[BASE_TURN, i] + starts[new, 2] - ground[end, 2]
     cos, sin = cos_sin(turn)
     cos, sin = cos * real[SCALE, i], sin * real[SCALE, i]
     gx, gz = ground[end, 0], ground[end, 1]
@@ -1111,7 +1111,7 @@ def _body_at(model, avatars, j, share):
         if moved < before:
             action = whole[ACTION_BEFORE, j]
             phase = real[PHASE_BEFORE, j] + moved
-            bx, bz, cos, sin, turn = _base_before(whole, real, actions, model.ground, policies, j)
+            bx, bz, cos, sin, turn = _base_before(model, whole, real, j)
         else:
             phase = moved - before
     place = actions[action, ORIGIN] + phase * policies[whole[POLICY, j], STRIDE]
@@ -1173,7 +1173,7 @@ def _lands(model, avatars, targets, moment, present, i, opponent, share, px, py,
 @_part
 def _strikes_in(model, avatars, targets, present, moment, frame, i, old, out_whole, out_real, held):
     """List the strikes of one avatar in its action, or in its ``old`` one; return how many ``held`` and they are."""
-    whole, real, actions, strikes, ground = avatars.whole, avatars.real, model.actions, model.strikes, model.ground
+    whole, real, actions, strikes, starts = avatars.whole, avatars.real, model.actions, model.strikes, model.starts
     switched = whole[ACTION_BEFORE, i] >= 0
     before = whole[ACTION_BEFORE, i] if switched else whole[ACTION, i]
     action = before if old else whole[ACTION, i]
@@ -1191,9 +1191,8 @@ def _strikes_in(model, avatars, targets, present, moment, frame, i, old, out_who
         if held < out_whole.shape[0]:
             base_x, base_z, cos, sin = real[BASE_X, i], real[BASE_Z, i], real[BASE_COS, i], real[BASE_SIN, i]
             if old:
-                base_x, base_z, cos, sin, _ = _base_before(whole, real, actions, ground, model.policies, i)
-            origin = actions[action, ORIGIN]
-            gx, gz, gh = ground[origin, 0], ground[origin, 1], ground[origin, 2]
+                base_x, base_z, cos, sin, _ = _base_before(model, whole, real, i)
+            gx, gz, gh = starts[action, 0], starts[action, 1], starts[action, 2]
             wx, wz = cos_sin(gh)
             fx, fz = strikes[k, FIST_X], strikes[k, FIST_Z]
             gx, gz = gx + fx * wx + fz * wz, gz - fx * wz + fz * wx
@@ -1230,7 +1229,7 @@ def strike(model, avatars, world, present, moment, frame, first, last, who, out_
         if k + AHEAD < listed:
             i = who[k + AHEAD]
             _ask_for(model.strikes, model.strikes.shape[1] * actions[whole[ACTION, i], STRIKES])
-            _ask_for(model.ground, 3 * actions[whole[ACTION, i], ORIGIN])
+            _ask_for(model.starts, 3 * whole[ACTION, i])
             j = slot_of[max(whole[OPPONENT, i], 0)]
             place = int(real[PHASE, j]) * model.policies[whole[POLICY, j], STRIDE]
             place += actions[whole[ACTION, j], ORIGIN]
@@ -1318,6 +1317,7 @@ def run_frames(
         for q in range(dues):
             origin, length = model.actions[chosen[q], ORIGIN], model.actions[chosen[q], LENGTH]
             _ask_for(model.ground, 3 * origin)
+            _ask_for(model.starts, 3 * chosen[q])
             _ask_for(model.ground, 3 * (origin + length * model.policies[avatars.whole[POLICY, due[q]], STRIDE]))
         switch(model, avatars, due, chosen, 0, dues)
         if timings is not None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import Model
 from crowdsim.errors import RunError
+from crowdsim.motion import ground
 from crowdsim.policy.rewards import StrikeTerm, TransitionTerm
 
 if TYPE_CHECKING:
@@ -101,6 +102,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
         terms=terms[terms[:, 0] != TransitionTerm.code],
         table=values,
         ground=_joined([database.ground for database in databases], np.float64),
+        starts=np.concatenate([_action_starts(policy) for policy in policies]),
         bodies=np.concatenate(
             [np.column_stack([database.heads, database.necks, database.pelvises]) for database in databases]
         ).astype(np.float32),
@@ -114,6 +116,12 @@ def build_model(policies: Sequence[Policy]) -> Model:
         ).astype(np.int32),
         sizes=np.array([_sizes(policy) for policy in policies]),
     )
+
+
+def _action_starts(policy: Policy) -> Array:
+    """Return what lies on the avatar's ground transform when each action starts, in the clip's world. Shape (A, 3)."""
+    first = policy.database.stride * (np.asarray(policy.graph.action_first, np.int64) - 1)
+    return ground.compose(policy.database.ground[first], ground.inverse(policy.actions.shifts))
 
 
 def policy_values(policy: Policy) -> Array:

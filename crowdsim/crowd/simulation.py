@@ -174,6 +174,7 @@ class Simulation:
             if len(fresh):
                 # They have not moved yet: they stand at the end of the action that brings them in.
                 avatars.real[kernels.PHASE, fresh] = avatars.real[kernels.PHASE_BEFORE, fresh]
+                avatars.whole[kernels.ACTION_BEFORE, fresh] = kernels.ENTERED
                 due = np.union1d(due, fresh).astype(np.int32)
         self._fresh = fresh[:0]
         clock.append(perf_counter_ns())

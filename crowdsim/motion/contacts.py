@@ -83,3 +83,26 @@ def _without_short(flags: Array, least: int) -> Array:
         if stop - start < least and start > 0 and stop < len(flags):
             flags[start:stop] = False
     return flags
+
+
+def stand_spans(contacts: Array, starts: Array) -> Array:
+    """Return the first and last frame of the stand that each foot is in; the frame itself while it is in the air.
+
+    Args:
+        contacts: Whether each foot is planted. Shape (F, 2), bool.
+        starts: First frame of each clip, and F: stands end with their clip. Shape (C + 1,).
+
+    Returns:
+        Shape (F, 2, 2), int64.
+    """
+    frames = np.arange(len(contacts))
+    opens, closes = np.isin(frames, starts[:-1]), np.isin(frames, np.asarray(starts[1:]) - 1)
+    spans = np.empty((len(contacts), 2, 2), np.int64)
+    for foot in range(2):
+        planted = np.asarray(contacts[:, foot], dtype=bool)
+        begins = np.flatnonzero(planted & (opens | ~np.r_[False, planted[:-1]]))
+        ends = np.flatnonzero(planted & (closes | ~np.r_[planted[1:], False]))
+        stand = np.searchsorted(begins, frames, side="right") - 1
+        for k, edges in enumerate((begins, ends)):
+            spans[:, foot, k] = np.where(planted, np.append(edges, 0)[stand], frames)
+    return spans

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from crowdsim.motion import ground
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.policy.alignment import Alignment, align_actions
 
 if TYPE_CHECKING:
     from crowdsim.graph.motion_graph import MotionGraph
@@ -27,8 +28,11 @@ class Actions(NamedTuple):
         offsets: CSR: actions of state s are ``offsets[s]:offsets[s + 1]``. Shape (S + 1,), int32.
         next: State in which each action ends. Shape (A,), int32.
         lengths: Length T of each action [control frames]. Shape (A,), int32.
+        shifts: Where the ground transform of the motion's frame lies when each action starts, as seen from the
+            avatar's; see ``align_actions``. Shape (A, 3), float32.
         costs: How visible the transition into each action is: its cost over the graph's threshold, times
-            ``stillness``; 0 where it goes on with the capture. Shape (A,), float32.
+            ``stillness``, and ``STEP`` for each foot that makes a step for it; 0 where it goes on with the capture.
+            Shape (A,), float32.
         path_offsets: CSR: the path of action a is ``paths[path_offsets[a]:path_offsets[a + 1]]``. Shape (A + 1,),
             int32.
         paths: Ground transform at control frames 1 to T of each action, the last being its displacement [m, rad].
@@ -43,6 +47,7 @@ class Actions(NamedTuple):
     offsets: Array
     next: Array
     lengths: Array
+    shifts: Array
     costs: Array
     path_offsets: Array
     paths: Array
@@ -68,10 +73,16 @@ class Actions(NamedTuple):
         return self.paths[self.path_offsets[1:] - 1]
 
 
-def build_actions(database: MotionDatabase, graph: MotionGraph) -> Actions:
-    """Return the actions of a graph over a database, placed as INTERFACES of the motion graph say.
+def build_actions(database: MotionDatabase, graph: MotionGraph, alignment: Alignment | None = None) -> Actions:
+    """Return the actions of a graph over a database.
 
-    The ground transform of control frame ``action_first - 1`` lies on the avatar's when the action starts.
+    The ground transform of control frame ``action_first - 1`` lies on the avatar's when the action starts, but for its
+    shift.
+
+    Args:
+        database: The motion.
+        graph: The graph.
+        alignment: How actions are laid on their states, as ``align_actions`` finds when None.
     """
     stride = database.stride
     first = np.asarray(graph.action_first, dtype=np.int64)
@@ -79,7 +90,9 @@ def build_actions(database: MotionDatabase, graph: MotionGraph) -> Actions:
     path_offsets = np.concatenate([[0], np.cumsum(lengths)])
     owner = np.repeat(np.arange(len(first)), lengths)
     frames = first[owner] + np.arange(path_offsets[-1]) - path_offsets[owner]
-    undo = ground.inverse(database.ground[stride * (first - 1)])
+    alignment = alignment or align_actions(database, graph)
+    shifts = np.asarray(alignment.shifts, dtype=np.float32)
+    undo = ground.compose(shifts, ground.inverse(database.ground[stride * (first - 1)]))
     paths = ground.compose(undo[owner], database.ground[stride * frames])
 
     low = np.searchsorted(database.strike_frames, stride * (first - 1), side="right")
@@ -94,7 +107,10 @@ def build_actions(database: MotionDatabase, graph: MotionGraph) -> Actions:
         offsets=np.asarray(graph.action_offsets, dtype=np.int32),
         next=np.asarray(graph.action_next, dtype=np.int32),
         lengths=lengths.astype(np.int32),
-        costs=(graph.action_costs / graph.threshold * stillness(database, graph)).astype(np.float32),
+        shifts=shifts,
+        costs=(graph.action_costs / graph.threshold * stillness(database, graph) + STEP * alignment.steps).astype(
+            np.float32
+        ),
         path_offsets=path_offsets.astype(np.int32),
         paths=paths.astype(np.float32),
         strike_offsets=strike_offsets.astype(np.int32),
@@ -104,6 +120,9 @@ def build_actions(database: MotionDatabase, graph: MotionGraph) -> Actions:
         strike_ids=ids.astype(np.int32),
     )
 
+
+STEP = 1.0
+"""What a step is worth that a foot makes only because of a cut, where the graph's most costly cut is worth 1."""
 
 QUIET = 0.1
 """Speed that is added where cuts are weighed by speeds, since nobody stands quite still [m/s]."""

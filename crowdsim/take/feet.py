@@ -22,7 +22,7 @@ PASS = 0.2
 _MOST = (0.17, 0.26)
 """How far feet are moved from where blends have them before they are moved less, and at the most [m]."""
 _DOWN = 0.1
-_SLACK, _FLOOR = 0.02, 0.0001
+_SLACK, _FLOOR, _UNDER = 0.02, 0.00003, 0.0003
 KNEE_LEAST = math.radians(4.0)
 """Flexion that a knee keeps at the least when it is stretched to hold a foot [rad]."""
 
@@ -53,10 +53,10 @@ def hold_feet(
     motion, rows = window.motion, window.rows
     stands = window.stands()
     falls = window.falls(cuts, stands)
-    how = (WIDE, SWING, PASS, *_MOST, _DOWN, KNEE_LEAST, _SLACK, _FLOOR)
+    how = (WIDE, SWING, PASS, *_MOST, _DOWN, KNEE_LEAST, _SLACK, _FLOOR, _UNDER)
 
     def work(low: int, high: int) -> None:
         plant_feet(low, high, columns, times, places.frames, places.fractions, places.ground, motion.frames, cuts,
-                   stands, falls, rows.rate, rows.scales, motion.legs, how, roots, rotations)  # fmt: skip
+                   stands, falls, rows.rate, rows.scales, rows.speeds, motion.legs, how, roots, rotations)  # fmt: skip
 
     share(window.threads, len(columns), work)

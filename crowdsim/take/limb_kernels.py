@@ -22,8 +22,6 @@ MOST = math.radians(150.0)
 """Flexion beyond which no knee or elbow is bent [rad]."""
 FOLDED = math.radians(145.0)
 """Flexion towards which elbows go at the most to bring a fist near [rad]."""
-EVEN = 0.15
-"""Time around a cut in which velocities of planted feet become even [s]."""
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -57,7 +55,9 @@ def _share(cuts, falls, cut, foot, time, begin, end):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _add_shift(cuts, falls, first, stop, foot, rate, time, begin, end, weight, shift, turn, toes):
+def _add_shift(
+    m, cuts, falls, first, stop, foot, toe, rate, pace, scale, time, begin, end, weight, shift, turn, toes, way
+):
     """Add, times a weight, how far a foot belongs from the motion's own place in a stand, and turn it and its toes.
 
     Cuts that are past are undone from the latest back, those to come follow from the next on.
@@ -71,28 +71,81 @@ def _add_shift(cuts, falls, first, stop, foot, rate, time, begin, end, weight, s
         if k < middle:
             share -= 1.0
         gap = cuts.gaps[cut, foot]
-        even, stride, apart = 0.0, 0.0, abs(time - cuts.times[cut])
-        if apart < EVEN and begin < cuts.times[cut] < end:
-            # Both sides go over into the mean of their velocities; of a foot that is about to go, the side that stands
-            # does not take part.
-            far = 1.0 - apart / EVEN
-            even = -0.5 * apart * far * far * far
-            stride = 2.0 * even * (1.0 - gap[18] if k < middle else gap[18])
-        if share != 0.0 or even != 0.0:
+        if share != 0.0:
+            for j in range(9):
+                way[j] = share * gap[j]
+        else:
+            way[:] = 0.0
+        # As in the blend both motions play on; through a stand for as long as the foot stands in them, else up to it.
+        cut_at = cuts.times[cut]
+        apart, stands = time - cut_at, begin < cut_at < end
+        stands = stands and (m.contacts[cuts.before[cut], foot] or m.contacts[cuts.after[cut], foot])
+        ahead, behind = cuts.spans[cut, 0], cuts.spans[cut, 1]
+        if cut_at >= end:
+            ahead = min(ahead, cut_at - end)
+        elif cut_at <= begin:
+            behind = min(behind, begin - cut_at)
+        play_on = -ahead < apart < behind
+        if play_on:
+            part = _ease((apart + ahead) / (ahead + behind))
+            if k < middle:
+                part -= 1.0
+            steps, heading = apart * pace, cuts.places[cut, 2]
+            left = heading - cuts.shifts[cut, 2]
+            _goes_on(m, foot, toe, cuts.before[cut], steps, left, scale, stands, -part, way)
+            _goes_on(m, foot, toe, cuts.after[cut], steps, heading, scale, stands, part, way)
+        if share != 0.0 or play_on:
             for j in range(3):
-                shift[j] += weight * (share * gap[j] + stride * gap[9 + j])
-            _turned(gap, 3, share, even, turn)
-            _turned(gap, 6, share, even, toes)
+                shift[j] += weight * way[j]
+            _turn_by(turn, way[3], way[4], way[5])
+            _turn_by(toes, way[6], way[7], way[8])
         shift[1] += weight * lift
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _turned(gap, first, share, even, q):
-    """Turn a quaternion by shares of two rotation vectors, in place."""
-    x = gap[first] * share + gap[9 + first] * even
-    y = gap[first + 1] * share + gap[10 + first] * even
-    z = gap[first + 2] * share + gap[11 + first] * even
-    _turn_by(q, x, y, z)
+def _goes_on(m, foot, toe, start, steps, heading, scale, stands, share, way):
+    """Add a share of what a foot does from a frame on, which looks to ``heading``: its way, its turn, that of its toes.
+
+    Where it ``stands`` only for as long as it does.
+    """
+    first, last = m.bounds[start, 0], m.bounds[start, 1]
+    if stands:
+        first, last = m.stands[start, foot, 0], m.stands[start, foot, 1]
+    frame = min(max(start + steps, float(first)), float(last))
+    low = int(frame)
+    part = frame - low
+    high = low + 1 if part > 0.0 else low
+    rest = 1.0 - part
+    about = heading - m.ground[start, 2]
+    cos, sin = math.cos(about), math.sin(about)
+    here, there, spot = m.spots[low, foot], m.spots[high, foot], m.spots[start, foot]
+    x, z = here[0] * rest + there[0] * part - spot[0], here[2] * rest + there[2] * part - spot[2]
+    way[0] += share * scale * (x * cos + z * sin)
+    way[1] += share * scale * (here[1] * rest + there[1] * part - spot[1])
+    way[2] += share * scale * (z * cos - x * sin)
+    x, y, z = _turn_since(m.turns[start, foot], m.turns[low, foot], m.turns[high, foot], rest, part)
+    way[3] += share * (x * cos + z * sin)
+    way[4] += share * y
+    way[5] += share * (z * cos - x * sin)
+    if toe >= 0:
+        x, y, z = _turn_since(m.rotations[start, toe], m.rotations[low, toe], m.rotations[high, toe], rest, part)
+        way[6] += share * x
+        way[7] += share * y
+        way[8] += share * z
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _turn_since(p, q, r, rest, part):
+    """Nearly the rotation vector from one quaternion to another between two, for turns that are not large."""
+    a, b, c, d = p[0], p[1], p[2], p[3]
+    e, f = q[0] * rest + r[0] * part, q[1] * rest + r[1] * part
+    g, h = q[2] * rest + r[2] * part, q[3] * rest + r[3] * part
+    double = 2.0 if e * a + f * b + g * c + h * d >= 0.0 else -2.0
+    return (
+        double * (f * a - e * b - g * d + h * c),
+        double * (g * a - e * c - h * b + f * d),
+        double * (h * a - e * d - f * c + g * b),
+    )
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -321,6 +374,7 @@ def plant_feet(
     falls,
     rate,
     scales,
+    speeds,
     legs,
     how,
     roots,
@@ -342,26 +396,28 @@ def plant_feet(
         falls: A ``window.Falls``.
         rate: Control frames a second.
         scales: Body size by column.
+        speeds: Motion frames in a control frame, by column.
         legs: A ``motion.Limbs``.
         how: Furthest time that a cut moves feet from [s]; time to let go of a foot [s]; time between stands over which
             one passes into the next [s]; how far feet are moved from where blends have them before they are moved less,
             and at the most [m]; furthest that the pelvis goes down [m]; least flexion of a knee [rad]; length of a leg
-            over which it begins to be short [1]; height over which soles ease onto the floor [m].
+            over which it begins to be short [1]; height over which soles ease onto the floor, and how far they may be
+            under it, as feet that stand still in cleaned capture are [m].
         roots: Places of the roots [m]. Shape (T, n, 3), changed.
         rotations: Local rotations. Shape (T, n, J, 4), changed.
     """
-    wide, swing, near, free, most, down, least, slack, floor = how
+    wide, swing, near, free, most, down, least, slack, floor, under = how
     joints = legs.parents.shape[0]
     places, turns = np.empty((joints, 3)), np.empty((joints, 4))
     asked, ankle = np.empty((2, 3)), np.empty((2, 3))
     shift, own, turned, other_turned = np.empty(3), np.empty(4), np.empty((2, 4)), np.empty((2, 4))
-    firm, at, soles = np.empty(2), np.empty(2, np.int64), np.empty(2)
+    firm, at = np.empty(2), np.empty(2, np.int64)
     now, longest = np.empty(2), np.empty(2)
-    bend, turn, spare = np.empty(4), np.empty(4), np.empty(4)
+    bend, turn, spare, way_on = np.empty(4), np.empty(4), np.empty(4), np.empty(9)
     shared = times.shape[1] == 1
     for i in range(first, stop):
         n = columns[i]
-        scale = scales[n]
+        scale, pace = scales[n], speeds[n] * m.rate
         low = cuts.starts[n]
         at[:] = 0
         for t in range(frames.shape[0]):
@@ -403,12 +459,12 @@ def plant_feet(
                     other_turned[:] = turned
                     if before > 0.0:
                         begin, ends = stands.spans[n, f, one, 0], stands.spans[n, f, one, 1]
-                        _add_shift(cuts, falls, low, high, f, rate, time, begin, ends, before, shift, turned[0],
-                                   turned[1])  # fmt: skip
+                        _add_shift(m, cuts, falls, low, high, f, toe, rate, pace, scale, time, begin, ends, before,
+                                   shift, turned[0], turned[1], way_on)  # fmt: skip
                     if after > 0.0:
                         begin, ends = stands.spans[n, f, other, 0], stands.spans[n, f, other, 1]
-                        _add_shift(cuts, falls, low, high, f, rate, time, begin, ends, after, shift, other_turned[0],
-                                   other_turned[1])  # fmt: skip
+                        _add_shift(m, cuts, falls, low, high, f, toe, rate, pace, scale, time, begin, ends, after,
+                                   shift, other_turned[0], other_turned[1], way_on)  # fmt: skip
                     here, there = m.holds[frame, f], m.holds[further, f]
                     x = (here[0] * rest + there[0] * part) * scale
                     y = (here[1] * rest + there[1] * part) * scale
@@ -432,12 +488,13 @@ def plant_feet(
                     x, y, z = _rotate(turns[end], o[0] * scale, o[1] * scale, o[2] * scale)
                     asked[f, 0], asked[f, 1], asked[f, 2] = hold_x - x, hold_y - y, hold_z - z
                 # No sole under the floor: heel and ball ease onto it.
+                lowest = math.inf
                 for end_of_sole in range(2):
                     o = legs.points[f, end_of_sole]
-                    soles[end_of_sole] = _rotate(turns[end], o[0] * scale, o[1] * scale, o[2] * scale)[1]
-                soft, lowest = floor * scale, asked[f, 1] + min(soles[0], soles[1])
-                if lowest < 20.0 * soft:
-                    asked[f, 1] += soft * _soft(-lowest / soft)
+                    lowest = min(lowest, _rotate(turns[end], o[0] * scale, o[1] * scale, o[2] * scale)[1])
+                lowest += asked[f, 1] + under * scale
+                if lowest < 20.0 * floor * scale:
+                    asked[f, 1] += floor * scale * _soft(-lowest / (floor * scale))
                 a = math.sqrt((middle[0] - upper[0]) ** 2 + (middle[1] - upper[1]) ** 2 + (middle[2] - upper[2]) ** 2)
                 b = math.sqrt(
                     (ankle[f, 0] - middle[0]) ** 2 + (ankle[f, 1] - middle[1]) ** 2 + (ankle[f, 2] - middle[2]) ** 2

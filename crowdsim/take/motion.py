@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import Body
+from crowdsim.motion.contacts import stand_spans
 from crowdsim.motion.ik import flexion, hinge_axis
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
@@ -24,6 +25,8 @@ Array = NDArray[Any]
 
 _FREE, _MORE = np.deg2rad(130.0), np.deg2rad(8.0)
 """Flexion that blends may always give, and what they may give beyond that or the capture's own [rad]."""
+_SETTLES = 2
+"""Frames in which a foot that counts as planted still comes to rest, or begins to go."""
 _SIDES = ("left", "right")
 _SAMPLE = 4096
 
@@ -40,6 +43,10 @@ class Frames(NamedTuple):
         holds: Point of each foot about which it turns while it stands, in the frame's ground frame [m].
             Shape (P, 2, 3), float32.
         feet: Turn of each foot in the frame's ground frame. Shape (P, 2, 4), float32.
+        spots: That point in the clip's world [m]. Shape (P, 2, 3), float32.
+        turns: Turn of each foot in the clip's world. Shape (P, 2, 4), float32.
+        stands: First and last frame over which each foot stands on as it does in this one, itself in the air. Shape
+            (P, 2, 2), int32.
         bounds: First and last playback frame of the clip of each frame. Shape (P, 2).
         stride: Playback frames in a control frame.
         rate: Playback frames a second.
@@ -51,6 +58,9 @@ class Frames(NamedTuple):
     contacts: Array
     holds: Array
     feet: Array
+    spots: Array
+    turns: Array
+    stands: Array
     bounds: Array
     stride: int
     rate: float
@@ -115,6 +125,7 @@ class PoseMotion:
         strikes: Playback frames at which strikes reach furthest, ascending. Shape (S,).
         origins: Playback frame that lies on the avatar when each action starts. Shape (A,).
         lengths: Length of each action [control frames]. Shape (A,).
+        shifts: Where the ground transform of that frame lies then, as seen from the avatar's. Shape (A, 3).
     """
 
     skeleton: Skeleton
@@ -129,6 +140,7 @@ class PoseMotion:
     strikes: Array
     origins: Array
     lengths: Array
+    shifts: Array
 
 
 def prepare_motion(policy: Policy) -> PoseMotion:
@@ -156,6 +168,9 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         contacts=contacts,
         holds=ground.to_local(database.ground[:, None], holds).astype(np.float32),
         feet=quaternion.multiply(headings[:, None], turns[:, feet]).astype(np.float32),
+        spots=holds.astype(np.float32),
+        turns=np.array(turns[:, feet], dtype=np.float32),
+        stands=_at_rest(contacts, starts),
         bounds=np.stack([starts[clip], starts[clip + 1] - 1], axis=1),
         stride=stride,
         rate=float(database.playback_rate),
@@ -174,7 +189,15 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         strikes=np.asarray(database.strike_frames, dtype=np.int64),
         origins=(np.asarray(graph.action_first, dtype=np.int64) - 1) * stride,
         lengths=np.asarray(graph.action_lengths, dtype=np.int64),
+        shifts=np.asarray(policy.actions.shifts, dtype=np.float64),
     )
+
+
+def _at_rest(contacts: Array, starts: Array) -> Array:
+    """Return the frames over which each foot stands on, but for those in which it comes to rest, or goes."""
+    spans, frames = stand_spans(contacts, starts), np.arange(len(contacts))[:, None]
+    first, last = np.minimum(spans[..., 0] + _SETTLES, frames), np.maximum(spans[..., 1] - _SETTLES, frames)
+    return np.stack([first, last], axis=-1).astype(np.int32)
 
 
 def chain_of(skeleton: Skeleton, joints: Sequence[int]) -> Array:

@@ -66,8 +66,13 @@ def _add_cut(cut, past, share, side, time, m, cuts, speed, scale, sums, shift, d
         there = m.roots[old, k] + (m.roots[old + 1, k] - m.roots[old, k]) * on
         here = m.roots[new, k] + (m.roots[new + 1, k] - m.roots[new, k]) * off
         shift[k] += share * scale * (there - here)
-    heading = cuts.places[cut, 2]
-    _ground_way(m, cuts.before[cut], old, on, scale, heading, way)
+    heading, shift_by = cuts.places[cut, 2], cuts.shifts[cut]
+    left = heading - shift_by[2]
+    cos, sin = math.cos(left) * scale, math.sin(left) * scale
+    drift[0] -= share * (shift_by[0] * cos + shift_by[1] * sin)
+    drift[1] -= share * (shift_by[1] * cos - shift_by[0] * sin)
+    drift[2] -= share * shift_by[2]
+    _ground_way(m, cuts.before[cut], old, on, scale, left, way)
     for k in range(3):
         drift[k] += share * way[k]
     _ground_way(m, cuts.after[cut], new, off, scale, heading, way)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.policy.alignment import HARDLY, SETTLED
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.take import Take
 from crowdsim.take.window_kernels import find_stands, measure_cuts, place_avatars, plan_falls
@@ -16,16 +17,16 @@ from crowdsim.take.workers import share
 
 Array = NDArray[Any]
 
-BLEND = 0.6
+BLEND = 0.8
 """Length of the blend over a cut, half before it and half after where no strike is near [s]."""
 LEAST_BLEND = 0.1
 """Least time that it lasts before a cut, and after it [s]."""
-FALLS = (0.72, 0.1, 0.55, 0.12, 0.17, 0.05, 0.3, 0.65, 0.08, 1.25)
+FALLS = (SETTLED[1], SETTLED[0], 0.55, 0.12, 0.17, 0.05, 0.3, 0.65, 0.08, 1.25, HARDLY)
 """What feet do about cuts: time after a cut in which they come up, or before it in which they came down, so that they
 need no step [s]; time between a cut and a step [s]; how long a step lasts at the least and at the most [s]; how high it
 is at the most [m]; time before a cut from which on feet are dragged a little way, and time after it up to which they
 are [s]; furthest that they are dragged [m]; mean speed of feet in the air
-that is never exceeded for a cut [m/s].
+that is never exceeded for a cut [m/s]; how far they are dragged anyhow before they step [m].
 
 A pose sees a second around it. What a foot does some time before a cut adds up with how far after it that is settled,
 and the other way round, to less than that.
@@ -43,6 +44,8 @@ class Rows(NamedTuple):
         origins: Playback frame at which its action starts. Shape (R, n), int64.
         lengths: Length of its action [control frames]. Shape (R, n).
         phase: How much of it is done [control frames]. Shape (R, n).
+        shifts: Where the ground transform of its first frame lies when it starts, as seen from the avatar's. Shape
+            (R, n, 3).
         ground: Ground transform. Shape (R, n, 3).
         fresh: Whether its action began on the way to this row. Shape (R, n), bool.
         speeds: Motion frames in a control frame. Shape (n,).
@@ -55,6 +58,7 @@ class Rows(NamedTuple):
     origins: Array
     lengths: Array
     phase: Array
+    shifts: Array
     ground: Array
     fresh: Array
     speeds: Array
@@ -89,8 +93,10 @@ class Cuts(NamedTuple):
         after: Playback frame that it goes on from. Shape (C,).
         spans: How long before and after the cut the blend over it lasts [s]. Shape (C, 2).
         signs: See ``measure_cuts``. Shape (C, J + 1).
-        places: Likewise. Shape (C, 3).
-        gaps: Likewise. Shape (C, 2, 19).
+        shifts: Where the ground transform of the motion gone on with lies, as seen from that of the motion left. Shape
+            (C, 3).
+        places: See ``measure_cuts``. Shape (C, 3).
+        gaps: Likewise. Shape (C, 2, 9).
     """
 
     starts: Array
@@ -100,6 +106,7 @@ class Cuts(NamedTuple):
     after: Array
     spans: Array
     signs: Array
+    shifts: Array
     places: Array
     gaps: Array
 
@@ -160,6 +167,7 @@ class Window:
             origins=motion.origins[np.maximum(action, 0)],
             lengths=lengths,
             phase=phase,
+            shifts=motion.shifts[np.maximum(action, 0)],
             ground=np.stack([read(take.x), read(take.z), read(take.heading)], axis=-1).astype(np.float64),
             fresh=fresh,
             speeds=speeds,
@@ -202,8 +210,9 @@ class Window:
             after=after,
             spans=self._spans(before, after, rows.speeds[owner] * frames.rate),
             signs=np.empty((count, joints + 1), np.int8),
+            shifts=rows.shifts[row, owner],
             places=np.empty((count, 3)),
-            gaps=np.empty((count, 2, 19)),
+            gaps=np.empty((count, 2, 9)),
         )
 
         def work(low: int, high: int) -> None:

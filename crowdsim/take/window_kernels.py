@@ -43,6 +43,21 @@ def _moved(m, x, z, heading, scale, start, end):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
+def _shifted(x, z, heading, scale, shift):
+    """A ground transform that lies on another as a shift says, by the size of its body."""
+    cos, sin = math.cos(heading) * scale, math.sin(heading) * scale
+    return x + shift[0] * cos + shift[1] * sin, z - shift[0] * sin + shift[1] * cos, heading + shift[2]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _unshifted(x, z, heading, scale, shift):
+    """The ground transform on which another lies as a shift says."""
+    heading -= shift[2]
+    cos, sin = math.cos(heading) * scale, math.sin(heading) * scale
+    return x - shift[0] * cos - shift[1] * sin, z + shift[0] * sin - shift[1] * cos, heading
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _place(w, m, time, n):
     """Playback frame, how far on to the next, ground transform, and the push that lies in it; frame -1 if absent."""
     clock = time * w.rate - w.first
@@ -75,6 +90,7 @@ def _place(w, m, time, n):
     x, z, h = w.ground[before, n, 0], w.ground[before, n, 1], w.ground[before, n, 2]
     if new:
         x, z, h = _moved(m, x, z, h, scale, old_start, old_end)
+        x, z, h = _shifted(x, z, h, scale, w.shifts[after, n])
         x, z, h = _moved(m, x, z, h, scale, new_start, exact)
     else:
         x, z, h = _moved(m, x, z, h, scale, old_start, exact)
@@ -83,6 +99,7 @@ def _place(w, m, time, n):
         ax, az, ah = w.ground[after, n, 0], w.ground[after, n, 1], w.ground[after, n, 2]
         if cut and not new:
             ax, az, ah = _moved(m, ax, az, ah, scale, new_end, new_start)
+            ax, az, ah = _unshifted(ax, az, ah, scale, w.shifts[after, n])
             ax, az, ah = _moved(m, ax, az, ah, scale, old_end, exact)
         else:
             ax, az, ah = _moved(m, ax, az, ah, scale, new_end, exact)
@@ -140,40 +157,7 @@ def _about_y(heading, scale, vector):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _velocity(m, foot, toe, one, other, at, heading, scale, pace, out):
-    """Add velocities of a foot's held point, turn and toes from a frame to the next, seen as at a frame of a place."""
-    if one == other:
-        return
-    moved, turned, first, second = np.empty(3), np.empty(3), np.empty(4), np.empty(4)
-    for which in range(2):
-        frame, sign = (one, -1.0) if which == 0 else (other, 1.0)
-        h = m.ground[frame, 2]
-        x, z = m.holds[frame, foot, 0], m.holds[frame, foot, 2]
-        x, z = x * math.cos(h) + z * math.sin(h), z * math.cos(h) - x * math.sin(h)
-        if which == 0:
-            moved[:] = 0.0
-        moved[0] += sign * (m.ground[frame, 0] + x)
-        moved[1] += sign * m.holds[frame, foot, 1]
-        moved[2] += sign * (m.ground[frame, 1] + z)
-        c, s, q = math.cos(0.5 * h), math.sin(0.5 * h), m.feet[frame, foot]
-        turn = first if which == 0 else second
-        turn[0], turn[1] = c * q[0] - s * q[2], c * q[1] + s * q[3]
-        turn[2], turn[3] = c * q[2] + s * q[0], c * q[3] - s * q[1]
-    _turn_between(first, second, turned)
-    away = heading - m.ground[at, 2]
-    _about_y(away, scale, moved)
-    _about_y(away, 1.0, turned)
-    for k in range(3):
-        out[k] += moved[k] * pace
-        out[3 + k] += turned[k] * pace
-    if toe >= 0:
-        _turn_between(m.rotations[one, toe], m.rotations[other, toe], turned)
-        for k in range(3):
-            out[6 + k] += turned[k] * pace
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def measure_cuts(w, m, toes, first, stop, owners, times, before, after, signs, places, gaps):
+def measure_cuts(w, m, toes, first, stop, owners, times, before, after, signs, shifts, places, gaps):
     """Measure how motion jumps at cuts ``first`` to ``stop``; C cuts.
 
     Args:
@@ -188,37 +172,37 @@ def measure_cuts(w, m, toes, first, stop, owners, times, before, after, signs, p
         after: Playback frame that it goes on from. Shape (C,).
         signs: 1, or -1 where a joint's quaternion goes on with the other sign; in the last column whether any does.
             Shape (C, J + 1), int8.
-        places: Ground transform. Shape (C, 3).
+        shifts: Where the ground transform of the motion gone on with lies, as seen from that of the motion left. Shape
+            (C, 3).
+        places: Ground transform of the motion gone on with. Shape (C, 3).
         gaps: How far held points of the feet jump in the world [m], how far feet turn in the world, and toes on them,
-            as rotation vectors, new less old; then how their velocities do; last the share of the old speed in both.
-            Shape (C, 2, 19).
+            as rotation vectors, new less old. Shape (C, 2, 9).
     """
     joints = m.rotations.shape[1]
-    came, goes = np.empty(9), np.empty(9)
+    turned = np.empty(4)
     for i in range(first, stop):
         n, old, new = owners[i], before[i], after[i]
-        scale, pace = w.scales[n], w.speeds[owners[i]] * m.rate
+        scale = w.scales[n]
         _, _, x, z, heading = _place(w, m, times[i], n)
         places[i, 0], places[i, 1], places[i, 2] = x, z, heading
         cos, sin = math.cos(heading) * scale, math.sin(heading) * scale
+        # What is left is seen from the ground transform of what is gone on with.
+        away = shifts[i, 2]
+        cos_away, sin_away = math.cos(away), math.sin(away)
+        cos_half, sin_half = math.cos(0.5 * away), math.sin(-0.5 * away)
         for f in range(2):
-            dx = np.float64(m.holds[new, f, 0]) - m.holds[old, f, 0]
-            dz = np.float64(m.holds[new, f, 2]) - m.holds[old, f, 2]
+            x, z = m.holds[old, f, 0] - shifts[i, 0], m.holds[old, f, 2] - shifts[i, 1]
+            dx = m.holds[new, f, 0] - (x * cos_away - z * sin_away)
+            dz = m.holds[new, f, 2] - (x * sin_away + z * cos_away)
             gaps[i, f, 0] = dx * cos + dz * sin
             gaps[i, f, 1] = (np.float64(m.holds[new, f, 1]) - m.holds[old, f, 1]) * scale
             gaps[i, f, 2] = dz * cos - dx * sin
-            _turn_between(m.feet[old, f], m.feet[new, f], gaps[i, f, 3:6])
+            q = m.feet[old, f]
+            turned[0], turned[1] = cos_half * q[0] - sin_half * q[2], cos_half * q[1] + sin_half * q[3]
+            turned[2], turned[3] = cos_half * q[2] + sin_half * q[0], cos_half * q[3] - sin_half * q[1]
+            _turn_between(turned, m.feet[new, f], gaps[i, f, 3:6])
             _about_y(heading, 1.0, gaps[i, f, 3:6])
             gaps[i, f, 6:9] = 0.0
-            came[:] = 0.0
-            goes[:] = 0.0
-            _velocity(m, f, toes[f], max(old - 1, m.bounds[old, 0]), old, old, heading, scale, pace, came)
-            _velocity(m, f, toes[f], new, min(new + 1, m.bounds[new, 1]), new, heading, scale, pace, goes)
-            for k in range(9):
-                gaps[i, f, 9 + k] = goes[k] - came[k]
-            slow = math.sqrt(came[0] ** 2 + came[1] ** 2 + came[2] ** 2) + 1e-9
-            fast = math.sqrt(goes[0] ** 2 + goes[1] ** 2 + goes[2] ** 2) + 1e-9
-            gaps[i, f, 18] = slow / (slow + fast)
             if toes[f] >= 0:
                 _turn_between(m.rotations[old, toes[f]], m.rotations[new, toes[f]], gaps[i, f, 6:9])
         signs[i, joints] = 0
@@ -307,9 +291,9 @@ def plan_falls(cuts, stands, m, scales, first, stop, how, gait, out_kinds, out_m
             (C, 2), int8.
         out_moves: Beginning and end of the time in which it moves [s], and how high it rises [m]. Shape (C, 2, 3).
     """
-    after_cut, before_cut, early, shortest, longest, most, ahead, behind, near, speed = how
+    after_cut, before_cut, early, shortest, longest, most, ahead, behind, near, speed, hardly = how
     # An eased way is fastest in its middle, 15 / 8 of the mean.
-    near = min(near, gait.slide * (ahead + behind) / 1.875)
+    near = max(min(near, gait.slide * (ahead + behind) / 1.875), hardly)
     lasts = np.empty(2)
     for n in range(first, stop):
         for cut in range(cuts.starts[n], cuts.starts[n + 1]):

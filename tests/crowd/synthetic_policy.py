@@ -7,6 +7,7 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.policy.actions import build_actions
+from crowdsim.policy.alignment import Alignment
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TransitionTerm, target_body
@@ -79,7 +80,10 @@ def policy(seed=0, lookup="v", frames=40, stride=4, name="synthetic"):
     """Return a policy of random motion with random values for approach and punch."""
     rng = np.random.default_rng(seed)
     motion, model = database(rng, frames, stride), graph(rng, frames)
-    actions, body = build_actions(motion, model), target_body(motion)
+    cuts = model.action_costs > 0.0
+    shifts = rng.normal(0.0, 0.03, (model.action_count, 3)) * cuts[:, None]
+    actions = build_actions(motion, model, Alignment(shifts.astype(np.float32), cuts * rng.integers(0, 3, len(cuts))))
+    body = target_body(motion)
     approach = build_grid([Axis("distance", 0.0, 4.0, 5, fade=2.0), Axis("bearing", -np.pi, np.pi, 6, wraps=True)])
     punch = build_grid(
         [

@@ -20,7 +20,9 @@ FRAMES, AVATARS = 30, 4
 @pytest.fixture(scope="module")
 def policy():
     database = build_database([performed.clip for performed in perform(40.0, 1)])
-    return SimpleNamespace(database=database, graph=build_graph(database), fingerprint="abc", behaviours=())
+    graph = build_graph(database)
+    actions = SimpleNamespace(shifts=np.zeros((graph.action_count, 3)))
+    return SimpleNamespace(database=database, graph=graph, actions=actions, fingerprint="abc", behaviours=())
 
 
 def wander(policy, frames=FRAMES, avatars=AVATARS) -> Take:

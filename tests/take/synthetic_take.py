@@ -42,16 +42,19 @@ def build_take(
     events: Events = NO_EVENTS,
     pushes: float = 0.0,
     start: list[tuple[float, float, float]] | None = None,
+    shifts: np.ndarray | None = None,
 ) -> tuple[Take, Any]:
     """Let avatars do actions one after another; returns the take and a stand-in for its policy."""
     motion, count, stride = database(), len(chosen), database().stride
     speeds, scales = speeds or [1.0] * count, scales or [1.0] * count
     rng = np.random.default_rng(1)
+    shifts = np.zeros((len(first), 3)) if shifts is None else shifts
     action, phase = np.zeros((frames, count), np.int32), np.zeros((frames, count))
     places = np.zeros((frames, count, 3))
     for n, queue in enumerate(chosen):
         place = np.array(start[n] if start else (2.0 * n, 0.0, 0.4 * n))
         at, done = 0, 0.0
+        size = np.array([scales[n], scales[n], 1.0])
         for frame in range(frames):
             if frame:
                 done += speeds[n]
@@ -60,6 +63,7 @@ def build_take(
                     place = _go(motion, place, (first[queue[at]] - 1) * stride, end, scales[n])
                     done -= lengths[queue[at]]
                     at += 1
+                    place = ground.compose(place, shifts[queue[at]] * size)
                     place[:2] += rng.uniform(-pushes, pushes, 2)
             origin = (first[queue[at]] - 1) * stride
             action[frame, n], phase[frame, n] = queue[at], done
@@ -75,7 +79,8 @@ def build_take(
         ("",), "done",
     )  # fmt: skip
     graph = SimpleNamespace(action_first=np.asarray(first), action_lengths=np.asarray(lengths))
-    return take, SimpleNamespace(database=motion, graph=graph, fingerprint="")
+    actions = SimpleNamespace(shifts=shifts)
+    return take, SimpleNamespace(database=motion, graph=graph, actions=actions, fingerprint="")
 
 
 def sampler(take: Take, policy: Any, **more: Any) -> PoseSampler:

@@ -37,7 +37,8 @@ def random_take(seed: int, avatars: int = 4, frames: int = 75, **more: Any) -> t
         rng.integers(0, 2, strikes).astype(np.uint8), rng.normal(size=(strikes, 3)).astype(np.float32),
         rng.uniform(3, 9, strikes).astype(np.float32), rng.random(strikes) < 0.8,
     )  # fmt: skip
-    return build_take(chosen, first, lengths, frames, speeds, scales, events, start=start, **more)
+    shifts = rng.normal(0.0, 0.02, (200, 3))
+    return build_take(chosen, first, lengths, frames, speeds, scales, events, start=start, shifts=shifts, **more)
 
 
 def same(one: Poses, other: Poses, times: slice = slice(None), columns: Any = slice(None)) -> bool:
