@@ -1,16 +1,17 @@
 """How well cuts are hidden: can a classifier tell them from captured motion?
 
     python benchmarks/motion_quality.py [--mocap DIR] [--json] [--windows 2000] [--seconds 0.4] [--noise 0.01]
-                                        [--policy BUNDLE ...]
+                                        [--policy BUNDLE ...] [--brawls 3]
 
 Sixty avatars fight everyone against everyone by a trained policy. Windows of 0.4 s around the cuts that they make
 (`made`) stand against windows of the capture itself around the very frames that those cuts leave and enter, so that
-nothing but the cut tells them apart. `apart` are those of them that no other cut is near; `every` are cuts evenly drawn
-from all that the graph allows instead, one at a time, whether anyone would make them or not. Features are velocities
-and accelerations of the body's joints at 60 Hz in the ground frame of the window's middle. Clips are split in halves: a
-classifier trained on cuts and captured motion of one half is asked about the other, four splits, of which the mean area
-under the ROC curve counts; 0.5 is guessing, 1 is certainty. Two classifiers try, logistic regression, and random trees
-that are told speeds and sizes of accelerations too; the better of them counts.
+nothing but the cut tells them apart. `apart` are those of them that no other cut is near; `every` are cuts evenly
+drawn from all that the graph allows instead, one at a time, whether anyone would make them or not. Features are
+velocities and accelerations of the body's joints at 60 Hz in the ground frame of the window's middle. Clips are split
+in halves: a classifier trained on cuts and captured motion of one half is asked about the other, four splits, of
+which the mean area under the ROC curve counts; 0.5 is guessing, 1 is certainty. Two brawls of one policy differ by
+0.02 or more, so figures of cuts that are made are means over brawls with other seeds. Two classifiers try, logistic
+regression, and random trees that are told speeds and sizes of accelerations too; the better of them counts.
 
 `ours` are poses as they are exported, with blends and planted feet, but without what strikes do to arms and to those
 they hit; `crossfade` fades from one motion to the other over 0.4 s while both play on, `hard` does nothing, and
@@ -78,9 +79,9 @@ def usable(database: MotionDatabase, graph: MotionGraph, count: int, rng: np.ran
     return leave[fits], enter[fits]
 
 
-def fight(policy: Policy) -> PoseSampler:
+def fight(policy: Policy, seed: int = 0) -> PoseSampler:
     """Poses of sixty who fight by a policy, without what strikes do."""
-    scenario = load_scenario("brawl_30", SCENE)
+    scenario = load_scenario("brawl_30", [*SCENE, f"seed={seed}"])
     take = run(scenario, [policy], threads=2)
     none = Events(*(getattr(take.events, name)[:0] for name in Events.__dataclass_fields__))
     return PoseSampler(replace(take, events=none), [policy], threads=2)
@@ -286,6 +287,17 @@ def judge(
     return told
 
 
+def mean_of(told: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the means of like tables of numbers."""
+    first = told[0]
+    return {
+        key: mean_of([one[key] for one in told])
+        if isinstance(value, dict)
+        else float(np.mean([one[key] for one in told]))
+        for key, value in first.items()
+    }
+
+
 def _plain(told: Any) -> Any:
     """Return plain data with null for what is no number: too few cuts to tell."""
     if isinstance(told, dict):
@@ -301,37 +313,50 @@ def main() -> None:
     parser.add_argument("--windows", type=int, default=2000, help="cuts that are looked at, at the most")
     parser.add_argument("--policy", nargs="+", help="recipes or bundles other than boxer and boxer_cmu")
     parser.add_argument("--seconds", type=float, default=0.4, help="length of a window, 0.2 to 1.6")
+    parser.add_argument("--brawls", type=int, default=3, help="brawls over which cuts that are made are looked at")
     parser.add_argument("--noise", type=float, default=1e3 * NOISE, help="noise on all places [mm]")
     options = parser.parse_args()
     if options.noise < 0.0:
         parser.error(f"--noise is {options.noise}, expected 0 or more")
     if not 0.2 <= options.seconds <= 1.6:
         parser.error(f"--seconds is {options.seconds}, expected 0.2 to 1.6")
+    if options.brawls < 1:
+        parser.error(f"--brawls is {options.brawls}, expected 1 or more")
     result: dict[str, Any] = {}
     noise = 1e-3 * options.noise
     for name in options.policy or ["boxer", *(["boxer_cmu"] if options.mocap else [])]:
         print(f"{name} ...", file=sys.stderr, flush=True)
         policy = ready_policy(name, options.mocap, threads=2)
-        database, sampler = policy.database, fight(policy)
+        database = policy.database
         half = round(0.5 * options.seconds * database.playback_rate)
-        leave, enter, shown, apart = made(sampler, half, options.windows, np.random.default_rng(0))
-        present = sampler.take.avatar_count * sampler.take.seconds
+        brawls = []
+        for seed in range(options.brawls):
+            sampler = fight(policy, seed)
+            leave, enter, shown, apart = made(sampler, half, options.windows, np.random.default_rng(seed))
+            fighters, seconds = sampler.take.avatar_count, sampler.take.seconds
+            cuts = sampler.window(0, np.arange(fighters), np.array([0.0, seconds])).cuts()
+            brawls.append(
+                {
+                    "cuts_per_second": len(cuts.times) / (fighters * seconds),
+                    "made": judge(database, leave, enter, shown, noise=noise),
+                    "apart": judge(database, leave[apart], enter[apart], shown[apart], noise=noise),
+                }
+            )
         every = usable(database, policy.graph, options.windows, np.random.default_rng(0))
         result[Path(name).name] = {
-            "cuts_per_second": len(sampler.window(0, np.arange(60), np.array([0.0, sampler.take.seconds])).cuts().times)
-            / present,
-            "made": judge(database, leave, enter, shown, noise=noise),
-            "apart": judge(database, leave[apart], enter[apart], shown[apart], noise=noise),
+            **mean_of(brawls),
+            "made_in_each": [brawl["made"]["ours"]["auc"] for brawl in brawls],
             "every": judge(database, *every, alone(database, *every, half), noise=noise),
         }
     if options.json:
         print(json.dumps(_plain(result), indent=2, allow_nan=False))
         return
     for name, told in result.items():
-        print(f"{name}: {told['cuts_per_second']:.2f} cuts a second and avatar")
+        each = ", ".join(f"{area:.3f}" for area in told["made_in_each"])
+        print(f"{name}: {told['cuts_per_second']:.2f} cuts a second and avatar; AUC of ours in each brawl: {each}")
         for group in ("made", "apart", "every"):
             rows = told[group]
-            print(f"  {group} ({rows['cuts']} cuts, {rows['of_them_different']} different)")
+            print(f"  {group} ({rows['cuts']:.0f} cuts, {rows['of_them_different']:.0f} different)")
             print(f"    {'':24} {'AUC':>7} {'logistic':>8} {'trees':>6}")
             for kind in ("ours", "crossfade", "hard", "motions alone"):
                 row = rows[kind]
