@@ -29,6 +29,7 @@ def random_actions(states=12, seed=0, longest=4):
         offsets=np.concatenate([[0], np.cumsum(n)]).astype(np.int32),
         next=draw.integers(0, states, count).astype(np.int32),
         lengths=lengths,
+        shifts=np.zeros((count, 3), np.float32),
         costs=np.where(draw.random(count) < 0.3, 0.0, draw.random(count)).astype(np.float32),
         path_offsets=path_offsets.astype(np.int32),
         paths=(np.repeat(steps, lengths, axis=0) * frames[:, None]).astype(np.float32),

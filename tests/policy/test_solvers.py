@@ -62,6 +62,7 @@ def test_an_mdp_with_a_known_answer_is_solved():
         offsets=np.array([0, 2, 3], np.int32),
         next=np.array([0, 1, 0], np.int32),
         lengths=np.array([1, 2, 2], np.int32),
+        shifts=np.zeros((3, 3), np.float32),
         costs=np.zeros(3, np.float32),
         path_offsets=np.array([0, 1, 3, 5], np.int32),
         paths=np.array([[0, 0, 0], [0, 50, 0], [0, 50, 0], [0, -50, 0], [0, -50, 0]], np.float32),
