@@ -101,7 +101,7 @@ def plan_leans(arms: Limbs, least: float, hands: Array, shifts: Array, positions
         lack = far - goal
         inward, pulls = way, []
         for k in range(3):
-            pulls.append(np.cross(hang[:, k], inward))
+            pulls.append(quaternion.cross(hang[:, k], inward))
             inward = quaternion.rotate(quaternion.conjugate(spins[:, k]), inward)
         pull = np.stack(pulls, axis=1)
         gain = np.sum(compliance * np.sum(pull * pull, axis=-1), axis=1) + _PELVIS

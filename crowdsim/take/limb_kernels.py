@@ -37,6 +37,8 @@ def _ease(s):
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _soft(x):
     """A bend from 0 to x, without a corner."""
+    if abs(x) > 30.0:
+        return max(x, 0.0)
     return x + math.log1p(math.exp(-x)) if x > 0.0 else math.log1p(math.exp(x))
 
 
@@ -56,7 +58,7 @@ def _share(cuts, falls, cut, foot, time, begin, end):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _add_shift(
-    m, cuts, falls, first, stop, foot, toe, rate, pace, scale, time, begin, end, weight, shift, turn, toes, way
+    m, cuts, falls, first, stop, foot, rate, pace, scale, time, begin, end, weight, shift, turn, toes, way
 ):
     """Add, times a weight, how far a foot belongs from the motion's own place in a stand, and turn it and its toes.
 
@@ -90,10 +92,9 @@ def _add_shift(
             part = _ease((apart + ahead) / (ahead + behind))
             if k < middle:
                 part -= 1.0
-            steps, heading = apart * pace, cuts.places[cut, 2]
-            left = heading - cuts.shifts[cut, 2]
-            _goes_on(m, foot, toe, cuts.before[cut], steps, left, scale, stands, -part, way)
-            _goes_on(m, foot, toe, cuts.after[cut], steps, heading, scale, stands, part, way)
+            steps, looks = apart * pace, cuts.looks[cut]
+            _goes_on(m, foot, cuts.before[cut], steps, looks[0, 0], looks[0, 1], scale, stands, -part, way)
+            _goes_on(m, foot, cuts.after[cut], steps, looks[1, 0], looks[1, 1], scale, stands, part, way)
         if share != 0.0 or play_on:
             for j in range(3):
                 shift[j] += weight * way[j]
@@ -103,10 +104,10 @@ def _add_shift(
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _goes_on(m, foot, toe, start, steps, heading, scale, stands, share, way):
-    """Add a share of what a foot does from a frame on, which looks to ``heading``: its way, its turn, that of its toes.
+def _goes_on(m, foot, start, steps, cos, sin, scale, stands, share, way):
+    """Add a share of what a foot does from a frame on: its way, its turn, that of its toes.
 
-    Where it ``stands`` only for as long as it does.
+    The clip is turned by the angle of a cosine and a sine. Where the foot ``stands`` only for as long as it does.
     """
     first, last = m.bounds[start, 0], m.bounds[start, 1]
     if stands:
@@ -114,32 +115,32 @@ def _goes_on(m, foot, toe, start, steps, heading, scale, stands, share, way):
     frame = min(max(start + steps, float(first)), float(last))
     low = int(frame)
     part = frame - low
-    high = low + 1 if part > 0.0 else low
     rest = 1.0 - part
-    about = heading - m.ground[start, 2]
-    cos, sin = math.cos(about), math.sin(about)
-    here, there, spot = m.spots[low, foot], m.spots[high, foot], m.spots[start, foot]
-    x, z = here[0] * rest + there[0] * part - spot[0], here[2] * rest + there[2] * part - spot[2]
+    old, here, there = m.tracks[start, foot], m.tracks[low, foot], m.tracks[low + 1 if part > 0.0 else low, foot]
+    x, y = here[0] * rest + there[0] * part - old[0], here[1] * rest + there[1] * part - old[1]
+    z = here[2] * rest + there[2] * part - old[2]
     way[0] += share * scale * (x * cos + z * sin)
-    way[1] += share * scale * (here[1] * rest + there[1] * part - spot[1])
+    way[1] += share * scale * y
     way[2] += share * scale * (z * cos - x * sin)
-    x, y, z = _turn_since(m.turns[start, foot], m.turns[low, foot], m.turns[high, foot], rest, part)
+    x, y, z = _turn_since(old, here, there, 3, rest, part)
     way[3] += share * (x * cos + z * sin)
     way[4] += share * y
     way[5] += share * (z * cos - x * sin)
-    if toe >= 0:
-        x, y, z = _turn_since(m.rotations[start, toe], m.rotations[low, toe], m.rotations[high, toe], rest, part)
-        way[6] += share * x
-        way[7] += share * y
-        way[8] += share * z
+    x, y, z = _turn_since(old, here, there, 7, rest, part)
+    way[6] += share * x
+    way[7] += share * y
+    way[8] += share * z
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _turn_since(p, q, r, rest, part):
-    """Nearly the rotation vector from one quaternion to another between two, for turns that are not large."""
-    a, b, c, d = p[0], p[1], p[2], p[3]
-    e, f = q[0] * rest + r[0] * part, q[1] * rest + r[1] * part
-    g, h = q[2] * rest + r[2] * part, q[3] * rest + r[3] * part
+def _turn_since(p, q, r, at, rest, part):
+    """Nearly the rotation vector from one quaternion to another between two, for turns that are not large.
+
+    They begin at ``at`` in what is given.
+    """
+    a, b, c, d = p[at], p[at + 1], p[at + 2], p[at + 3]
+    e, f = q[at] * rest + r[at] * part, q[at + 1] * rest + r[at + 1] * part
+    g, h = q[at + 2] * rest + r[at + 2] * part, q[at + 3] * rest + r[at + 3] * part
     double = 2.0 if e * a + f * b + g * c + h * d >= 0.0 else -2.0
     return (
         double * (f * a - e * b - g * d + h * c),
@@ -295,7 +296,10 @@ def _bend(limbs, side, rotations, places, turns, tx, ty, tz, distance, keep, ben
         ex, ey, ez = _rotate(bend, vx, vy, vz)
         ex, ey, ez = ux + ex, uy + ey, uz + ez
         size = math.sqrt(ex * ex + ey * ey + ez * ez)
-        change += wanted - _flexion(a, b, size)
+        lack = wanted - _flexion(a, b, size)
+        change += lack
+        if abs(lack) < 1e-9:
+            break
     gx, gy, gz = tx - p[0], ty - p[1], tz - p[2]
     far = math.sqrt(gx * gx + gy * gy + gz * gz)
     if size < 1e-9 or far < 1e-9:
@@ -459,11 +463,11 @@ def plant_feet(
                     other_turned[:] = turned
                     if before > 0.0:
                         begin, ends = stands.spans[n, f, one, 0], stands.spans[n, f, one, 1]
-                        _add_shift(m, cuts, falls, low, high, f, toe, rate, pace, scale, time, begin, ends, before,
+                        _add_shift(m, cuts, falls, low, high, f, rate, pace, scale, time, begin, ends, before,
                                    shift, turned[0], turned[1], way_on)  # fmt: skip
                     if after > 0.0:
                         begin, ends = stands.spans[n, f, other, 0], stands.spans[n, f, other, 1]
-                        _add_shift(m, cuts, falls, low, high, f, toe, rate, pace, scale, time, begin, ends, after,
+                        _add_shift(m, cuts, falls, low, high, f, rate, pace, scale, time, begin, ends, after,
                                    shift, other_turned[0], other_turned[1], way_on)  # fmt: skip
                     here, there = m.holds[frame, f], m.holds[further, f]
                     x = (here[0] * rest + there[0] * part) * scale

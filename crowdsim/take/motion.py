@@ -43,8 +43,8 @@ class Frames(NamedTuple):
         holds: Point of each foot about which it turns while it stands, in the frame's ground frame [m].
             Shape (P, 2, 3), float32.
         feet: Turn of each foot in the frame's ground frame. Shape (P, 2, 4), float32.
-        spots: That point in the clip's world [m]. Shape (P, 2, 3), float32.
-        turns: Turn of each foot in the clip's world. Shape (P, 2, 4), float32.
+        tracks: That point and the turn of each foot in the clip's world, and the turn of its toes on it, if there are
+            any. Shape (P, 2, 11), float32.
         stands: First and last frame over which each foot stands on as it does in this one, itself in the air. Shape
             (P, 2, 2), int32.
         bounds: First and last playback frame of the clip of each frame. Shape (P, 2).
@@ -58,8 +58,7 @@ class Frames(NamedTuple):
     contacts: Array
     holds: Array
     feet: Array
-    spots: Array
-    turns: Array
+    tracks: Array
     stands: Array
     bounds: Array
     stride: int
@@ -168,8 +167,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         contacts=contacts,
         holds=ground.to_local(database.ground[:, None], holds).astype(np.float32),
         feet=quaternion.multiply(headings[:, None], turns[:, feet]).astype(np.float32),
-        spots=holds.astype(np.float32),
-        turns=np.array(turns[:, feet], dtype=np.float32),
+        tracks=_tracks(holds, turns[:, feet], rotations, legs.toes),
         stands=_at_rest(contacts, starts),
         bounds=np.stack([starts[clip], starts[clip + 1] - 1], axis=1),
         stride=stride,
@@ -191,6 +189,15 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         lengths=np.asarray(graph.action_lengths, dtype=np.int64),
         shifts=np.asarray(policy.actions.shifts, dtype=np.float64),
     )
+
+
+def _tracks(holds: Array, turns: Array, rotations: Array, toes: Array) -> Array:
+    """Return what each foot does in its clip's world, side by side."""
+    tracks = np.zeros((len(holds), 2, 11), np.float32)
+    tracks[..., :3], tracks[..., 3:7], tracks[..., 7] = holds, turns, 1.0
+    there = toes >= 0
+    tracks[:, there, 7:] = rotations[:, toes[there]]
+    return tracks
 
 
 def _at_rest(contacts: Array, starts: Array) -> Array:

@@ -31,13 +31,12 @@ def _between(m, start, steps):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _ground_way(m, start, low, part, scale, heading, out):
-    """How far motion has gone from a frame on that looks to ``heading``, in the world."""
+def _ground_way(m, start, low, part, scale, look, out):
+    """How far motion has gone from a frame on, in the world; its clip is turned by the angle of a cosine and a sine."""
     rest = 1.0 - part
     dx = m.ground[low, 0] * rest + m.ground[low + 1, 0] * part - m.ground[start, 0]
     dz = m.ground[low, 1] * rest + m.ground[low + 1, 1] * part - m.ground[start, 1]
-    turn = heading - m.ground[start, 2]
-    cos, sin = math.cos(turn) * scale, math.sin(turn) * scale
+    cos, sin = look[0] * scale, look[1] * scale
     out[0], out[1] = dx * cos + dz * sin, dz * cos - dx * sin
     out[2] = m.ground[low, 2] * rest + m.ground[low + 1, 2] * part - m.ground[start, 2]
 
@@ -66,16 +65,16 @@ def _add_cut(cut, past, share, side, time, m, cuts, speed, scale, sums, shift, d
         there = m.roots[old, k] + (m.roots[old + 1, k] - m.roots[old, k]) * on
         here = m.roots[new, k] + (m.roots[new + 1, k] - m.roots[new, k]) * off
         shift[k] += share * scale * (there - here)
-    heading, shift_by = cuts.places[cut, 2], cuts.shifts[cut]
-    left = heading - shift_by[2]
+    shift_by = cuts.shifts[cut]
+    left = cuts.places[cut, 2] - shift_by[2]
     cos, sin = math.cos(left) * scale, math.sin(left) * scale
     drift[0] -= share * (shift_by[0] * cos + shift_by[1] * sin)
     drift[1] -= share * (shift_by[1] * cos - shift_by[0] * sin)
     drift[2] -= share * shift_by[2]
-    _ground_way(m, cuts.before[cut], old, on, scale, left, way)
+    _ground_way(m, cuts.before[cut], old, on, scale, cuts.looks[cut, 0], way)
     for k in range(3):
         drift[k] += share * way[k]
-    _ground_way(m, cuts.after[cut], new, off, scale, heading, way)
+    _ground_way(m, cuts.after[cut], new, off, scale, cuts.looks[cut, 1], way)
     for k in range(3):
         drift[k] -= share * way[k]
     a, b = np.float32(share * (1.0 - on)), np.float32(share * on)

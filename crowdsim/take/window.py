@@ -96,6 +96,7 @@ class Cuts(NamedTuple):
         shifts: Where the ground transform of the motion gone on with lies, as seen from that of the motion left. Shape
             (C, 3).
         places: See ``measure_cuts``. Shape (C, 3).
+        looks: Likewise. Shape (C, 2, 2).
         gaps: Likewise. Shape (C, 2, 9).
     """
 
@@ -108,6 +109,7 @@ class Cuts(NamedTuple):
     signs: Array
     shifts: Array
     places: Array
+    looks: Array
     gaps: Array
 
 
@@ -212,6 +214,7 @@ class Window:
             signs=np.empty((count, joints + 1), np.int8),
             shifts=rows.shifts[row, owner],
             places=np.empty((count, 3)),
+            looks=np.empty((count, 2, 2)),
             gaps=np.empty((count, 2, 9)),
         )
 

@@ -157,7 +157,7 @@ def _about_y(heading, scale, vector):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def measure_cuts(w, m, toes, first, stop, owners, times, before, after, signs, shifts, places, gaps):
+def measure_cuts(w, m, toes, first, stop, owners, times, before, after, signs, shifts, places, looks, gaps):
     """Measure how motion jumps at cuts ``first`` to ``stop``; C cuts.
 
     Args:
@@ -175,6 +175,8 @@ def measure_cuts(w, m, toes, first, stop, owners, times, before, after, signs, s
         shifts: Where the ground transform of the motion gone on with lies, as seen from that of the motion left. Shape
             (C, 3).
         places: Ground transform of the motion gone on with. Shape (C, 3).
+        looks: Cosine and sine of the angle by which the clip of the motion left is turned in the world, and that of the
+            motion gone on with. Shape (C, 2, 2).
         gaps: How far held points of the feet jump in the world [m], how far feet turn in the world, and toes on them,
             as rotation vectors, new less old. Shape (C, 2, 9).
     """
@@ -185,6 +187,9 @@ def measure_cuts(w, m, toes, first, stop, owners, times, before, after, signs, s
         scale = w.scales[n]
         _, _, x, z, heading = _place(w, m, times[i], n)
         places[i, 0], places[i, 1], places[i, 2] = x, z, heading
+        left, on = heading - shifts[i, 2] - m.ground[old, 2], heading - m.ground[new, 2]
+        looks[i, 0, 0], looks[i, 0, 1] = math.cos(left), math.sin(left)
+        looks[i, 1, 0], looks[i, 1, 1] = math.cos(on), math.sin(on)
         cos, sin = math.cos(heading) * scale, math.sin(heading) * scale
         # What is left is seen from the ground transform of what is gone on with.
         away = shifts[i, 2]
