@@ -57,9 +57,7 @@ def _share(cuts, falls, cut, foot, time, begin, end):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _add_shift(
-    m, cuts, falls, first, stop, foot, rate, pace, scale, time, begin, end, weight, shift, turn, toes, way
-):
+def _add_shift(m, cuts, falls, first, stop, foot, rate, pace, scale, time, begin, end, weight, shift, turn, toes, way):
     """Add, times a weight, how far a foot belongs from the motion's own place in a stand, and turn it and its toes.
 
     Cuts that are past are undone from the latest back, those to come follow from the next on.
