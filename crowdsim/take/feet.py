@@ -19,7 +19,7 @@ SWING = 0.15
 """How long it takes to let go of a foot, or to lead it to where it lands [s]."""
 PASS = 0.2
 """Time between two stands in which a foot is led from one to the other [s]."""
-_MOST = (0.17, 0.26)
+_MOST = (0.4, 0.6)
 """How far feet are moved from where blends have them before they are moved less, and at the most [m]."""
 _DOWN = 0.1
 _SLACK, _FLOOR, _UNDER = 0.02, 0.00003, 0.0003

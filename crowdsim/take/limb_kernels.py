@@ -76,23 +76,27 @@ def _add_shift(m, cuts, falls, first, stop, foot, rate, pace, scale, time, begin
                 way[j] = share * gap[j]
         else:
             way[:] = 0.0
-        # As in the blend both motions play on; through a stand for as long as the foot stands in them, else up to it.
-        cut_at = cuts.times[cut]
-        apart, stands = time - cut_at, begin < cut_at < end
-        stands = stands and (m.contacts[cuts.before[cut], foot] or m.contacts[cuts.after[cut], foot])
+        # As in the blend both motions play on; through a stand for as long as the foot stands in them, or while it is
+        # in the air for the moment of the cut, else up to it.
+        cut_at, old, new = cuts.times[cut], cuts.before[cut], cuts.after[cut]
+        apart, through = time - cut_at, begin < cut_at < end
+        stands = through and (m.contacts[old, foot] or m.contacts[new, foot])
         ahead, behind = cuts.spans[cut, 0], cuts.spans[cut, 1]
         if cut_at >= end:
             ahead = min(ahead, cut_at - end)
         elif cut_at <= begin:
             behind = min(behind, begin - cut_at)
+        elif not stands:
+            ahead = min(ahead, (old - m.stands[old, foot, 0]) / pace)
+            behind = min(behind, (m.stands[new, foot, 1] - new) / pace)
         play_on = -ahead < apart < behind
         if play_on:
             part = _ease((apart + ahead) / (ahead + behind))
             if k < middle:
                 part -= 1.0
             steps, looks = apart * pace, cuts.looks[cut]
-            _goes_on(m, foot, cuts.before[cut], steps, looks[0, 0], looks[0, 1], scale, stands, -part, way)
-            _goes_on(m, foot, cuts.after[cut], steps, looks[1, 0], looks[1, 1], scale, stands, part, way)
+            _goes_on(m, foot, old, steps, looks[0, 0], looks[0, 1], scale, stands, -part, way)
+            _goes_on(m, foot, new, steps, looks[1, 0], looks[1, 1], scale, stands, part, way)
         if share != 0.0 or play_on:
             for j in range(3):
                 shift[j] += weight * way[j]
@@ -109,7 +113,9 @@ def _goes_on(m, foot, start, steps, cos, sin, scale, stands, share, way):
     """
     first, last = m.bounds[start, 0], m.bounds[start, 1]
     if stands:
-        first, last = m.stands[start, foot, 0], m.stands[start, foot, 1]
+        first = last = start
+        if m.contacts[start, foot]:
+            first, last = m.stands[start, foot, 0], m.stands[start, foot, 1]
     frame = min(max(start + steps, float(first)), float(last))
     low = int(frame)
     part = frame - low

@@ -45,8 +45,8 @@ class Frames(NamedTuple):
         feet: Turn of each foot in the frame's ground frame. Shape (P, 2, 4), float32.
         tracks: That point and the turn of each foot in the clip's world, and the turn of its toes on it, if there are
             any. Shape (P, 2, 11), float32.
-        stands: First and last frame over which each foot stands on as it does in this one, itself in the air. Shape
-            (P, 2, 2), int32.
+        stands: First and last frame over which each foot stands on as it does in this one, or is in the air as in this
+            one. Shape (P, 2, 2), int32.
         bounds: First and last playback frame of the clip of each frame. Shape (P, 2).
         stride: Playback frames in a control frame.
         rate: Playback frames a second.
@@ -201,10 +201,11 @@ def _tracks(holds: Array, turns: Array, rotations: Array, toes: Array) -> Array:
 
 
 def _at_rest(contacts: Array, starts: Array) -> Array:
-    """Return the frames over which each foot stands on, but for those in which it comes to rest, or goes."""
+    """Return the frames over which each foot stands on, but for those in which it comes to rest, or goes, or flies."""
     spans, frames = stand_spans(contacts, starts), np.arange(len(contacts))[:, None]
     first, last = np.minimum(spans[..., 0] + _SETTLES, frames), np.maximum(spans[..., 1] - _SETTLES, frames)
-    return np.stack([first, last], axis=-1).astype(np.int32)
+    rest = np.stack([first, last], axis=-1)
+    return np.where(contacts[..., None], rest, stand_spans(~contacts, starts)).astype(np.int32)
 
 
 def chain_of(skeleton: Skeleton, joints: Sequence[int]) -> Array:

@@ -102,11 +102,13 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
         motion = captured[poses.policy]
         times = (start + np.arange(len(poses.rotations))) / rate
         window = sampler.window(poses.policy, poses.avatars, times)
-        frames = window.place(times[:, None], np.arange(len(poses.avatars))).frames
+        where = window.place(times[:, None], np.arange(len(poses.avatars)))
+        frames, now = where.frames, np.maximum(where.frames, 0)
+        later = now + (where.fractions > 0.0)
         places, turns = poses.joints()
         balls = _balls(sampler, poses, places, turns)
         cuts = window.cuts()
-        planted = np.asarray(motion.contacts[np.maximum(frames, 0)]) & (frames >= 0)[..., None]
+        planted = motion.contacts[now] & motion.contacts[later] & (frames >= 0)[..., None]
         planted &= ~_stepping(cuts, window.falls(cuts, window.stands()), times, len(poses.avatars))
         speeds = np.linalg.norm(np.diff(balls, axis=0), axis=-1) * rate
         slides.append(speeds[planted[1:] & planted[:-1]])
@@ -116,11 +118,13 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
         for owner, time in zip(cuts.owners, cuts.times, strict=True):
             low, high = np.searchsorted(times, (time - _NEAR_CUT, time + _NEAR_CUT))
             near[low:high, owner] = True
-        pace = (poses.scales * sampler.take.cast.speeds[poses.avatars])[None, :, None]
+        part = where.fractions[..., None, None]
+        own_balls = motion.balls[now] * (1.0 - part) + motion.balls[later] * part
+        own_speeds = np.linalg.norm(np.diff(own_balls, axis=0), axis=-1) * poses.scales[None, :, None] * rate
         both = planted[1:] & planted[:-1]
         # Over a cut the capture has no speed.
         both &= (np.diff(frames, axis=0) >= 0)[..., None] & (np.diff(frames, axis=0) < 4)[..., None]
-        beneath.append((motion.speeds[np.maximum(frames[1:], 0)] * pace)[both])
+        beneath.append(own_speeds[both])
         counts = near[1:-1] & np.isfinite(sizes)
         jumps.append(sizes[counts])
         pace = (poses.scales * sampler.take.cast.speeds[poses.avatars] ** 2)[None]
@@ -190,10 +194,8 @@ class _CapturedMotion:
         self.accelerations = _filled(self.accelerations)
         roles, body = database.body.roles, database.body
         feet = [roles["left_foot"], roles["right_foot"]]
-        balls = positions[:, feet] + quaternion.rotate(turns[:, feet], body.sole_offsets[:, 1])
-        speeds = np.linalg.norm(np.diff(balls[..., [0, 2]], axis=0), axis=-1) * rate
-        self.speeds = np.concatenate([speeds[:1], speeds])
-        self.speeds[starts] = self.speeds[np.minimum(starts + 1, len(self.speeds) - 1)]
+        self.balls = (positions[:, feet] + quaternion.rotate(turns[:, feet], body.sole_offsets[:, 1]))[..., [0, 2]]
+        speeds = np.linalg.norm(np.diff(self.balls, axis=0), axis=-1) * rate
         both = self.contacts[1:] & self.contacts[:-1]
         both[starts[1:] - 1] = False
         self.slides = speeds[both]

@@ -187,6 +187,37 @@ def test_a_planted_foot_stands_as_still_as_it_is_captured_while_the_body_goes_ov
     assert found >= 3
 
 
+def test_a_foot_that_is_in_the_air_for_the_moment_of_a_cut_stands_before_it_and_after_it() -> None:
+    motion = database()
+    stride, starts = motion.stride, np.asarray(motion.clip_starts)
+    contacts, control = np.asarray(motion.contacts), np.arange(20, int(starts[-1]) - 21)
+    control = control[np.searchsorted(starts, control - 20, "right") == np.searchsorted(starts, control + 21, "right")]
+    found = 0
+    for foot in range(2):
+        rows = control[:, None] * stride + np.arange(-30, 31)
+        stands = contacts[rows, foot]
+        left = control[stands[:, :28].all(axis=1) & ~stands[:, 30:36].any(axis=1)]
+        lands = control[stands[:, 33:].all(axis=1) & ~stands[:, 26:31].any(axis=1)]
+        for leave, enter in zip(left[:12], lands[-12:], strict=False):
+            take, policy = build_take([[0, 1]], np.array([leave - 19, enter + 1]), np.array([20, 20]), 40)
+            poses = sampler(take, policy)
+            window = poses.window(0, np.arange(1), np.array([0.0, take.seconds]))
+            cuts = window.cuts()
+            falls = window.falls(cuts, window.stands())
+            if np.linalg.norm(cuts.gaps[0, foot, :3]) > 0.3 or falls.kinds[0, foot] != STEPS:
+                continue
+            times = np.arange(round((cuts.times[0] - 0.35) * 60), round((cuts.times[0] + 0.35) * 60))
+            toe = motion.body.roles[("left_toe", "right_toe")[foot]]
+            places = poses.sample(times[0], times[-1] + 1, 60)[0].joints()[0][:, 0, toe]
+            frames = window.place((times / 60)[:, None], np.arange(1)).frames[:, 0]
+            hops = (times / 60 > falls.moves[0, foot, 0] - 0.02) & (times / 60 < falls.moves[0, foot, 1] + 0.02)
+            still = contacts[frames, foot] & ~hops
+            speeds = np.linalg.norm(np.diff(places[:, [0, 2]], axis=0), axis=-1) * 60
+            assert speeds[still[1:] & still[:-1]].max() < 0.25
+            found += 1
+    assert found >= 5
+
+
 def _slide(places: np.ndarray, take: Take, policy: Any) -> np.ndarray:
     roles = database().body.roles
     window = sampler(take, policy).window(0, np.arange(take.avatar_count), np.array([0.0, take.seconds]))
