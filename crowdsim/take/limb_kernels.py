@@ -20,6 +20,8 @@ import numpy as np
 
 MOST = math.radians(150.0)
 """Flexion beyond which no knee or elbow is bent [rad]."""
+TILTED = math.radians(20.0)
+"""Tilt of a foot over a cut beyond which it does not wait for a step [rad]."""
 FOLDED = math.radians(145.0)
 """Flexion towards which elbows go at the most to bring a fist near [rad]."""
 
@@ -68,20 +70,20 @@ def _add_shift(m, cuts, falls, first, stop, foot, rate, pace, scale, time, begin
     for k in range(first, stop):
         cut = middle - 1 - (k - first) if k < middle else k
         share, lift = _share(cuts, falls, cut, foot, time, begin, end)
-        if k < middle:
-            share -= 1.0
-        gap = cuts.gaps[cut, foot]
-        if share != 0.0:
-            for j in range(9):
-                way[j] = share * gap[j]
-        else:
-            way[:] = 0.0
-        # As in the blend both motions play on; through a stand for as long as the foot stands in them, or while it is
-        # in the air for the moment of the cut, else up to it.
         cut_at, old, new = cuts.times[cut], cuts.before[cut], cuts.after[cut]
         apart, through = time - cut_at, begin < cut_at < end
-        stands = through and (m.contacts[old, foot] or m.contacts[new, foot])
         ahead, behind = cuts.spans[cut, 0], cuts.spans[cut, 1]
+        gap, tilt = cuts.gaps[cut, foot], share
+        if through and gap[3] * gap[3] + gap[5] * gap[5] > TILTED * TILTED:
+            # A heel comes up or down with the blend; only where the foot stands, and looks, waits for its step.
+            tilt = _ease((apart + ahead) / (ahead + behind))
+        if k < middle:
+            share, tilt = share - 1.0, tilt - 1.0
+        for j in range(9):
+            way[j] = (share if j < 3 or j == 4 else tilt) * gap[j]
+        # As in the blend both motions play on; through a stand for as long as the foot stands in them, or while it is
+        # in the air for the moment of the cut, else up to it.
+        stands = through and (m.contacts[old, foot] or m.contacts[new, foot])
         if cut_at >= end:
             ahead = min(ahead, cut_at - end)
         elif cut_at <= begin:
@@ -97,7 +99,7 @@ def _add_shift(m, cuts, falls, first, stop, foot, rate, pace, scale, time, begin
             steps, looks = apart * pace, cuts.looks[cut]
             _goes_on(m, foot, old, steps, looks[0, 0], looks[0, 1], scale, stands, -part, way)
             _goes_on(m, foot, new, steps, looks[1, 0], looks[1, 1], scale, stands, part, way)
-        if share != 0.0 or play_on:
+        if share != 0.0 or tilt != 0.0 or play_on:
             for j in range(3):
                 shift[j] += weight * way[j]
             _turn_by(turn, way[3], way[4], way[5])

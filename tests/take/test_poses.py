@@ -218,6 +218,30 @@ def test_a_foot_that_is_in_the_air_for_the_moment_of_a_cut_stands_before_it_and_
     assert found >= 5
 
 
+def test_a_heel_that_is_up_at_a_cut_comes_down_before_the_foot_steps() -> None:
+    motion = database()
+    stride, starts, roles = motion.stride, np.asarray(motion.clip_starts), motion.body.roles
+    contacts, control = np.asarray(motion.contacts), np.arange(20, int(starts[-1]) - 31)
+    control = control[np.searchsorted(starts, control - 20, "right") == np.searchsorted(starts, control + 31, "right")]
+    _, turns = forward_kinematics(motion.skeleton, motion.root_positions, motion.rotations)
+    found = 0
+    for foot, side in enumerate(("left", "right")):
+        ahead = quaternion.rotate(turns[:, roles[f"{side}_foot"]].astype(float), [0.0, 0.0, 1.0])
+        down = np.rad2deg(np.arcsin(-ahead[:, 1]))
+        rows = control[:, None] * stride + np.arange(-10, 50)
+        stands, tilts = contacts[rows, foot], down[rows]
+        up = control[stands[:, :12].all(axis=1) & (tilts[:, 10] > 38)]
+        flat = control[stands.all(axis=1) & (tilts < 16).all(axis=1)]
+        for leave, enter in zip(up[:8], flat[::5], strict=False):
+            take, policy = build_take([[0, 1]], np.array([leave - 19, enter + 1]), np.array([20, 30]), 48)
+            end = round((20 / take.control_rate + 0.5) * 60)
+            turned = sampler(take, policy).sample(end, end + 1, 60)[0].joints()[1][0, 0, roles[f"{side}_foot"]]
+            tilt = np.rad2deg(np.arcsin(-quaternion.rotate(turned.astype(float), [0.0, 0.0, 1.0])[1]))
+            assert abs(tilt - down[enter * stride + 30]) < 8.0
+            found += 1
+    assert found >= 2
+
+
 def _slide(places: np.ndarray, take: Take, policy: Any) -> np.ndarray:
     roles = database().body.roles
     window = sampler(take, policy).window(0, np.arange(take.avatar_count), np.array([0.0, take.seconds]))
