@@ -4,8 +4,8 @@ A stand is a time over which a foot is planted, through cuts. At a cut the motio
 delta. With E a step from 0 to 1, a foot belongs at ``motion(t) + sum over cuts of delta (E(t) - [t >= cut])``, which
 goes on through cuts, and moves only where E does: E rises while the foot is in the air before or after the stand, or in
 a step that the foot makes for the cut, see ``plan_falls``. What moves planted feet besides is the capture's own. The
-turn of the foot, and of its toes, goes along. Between stands a foot is let go of, or led from one place to the next
-where they follow closely.
+turn of the foot, and of its toes, goes along; a heel that is far up comes down with the blend. Between stands a foot is
+let go of, or led from one place to the next where they follow closely.
 
 The pelvis goes down a little, and evenly, for a leg that would be overstretched; soles stay above the floor.
 
