@@ -20,7 +20,7 @@ import numpy as np
 
 MOST = math.radians(150.0)
 """Flexion beyond which no knee or elbow is bent [rad]."""
-TILTED = math.radians(20.0)
+TILTED = math.radians(30.0)
 """Tilt of a foot over a cut beyond which it does not wait for a step [rad]."""
 FOLDED = math.radians(145.0)
 """Flexion towards which elbows go at the most to bring a fist near [rad]."""
