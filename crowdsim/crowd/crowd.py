@@ -38,7 +38,7 @@ class Crowding:
     end: float = 20.0
     path: float = 10.0
     radius: float = 0.2
-    gap: float = 0.24
+    gap: float = 0.23
     outside: float = 10.0
     turn: float = 0.25
     reach: float = 1.5
