@@ -1,21 +1,23 @@
 """How actions are laid on their states: feet that stand on stay where they are."""
 
-import sys
-from pathlib import Path
+from functools import cache
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "take"))
-
-from synthetic_take import database
-
 from crowdsim.graph.motion_graph import build_graph
 from crowdsim.motion import ground
 from crowdsim.motion.contacts import stand_spans
+from crowdsim.motion.database import build_database
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.motion.performer import perform
 from crowdsim.policy.actions import STEP, build_actions
 from crowdsim.policy.alignment import HARDLY, SETTLED, align_actions, align_cuts
+
+
+@cache
+def database():
+    return build_database([performed.clip for performed in perform(30, 3)])
 
 
 @pytest.fixture(scope="module")
