@@ -54,6 +54,7 @@ def synthetic_actions(states: int = 437, count: int = 27072, seed: int = 1) -> A
         offsets=np.concatenate([[0], np.cumsum(n)]).astype(np.int32),
         next=draw.integers(0, states, count).astype(np.int32),
         lengths=lengths,
+        shifts=np.zeros((count, 3), np.float32),
         costs=np.where(np.arange(count) % 62 == 0, 0.0, draw.random(count)).astype(np.float32),
         path_offsets=path_offsets,
         paths=(np.repeat(steps, lengths, axis=0) * frames[:, None]).astype(np.float32),
@@ -100,9 +101,7 @@ def quantecon_problem(model: Model) -> Any:
         columns[place] = layered.reshape(n, cells, 4).transpose(1, 0, 2).reshape(-1, 4)
         weights = np.repeat(corner_weights[first:end, :, None, :], layers, axis=2)
         data[place] = weights.reshape(n, cells, 4).transpose(1, 0, 2).reshape(-1, 4)
-        rows = model.reward_rows[first:end]
-        earned = np.where(rows[:, None] >= 0, model.rewards[0][np.maximum(rows, 0)], model.constants[first:end, None])
-        rewards[place] = earned.T.ravel()
+        rewards[place] = model.rewards(first, end).T.ravel()
         states[place] = np.repeat(s * cells + np.arange(cells), n)
         actions[place] = np.tile(np.arange(n), cells)
     matrix = scipy.sparse.csr_matrix(

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 from naive_opponents import nearest, neighbours
 
+from crowdsim.crowd.kernels import BURSTS, REST
 from crowdsim.crowd.model import TOLERANCE
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.crowd.script import target_places
@@ -40,6 +41,7 @@ class Avatar:
         self.action_before, self.start_before, self.decided = None, None, False
         self.opponent = self.opponent_before = -1
         self.decisions = 0
+        self.burst, self.rested = 0, 0.0
 
     @property
     def length(self):
@@ -114,7 +116,7 @@ def run(crowd, policies, frames, script=None):
                 one.phase += one.speed
         due = [one for one in avatars if one.phase >= one.length]
         targets = target_places(paths, frame - 1, 2, policies[0].database.control_rate)
-        chosen = [decide(one, avatars, crowd, targets[1]) for one in due]
+        chosen = [decide(one, avatars, crowd, targets, frame) for one in due]
         for one, (opponent, action) in zip(due, chosen, strict=True):
             one.action_before, one.start_before, one.start = one.action, one.start, one.stands()
             if one.decisions == 0:  # whoever enters stands where they should
@@ -133,7 +135,7 @@ def run(crowd, policies, frames, script=None):
     return SimpleNamespace(**record, strikes=sorted(strikes))
 
 
-def decide(one, avatars, crowd, targets):
+def decide(one, avatars, crowd, targets, frame):
     """Opponent and next action of one avatar, from what all are like now."""
     places = np.array([other.stands() for other in avatars])
     x, z, team = places[:, 0], places[:, 1], np.array([other.team for other in avatars])
@@ -147,14 +149,20 @@ def decide(one, avatars, crowd, targets):
             far = math.hypot(x[old] - mine[0], z[old] - mine[1]) - crowd.hysteresis[one.mood]
             if math.hypot(x[opponent] - mine[0], z[opponent] - mine[1]) >= far:
                 opponent = old
-    target = None
+    target, moving, lasts = None, np.zeros(2), 0.0
     if opponent >= 0:
         other = avatars[opponent]
         target = other.body("heads", other.action, min(other.phase, other.length), other.start)
+        lasts = (other.length - min(other.phase, other.length)) / other.speed
+        if lasts > 0:
+            end = ground.compose(other.start, other.way(other.action, other.length))
+            moving = (end - places[opponent])[:2] / lasts
     elif opponent <= -2:
-        target = targets[-2 - opponent]
+        target, lasts = targets[1, -2 - opponent], math.inf
+        moving = (target - targets[0, -2 - opponent])[[0, 2]]
     if outside(crowd.arena, mine[0], mine[1]) > crowd.crowding.turn:
         target = np.array([crowd.arena[1], 1.5 * one.scale if target is None else target[1], crowd.arena[2]])
+        moving = np.zeros(2)
     policy, actions = one.policy, one.policy.actions
     state = int(actions.next[one.action])
     ways = range(actions.offsets[state], actions.offsets[state + 1])
@@ -162,11 +170,26 @@ def decide(one, avatars, crowd, targets):
         values = -actions.costs[list(ways)].astype(float)
     else:
         weights = {b.name: crowd.weights[one.mood, k] for k, b in enumerate(policy.behaviours)}
-        values = action_values(policy, weights, state, within_grids(policy, ground.to_local(mine, target) / one.scale))
+        seen = within_grids(policy, ground.to_local(mine, target) / one.scale)
+        turned = ground.to_local([0, 0, mine[2]], np.array([moving[0], 0, moving[1]]))
+        values = action_values(policy, weights, state, seen, turned / (one.scale * one.speed), lasts * one.speed)
     near = neighbours(x, z, mine[0], mine[1], one.number, crowd.crowding.reach, crowd.crowding.most)
     for k, action in enumerate(ways):
         values[k] -= crowding(one, action, mine, [avatars[j] for j in near], places, crowd)
-    return opponent, ways[pick(values, one, crowd)]
+    counts = np.diff(actions.strike_offsets)[list(ways)]
+    interval = crowd.intervals[one.mood]
+    if interval > 0 and one.burst == 0:
+        if frame >= one.rested:
+            least, most = BURSTS
+            drawn = float(uniform(crowd.seed, Purpose.BURST, one.number, one.decisions))
+            one.burst = least + int(drawn * (most - least + 1))
+        else:
+            values = values - REST * counts
+    place = pick(values, one, crowd)
+    if interval > 0:
+        one.burst = max(one.burst - int(counts[place]), 0)
+        one.rested = max(one.rested, frame) + interval * int(counts[place])
+    return opponent, ways[place]
 
 
 def within_grids(policy, target):

@@ -3,7 +3,8 @@
 import numpy as np
 
 from crowdsim.policy.policy import Policy, action_values
-from crowdsim.policy.pruning import _coarse, sample_targets
+from crowdsim.policy.pruning import _coarse
+from crowdsim.policy.ranges import sample_targets
 from crowdsim.policy.train import train_behaviour
 
 

@@ -31,19 +31,22 @@ class Model(NamedTuple):
             transition into it (``policy.Actions.costs``), and what it takes from each behaviour of the policy as its
             transition terms say; then room, so that no more lines of memory are read than must be.
             Shape (A, 8 or more), float32.
-        paths: Where each action leads in control frames 1 to T: x, z [m], cosine and sine of the turn; then room to
-            read beyond the last one. Shape (4, .), float32.
+        paths: Where each action leads in control frames 1 to T: x, z [m], cosine and sine of the turn, and the frame;
+            then room to read beyond the last one. Shape (5, .), float32.
         strikes: For each strike its time [control frames from the state], the fist's place seen from the action's start
             [m], its speed [m/s], the hand, which of its state's actions it is in, and what it earns where it lands by
             each strike term of the policy; then room. Shape (K, 8 or more), float32.
-        behaviours: As in ``policy.LookupTables``, places moved. Shape (B, 11), float64.
+        behaviours: As in ``policy.LookupTables``, places moved; then what a transition costs the behaviour, for a cost
+            of 1 and for each one. Shape (B, 13), float64.
         discounts: Powers of each behaviour's discount: row 0 from 0 on; row T for frames 1 to T, and zeros behind them.
             Shape (B, longest T + 1, longest T + 1 or more), float64.
-        grids: For each behaviour its axes of distance, bearing and height: the first grid point, grid points in a unit,
-            how many there are, whether the axis wraps, how far apart they lie in a table, over how much the behaviour
-            fades beyond them (0 not at all). One that it does not have is a single point. Shape (B, 3, 6), float64.
-        terms: Likewise, but for transition terms. Shape (n, 9), float64.
-        table: Likewise; float32 where policies of a run differ. Flat, float32 or uint8.
+        grids: For each behaviour its axes of distance, bearing and height: the first grid point, grid points in a unit
+            (both squeezed, see ``environment.Axis``), how many there are, whether the axis wraps, how far apart they
+            lie in a table, over how much the behaviour fades beyond them (0 not at all), the least and the greatest
+            grid point, and the rate of squeezing. One that it does not have is a single point. Shape (B, 3, 9),
+            float64.
+        terms: Likewise, but for transition terms. Shape (n, 10), float64.
+        table: Likewise; float32 where policies of a run differ. Flat, float32, uint8 or uint16.
         ground: Ground transform of each playback frame in its clip's world. Shape (L, 3), float64.
         starts: What lies on the avatar's ground transform, in the clip's world, when each action starts. Shape (A, 3),
             float64.
@@ -53,7 +56,8 @@ class Model(NamedTuple):
             action and its first state; the last row closes these three. Shape (P + 1, 4), int32.
         sizes: Radius of head and torso, drop from the head to neck and pelvis, a strike's tolerance; how far the
             surface of head and torso is from where the body stands at most, and how far it moves in a control frame at
-            most; the distance beyond which all grids end [m]. Shape (P, 8), float64.
+            most; the distance beyond which all grids end [m]; half the mean length of an action [control frames].
+            Shape (P, 9), float64.
     """
 
     offsets: Array
@@ -84,16 +88,17 @@ class Avatars(NamedTuple):
     of (-1 nearest of anyone, -2 ``fixed`` says); fixed (number of the opponent, -2 - k for target k, -1 for nobody);
     opponent, likewise; opponent before the last decision; decisions taken; action; action before, negative when there
     was no decision in this frame; pending, the last whole frame of the action before its next strike, or -1 where the
-    action before may still have one.
+    action before may still have one; burst, strikes left of the present burst, 0 for an avatar that rests.
 
     Rows of ``real``: scale of the body; speed [frames of motion in a control frame]; phase, frames of the action done
     (an action shows its frame ``min(phase, T)``; what goes beyond is motion that the next action starts with); phase
     before, in the action before; base, on which the ground transforms of playback frames are set (x, z, cosine and
-    sine times scale, turn); x, z [m] and heading [rad] where it stands; x and z where its action ends.
+    sine times scale, turn); x, z [m] and heading [rad] where it stands; x and z where its action ends; the
+    frame in which it has recovered from all strikes that it threw.
 
     Attributes:
-        whole: Shape (12, N), int32.
-        real: Shape (14, N), float64.
+        whole: Shape (13, N), int32.
+        real: Shape (15, N), float64.
         slot_of: Slot of each number. Shape (N,), int32.
     """
 
@@ -138,12 +143,13 @@ class World(NamedTuple):
     Attributes:
         weights: Weight of each behaviour of the policy. Shape (M, B), float64.
         moods: How far below the best value a candidate may lie, how many candidates there are at most, the randomness
-            of the draw, and how much nearer another opponent must be [m]. Shape (M, 4), float64.
+            of the draw, how much nearer another opponent must be [m], and how long it takes to recover from a strike
+            [control frames]; 0 no time. Shape (M, 5), float64.
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]. Shape (5,).
         crowding: The numbers of ``Crowding``. Shape (6,), float64.
         targets: Places of scripted targets, from the frame before the first that is run on [m]. Shape (frames, G, 3),
             float64.
-        stream: What seed and purpose contribute to a draw. Shape (1,), uint64.
+        stream: What seed and purpose contribute to draws of actions and of bursts. Shape (2,), uint64.
     """
 
     weights: Array
@@ -174,7 +180,7 @@ class Scratch(NamedTuple):
     """Scratch space for those who choose together, a batch, and for all actions of a state.
 
     Attributes:
-        situations: Where each one's target is. Shape (batch, 3), float64.
+        situations: Where each one's target is and how it moves (``kernels.value_actions``). Shape (batch, 6), float64.
         states: The state that it chooses in, -1 where there is nobody to fight. Shape (batch,), int32.
         moods: Its mood. Shape (batch,), int32.
         policies: Its policy. Shape (batch,), int32.
@@ -245,7 +251,7 @@ def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
     behaviours = int(np.diff(model.policies[:, kernels.BEHAVIOURS]).max())
     rows = int(np.diff(model.actions[model.offsets, kernels.PATHS]).max()) + lanes
     return Scratch(
-        situations=np.empty((batch, 3)),
+        situations=np.zeros((batch, 6)),
         states=np.empty(batch, np.int32),
         moods=np.empty(batch, np.int32),
         policies=np.empty(batch, np.int32),

@@ -67,10 +67,11 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
     mood = mood.reshape(-1)
     owners = policies_of_types(scenario, policies)
     width = max(len(policy.behaviours) for policy in policies)
+    rate = float(policies[0].database.control_rate)
     kinds = list(scenario.types.values())
     weights = np.zeros((len(moods), width))
     for row, (_, kind) in enumerate(moods):
-        weights[row] = _weights(policies[owners[kind]], kinds[kind].behaviours, width, 1.0)
+        weights[row] = _weights(policies[owners[kind]], kinds[kind].behaviours, width)
     settings = [kinds[kind] for _, kind in moods]
     skip, fixed = np.empty(placed.count, np.int32), np.full(placed.count, -1, np.int32)
     for index, group in enumerate(scenario.groups):
@@ -93,11 +94,11 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         most=np.array([kind.candidates.maximum for kind in settings], np.int32),
         temperatures=np.array([kind.temperature for kind in settings]),
         hysteresis=np.array([_hysteresis(scenario.groups[group].opponents) for group, _ in moods]),
+        intervals=np.array([0.0 if kind.tempo is None else 60.0 * rate / kind.tempo for kind in settings]),
         arena=_arena(scenario.arena),
         crowding=Crowding() if scenario.keep_apart else Crowding.none(),
         seed=scenario.seed,
     )
-    rate = float(policies[0].database.control_rate)
     changes = tuple(_change(scenario, placed, policies, crowd, moods, owners, event, rate) for event in scenario.events)
     return crowd, Script(tuple(_path(target) for target in scenario.targets.values()), changes)
 
@@ -155,11 +156,15 @@ def check_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]]) -
         raise ScenarioError("\n".join(dict.fromkeys(lines)))
 
 
-def _weights(policy: Policy, given: dict[str, float], width: int, default: float) -> Array:
-    """Weights of a policy's behaviours in its order, filled up to ``width``."""
+def _weights(policy: Policy, given: dict[str, float], width: int, others: float = 0.0) -> Array:
+    """Return weights of a policy's behaviours in its order, filled up to ``width``.
+
+    Those that are not named weigh ``others``; where none is named, the weights are the policy's own.
+    """
     names = [behaviour.name for behaviour in policy.behaviours]
-    told = [given.get(name, default) for name in names]
-    return np.array(told + [default] * (width - len(told)))
+    own: dict[str, float] = policy.recipe.get("weights") or dict.fromkeys(names, 1.0)
+    told = [(given or own).get(name, others) for name in names]
+    return np.array(told + [others] * (width - len(told)))
 
 
 def _hysteresis(opponents: Opponents | None) -> float:

@@ -76,6 +76,7 @@ class Crowd:
         most: How many candidates there are at most. Shape (M,).
         temperatures: Randomness of the draw. Shape (M,).
         hysteresis: How much nearer another opponent must be [m]. Shape (M,).
+        intervals: How long it takes to recover from a strike [control frames]; 0 no time. Shape (M,).
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]. Shape (5,).
         crowding: How avatars keep out of one another.
         seed: Seed of every draw.
@@ -98,6 +99,7 @@ class Crowd:
     most: Array
     temperatures: Array
     hysteresis: Array
+    intervals: Array
     arena: Array = field(default_factory=lambda: np.zeros(5))
     crowding: Crowding = field(default_factory=Crowding)
     seed: int = 0
@@ -121,6 +123,7 @@ def build_crowd(
     most: int = 4,
     temperature: float = 0.05,
     hysteresis: float = 0.3,
+    interval: float = 0.0,
     **other: Any,
 ) -> Crowd:
     """Return a crowd of one mood; without teams everyone fights anyone. ``other`` are further fields of ``Crowd``."""
@@ -148,6 +151,7 @@ def build_crowd(
         "most": np.array([most], np.int32),
         "temperatures": np.array([temperature]),
         "hysteresis": np.array([hysteresis]),
+        "intervals": np.array([interval]),
     }
     return Crowd(**{**fields, **other})
 
@@ -169,7 +173,7 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
     slot_of = np.empty(count, np.int32)
     slot_of[numbers] = np.arange(count, dtype=np.int32)
 
-    avatars = Avatars(np.zeros((12, count), np.int32), np.zeros((14, count)), slot_of)
+    avatars = Avatars(np.zeros((13, count), np.int32), np.zeros((15, count)), slot_of)
     whole, real = avatars.whole, avatars.real
     whole[kernels.NUMBER] = numbers
     for row, values in (

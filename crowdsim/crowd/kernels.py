@@ -23,23 +23,26 @@ _kernel = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)  # ty
 _part = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False, forceinline=True)  # type: ignore[call-overload]
 
 # Rows of ``Avatars.whole`` and ``Avatars.real``, a column for each slot.
-NUMBER, POLICY, MOOD, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE, PENDING = range(
-    12
-)
-SCALE, SPEED, PHASE, PHASE_BEFORE, BASE_X, BASE_Z, BASE_COS, BASE_SIN, BASE_TURN, X, Z, HEADING, END_X, END_Z = range(
-    14
-)
+(
+    NUMBER, POLICY, MOOD, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE, PENDING,
+    BURST,
+) = range(13)  # fmt: skip
+(
+    SCALE, SPEED, PHASE, PHASE_BEFORE, BASE_X, BASE_Z, BASE_COS, BASE_SIN, BASE_TURN, X, Z, HEADING, END_X, END_Z,
+    RESTED,
+) = range(15)  # fmt: skip
 
 # Columns of the tables of ``Model`` and of ``World.moods``.
 NEXT, LENGTH, ORIGIN, PATHS, STRIKES, FIRST_STRIKE = range(6)
 MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, CUT = range(6)
 TIME, FIST_X, FIST_Y, FIST_Z, FIST_SPEED, HAND, OWNER, WORTH = range(8)
 HEAD, NECK, PELVIS = 0, 3, 6
-HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE, FARTHEST = range(8)
+HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE, FARTHEST, LEAD = range(9)
 STRIDE, BEHAVIOURS, ACTIONS, STATES = range(4)
-MARGIN, MOST, TEMPERATURE, HYSTERESIS = range(4)
-LOOKS_AHEAD, CELLS, TABLE, NORM, DISCOUNT, LOW, STEP = range(4, 11)
-MINIMUM, PER_UNIT, POINTS, WRAPS, APART, FADE = range(6)
+MARGIN, MOST, TEMPERATURE, HYSTERESIS, INTERVAL = range(5)
+LOOKS_AHEAD, CELLS, TABLE, NORM, DISCOUNT, LOW, STEP, PRICE, EACH = range(4, 13)
+FIRST, PER_UNIT, POINTS, WRAPS, APART, FADE, LEAST, GREATEST, RATE = range(9)
+TARGET_X, TARGET_Y, TARGET_Z, MOVING_X, MOVING_Z, LASTS = range(6)
 
 AHEAD = 4  # so many avatars before one is worked on, memory is asked for what that reads
 LANES = 8  # entries that are worked on at once
@@ -47,6 +50,8 @@ BLOCK = 16  # situations that are weighed at a time
 
 ENTERED = -2  # instead of an action before, of those who have just entered
 NO_STRIKE = 1 << 30  # instead of a frame, where an action has no strike left
+BURSTS = (2, 5)  # least and most strikes of a burst
+REST = 4.0  # what a strike costs an avatar that rests, in normalised values
 SORTED = 256  # so many avatars that choose together do so in the order of their states
 
 _clock_type = types.int32(types.int32, types.CPointer(types.int64))
@@ -160,8 +165,7 @@ def _fade(grids, b, distance, bearing, height):
     for axis in range(3):
         if grids[b, axis, FADE] > 0.0:
             value = distance if axis == 0 else (bearing if axis == 1 else height)
-            place = (value - grids[b, axis, MINIMUM]) * grids[b, axis, PER_UNIT]
-            beyond = max(-place, place - (grids[b, axis, POINTS] - 1.0), 0.0) / grids[b, axis, PER_UNIT]
+            beyond = max(grids[b, axis, LEAST] - value, value - grids[b, axis, GREATEST], 0.0)
             fade *= max(0.0, 1.0 - beyond / grids[b, axis, FADE])
     return fade
 
@@ -211,7 +215,7 @@ def bearings(xs, zs, count, out):
 @_part
 def _corner(grids, b, axis, value):
     """Return the cell below a value on one axis of a grid, how far the next one lies in a table, and its share."""
-    place = (value - grids[b, axis, MINIMUM]) * grids[b, axis, PER_UNIT]
+    place = (value / (1.0 + grids[b, axis, RATE] * value) - grids[b, axis, FIRST]) * grids[b, axis, PER_UNIT]
     points, stride = grids[b, axis, POINTS], grids[b, axis, APART]
     step = stride if points > 1.0 else 0.0
     if grids[b, axis, WRAPS] != 0.0:
@@ -230,8 +234,9 @@ def _place_all(grids, b, cell_count, count, cells, steps, work, near_shares, asi
 
     ``work`` holds distances and bearings; ``cells`` are states and become entries; ``steps`` go to the next bearing.
     """
-    near_least, near_per, near_points = grids[b, 0, MINIMUM], grids[b, 0, PER_UNIT], grids[b, 0, POINTS]
-    aside_least, aside_per, aside_points = grids[b, 1, MINIMUM], grids[b, 1, PER_UNIT], grids[b, 1, POINTS]
+    near_least, near_per, near_points = grids[b, 0, FIRST], grids[b, 0, PER_UNIT], grids[b, 0, POINTS]
+    aside_least, aside_per, aside_points = grids[b, 1, FIRST], grids[b, 1, PER_UNIT], grids[b, 1, POINTS]
+    rate = grids[b, 0, RATE]
     near_apart, aside_apart = grids[b, 0, APART], grids[b, 1, APART]
     near_last, aside_last = max(near_points - 2.0, 0.0), max(aside_points - 2.0, 0.0)
     wraps = grids[b, 1, WRAPS] != 0.0
@@ -242,7 +247,8 @@ def _place_all(grids, b, cell_count, count, cells, steps, work, near_shares, asi
     most = np.inf if wraps else aside_points - 1.0
     least = -np.inf if wraps else 0.0
     for k in range(count):
-        place = min(max((work[2, k] - near_least) * near_per, 0.0), near_points - 1.0)
+        place = (work[2, k] / (1.0 + rate * work[2, k]) - near_least) * near_per
+        place = min(max(place, 0.0), near_points - 1.0)
         lower = min(np.floor(place), near_last)
         near_shares[k] = place - lower
         cell = cells[k] * cell_count + lower * near_apart
@@ -255,11 +261,15 @@ def _place_all(grids, b, cell_count, count, cells, steps, work, near_shares, asi
 
 
 @_part
-def _see_ends(moves, actions, offset, n, x, z, first, work):
-    """Write where a target at (x, z) is seen from the end of ``n`` actions: x, z and distance; and their ends."""
+def _see_ends(moves, actions, offset, n, x, z, vx, vz, lasts, first, work):
+    """Write where a target is seen from the end of ``n`` actions: x, z and distance; and their ends.
+
+    It is at (x, z) now and moves by (vx, vz) a frame for so many frames.
+    """
     for k in range(n):
         action, at = np.uint64(offset + k), np.uint64(first + k)
-        dx, dz = x - moves[action, MOVE_X], z - moves[action, MOVE_Z]
+        t = min(np.float64(actions[action, LENGTH]), lasts)
+        dx, dz = x + t * vx - moves[action, MOVE_X], z + t * vz - moves[action, MOVE_Z]
         cos, sin = moves[action, MOVE_COS], moves[action, MOVE_SIN]
         later_x, later_z = dx * cos - dz * sin, dx * sin + dz * cos
         work[0, at], work[1, at] = later_x, later_z
@@ -268,25 +278,32 @@ def _see_ends(moves, actions, offset, n, x, z, first, work):
 
 
 @_part
-def _gaps(paths, first, count, x, z, wanted, facing, out):
-    """Write how far from where it should be a target is along ``count`` rows of paths from ``first`` on."""
+def _gaps(paths, first, count, x, z, vx, vz, lasts, least, most, facing, wide, out):
+    """Write how far from where it should be a target is along ``count`` rows of paths from ``first`` on.
+
+    It is at (x, z) now and moves by (vx, vz) a frame for so many frames.
+    """
     if facing:
         for k in range(count):
             row = np.uint64(first + k)
-            dx, dz = x - paths[0, row], z - paths[1, row]
+            t = min(np.float64(paths[4, row]), lasts)
+            dx, dz = x + t * vx - paths[0, row], z + t * vz - paths[1, row]
             cos, sin = paths[2, row], paths[3, row]
-            aside, ahead = dx * cos - dz * sin, dx * sin + dz * cos - wanted
+            aside, ahead = max(abs(dx * cos - dz * sin) - wide, 0.0), dx * sin + dz * cos
+            ahead -= min(max(ahead, least), most)
             out[k] = math.sqrt(ahead * ahead + aside * aside)
     else:
         for k in range(count):
             row = np.uint64(first + k)
-            dx, dz = x - paths[0, row], z - paths[1, row]
-            out[k] = abs(math.sqrt(dx * dx + dz * dz) - wanted)
+            t = min(np.float64(paths[4, row]), lasts)
+            dx, dz = x + t * vx - paths[0, row], z + t * vz - paths[1, row]
+            far = math.sqrt(dx * dx + dz * dz)
+            out[k] = abs(far - min(max(far, least), most))
 
 
 @_part
-def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, factor, rows, out):
-    """Add ``factor`` times a strike term to what each of ``n`` actions is worth."""
+def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, vx, vz, lasts, factor, rows, out):
+    """Add ``factor`` times what landed strikes earn by a term to what each of ``n`` actions is worth."""
     tolerance, head, torso, column = terms[row, 2], terms[row, 4], terms[row, 5], int(terms[row, 8])
     low, high = y - terms[row, 7], y - terms[row, 6]
     # Within the tolerance of a surface: squares between these, which takes no roots.
@@ -297,7 +314,8 @@ def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, factor, rows,
     # No branch: what lands is anybody's guess.
     for k in range(np.uint64(actions[offset, STRIKES]), np.uint64(actions[offset + n, STRIKES])):
         px, py, pz = strikes[k, FIST_X], strikes[k, FIST_Y], strikes[k, FIST_Z]
-        dx, dy, dz = px - x, py - y, pz - z
+        t = min(np.float64(strikes[k, TIME]), lasts)
+        dx, dy, dz = px - (x + t * vx), py - y, pz - (z + t * vz)
         aside = dx * dx + dz * dz
         square = aside + dy * dy
         on_head = (square >= head_least) & (square <= head_most)
@@ -336,22 +354,26 @@ def _fold(rows, i, weights, t, before, greatest):
 
 
 @_part
-def _add_nearness(actions, paths, terms, row, last, discounts, b, offset, n, x, z, factor, gaps, rows, out):
+def _add_nearness(
+    actions, paths, terms, row, last, discounts, b, offset, n, x, z, vx, vz, lasts, factor, gaps, rows, out
+):  # fmt: skip
     """Add ``factor`` times proximity terms to what each of ``n`` actions is worth; return the row behind the terms.
 
     These are the one in ``row`` and those behind it, before ``last``, that differ in weight and width alone: one sum.
     """
     begun, end = actions[offset, PATHS], actions[offset + n, PATHS]
-    wanted, facing, greatest = terms[row, 2], terms[row, 5] != 0.0, terms[row, 4] != 0.0
+    facing, greatest = terms[row, 5] != 0.0, terms[row, 4] != 0.0
+    least, most, wide = terms[row, 2], terms[row, 6], terms[row, 7]
     count = _whole_lanes(end - begun)
-    _gaps(paths, begun, count, x, z, wanted, facing, gaps)
+    _gaps(paths, begun, count, x, z, vx, vz, lasts, least, most, facing, wide, gaps)
     weight, shrink = terms[row, 1], -1.0 / terms[row, 3]
     for k in range(count):
         rows[k] = weight * exponential(gaps[k] * shrink)
     row += 1
     while (
         not greatest and row < last and terms[row, 0] != 0.0 and terms[row, 4] == 0.0
-        and terms[row, 2] == wanted and (terms[row, 5] != 0.0) == facing
+        and terms[row, 2] == least and terms[row, 6] == most and terms[row, 7] == wide
+        and (terms[row, 5] != 0.0) == facing
     ):  # fmt: skip
         weight, shrink = terms[row, 1], -1.0 / terms[row, 3]
         for k in range(count):
@@ -442,7 +464,9 @@ def _prepare(model, weights, scratch, first, count, policy):
         state = scratch.states[q]
         if state < 0:
             continue
-        x, y, z = scratch.situations[q, 0], scratch.situations[q, 1], scratch.situations[q, 2]
+        situations = scratch.situations
+        x, y, z = situations[q, TARGET_X], situations[q, TARGET_Y], situations[q, TARGET_Z]
+        vx, vz, lasts = situations[q, MOVING_X], situations[q, MOVING_Z], situations[q, LASTS]
         offset = model.offsets[state]
         n = model.offsets[state + 1] - offset
         for k in range(_whole_lanes(n)):
@@ -452,15 +476,19 @@ def _prepare(model, weights, scratch, first, count, policy):
             # At the end of all grids every place further on looks alike, so that nothing would draw the avatar there.
             x, z = x * model.sizes[policy, FARTHEST] / distance, z * model.sizes[policy, FARTHEST] / distance
             distance = model.sizes[policy, FARTHEST]
-            scratch.situations[q, 0], scratch.situations[q, 2] = x, z
+            situations[q, TARGET_X], situations[q, TARGET_Z] = x, z
+        # Tables of Q-values know still targets alone: they are read for where the target is half an action later.
+        t = min(model.sizes[policy, LEAD], lasts)
+        soon_x, soon_z = x + t * vx, z + t * vz
         ahead = False
         for b in range(begun, end):
             spot = d * (end - begun) + b - begun
             factor = weights[scratch.moods[q], b - begun]
-            if not sought and (behaviours[b, LOOKS_AHEAD] == 0.0 or model.grids[b, 1, FADE] > 0.0):
+            if not sought and model.grids[b, 1, FADE] > 0.0:
                 bearing, sought = math.atan2(x, z), True
             if factor != 0.0:
-                factor *= _fade(model.grids, b, distance, bearing, y) / behaviours[b, NORM]
+                norm = behaviours[b, NORM]
+                factor = factor * _fade(model.grids, b, distance, bearing, y) / norm if norm > 0.0 else 0.0
             scratch.parts[spot, 3] = factor
             if factor == 0.0:
                 continue
@@ -469,8 +497,9 @@ def _prepare(model, weights, scratch, first, count, policy):
                 ahead = True
                 scratch.spots[spot, 0] = int(behaviours[b, TABLE]) + cell
                 continue
-            near, near_step, scratch.parts[spot, 0] = _corner(model.grids, b, 0, distance)
-            aside, aside_step, scratch.parts[spot, 1] = _corner(model.grids, b, 1, bearing)
+            far = math.sqrt(soon_x * soon_x + soon_z * soon_z)
+            near, near_step, scratch.parts[spot, 0] = _corner(model.grids, b, 0, far)
+            aside, aside_step, scratch.parts[spot, 1] = _corner(model.grids, b, 1, math.atan2(soon_x, soon_z))
             at = int(behaviours[b, TABLE]) + offset * int(behaviours[b, CELLS]) + (cell + near + aside) * n
             near_step, aside_step = near_step * n, aside_step * n
             scratch.spots[spot, 0], scratch.spots[spot, 1], scratch.spots[spot, 2] = at, near_step, aside_step
@@ -488,7 +517,7 @@ def _prepare(model, weights, scratch, first, count, policy):
             width = model.strikes.shape[1]
             for entry in range(first_row * width, last_row * width + 15, 16):
                 _ask_for(model.strikes, entry)
-            _see_ends(model.moves, model.actions, offset, n, x, z, pairs, scratch.work)
+            _see_ends(model.moves, model.actions, offset, n, x, z, vx, vz, lasts, pairs, scratch.work)
             pairs += n
             scratch.begins[d + 1] = pairs
     return pairs
@@ -561,27 +590,51 @@ def _weigh(model, weights, scratch, first, count, policy):
                 )  # fmt: skip
                 value = (low + step * value) * discounts[np.uint64(model.actions[action, LENGTH])]
                 out[np.uint64(k)] += factor * (value - model.moves[action, CUT + slot])
-            x, y, z = scratch.situations[q, 0], scratch.situations[q, 1], scratch.situations[q, 2]
+            situations = scratch.situations
+            x, y, z = situations[q, TARGET_X], situations[q, TARGET_Y], situations[q, TARGET_Z]
+            vx, vz, lasts = situations[q, MOVING_X], situations[q, MOVING_Z], situations[q, LASTS]
             row, last = int(behaviours[b, 2]), int(behaviours[b, 3])
             while row < last:
                 if model.terms[row, 0] == 0.0:
                     _add_strikes(
-                        model.actions, model.strikes, model.terms, row, offset, n, x, y, z, factor, scratch.rows, out,
+                        model.actions, model.strikes, model.terms, row, offset, n, x, y, z, vx, vz, lasts, factor,
+                        scratch.rows, out,
                     )  # fmt: skip
                     row += 1
                 else:
                     row = _add_nearness(
-                        model.actions, model.paths, model.terms, row, last, model.discounts, b, offset, n, x, z,
-                        factor, scratch.gaps, scratch.rows, out,
+                        model.actions, model.paths, model.terms, row, last, model.discounts, b, offset, n, x, z, vx,
+                        vz, lasts, factor, scratch.gaps, scratch.rows, out,
                     )  # fmt: skip
+        _count_price_once(model, scratch, d * slots, begun, end, offset, n, out)
+
+
+@_part
+def _count_price_once(model, scratch, spot, begun, end, offset, n, out):
+    """Let a transition cost what it costs the behaviour that it costs most, where each has counted its own price."""
+    parts, behaviours = scratch.parts, model.behaviours
+    priced = 0
+    for b in range(begun, end):
+        priced += parts[spot + b - begun, 3] * (behaviours[b, PRICE] + behaviours[b, EACH]) > 0.0
+    if priced < 2:
+        return
+    for k in range(n):
+        cost = np.float64(model.moves[np.uint64(offset + k), COST])
+        if cost > 0.0:
+            total, most = 0.0, 0.0
+            for b in range(begun, end):
+                price = parts[spot + b - begun, 3] * (behaviours[b, PRICE] * cost + behaviours[b, EACH])
+                total += price
+                most = max(most, price)
+            out[k] += total - most
 
 
 @_part
 def value_actions(model, weights, scratch, first, last):
     """Write into ``scratch.values`` what each action of a state is worth in the situations ``order[first:last]``.
 
-    A situation is where the target's head is in the avatar's ground frame, for a body of scale 1: x, y, z [m]; then a
-    state, a row of ``weights``, which are those of the behaviours, and a policy, all in ``scratch``. ``BLOCK`` of them
+    A situation is where the target's head is in the avatar's ground frame, for a body of scale 1: x, y, z [m]; by how
+    much it moves over the ground in a frame of motion, along x and z [m], and for how many; then a state, a row of ``weights``, which are those of the behaviours, and a policy, all in ``scratch``. ``BLOCK`` of them
     are weighed at a time: what they read lies anywhere in memory, and one waits for it while others are worked on.
     """
     whose = scratch.policies
@@ -953,9 +1006,12 @@ def aim(
         x, z, scale = real[X, own], real[Z, own], real[SCALE, own]
         seen = False
         tx, ty, tz = 0.0, 1.5 * scale, 0.0
+        vx, vz, lasts = 0.0, 0.0, 0.0
         if opponent <= -2:
             target = -2 - opponent
             tx, ty, tz = targets[moment, target, 0], targets[moment, target, 1], targets[moment, target, 2]
+            vx, vz = tx - targets[moment - 1, target, 0], tz - targets[moment - 1, target, 2]
+            lasts = math.inf
             seen = True
         elif opponent >= 0 and slot_of[opponent] < present:
             j = slot_of[opponent]
@@ -967,16 +1023,24 @@ def aim(
             cos, sin = cos_sin(real[HEADING, j])
             tx, tz = real[X, j] + hx * cos + hz * sin, real[Z, j] - hx * sin + hz * cos
             ty = _between(bodies, place, HEAD + 1) * size
+            lasts = (actions[action, LENGTH] - done) / real[SPEED, j]
+            if lasts > 0.0:
+                vx, vz = (real[END_X, j] - real[X, j]) / lasts, (real[END_Z, j] - real[Z, j]) / lasts
             seen = True
         if arena[0] != 0.0 and _outside(arena, x, z) > crowding[5]:
             # Turn back: the middle counts until the avatar is inside again.
             tx, tz = arena[1], arena[2]
+            vx, vz = 0.0, 0.0
             seen = True
         cos, sin = cos_sin(real[HEADING, own])
         dx, dz = (tx - x) / scale, (tz - z) / scale
-        out_situations[q, 0] = dx * cos - dz * sin
-        out_situations[q, 1] = ty / scale
-        out_situations[q, 2] = dx * sin + dz * cos
+        out_situations[q, TARGET_X] = dx * cos - dz * sin
+        out_situations[q, TARGET_Y] = ty / scale
+        out_situations[q, TARGET_Z] = dx * sin + dz * cos
+        dx, dz = vx / (scale * real[SPEED, own]), vz / (scale * real[SPEED, own])
+        out_situations[q, MOVING_X] = dx * cos - dz * sin
+        out_situations[q, MOVING_Z] = dx * sin + dz * cos
+        out_situations[q, LASTS] = lasts * real[SPEED, own]
         state = actions[whole[ACTION, own], NEXT]
         for action in range(offsets[state], offsets[state + 1], 2):
             _ask_for(moves, action * moves.shape[1])
@@ -986,11 +1050,25 @@ def aim(
 
 
 @_part
-def draw_actions(whole, offsets, actions, moods, stream, due, count, values, chances, out_chosen):
-    """Draw the next action of avatars ``due[:count]`` by its value; return -1, or a slot without numbers."""
+def draw_actions(whole, real, offsets, actions, moods, stream, frame, due, count, values, chances, out_chosen):
+    """Draw the next action of avatars ``due[:count]`` by its value; return -1, or a slot without numbers.
+
+    Strikes come in bursts. A strike takes ``INTERVAL`` frames to recover from; after a burst an avatar rests until it
+    has recovered from all of them, and strikes cost it dear meanwhile.
+    """
     for q in range(count):
         own = due[q]
         state, mood = actions[whole[ACTION, own], NEXT], whole[MOOD, own]
+        interval = moods[mood, INTERVAL]
+        if interval > 0.0 and whole[BURST, own] <= 0:
+            if frame >= real[RESTED, own]:
+                least, most = BURSTS
+                drawn = draw(stream[1], whole[NUMBER, own], whole[DECISIONS, own])
+                whole[BURST, own] = least + int(drawn * (most - least + 1))
+            else:
+                for k in range(offsets[state + 1] - offsets[state]):
+                    action = offsets[state] + k
+                    values[q, k] -= REST * (actions[action + 1, STRIKES] - actions[action, STRIKES])
         number = draw(stream[0], whole[NUMBER, own], whole[DECISIONS, own])
         picked = _pick(
             values, q, offsets[state + 1] - offsets[state], moods[mood, MARGIN], moods[mood, MOST],
@@ -998,7 +1076,12 @@ def draw_actions(whole, offsets, actions, moods, stream, due, count, values, cha
         )  # fmt: skip
         if picked < 0:
             return own
-        out_chosen[q] = offsets[state] + picked
+        action = offsets[state] + picked
+        out_chosen[q] = action
+        if interval > 0.0:
+            thrown = actions[action + 1, STRIKES] - actions[action, STRIKES]
+            whole[BURST, own] = max(whole[BURST, own] - thrown, 0)
+            real[RESTED, own] = max(real[RESTED, own], np.float64(frame)) + interval * thrown
     return -1
 
 
@@ -1013,7 +1096,9 @@ def keep_running(whole, offsets, actions, moves, due, count, states, values):
 
 
 @_part
-def choose(model, avatars, world, present, moment, due, count, nearest, counts, neighbours, scratch, out_chosen):
+def choose(
+    model, avatars, world, present, moment, frame, due, count, nearest, counts, neighbours, scratch, out_chosen
+):  # fmt: skip
     """Choose an opponent and the next action for avatars ``due[:count]``, for whom ``scratch`` has room.
 
     ``nearest``, ``counts`` and ``neighbours`` are what was observed and run along with ``due``, as the chosen actions
@@ -1039,8 +1124,8 @@ def choose(model, avatars, world, present, moment, due, count, nearest, counts, 
         scratch.values,
     )  # fmt: skip
     return draw_actions(
-        avatars.whole, model.offsets, model.actions, world.moods, world.stream, due, count, scratch.values,
-        scratch.rows, out_chosen,
+        avatars.whole, avatars.real, model.offsets, model.actions, world.moods, world.stream, frame, due, count,
+        scratch.values, scratch.rows, out_chosen,
     )  # fmt: skip
 
 
@@ -1305,7 +1390,7 @@ def run_frames(
             lost = max(
                 lost,
                 choose(
-                    model, avatars, world, present, k + 1, due[start:], min(room, dues - start), nearest[start:],
+                    model, avatars, world, present, k + 1, frame + k, due[start:], min(room, dues - start), nearest[start:],
                     counts[start:], neighbours[start:], scratch, chosen[start:],
                 ),
             )  # fmt: skip

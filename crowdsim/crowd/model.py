@@ -50,7 +50,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
     }
     behaviours = []
     for p, table in enumerate(tables):
-        rows = np.array(table.behaviours, dtype=float).reshape(-1, 11)
+        rows = np.pad(np.array(table.behaviours, dtype=float).reshape(-1, 11), ((0, 0), (0, 2)))
         rows[:, 0:2] += starts["axis"][p]
         rows[:, 2:4] += starts["term"][p]
         # Places in a table count from the policy's own first action or state; here from the run's.
@@ -84,7 +84,8 @@ def build_model(policies: Sequence[Policy]) -> Model:
     ]
     costs = _joined([action.costs for action in actions], np.float64)
     databases = [policy.database for policy in policies]
-    moves = _moves(ways, costs, joined, terms, starts)
+    _note_prices(joined, terms)
+    moves = _moves(ways, costs, actions, joined, terms, starts)
     strikes = _strikes(policies, joined, terms, starts)
     # What cuts cost is known beforehand and stands among ``moves``.
     kept = np.concatenate([[0], np.cumsum(terms[:, 0] != TransitionTerm.code)])
@@ -94,7 +95,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
         reaches=np.maximum.reduceat(np.hypot(ways[:, 0], ways[:, 1]), offsets[:-1]),
         actions=np.concatenate([np.column_stack(columns), closing]).astype(np.int32),
         moves=moves,
-        paths=_padded([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2])]),
+        paths=_padded([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2]), _frames(actions)]),
         strikes=strikes,
         behaviours=joined,
         discounts=_discounts(joined[:, kernels.DISCOUNT], int(max(action.lengths.max() for action in actions))),
@@ -160,7 +161,9 @@ def _sizes(policy: Policy) -> list[float]:
     pace = float(steps.max(initial=0.0)) * database.stride
     drops = (body.neck_drop, body.pelvis_drop)
     tolerance = _tolerance(policy)
-    return [body.head_radius, body.torso_radius, *drops, tolerance, furthest + 1e-5, pace + 1e-5, farthest(policy)]
+    lead = 0.5 * float(np.mean(policy.actions.lengths))
+    far = farthest(policy)
+    return [body.head_radius, body.torso_radius, *drops, tolerance, furthest + 1e-5, pace + 1e-5, far, lead]
 
 
 def farthest(policy: Policy) -> float:
@@ -208,26 +211,51 @@ def _discounts(discounts: Array, longest: int) -> Array:
     return np.asarray(rows)
 
 
-def _moves(ways: Array, costs: Array, behaviours: Array, terms: Array, starts: dict[str, Array]) -> Array:
-    """Return where actions end, what their transitions cost, and what cuts cost each behaviour of the policy."""
+def _frames(actions: Sequence[Actions]) -> Array:
+    """Return the control frame of each row of paths, from 1 on in each action."""
+    parts = []
+    for one in actions:
+        owners = np.repeat(np.arange(one.action_count), np.diff(one.path_offsets))
+        parts.append(np.arange(len(one.paths)) - one.path_offsets[owners] + 1)
+    return np.concatenate(parts)
+
+
+def _note_prices(behaviours: Array, terms: Array) -> None:
+    """Write what a transition costs each behaviour into its row: for a cost of 1, and for each one."""
+    for row in behaviours:
+        own = terms[int(row[2]) : int(row[3])]
+        row[kernels.PRICE], row[kernels.EACH] = own[own[:, 0] == TransitionTerm.code, 1:3].sum(axis=0)
+
+
+def _moves(
+    ways: Array, costs: Array, actions: Sequence[Actions], behaviours: Array, terms: Array, starts: dict[str, Array]
+) -> Array:
+    """Return where actions end, what their transitions cost, and what cuts and effort take from each behaviour."""
     slots = int(np.diff(starts["behaviour"]).max())
     moves = np.zeros((len(ways), -(-(kernels.CUT + slots) // 8) * 8), np.float32)
     moves[:, : kernels.CUT] = np.column_stack([ways[:, :2], np.cos(ways[:, 2]), np.sin(ways[:, 2]), costs])
     for p, start in enumerate(starts["behaviour"][:-1]):
         own = slice(starts["action"][p], starts["action"][p + 1])
         for slot, row in enumerate(behaviours[start : starts["behaviour"][p + 1]]):
-            for code, weight, each, *_ in terms[int(row[2]) : int(row[3])]:
-                if code == TransitionTerm.code:
-                    moves[own, kernels.CUT + slot] += weight * costs[own] + each * (costs[own] > 0.0)
+            for term in terms[int(row[2]) : int(row[3])]:
+                if term[0] == TransitionTerm.code:
+                    moves[own, kernels.CUT + slot] += term[1] * costs[own] + term[2] * (costs[own] > 0.0)
+                if term[0] == StrikeTerm.code and term[9] > 0.0:
+                    faded = row[kernels.DISCOUNT] ** actions[p].strike_times.astype(float)
+                    sums = np.concatenate([[0.0], np.cumsum(faded)])[actions[p].strike_offsets]
+                    moves[own, kernels.CUT + slot] += term[1] * term[9] * np.diff(sums)
     return moves
 
 
 def _grids(behaviours: Array, axes: Array) -> Array:
     """Return each behaviour's axes, those of a kind in one place; one that it does not have is a single point."""
-    grids = np.tile([0.0, 1.0, 1.0, 0.0, 0.0, 0.0], (len(behaviours), 3, 1))
-    for grid, (first, end) in zip(grids, behaviours[:, :2].astype(int), strict=True):
-        for kind, minimum, step, points, wraps, stride, fade in axes[first:end]:
-            grid[int(kind)] = minimum, 1.0 / step, points, wraps, stride, 0.0 if wraps else fade
+    grids = np.tile([0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], (len(behaviours), 3, 1))
+    for grid, (start, end) in zip(grids, behaviours[:, :2].astype(int), strict=True):
+        for kind, first, step, points, wraps, stride, fade, minimum, rate in axes[start:end]:
+            last = first + (points - 1.0) * step
+            greatest = last / (1.0 - rate * last)
+            fade = 0.0 if wraps else fade
+            grid[int(kind)] = first, 1.0 / step, points, wraps, stride, fade, minimum, greatest, rate
     return grids
 
 

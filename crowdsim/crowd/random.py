@@ -35,6 +35,7 @@ class Purpose(IntEnum):
     START = 6
     CHOICE = 7
     TARGET = 8
+    BURST = 9
 
 
 def stream(seed: int, purpose: int) -> np.uint64:

@@ -138,7 +138,9 @@ class AvatarType(StrictModel):
         default="boxer", description="Name of the policy (its recipe's file name without .yaml)."
     )
     behaviours: Weights = Field(
-        default_factory=dict, description="Weight of each behaviour of the policy; 1 for those that are not named."
+        default_factory=dict,
+        description="Weight of each behaviour of the policy; 0 for those that are not named. Where none is named, the "
+        "weights of the policy's recipe.",
     )
     candidates: Candidates = Field(default_factory=Candidates, description="Which actions an avatar draws among.")
     temperature: float = Field(
@@ -146,6 +148,13 @@ class AvatarType(StrictModel):
         ge=0,
         le=100,
         description="Randomness of the draw, in normalised values; 0 always takes the best action.",
+    )
+    tempo: float | None = Field(
+        default=60.0,
+        ge=1,
+        le=1000,
+        description="Strikes a minute that an avatar can go on throwing: it strikes in bursts and recovers from them; "
+        "null: it never tires.",
     )
     scale: Distribution = Field(default=1.0, description="Size of the body, as a factor: a number or a distribution.")
     speed: Distribution = Field(

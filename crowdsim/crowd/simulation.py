@@ -85,11 +85,13 @@ class Simulation:
         self._scratch = empty_scratch(self.model, crowd.crowding.most, min(SMALL, max(crowd.count, 1)))
         self._world = World(
             weights=np.array(crowd.weights, dtype=float),
-            moods=np.column_stack([crowd.margins, crowd.most, crowd.temperatures, crowd.hysteresis]).astype(float),
+            moods=np.column_stack(
+                [crowd.margins, crowd.most, crowd.temperatures, crowd.hysteresis, crowd.intervals]
+            ).astype(float),
             arena=np.array(crowd.arena, dtype=float),
             crowding=crowd.crowding.numbers(),
             targets=np.zeros((2, 0, 3)),
-            stream=np.array([stream(crowd.seed, Purpose.CHOICE)], np.uint64),
+            stream=np.array([stream(crowd.seed, Purpose.CHOICE), stream(crowd.seed, Purpose.BURST)], np.uint64),
         )
 
     @property
@@ -234,8 +236,8 @@ class Simulation:
                 self._index.observe(self.avatars, some, 0, len(some), near.reach, opponents, counts, neighbours)
                 observed = perf_counter_ns()
                 slot = kernels.choose(
-                    self.model, self.avatars, world, self.present, 1, some, len(some), opponents, counts, neighbours,
-                    scratch, chosen[start:last],
+                    self.model, self.avatars, world, self.present, 1, self.frame, some, len(some), opponents, counts,
+                    neighbours, scratch, chosen[start:last],
                 )  # fmt: skip
                 if slot >= 0:
                     lost.append(slot)

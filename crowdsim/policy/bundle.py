@@ -157,15 +157,16 @@ def read_timings(folder: str | os.PathLike[str]) -> dict[str, Any]:
 def encode(values: Array, precision: str) -> tuple[Array, float, float]:
     """Return values as control reads them, what an entry of 0 is worth, and what one more is.
 
-    ``float16`` keeps as many digits in the bundle and is read as float32; ``int8`` makes 256 steps between the lowest
-    and the highest value, which are also read.
+    ``float16`` keeps as many digits in the bundle and is read as float32; ``int8`` and ``int16`` make 256 and 65,536
+    steps between the lowest and the highest value, which are also read.
     """
-    if precision != "int8":
+    if precision not in ("int8", "int16"):
         rounded = values.astype(np.float16) if precision == "float16" else values
         return rounded.astype(np.float32), 0.0, 1.0
+    kind = np.uint8 if precision == "int8" else np.uint16
     low, high = float(values.min()), float(values.max())
-    step = (high - low) / 255.0 or 1.0
-    return np.rint((values - low) / step).astype(np.uint8), low, step
+    step = (high - low) / np.iinfo(kind).max or 1.0
+    return np.rint((values - low) / step).astype(kind), low, step
 
 
 def file_hash(path: Path) -> str:

@@ -23,6 +23,9 @@ from crowdsim.errors import RecipeError, nearest
 
 Array = NDArray[Any]
 
+AXIS_WIDTH = 9
+"""Numbers of an axis as compiled code reads it."""
+
 
 @dataclass(frozen=True)
 class AxisKind:
@@ -61,6 +64,8 @@ class Axis:
         count: Number of grid points, at least 1.
         wraps: Whether the axis closes on itself, which needs a range of one period.
         fade: How far beyond the range the behaviour's weight has fallen to nothing, in the axis' unit; 0 never fades.
+        stretch: Where the step between grid points has grown to four times that at 0, so that a grid is fine near and
+            coarse far: at the value v it is (1 + v / stretch)^2 times as long. 0: all steps are equal.
     """
 
     name: str
@@ -69,18 +74,38 @@ class Axis:
     count: int
     wraps: bool = False
     fade: float = 0.0
+    stretch: float = 0.0
+
+    @property
+    def rate(self) -> float:
+        """By how much a value is squeezed: grid points are even in v / (1 + rate v)."""
+        return 1.0 / self.stretch if self.stretch > 0.0 else 0.0
+
+    @property
+    def first(self) -> float:
+        """The first grid point, squeezed."""
+        return self.minimum / (1.0 + self.rate * self.minimum)
 
     @property
     def step(self) -> float:
-        """Distance between grid points; 1 when there is only one."""
+        """Distance between grid points, squeezed; 1 when there is only one."""
         if self.wraps:
             return (self.maximum - self.minimum) / self.count
-        return (self.maximum - self.minimum) / (self.count - 1) if self.count > 1 else 1.0
+        last = self.maximum / (1.0 + self.rate * self.maximum)
+        return (last - self.first) / (self.count - 1) if self.count > 1 else 1.0
 
     @property
     def points(self) -> Array:
         """Where the grid points lie. Shape (count,)."""
-        return self.minimum + self.step * np.arange(self.count)
+        if not self.rate:
+            return self.minimum + self.step * np.arange(self.count)
+        squeezed = self.first + self.step * np.arange(self.count)
+        return squeezed / (1.0 - self.rate * squeezed)
+
+    def places(self, values: ArrayLike) -> Array:
+        """Return where values lie on the axis, in grid points from the first one. Shape of ``values``."""
+        values = np.asarray(values, dtype=float)
+        return np.asarray((values / (1.0 + self.rate * values) - self.first) / self.step)
 
 
 @dataclass(frozen=True)
@@ -119,15 +144,17 @@ class Grid:
         return tuple(math.prod(self.shape[place + 1 :]) for place in range(len(self.axes)))
 
     def pack(self) -> Array:
-        """Return the axes as compiled code reads them. Shape (D, 7), float64.
+        """Return the axes as compiled code reads them. Shape (D, 9), float64.
 
-        The columns are the kind's code, minimum, step, count, whether it wraps, stride in a table, fade.
+        The columns are the kind's code, first point and step (squeezed), count, whether it wraps, stride in a table,
+        fade, minimum, rate.
         """
         rows = [
-            (AXIS_KINDS[axis.name].code, axis.minimum, axis.step, axis.count, axis.wraps, stride, axis.fade)
+            (AXIS_KINDS[axis.name].code, axis.first, axis.step, axis.count, axis.wraps, stride, axis.fade,
+             axis.minimum, axis.rate)
             for axis, stride in zip(self.axes, self.strides, strict=True)
         ]
-        return np.array(rows, dtype=np.float64).reshape(-1, 7)
+        return np.array(rows, dtype=np.float64).reshape(-1, AXIS_WIDTH)
 
     def targets(self) -> Array:
         """Return the target that each cell stands for, in the ground frame [m]. Shape (cells, 3).
@@ -162,6 +189,8 @@ def build_grid(axes: Iterable[Axis]) -> Grid:
             raise RecipeError(
                 f"axis {axis.name!r} reaches from {axis.minimum:g} to {axis.maximum:g}, expected a range upwards"
             )
+        if axis.stretch and (axis.wraps or axis.minimum < 0.0):
+            raise RecipeError(f"axis {axis.name!r} is stretched, so it must begin at 0 or above and cannot wrap")
         if axis.wraps and abs(axis.maximum - axis.minimum - kind.period) > 1e-6:
             raise RecipeError(f"axis {axis.name!r} wraps, so its range must be {kind.period:g} {kind.unit}")
     order = list(AXIS_KINDS)
@@ -195,7 +224,7 @@ def corners(grid: Grid, target: ArrayLike) -> tuple[Array, Array]:
     """
     parts = []
     for axis, stride in zip(grid.axes, grid.strides, strict=True):
-        place = (float(measure(axis.name, target)) - axis.minimum) / axis.step
+        place = float(axis.places(measure(axis.name, target)))
         if axis.wraps:
             place %= axis.count
             lower = min(int(place), axis.count - 1)

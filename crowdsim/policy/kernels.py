@@ -22,9 +22,9 @@ def measure(kind, x, y, z):
 @njit(cache=True)
 def place_on_axis(axes, row, x, y, z):
     """Return the grid point below a target on one axis, the one above, the share of the latter, and the fade."""
-    minimum, step, count = axes[row, 1], axes[row, 2], int(axes[row, 3])
+    first, step, count = axes[row, 1], axes[row, 2], int(axes[row, 3])
     value = measure(int(axes[row, 0]), x, y, z)
-    place = (value - minimum) / step
+    place = (value / (1.0 + axes[row, 8] * value) - first) / step
     if axes[row, 4] != 0.0:
         place -= count * math.floor(place / count)
         lower = min(int(place), count - 1)
@@ -32,7 +32,8 @@ def place_on_axis(axes, row, x, y, z):
         return lower, upper, place - lower, 1.0
     fade = 1.0
     if axes[row, 6] > 0.0:
-        beyond = max(-place, place - (count - 1.0), 0.0) * step
+        last = first + (count - 1.0) * step
+        beyond = max(axes[row, 7] - value, value - last / (1.0 - axes[row, 8] * last), 0.0)
         fade = max(0.0, 1.0 - beyond / axes[row, 6])
     place = min(max(place, 0.0), count - 1.0)
     lower = max(min(int(place), count - 2), 0)
@@ -79,15 +80,17 @@ def strike_lands(px, py, pz, x, y, z, terms, row):
 @njit(cache=True)
 def strike_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount):
     """Return the strike term of one action for a target that moves by (vx, vz) a frame."""
-    best = 0.0
+    best, spent = 0.0, 0.0
     for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
         t = actions.strike_times[strike]
         places = actions.strike_places
         px, py, pz = places[strike, 0], places[strike, 1], places[strike, 2]
+        faded = math.exp(t * log_discount)
+        spent += faded * terms[row, 9]
         if strike_lands(px, py, pz, x + t * vx, y, z + t * vz, terms, row):
             speed = actions.strike_speeds[strike]
-            best = max(best, math.exp(t * log_discount) * speed ** terms[row, 3])
-    return terms[row, 1] * best
+            best = max(best, faded * speed ** terms[row, 3])
+    return terms[row, 1] * (best - spent)
 
 
 @njit(cache=True)
@@ -102,13 +105,15 @@ def proximity_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount)
         factor *= discount
         dx = x + t * vx - actions.paths[start + t - 1, 0]
         dz = z + t * vz - actions.paths[start + t - 1, 1]
+        aside = 0.0
         if terms[row, 5] != 0.0:
             heading = actions.paths[start + t - 1, 2]
-            ahead = dx * math.sin(heading) + dz * math.cos(heading) - terms[row, 2]
-            aside = dx * math.cos(heading) - dz * math.sin(heading)
-            gap = math.sqrt(ahead * ahead + aside * aside)
+            ahead = dx * math.sin(heading) + dz * math.cos(heading)
+            aside = max(abs(dx * math.cos(heading) - dz * math.sin(heading)) - terms[row, 7], 0.0)
         else:
-            gap = abs(math.sqrt(dx * dx + dz * dz) - terms[row, 2])
+            ahead = math.sqrt(dx * dx + dz * dz)
+        ahead -= min(max(ahead, terms[row, 2]), terms[row, 6])
+        gap = math.sqrt(ahead * ahead + aside * aside)
         value = factor * math.exp(-gap / terms[row, 3])
         total += value
         best = max(best, value)
@@ -213,10 +218,32 @@ def evaluate_actions(tables, behaviour_weights, state, x, y, z, cells, corner_we
     for behaviour in range(len(behaviour_weights)):
         if behaviour_weights[behaviour] != 0.0:
             fade = fade_of(tables, behaviour, x, y, z)
-            factor = behaviour_weights[behaviour] * fade / tables.behaviours[behaviour, 7]
+            scale = tables.behaviours[behaviour, 7]
+            factor = behaviour_weights[behaviour] * fade / scale if scale > 0.0 else 0.0
             if factor != 0.0:
                 behaviour_values(tables, behaviour, state, x, y, z, factor, cells, corner_weights, out)
     return n
+
+
+@njit(cache=True)
+def action_spreads(tables, targets, out):
+    """Write by how much the best action of each state is better than the mean one, by the first behaviour.
+
+    NaN where there is one action, or the behaviour counts for nothing. ``out``: shape (S, N) for N targets.
+    """
+    cells, weights = np.empty(64, np.int64), np.empty(64)
+    one = np.ones(1)
+    most = 0
+    for s in range(out.shape[0]):
+        most = max(most, tables.actions.offsets[s + 1] - tables.actions.offsets[s])
+    values = np.empty(most)
+    for s in range(out.shape[0]):
+        for m in range(len(targets)):
+            x, y, z = targets[m]
+            if fade_of(tables, 0, x, y, z) > 0.0:
+                n = evaluate_actions(tables, one, s, x, y, z, cells, weights, values)
+                if n > 1:
+                    out[s, m] = values[:n].max() - values[:n].mean()
 
 
 @njit(cache=True, nogil=True)
@@ -301,37 +328,67 @@ def fill_successors(actions, axes, targets, velocities, lowers, shares):
                 lowers[outcome, a, m] = cell
 
 
-@njit(cache=True, parallel=True)
-def fill_rewards(actions, chosen, targets, velocities, terms, log_discount, out):
-    """Write r(e, a) for the ``chosen`` actions, every cell and every way the target may move. Shape (O, R, C).
+@njit(cache=True)
+def ground_reward(actions, action, x, z, vx, vz, terms, log_discount):
+    """Return what an action earns but for strikes that land, for a target over (x, z) that moves by (vx, vz)."""
+    total = 0.0
+    for row in range(len(terms)):
+        if terms[row, 0] == 0.0:
+            for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
+                total -= terms[row, 1] * terms[row, 9] * math.exp(actions.strike_times[strike] * log_discount)
+        else:
+            total += term_reward(actions, action, x, 0.0, z, vx, vz, terms, row, log_discount)
+    return total
 
-    The sum of ``reward``, term by term; what a strike earns is worked out once for all cells.
-    """
-    cells = len(targets)
-    for place in prange(len(chosen)):
-        action = chosen[place]
-        best = np.empty(cells)
+
+@njit(cache=True, parallel=True)
+def fill_near(actions, targets, velocities, terms, log_discount, out):
+    """Write what each action earns in each moving cell but for strikes that land. Shape (O, A, M), or (O, A, 1)."""
+    for action in prange(out.shape[1]):
         for outcome in range(out.shape[0]):
             vx, vz = velocities[outcome, 0], velocities[outcome, 1]
-            total = np.zeros(cells)
-            for row in range(len(terms)):
-                if terms[row, 0] == 0.0:
-                    best[:] = 0.0
-                    for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
-                        t = actions.strike_times[strike]
-                        places = actions.strike_places
-                        px, py, pz = places[strike, 0] - t * vx, places[strike, 1], places[strike, 2] - t * vz
-                        earned = math.exp(t * log_discount) * actions.strike_speeds[strike] ** terms[row, 3]
-                        for c in range(cells):
-                            if strike_lands(px, py, pz, targets[c, 0], targets[c, 1], targets[c, 2], terms, row):
-                                best[c] = max(best[c], earned)
-                    for c in range(cells):
-                        total[c] += terms[row, 1] * best[c]
-                else:
-                    for c in range(cells):
-                        x, y, z = targets[c, 0], targets[c, 1], targets[c, 2]
-                        total[c] += term_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount)
-            out[outcome, place] = total
+            for m in range(out.shape[2]):
+                x, z = targets[m, 0], targets[m, 2]
+                out[outcome, action, m] = ground_reward(actions, action, x, z, vx, vz, terms, log_discount)
+
+
+@njit(cache=True, parallel=True)
+def fill_landed(actions, targets, layers, velocities, terms, log_discount, offsets, cells, rewards):
+    """Write the cells in which strikes of each action land and what the best one earns there (``model.Model``).
+
+    Without room in ``cells`` it only counts: ``offsets[o * A + a + 1]`` gets the number of them.
+    """
+    count = len(actions.next)
+    for action in prange(count):
+        first, last = actions.strike_offsets[action], actions.strike_offsets[action + 1]
+        if first == last:
+            continue
+        found = np.empty(layers)
+        for outcome in range(len(velocities)):
+            vx, vz = velocities[outcome, 0], velocities[outcome, 1]
+            held, at = 0, offsets[outcome * count + action]
+            for m in range(len(targets) // layers):
+                found[:] = 0.0
+                for row in range(len(terms)):
+                    if terms[row, 0] != 0.0:
+                        continue
+                    for h in range(layers):
+                        best = 0.0
+                        x, y, z = targets[m * layers + h]
+                        for strike in range(first, last):
+                            t = actions.strike_times[strike]
+                            px, py, pz = actions.strike_places[strike]
+                            if strike_lands(px, py, pz, x + t * vx, y, z + t * vz, terms, row):
+                                fast = actions.strike_speeds[strike] ** terms[row, 3]
+                                best = max(best, math.exp(t * log_discount) * fast)
+                        found[h] += terms[row, 1] * best
+                for h in range(layers):
+                    if found[h] > 0.0:
+                        if len(cells) > 0:
+                            cells[at + held], rewards[at + held] = m * layers + h, found[h]
+                        held += 1
+            if len(cells) == 0:
+                offsets[outcome * count + action + 1] = held
 
 
 @njit(cache=True)

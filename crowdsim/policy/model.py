@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import AXIS_KINDS, Grid
-from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, Term, pack_terms
+from crowdsim.policy.rewards import StrikeTerm, TargetBody, Term, TransitionTerm, pack_terms
 
 Array = NDArray[Any]
 
@@ -72,9 +72,12 @@ class Model:
         shares: Share of the next grid point on each moving axis. Shape (O, A, M, D), float32.
         steps: From a lower corner to all its corners, in cells of the table. Shape (M, 2^D), int32.
         probabilities: p(o). Shape (O,), float32.
-        reward_rows: Row of ``rewards`` of each action, -1 when its reward is the same everywhere. Shape (A,), int32.
-        rewards: r(a, c, o). Shape (O, R, C), float32.
-        constants: The reward of actions that have no row. Shape (A,), float32.
+        near: What each action earns in each moving cell, landed strikes left out: the reward there is for where the
+            target is over the ground. Shape (O, A, M), float32; (O, A, 1) where it is the same everywhere.
+        landed: CSR over outcome and action: entries ``landed[o * A + a]:landed[o * A + a + 1]`` of the next two are
+            what its strikes earn. Shape (O * A + 1,), int64.
+        landed_cells: Cells, ascending, where a strike lands. Flat, int32.
+        landed_rewards: What the best of the strikes that land there earns. Flat, float32.
     """
 
     grid: Grid
@@ -86,9 +89,10 @@ class Model:
     shares: Array
     steps: Array
     probabilities: Array
-    reward_rows: Array
-    rewards: Array
-    constants: Array
+    near: Array
+    landed: Array
+    landed_cells: Array
+    landed_rewards: Array
 
     @property
     def state_count(self) -> int:
@@ -101,16 +105,22 @@ class Model:
         return len(self.next)
 
     @property
-    def expected_rewards(self) -> Array:
-        """Rewards averaged over the ways in which the target moves. Shape (R, C), float32."""
-        if len(self.probabilities) == 1:
-            return self.rewards[0]
-        return np.tensordot(self.probabilities, self.rewards, axes=1).astype(np.float32)
-
-    @property
     def nbytes(self) -> int:
         """Memory that successors and rewards take."""
-        return int(self.lowers.nbytes + self.shares.nbytes + self.rewards.nbytes)
+        landed = self.landed_cells.nbytes + self.landed_rewards.nbytes
+        return int(self.lowers.nbytes + self.shares.nbytes + self.near.nbytes + landed)
+
+    def rewards(self, first: int, last: int) -> Array:
+        """Return the rewards of actions ``first`` to ``last``, averaged over outcomes. Shape (n, C), float32."""
+        layers, total = self.grid.layers, np.zeros((last - first, self.grid.cells), np.float32)
+        for outcome, probability in enumerate(self.probabilities):
+            near = np.broadcast_to(self.near[outcome, first:last], (last - first, self.grid.cells // layers))
+            total += probability * np.repeat(near, layers, axis=1)
+            offsets = self.landed[outcome * self.action_count + np.arange(first, last + 1)]
+            rows = np.repeat(np.arange(last - first), np.diff(offsets))
+            some = slice(offsets[0], offsets[-1])
+            total[rows, self.landed_cells[some]] += probability * self.landed_rewards[some]
+        return total
 
 
 def build_model(
@@ -144,22 +154,16 @@ def build_model(
     shares = np.empty((ways, count, cells, moving), np.float32)
     kernels.fill_successors(actions, axes, targets[::layers].copy(), movement.velocities, lowers, shares)
 
-    packed = pack_terms(terms, body)
-    depends = np.zeros(count, bool)
-    for term in terms:
-        if isinstance(term, StrikeTerm):
-            depends |= np.diff(actions.strike_offsets) > 0
-        elif isinstance(term, ProximityTerm) or term.code not in (0, 1, 2):
-            depends[:] = True
-    chosen = np.flatnonzero(depends)
-    rewards = np.empty((ways, len(chosen), grid.cells), np.float32)
-    kernels.fill_rewards(actions, chosen, targets, movement.velocities, packed, math.log(discount), rewards)
-    rows = np.full(count, -1, np.int32)
-    rows[chosen] = np.arange(len(chosen))
-    constants = np.empty((1, count, 1), np.float32)
-    kernels.fill_rewards(
-        actions, np.arange(count), np.full((1, 3), 1e6), np.zeros((1, 2)), packed, math.log(discount), constants
-    )
+    packed, log_discount = pack_terms(terms, body), math.log(discount)
+    same = all(isinstance(term, StrikeTerm | TransitionTerm) for term in terms)
+    near = np.empty((ways, count, 1 if same else cells), np.float32)
+    kernels.fill_near(actions, targets[::layers].copy(), movement.velocities, packed, log_discount, near)
+    landed = np.zeros(ways * count + 1, np.int64)
+    nothing = np.zeros(0, np.int32), np.zeros(0, np.float32)
+    kernels.fill_landed(actions, targets, layers, movement.velocities, packed, log_discount, landed, *nothing)
+    np.cumsum(landed, out=landed)
+    entries = np.empty(landed[-1], np.int32), np.empty(landed[-1], np.float32)
+    kernels.fill_landed(actions, targets, layers, movement.velocities, packed, log_discount, landed, *entries)
     return Model(
         grid=grid,
         discount=discount,
@@ -170,9 +174,10 @@ def build_model(
         shares=shares,
         steps=corner_steps(grid),
         probabilities=movement.probabilities.astype(np.float32),
-        reward_rows=rows,
-        rewards=rewards,
-        constants=constants[0, :, 0],
+        near=near,
+        landed=landed,
+        landed_cells=entries[0],
+        landed_rewards=entries[1],
     )
 
 

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from crowdsim.errors import PolicyError, nearest
 from crowdsim.motion import ground
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.environment import Grid, corners, fade_factor
-from crowdsim.policy.rewards import TargetBody, Term, action_reward, pack_terms
+from crowdsim.policy.environment import AXIS_WIDTH, Grid, corners, fade_factor
+from crowdsim.policy.rewards import TERM_WIDTH, TargetBody, Term, TransitionTerm, action_reward, pack_terms
 
 if TYPE_CHECKING:
     from crowdsim.graph.motion_graph import MotionGraph
@@ -37,9 +37,9 @@ class Behaviour:
             ``offsets[s] * cells + c * n + k``, where n is the number of actions of s, so that actions lie side by side.
             ``v``: it holds V(state, cell) at ``s * cells + c``, and Q(action, e) is the action's own reward, exactly
             where the target is, plus gamma^T times V interpolated where the target will be.
-        table: The values, flat. Shape (A * cells,) or (S * cells,), float32; or uint8, whole numbers of steps.
-        scale: Spread of V over states and cells (from its 5th to its 95th percentile). Values are divided by it before
-            behaviours are added up.
+        table: The values, flat. Shape (A * cells,) or (S * cells,), float32; or uint8 or uint16, whole numbers of steps.
+        scale: How much better the best action of a state is than the mean one (``train.decisive_scale``). Values are
+            divided by it before behaviours are added up. 0: the behaviour has no preference and counts for nothing.
         terms: The reward's terms.
         discount: gamma, a control frame.
         low: What an entry of 0 is worth.
@@ -150,7 +150,7 @@ def build_lookup_tables(
     actions: Actions, behaviours: tuple[Behaviour, ...], body: TargetBody, values: Array | None = None
 ) -> LookupTables:
     """Return behaviours as flat arrays; ``values`` are their tables one after another, when they lie so already."""
-    rows, axes, terms = [], [np.zeros((0, 7))], [np.zeros((0, 9))]
+    rows, axes, terms = [], [np.zeros((0, AXIS_WIDTH))], [np.zeros((0, TERM_WIDTH))]
     axis_start = term_start = table_start = 0
     for behaviour in behaviours:
         axes.append(behaviour.grid.pack())
@@ -166,17 +166,27 @@ def build_lookup_tables(
     return LookupTables(actions, packed, np.concatenate(axes), np.concatenate(terms), np.asarray(values))
 
 
-def action_values(policy: Policy, weights: Mapping[str, float], state: int, target: ArrayLike) -> Array:
+def action_values(
+    policy: Policy,
+    weights: Mapping[str, float],
+    state: int,
+    target: ArrayLike,
+    moving: ArrayLike = (0.0, 0.0, 0.0),
+    lasts: float = math.inf,
+) -> Array:
     """Return what each action of a state is worth for a target: slow and plain, the meaning of the compiled version.
 
     Values of behaviours are divided by their scale, multiplied by their weight and by how much they count at the target
-    (``fade_factor``), and added (paper, section 5).
+    (``fade_factor``), and added (paper, section 5). What a transition costs is in the values of every behaviour that
+    prices it; here it is counted once, at the highest of their prices.
 
     Args:
         policy: The policy.
         weights: Weight of each behaviour by name; those left out count nothing.
         state: The avatar's state.
         target: Centre of the target's head in the avatar's ground frame [m]. Shape (3,).
+        moving: How far the target moves in a control frame, in the same frame [m]. Shape (3,).
+        lasts: For how many control frames it moves on.
 
     Returns:
         The values. Shape (n,), n being the number of actions of the state.
@@ -184,25 +194,38 @@ def action_values(policy: Policy, weights: Mapping[str, float], state: int, targ
     actions = policy.actions
     first, end = int(actions.offsets[state]), int(actions.offsets[state + 1])
     total = np.zeros(end - first)
+    costs = actions.costs[first:end].astype(float)
+    prices = [np.zeros(end - first)]
+    motion = np.asarray(moving, dtype=float), lasts
     for name, weight in weights.items():
         behaviour = policy.behaviour(name)
+        if behaviour.scale == 0.0:
+            continue
         factor = weight * fade_factor(behaviour.grid, target) / behaviour.scale
         if factor == 0.0:
             continue
         for k, action in enumerate(range(first, end)):
-            total[k] += factor * _action_value(policy, behaviour, state, action, np.asarray(target, dtype=float))
-    return total
+            total[k] += factor * _action_value(policy, behaviour, state, action, np.asarray(target, dtype=float), *motion)
+        priced = [term for term in behaviour.terms if isinstance(term, TransitionTerm)]
+        price = sum(term.weight * costs + term.each * (costs > 0.0) for term in priced)
+        prices.append(factor * price * np.ones(end - first))
+    return total + np.sum(prices, axis=0) - np.max(prices, axis=0)
 
 
-def _action_value(policy: Policy, behaviour: Behaviour, state: int, action: int, target: Array) -> float:
+def _action_value(
+    policy: Policy, behaviour: Behaviour, state: int, action: int, target: Array, moving: Array, lasts: float
+) -> float:
     """Return Q(e, a) of one behaviour."""
     actions, grid = policy.actions, behaviour.grid
     first, n = int(actions.offsets[state]), int(actions.offsets[state + 1] - actions.offsets[state])
     if behaviour.lookup == "q":
-        cells, shares = corners(grid, target)
+        # The table knows still targets alone: it is read for where the target is half an action later.
+        cells, shares = corners(grid, target + min(0.5 * float(np.mean(actions.lengths)), lasts) * moving)
         return float(shares @ behaviour.values(first * grid.cells + cells * n + (action - first)))
-    reward = action_reward(actions, action, target, behaviour.terms, policy.body, behaviour.discount)
-    later = ground.to_local(actions.displacements[action].astype(float), target)
+    velocity = moving[[0, 2]], lasts
+    reward = action_reward(actions, action, target, behaviour.terms, policy.body, behaviour.discount, *velocity)
+    moved = target + min(float(actions.lengths[action]), lasts) * moving
+    later = ground.to_local(actions.displacements[action].astype(float), moved)
     cells, shares = corners(grid, later)
     value = float(shares @ behaviour.values(int(actions.next[action]) * grid.cells + cells))
     return reward + math.pow(behaviour.discount, int(actions.lengths[action])) * value

@@ -29,20 +29,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-TARGETS = 96
-"""Places of the target over which ways out are judged, half of them in the region that strikes reach."""
-
-FAR = 4.0
-"""The other half lie up to this far away [m]."""
-
 COARSE = {"distance": 11, "bearing": 16, "height": 3}
 """Most points of each axis on which the wide graph is learned."""
 
 _BLOCK = 64
 """States that one thread judges at a time."""
-
-_SPREAD = (0.8191725133961645, 0.6710436067037893, 0.5497004779019703)
-"""Steps of a sequence that fills a cube evenly (the plastic number's, in three dimensions)."""
 
 
 def prune_graph(
@@ -125,6 +116,7 @@ def judge_ways(
 
     from crowdsim.policy import kernels
     from crowdsim.policy.policy import build_lookup_tables
+    from crowdsim.policy.ranges import sample_targets
     from crowdsim.policy.train import train_behaviour
 
     coarse = []
@@ -148,21 +140,6 @@ def judge_ways(
             if progress is not None:
                 progress("prune, ways out", last, states)
     return keep.astype(bool), gains
-
-
-def sample_targets(database: MotionDatabase, count: int = TARGETS) -> Array:
-    """Return places of a target all around an avatar, half of them within reach [m]. Shape (count, 3)."""
-    from crowdsim.policy.ranges import strike_reach
-
-    near, high = (0.3, 1.3), np.percentile(np.asarray(database.heads[:, 1], dtype=float), [5.0, 95.0])
-    if len(database.strike_frames):
-        near = strike_reach(database).distance
-    shares = (0.5 + np.outer(np.arange(count), _SPREAD)) % 1.0
-    ends = np.where((np.arange(count) % 2 == 0)[:, None], near, (near[0], FAR))
-    distance = ends[:, 0] + shares[:, 0] * (ends[:, 1] - ends[:, 0])
-    bearing = math.pi * (2.0 * shares[:, 1] - 1.0)
-    height = high[0] + shares[:, 2] * (high[1] - high[0])
-    return np.stack([distance * np.sin(bearing), height, distance * np.cos(bearing)], axis=-1)
 
 
 def _coarse(spec: BehaviourSpec) -> BehaviourSpec:

@@ -50,7 +50,7 @@ def q_learning(
     """
     started = time.perf_counter()
     cells, layers = model.grid.cells, model.grid.layers
-    packed = sweep_model(model, model.rewards)
+    packed = sweep_model(model)
     q, other = (np.zeros(model.action_count * cells, np.float32) for _ in range(2))
     changes = np.empty(model.state_count)
     visits = np.zeros(len(q), np.uint16)

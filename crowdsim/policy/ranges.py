@@ -13,7 +13,7 @@ from crowdsim.errors import MotionError
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy.environment import Axis, Grid, build_grid
 from crowdsim.policy.recipe import BehaviourSpec
-from crowdsim.policy.rewards import StrikeTerm
+from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, Term
 
 Array = NDArray[Any]
 
@@ -65,6 +65,57 @@ def check_strikes(database: MotionDatabase) -> None:
     )
 
 
+def striking_range(database: MotionDatabase) -> tuple[float, float]:
+    """Return the distances from which strikes reach a head: from the lower to the upper quartile of strikes [m].
+
+    Over the ground, from the avatar's ground frame to the centre of the head that the fist touches.
+
+    Raises:
+        MotionError: There are no strikes.
+    """
+    check_strikes(database)
+    x, _, z = np.asarray(database.strike_places, dtype=float).T
+    near, far = np.percentile(np.hypot(x, z), [25.0, 75.0]) + float(database.body.head_radius)
+    return round(float(near), 3), round(float(far), 3)
+
+
+def resolve_terms(spec: BehaviourSpec, database: MotionDatabase) -> tuple[Term, ...]:
+    """Return the reward terms of a behaviour; a distance that its recipe leaves out is where strikes reach.
+
+    Raises:
+        MotionError: A distance is left out, and there are no strikes.
+    """
+    terms: list[Term] = []
+    for term in spec.rewards:
+        if isinstance(term, ProximityTerm) and term.distance is None:
+            term = term.model_copy(update={"distance": striking_range(database)})
+        terms.append(term)
+    return tuple(terms)
+
+
+TARGETS = 96
+"""Places of the target over which actions are compared, half of them in the region that strikes reach."""
+
+FAR = 4.0
+"""The other half lie up to this far away [m]."""
+
+_SPREAD = (0.8191725133961645, 0.6710436067037893, 0.5497004779019703)
+"""Steps of a sequence that fills a cube evenly (the plastic number's, in three dimensions)."""
+
+
+def sample_targets(database: MotionDatabase, count: int = TARGETS) -> Array:
+    """Return places of a target all around an avatar, half of them within reach [m]. Shape (count, 3)."""
+    near, high = (0.3, 1.3), np.percentile(np.asarray(database.heads[:, 1], dtype=float), [5.0, 95.0])
+    if len(database.strike_frames):
+        near = strike_reach(database).distance
+    shares = (0.5 + np.outer(np.arange(count), _SPREAD)) % 1.0
+    ends = np.where((np.arange(count) % 2 == 0)[:, None], near, (near[0], FAR))
+    distance = ends[:, 0] + shares[:, 0] * (ends[:, 1] - ends[:, 0])
+    bearing = math.pi * (2.0 * shares[:, 1] - 1.0)
+    height = high[0] + shares[:, 2] * (high[1] - high[0])
+    return np.stack([distance * np.sin(bearing), height, distance * np.cos(bearing)], axis=-1)
+
+
 def resolve_grid(spec: BehaviourSpec, database: MotionDatabase) -> Grid:
     """Return the grid of a behaviour; ranges that its recipe leaves out come from the motion."""
     axes = []
@@ -80,7 +131,7 @@ def resolve_grid(spec: BehaviourSpec, database: MotionDatabase) -> Grid:
             heads = np.percentile(np.asarray(database.heads[:, 1], dtype=float), [1.0, 99.0])
             low = round(float(heads[0]), 3) if low is None else low
             high = round(float(heads[1]), 3) if high is None else high
-        axes.append(Axis(name, low, high, axis.count, wraps, axis.fade))
+        axes.append(Axis(name, low, high, axis.count, wraps, axis.fade, axis.stretch or 0.0))
     return build_grid(axes)
 
 

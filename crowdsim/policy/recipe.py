@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from crowdsim.errors import RecipeError
+from crowdsim.errors import RecipeError, nearest
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.policy.environment import AXIS_KINDS
 from crowdsim.policy.rewards import AnyTerm, StrikeTerm
@@ -77,6 +77,13 @@ class AxisSpec(StrictModel):
     fade: float = Field(
         default=0.0, ge=0.0, description="How far beyond the range the behaviour stops counting; 0: never."
     )
+    stretch: float | None = Field(
+        default=None,
+        gt=0.0,
+        allow_inf_nan=False,
+        description="Where steps between grid points are four times as long as at 0, so that a grid is fine near and "
+        "coarse far, of a distance or height [m]; null: all are equal.",
+    )
 
     @model_validator(mode="after")
     def _upwards(self) -> AxisSpec:
@@ -111,7 +118,9 @@ class ValueIterationSpec(StrictModel):
     """Solve by value iteration."""
 
     kind: Literal["value_iteration"] = "value_iteration"
-    tolerance: float = Field(default=1e-3, gt=0.0, description="Greatest change of a value at the end.")
+    tolerance: float = Field(
+        default=1e-3, gt=0.0, description="Greatest change of a value at the end, over the spread of values."
+    )
     max_sweeps: int = Field(default=2000, ge=1, description="Most sweeps.")
 
 
@@ -161,6 +170,8 @@ class BehaviourSpec(StrictModel):
 
     @model_validator(mode="after")
     def _learns_what_it_says(self) -> BehaviourSpec:
+        if self.axes.bearing is not None and self.axes.bearing.stretch is not None:
+            raise Fault("is stretched, expected even steps of a bearing", "axes", "bearing", "stretch")
         if isinstance(self.solver, QLearningSpec) and self.backup != "max_of_interpolated":
             raise Fault("is interpolation_of_max, expected max_of_interpolated with q_learning", "backup")
         if self.finer > 1 and self.backup == "max_of_interpolated":
@@ -203,7 +214,20 @@ class Recipe(StrictModel):
         default=None, description="Which ways out of the graph are kept, by what they are worth; null: all."
     )
     behaviours: dict[Name, BehaviourSpec] = Field(min_length=1, description="What is learned, by name.")
-    precision: Literal["float32", "float16", "int8"] = Field(default="float32", description="How values are stored.")
+    weights: dict[Name, Annotated[float, Field(ge=0.0, le=1000.0)]] | None = Field(
+        default=None,
+        description="Weights of the behaviours that avatars use where their scenario names none; null: 1 each.",
+    )
+    precision: Literal["float32", "float16", "int16", "int8"] = Field(
+        default="float32", description="How values are stored."
+    )
+
+    @model_validator(mode="after")
+    def _weighs_what_is_learned(self) -> Recipe:
+        for name in self.weights or {}:
+            if name not in self.behaviours:
+                raise Fault(f"is no behaviour of the recipe{nearest(name, self.behaviours)}", "weights", name)
+        return self
 
     @model_validator(mode="after")
     def _whole_multiple(self) -> Recipe:

@@ -123,7 +123,7 @@ def _weights(axis: Axis, other: Axis) -> Array:
     """Return the weight of each point of ``axis`` at each point of another one. Shape (other count, count)."""
     result = np.zeros((other.count, axis.count))
     rows = np.arange(other.count)
-    place = (other.points - axis.minimum) / axis.step
+    place = axis.places(other.points)
     lower = np.clip(np.floor(place + 1e-9).astype(int), 0, axis.count - 1)
     upper = (lower + 1) % axis.count if axis.wraps else np.minimum(lower + 1, axis.count - 1)
     share = np.clip(place - lower, 0.0, 1.0)

@@ -3,10 +3,12 @@
 The reward of one action is the sum of its terms, evaluated exactly where the target is, never interpolated. Time t
 counts control frames from the action's state, and gamma is the discount a frame:
 
-* ``strike``: max over the action's strikes of gamma^t I(t) w(t). I(t) is 1 when the strike lands: its fist is within
-  ``tolerance`` of the surface of the target's head, or of the upright torso under it.
+* ``strike``: max over the action's strikes of gamma^t I(t) w(t), less gamma^t ``effort`` for each strike thrown. I(t) is
+  1 when the strike lands: its fist is within ``tolerance`` of the surface of the target's head, or of the upright torso
+  under it.
 * ``proximity``: gamma^t exp(-d(t) / sigma), summed over the action's frames (``sum``, which does not depend on where
-  actions are cut) or its greatest (``max``, the paper's). d(t) is how far the target is from where it is wanted.
+  actions are cut) or its greatest (``max``, the paper's). d(t) is how far the target is from where it is wanted: at a
+  distance, or between two distances, from the avatar.
 * ``transition``: what cuts cost, since they are seen.
 
 To add a term, write its model here, add it to ``TERMS``, and add a branch to ``term_reward`` in ``kernels.py``.
@@ -20,17 +22,20 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from crowdsim.motion import ground
+from crowdsim.yaml_files import Fault
 
 if TYPE_CHECKING:
     from crowdsim.motion.database import MotionDatabase
     from crowdsim.policy.actions import Actions
 
 Array = NDArray[Any]
+Metres = Annotated[float, Field(ge=0.0)]
 
-TERM_WIDTH = 9
+TERM_WIDTH = 10
+"""Numbers of a term as compiled code reads it."""
 
 
 class TargetBody(BaseModel):
@@ -71,11 +76,14 @@ class StrikeTerm(Term):
         le=4.0,
         description="Power of the fist's speed over the mean of all strikes; 0: all count alike.",
     )
+    effort: float = Field(
+        default=0.0, ge=0.0, le=10.0, description="What each strike costs that is thrown, whether or not it lands."
+    )
 
     def pack(self, body: TargetBody) -> tuple[float, ...]:
-        """Return weight, tolerance, speed weight, and the target's sizes."""
+        """Return weight, tolerance, speed weight, the target's sizes, a place that control uses, and the effort."""
         sizes = (body.head_radius, body.torso_radius, body.neck_drop, body.pelvis_drop)
-        return (self.weight, self.tolerance, self.speed_weight, *sizes)
+        return (self.weight, self.tolerance, self.speed_weight, *sizes, 0.0, self.effort)
 
 
 class ProximityTerm(Term):
@@ -83,7 +91,11 @@ class ProximityTerm(Term):
 
     code: ClassVar[int] = 1
     kind: Literal["proximity"]
-    distance: float = Field(default=0.5, ge=0.0, description="Where the target is wanted: this far away [m].")
+    distance: Metres | tuple[Metres, Metres] | None = Field(
+        default=None,
+        description="Where the target is wanted: this far away, or between two distances; null: where strikes reach "
+        "it, by the data [m].",
+    )
     sigma: float = Field(default=0.5, gt=0.0, description="How fast the reward falls with the distance from there [m].")
     form: Literal["sum", "max"] = Field(
         default="sum", description="Summed over the action's frames, or their greatest."
@@ -91,10 +103,27 @@ class ProximityTerm(Term):
     facing: bool = Field(
         default=False, description="Whether the target is wanted straight ahead, rather than anywhere round."
     )
+    aside: float = Field(
+        default=0.0, ge=0.0, description="With facing: how far to the side of straight ahead is as good [m]."
+    )
+
+    @model_validator(mode="after")
+    def _upwards(self) -> ProximityTerm:
+        if isinstance(self.distance, tuple) and self.distance[0] > self.distance[1]:
+            raise Fault(f"is {list(self.distance)}, expected the nearer distance first", "distance")
+        return self
+
+    @property
+    def between(self) -> tuple[float, float]:
+        """Least and greatest distance at which the target is wanted [m]."""
+        if self.distance is None:
+            raise ValueError("the distance is not known yet; see ranges.resolve_terms")
+        return self.distance if isinstance(self.distance, tuple) else (self.distance, self.distance)
 
     def pack(self, body: TargetBody) -> tuple[float, ...]:
-        """Return weight, distance, sigma, whether it is the greatest, whether the target is wanted ahead."""
-        return (self.weight, self.distance, self.sigma, float(self.form == "max"), float(self.facing))
+        """Return weight, least distance, sigma, whether it is the greatest, facing, greatest distance, aside."""
+        near, far = self.between
+        return (self.weight, near, self.sigma, float(self.form == "max"), float(self.facing), far, self.aside)
 
 
 class TransitionTerm(Term):
@@ -152,6 +181,7 @@ def action_reward(
     body: TargetBody,
     discount: float,
     velocity: ArrayLike = (0.0, 0.0),
+    lasts: float = math.inf,
 ) -> float:
     """Return r(e, a) for a target (3,) in the ground frame of the action's state: slow and plain, as said above.
 
@@ -163,24 +193,30 @@ def action_reward(
         body: The target's sizes.
         discount: gamma, a control frame.
         velocity: How far the target moves over the ground, along x and z [m a control frame].
+        lasts: For how many control frames it moves on.
     """
     start = np.asarray(target, dtype=float)
     step = np.array([velocity[0], 0.0, velocity[1]])  # type: ignore[index]
     total = 0.0
     for term in terms:
         if isinstance(term, StrikeTerm):
-            found = [0.0]
+            found, spent = [0.0], 0.0
             for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
                 t = float(actions.strike_times[strike])
-                if min(surface_distance(actions.strike_places[strike], start + t * step, body)) <= term.tolerance:
+                spent += discount**t * term.effort
+                if min(surface_distance(actions.strike_places[strike], start + min(t, lasts) * step, body)) <= term.tolerance:
                     found.append(discount**t * float(actions.strike_speeds[strike]) ** term.speed_weight)
-            total += term.weight * max(found)
+            total += term.weight * (max(found) - spent)
         elif isinstance(term, ProximityTerm):
             path = actions.paths[actions.path_offsets[action] : actions.path_offsets[action + 1]].astype(float)
             values = []
             for t, place in enumerate(path, start=1):
-                x, _, z = ground.to_local(place, start + t * step)
-                gap = math.hypot(x, z - term.distance) if term.facing else abs(math.hypot(x, z) - term.distance)
+                x, _, z = ground.to_local(place, start + min(t, lasts) * step)
+                ahead = z if term.facing else math.hypot(x, z)
+                gap = ahead - min(max(ahead, term.between[0]), term.between[1])
+                if term.facing:
+                    gap = math.hypot(gap, max(abs(x) - term.aside, 0.0))
+                gap = abs(gap)
                 values.append(discount**t * math.exp(-gap / term.sigma))
             total += term.weight * (sum(values) if term.form == "sum" else max(values))
         elif isinstance(term, TransitionTerm):

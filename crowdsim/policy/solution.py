@@ -27,8 +27,9 @@ class Solution:
         backup: One of ``model.BACKUPS``.
         sweeps: Times that every action of every state was backed up or tried in every cell.
         updates: Single backups or trials, those of policy evaluation included.
-        residuals: By how much the values changed, a number for each sweep. Value iteration: the greatest change; its
-            last is the Bellman residual. Q-learning: the mean size of the temporal-difference error.
+        residuals: By how much the values changed, a number for each sweep. Value iteration: the greatest change over
+            ``value_spread``; its last is the Bellman residual. Q-learning: the mean size of the temporal-difference
+            error.
         seconds: Time that the solver took [s], compilation left out as far as it lies in a cache.
         converged: Whether the last residual is within the tolerance.
     """
@@ -44,8 +45,15 @@ class Solution:
     converged: bool
 
 
+def value_spread(values: Array) -> float:
+    """Return the spread of values, from their 5th to their 95th percentile; a thousandth of their size at least."""
+    some = values.ravel()[:: max(1, values.size // 100_000)]
+    low, high = np.percentile(some, [5.0, 95.0])
+    return max(float(high - low), 1e-3 * float(np.abs(some).max())) or 1.0
+
+
 class SweepModel(NamedTuple):
-    """The arrays of a model that sweeps read; rewards are averaged over the ways in which the target moves."""
+    """The arrays of a model that sweeps read (``Model``)."""
 
     offsets: Array
     next: Array
@@ -54,13 +62,14 @@ class SweepModel(NamedTuple):
     shares: Array
     steps: Array
     probabilities: Array
-    reward_rows: Array
-    rewards: Array
-    constants: Array
+    near: Array
+    landed: Array
+    landed_cells: Array
+    landed_rewards: Array
 
 
-def sweep_model(model: Model, rewards: Array) -> SweepModel:
-    """Return the model's arrays for compiled code with the given rewards."""
+def sweep_model(model: Model) -> SweepModel:
+    """Return the model's arrays for compiled code."""
     return SweepModel(
         model.offsets,
         model.next,
@@ -69,9 +78,10 @@ def sweep_model(model: Model, rewards: Array) -> SweepModel:
         model.shares,
         model.steps,
         model.probabilities,
-        model.reward_rows,
-        rewards,
-        model.constants,
+        model.near,
+        model.landed,
+        model.landed_cells,
+        model.landed_rewards,
     )
 
 
@@ -80,6 +90,6 @@ def q_table(model: Model, values: Array) -> Array:
     from crowdsim.policy import solver_kernels
 
     q = np.empty(model.action_count * model.grid.cells, values.dtype)
-    packed = sweep_model(model, model.expected_rewards)
+    packed = sweep_model(model)
     solver_kernels.q_from_values(packed, model.grid.layers, np.ascontiguousarray(values).ravel(), q)
     return q

@@ -24,6 +24,33 @@ def corner_weights(shares, outcome, action, cell, weights):
         count *= 2
 
 
+@njit(cache=True)
+def earned_in(model, outcome, action, m, cell):
+    """Return r(a, c, o) of one cell, which is in the moving cell ``m``."""
+    row = outcome * len(model.next) + action
+    low, end = model.landed[row], model.landed[row + 1]
+    earned = model.near[outcome, action, m if model.near.shape[2] > 1 else 0]
+    if low == end:
+        return earned
+    high = end
+    while low < high:
+        middle = (low + high) // 2
+        if model.landed_cells[middle] < cell:
+            low = middle + 1
+        else:
+            high = middle
+    return earned + model.landed_rewards[low] if low < end and model.landed_cells[low] == cell else earned
+
+
+@njit(cache=True)
+def expected_reward(model, action, m, cell):
+    """Return r(a, c), averaged over the ways in which the target moves."""
+    total = model.probabilities[0] * earned_in(model, 0, action, m, cell)
+    for outcome in range(1, len(model.probabilities)):
+        total += model.probabilities[outcome] * earned_in(model, outcome, action, m, cell)
+    return total
+
+
 @njit(cache=True, error_model="numpy")
 def back_up_action(model, values, action, layers, weights, row):
     """Write Q(action, .) for all cells to ``row``, by interpolated V."""
@@ -32,16 +59,18 @@ def back_up_action(model, values, action, layers, weights, row):
     base = model.next[action] * cells
     corners = model.steps.shape[1]
     discount = model.discounts[action]
-    reward_row = model.reward_rows[action]
-    constant = model.constants[action]
-    if reward_row < 0:
-        for c in range(cells):
-            row[c] = constant
-    else:
-        for c in range(cells):
-            row[c] = model.rewards[reward_row, c]
+    wide = model.near.shape[2] > 1
+    row[:cells] = 0.0
     for outcome in range(ways):
-        factor = discount * model.probabilities[outcome]
+        probability = model.probabilities[outcome]
+        factor = discount * probability
+        for m in range(moving):
+            earned = probability * model.near[outcome, action, m if wide else 0]
+            for h in range(layers):
+                row[m * layers + h] += earned
+        at = outcome * len(model.next) + action
+        for entry in range(model.landed[at], model.landed[at + 1]):
+            row[model.landed_cells[entry]] += probability * model.landed_rewards[entry]
         for m in range(moving):
             lower = np.int64(model.lowers[outcome, action, m])
             entry = base + lower * layers
@@ -65,16 +94,18 @@ def back_up_action(model, values, action, layers, weights, row):
 
 
 @njit(cache=True, error_model="numpy")
-def improve_by_action(values, lowers, shares, steps, discount, rewards, constant, k, lanes, out, best):
+def improve_by_action(values, lowers, shares, steps, discount, near, cells, landed, k, lanes, out, best):
     """Raise ``out``, the V of a state in each cell, to Q(action, .) where that is greater, and set ``best`` to k there.
 
     For a target that stands still and two moving axes: everything in one pass over the cells. ``values`` are those of
     the next state alone. The length of ``lanes`` is known when the kernel is compiled, so that loops over it unroll;
-    indices are unsigned, since compiled code would look whether signed ones count from the end. ``rewards`` may be
-    None, where the reward is ``constant``, and ``best`` where nobody asks which action it is: compiled code has no
-    branch for either.
+    indices are unsigned, since compiled code would look whether signed ones count from the end. ``near`` is what is
+    earned in each moving cell, or everywhere; ``cells`` and ``landed`` say where strikes land and what that earns,
+    which is above 0, so that these few cells can be done once more. ``best`` may be None, where nobody asks which
+    action it is.
     """
     layers = np.uint64(len(lanes))
+    wide = len(near) > 1
     for i in range(len(lowers)):
         m, lower = np.uint64(i), np.uint64(lowers[i])
         at = m * layers
@@ -83,18 +114,32 @@ def improve_by_action(values, lowers, shares, steps, discount, rewards, constant
         w2 = discount * shares[m, 1] - w3
         w0 = discount - w1 - w2
         w1 -= w3
+        earned = near[m] if wide else near[0]
         e0 = lower * layers
         e1, e2, e3 = e0 + steps[lower, 1], e0 + steps[lower, 2], e0 + steps[lower, 3]
         for lane in range(len(lanes)):
             h = np.uint64(lane)
             value = w0 * values[e0 + h] + w1 * values[e1 + h] + w2 * values[e2 + h] + w3 * values[e3 + h]
-            if rewards is None:
-                value += constant
-            else:
-                value += rewards[at + h]
+            value += earned
             if best is not None:
                 best[at + h] = k if value > out[at + h] else best[at + h]
             out[at + h] = max(value, out[at + h])
+    for i in range(len(cells)):
+        c = np.uint64(cells[i])
+        m = c // layers
+        h, lower = c - m * layers, np.uint64(lowers[m])
+        w1 = discount * shares[m, 0]
+        w3 = w1 * shares[m, 1]
+        w2 = discount * shares[m, 1] - w3
+        w0 = discount - w1 - w2
+        w1 -= w3
+        e0 = lower * layers
+        e1, e2, e3 = e0 + steps[lower, 1], e0 + steps[lower, 2], e0 + steps[lower, 3]
+        value = w0 * values[e0 + h] + w1 * values[e1 + h] + w2 * values[e2 + h] + w3 * values[e3 + h]
+        value += (near[m] if wide else near[0]) + landed[i]
+        if best is not None:
+            best[c] = k if value > out[c] else best[c]
+        out[c] = max(value, out[c])
 
 
 @njit(cache=True, parallel=True)
@@ -117,16 +162,11 @@ def improve(model, lanes, values, out, best, residuals):
                 base = model.next[a] * cells
                 later = values[base : base + cells]
                 lowers, shares = model.lowers[0, a], model.shares[0, a]
-                discount, constant, row = model.discounts[a], model.constants[a], model.reward_rows[a]
-                if row < 0:
-                    improve_by_action(
-                        later, lowers, shares, steps, discount, None, constant, k, lanes, state_out, state_best
-                    )
-                else:
-                    earned = model.rewards[row]
-                    improve_by_action(
-                        later, lowers, shares, steps, discount, earned, constant, k, lanes, state_out, state_best
-                    )
+                some = slice(model.landed[a], model.landed[a + 1])
+                improve_by_action(
+                    later, lowers, shares, steps, model.discounts[a], model.near[0, a], model.landed_cells[some],
+                    model.landed_rewards[some], k, lanes, state_out, state_best,
+                )  # fmt: skip
         else:
             weights = np.empty(model.steps.shape[1], values.dtype)
             row_values = np.empty(cells, values.dtype)
@@ -169,8 +209,7 @@ def gather_best(model, layers, best, earned, entries, weights):
             at = s * cells + c
             m, h = c // layers, c % layers
             a = model.offsets[s] + best[at]
-            row = model.reward_rows[a]
-            earned[at] = model.rewards[row, c] if row >= 0 else model.constants[a]
+            earned[at] = expected_reward(model, a, m, c)
             for outcome in range(len(model.probabilities)):
                 corner_weights(model.shares, outcome, a, m, share)
                 lower = np.int64(model.lowers[outcome, a, m])
@@ -248,8 +287,7 @@ def greatest_between(q, entry, n, lower, layers, steps, weights, corners):
 def back_up_q(model, layers, q, action, m, h, weights):
     """Return the paper's backup of one entry: r + gamma^T max over a' of interpolated Q(a', e), over all outcomes."""
     cells = model.lowers.shape[2] * layers
-    row = model.reward_rows[action]
-    total = model.rewards[row, m * layers + h] if row >= 0 else model.constants[action]
+    total = expected_reward(model, action, m, m * layers + h)
     after = model.next[action]
     n = model.offsets[after + 1] - model.offsets[after]
     start = model.offsets[after] * cells + h * n
@@ -316,8 +354,7 @@ def observe(model, layers, q, action, m, h, draw, weights):
     while outcome < len(model.probabilities) - 1 and draw >= model.probabilities[outcome]:
         draw -= model.probabilities[outcome]
         outcome += 1
-    row = model.reward_rows[action]
-    earned = model.rewards[outcome, row, m * layers + h] if row >= 0 else model.constants[action]
+    earned = earned_in(model, outcome, action, m, m * layers + h)
     corner_weights(model.shares, outcome, action, m, weights)
     after = model.next[action]
     n = model.offsets[after + 1] - model.offsets[after]

@@ -42,7 +42,7 @@ def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict
         told["strikes"] = {"reach": asdict(strike_reach(database)), "paper": PAPER_REACH}
     for behaviour in policy.behaviours:
         solution = solutions[behaviour.name]
-        entry_bytes = {"float32": 4, "float16": 2, "int8": 1}[str(policy.recipe["precision"])]
+        entry_bytes = {"float32": 4, "float16": 2, "int16": 2, "int8": 1}[str(policy.recipe["precision"])]
         told["behaviours"][behaviour.name] = {
             "axes": [asdict(axis) for axis in behaviour.grid.axes],
             "cells": behaviour.grid.cells,

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -225,7 +227,7 @@ def train_behaviour(
     """Return one behaviour trained over the actions of a graph, and what its solver found."""
     from crowdsim.policy.model import Model, build_model, build_movement
     from crowdsim.policy.q_learning import q_learning
-    from crowdsim.policy.ranges import resolve_grid
+    from crowdsim.policy.ranges import resolve_grid, resolve_terms, sample_targets
     from crowdsim.policy.refinement import solve_by_levels
     from crowdsim.policy.value_iteration import value_iteration
 
@@ -234,7 +236,7 @@ def train_behaviour(
             progress(f"{name}: {stage}", done, total)
 
     grid = resolve_grid(spec, database)
-    terms = tuple(spec.rewards)
+    terms = resolve_terms(spec, database)
     target = spec.target
     movement = build_movement(target.speed, target.directions, target.still, database.control_rate)
 
@@ -255,20 +257,60 @@ def train_behaviour(
         table = solution.values.ravel()
     else:
         table = solution.q if solution.q is not None else q_table(model_on(grid), solution.values)
-    low, high = np.percentile(solution.values[:: max(1, actions.state_count // 2000)], [5.0, 95.0])
-    stored, zero, step = bundle.encode(np.asarray(table, dtype=np.float32), precision)
-    behaviour = Behaviour(
-        name=name,
-        grid=grid,
-        lookup=spec.lookup,
-        table=stored,
-        scale=max(float(high - low), 1e-6),
-        terms=terms,
-        discount=spec.discount,
-        low=zero,
-        step=step,
-    )
-    return behaviour, solution
+    table = np.asarray(table, dtype=np.float32)
+    behaviour = Behaviour(name, grid, spec.lookup, table, 1.0, terms, spec.discount)
+    scale = decisive_scale(behaviour, actions, body, sample_targets(database), float(np.abs(solution.values).max()))
+    if spec.lookup == "q" and precision == "int8":
+        table = advantages(table, actions, grid.cells, SHOWN * scale)
+    stored, zero, step = bundle.encode(table, precision)
+    return replace(behaviour, table=stored, scale=scale, low=zero, step=step), solution
+
+
+SHOWN = 12.0
+"""How far below the best action others are told apart in a table of bytes, in parts of the behaviour's scale."""
+
+INDIFFERENT = 1e-4
+"""A behaviour whose decisions differ by less than this share of its values has no preference."""
+
+
+def decisive_scale(
+    behaviour: Behaviour, actions: Actions, body: TargetBody, targets: Array, greatest: float
+) -> float:
+    """Return the scale on which a behaviour decides: how much better its best action is than the mean one.
+
+    The mean over all states, and over the targets that the behaviour counts for. Decisions depend on the differences
+    between the actions of one state alone, so values of behaviours are divided by this before they are added up; how
+    much they differ from place to place says nothing about decisions.
+
+    Args:
+        behaviour: Its table not yet encoded.
+        actions: The graph's actions.
+        body: Sizes of the target.
+        targets: Where the target may be, in the ground frame [m]. Shape (N, 3).
+        greatest: Greatest size of the behaviour's values.
+
+    Returns:
+        The scale; 0 for a behaviour that is indifferent, which then counts for nothing.
+    """
+    from crowdsim.policy import kernels
+    from crowdsim.policy.policy import build_lookup_tables
+
+    tables = build_lookup_tables(actions, (behaviour,), body)
+    spreads = np.full((actions.state_count, len(targets)), np.nan)
+    kernels.action_spreads(tables, targets, spreads)
+    told = spreads[np.isfinite(spreads)]
+    scale = float(np.mean(told)) if len(told) else 0.0
+    return scale if scale > INDIFFERENT * greatest else 0.0
+
+
+def advantages(q: Array, actions: Actions, cells: int, shown: float) -> Array:
+    """Return Q less that of the state's best action in each cell, and -shown at least, in the layout of a Q-table."""
+    result = np.empty_like(q)
+    for first, end in itertools.pairwise(actions.offsets.tolist()):
+        rows = q[first * cells : end * cells].reshape(cells, end - first)
+        best = rows.max(axis=1, keepdims=True)
+        result[first * cells : end * cells] = np.maximum(rows - best, -shown).ravel()
+    return result
 
 
 @contextmanager

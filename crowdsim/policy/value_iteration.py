@@ -14,7 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from crowdsim.policy import solver_kernels
 from crowdsim.policy.model import BACKUPS, Model
-from crowdsim.policy.solution import Progress, Solution, sweep_model
+from crowdsim.policy.solution import Progress, Solution, sweep_model, value_spread
 
 Array = NDArray[Any]
 
@@ -40,7 +40,7 @@ def value_iteration(
     Args:
         model: The model.
         backup: One of ``model.BACKUPS``.
-        tolerance: The sweeps end when no value changes by more than this.
+        tolerance: The sweeps end when no value changes by more than this share of the spread of values.
         max_sweeps: They also end after this many.
         precision: Type of the values.
         evaluations: Sweeps of policy evaluation after each sweep; by default as many as pay.
@@ -99,7 +99,7 @@ def _iterate_v(
     progress: Progress | None,
 ) -> tuple[Array, int]:
     size, precision = len(values), values.dtype
-    packed, layers = sweep_model(model, model.expected_rewards), model.grid.layers
+    packed, layers = sweep_model(model), model.grid.layers
     other = np.empty_like(values)
     best = np.zeros(size, np.uint16) if evaluations else None
     changes = np.empty(model.state_count)
@@ -113,7 +113,7 @@ def _iterate_v(
     while len(residuals) < max_sweeps:
         solver_kernels.improve(packed, lanes, values, other, best, changes)
         values, other = other, values
-        residuals.append(float(changes.max()))
+        residuals.append(float(changes.max()) / value_spread(values))
         updates += model.action_count * model.grid.cells
         _report(progress, residuals, tolerance, max_sweeps)
         if residuals[-1] <= tolerance:
@@ -159,7 +159,7 @@ def _iterate_q(
     progress: Progress | None,
 ) -> tuple[Array, Array, int]:
     cells, layers = model.grid.cells, model.grid.layers
-    packed = sweep_model(model, model.expected_rewards)
+    packed = sweep_model(model)
     q, other = (np.zeros(model.action_count * cells, precision) for _ in range(2))
     changes = np.empty(model.state_count)
     entries = np.empty(model.state_count * cells, np.int64)
@@ -168,7 +168,7 @@ def _iterate_q(
     while len(residuals) < max_sweeps:
         solver_kernels.improve_q(packed, layers, q, other, changes)
         q, other = other, q
-        residuals.append(float(changes.max()))
+        residuals.append(float(changes.max()) / value_spread(q))
         updates += len(q)
         _report(progress, residuals, tolerance, max_sweeps)
         if residuals[-1] <= tolerance:

@@ -43,7 +43,7 @@ def crowd(count=12, seed=0, spacing=1.0, policies=2, **other):
 
 
 def near(**fields):
-    return ProximityTerm(kind="proximity", **fields)
+    return ProximityTerm(kind="proximity", **{"distance": 0.5, **fields})
 
 
 def whole(chunks):

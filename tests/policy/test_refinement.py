@@ -20,7 +20,7 @@ GRID = build_grid(
         Axis("height", 1.2, 1.6, 3),
     ]
 )
-TERMS = (StrikeTerm(kind="strike", tolerance=0.2), ProximityTerm(kind="proximity", weight=0.1))
+TERMS = (StrikeTerm(kind="strike", tolerance=0.2), ProximityTerm(kind="proximity", distance=0.5, weight=0.1))
 
 
 def model_on(grid):

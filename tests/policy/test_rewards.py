@@ -21,7 +21,7 @@ BODY = TargetBody()
 TERMS = [
     StrikeTerm(kind="strike", tolerance=0.12),
     StrikeTerm(kind="strike", tolerance=0.3, speed_weight=2.0, weight=3.0),
-    ProximityTerm(kind="proximity"),
+    ProximityTerm(kind="proximity", distance=0.5),
     ProximityTerm(kind="proximity", form="max", facing=True, distance=0.8, sigma=0.2),
     TransitionTerm(kind="transition", weight=0.5, each=0.1),
 ]
@@ -73,7 +73,7 @@ def test_a_fist_lands_within_the_tolerance_of_the_surface_of_head_or_torso():
 def test_summed_proximity_does_not_depend_on_where_actions_are_cut():
     actions = random_actions(longest=4)
     action = int(np.flatnonzero(actions.lengths == 4)[0])
-    term = ProximityTerm(kind="proximity")
+    term = ProximityTerm(kind="proximity", distance=0.5)
     target = np.array([0.3, 1.4, 1.1])
     path = actions.paths[actions.path_offsets[action] : actions.path_offsets[action + 1]].astype(float)
     byhand = sum(

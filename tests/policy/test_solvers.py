@@ -23,7 +23,7 @@ GRIDS = {
 }
 TERMS = (
     StrikeTerm(kind="strike", tolerance=0.2),
-    ProximityTerm(kind="proximity", weight=0.1),
+    ProximityTerm(kind="proximity", distance=0.5, weight=0.1),
     TransitionTerm(kind="transition", weight=0.05),
 )
 DISCOUNT = 0.8
