@@ -235,7 +235,7 @@ def chunks_of(take: Take) -> Iterator[Chunk]:
     strikes = {name: np.asarray(getattr(take.events, name)) for name in Events.__dataclass_fields__}
     order = np.argsort(strikes["frame"], kind="stable")
     strikes = {name: values[order] for name, values in strikes.items()}
-    ends = [*range(rows, take.frame_count, rows), take.frame_count]
+    ends = [*range(rows, take.frame_count, rows), take.frame_count] if take.frame_count else []
     begin = first = 0
     for end in ends:
         last = len(order) if end == take.frame_count else int(np.searchsorted(strikes["frame"], end - 1, side="right"))
