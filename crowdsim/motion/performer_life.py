@@ -78,7 +78,9 @@ _TREMBLING, _TREMOR_FALL = (2.5, 18.0), 1.4
 """Frequencies of the tremor [Hz], and how steeply it falls with them."""
 
 
-def add_life(channels: Array, style: Style, times: Array, loads: Array, riding: Array, rng: np.random.Generator) -> None:
+def add_life(
+    channels: Array, style: Style, times: Array, loads: Array, riding: Array, rng: np.random.Generator
+) -> None:
     """Add what never stops to the channels (F, channels), in place.
 
     Args:
@@ -107,7 +109,9 @@ def add_life(channels: Array, style: Style, times: Array, loads: Array, riding: 
             channels[:, channel] -= 0.85 * tremor
 
 
-def _add_bounce(channels: Array, style: Style, times: Array, spacing: float, riding: Array, rng: np.random.Generator) -> None:
+def _add_bounce(
+    channels: Array, style: Style, times: Array, spacing: float, riding: Array, rng: np.random.Generator
+) -> None:
     """Bounce on the balls of the feet; trunk and hands give way a little later."""
     rate = style.bounce[1] * (1.0 + 0.06 * noise(times, rng, 0.05, 0.2))
     phase = 2.0 * np.pi * np.cumsum(rate) * spacing
@@ -132,7 +136,9 @@ def _add_bounce(channels: Array, style: Style, times: Array, spacing: float, rid
     channels[:, C.REAR_HAND_Z] += 0.5 * size * late
 
 
-def _add_sway(channels: Array, style: Style, times: Array, loads: Array, riding: Array, rng: np.random.Generator) -> None:
+def _add_sway(
+    channels: Array, style: Style, times: Array, loads: Array, riding: Array, rng: np.random.Generator
+) -> None:
     """Rock between the feet, and put the weight where steps want it."""
     rock = noise(times, rng, 0.35, 1.0)
     sway = style.sway * (1.0 - 0.8 * riding)

@@ -72,10 +72,13 @@ class Stepper:
             end = begin + self._swing(foot, begin, length, tempo, quick)
         if turn:
             self.face(start, end, turn)
-        dip = self.about(0.010 + 0.03 * length, 0.2)
+        dip = self.about((0.014 if quick else 0.010) + (0.05 if quick else 0.03) * length, 0.2)
         self.accent(
             Channel.HEIGHT, -dip, start - 0.15, start + 0.4 * (end - start), start + 0.5 * (end - start), end + 0.2
         )
+        if quick and ahead < -0.1:
+            # A foot that goes back lands on its toes.
+            self.accent(Channel.REAR_HEEL, -0.8 * ahead, start - 0.05, end - 0.12, end - 0.05, end + 0.15)
         self.feet_free = end + 0.02
         return end
 

@@ -147,9 +147,7 @@ def _ride(
     plan.accent(Channel.PELVIS_TILT, -hard, times[-2] - 0.25, times[-2], times[-2] + 0.05, end + 0.3)
 
 
-def _note(
-    plan: Stepper, start: float, touchdowns: Sequence[float], end: float, strides: Sequence[Stride]
-) -> None:
+def _note(plan: Stepper, start: float, touchdowns: Sequence[float], end: float, strides: Sequence[Stride]) -> None:
     """Note which gait is travelled when."""
     begin = start
     for index, stride in enumerate(strides):
