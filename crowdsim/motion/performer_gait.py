@@ -12,9 +12,9 @@ from crowdsim.motion.performer_score import Channel as C
 from crowdsim.motion.performer_score import Swing
 
 GUARD_SWING = Swing()
-SHUFFLE_SWING = Swing(push=0.19, settle=0.24, toe_off=0.22, load=0.6)
-WALK_SWING = Swing(push=0.29, settle=0.27, ramps=(0.30, 0.30), toe_off=1.0, roll=0.26, toe_up=0.20, load=0.0)
-JOG_SWING = Swing(push=0.23, settle=0.21, ramps=(0.30, 0.28), toe_off=1.0, roll=0.17, toe_up=0.06, load=0.0, fall=3.2)
+SHUFFLE_SWING = Swing(push=0.19, settle=0.24, ramps=(0.36, 0.36), toe_off=0.22, load=0.6)
+WALK_SWING = Swing(push=0.29, settle=0.27, ramps=(0.23, 0.24), toe_off=1.0, roll=0.26, toe_up=0.20, load=0.0)
+JOG_SWING = Swing(push=0.23, settle=0.21, ramps=(0.24, 0.24), toe_off=1.0, roll=0.17, toe_up=0.06, load=0.0, fall=3.2)
 
 
 @dataclass(frozen=True)

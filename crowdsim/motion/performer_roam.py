@@ -108,11 +108,13 @@ def bounce(plan: Stepper, start: float, seconds: float) -> float:
     rng = plan.rng
     end = start
     until = start + float(rng.uniform(0.6, seconds))
-    circling = float(rng.choice([-1.0, 1.0])) * float(rng.uniform(0.08, 0.2)) if rng.uniform() < 0.5 else 0.0
+    side = float(rng.choice([-1.0, 1.0]))
+    circling = rng.uniform() < 0.5
     ahead = 0.0
     while end < until:
-        ahead = float(rng.uniform(-0.06, 0.06)) - 0.7 * ahead
-        left = circling + float(rng.uniform(-0.03, 0.03))
-        turn = -circling / 1.2 * float(rng.uniform(0.7, 1.3))
-        end = plan.move(end + float(rng.uniform(0.0, 0.22)), ahead, left, turn, plan.about(0.85, 0.1), quick=True)
+        ahead = float(np.sign(-ahead if ahead else rng.uniform(-1.0, 1.0))) * float(rng.uniform(0.07, 0.15))
+        left = side * float(rng.uniform(0.10, 0.22)) if circling else float(rng.uniform(-0.05, 0.05))
+        turn = -left / float(rng.uniform(0.9, 1.5)) if circling else 0.0
+        ahead *= 0.4 if circling else 1.0
+        end = plan.move(end + float(rng.uniform(0.05, 0.5)), ahead, left, turn, plan.about(1.0, 0.08), quick=True)
     return end

@@ -63,9 +63,8 @@ def travel(plan: Stepper, start: float, strides: Sequence[Stride], facing: float
         if index:
             heading += stride.turn
         point = ground.compose([point[0], point[1], heading], [0.0, stride.share * gait.step, 0.0])
-        length = 2.0 * gait.seconds * gait.aloft * plan.about(1.0, 0.02)
-        down = start + length if index == 0 else touchdowns[-1] + gait.seconds * (0.85 + 0.15 * stride.share)
-        lift_off = max(down - length, landed[foot] + _LEAST_STAND, start)
+        down, lift_off = _swing_times(plan, start, touchdowns, strides, index)
+        lift_off = max(lift_off, landed[foot] + _LEAST_STAND, start)
         side = gait.width if foot == LEAD else -gait.width
         toe_out = 0.10 if foot == LEAD else -0.14
         noise = plan.rng.uniform(-0.012, 0.012, 2)
@@ -83,6 +82,19 @@ def travel(plan: Stepper, start: float, strides: Sequence[Stride], facing: float
     _note(plan, start, touchdowns, end, strides)
     plan.feet_free = end + 0.02
     return end
+
+
+def _swing_times(
+    plan: Stepper, start: float, touchdowns: Sequence[float], strides: Sequence[Stride], index: int
+) -> tuple[float, float]:
+    """Return when the foot of a stride is down and when it leaves the floor, in the rhythm of the gait before [s]."""
+    stride = strides[index]
+    gait = stride.gait
+    if index == 0:
+        return start + 2.0 * gait.seconds * gait.aloft * plan.about(1.0, 0.02), start
+    before = strides[index - 1].gait
+    seconds = 0.5 * (gait.seconds + before.seconds) * (0.85 + 0.15 * stride.share) * plan.about(1.0, 0.015)
+    return touchdowns[-1] + seconds, touchdowns[-1] - before.seconds * (2.0 * before.aloft - 1.0)
 
 
 def _first_foot(plan: Stepper, heading: float, turn: float) -> tuple[int, np.ndarray]:
