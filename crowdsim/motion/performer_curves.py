@@ -23,6 +23,22 @@ def step(times: Array, start: float, end: float, skew: float = 1.0) -> Array:
     return ease(x if skew == 1.0 else np.minimum(np.maximum(x, 0.0), 1.0) ** skew)
 
 
+def glide(times: Array, start: float, end: float, gain: float, loss: float) -> Array:
+    """Return a step from 0 at ``start`` to 1 at ``end`` at an even speed, but for smooth ramps at both ends.
+
+    Args:
+        times: Times [s].
+        start: When the step begins [s].
+        end: When it is done [s].
+        gain: Share of the time in which the speed grows.
+        loss: Share of the time in which it falls; both together at most 1.
+    """
+    x = np.clip((times - start) / (end - start), 0.0, 1.0)
+    risen, fallen = np.minimum(x / gain, 1.0), np.maximum((x - 1.0) / loss + 1.0, 0.0)
+    way = gain * risen**3 * (1.0 - 0.5 * risen) + np.maximum(x - gain, 0.0) - loss * fallen**3 * (1.0 - 0.5 * fallen)
+    return np.asarray(way / (1.0 - 0.5 * (gain + loss)))
+
+
 def pulse(times: Array, start: float, peak: float, fall: float, end: float, skew: float = 1.0) -> Array:
     """Return a smooth pulse: up from ``start`` to ``peak``, 1 until ``fall``, down to 0 at ``end``."""
     return step(times, start, peak, skew) * (1.0 - step(times, fall, end))

@@ -6,16 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.motion import ground
-from crowdsim.motion.performer_curves import step, window
-from crowdsim.motion.performer_score import Score
+from crowdsim.motion.performer_curves import glide, pulse, step, window
+from crowdsim.motion.performer_score import Footstep, Score, Style
 
 Array = NDArray[Any]
-
-_PUSH, _SETTLE = 0.18, 0.32
-"""The body moves before a foot leaves the floor, and comes to rest after it is down [s]."""
 
 _LEAN = 0.2
 """Time before and after a step in which the weight goes over to the other foot and comes back [s]."""
@@ -31,6 +28,8 @@ class Footwork:
         lifts: Height of the balls over where they are when planted [m]. Shape (F, 2).
         yaws: Heading of the feet, continuous [rad]. Shape (F, 2).
         heels: Lift of the heels that comes from stepping [rad]. Shape (F, 2).
+        rolls: Lift of the heels of feet that roll over the ball in a gait, on top of all else [rad]. Shape (F, 2).
+        toes_up: Lift of the toes of a foot that lands on its heel [rad]. Shape (F, 2).
         points: Turn of the toes back to level, 1 when planted and 0 in mid-air. Shape (F, 2).
         planted: Whether the ball stands. Shape (F, 2), bool.
         carried: Where the feet carry the pelvis (x, z) [m]. Shape (F, 2).
@@ -42,27 +41,29 @@ class Footwork:
     lifts: Array
     yaws: Array
     heels: Array
+    rolls: Array
+    toes_up: Array
     points: Array
     planted: Array
     carried: Array
     loads: Array
 
 
-def footprints(score: Score) -> tuple[Array, Array]:
-    """Return where the feet stand at first: balls (2, 2) as (x, z) [m] and headings (2,) [rad]."""
-    places = np.array([score.style.lead_ball, score.style.rear_ball])
-    points = np.stack([places[:, 0], np.zeros(2), places[:, 1]], axis=-1)
-    world = ground.to_world(np.array(score.start), points)
-    return world[:, [0, 2]], score.start[2] + np.array(score.style.foot_yaws)
+def stance_prints(style: Style, place: ArrayLike) -> Array:
+    """Return where the feet stand in a stance whose ground transform is given: (x, z, yaw), lead and rear. (2, 3)."""
+    place = np.asarray(place, dtype=float)
+    balls = np.array([style.lead_ball, style.rear_ball])
+    return ground.compose(place, np.column_stack([balls, np.array(style.foot_yaws)]))
 
 
 def trace_feet(score: Score, times: Array) -> Footwork:
     """Carry out the footsteps, pivots and turns of a score at the given times [s], which ascend. Shape (F,)."""
     frames = len(times)
-    prints, print_yaws = footprints(score)
+    stance = stance_prints(score.style, score.start)
+    prints, print_yaws = stance[:, :2], stance[:, 2]
     balls = np.tile(prints, (frames, 1, 1))
     yaws = np.tile(print_yaws, (frames, 1))
-    lifts, heels = np.zeros((frames, 2)), np.zeros((frames, 2))
+    lifts, heels, rolls, toes_up = np.zeros((4, frames, 2))
     points, planted = np.ones((frames, 2)), np.ones((frames, 2), bool)
     carried = np.tile(prints.mean(axis=0), (frames, 1))
     loads = np.zeros(frames)
@@ -74,27 +75,50 @@ def trace_feet(score: Score, times: Array) -> Footwork:
     places = prints.copy()
     facing = print_yaws.copy()
     pivots = sorted(score.pivots, key=lambda pivot: pivot.start)
-    for swing in sorted(score.footsteps, key=lambda swing: swing.start):
-        foot = swing.foot
-        shift = np.array([swing.x, swing.z]) - places[foot]
-        turned = sum(p.angle for p in pivots if p.foot == foot and p.end <= swing.start)
-        gone = step(times, swing.start, swing.end)[:, None]
-        balls[:, foot] += shift * gone
-        yaws[:, foot] += (swing.yaw - facing[foot] - turned) * gone[:, 0]
-        facing[foot] = swing.yaw - turned
+    for footstep in sorted(score.footsteps, key=lambda footstep: footstep.start):
+        foot, swing = footstep.foot, footstep.swing
+        start, end = footstep.start, footstep.end
+        shift = np.array([footstep.x, footstep.z]) - places[foot]
+        turned = sum(p.angle for p in pivots if p.foot == foot and p.start < start)
+        gone = step(times, start, end) if swing.ramps is None else glide(times, start, end, *swing.ramps)
+        balls[:, foot] += shift * gone[:, None]
+        yaws[:, foot] += (footstep.yaw - facing[foot] - turned) * step(times, start, end)
+        facing[foot] = footstep.yaw - turned
         places[foot] += shift
-        length = swing.end - swing.start
-        carried += 0.5 * shift * step(times, swing.start - _PUSH, swing.end + _SETTLE)[:, None]
-        aloft = window(times, swing.start, swing.end)
-        x = np.clip((times[aloft] - swing.start) / length, 0.0, 1.0)
-        up = 64.0 * (x * (1.0 - x)) ** 3
-        lifts[aloft, foot] += swing.lift * up
+        length = end - start
+        carried += 0.5 * shift * step(times, start - swing.push, end + swing.settle)[:, None]
+        aloft = window(times, start, end)
+        x = np.clip((times[aloft] - start) / length, 0.0, 1.0)
+        up = _bump(x, swing.fall)
+        lifts[aloft, foot] += footstep.lift * up
         points[aloft, foot] -= 0.6 * up
-        planted[(times > swing.start) & (times < swing.end), foot] = False
-        near = window(times, swing.start - 0.12, swing.end)
-        off = np.clip((times[near] - swing.start + 0.12) / (length + 0.06), 0.0, 1.0)
-        heels[near, foot] += (0.18 + 0.5 * float(np.hypot(*shift))) * 64.0 * (off * (1.0 - off)) ** 3
-        leaning = window(times, swing.start - _LEAN, swing.end + _LEAN)
-        at = np.clip((times[leaning] - swing.start + _LEAN) / (length + 2.0 * _LEAN), 0.0, 1.0)
-        loads[leaning] += (1.0 if foot else -1.0) * 64.0 * (at * (1.0 - at)) ** 3
-    return Footwork(heading, balls, lifts, yaws, heels, points, planted, carried, loads)
+        planted[(times > start) & (times < end), foot] = False
+        _roll_foot(footstep, float(np.hypot(*shift)), times, heels[:, foot], rolls[:, foot], toes_up[:, foot])
+        leaning = window(times, start - _LEAN, end + _LEAN)
+        at = np.clip((times[leaning] - start + _LEAN) / (length + 2.0 * _LEAN), 0.0, 1.0)
+        loads[leaning] += swing.load * (1.0 if foot else -1.0) * _bump(at)
+    return Footwork(heading, balls, lifts, yaws, heels, rolls, toes_up, points, planted, carried, loads)
+
+
+def _bump(x: Array, fall: float = 3.0) -> Array:
+    """Return a smooth bump that is 0 at 0 and 1, and 1 in the middle, or before it where ``fall`` is above 3."""
+    middle = 3.0 / (3.0 + fall)
+    return np.asarray((x / middle) ** 3 * ((1.0 - x) / (1.0 - middle)) ** fall)
+
+
+def _roll_foot(footstep: Footstep, far: float, times: Array, heels: Array, rolls: Array, toes_up: Array) -> None:
+    """Add the roll of one foot (F,) over its ball before it leaves the floor, and over its heel as it lands."""
+    swing, start, end = footstep.swing, footstep.start, footstep.end
+    length = end - start
+    near = window(times, start - swing.roll, end)
+    if swing.toe_off is None:
+        off = np.clip((times[near] - start + swing.roll) / (length + 0.5 * swing.roll), 0.0, 1.0)
+        heels[near] += (0.18 + 0.5 * far) * _bump(off)
+        return
+    rolls[near] += swing.toe_off * pulse(
+        times[near], start - swing.roll, start + 0.15 * length, start + 0.2 * length, start + 0.9 * length
+    )
+    if swing.toe_up > 0.0:
+        toes_up[near] += swing.toe_up * pulse(
+            times[near], start + 0.45 * length, start + 0.8 * length, start + 0.82 * length, end
+        )

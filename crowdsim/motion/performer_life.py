@@ -78,7 +78,9 @@ _TREMBLING, _TREMOR_FALL = (2.5, 18.0), 1.4
 """Frequencies of the tremor [Hz], and how steeply it falls with them."""
 
 
-def add_life(channels: Array, style: Style, times: Array, loads: Array, rng: np.random.Generator) -> None:
+def add_life(
+    channels: Array, style: Style, times: Array, loads: Array, riding: Array, rng: np.random.Generator
+) -> None:
     """Add what never stops to the channels (F, channels), in place.
 
     Args:
@@ -86,16 +88,17 @@ def add_life(channels: Array, style: Style, times: Array, loads: Array, rng: np.
         style: How the boxer stands.
         times: Times of the frames [s], evenly spaced. Shape (F,).
         loads: Share of the weight that steps put on the lead foot. Shape (F,).
+        riding: 1 where a gait carries the body, and 0 where the guard bounces and rocks. Shape (F,).
         rng: Where phases are drawn from.
     """
     spacing = times[1] - times[0] if len(times) > 1 else 0.0
     breath = np.sin(2.0 * np.pi * style.breath * times + 0.6 * noise(times, rng, 0.05, 0.15))
-    _add_bounce(channels, style, times, spacing, rng)
+    _add_bounce(channels, style, times, spacing, riding, rng)
     channels[:, C.HEIGHT] += 0.003 * breath + 0.006 * noise(times, rng, 0.1, 0.5)
     channels[:, C.FLEX] -= 0.012 * breath
     for channel in (C.LEAD_RAISE, C.REAR_RAISE):
         channels[:, channel] += 0.02 * breath
-    _add_sway(channels, style, times, loads, rng)
+    _add_sway(channels, style, times, loads, riding, rng)
     for channel, size, low, high in _WANDERING:
         channels[:, channel] += size * noise(times, rng, low, high)
     vigour = soft_floor(1.0 + 0.3 * noise(times, rng, 0.2, 1.0), 0.4, 0.1)
@@ -106,11 +109,13 @@ def add_life(channels: Array, style: Style, times: Array, loads: Array, rng: np.
             channels[:, channel] -= 0.85 * tremor
 
 
-def _add_bounce(channels: Array, style: Style, times: Array, spacing: float, rng: np.random.Generator) -> None:
+def _add_bounce(
+    channels: Array, style: Style, times: Array, spacing: float, riding: Array, rng: np.random.Generator
+) -> None:
     """Bounce on the balls of the feet; trunk and hands give way a little later."""
     rate = style.bounce[1] * (1.0 + 0.06 * noise(times, rng, 0.05, 0.2))
     phase = 2.0 * np.pi * np.cumsum(rate) * spacing
-    eager = soft_floor(0.55 + 0.5 * noise(times, rng, 0.06, 0.3), 0.0, 0.15)
+    eager = soft_floor(0.55 + 0.5 * noise(times, rng, 0.06, 0.3), 0.0, 0.15) * (1.0 - riding)
     hop = eager * np.sin(phase + 0.3 * np.sin(phase))
     late = eager * np.sin(phase - 0.6)
     latest = eager * np.sin(phase - 1.1)
@@ -131,12 +136,15 @@ def _add_bounce(channels: Array, style: Style, times: Array, spacing: float, rng
     channels[:, C.REAR_HAND_Z] += 0.5 * size * late
 
 
-def _add_sway(channels: Array, style: Style, times: Array, loads: Array, rng: np.random.Generator) -> None:
+def _add_sway(
+    channels: Array, style: Style, times: Array, loads: Array, riding: Array, rng: np.random.Generator
+) -> None:
     """Rock between the feet, and put the weight where steps want it."""
     rock = noise(times, rng, 0.35, 1.0)
+    sway = style.sway * (1.0 - 0.8 * riding)
     along = np.subtract(style.lead_ball, style.rear_ball)
     along /= np.hypot(*along)
-    channels[:, C.SHIFT_X] += along[0] * style.sway * rock + 0.4 * style.sway * noise(times, rng, 0.3, 0.9)
-    channels[:, C.SHIFT_Z] += along[1] * style.sway * rock + 0.3 * style.sway * noise(times, rng, 0.3, 0.9)
+    channels[:, C.SHIFT_X] += along[0] * sway * rock + 0.4 * sway * noise(times, rng, 0.3, 0.9)
+    channels[:, C.SHIFT_Z] += along[1] * sway * rock + 0.3 * sway * noise(times, rng, 0.3, 0.9)
     channels[:, C.SHIFT_X] += 0.028 * along[0] * loads
     channels[:, C.SHIFT_Z] += 0.028 * along[1] * loads

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from crowdsim.motion.performer_defences import DEFENCES
 from crowdsim.motion.performer_plan import Choreographer
 from crowdsim.motion.performer_punches import PUNCHES
+from crowdsim.motion.performer_roam import ROOM, bounce, in_and_out, run_up, shuffle_any_way
 from crowdsim.motion.performer_score import Score
 
 COMBINATIONS = (
@@ -43,13 +45,24 @@ COMBINATIONS = (
     ("jab", "straight", "jab", "straight", "lead_hook"),
 )
 _CLOSE = frozenset({"lead_hook", "rear_hook", "lead_uppercut", "rear_uppercut"})
-_ROOM = 1.8
-"""Distance from the middle of the floor from which the boxer works his way back [m]."""
 
 
 @dataclass(frozen=True)
 class Theme:
-    """What a clip is about: weights of its phrases, and the longest pauses between them [s]."""
+    """What a clip is about: weights of its phrases, and the longest pauses between them [s].
+
+    Attributes:
+        combination: Punches, with or without small steps.
+        stepping: Small steps.
+        turning: Turns on the spot.
+        defence: Defences.
+        counter: Defences, and punches out of them.
+        rest: Standing still in the guard.
+        travel: Walks and jogs out of the guard and back.
+        shuffling: Quick steps in the guard, any way.
+        bouncing: Quick steps on the spot.
+        pause: Longest pause between phrases [s].
+    """
 
     combination: float
     stepping: float
@@ -57,14 +70,18 @@ class Theme:
     defence: float
     counter: float
     rest: float
+    travel: float
+    shuffling: float
+    bouncing: float
     pause: float
 
 
 THEMES = (
-    Theme(combination=6.0, stepping=1.1, turning=0.45, defence=0.6, counter=1.4, rest=0.12, pause=0.24),
-    Theme(combination=7.0, stepping=0.6, turning=0.30, defence=0.3, counter=1.0, rest=0.10, pause=0.26),
-    Theme(combination=5.0, stepping=1.6, turning=0.90, defence=0.4, counter=1.2, rest=0.15, pause=0.26),
-    Theme(combination=5.0, stepping=0.6, turning=0.30, defence=0.9, counter=2.8, rest=0.12, pause=0.24),
+    Theme(6.0, 0.7, 0.30, 0.6, 1.4, 0.10, travel=0.5, shuffling=0.8, bouncing=0.4, pause=0.22),
+    Theme(7.0, 0.4, 0.20, 0.3, 1.0, 0.08, travel=0.5, shuffling=0.7, bouncing=0.5, pause=0.22),
+    Theme(5.0, 0.8, 0.45, 0.4, 1.2, 0.10, travel=0.5, shuffling=1.8, bouncing=0.8, pause=0.22),
+    Theme(5.0, 0.4, 0.20, 0.9, 2.8, 0.10, travel=0.5, shuffling=0.7, bouncing=0.4, pause=0.22),
+    Theme(1.6, 0.3, 0.15, 0.2, 0.4, 0.05, travel=3.0, shuffling=1.4, bouncing=0.3, pause=0.20),
 )
 
 
@@ -82,7 +99,7 @@ class _Boxer:
         x, z, heading = self.plan.place
         away = float(np.hypot(x, z))
         angle = rng.uniform(-np.pi, np.pi)
-        if away > _ROOM or (away > 0.6 * _ROOM and rng.uniform() < 0.5):
+        if away > 0.8 * ROOM or (away > 0.6 * 0.8 * ROOM and rng.uniform() < 0.5):
             angle = np.arctan2(-x, -z) - heading + rng.normal(0.0, 0.35)
         far = float(rng.uniform(0.07, 0.25))
         return far * float(np.cos(angle)), far * float(np.sin(angle)) * 0.85
@@ -128,11 +145,24 @@ class _Boxer:
             previous = plan.punch(kind, onset, to_body, bearing, distance, speed)
         assert previous is not None
         leaving = rng.uniform()
+        spare = self.seconds - previous.end - 1.0
+        if leaving < self.theme.travel * 0.08 and spare > 2.2:
+            return run_up(plan, previous.hit + rng.uniform(0.08, 0.2), spare, sharp=0.6)
+        leaving = rng.uniform()
+        if leaving < 0.06:
+            return in_and_out(plan, previous.hit + 0.08, ahead=False)
         if leaving < 0.22:
             plan.move(previous.hit + 0.08, -rng.uniform(0.08, 0.22), rng.uniform(-0.15, 0.15), 0.0, plan.about(1.15))
         elif leaving < 0.34:
             plan.pivot(previous.hit + 0.1, float(rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 0.9)), plan.about(1.1))
         return previous.end
+
+    def strike(self) -> float:
+        """Throw a combination, sometimes at an opponent who is not straight ahead; return when it is over [s]."""
+        rng = self.rng
+        kinds = COMBINATIONS[int(rng.integers(len(COMBINATIONS)))]
+        bearing = float(rng.uniform(-1.1, 1.3)) if rng.uniform() < 0.16 else 0.0
+        return self.combination(self.now, kinds, bearing)
 
     def turn(self) -> float:
         """Turn by up to half a circle, in as many steps and pivots as that takes; return when it is done [s]."""
@@ -185,23 +215,35 @@ class _Boxer:
             end = self.combination(end - rng.uniform(0.04, 0.2), kinds_back)
         return end
 
+    def travel(self) -> float:
+        """Walk, jog or shuffle up to an opponent, and perhaps strike on arrival; return when that is over [s]."""
+        rng, plan = self.rng, self.plan
+        spare = self.seconds - self.now - 1.0
+        if spare < 2.2:
+            return self.steps()
+        end = run_up(plan, self.now, spare) if rng.uniform() < 0.85 else in_and_out(plan, self.now, ahead=True)
+        if rng.uniform() < 0.5 and end < self.seconds - 2.9:
+            kinds = COMBINATIONS[int(rng.integers(len(COMBINATIONS)))]
+            end = self.combination(end - rng.uniform(0.0, 0.25), kinds)
+        return end
+
     def phrase(self) -> None:
         """Draw the next phrase and write it."""
         rng, theme = self.rng, self.theme
-        weights = np.array([theme.combination, theme.stepping, theme.turning, theme.defence, theme.counter, theme.rest])
+        phrases: tuple[tuple[float, Callable[[], float]], ...] = (
+            (theme.combination, self.strike),
+            (theme.stepping, self.steps),
+            (theme.turning, self.turn),
+            (theme.defence, lambda: self.defence(counter=False)),
+            (theme.counter, lambda: self.defence(counter=True)),
+            (theme.rest, lambda: self.now + float(rng.uniform(0.5, 1.6))),
+            (theme.travel, self.travel),
+            (theme.shuffling, lambda: shuffle_any_way(self.plan, self.now)),
+            (theme.bouncing, lambda: bounce(self.plan, self.now, min(self.seconds - self.now - 0.9, 3.2))),
+        )
+        weights = np.array([weight for weight, _ in phrases])
         choice = int(np.searchsorted(np.cumsum(weights) / weights.sum(), rng.uniform()))
-        if choice == 0:
-            kinds = COMBINATIONS[int(rng.integers(len(COMBINATIONS)))]
-            bearing = float(rng.uniform(-1.1, 1.3)) if rng.uniform() < 0.16 else 0.0
-            end = self.combination(self.now, kinds, bearing)
-        elif choice == 1:
-            end = self.steps()
-        elif choice == 2:
-            end = self.turn()
-        elif choice in (3, 4):
-            end = self.defence(counter=choice == 4)
-        else:
-            end = self.now + rng.uniform(0.5, 1.6)
+        end = phrases[choice][1]()
         self.now = max(end, self.plan.feet_free - 0.15) + float(rng.uniform(0.0, theme.pause))
 
     def fill(self) -> Score:

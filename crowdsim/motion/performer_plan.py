@@ -4,134 +4,36 @@ from __future__ import annotations
 
 import numpy as np
 
-from crowdsim.motion import ground
 from crowdsim.motion.performer_aim import ARMS, ELBOWS, Aim
 from crowdsim.motion.performer_defences import DEFENCES
 from crowdsim.motion.performer_moves import Part
 from crowdsim.motion.performer_punches import PUNCHES
 from crowdsim.motion.performer_score import (
     BENDS,
-    LEAD,
-    REAR,
-    Accent,
     Channel,
     Defence,
-    Footstep,
-    Pivot,
     Reach,
     Score,
-    Turn,
 )
-from crowdsim.motion.performer_style import draw_style
+from crowdsim.motion.performer_steps import Stepper
 
 _BACKWARD = frozenset({Channel.BEND, Channel.SHIFT_X, Channel.TWIST})
 _GATHER, _SETTLE = 0.17, 0.37
 """Least time in which legs and trunk go into a punch, and about the least in which they come out of it [s]."""
 
 
-class Choreographer:
+class Choreographer(Stepper):
     """Writes a score by moves at given times [s], which may overlap.
 
     Attributes:
-        rng: Where every number is drawn from.
-        style: How the boxer stands.
-        place: Ground transform of the stance after the steps planned so far.
-        feet_free: When both feet stand again [s].
         hands_free: When each hand is back in the guard [s].
     """
 
     def __init__(self, rng: np.random.Generator, facing: float | None = None) -> None:
-        self.rng = rng
-        self.style = draw_style(rng)
-        heading = rng.uniform(-np.pi, np.pi) if facing is None else facing
-        self.place = np.array([0.0, 0.0, heading])
-        self.start = (0.0, 0.0, float(heading))
-        self.feet_free = 0.0
+        super().__init__(rng, facing)
         self.hands_free = [0.0, 0.0]
-        self._footsteps: list[Footstep] = []
-        self._pivots: list[Pivot] = []
-        self._turns: list[Turn] = []
-        self._accents: list[Accent] = []
         self._reaches: list[Reach] = []
         self._defences: list[Defence] = []
-
-    def about(self, middle: float, spread: float = 0.12) -> float:
-        """Draw a number near ``middle``: off by ``spread`` of it at one standard deviation, and by two at most."""
-        return middle * (1.0 + spread * self.normal(2.0))
-
-    def normal(self, least: float, most: float | None = None) -> float:
-        """Draw from the normal distribution, cut off at ``-least`` and at ``most`` (``least`` when None)."""
-        return min(max(float(self.rng.standard_normal()), -least), least if most is None else most)
-
-    def accent(self, channel: Channel, size: float, start: float, peak: float, fall: float, end: float) -> None:
-        """Add one accent, no faster than a body is."""
-        peak = max(peak, start + 0.07)
-        fall = max(fall, peak)
-        self._accents.append(Accent(channel, size, start, peak, fall, max(end, fall + 0.11)))
-
-    def move(self, start: float, ahead: float, left: float, turn: float = 0.0, tempo: float = 1.0) -> float:
-        """Step with both feet to a new stance; return when the second foot is down [s].
-
-        The foot on whose side the way goes moves first, so that feet never cross.
-        """
-        start = max(start, self.feet_free)
-        along = np.subtract(self.style.lead_ball, self.style.rear_ball)
-        towards = left * along[0] + ahead * along[1]
-        first = LEAD if (towards if abs(towards) > 0.01 else turn) >= 0.0 else REAR
-        self.place = ground.compose(self.place, [left, ahead, turn])
-        length = float(np.hypot(ahead, left)) + 0.22 * abs(turn)
-        begin = end = start
-        for foot in (first, 1 - first):
-            begin = end - (self.rng.uniform(0.0, 0.04) if foot != first else 0.0)
-            end = begin + self._swing(foot, begin, length, tempo)
-        if turn:
-            self._turns.append(Turn(start - 0.05, end + 0.05, turn))
-            self._look(turn, start, end)
-        dip = self.about(0.010 + 0.03 * length, 0.2)
-        self.accent(
-            Channel.HEIGHT, -dip, start - 0.15, start + 0.4 * (end - start), start + 0.5 * (end - start), end + 0.2
-        )
-        self.feet_free = end + 0.02
-        return end
-
-    def pivot(self, start: float, turn: float, tempo: float = 1.0) -> float:
-        """Turn on the ball of the lead foot while the rear foot steps round; return when it is down [s]."""
-        start = max(start, self.feet_free)
-        point = ground.to_world(self.place, np.array([self.style.lead_ball[0], 0.0, self.style.lead_ball[1]]))
-        back = ground.compose(
-            [0.0, 0.0, self.place[2] + turn], [-self.style.lead_ball[0], -self.style.lead_ball[1], 0.0]
-        )
-        self.place = np.array([point[0] + back[0], point[2] + back[1], self.place[2] + turn])
-        seconds = self._swing(REAR, start, 0.55 * abs(turn), 0.85 * tempo)
-        end = start + seconds
-        self._pivots.append(Pivot(LEAD, start - 0.04, end + 0.04, turn))
-        self._turns.append(Turn(start - 0.06, end + 0.06, turn))
-        self._look(turn, start, end)
-        self.accent(
-            Channel.LEAD_HEEL,
-            self.about(0.16, 0.2),
-            start - 0.1,
-            start + 0.4 * seconds,
-            start + 0.5 * seconds,
-            end + 0.1,
-        )
-        self.feet_free = end + 0.02
-        return end
-
-    def _look(self, turn: float, start: float, end: float) -> None:
-        """Let the head turn first."""
-        self.accent(Channel.HEAD_TURN, 0.35 * turn, start - 0.16, start + 0.1, start + 0.12, end + 0.1)
-
-    def _swing(self, foot: int, begin: float, length: float, tempo: float) -> float:
-        """Plan the way of one foot to where it belongs in the present stance; return how long it takes [s]."""
-        seconds = float(np.clip(self.about(0.14 + 0.25 * length, 0.08) / tempo, 0.12, 0.45))
-        ball = (self.style.lead_ball, self.style.rear_ball)[foot]
-        x, z = np.array(ball) + self.rng.uniform(-0.010, 0.010, 2)
-        place = ground.to_world(self.place, np.array([x, 0.0, z]))
-        yaw = float(self.place[2]) + self.style.foot_yaws[foot] + self.rng.uniform(-0.04, 0.04)
-        lift = self.about(0.024 + 0.06 * length, 0.2)
-        self._footsteps.append(Footstep(foot, begin, begin + seconds, float(place[0]), float(place[2]), yaw, lift))
-        return seconds
 
     def punch(
         self,
@@ -261,4 +163,5 @@ class Choreographer:
             accents=tuple(self._accents),
             reaches=tuple(self._reaches),
             defences=tuple(self._defences),
+            travels=tuple(self._travels),
         )

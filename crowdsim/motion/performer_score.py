@@ -80,6 +80,31 @@ class Accent:
 
 
 @dataclass(frozen=True)
+class Swing:
+    """How a foot is carried through the air, and how the body goes along.
+
+    Attributes:
+        push: Time before the foot leaves the floor in which the body begins to move [s].
+        settle: Time after the foot is down in which the body comes to rest [s].
+        ramps: Shares of the swing in which the foot gathers speed, and in which it loses it; None for minimum jerk.
+        toe_off: Lift of the heel as the foot leaves the floor [rad]; None where it depends on the length.
+        roll: Time before that in which the heel begins to rise [s].
+        toe_up: Lift of the toes before the foot lands on its heel [rad].
+        load: How far the weight goes over to the other foot.
+        fall: How much of the swing the foot comes down for: 3 as much as it rises, more where it rises quicker.
+    """
+
+    push: float = 0.18
+    settle: float = 0.32
+    ramps: tuple[float, float] | None = None
+    toe_off: float | None = None
+    roll: float = 0.12
+    toe_up: float = 0.0
+    load: float = 1.0
+    fall: float = 3.0
+
+
+@dataclass(frozen=True)
 class Footstep:
     """A foot leaves the floor at ``start`` and its ball stands at (x, z), turned by ``yaw``, at ``end`` [s]."""
 
@@ -90,6 +115,16 @@ class Footstep:
     z: float
     yaw: float
     lift: float
+    swing: Swing = Swing()
+
+
+@dataclass(frozen=True)
+class Travel:
+    """The boxer travels in one gait between ``start`` and ``end`` [s]."""
+
+    gait: str
+    start: float
+    end: float
 
 
 @dataclass(frozen=True)
@@ -191,3 +226,4 @@ class Score:
     accents: tuple[Accent, ...]
     reaches: tuple[Reach, ...]
     defences: tuple[Defence, ...]
+    travels: tuple[Travel, ...] = ()

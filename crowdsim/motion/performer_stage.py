@@ -14,6 +14,7 @@ from crowdsim.motion import quaternion as quat
 from crowdsim.motion.performer_curves import pulse, soft_cap, soft_floor, window
 from crowdsim.motion.performer_fists import clear_head, lead_fists
 from crowdsim.motion.performer_footwork import Footwork, trace_feet
+from crowdsim.motion.performer_gait import GAITS
 from crowdsim.motion.performer_life import add_life
 from crowdsim.motion.performer_pose import (
     LEG_REACH,
@@ -38,6 +39,8 @@ _MOST_FLEX, _MOST_BEND = (-0.58, 0.60), (-0.55, 0.55)
 """How far the spine flexes and bends on top of the guard, where moves add up [rad]."""
 _HIGHEST_HEEL = 0.95
 """Lift of a heel over the ball of the foot at the most [rad]."""
+_SOLE = bones.BALL_AHEAD + 0.05
+"""From the heel to the ball of a foot [m]."""
 _GAZE_FOLLOWS = 0.25
 """How far the head turns with the chest; the rest of it stays on the opponent."""
 
@@ -71,6 +74,15 @@ def add_accents(score: Score, times: Array) -> Array:
         shape = pulse(times[part], accent.start, accent.peak, accent.fall, accent.end)
         channels[part, accent.channel] += accent.size * shape
     return channels
+
+
+def _riding(score: Score, times: Array) -> Array:
+    """Return 1 where the boxer walks or jogs, 0 elsewhere, and what lies between on the way. Shape (F,)."""
+    riding = np.zeros(len(times))
+    for travel in score.travels:
+        if travel.gait in GAITS:
+            riding += pulse(times, travel.start - 0.2, travel.start + 0.2, travel.end - 0.2, travel.end + 0.2)
+    return np.minimum(riding, 1.0)
 
 
 def _carry_pelvis(score: Score, feet: Footwork, channels: Array, ankles: Array) -> tuple[Array, Array]:
@@ -107,7 +119,7 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
     feet = trace_feet(score, times)
     style = score.style
     channels = add_accents(score, times)
-    add_life(channels, score.style, times, feet.loads, rng)
+    add_life(channels, score.style, times, feet.loads, _riding(score, times), rng)
     for channel, (least, most) in ((Channel.FLEX, _MOST_FLEX), (Channel.BEND, _MOST_BEND)):
         channels[:, channel] = soft_cap(soft_floor(channels[:, channel], least, 0.06), most, 0.06)
     rotations = np.zeros((len(times), skeleton.joint_count, 4))
@@ -117,12 +129,12 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
     foot_turns, heels, foot_yaws = [], [], []
     for foot in range(2):
         raised = style.heels[foot] + feet.heels[:, foot] + channels[:, Channel.LEAD_HEEL + foot]
-        heel = soft_cap(soft_floor(raised, 0.0, 0.025), _HIGHEST_HEEL, 0.08)
+        heel = soft_cap(soft_floor(raised, 0.0, 0.025), _HIGHEST_HEEL, 0.08) + feet.rolls[:, foot]
         yaw = feet.yaws[:, foot] + channels[:, Channel.LEAD_YAW + foot]
-        ball = np.stack(
-            [feet.balls[:, foot, 0], bones.BALL_HEIGHT + feet.lifts[:, foot], feet.balls[:, foot, 1]], axis=-1
-        )
-        foot_turns.append(foot_turn(yaw, heel))
+        # A foot on its heel has its ball as high as the heel is low.
+        lift = feet.lifts[:, foot] + _SOLE * np.sin(feet.toes_up[:, foot])
+        ball = np.stack([feet.balls[:, foot, 0], bones.BALL_HEIGHT + lift, feet.balls[:, foot, 1]], axis=-1)
+        foot_turns.append(foot_turn(yaw, heel - feet.toes_up[:, foot]))
         ankles[:, foot] = ankle_place(ball, foot_turns[foot])
         rotations[:, bones.TOES[foot]] = level_toes(heel, feet.points[:, foot])
         heels.append(heel)

@@ -52,6 +52,15 @@ class TrueDefence:
 
 
 @dataclass(frozen=True)
+class TrueTravel:
+    """Travel in one gait over frames ``start`` to ``end``, half-open: "shuffle", "walk" or "jog"."""
+
+    gait: str
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
 class Truth:
     """Ground truth of one clip.
 
@@ -59,12 +68,14 @@ class Truth:
         contacts: Whether the ball of the left and right foot is planted. Shape (F, 2), bool.
         strikes: Punches by time.
         defences: Defences by time.
+        travels: Travel over the floor by time.
         stance: Ground transform of the stance: pelvis over the floor, heading towards the opponent. Shape (F, 3).
     """
 
     contacts: Array
     strikes: tuple[TrueStrike, ...]
     defences: tuple[TrueDefence, ...]
+    travels: tuple[TrueTravel, ...]
     stance: Array
 
 
@@ -102,7 +113,11 @@ def find_truth(score: Score, staged: Staged, times: Array) -> Truth:
         TrueDefence(d.kind, int(np.ceil(d.start * fps)), int(d.end * fps) + 1)
         for d in sorted(score.defences, key=lambda d: d.start)
     )
-    return Truth(staged.footwork.planted.copy(), tuple(strikes), defences, stance)
+    travels = tuple(
+        TrueTravel(t.gait, int(np.ceil(t.start * fps)), min(int(t.end * fps) + 1, len(times)))
+        for t in sorted(score.travels, key=lambda t: t.start)
+    )
+    return Truth(staged.footwork.planted.copy(), tuple(strikes), defences, travels, stance)
 
 
 _OTHER_SIDE = {"slip_left": "slip_right", "slip_right": "slip_left"}
@@ -117,5 +132,6 @@ def mirror_truth(truth: Truth) -> Truth:
             for strike in truth.strikes
         ),
         defences=tuple(replace(d, kind=_OTHER_SIDE.get(d.kind, d.kind)) for d in truth.defences),
+        travels=truth.travels,
         stance=truth.stance * np.array([-1.0, 1.0, -1.0]),
     )

@@ -1,8 +1,9 @@
-"""Figures of a run: strikes, opponents, cuts, bodies in one another, feet that slide, jumps at cuts."""
+"""Figures of a run: strikes, opponents, cuts, feet that slide, jumps at cuts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -11,22 +12,19 @@ from numpy.typing import NDArray
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.take.fists import body_points, surface_point
+from crowdsim.take.measures import measure_fights
 from crowdsim.take.poses import Poses, PoseSampler
-from crowdsim.take.take import Take
 from crowdsim.take.window import STEPS, Cuts, Falls
 
 Array = NDArray[Any]
 Progress = Callable[[str, int, int], None]
 
-BODY_RADIUS = 0.2
-"""Radius of the disc that a body takes up on the ground [m]; it scales with the body."""
 TOUCH = 0.02
 """How far from a surface a fist touches it [m]."""
 _NEAR_CUT = 0.1
 """Time around a cut in which accelerations count as its own [s]."""
 _MOST_POSES = 150_000
 _POSES_AT_ONCE = 20_000
-_MOST_OVERLAPS = 2_000_000
 _MOST_STRIKES = 4000
 
 
@@ -41,8 +39,8 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict
 
     Returns:
         ``avatars``, ``control_frames``, ``seconds``; ``strikes_thrown``, ``strikes_landed``,
-        ``hits_per_minute_per_avatar``; ``opponent_changes`` of all avatars; ``transitions_per_second`` of an avatar;
-        ``overlap_share``, the share of avatar-frames in which two bodies' discs overlap; ``foot_slide_median`` and
+        ``hits_per_minute_per_avatar``; the attributes of ``FightMeasures``, positions from 10 s on;
+        ``opponent_changes`` of all avatars; ``transitions_per_second`` of an avatar; ``foot_slide_median`` and
         ``foot_slide_95``, speed over the floor of planted feet [m/s], those apart that make a step for a cut, and
         beside them the capture's own in the frames that are shown, and in all that there are;
         ``transition_jump_ratio``, accelerations of joints near cuts over those of the captured frames shown there;
@@ -63,33 +61,13 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict
         "strikes_thrown": len(take.events.frame),
         "strikes_landed": landed,
         "hits_per_minute_per_avatar": landed / minutes if minutes else None,
-        "overlap_share": overlap_share(take),
+        **asdict(measure_fights(take)),
     }
     told.update(_of_poses(sampler, progress))
     told.update(_of_fists(sampler))
     told["opponent_changes"] = int(np.count_nonzero(there & (opponent[1:] != opponent[:-1])))
     told["transitions_per_second"] = _count_cuts(sampler) / (minutes * 60.0) if minutes else None
     return told
-
-
-def overlap_share(take: Take) -> float | None:
-    """Return the share of avatar-frames in which a body's disc overlaps another's; None where nobody is there."""
-    from scipy.spatial import cKDTree
-
-    radii = BODY_RADIUS * np.asarray(take.cast.scales, dtype=float)
-    step = max(1, take.frame_count * take.avatar_count // _MOST_OVERLAPS)
-    count, inside = 0, 0
-    for frame in range(0, take.frame_count, step):
-        who = np.flatnonzero(np.asarray(take.action[frame]) >= 0)
-        places = np.stack([np.asarray(take.x[frame])[who], np.asarray(take.z[frame])[who]], axis=1).astype(float)
-        count += len(who)
-        if len(who) < 2:
-            continue
-        pairs = cKDTree(places).query_pairs(2.0 * float(radii[who].max()), output_type="ndarray")
-        gaps = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
-        touching = pairs[gaps < radii[who[pairs]].sum(axis=1)]
-        inside += len(np.unique(touching))
-    return inside / count if count else None
 
 
 def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, float | None]:

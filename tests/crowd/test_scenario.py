@@ -26,7 +26,10 @@ from crowdsim.errors import ScenarioError
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted((ROOT / "scenarios").glob("*.yaml"))
-NAMES = ["armies_200", "brawl_30", "brawl_30_cmu", "crowd_100k", "crowd_10k", "crowd_1m", "duel", "moving_target"]
+NAMES = [
+    "armies_200", "brawl_30", "brawl_30_cmu", "crowd_100k", "crowd_10k", "crowd_1m", "duel", "moving_target",
+    "moving_target_fast",
+]  # fmt: skip
 POLICIES = ["boxer", "boxer_cmu", "boxer_crowd"]
 
 BASE = """\
@@ -95,10 +98,13 @@ def test_other_shipped_scenarios_are_what_their_names_say():
     armies = load_scenario(ROOT / "scenarios/armies_200.yaml")
     assert [group.count for group in armies.groups] == [100, 100]
     assert len(armies.teams) == 2
+    assert {group.placement.gap for group in armies.groups} == {6.0}
     crowd = load_scenario(ROOT / "scenarios/crowd_10k.yaml")
     assert (crowd.avatar_count, crowd.duration) == (10_000, 200)
     assert crowd.outputs.model_dump(exclude_none=True).keys() == {"take"}
-    assert load_scenario(ROOT / "scenarios/moving_target.yaml").groups[0].opponents.kind == "target"
+    slow, fast = (load_scenario(ROOT / f"scenarios/moving_target{which}.yaml") for which in ("", "_fast"))
+    assert slow.groups[0].opponents.kind == fast.groups[0].opponents.kind == "target"
+    assert (slow.targets["head"].speed, fast.targets["head"].speed) == (0.4, 1.0)
     assert load_scenario(ROOT / "scenarios/brawl_30_cmu.yaml").types["boxer"].policy == "boxer_cmu"
 
 

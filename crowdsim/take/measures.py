@@ -1,0 +1,252 @@
+"""How well avatars fight over a whole run: when and how often strikes land, and how near opponents keep."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from crowdsim.crowd.chunk import Chunk
+from crowdsim.crowd.statistics import overlapping
+from crowdsim.take.take import VARIABLES, Events, Take
+
+Array = NDArray[Any]
+
+AFTER = 10.0
+"""Time that avatars are given to come together; positions are measured from then on [s]."""
+OUT_OF_REACH = 1.5
+"""An opponent farther away than this over the ground is out of reach [m]."""
+AIR = 1.4
+"""A strike is thrown at the air when the opponent is farther away than this over the ground [m]."""
+STUCK = 10.0
+"""An avatar is stuck when its opponent is out of reach for longer than this at a stretch [s]."""
+
+_READ_AVATAR_FRAMES = 4_000_000
+_BLOCK_AVATAR_FRAMES = 500_000
+_SAMPLED_AVATAR_FRAMES = 2_000_000
+
+
+@dataclass(frozen=True)
+class FightMeasures:
+    """A run as a fight. Figures of which there is nothing to measure are None.
+
+    *Counted time* is the time of avatars that are present and have an opponent that is present, an avatar or a
+    scripted target, from ``after`` on (``measure_fights``). Distances are over the ground, in metres whatever the
+    scales. Rates are over all the time that avatars are present.
+
+    Attributes:
+        first_landed_seconds: Time of the first strike that landed [s].
+        out_of_reach_share: Share of counted time in which the opponent is farther away than ``OUT_OF_REACH``.
+        stuck_avatars: Number of avatars out of reach for longer than ``STUCK`` at a stretch of counted time, whether
+            or not they changed their opponent meanwhile; None when the counted time is too short for it.
+        stuck_share: The same over the number of avatars that have counted time.
+        thrown_per_minute: Strikes thrown per avatar per minute.
+        landed_per_minute: Strikes landed per avatar per minute.
+        least_landed_per_minute: Strikes landed per minute by the avatar that lands least.
+        landed_share: Share of the strikes thrown that landed.
+        air_share: Share of strikes thrown while the opponent was farther away than ``AIR``; of those thrown with an
+            opponent. Positions are interpolated between control frames.
+        turned_away_share: Share of counted time in which the opponent is more than 90 degrees off the heading.
+        distance_median: Median distance to the opponent in counted time [m]; of frames evenly picked in long runs
+            of large crowds.
+        overlap_share: Share of avatar-frames in which the disc that a body takes up overlaps another's; likewise of
+            frames evenly picked.
+    """
+
+    first_landed_seconds: float | None
+    out_of_reach_share: float | None
+    stuck_avatars: int | None
+    stuck_share: float | None
+    thrown_per_minute: float | None
+    landed_per_minute: float | None
+    least_landed_per_minute: float | None
+    landed_share: float | None
+    air_share: float | None
+    turned_away_share: float | None
+    distance_median: float | None
+    overlap_share: float | None
+
+
+class FightCounter:
+    """Measures a run chunk by chunk as it comes, in memory that does not grow with its length.
+
+    Args:
+        scales: Scale of each avatar. Shape (N,).
+        rate: Control frames per second.
+        frames: Control frames planned, by which frames are picked for medians and overlaps.
+        after: Time from which positions are counted [s].
+    """
+
+    def __init__(self, scales: ArrayLike, rate: float, frames: int, after: float = AFTER) -> None:
+        self._scales = np.asarray(scales, dtype=float)
+        self._rate = rate
+        self._begin = int(np.ceil(after * rate - 1e-6))
+        self._every = max(1, -(-frames * len(self._scales) // _SAMPLED_AVATAR_FRAMES))
+        self._last: tuple[Array, Array, Array] | None = None
+        self._first_landed: float | None = None
+        self._present, self._thrown, self._landed, self._stretch, self._longest = np.zeros(
+            (5, len(self._scales)), np.int32
+        )
+        self._seen = np.zeros(len(self._scales), bool)
+        self._frames = self._known = self._out = self._away = self._aimed = self._air = 0
+        self._looked = self._overlapping = 0
+        self._distances: list[Array] = []
+
+    def add(self, chunk: Chunk) -> None:
+        """Count one more chunk; chunks come in the order of time."""
+        self._add_strikes(chunk)
+        self._last = (chunk.x[-1].copy(), chunk.z[-1].copy(), chunk.targets[-1].copy())
+        self._present += np.count_nonzero(chunk.action >= 0, axis=0).astype(np.int32)
+        for k in range(-chunk.first % self._every, chunk.frames, self._every):
+            here = chunk.action[k] >= 0
+            self._looked += int(np.count_nonzero(here))
+            inside = overlapping(chunk.x[k, here], chunk.z[k, here], self._scales[here])
+            self._overlapping += int(np.count_nonzero(inside))
+        rows = max(1, _BLOCK_AVATAR_FRAMES // max(len(self._scales), 1))
+        for first in range(max(self._begin - chunk.first, 0), chunk.frames, rows):
+            self._add_positions(chunk, slice(first, min(first + rows, chunk.frames)))
+
+    def _add_positions(self, chunk: Chunk, rows: slice) -> None:
+        dx, dz, known = opponent_offsets(chunk, rows)
+        distances = np.hypot(dx, dz)
+        out = known & (distances > OUT_OF_REACH)
+        heading = chunk.heading[rows]
+        away = known & (dx * np.sin(heading) + dz * np.cos(heading) < 0.0)
+        self._known += int(np.count_nonzero(known))
+        self._out += int(np.count_nonzero(out))
+        self._away += int(np.count_nonzero(away))
+        self._seen |= known.any(axis=0)
+        for k in range(len(out)):
+            self._stretch += 1
+            self._stretch *= out[k]
+            np.maximum(self._longest, self._stretch, out=self._longest)
+            if self._frames % self._every == 0:
+                self._distances.append(distances[k, known[k]])
+            self._frames += 1
+
+    def _add_strikes(self, chunk: Chunk) -> None:
+        events = chunk.events
+        attacker, landed = np.asarray(events.attacker, np.int64), np.asarray(events.landed, bool)
+        self._thrown += np.bincount(attacker, minlength=len(self._scales)).astype(np.int32)
+        self._landed += np.bincount(attacker[landed], minlength=len(self._scales)).astype(np.int32)
+        frames = np.asarray(events.frame, float)
+        if self._first_landed is None and landed.any():
+            self._first_landed = float(frames[landed].min()) / self._rate
+        distances = self._strike_distances(chunk, frames, attacker, np.asarray(events.victim, np.int64))
+        self._aimed += int(np.count_nonzero(np.isfinite(distances)))
+        self._air += int(np.count_nonzero(distances > AIR))
+
+    def _strike_distances(self, chunk: Chunk, frames: Array, attacker: Array, victim: Array) -> Array:
+        """Return how far the opponent is at each strike [m]; NaN without one. Shape (S,)."""
+        before = np.clip(np.floor(frames).astype(np.int64) - chunk.first, -1, chunk.frames - 1)
+        if self._last is None:
+            before = np.maximum(before, 0)
+        after = np.minimum(before + 1, chunk.frames - 1)
+        share = np.clip(frames - chunk.first - before, 0.0, 1.0)[:, None]
+        offsets = [self._offsets(chunk, rows, attacker, victim) for rows in (before, after)]
+        # A share of zero takes nothing from a frame in which somebody may be absent.
+        offset = np.where(share > 0.0, offsets[0] * (1.0 - share) + offsets[1] * share, offsets[0])
+        return np.linalg.norm(offset, axis=1)
+
+    def _offsets(self, chunk: Chunk, rows: Array, attacker: Array, victim: Array) -> Array:
+        """Return x and z from attackers to victims in rows of a chunk; row -1 is the frame before. Shape (S, 2)."""
+        found = np.full((len(rows), 2), np.nan)
+        scripted, avatar = victim <= -2, victim >= 0
+        for component, values in enumerate((chunk.x, chunk.z)):
+            own, target = values[rows, attacker], chunk.targets[..., 2 * component]
+            found[avatar, component] = values[rows[avatar], victim[avatar]] - own[avatar]
+            found[scripted, component] = target[rows[scripted], -2 - victim[scripted]] - own[scripted]
+            earlier = rows < 0
+            if self._last is not None and earlier.any():
+                last, target = self._last[component], self._last[2][:, 2 * component]
+                both, aimed = earlier & avatar, earlier & scripted
+                found[both, component] = last[victim[both]] - last[attacker[both]]
+                found[aimed, component] = target[-2 - victim[aimed]] - last[attacker[aimed]]
+        return found
+
+    def finish(self) -> FightMeasures:
+        """Return what has been measured."""
+        minutes = self._present / self._rate / 60.0
+        total, thrown, landed = float(minutes.sum()), int(self._thrown.sum()), int(self._landed.sum())
+        here = minutes > 0.0
+        least = float((self._landed[here] / minutes[here]).min()) if here.any() else None
+        long_enough = self._frames / self._rate > STUCK and self._seen.any()
+        stuck = int(np.count_nonzero(self._longest / self._rate > STUCK)) if long_enough else None
+        distances = np.concatenate(self._distances) if self._distances else np.zeros(0)
+        return FightMeasures(
+            first_landed_seconds=self._first_landed,
+            out_of_reach_share=_ratio(self._out, self._known),
+            stuck_avatars=stuck,
+            stuck_share=None if stuck is None else stuck / int(np.count_nonzero(self._seen)),
+            thrown_per_minute=_ratio(thrown, total),
+            landed_per_minute=_ratio(landed, total),
+            least_landed_per_minute=least,
+            landed_share=_ratio(landed, thrown),
+            air_share=_ratio(self._air, self._aimed),
+            turned_away_share=_ratio(self._away, self._known),
+            distance_median=float(np.median(distances)) if len(distances) else None,
+            overlap_share=_ratio(self._overlapping, self._looked),
+        )
+
+
+def measure_fights(take: Take, after: float = AFTER) -> FightMeasures:
+    """Return how well avatars fight in a take, read a few frames at a time.
+
+    Args:
+        take: The take, in memory or lazily read.
+        after: Time from which positions are counted [s].
+    """
+    counter = FightCounter(take.cast.scales, take.control_rate, take.frame_count, after)
+    for chunk in chunks_of(take):
+        counter.add(chunk)
+    return counter.finish()
+
+
+def opponent_offsets(chunk: Chunk, rows: slice = slice(None)) -> tuple[Array, Array, Array]:
+    """Return x and z from each avatar to its opponent [m], and whether both are there.
+
+    Args:
+        chunk: Frames of a run.
+        rows: Which of its frames.
+
+    Returns:
+        Offsets along x and z, and where they are known. Shape (frames, N) each.
+    """
+    action, opponent = chunk.action[rows], chunk.opponent[rows]
+    x, z, targets = chunk.x[rows], chunk.z[rows], chunk.targets[rows]
+    other = np.maximum(opponent, 0)
+    known = (action >= 0) & (opponent >= 0) & (np.take_along_axis(action, other, axis=1) >= 0)
+    ox, oz = np.take_along_axis(x, other, axis=1), np.take_along_axis(z, other, axis=1)
+    scripted = opponent <= -2
+    if scripted.any():
+        row, avatar = np.nonzero(scripted)
+        places = targets[row, -2 - opponent[row, avatar]]
+        ox[row, avatar], oz[row, avatar] = places[:, 0], places[:, 2]
+        known |= scripted & (action >= 0)
+    return ox - x, oz - z, known
+
+
+def chunks_of(take: Take) -> Iterator[Chunk]:
+    """Yield a take's frames in chunks, each with the strikes thrown on the way to its frames."""
+    rows = max(1, _READ_AVATAR_FRAMES // max(take.avatar_count, 1))
+    strikes = {name: np.asarray(getattr(take.events, name)) for name in Events.__dataclass_fields__}
+    order = np.argsort(strikes["frame"], kind="stable")
+    strikes = {name: values[order] for name, values in strikes.items()}
+    ends = [*range(rows, take.frame_count, rows), take.frame_count] if take.frame_count else []
+    begin = first = 0
+    for end in ends:
+        last = len(order) if end == take.frame_count else int(np.searchsorted(strikes["frame"], end - 1, side="right"))
+        yield Chunk(
+            first=first,
+            **{name: np.asarray(getattr(take, name)[first:end]) for name in VARIABLES},
+            targets=np.asarray(take.targets[first:end]),
+            events=Events(**{name: values[begin:last] for name, values in strikes.items()}),
+        )
+        first, begin = end, last
+
+
+def _ratio(part: float, whole: float) -> float | None:
+    return part / whole if whole else None
