@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 from naive_opponents import nearest, neighbours
 
-from crowdsim.crowd.kernels import BURSTS, REST
+from crowdsim.crowd.kernels import BEHIND, BURSTS, REST
 from crowdsim.crowd.model import TOLERANCE
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.crowd.script import target_places
@@ -146,8 +146,7 @@ def decide(one, avatars, crowd, targets, frame):
         opponent = nearest(x, z, team, mine[0], mine[1], one.number, one.skip)
         old = one.opponent
         if opponent >= 0 and old >= 0 and team[old] != one.skip:
-            far = math.hypot(x[old] - mine[0], z[old] - mine[1]) - crowd.hysteresis[one.mood]
-            if math.hypot(x[opponent] - mine[0], z[opponent] - mine[1]) >= far:
+            if seems_far(mine, x[opponent], z[opponent]) >= seems_far(mine, x[old], z[old]) - crowd.hysteresis[one.mood]:
                 opponent = old
     target, moving, lasts = None, np.zeros(2), 0.0
     if opponent >= 0:
@@ -155,8 +154,8 @@ def decide(one, avatars, crowd, targets, frame):
         target = other.body("heads", other.action, min(other.phase, other.length), other.start)
         lasts = (other.length - min(other.phase, other.length)) / other.speed
         if lasts > 0:
-            end = ground.compose(other.start, other.way(other.action, other.length))
-            moving = (end - places[opponent])[:2] / lasts
+            end = other.body("heads", other.action, other.length, other.start)
+            moving = (end - target)[[0, 2]] / lasts
     elif opponent <= -2:
         target, lasts = targets[1, -2 - opponent], math.inf
         moving = (target - targets[0, -2 - opponent])[[0, 2]]
@@ -190,6 +189,13 @@ def decide(one, avatars, crowd, targets, frame):
         one.burst = max(one.burst - int(counts[place]), 0)
         one.rested = max(one.rested, frame) + interval * int(counts[place])
     return opponent, ways[place]
+
+
+def seems_far(mine, x, z):
+    """Distance of an opponent, and more when it is behind."""
+    right, _, ahead = ground.to_local(mine, np.array([x, 0.0, z]))
+    far = math.hypot(right, ahead)
+    return far + BEHIND * 0.5 * (1.0 - ahead / max(far, 1e-9))
 
 
 def within_grids(policy, target):

@@ -14,6 +14,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
+from crowdsim.policy.rewards import WASTED
+
 # Kernels that allocate nothing do without numba's counting of references, which would cost more than their work: two
 # atomic operations for every array that is handed to a function, or looked up in a named tuple.
 _kernel = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)  # type: ignore[call-overload]
@@ -51,6 +53,7 @@ BLOCK = 16  # situations that are weighed at a time
 ENTERED = -2  # instead of an action before, of those who have just entered
 NO_STRIKE = 1 << 30  # instead of a frame, where an action has no strike left
 BURSTS = (2, 5)  # least and most strikes of a burst
+BEHIND = 0.8  # how much further away an opponent counts that is behind [m]
 REST = 4.0  # what a strike costs an avatar that rests, in normalised values
 SORTED = 256  # so many avatars that choose together do so in the order of their states
 
@@ -261,14 +264,15 @@ def _place_all(grids, b, cell_count, count, cells, steps, work, near_shares, asi
 
 
 @_part
-def _see_ends(moves, actions, offset, n, x, z, vx, vz, lasts, first, work):
+def _see_ends(moves, actions, offset, n, x, z, vx, vz, lasts, lead, first, work):
     """Write where a target is seen from the end of ``n`` actions: x, z and distance; and their ends.
 
-    It is at (x, z) now and moves by (vx, vz) a frame for so many frames.
+    It is at (x, z) now and moves by (vx, vz) a frame for so many frames. It is seen ``lead`` frames later than the end:
+    values are those of a still target, and who goes after a moving one must be ahead of them.
     """
     for k in range(n):
         action, at = np.uint64(offset + k), np.uint64(first + k)
-        t = min(np.float64(actions[action, LENGTH]), lasts)
+        t = min(np.float64(actions[action, LENGTH]) + lead, lasts)
         dx, dz = x + t * vx - moves[action, MOVE_X], z + t * vz - moves[action, MOVE_Z]
         cos, sin = moves[action, MOVE_COS], moves[action, MOVE_SIN]
         later_x, later_z = dx * cos - dz * sin, dx * sin + dz * cos
@@ -305,6 +309,7 @@ def _gaps(paths, first, count, x, z, vx, vz, lasts, least, most, facing, wide, o
 def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, vx, vz, lasts, factor, rows, out):
     """Add ``factor`` times what landed strikes earn by a term to what each of ``n`` actions is worth."""
     tolerance, head, torso, column = terms[row, 2], terms[row, 4], terms[row, 5], int(terms[row, 8])
+    greatest, wasted = terms[row, 11] != 0.0, WASTED * WASTED
     low, high = y - terms[row, 7], y - terms[row, 6]
     # Within the tolerance of a surface: squares between these, which takes no roots.
     head_least, head_most = max(head - tolerance, 0.0) ** 2, (head + tolerance) ** 2
@@ -323,7 +328,9 @@ def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, vx, vz, lasts
         square = aside + dy * dy
         on_torso = (square >= torso_least) & (square <= torso_most)
         action = np.uint64(strikes[k, OWNER])
-        rows[action] = max(rows[action], strikes[k, column] * np.float64(on_head | on_torso))
+        earned = strikes[k, column] * np.float64(on_head | on_torso)
+        rows[action] = max(rows[action], earned) if greatest else rows[action] + earned
+        out[action] -= factor * strikes[k, column + 1] * np.float64(aside > wasted)
     factor *= terms[row, 1]
     for k in range(n):
         out[k] += factor * rows[k]
@@ -517,7 +524,8 @@ def _prepare(model, weights, scratch, first, count, policy):
             width = model.strikes.shape[1]
             for entry in range(first_row * width, last_row * width + 15, 16):
                 _ask_for(model.strikes, entry)
-            _see_ends(model.moves, model.actions, offset, n, x, z, vx, vz, lasts, pairs, scratch.work)
+            lead = 2.0 * model.sizes[policy, LEAD]
+            _see_ends(model.moves, model.actions, offset, n, x, z, vx, vz, lasts, lead, pairs, scratch.work)
             pairs += n
             scratch.begins[d + 1] = pairs
     return pairs
@@ -774,7 +782,10 @@ def _may_leave(arena, x, z, furthest):
 
 @_part
 def _change_opponent(whole, real, slot_of, moods, present, own, nearest):
-    """Return the number of an avatar's opponent, or what stands for a target: the old one, unless another is nearer."""
+    """Return the number of an avatar's opponent, or what stands for a target: the old one, unless another is nearer.
+
+    Turning to an opponent takes time: one right behind counts as ``BEHIND`` further away than one straight ahead.
+    """
     skip = whole[SKIP, own]
     if skip == -2:
         return whole[FIXED, own]
@@ -786,8 +797,12 @@ def _change_opponent(whole, real, slot_of, moods, present, own, nearest):
         if slot < present and slot != own and whole[TEAM, slot] != skip:
             ax, az = real[X, slot] - real[X, own], real[Z, slot] - real[Z, own]
             bx, bz = real[X, nearest] - real[X, own], real[Z, nearest] - real[Z, own]
+            cos, sin = cos_sin(real[HEADING, own])
+            a, b = math.sqrt(ax * ax + az * az), math.sqrt(bx * bx + bz * bz)
             near = moods[whole[MOOD, own], HYSTERESIS]
-            if math.sqrt(bx * bx + bz * bz) >= math.sqrt(ax * ax + az * az) - near:
+            # Cosines of the directions in which the two are.
+            ahead = (ax * sin + az * cos) / max(a, 1e-9) - (bx * sin + bz * cos) / max(b, 1e-9)
+            if b + 0.5 * BEHIND * ahead >= a - near:
                 return old
     return whole[NUMBER, nearest]
 
@@ -976,8 +991,8 @@ def order_by_state(states, count, starts, out_order):
 
 @_part
 def aim(
-    whole, real, slot_of, offsets, actions, moves, bodies, policies, arena, crowding, targets, moods, present, moment,
-    due, count, nearest, out_situations, out_states, out_moods, out_policies,
+    whole, real, slot_of, offsets, actions, moves, bodies, ground, policies, arena, crowding, targets, moods, present,
+    moment, due, count, nearest, out_situations, out_states, out_moods, out_policies,
 ):  # fmt: skip
     """Choose opponents for avatars ``due[:count]`` and write their situations (``value_actions``).
 
@@ -1025,7 +1040,13 @@ def aim(
             ty = _between(bodies, place, HEAD + 1) * size
             lasts = (actions[action, LENGTH] - done) / real[SPEED, j]
             if lasts > 0.0:
-                vx, vz = (real[END_X, j] - real[X, j]) / lasts, (real[END_Z, j] - real[Z, j]) / lasts
+                # Where its head is at the end of its action.
+                stride = policies[whole[POLICY, j], STRIDE]
+                place = actions[action, ORIGIN] + actions[action, LENGTH] * stride
+                cos, sin = cos_sin(real[BASE_TURN, j] + ground[place, 2])
+                hx, hz = bodies[place, HEAD] * size, bodies[place, HEAD + 2] * size
+                vx = (real[END_X, j] + hx * cos + hz * sin - tx) / lasts
+                vz = (real[END_Z, j] - hx * sin + hz * cos - tz) / lasts
             seen = True
         if arena[0] != 0.0 and _outside(arena, x, z) > crowding[5]:
             # Turn back: the middle counts until the avatar is inside again.
@@ -1108,7 +1129,7 @@ def choose(
     """
     aim(
         avatars.whole, avatars.real, avatars.slot_of, model.offsets, model.actions, model.moves, model.bodies,
-        model.policies, world.arena, world.crowding, world.targets, world.moods, present, moment, due, count, nearest,
+        model.ground, model.policies, world.arena, world.crowding, world.targets, world.moods, present, moment, due, count, nearest,
         scratch.situations, scratch.states, scratch.moods, scratch.policies,
     )  # fmt: skip
     if count >= SORTED:

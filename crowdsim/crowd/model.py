@@ -197,7 +197,8 @@ def _strikes(policies: Sequence[Policy], behaviours: Array, terms: Array, starts
                 if term[0] == StrikeTerm.code:
                     term[8] = len(columns)
                     fast = actions.strike_speeds.astype(float) ** term[3]
-                    columns.append(row[kernels.DISCOUNT] ** actions.strike_times.astype(float) * fast)
+                    faded = row[kernels.DISCOUNT] ** actions.strike_times.astype(float)
+                    columns += [faded * fast, faded * term[1] * term[10]]
         parts.append(np.column_stack(columns))
     width = -(-max(part.shape[1] for part in parts) // 8) * 8
     return np.concatenate([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts]).astype(np.float32)

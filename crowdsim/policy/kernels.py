@@ -8,6 +8,8 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from crowdsim.policy.rewards import WASTED
+
 
 @njit(cache=True)
 def measure(kind, x, y, z):
@@ -78,19 +80,27 @@ def strike_lands(px, py, pz, x, y, z, terms, row):
 
 
 @njit(cache=True)
+def spent_on_strike(px, pz, x, z, terms, row):
+    """Return what a strike costs whose fist ends over (px, pz) when the target is over (x, z)."""
+    far = (px - x) ** 2 + (pz - z) ** 2 > WASTED * WASTED
+    return terms[row, 9] + (terms[row, 10] if far else 0.0)
+
+
+@njit(cache=True)
 def strike_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount):
     """Return the strike term of one action for a target that moves by (vx, vz) a frame."""
-    best, spent = 0.0, 0.0
+    best, total, spent = 0.0, 0.0, 0.0
     for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
         t = actions.strike_times[strike]
         places = actions.strike_places
         px, py, pz = places[strike, 0], places[strike, 1], places[strike, 2]
         faded = math.exp(t * log_discount)
-        spent += faded * terms[row, 9]
+        spent += faded * spent_on_strike(px, pz, x + t * vx, z + t * vz, terms, row)
         if strike_lands(px, py, pz, x + t * vx, y, z + t * vz, terms, row):
-            speed = actions.strike_speeds[strike]
-            best = max(best, faded * speed ** terms[row, 3])
-    return terms[row, 1] * (best - spent)
+            earned = faded * actions.strike_speeds[strike] ** terms[row, 3]
+            best = max(best, earned)
+            total += earned
+    return terms[row, 1] * ((best if terms[row, 11] != 0.0 else total) - spent)
 
 
 @njit(cache=True)
@@ -335,7 +345,10 @@ def ground_reward(actions, action, x, z, vx, vz, terms, log_discount):
     for row in range(len(terms)):
         if terms[row, 0] == 0.0:
             for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
-                total -= terms[row, 1] * terms[row, 9] * math.exp(actions.strike_times[strike] * log_discount)
+                t = actions.strike_times[strike]
+                px, pz = actions.strike_places[strike, 0], actions.strike_places[strike, 2]
+                spent = spent_on_strike(px, pz, x + t * vx, z + t * vz, terms, row)
+                total -= terms[row, 1] * spent * math.exp(t * log_discount)
         else:
             total += term_reward(actions, action, x, 0.0, z, vx, vz, terms, row, log_discount)
     return total
@@ -373,15 +386,17 @@ def fill_landed(actions, targets, layers, velocities, terms, log_discount, offse
                     if terms[row, 0] != 0.0:
                         continue
                     for h in range(layers):
-                        best = 0.0
+                        best, total = 0.0, 0.0
                         x, y, z = targets[m * layers + h]
                         for strike in range(first, last):
                             t = actions.strike_times[strike]
                             px, py, pz = actions.strike_places[strike]
                             if strike_lands(px, py, pz, x + t * vx, y, z + t * vz, terms, row):
                                 fast = actions.strike_speeds[strike] ** terms[row, 3]
-                                best = max(best, math.exp(t * log_discount) * fast)
-                        found[h] += terms[row, 1] * best
+                                earned = math.exp(t * log_discount) * fast
+                                best = max(best, earned)
+                                total += earned
+                        found[h] += terms[row, 1] * (best if terms[row, 11] != 0.0 else total)
                 for h in range(layers):
                     if found[h] > 0.0:
                         if len(cells) > 0:

@@ -155,7 +155,9 @@ def build_model(
     kernels.fill_successors(actions, axes, targets[::layers].copy(), movement.velocities, lowers, shares)
 
     packed, log_discount = pack_terms(terms, body), math.log(discount)
-    same = all(isinstance(term, StrikeTerm | TransitionTerm) for term in terms)
+    same = all(
+        isinstance(term, TransitionTerm) or (isinstance(term, StrikeTerm) and term.waste == 0.0) for term in terms
+    )
     near = np.empty((ways, count, 1 if same else cells), np.float32)
     kernels.fill_near(actions, targets[::layers].copy(), movement.velocities, packed, log_discount, near)
     landed = np.zeros(ways * count + 1, np.int64)

@@ -224,7 +224,8 @@ def _action_value(
         return float(shares @ behaviour.values(first * grid.cells + cells * n + (action - first)))
     velocity = moving[[0, 2]], lasts
     reward = action_reward(actions, action, target, behaviour.terms, policy.body, behaviour.discount, *velocity)
-    moved = target + min(float(actions.lengths[action]), lasts) * moving
+    # Values are those of a still target: who goes after a moving one must be ahead of them.
+    moved = target + min(float(actions.lengths[action]) + float(np.mean(actions.lengths)), lasts) * moving
     later = ground.to_local(actions.displacements[action].astype(float), moved)
     cells, shares = corners(grid, later)
     value = float(shares @ behaviour.values(int(actions.next[action]) * grid.cells + cells))

@@ -3,9 +3,10 @@
 The reward of one action is the sum of its terms, evaluated exactly where the target is, never interpolated. Time t
 counts control frames from the action's state, and gamma is the discount a frame:
 
-* ``strike``: max over the action's strikes of gamma^t I(t) w(t), less gamma^t ``effort`` for each strike thrown. I(t) is
-  1 when the strike lands: its fist is within ``tolerance`` of the surface of the target's head, or of the upright torso
-  under it.
+* ``strike``: gamma^t I(t) w(t), the greatest of the action's strikes (``max``, the paper's) or their sum; less gamma^t
+  ``effort`` for each strike thrown, and gamma^t ``waste`` where its fist ends more than ``WASTED`` from the target's
+  axis. I(t) is 1 when the strike lands: its fist is within ``tolerance`` of the surface of the target's head, or of the
+  upright torso under it.
 * ``proximity``: gamma^t exp(-d(t) / sigma), summed over the action's frames (``sum``, which does not depend on where
   actions are cut) or its greatest (``max``, the paper's). d(t) is how far the target is from where it is wanted: at a
   distance, or between two distances, from the avatar.
@@ -34,8 +35,12 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 Metres = Annotated[float, Field(ge=0.0)]
 
-TERM_WIDTH = 10
+TERM_WIDTH = 12
 """Numbers of a term as compiled code reads it."""
+
+
+WASTED = 0.5
+"""Over the ground, how far from the target's axis a fist ends that strikes the air [m]."""
 
 
 class TargetBody(BaseModel):
@@ -79,11 +84,15 @@ class StrikeTerm(Term):
     effort: float = Field(
         default=0.0, ge=0.0, le=10.0, description="What each strike costs that is thrown, whether or not it lands."
     )
+    waste: float = Field(default=0.0, ge=0.0, le=10.0, description="What each strike costs that is far from the target.")
+    form: Literal["sum", "max"] = Field(
+        default="max", description="The greatest of what the action's landed strikes earn, or their sum."
+    )
 
     def pack(self, body: TargetBody) -> tuple[float, ...]:
-        """Return weight, tolerance, speed weight, the target's sizes, a place that control uses, and the effort."""
+        """Return weight, tolerance, speed weight, the target's sizes, a place for control, effort, waste, and the form."""
         sizes = (body.head_radius, body.torso_radius, body.neck_drop, body.pelvis_drop)
-        return (self.weight, self.tolerance, self.speed_weight, *sizes, 0.0, self.effort)
+        return (self.weight, self.tolerance, self.speed_weight, *sizes, 0.0, self.effort, self.waste, float(self.form == "max"))
 
 
 class ProximityTerm(Term):
@@ -203,10 +212,12 @@ def action_reward(
             found, spent = [0.0], 0.0
             for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
                 t = float(actions.strike_times[strike])
-                spent += discount**t * term.effort
-                if min(surface_distance(actions.strike_places[strike], start + min(t, lasts) * step, body)) <= term.tolerance:
+                place = start + min(t, lasts) * step
+                away = actions.strike_places[strike].astype(float) - place
+                spent += discount**t * (term.effort + term.waste * (math.hypot(away[0], away[2]) > WASTED))
+                if min(surface_distance(actions.strike_places[strike], place, body)) <= term.tolerance:
                     found.append(discount**t * float(actions.strike_speeds[strike]) ** term.speed_weight)
-            total += term.weight * (max(found) - spent)
+            total += term.weight * ((max(found) if term.form == "max" else sum(found)) - spent)
         elif isinstance(term, ProximityTerm):
             path = actions.paths[actions.path_offsets[action] : actions.path_offsets[action + 1]].astype(float)
             values = []
