@@ -254,6 +254,41 @@ def test_stages_frames_and_chunks_give_the_same_bytes(team, monkeypatch):
     assert bytes_of(simulate(people, POLICIES, 40, search="scipy")) == together
 
 
+def lattice(count, **fields):
+    """A crowd of one size and pace in exact rows, where many are equally far away from each other."""
+    z, x = np.divmod(np.random.default_rng(5).permutation(count), int(np.sqrt(count)))
+    return build_crowd(x, z, policy=np.arange(count) % 2, **fields)
+
+
+@pytest.mark.parametrize(
+    "people",
+    [
+        crowd(30),
+        crowd(200, team=np.arange(200) % 2),
+        crowd(350, team=np.arange(350) % 3),
+        lattice(30),
+        lattice(400, team=np.arange(400) % 2),
+        lattice(500),
+        crowd(30, present=np.arange(30) > 9),
+    ],
+    ids=["brawl", "two teams", "three teams", "ties", "ties of two teams", "ties of many", "some absent"],
+)
+def test_every_search_gives_the_same_bytes(people):
+    late = ~people.present
+    script = Script(changes=(Change(frame=7, who=late, present=True),) if late.any() else ())
+    auto = bytes_of(simulate(people, POLICIES, 20, script))
+    for search in ("kd_tree", "scipy"):
+        assert bytes_of(simulate(people, POLICIES, 20, script, search=search)) == auto
+
+
+def test_a_crowd_of_any_size_is_searched_as_it_was_asked_for():
+    for count, auto in ((30, "direct"), (500, "kd_tree")):
+        for search, expected in (("auto", auto), ("kd_tree", "kd_tree"), ("scipy", "scipy")):
+            run = Simulation(crowd(count), POLICIES, search=search)
+            run.run(3)
+            assert run.searches == [expected]
+
+
 @pytest.mark.parametrize("team", [None, np.arange(6000) % 2])
 def test_threads_and_the_order_of_storage_change_no_byte(team):
     people = crowd(6000, team=team)
