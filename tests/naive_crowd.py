@@ -236,7 +236,7 @@ def thrown(one, avatars, frame, targets):
             point = ground.to_world(start, actions.strike_places[k] * one.scale)
             gap = surface_gap(one, avatars, opponent, share, point, targets)
             speed = float(database.strike_speeds[strike]) * one.scale * one.speed
-            landed = gap <= tolerance * one.scale
+            landed = abs(gap) <= tolerance * one.scale
             found.append(
                 (
                     frame - 1 + share,
@@ -253,6 +253,7 @@ def thrown(one, avatars, frame, targets):
 
 
 def surface_gap(one, avatars, opponent, share, point, targets):
+    """Signed distance of a point from whom it strikes: head and torso are one body, inside of which it is negative."""
     if opponent == -1:
         return math.inf
     if opponent <= -2:
@@ -265,5 +266,5 @@ def surface_gap(one, avatars, opponent, share, point, targets):
         head, neck, pelvis = (other.body(name, *moment) for name in ("heads", "necks", "pelvises"))
     axis = neck - pelvis
     t = min(max(float((point - pelvis) @ axis) / float(axis @ axis), 0.0), 1.0)
-    to_head = abs(float(np.linalg.norm(point - head)) - sizes.head_radius * scale)
-    return min(to_head, abs(float(np.linalg.norm(point - pelvis - t * axis)) - sizes.torso_radius * scale))
+    to_head = float(np.linalg.norm(point - head)) - sizes.head_radius * scale
+    return min(to_head, float(np.linalg.norm(point - pelvis - t * axis)) - sizes.torso_radius * scale)

@@ -289,7 +289,8 @@ def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, factor, rows,
     """Add ``factor`` times a strike term to what each of ``n`` actions is worth."""
     tolerance, head, torso, column = terms[row, 2], terms[row, 4], terms[row, 5], int(terms[row, 8])
     low, high = y - terms[row, 7], y - terms[row, 6]
-    # Within the tolerance of a surface: squares between these, which takes no roots.
+    # Within the tolerance of the surface (``rewards.lands``) where no square is below its least, which would be too
+    # deep in head or torso, and one is not above its most; which takes no roots.
     head_least, head_most = max(head - tolerance, 0.0) ** 2, (head + tolerance) ** 2
     torso_least, torso_most = max(torso - tolerance, 0.0) ** 2, (torso + tolerance) ** 2
     for k in range(n):
@@ -299,13 +300,14 @@ def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, factor, rows,
         px, py, pz = strikes[k, FIST_X], strikes[k, FIST_Y], strikes[k, FIST_Z]
         dx, dy, dz = px - x, py - y, pz - z
         aside = dx * dx + dz * dz
-        square = aside + dy * dy
-        on_head = (square >= head_least) & (square <= head_most)
+        to_head = aside + dy * dy
         dy = py - min(max(py, low), high)
-        square = aside + dy * dy
-        on_torso = (square >= torso_least) & (square <= torso_most)
+        to_torso = aside + dy * dy
+        lands = (
+            ((to_head <= head_most) | (to_torso <= torso_most)) & (to_head >= head_least) & (to_torso >= torso_least)
+        )
         action = np.uint64(strikes[k, OWNER])
-        rows[action] = max(rows[action], strikes[k, column] * np.float64(on_head | on_torso))
+        rows[action] = max(rows[action], strikes[k, column] * np.float64(lands))
     factor *= terms[row, 1]
     for k in range(n):
         out[k] += factor * rows[k]
@@ -1130,9 +1132,9 @@ def _body_at(model, avatars, j, share):
 
 @_part
 def _touches(head, neck, pelvis, head_radius, torso_radius, tolerance, px, py, pz):
-    """Tell whether a point is within the tolerance of the surface of a head or a torso."""
+    """Tell whether a fist lands on a head and torso: within the tolerance of their surface (``rewards.lands``)."""
     hx, hy, hz = px - head[0], py - head[1], pz - head[2]
-    gap = abs(math.sqrt(hx * hx + hy * hy + hz * hz) - head_radius)
+    distance = math.sqrt(hx * hx + hy * hy + hz * hz) - head_radius
     dx, dy, dz = neck[0] - pelvis[0], neck[1] - pelvis[1], neck[2] - pelvis[2]
     lx, ly, lz = px - pelvis[0], py - pelvis[1], pz - pelvis[2]
     square = dx * dx + dy * dy + dz * dz
@@ -1140,7 +1142,8 @@ def _touches(head, neck, pelvis, head_radius, torso_radius, tolerance, px, py, p
     if square > 0.0:
         t = min(max((lx * dx + ly * dy + lz * dz) / square, 0.0), 1.0)
     lx, ly, lz = lx - t * dx, ly - t * dy, lz - t * dz
-    return min(gap, abs(math.sqrt(lx * lx + ly * ly + lz * lz) - torso_radius)) <= tolerance
+    distance = min(distance, math.sqrt(lx * lx + ly * ly + lz * lz) - torso_radius)
+    return -tolerance <= distance <= tolerance
 
 
 @_part

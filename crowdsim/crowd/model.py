@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 TOLERANCE = 0.10
-"""From fist to surface where a strike lands [m], for a policy whose recipe rewards no strikes."""
+"""How far from the surface a strike lands (``rewards.lands``) [m], for a policy whose recipe rewards no strikes."""
 
 
 def build_model(policies: Sequence[Policy]) -> Model:

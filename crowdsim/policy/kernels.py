@@ -62,7 +62,7 @@ def find_corners(axes, first, end, x, y, z, cells, weights):
 
 @njit(cache=True)
 def strike_lands(px, py, pz, x, y, z, terms, row):
-    """Return whether a fist at (px, py, pz) is near enough to the surface of a target whose head is at (x, y, z)."""
+    """Return whether a fist at (px, py, pz) lands on a target whose head is at (x, y, z) (``rewards.lands``)."""
     tolerance = terms[row, 2]
     dx, dz = px - x, pz - z
     aside = dx * dx + dz * dz
@@ -70,10 +70,10 @@ def strike_lands(px, py, pz, x, y, z, terms, row):
     if aside > 1.0001 * reach * reach:
         return False  # most targets are: nothing else need be worked out
     dy = py - y
-    if abs(math.sqrt(aside + dy * dy) - terms[row, 4]) <= tolerance:
-        return True
+    distance = math.sqrt(aside + dy * dy) - terms[row, 4]
     dy = py - min(max(py, y - terms[row, 7]), y - terms[row, 6])
-    return abs(math.sqrt(aside + dy * dy) - terms[row, 5]) <= tolerance
+    distance = min(distance, math.sqrt(aside + dy * dy) - terms[row, 5])
+    return -tolerance <= distance <= tolerance
 
 
 @njit(cache=True)

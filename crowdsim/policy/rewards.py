@@ -4,7 +4,9 @@ The reward of one action is the sum of its terms, evaluated exactly where the ta
 counts control frames from the action's state, and gamma is the discount a frame:
 
 * ``strike``: max over the action's strikes of gamma^t I(t) w(t). I(t) is 1 when the strike lands: its fist is within
-  ``tolerance`` of the surface of the target's head, or of the upright torso under it.
+  ``tolerance`` of the surface of the target's body, outside or inside (``lands``). The body is the head and the upright
+  torso under it together, so that the signed distance from it is the lesser of the two (``surface_distance``): a fist
+  that is deep in one of them is not on the surface of the other.
 * ``proximity``: gamma^t exp(-d(t) / sigma), summed over the action's frames (``sum``, which does not depend on where
   actions are cut) or its greatest (``max``, the paper's). d(t) is how far the target is from where it is wanted.
 * ``transition``: what cuts cost, since they are seen.
@@ -34,7 +36,10 @@ TERM_WIDTH = 9
 
 
 class TargetBody(BaseModel):
-    """The body of a target for whom only the head's centre is known; sizes [m] come from the motion database."""
+    """The body of a target for whom only the head's centre is known; sizes [m] come from the motion database.
+
+    Training, control and poses give targets this body, the latter two with the scale of who strikes.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -44,6 +49,18 @@ class TargetBody(BaseModel):
     """How far the upper end of the torso's capsule lies under the head's centre."""
     pelvis_drop: float = 0.66
     """How far its lower end does."""
+
+    def under(self, head: ArrayLike, scale: ArrayLike = 1.0) -> tuple[Array, Array, Array, Array]:
+        """Return upper and lower ends of the torsos under heads (..., 3), and radii of heads and torsos (...) [m].
+
+        Args:
+            head: Centres of the heads [m]. Shape (..., 3).
+            scale: Sizes of the bodies. Shape (...).
+        """
+        heads, sizes = np.asarray(head, dtype=float), np.asarray(scale, dtype=float)
+        down = np.array([0.0, -1.0, 0.0]) * sizes[..., None]
+        necks, pelvises = heads + self.neck_drop * down, heads + self.pelvis_drop * down
+        return necks, pelvises, self.head_radius * sizes, self.torso_radius * sizes
 
 
 class Term(BaseModel):
@@ -64,7 +81,12 @@ class StrikeTerm(Term):
 
     code: ClassVar[int] = 0
     kind: Literal["strike"]
-    tolerance: float = Field(default=0.10, gt=0.0, le=1.0, description="Fist to surface at the strike's frame [m].")
+    tolerance: float = Field(
+        default=0.10,
+        gt=0.0,
+        le=1.0,
+        description="How far a fist that lands may be from the target's surface, outside or inside [m].",
+    )
     speed_weight: float = Field(
         default=0.5,
         ge=0.0,
@@ -135,13 +157,42 @@ def target_body(database: MotionDatabase) -> TargetBody:
     )
 
 
-def surface_distance(point: ArrayLike, head: ArrayLike, body: TargetBody) -> tuple[float, float]:
-    """Return how far a point lies from the surfaces of the head and of the torso under it [m], inside or out."""
-    point, head = np.asarray(point, dtype=float), np.asarray(head, dtype=float)
-    to_head = abs(float(np.linalg.norm(point - head)) - body.head_radius)
-    height = min(max(float(point[1]), float(head[1]) - body.pelvis_drop), float(head[1]) - body.neck_drop)
-    axis = np.array([head[0], height, head[2]])
-    return to_head, abs(float(np.linalg.norm(point - axis)) - body.torso_radius)
+def surface_distance(point: ArrayLike, head: ArrayLike, body: TargetBody) -> float:
+    """Return the signed distance of a point from the surface of a target's body [m]: negative inside."""
+    return float(posed_distance(point, head, *body.under(head)))
+
+
+def posed_distance(
+    point: ArrayLike,
+    head: ArrayLike,
+    neck: ArrayLike,
+    pelvis: ArrayLike,
+    head_radius: ArrayLike,
+    torso_radius: ArrayLike,
+) -> Array:
+    """Return the signed distances of points from the surfaces of bodies, negative inside [m]. Shape (...).
+
+    A body is the union of head and torso, a ball and a capsule, and the distance the lesser of those from the two.
+
+    Args:
+        point: The points [m]. Shape (..., 3).
+        head: Centres of the heads [m]. Shape (..., 3).
+        neck: Upper ends of the torsos [m]. Shape (..., 3).
+        pelvis: Their lower ends [m]. Shape (..., 3).
+        head_radius: Radii of the heads [m]. Shape (...).
+        torso_radius: Radii of the torsos [m]. Shape (...).
+    """
+    places, upper = np.asarray(point, dtype=float), np.asarray(neck, dtype=float)
+    axis = np.asarray(pelvis, dtype=float) - upper
+    share = np.sum((places - upper) * axis, axis=-1) / np.maximum(np.sum(axis * axis, axis=-1), 1e-12)
+    middle = upper + np.clip(share, 0.0, 1.0)[..., None] * axis
+    to_head = np.linalg.norm(places - np.asarray(head, dtype=float), axis=-1) - head_radius
+    return np.asarray(np.minimum(to_head, np.linalg.norm(places - middle, axis=-1) - torso_radius))
+
+
+def lands(distance: float, tolerance: float) -> bool:
+    """Return whether a fist lands at a signed distance from a body's surface: not too far outside, nor too deep [m]."""
+    return -tolerance <= distance <= tolerance
 
 
 def action_reward(
@@ -172,7 +223,7 @@ def action_reward(
             found = [0.0]
             for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
                 t = float(actions.strike_times[strike])
-                if min(surface_distance(actions.strike_places[strike], start + t * step, body)) <= term.tolerance:
+                if lands(surface_distance(actions.strike_places[strike], start + t * step, body), term.tolerance):
                     found.append(discount**t * float(actions.strike_speeds[strike]) ** term.speed_weight)
             total += term.weight * max(found)
         elif isinstance(term, ProximityTerm):
