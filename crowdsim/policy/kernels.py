@@ -11,7 +11,10 @@ from numba import njit, prange
 
 @njit(cache=True)
 def measure(kind, x, y, z):
-    """Return what an axis of this kind measures of a target (``environment.measure``)."""
+    """Return what an axis of this kind measures of a target (``environment.measure``).
+
+    ``environment.COMPILED`` lists the axes that have a branch here.
+    """
     if kind == 0:
         return math.sqrt(x * x + z * z)
     if kind == 1:
@@ -117,7 +120,10 @@ def proximity_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount)
 
 @njit(cache=True)
 def term_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount):
-    """Return what one term says of an action, for a target that moves by (vx, vz) a frame."""
+    """Return what one term says of an action, for a target that moves by (vx, vz) a frame.
+
+    ``rewards.COMPILED`` lists the terms that have a branch here.
+    """
     code = int(terms[row, 0])
     if code == 0:
         return strike_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount)
@@ -126,7 +132,7 @@ def term_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount):
     if code == 2:
         cost = actions.costs[action]
         return -(terms[row, 1] * cost + (terms[row, 2] if cost > 0.0 else 0.0))
-    return 0.0
+    return math.nan
 
 
 @njit(cache=True)

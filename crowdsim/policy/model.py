@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import AXIS_KINDS, Grid
-from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, Term, pack_terms
+from crowdsim.policy.rewards import StrikeTerm, TargetBody, Term, TransitionTerm, pack_terms
 
 Array = NDArray[Any]
 
@@ -130,6 +130,9 @@ def build_model(
         body: Sizes of the target.
         discount: gamma, a control frame.
         movement: How the target moves; without it, it stands still.
+
+    Raises:
+        RecipeError: Training does not know a term or an axis.
     """
     from crowdsim.policy import kernels
 
@@ -149,7 +152,7 @@ def build_model(
     for term in terms:
         if isinstance(term, StrikeTerm):
             depends |= np.diff(actions.strike_offsets) > 0
-        elif isinstance(term, ProximityTerm) or term.code not in (0, 1, 2):
+        elif not isinstance(term, TransitionTerm):
             depends[:] = True
     chosen = np.flatnonzero(depends)
     rewards = np.empty((ways, len(chosen), grid.cells), np.float32)

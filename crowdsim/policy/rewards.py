@@ -11,7 +11,10 @@ counts control frames from the action's state, and gamma is the discount a frame
   actions are cut) or its greatest (``max``, the paper's). d(t) is how far the target is from where it is wanted.
 * ``transition``: what cuts cost, since they are seen.
 
-To add a term, write its model here, add it to ``TERMS``, and add a branch to ``term_reward`` in ``kernels.py``.
+To add a term, write its model with a code of its own, add it to ``TERMS`` and ``AnyTerm``, say what it is worth in
+``action_reward`` and in ``term_reward`` of ``kernels.py``, and list it in ``COMPILED``: training knows it then. Control
+has kernels of its own for behaviours with the look-up v: ``SUPPORTED_TERMS`` in ``crowd/model.py`` says what they need.
+A term that is not listed is refused, never taken for another one.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from crowdsim.errors import RecipeError
 from crowdsim.motion import ground
 
 if TYPE_CHECKING:
@@ -134,16 +138,39 @@ class TransitionTerm(Term):
 TERMS: dict[str, type[Term]] = {"strike": StrikeTerm, "proximity": ProximityTerm, "transition": TransitionTerm}
 """Every reward term there is."""
 
+COMPILED: tuple[type[Term], ...] = (StrikeTerm, ProximityTerm, TransitionTerm)
+"""Terms that have a branch in ``term_reward`` of ``kernels.py``; no others reach compiled code."""
+
 AnyTerm = Annotated[StrikeTerm | ProximityTerm | TransitionTerm, Field(discriminator="kind")]
 
 
 def pack_terms(terms: list[Term] | tuple[Term, ...], body: TargetBody) -> Array:
-    """Return terms as compiled code reads them: the code, then the term's own numbers. Shape (n, 9), float64."""
+    """Return terms as compiled code reads them: the code, then the term's own numbers. Shape (n, 9), float64.
+
+    Raises:
+        RecipeError: Compiled code does not know a term.
+    """
     rows = np.zeros((len(terms), TERM_WIDTH))
     for row, term in zip(rows, terms, strict=True):
+        if not isinstance(term, COMPILED):
+            raise _unknown(term)
         numbers = (float(term.code), *term.pack(body))
         row[: len(numbers)] = numbers
     return rows
+
+
+def term_name(term: Term) -> str:
+    """Return what a recipe calls a term."""
+    return str(getattr(term, "kind", type(term).__name__))
+
+
+def supported(terms: tuple[type[Term], ...]) -> str:
+    """Return the end of a message: which of ``TERMS`` were expected."""
+    return f"expected one of {', '.join(name for name, term in TERMS.items() if issubclass(term, terms))}"
+
+
+def _unknown(term: Term) -> RecipeError:
+    return RecipeError(f"{term_name(term)!r} is no reward term of training, {supported(COMPILED)}")
 
 
 def target_body(database: MotionDatabase) -> TargetBody:
@@ -214,6 +241,9 @@ def action_reward(
         body: The target's sizes.
         discount: gamma, a control frame.
         velocity: How far the target moves over the ground, along x and z [m a control frame].
+
+    Raises:
+        RecipeError: A term is none of those.
     """
     start = np.asarray(target, dtype=float)
     step = np.array([velocity[0], 0.0, velocity[1]])  # type: ignore[index]
@@ -237,4 +267,6 @@ def action_reward(
         elif isinstance(term, TransitionTerm):
             cost = float(actions.costs[action])
             total -= term.weight * cost + (term.each if cost > 0.0 else 0.0)
+        else:
+            raise _unknown(term)
     return total

@@ -1,6 +1,7 @@
 """Rewards: the compiled ones against the plain ones, and what they mean."""
 
 import math
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 import pytest
@@ -8,11 +9,16 @@ from naive_policy import random_actions
 from naive_policy import surface_distance as naive_distance
 
 from crowdsim.crowd import kernels as control
-from crowdsim.policy import kernels
+from crowdsim.errors import RecipeError
+from crowdsim.policy import kernels, rewards
+from crowdsim.policy.environment import Axis, build_grid
+from crowdsim.policy.model import build_model
 from crowdsim.policy.rewards import (
+    AnyTerm,
     ProximityTerm,
     StrikeTerm,
     TargetBody,
+    Term,
     TransitionTerm,
     action_reward,
     pack_terms,
@@ -49,6 +55,43 @@ def test_compiled_rewards_are_those_of_the_plain_version(term, velocity):
         assert compiled(actions, action, target, (term,), velocity) == pytest.approx(plain, rel=1e-5, abs=1e-6)
         nonzero += plain != 0.0
     assert nonzero > 5
+
+
+class Toy(Term):
+    """A term that nothing evaluates."""
+
+    code: ClassVar[int] = 3
+    kind: Literal["toy"] = "toy"
+
+    def pack(self, body):
+        """Return the weight."""
+        return (self.weight,)
+
+
+def test_a_term_that_training_does_not_know_is_refused_by_name(monkeypatch):
+    monkeypatch.setitem(rewards.TERMS, "toy", Toy)
+    actions, target = random_actions(), (0.2, 1.4, 0.7)
+    grid = build_grid([Axis("distance", 0.0, 2.0, 3)])
+    for use in (
+        lambda: pack_terms([*TERMS, Toy()], BODY),
+        lambda: action_reward(actions, 0, target, (Toy(),), BODY, 0.97),
+        lambda: build_model(actions, grid, (*TERMS, Toy()), BODY, 0.97),
+    ):
+        with pytest.raises(RecipeError) as error:
+            use()
+        assert str(error.value) == (
+            "'toy' is no reward term of training, expected one of strike, proximity, transition"
+        )
+
+
+def test_compiled_code_says_that_it_has_no_branch_for_a_term(monkeypatch):
+    monkeypatch.setattr(rewards, "COMPILED", (*rewards.COMPILED, Toy))
+    assert math.isnan(compiled(random_actions(), 0, (0.2, 1.4, 0.7), (Toy(),)))
+
+
+def test_every_term_has_a_code_of_its_own_and_a_place_in_recipes():
+    assert len({term.code for term in rewards.TERMS.values()}) == len(rewards.TERMS)
+    assert set(get_args(get_args(AnyTerm)[0])) == set(rewards.TERMS.values()) == set(rewards.COMPILED)
 
 
 def test_terms_add_up():
