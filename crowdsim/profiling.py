@@ -117,6 +117,7 @@ def profile_scenario(
                     frames or sized.control_frames(rate),
                     script,
                     number,
+                    sized.opponents.search,
                     progress=progress and _named(progress, f"{count} avatars, {number} threads"),
                 )
             )
@@ -146,6 +147,7 @@ def describe(profile: Profile) -> dict[str, Any]:
     return {
         "avatars": profile.avatars,
         "threads": profile.threads,
+        "search": profile.search,
         "frames": len(profile.timings),
         "stages": {cost.stage: {k: v for k, v in asdict(cost).items() if k != "stage"} for cost in profile.costs},
         "compile_seconds": profile.compiling * 1e-9,

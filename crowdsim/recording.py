@@ -149,7 +149,8 @@ def record(
     policies, cast, frames = prepared.policies, prepared.cast, prepared.frames
     profiled = scenario.outputs.profile is not None
     # One frame of a simulation of its own, so that compiling, or loading what was compiled, is no part of control.
-    first = Simulation(prepared.crowd, policies, prepared.script, threads, profiled=profiled)
+    search = scenario.opponents.search
+    first = Simulation(prepared.crowd, policies, prepared.script, threads, search, profiled=profiled)
     first.run(1)
     first.close()
     model = first.model
@@ -165,7 +166,7 @@ def record(
         scenario.reactions,
     )  # fmt: skip
     clock.lap("take")
-    simulation = Simulation(prepared.crowd, policies, prepared.script, threads, profiled=profiled, model=model)
+    simulation = Simulation(prepared.crowd, policies, prepared.script, threads, search, profiled=profiled, model=model)
     clock.lap("prepare")
     try:
         step = max(1, min(rows, _STEP_AVATAR_FRAMES // count))

@@ -64,7 +64,9 @@ def run(
     chosen = load_policies(scenario, mocap, threads, progress) if policies is None else policies
     prepared = prepare(scenario, chosen, placed)
     chunks: list[Chunk] = []
-    for chunk in simulate(prepared.crowd, prepared.policies, prepared.frames, prepared.script, threads, order=order):
+    for chunk in simulate(
+        prepared.crowd, prepared.policies, prepared.frames, prepared.script, threads, scenario.opponents.search, order
+    ):
         chunks.append(chunk)
         if progress is not None:
             progress("control", chunk.first + chunk.frames, prepared.frames)

@@ -146,7 +146,10 @@ def decide(one, avatars, crowd, targets, frame):
         opponent = nearest(x, z, team, mine[0], mine[1], one.number, one.skip)
         old = one.opponent
         if opponent >= 0 and old >= 0 and team[old] != one.skip:
-            if seems_far(mine, x[opponent], z[opponent]) >= seems_far(mine, x[old], z[old]) - crowd.hysteresis[one.mood]:
+            if (
+                seems_far(mine, x[opponent], z[opponent])
+                >= seems_far(mine, x[old], z[old]) - crowd.hysteresis[one.mood]
+            ):
                 opponent = old
     target, moving, lasts = None, np.zeros(2), 0.0
     if opponent >= 0:
@@ -265,7 +268,7 @@ def thrown(one, avatars, frame, targets):
             point = ground.to_world(start, actions.strike_places[k] * one.scale)
             gap = surface_gap(one, avatars, opponent, share, point, targets)
             speed = float(database.strike_speeds[strike]) * one.scale * one.speed
-            landed = gap <= tolerance * one.scale
+            landed = abs(gap) <= tolerance * one.scale
             found.append(
                 (
                     frame - 1 + share,
@@ -282,6 +285,7 @@ def thrown(one, avatars, frame, targets):
 
 
 def surface_gap(one, avatars, opponent, share, point, targets):
+    """Signed distance of a point from whom it strikes: head and torso are one body, inside of which it is negative."""
     if opponent == -1:
         return math.inf
     if opponent <= -2:
@@ -294,5 +298,5 @@ def surface_gap(one, avatars, opponent, share, point, targets):
         head, neck, pelvis = (other.body(name, *moment) for name in ("heads", "necks", "pelvises"))
     axis = neck - pelvis
     t = min(max(float((point - pelvis) @ axis) / float(axis @ axis), 0.0), 1.0)
-    to_head = abs(float(np.linalg.norm(point - head)) - sizes.head_radius * scale)
-    return min(to_head, abs(float(np.linalg.norm(point - pelvis - t * axis)) - sizes.torso_radius * scale))
+    to_head = float(np.linalg.norm(point - head)) - sizes.head_radius * scale
+    return min(to_head, float(np.linalg.norm(point - pelvis - t * axis)) - sizes.torso_radius * scale)

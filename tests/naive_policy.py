@@ -11,6 +11,14 @@ from crowdsim.policy.environment import corners
 from crowdsim.policy.rewards import action_reward
 
 
+def surface_distance(point, head, neck, pelvis, head_radius, torso_radius, steps=20_000):
+    """Signed distance of a point from a ball and a capsule together: the least of those from the balls they are of."""
+    along = np.linspace(0.0, 1.0, steps + 1)[:, None]
+    middles = (1.0 - along) * np.asarray(neck, float) + along * np.asarray(pelvis, float)
+    to_torso = min(np.linalg.norm(middles - point, axis=1)) - torso_radius
+    return min(math.dist(point, head) - head_radius, float(to_torso))
+
+
 def random_actions(states=12, seed=0, longest=4):
     """Return random actions: some states have one action, some seven; half of the actions strike, some twice."""
     draw = np.random.default_rng(seed)

@@ -85,6 +85,21 @@ def test_takes_do_not_depend_on_threads(workplace: Path) -> None:
     assert take_bytes(workplace / "by1") == take_bytes(workplace / "by2")
 
 
+def test_takes_do_not_depend_on_the_search(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml")
+    for search in ("auto", "kd_tree", "scipy"):
+        assert crowdsim("run", "four.yaml", "--search", search, "--out", search) == 0
+        assert f"search: {search}" in (workplace / search / "scenario.resolved.yaml").read_text()
+        assert take_bytes(workplace / search) == take_bytes(workplace / "auto")
+    capsys.readouterr()
+    for search, ran in (("auto", "direct"), ("kd_tree", "kd_tree")):
+        assert crowdsim("profile", "four.yaml", "--frames", "3", "--search", search, "--json") == 0
+        assert json.loads(capsys.readouterr().out)["profiles"][0]["search"] == ran
+    assert crowdsim("run", "four.yaml", "--search", "kdtree", "--out", "no") == 2
+    assert "expected 'auto', 'kd_tree' or 'scipy' (did you mean 'kd_tree'?)" in capsys.readouterr().err
+    assert not (workplace / "no").exists()
+
+
 def test_takes_do_not_depend_on_the_order_of_storage_and_python_runs_as_the_command_line_does(workplace: Path) -> None:
     path = write_scene(workplace / "four.yaml")
     scenario = package.load_scenario(path)

@@ -21,6 +21,10 @@ CORES = _count_cores()
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 Threads = Annotated[int, typer.Option("--threads", min=1, max=1024, help="Threads; results never depend on them.")]
 Force = Annotated[bool, typer.Option("--force", help="Do it again although it is done.")]
+Search = Annotated[
+    str | None,
+    typer.Option(help="How nearest opponents are found: auto, kd_tree or scipy; results never depend on it."),
+]
 Mocap = Annotated[
     Path | None,
     typer.Option(help="Folder of motion capture, for recipes that train from it.", envvar="CROWDSIM_MOCAP"),

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import Json, Mocap, make_folder, print_json
+from crowdsim.commands.common import Json, Mocap, Search, make_folder, print_json
 from crowdsim.commands.progress import Bars
 from crowdsim.errors import CrowdsimError, under_way
 
@@ -21,6 +21,7 @@ def profile(
     frames: Annotated[
         int | None, typer.Option(min=1, help="Control frames to measure; the scenario's duration.")
     ] = None,
+    search: Search = None,
     as_json: Json = False,
     out: Annotated[Path | None, typer.Option(help="Folder for profile.csv, profile.png and scaling.png.")] = None,
     trace: Annotated[bool, typer.Option("--trace", help="Write trace.json for Perfetto, too; needs --out.")] = False,
@@ -38,7 +39,7 @@ def profile(
     numbers = profiling.parse_counts(threads, "--threads")
     if trace and out is None:
         raise CrowdsimError("--trace needs a folder to write into, expected --out DIR")
-    loaded = load_scenario(scenario, override or ())
+    loaded = load_scenario(scenario, override or (), search=search)
     with Bars() as bars:
         policies = load_policies(loaded, mocap, max(numbers), bars)
         profiles = profiling.profile_scenario(loaded, policies, counts, numbers, frames, bars)

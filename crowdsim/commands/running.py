@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import CORES, Force, Mocap, Threads, size_text
+from crowdsim.commands.common import CORES, Force, Mocap, Search, Threads, size_text
 from crowdsim.commands.progress import Bars
 from crowdsim.errors import CrowdsimError
 
@@ -27,6 +27,7 @@ def run(
     ] = None,
     frames: Annotated[int | None, typer.Option(min=1, help="Another length [control frames].")] = None,
     fraction: Annotated[float | None, typer.Option(help="Share of every group's avatars, 0.01 say.")] = None,
+    search: Search = None,
     mocap: Mocap = None,
     force: Force = False,
 ) -> None:
@@ -42,7 +43,7 @@ def run(
     several, failures = len(scenarios) > 1, []
     for name in scenarios:
         try:
-            scenario = load_scenario(name, override or (), seed, frames, fraction)
+            scenario = load_scenario(name, override or (), seed, frames, fraction, search)
             load_numba()
             folder = Path("output") / scenario.name if out is None else out / scenario.name if several else out
             with Bars() as bars:

@@ -311,7 +311,8 @@ def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, vx, vz, lasts
     tolerance, head, torso, column = terms[row, 2], terms[row, 4], terms[row, 5], int(terms[row, 8])
     greatest, wasted = terms[row, 11] != 0.0, WASTED * WASTED
     low, high = y - terms[row, 7], y - terms[row, 6]
-    # Within the tolerance of a surface: squares between these, which takes no roots.
+    # Within the tolerance of the surface (``rewards.lands``) where no square is below its least, which would be too
+    # deep in head or torso, and one is not above its most; which takes no roots.
     head_least, head_most = max(head - tolerance, 0.0) ** 2, (head + tolerance) ** 2
     torso_least, torso_most = max(torso - tolerance, 0.0) ** 2, (torso + tolerance) ** 2
     for k in range(n):
@@ -322,13 +323,14 @@ def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, vx, vz, lasts
         t = min(np.float64(strikes[k, TIME]), lasts)
         dx, dy, dz = px - (x + t * vx), py - y, pz - (z + t * vz)
         aside = dx * dx + dz * dz
-        square = aside + dy * dy
-        on_head = (square >= head_least) & (square <= head_most)
+        to_head = aside + dy * dy
         dy = py - min(max(py, low), high)
-        square = aside + dy * dy
-        on_torso = (square >= torso_least) & (square <= torso_most)
+        to_torso = aside + dy * dy
+        lands = (
+            ((to_head <= head_most) | (to_torso <= torso_most)) & (to_head >= head_least) & (to_torso >= torso_least)
+        )
         action = np.uint64(strikes[k, OWNER])
-        earned = strikes[k, column] * np.float64(on_head | on_torso)
+        earned = strikes[k, column] * np.float64(lands)
         rows[action] = max(rows[action], earned) if greatest else rows[action] + earned
         out[action] -= factor * strikes[k, column + 1] * np.float64(aside > wasted)
     factor *= terms[row, 1]
@@ -1236,9 +1238,9 @@ def _body_at(model, avatars, j, share):
 
 @_part
 def _touches(head, neck, pelvis, head_radius, torso_radius, tolerance, px, py, pz):
-    """Tell whether a point is within the tolerance of the surface of a head or a torso."""
+    """Tell whether a fist lands on a head and torso: within the tolerance of their surface (``rewards.lands``)."""
     hx, hy, hz = px - head[0], py - head[1], pz - head[2]
-    gap = abs(math.sqrt(hx * hx + hy * hy + hz * hz) - head_radius)
+    distance = math.sqrt(hx * hx + hy * hy + hz * hz) - head_radius
     dx, dy, dz = neck[0] - pelvis[0], neck[1] - pelvis[1], neck[2] - pelvis[2]
     lx, ly, lz = px - pelvis[0], py - pelvis[1], pz - pelvis[2]
     square = dx * dx + dy * dy + dz * dz
@@ -1246,7 +1248,8 @@ def _touches(head, neck, pelvis, head_radius, torso_radius, tolerance, px, py, p
     if square > 0.0:
         t = min(max((lx * dx + ly * dy + lz * dz) / square, 0.0), 1.0)
     lx, ly, lz = lx - t * dx, ly - t * dy, lz - t * dz
-    return min(gap, abs(math.sqrt(lx * lx + ly * ly + lz * lz) - torso_radius)) <= tolerance
+    distance = min(distance, math.sqrt(lx * lx + ly * ly + lz * lz) - torso_radius)
+    return -tolerance <= distance <= tolerance
 
 
 @_part

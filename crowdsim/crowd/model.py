@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import Model
-from crowdsim.errors import RunError
+from crowdsim.errors import PolicyError, RunError
 from crowdsim.motion import ground
-from crowdsim.policy.rewards import StrikeTerm, TransitionTerm
+from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, Term, TransitionTerm, supported, term_name
 
 if TYPE_CHECKING:
     from crowdsim.policy.actions import Actions
@@ -22,7 +22,15 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 TOLERANCE = 0.10
-"""From fist to surface where a strike lands [m], for a policy whose recipe rewards no strikes."""
+"""How far from the surface a strike lands (``rewards.lands``) [m], for a policy whose recipe rewards no strikes."""
+
+SUPPORTED_TERMS: tuple[type[Term], ...] = (StrikeTerm, ProximityTerm, TransitionTerm)
+"""Reward terms that control evaluates when it looks ahead. A further one needs a branch in ``kernels._weigh``, or a
+share in ``_moves`` where what it is worth does not depend on the target."""
+
+SUPPORTED_AXES = ("distance", "bearing", "height")
+"""Axes that control measures. A further one needs a row in ``Model.grids``, and its share in ``kernels._fade``,
+``kernels._prepare`` and ``kernels._place_all``, which know three."""
 
 
 def build_model(policies: Sequence[Policy]) -> Model:
@@ -30,7 +38,11 @@ def build_model(policies: Sequence[Policy]) -> Model:
 
     Raises:
         RunError: The policies run at different control rates.
+        PolicyError: A behaviour has an axis that control does not measure, or looks ahead by a reward term that it does
+            not evaluate.
     """
+    for policy in policies:
+        check_support(policy)
     rates = {policy.database.control_rate for policy in policies}
     if len(rates) > 1:
         names = ", ".join(f"{policy.name} at {policy.database.control_rate:g} Hz" for policy in policies)
@@ -119,6 +131,28 @@ def build_model(policies: Sequence[Policy]) -> Model:
     )
 
 
+def check_support(policy: Policy) -> None:
+    """See to it that control has kernels for all axes of a policy, and for the reward terms that it looks ahead by.
+
+    Raises:
+        PolicyError: It has not; the message names policy, behaviour, and axis or term.
+    """
+    for behaviour in policy.behaviours:
+        where = f"policy {policy.name!r}, behaviour {behaviour.name!r}"
+        for axis in behaviour.grid.axes:
+            if axis.name not in SUPPORTED_AXES:
+                raise PolicyError(
+                    f"{where}: {axis.name!r} is no axis that control measures, expected one of "
+                    f"{', '.join(SUPPORTED_AXES)}"
+                )
+        for term in behaviour.terms if behaviour.lookup == "v" else ():
+            if not isinstance(term, SUPPORTED_TERMS):
+                raise PolicyError(
+                    f"{where}: {term_name(term)!r} is no reward term that control evaluates with the look-up v, "
+                    f"{supported(SUPPORTED_TERMS)}, or the look-up q"
+                )
+
+
 def _action_starts(policy: Policy) -> Array:
     """Return what lies on the avatar's ground transform when each action starts, in the clip's world. Shape (A, 3)."""
     first = policy.database.stride * (np.asarray(policy.graph.action_first, np.int64) - 1)
@@ -174,7 +208,7 @@ def farthest(policy: Policy) -> float:
 
 def _tolerance(policy: Policy) -> float:
     found = [
-        term.tolerance for behaviour in policy.behaviours for term in behaviour.terms if hasattr(term, "tolerance")
+        term.tolerance for behaviour in policy.behaviours for term in behaviour.terms if isinstance(term, StrikeTerm)
     ]
     return float(max(found, default=TOLERANCE))
 

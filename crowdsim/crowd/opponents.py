@@ -1,8 +1,8 @@
-"""Who is near whom: the index over a large crowd, in whose order its avatars are stored.
+"""Who is near whom: the index over a crowd, in whose order its avatars are stored.
 
 Every index gives the same answers: the nearest opponent by squared distance in float64, the lower number among
-equals, and the neighbours within reach. ``kd_tree`` is what ``auto`` takes; ``scipy`` finds opponents its own way, for
-comparison, and leaves the neighbours to the tree.
+equals, and the neighbours within reach. ``kd_tree`` is what ``auto`` takes for crowds that are too large for a direct
+comparison; ``scipy`` finds opponents its own way, for comparison, and leaves the neighbours to the tree.
 """
 
 from __future__ import annotations

@@ -55,6 +55,8 @@ class Profile:
     Attributes:
         avatars: Number of avatars.
         threads: Threads.
+        search: How nearest opponents were found: ``direct``, ``kd_tree`` or ``scipy``; several, joined by ``, ``, where
+            the number of avatars passed the limit of ``auto``.
         timings: Time of each of ``STAGES`` [ns]. Shape (frames, 6), int64.
         whole: Time of all frames together, taken around them [ns]; compiling is not part of it.
         compiling: Time of the first frame of all, which compiles kernels or loads them [ns].
@@ -63,6 +65,7 @@ class Profile:
 
     avatars: int
     threads: int
+    search: str
     timings: Array
     whole: int
     compiling: int
@@ -114,7 +117,7 @@ def profile_crowd(
         frames: Control frames to measure, after two that only compile.
         script: What is planned.
         threads: Threads for large crowds.
-        search: Index for large crowds.
+        search: How nearest opponents are found, one of ``opponents.SEARCHES``.
         progress: Called with ("control", frames done, frames).
     """
     begun = perf_counter_ns()
@@ -139,13 +142,22 @@ def profile_crowd(
     finally:
         simulation.close()
     return Profile(
-        crowd.count, threads, np.concatenate(parts), whole, compiling, simulation.nbytes / max(crowd.count, 1)
+        avatars=crowd.count,
+        threads=threads,
+        search=", ".join(simulation.searches),
+        timings=np.concatenate(parts),
+        whole=whole,
+        compiling=compiling,
+        bytes_per_avatar=simulation.nbytes / max(crowd.count, 1),
     )
 
 
 def profile_table(profile: Profile) -> str:
     """Return a profile as a table for people."""
-    lines = [f"{profile.avatars} avatars, {len(profile.timings)} control frames, threads: {profile.threads}"]
+    lines = [
+        f"{profile.avatars} avatars, {len(profile.timings)} control frames, threads: {profile.threads}, "
+        f"search: {profile.search}"
+    ]
     lines.append(f"{'stage':<10}{'mean':>10}{'p50':>10}{'p95':>10}{'p99':>10}{'max':>10}  {'ns/avatar-frame':>16}")
     for cost in profile.costs:
         times = "".join(f"{value:>10.3f}" for value in (cost.mean, cost.p50, cost.p95, cost.p99, cost.maximum))

@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, model_validator
 
@@ -18,13 +18,15 @@ from crowdsim.crowd.scenario_groups import (
     Group,
     Opponents,
     PointsPlacement,
+    Search,
     Target,
     checksum,
 )
 from crowdsim.crowd.scenario_outputs import Outputs
 from crowdsim.crowd.scenario_parts import Arena, AvatarType, Name, NoArena
-from crowdsim.errors import ScenarioError
+from crowdsim.errors import ScenarioError, nearest
 from crowdsim.yaml_files import Fault, Faults, Finding, StrictModel, dump_yaml, find_faults, load_model, where
+from crowdsim.yaml_schema import join, spot_of
 from crowdsim.yaml_tree import key_path
 
 VERSION = 1
@@ -147,6 +149,7 @@ def load_scenario(
     seed: int | None = None,
     frames: int | None = None,
     fraction: float | None = None,
+    search: str | None = None,
 ) -> Scenario:
     """Return the scenario of a file, resolved: types merged with those they extend, and every default written out.
 
@@ -156,6 +159,7 @@ def load_scenario(
         seed: Another seed.
         frames: Another duration [control frames].
         fraction: Share of each group's avatars to keep, above 0 and up to 1; at least one avatar of each stays.
+        search: Another index for nearest opponents.
 
     Raises:
         ScenarioError: With every finding in a line of its own, and as the tuple ``findings``.
@@ -185,6 +189,13 @@ def load_scenario(
             raise ScenarioError(f"{file}: with fraction {fraction}: {'; '.join(reasons)}") from None
         # A validated copy counts every key as set; types must still know what their file says to be merged.
         scenario = scenario.model_copy(update={key: getattr(changed, key) for key in changes})
+    if search is not None:
+        choices = spot_of(Search).words
+        if search not in choices:
+            raise ScenarioError(
+                f"the search is {search!r}, expected {join([repr(word) for word in choices])}{nearest(search, choices)}"
+            )
+        scenario = with_search(scenario, search)
     resolved = resolve_scenario(scenario, file.parent)
     resolved._source = file
     return resolved
@@ -229,8 +240,23 @@ def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:
             "outputs": scenario.outputs.model_copy(update=outputs),
         }
     )
+    resolved = with_search(resolved, scenario.opponents.search)
     resolved._folder = folder
     return resolved
+
+
+def with_search(scenario: Scenario, search: str) -> Scenario:
+    """Return the scenario with another index for nearest opponents, wherever it names one."""
+
+    def searched(thing: Any) -> Any:
+        found = getattr(thing, "opponents", None)
+        if found is None:
+            return thing
+        return thing.model_copy(update={"opponents": found.model_copy(update={"search": search})})
+
+    changed = searched(scenario)
+    things = {key: tuple(map(searched, getattr(scenario, key))) for key in ("groups", "events")}
+    return cast(Scenario, changed.model_copy(update=things))
 
 
 def dump_scenario(scenario: Scenario) -> str:

@@ -89,6 +89,7 @@ def sense_faults(scenario: Scenario) -> list[Fault]:
         if event.kind == "retarget":
             for i in range(len(scenario.groups)) if event.group is None else _indices(names, event.group):
                 faults += _opponents_faults(scenario, i, event.opponents, names, ("events", j, "opponents"))
+    faults += _search_faults(scenario)
     outputs = scenario.outputs
     if outputs.bvh is not None and outputs.bvh.avatars is None and total > MAXIMUM_BVH_FILES:
         what = f"asks for {total:,} files, expected at most {MAXIMUM_BVH_FILES:,}; choose some by 'avatars'"
@@ -109,6 +110,19 @@ def sense_faults(scenario: Scenario) -> list[Fault]:
         faults.append(Fault(what, "outputs", "render", "camera", "avatar"))
     unique = {str(fault): fault for fault in faults}
     return list(unique.values())
+
+
+def _search_faults(scenario: Scenario) -> Iterator[Fault]:
+    """One index serves everybody: what groups and events say of it must be what the scenario says, or nothing."""
+    chosen = scenario.opponents.search
+    paths: list[tuple[tuple[str | int, ...], Opponents | None]] = [
+        *((("groups", i, "opponents"), group.opponents) for i, group in enumerate(scenario.groups)),
+        *((("events", j, "opponents"), e.opponents) for j, e in enumerate(scenario.events) if e.kind == "retarget"),
+    ]
+    for path, opponents in paths:
+        if opponents is not None and opponents.search not in ("auto", chosen):
+            what = f"is {opponents.search!r}, expected {chosen!r} as in the scenario's own opponents, or no search here"
+            yield Fault(what, *path, "search")
 
 
 def _opponents_faults(

@@ -120,6 +120,14 @@ Placement = Annotated[
 Facing = Literal["placement", "centre", "outwards", "enemies", "random"] | Degrees
 
 Hysteresis = Annotated[float, Field(ge=0, le=100)]
+Search = Annotated[
+    Literal["auto", "kd_tree", "scipy"],
+    Field(
+        description="How nearest opponents are found, for all groups alike; the take does not depend on it. `auto`: "
+        "direct comparison in a small crowd, else `kd_tree`; `kd_tree`: our own tree for any number of avatars; "
+        "`scipy`: scipy's tree, built anew each frame."
+    ),
+]
 
 
 class OtherTeamOpponents(StrictModel):
@@ -129,6 +137,7 @@ class OtherTeamOpponents(StrictModel):
     hysteresis: Hysteresis = Field(
         default=0.3, description="How much nearer [m] another one must be before an avatar changes its opponent."
     )
+    search: Search = "auto"
 
 
 class AnyoneOpponents(StrictModel):
@@ -138,6 +147,7 @@ class AnyoneOpponents(StrictModel):
     hysteresis: Hysteresis = Field(
         default=0.3, description="How much nearer [m] another one must be before an avatar changes its opponent."
     )
+    search: Search = "auto"
 
 
 class FixedOpponents(StrictModel):
@@ -150,6 +160,7 @@ class FixedOpponents(StrictModel):
         ge=0,
         description="Number of the opponent in that group, from 0; without it the n-th fights the n-th.",
     )
+    search: Search = "auto"
 
 
 class TargetOpponents(StrictModel):
@@ -157,6 +168,7 @@ class TargetOpponents(StrictModel):
 
     kind: Literal["target"] = Field(description="A scripted target of this scenario.")
     target: Name = Field(description="Name of the target.")
+    search: Search = "auto"
 
 
 Opponents = Annotated[

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 SMALL = 400
-"""Most avatars whose opponents are found by comparing with everyone, many frames in one compiled call."""
+"""Most avatars whose opponents ``auto`` finds by comparing with everyone, many frames in one compiled call."""
 
 _TOGETHER = 8192
 """Avatars of one thread that observe and choose together; what they note stays in a processor's cache."""
@@ -47,9 +47,13 @@ class Simulation:
         policies: Its policies.
         script: What is planned.
         threads: Threads for large crowds.
-        search: Index for large crowds, one of ``opponents.SEARCHES``.
+        search: How nearest opponents are found, one of ``opponents.SEARCHES``.
         order: Number of the avatar in each slot at the start; it changes no result. Shape (N,).
         profiled: Take the time of every stage.
+
+    Attributes:
+        searches: What has found them so far, in this order: ``direct``, ``kd_tree`` or ``scipy``. With ``auto`` it is
+            ``direct`` in frames with up to ``SMALL`` avatars, the tree in others.
 
     Raises:
         RunError: The policies do not go together, or a place is not finite.
@@ -79,6 +83,7 @@ class Simulation:
         self._workers = Workers(threads)
         self._search = search
         self._index: Index = build_index(search, self._workers)
+        self.searches: list[str] = []
         self._profiled = profiled
         self._fresh = np.arange(self.present, dtype=np.int32)
         self._due = np.empty(crowd.count, np.int32)
@@ -122,7 +127,7 @@ class Simulation:
             step = self._agenda.until_next(self.frame, frames - done)
             rows = record.rows(done, done + step)
             times = None if timings is None else timings[done : done + step]
-            if self.present <= SMALL and self._search in ("auto", "kd_tree"):
+            if self.present <= SMALL and self._search == "auto":
                 ran, thrown = self._run_small(rows, times)
             else:
                 ran, thrown = self._run_stages(rows, times)
@@ -152,6 +157,7 @@ class Simulation:
         if fresh and len(self._fresh) < present:
             # Those who have just entered decide before the others move.
             return self._run_stages(rows.rows(0, 1), None if timings is None else timings[:1])
+        self._note_search("direct")
         ran, held = kernels.run_frames(
             self.model, self.avatars, world, present, self.frame, frames, fresh, self.crowd.crowding.reach,
             self.crowd.crowding.most, self._scratch, rows, strikes, timings, fault,
@@ -180,6 +186,7 @@ class Simulation:
                 due = np.union1d(due, fresh).astype(np.int32)
         self._fresh = fresh[:0]
         clock.append(perf_counter_ns())
+        self._note_search("scipy" if self._search == "scipy" else "kd_tree")
         before = avatars.number[due] if len(due) else due
         self._index.update(avatars, present)
         slots = avatars.slot_of[before]
@@ -205,6 +212,10 @@ class Simulation:
         self.frame += 1
         self._agenda.count(self.crowd.team[thrown.whole[thrown.whole[:, 3] > 0, 0]])
         return 1, thrown
+
+    def _note_search(self, search: str) -> None:
+        if search not in self.searches:
+            self.searches.append(search)
 
     def _advance(self) -> Array:
         """Move everyone by one frame; return the slots of those whose action has ended."""
@@ -357,7 +368,7 @@ def simulate(
         frames: Control frames.
         script: What is planned.
         threads: Threads for large crowds.
-        search: Index for large crowds, one of ``opponents.SEARCHES``.
+        search: How nearest opponents are found, one of ``opponents.SEARCHES``.
         order: Number of the avatar in each slot at the start; it changes no result. Shape (N,).
         profiled: Take the time of every stage.
         chunk: Control frames in a chunk; by default a million avatar-frames, at most 256.

@@ -5,7 +5,11 @@ measures one quantity of it. Cells are numbered in C order, the last axis fastes
 points is multilinear; beyond the range of an axis the measure is clamped, and the behaviour's say fades out
 (``fade_factor``).
 
-To add an axis, add a line to ``AXIS_KINDS`` and a branch to ``measure`` in ``kernels.py``.
+To add an axis, add it to ``AXIS_KINDS`` with a code of its own, give it a field in ``recipe.Axes`` and a range in
+``ranges.resolve_grid``, say what it measures in ``measure`` and in ``measure`` of ``kernels.py``, let ``Grid.targets``
+place targets by it, and list it in ``COMPILED``: training knows it then. Control has kernels of its own:
+``SUPPORTED_AXES`` in ``crowd/model.py`` says what they need. An axis that is not listed is refused, never taken for
+another one.
 """
 
 from __future__ import annotations
@@ -50,7 +54,10 @@ AXIS_KINDS: dict[str, AxisKind] = {
     "bearing": AxisKind(1, "rad", 2.0 * math.pi, True),
     "height": AxisKind(2, "m", 0.0, False),
 }
-"""Every axis there is, in the order in which a grid holds them."""
+"""Every axis there is, in the order in which a grid holds them, those that move first."""
+
+COMPILED = ("distance", "bearing", "height")
+"""Axes that have a branch in ``measure`` of ``kernels.py``, and by which targets are placed."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +120,7 @@ class Grid:
     """A grid over the environment; make one with ``build_grid``.
 
     Attributes:
-        axes: The axes in the order of ``AXIS_KINDS``, the last one fastest.
+        axes: The axes in the order of ``AXIS_KINDS``, those that move first, the last one fastest.
     """
 
     axes: tuple[Axis, ...]
@@ -148,10 +155,23 @@ class Grid:
 
         The columns are the kind's code, first point and step (squeezed), count, whether it wraps, stride in a table,
         fade, minimum, rate.
+
+        Raises:
+            RecipeError: Compiled code does not know an axis.
         """
+        self._check_compiled()
         rows = [
-            (AXIS_KINDS[axis.name].code, axis.first, axis.step, axis.count, axis.wraps, stride, axis.fade,
-             axis.minimum, axis.rate)
+            (
+                AXIS_KINDS[axis.name].code,
+                axis.first,
+                axis.step,
+                axis.count,
+                axis.wraps,
+                stride,
+                axis.fade,
+                axis.minimum,
+                axis.rate,
+            )
             for axis, stride in zip(self.axes, self.strides, strict=True)
         ]
         return np.array(rows, dtype=np.float64).reshape(-1, AXIS_WIDTH)
@@ -160,13 +180,22 @@ class Grid:
         """Return the target that each cell stands for, in the ground frame [m]. Shape (cells, 3).
 
         A grid without a bearing puts it straight ahead, one without a height at 0, one without a distance at 1 m.
+
+        Raises:
+            RecipeError: Targets are not placed by an axis.
         """
+        self._check_compiled()
         mesh = np.meshgrid(*(axis.points for axis in self.axes), indexing="ij")
         found = {axis.name: values.ravel() for axis, values in zip(self.axes, mesh, strict=True)}
         still = np.zeros(self.cells)
         distance, bearing = found.get("distance", still + 1.0), found.get("bearing", still)
         height = found.get("height", still)
         return np.stack([distance * np.sin(bearing), height, distance * np.cos(bearing)], axis=-1)
+
+    def _check_compiled(self) -> None:
+        for axis in self.axes:
+            if axis.name not in COMPILED:
+                raise RecipeError(f"{axis.name!r} is no axis of training, expected one of {', '.join(COMPILED)}")
 
 
 def build_grid(axes: Iterable[Axis]) -> Grid:
@@ -202,7 +231,7 @@ def build_grid(axes: Iterable[Axis]) -> Grid:
         raise RecipeError(
             f"a grid of {', '.join(names)} alone does not see where the target is, expected a distance too"
         )
-    return Grid(tuple(sorted(axes, key=lambda axis: order.index(axis.name))))
+    return Grid(tuple(sorted(axes, key=lambda axis: (not AXIS_KINDS[axis.name].moves, order.index(axis.name)))))
 
 
 def measure(name: str, target: ArrayLike) -> Array:

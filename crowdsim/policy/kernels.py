@@ -13,7 +13,10 @@ from crowdsim.policy.rewards import WASTED
 
 @njit(cache=True)
 def measure(kind, x, y, z):
-    """Return what an axis of this kind measures of a target (``environment.measure``)."""
+    """Return what an axis of this kind measures of a target (``environment.measure``).
+
+    ``environment.COMPILED`` lists the axes that have a branch here.
+    """
     if kind == 0:
         return math.sqrt(x * x + z * z)
     if kind == 1:
@@ -65,7 +68,7 @@ def find_corners(axes, first, end, x, y, z, cells, weights):
 
 @njit(cache=True)
 def strike_lands(px, py, pz, x, y, z, terms, row):
-    """Return whether a fist at (px, py, pz) is near enough to the surface of a target whose head is at (x, y, z)."""
+    """Return whether a fist at (px, py, pz) lands on a target whose head is at (x, y, z) (``rewards.lands``)."""
     tolerance = terms[row, 2]
     dx, dz = px - x, pz - z
     aside = dx * dx + dz * dz
@@ -73,10 +76,10 @@ def strike_lands(px, py, pz, x, y, z, terms, row):
     if aside > 1.0001 * reach * reach:
         return False  # most targets are: nothing else need be worked out
     dy = py - y
-    if abs(math.sqrt(aside + dy * dy) - terms[row, 4]) <= tolerance:
-        return True
+    distance = math.sqrt(aside + dy * dy) - terms[row, 4]
     dy = py - min(max(py, y - terms[row, 7]), y - terms[row, 6])
-    return abs(math.sqrt(aside + dy * dy) - terms[row, 5]) <= tolerance
+    distance = min(distance, math.sqrt(aside + dy * dy) - terms[row, 5])
+    return -tolerance <= distance <= tolerance
 
 
 @njit(cache=True)
@@ -132,7 +135,10 @@ def proximity_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount)
 
 @njit(cache=True)
 def term_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount):
-    """Return what one term says of an action, for a target that moves by (vx, vz) a frame."""
+    """Return what one term says of an action, for a target that moves by (vx, vz) a frame.
+
+    ``rewards.COMPILED`` lists the terms that have a branch here.
+    """
     code = int(terms[row, 0])
     if code == 0:
         return strike_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount)
@@ -141,7 +147,7 @@ def term_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount):
     if code == 2:
         cost = actions.costs[action]
         return -(terms[row, 1] * cost + (terms[row, 2] if cost > 0.0 else 0.0))
-    return 0.0
+    return math.nan
 
 
 @njit(cache=True)

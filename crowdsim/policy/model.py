@@ -140,6 +140,9 @@ def build_model(
         body: Sizes of the target.
         discount: gamma, a control frame.
         movement: How the target moves; without it, it stands still.
+
+    Raises:
+        RecipeError: Training does not know a term or an axis.
     """
     from crowdsim.policy import kernels
 

@@ -116,7 +116,10 @@ def maps_figure(policy: Policy, behaviour: Behaviour, states: list[int], points:
             for place, x in enumerate(sides):
                 if math.hypot(x, z) <= far:
                     n = kernels.evaluate_actions(tables, ones, state, x, height, z, cells, shares, found)
-                    values[row, place], best[row, place] = found[:n].max() * (behaviour.scale or 1.0), found[:n].argmax()
+                    values[row, place], best[row, place] = (
+                        found[:n].max() * (behaviour.scale or 1.0),
+                        found[:n].argmax(),
+                    )
         upper = figure.add_subplot(2, len(states), column + 1)
         image = upper.pcolormesh(sides, sides, values, shading="nearest", cmap="viridis")
         figure.colorbar(image, ax=upper, label="value of the best action")

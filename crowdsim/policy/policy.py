@@ -205,7 +205,9 @@ def action_values(
         if factor == 0.0:
             continue
         for k, action in enumerate(range(first, end)):
-            total[k] += factor * _action_value(policy, behaviour, state, action, np.asarray(target, dtype=float), *motion)
+            total[k] += factor * _action_value(
+                policy, behaviour, state, action, np.asarray(target, dtype=float), *motion
+            )
         priced = [term for term in behaviour.terms if isinstance(term, TransitionTerm)]
         price = sum(term.weight * costs + term.each * (costs > 0.0) for term in priced)
         prices.append(factor * price * np.ones(end - first))

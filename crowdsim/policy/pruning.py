@@ -10,7 +10,6 @@ left has fewer decisions, each among fewer actions, and hardly earns less (``ben
 
 from __future__ import annotations
 
-import math
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.errors import MotionError
+from crowdsim.errors import MotionError, RecipeError
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy.environment import Axis, Grid, build_grid
 from crowdsim.policy.recipe import BehaviourSpec
@@ -127,10 +127,12 @@ def resolve_grid(spec: BehaviourSpec, database: MotionDatabase) -> Grid:
         elif name == "distance":
             low = 0.0 if low is None else low
             high = _far(spec, database) if high is None else high
-        else:
+        elif name == "height":
             heads = np.percentile(np.asarray(database.heads[:, 1], dtype=float), [1.0, 99.0])
             low = round(float(heads[0]), 3) if low is None else low
             high = round(float(heads[1]), 3) if high is None else high
+        if low is None or high is None:
+            raise RecipeError(f"axis {name!r} has no range in the motion, expected a minimum and a maximum")
         axes.append(Axis(name, low, high, axis.count, wraps, axis.fade, axis.stretch or 0.0))
     return build_grid(axes)
 

@@ -103,7 +103,7 @@ class Axes(StrictModel):
 
     def given(self) -> dict[str, AxisSpec]:
         """Return the axes that there are, in the order of ``AXIS_KINDS``."""
-        return {name: getattr(self, name) for name in AXIS_KINDS if getattr(self, name) is not None}
+        return {name: axis for name in AXIS_KINDS if (axis := getattr(self, name, None)) is not None}
 
 
 class TargetMovement(StrictModel):

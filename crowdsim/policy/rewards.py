@@ -5,14 +5,20 @@ counts control frames from the action's state, and gamma is the discount a frame
 
 * ``strike``: gamma^t I(t) w(t), the greatest of the action's strikes (``max``, the paper's) or their sum; less gamma^t
   ``effort`` for each strike thrown, and gamma^t ``waste`` where its fist ends more than ``WASTED`` from the target's
-  axis. I(t) is 1 when the strike lands: its fist is within ``tolerance`` of the surface of the target's head, or of the
-  upright torso under it.
+  axis. I(t) is 1 when the strike lands: its fist is within ``tolerance`` of the surface of the target's body, outside
+  or inside (``lands``). The body is the head and the upright torso under it together, so that the signed distance from
+  it is the lesser of the two (``surface_distance``): a fist that is deep in one of them is not on the surface of the
+  other.
 * ``proximity``: gamma^t exp(-d(t) / sigma), summed over the action's frames (``sum``, which does not depend on where
   actions are cut) or its greatest (``max``, the paper's). d(t) is how far the target is from where it is wanted: at a
   distance, or between two distances, from the avatar.
 * ``transition``: what cuts cost, since they are seen.
 
-To add a term, write its model here, add it to ``TERMS``, and add a branch to ``term_reward`` in ``kernels.py``.
+To add a term, write its model with a code of its own, add it to ``TERMS`` and ``AnyTerm``, say what it is worth in
+``action_reward`` and in ``term_reward`` of ``kernels.py``, and list it in ``COMPILED``: training knows it then. Control
+has kernels of its own for behaviours with the look-up v: ``SUPPORTED_TERMS`` in ``crowd/model.py`` says what they need.
+A term that is not listed is refused, never taken for another one. Terms other than strikes depend on where the target is
+over the ground, not on its height.
 """
 
 from __future__ import annotations
@@ -25,6 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from crowdsim.errors import RecipeError
 from crowdsim.motion import ground
 from crowdsim.yaml_files import Fault
 
@@ -44,7 +51,10 @@ WASTED = 0.5
 
 
 class TargetBody(BaseModel):
-    """The body of a target for whom only the head's centre is known; sizes [m] come from the motion database."""
+    """The body of a target for whom only the head's centre is known; sizes [m] come from the motion database.
+
+    Training, control and poses give targets this body, the latter two with the scale of who strikes.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -54,6 +64,18 @@ class TargetBody(BaseModel):
     """How far the upper end of the torso's capsule lies under the head's centre."""
     pelvis_drop: float = 0.66
     """How far its lower end does."""
+
+    def under(self, head: ArrayLike, scale: ArrayLike = 1.0) -> tuple[Array, Array, Array, Array]:
+        """Return upper and lower ends of the torsos under heads (..., 3), and radii of heads and torsos (...) [m].
+
+        Args:
+            head: Centres of the heads [m]. Shape (..., 3).
+            scale: Sizes of the bodies. Shape (...).
+        """
+        heads, sizes = np.asarray(head, dtype=float), np.asarray(scale, dtype=float)
+        down = np.array([0.0, -1.0, 0.0]) * sizes[..., None]
+        necks, pelvises = heads + self.neck_drop * down, heads + self.pelvis_drop * down
+        return necks, pelvises, self.head_radius * sizes, self.torso_radius * sizes
 
 
 class Term(BaseModel):
@@ -74,7 +96,12 @@ class StrikeTerm(Term):
 
     code: ClassVar[int] = 0
     kind: Literal["strike"]
-    tolerance: float = Field(default=0.10, gt=0.0, le=1.0, description="Fist to surface at the strike's frame [m].")
+    tolerance: float = Field(
+        default=0.10,
+        gt=0.0,
+        le=1.0,
+        description="How far a fist that lands may be from the target's surface, outside or inside [m].",
+    )
     speed_weight: float = Field(
         default=0.5,
         ge=0.0,
@@ -84,7 +111,9 @@ class StrikeTerm(Term):
     effort: float = Field(
         default=0.0, ge=0.0, le=10.0, description="What each strike costs that is thrown, whether or not it lands."
     )
-    waste: float = Field(default=0.0, ge=0.0, le=10.0, description="What each strike costs that is far from the target.")
+    waste: float = Field(
+        default=0.0, ge=0.0, le=10.0, description="What each strike costs that is far from the target."
+    )
     form: Literal["sum", "max"] = Field(
         default="max", description="The greatest of what the action's landed strikes earn, or their sum."
     )
@@ -92,7 +121,16 @@ class StrikeTerm(Term):
     def pack(self, body: TargetBody) -> tuple[float, ...]:
         """Return weight, tolerance, speed weight, the target's sizes, a place for control, effort, waste, and the form."""
         sizes = (body.head_radius, body.torso_radius, body.neck_drop, body.pelvis_drop)
-        return (self.weight, self.tolerance, self.speed_weight, *sizes, 0.0, self.effort, self.waste, float(self.form == "max"))
+        return (
+            self.weight,
+            self.tolerance,
+            self.speed_weight,
+            *sizes,
+            0.0,
+            self.effort,
+            self.waste,
+            float(self.form == "max"),
+        )
 
 
 class ProximityTerm(Term):
@@ -150,16 +188,39 @@ class TransitionTerm(Term):
 TERMS: dict[str, type[Term]] = {"strike": StrikeTerm, "proximity": ProximityTerm, "transition": TransitionTerm}
 """Every reward term there is."""
 
+COMPILED: tuple[type[Term], ...] = (StrikeTerm, ProximityTerm, TransitionTerm)
+"""Terms that have a branch in ``term_reward`` of ``kernels.py``; no others reach compiled code."""
+
 AnyTerm = Annotated[StrikeTerm | ProximityTerm | TransitionTerm, Field(discriminator="kind")]
 
 
 def pack_terms(terms: list[Term] | tuple[Term, ...], body: TargetBody) -> Array:
-    """Return terms as compiled code reads them: the code, then the term's own numbers. Shape (n, 9), float64."""
+    """Return terms as compiled code reads them: the code, then the term's own numbers. Shape (n, 9), float64.
+
+    Raises:
+        RecipeError: Compiled code does not know a term.
+    """
     rows = np.zeros((len(terms), TERM_WIDTH))
     for row, term in zip(rows, terms, strict=True):
+        if not isinstance(term, COMPILED):
+            raise _unknown(term)
         numbers = (float(term.code), *term.pack(body))
         row[: len(numbers)] = numbers
     return rows
+
+
+def term_name(term: Term) -> str:
+    """Return what a recipe calls a term."""
+    return str(getattr(term, "kind", type(term).__name__))
+
+
+def supported(terms: tuple[type[Term], ...]) -> str:
+    """Return the end of a message: which of ``TERMS`` were expected."""
+    return f"expected one of {', '.join(name for name, term in TERMS.items() if issubclass(term, terms))}"
+
+
+def _unknown(term: Term) -> RecipeError:
+    return RecipeError(f"{term_name(term)!r} is no reward term of training, {supported(COMPILED)}")
 
 
 def target_body(database: MotionDatabase) -> TargetBody:
@@ -173,13 +234,42 @@ def target_body(database: MotionDatabase) -> TargetBody:
     )
 
 
-def surface_distance(point: ArrayLike, head: ArrayLike, body: TargetBody) -> tuple[float, float]:
-    """Return how far a point lies from the surfaces of the head and of the torso under it [m], inside or out."""
-    point, head = np.asarray(point, dtype=float), np.asarray(head, dtype=float)
-    to_head = abs(float(np.linalg.norm(point - head)) - body.head_radius)
-    height = min(max(float(point[1]), float(head[1]) - body.pelvis_drop), float(head[1]) - body.neck_drop)
-    axis = np.array([head[0], height, head[2]])
-    return to_head, abs(float(np.linalg.norm(point - axis)) - body.torso_radius)
+def surface_distance(point: ArrayLike, head: ArrayLike, body: TargetBody) -> float:
+    """Return the signed distance of a point from the surface of a target's body [m]: negative inside."""
+    return float(posed_distance(point, head, *body.under(head)))
+
+
+def posed_distance(
+    point: ArrayLike,
+    head: ArrayLike,
+    neck: ArrayLike,
+    pelvis: ArrayLike,
+    head_radius: ArrayLike,
+    torso_radius: ArrayLike,
+) -> Array:
+    """Return the signed distances of points from the surfaces of bodies, negative inside [m]. Shape (...).
+
+    A body is the union of head and torso, a ball and a capsule, and the distance the lesser of those from the two.
+
+    Args:
+        point: The points [m]. Shape (..., 3).
+        head: Centres of the heads [m]. Shape (..., 3).
+        neck: Upper ends of the torsos [m]. Shape (..., 3).
+        pelvis: Their lower ends [m]. Shape (..., 3).
+        head_radius: Radii of the heads [m]. Shape (...).
+        torso_radius: Radii of the torsos [m]. Shape (...).
+    """
+    places, upper = np.asarray(point, dtype=float), np.asarray(neck, dtype=float)
+    axis = np.asarray(pelvis, dtype=float) - upper
+    share = np.sum((places - upper) * axis, axis=-1) / np.maximum(np.sum(axis * axis, axis=-1), 1e-12)
+    middle = upper + np.clip(share, 0.0, 1.0)[..., None] * axis
+    to_head = np.linalg.norm(places - np.asarray(head, dtype=float), axis=-1) - head_radius
+    return np.asarray(np.minimum(to_head, np.linalg.norm(places - middle, axis=-1) - torso_radius))
+
+
+def lands(distance: float, tolerance: float) -> bool:
+    """Return whether a fist lands at a signed distance from a body's surface: not too far outside, nor too deep [m]."""
+    return -tolerance <= distance <= tolerance
 
 
 def action_reward(
@@ -203,6 +293,9 @@ def action_reward(
         discount: gamma, a control frame.
         velocity: How far the target moves over the ground, along x and z [m a control frame].
         lasts: For how many control frames it moves on.
+
+    Raises:
+        RecipeError: A term is none of those.
     """
     start = np.asarray(target, dtype=float)
     step = np.array([velocity[0], 0.0, velocity[1]])  # type: ignore[index]
@@ -215,7 +308,7 @@ def action_reward(
                 place = start + min(t, lasts) * step
                 away = actions.strike_places[strike].astype(float) - place
                 spent += discount**t * (term.effort + term.waste * (math.hypot(away[0], away[2]) > WASTED))
-                if min(surface_distance(actions.strike_places[strike], place, body)) <= term.tolerance:
+                if lands(surface_distance(actions.strike_places[strike], place, body), term.tolerance):
                     found.append(discount**t * float(actions.strike_speeds[strike]) ** term.speed_weight)
             total += term.weight * ((max(found) if term.form == "max" else sum(found)) - spent)
         elif isinstance(term, ProximityTerm):
@@ -233,4 +326,6 @@ def action_reward(
         elif isinstance(term, TransitionTerm):
             cost = float(actions.costs[action])
             total -= term.weight * cost + (term.each if cost > 0.0 else 0.0)
+        else:
+            raise _unknown(term)
     return total

@@ -273,9 +273,7 @@ INDIFFERENT = 1e-4
 """A behaviour whose decisions differ by less than this share of its values has no preference."""
 
 
-def decisive_scale(
-    behaviour: Behaviour, actions: Actions, body: TargetBody, targets: Array, greatest: float
-) -> float:
+def decisive_scale(behaviour: Behaviour, actions: Actions, body: TargetBody, targets: Array, greatest: float) -> float:
     """Return the scale on which a behaviour decides: how much better its best action is than the mean one.
 
     The mean over all states, and over the targets that the behaviour counts for. Decisions depend on the differences

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
+from crowdsim.policy.rewards import TargetBody, posed_distance
 from crowdsim.take.feet import KNEE_LEAST
 from crowdsim.take.landed import LEAN, TOGETHER, Landed, by_column
 from crowdsim.take.leans import JOINTS, leaning_joints, plan_leans
 from crowdsim.take.limb_kernels import carry_fists
-from crowdsim.take.motion import Limbs
+from crowdsim.take.motion import PoseMotion
 from crowdsim.take.take import Take
 from crowdsim.take.window import Window
 from crowdsim.take.workers import share
@@ -32,7 +33,6 @@ _FACING = 0.2
 """Cosine of the angle between the way out to a point that is hit and the way to the shoulder, at the least."""
 _OUT = 12
 """Times that a point goes out of head or torso."""
-_TARGET_HEAD, _TARGET_TORSO, _TARGET_NECK, _TARGET_DROP = 0.105, 0.15, 0.16, 0.6
 
 
 class Landings(NamedTuple):
@@ -96,15 +96,6 @@ def surface_point(
     return found
 
 
-def depth(point: Array, head: Array, neck: Array, pelvis: Array, head_radius: Array, torso_radius: Array) -> Array:
-    """Return how deep points (E, 3) lie in bodies, below zero outside of them (E,) [m]; as of ``surface_point``."""
-    axis = pelvis - neck
-    share = np.sum((point - neck) * axis, axis=-1) / np.maximum(np.sum(axis * axis, axis=-1), 1e-12)
-    centre = neck + np.clip(share, 0.0, 1.0)[:, None] * axis
-    to_head = head_radius - np.linalg.norm(point - head, axis=-1)
-    return np.asarray(np.maximum(to_head, torso_radius - np.linalg.norm(point - centre, axis=-1)))
-
-
 def _near_side(
     point: Array,
     head: Array,
@@ -143,7 +134,7 @@ def body_points(body: Body, positions: Array, turns: Array, scales: Array) -> tu
 
 
 def plan_landings(
-    take: Take, near: Landed, columns: Array, count: int, pose_at: PoseAt, struck_at: PoseAt, arms: Limbs
+    take: Take, near: Landed, columns: Array, count: int, pose_at: PoseAt, struck_at: PoseAt, motion: PoseMotion
 ) -> Landings:
     """Find how far fists have to be carried.
 
@@ -154,15 +145,16 @@ def plan_landings(
         count: Number of columns.
         pose_at: Poses avatars before any of this.
         struck_at: Poses those who are hit.
-        arms: The arms of those in the window.
+        motion: The motion of those in the window.
     """
+    arms = motion.arms
     fists, shoulders = np.full((len(near.times), 3), np.nan), np.full((len(near.times), 3), np.nan)
     posed = pose_at(near.attackers, near.times)
     for which, body, scales, positions, turns in posed:
         rows, hands = np.arange(len(which)), near.hands[which]
         fists[which] = body_points(body, positions, turns, scales)[3][rows, hands]
         shoulders[which] = positions[rows, arms.joints[hands, 0]]
-    shifts = _surfaces(take, near, fists, shoulders, struck_at) - fists
+    shifts = _surfaces(take, near, fists, shoulders, struck_at, motion.target) - fists
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
     shifts = np.where(np.isfinite(shifts), shifts, 0.0)
@@ -223,8 +215,8 @@ def reach_out(
     share(window.threads, len(columns), work)
 
 
-def _surfaces(take: Take, near: Landed, fists: Array, shoulders: Array, pose_at: PoseAt) -> Array:
-    """Nearest points on what is hit. Shape (E, 3)."""
+def _surfaces(take: Take, near: Landed, fists: Array, shoulders: Array, pose_at: PoseAt, target: TargetBody) -> Array:
+    """Nearest points on what is hit, scripted targets as large as control takes them for. Shape (E, 3)."""
     points = np.full((len(near.times), 3), np.nan)
     people = np.flatnonzero(near.victims >= 0)
     for which, body, scales, positions, turns in pose_at(near.victims[people], near.times[people]):
@@ -234,8 +226,8 @@ def _surfaces(take: Take, near: Landed, fists: Array, shoulders: Array, pose_at:
             fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales, shoulders[chosen]
         )
         # A fist that misses is left alone where it is in no body.
-        deep = depth(fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales)
-        free = chosen[near.missed[chosen] & (deep <= 0.0)]
+        gaps = posed_distance(fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales)
+        free = chosen[near.missed[chosen] & (gaps >= 0.0)]
         points[free] = fists[free]
     scripted = np.flatnonzero(near.victims < -1)
     if len(scripted):
@@ -246,9 +238,8 @@ def _surfaces(take: Take, near: Landed, fists: Array, shoulders: Array, pose_at:
         low = np.stack([take.targets[int(f)][int(g)] for f, g in zip(frames, numbers, strict=True)])
         high = np.stack([take.targets[int(f)][int(g)] for f, g in zip(later, numbers, strict=True)])
         heads = low + (high - low) * np.clip(clock - frames, 0.0, 1.0)[:, None]
-        neck, pelvis = heads - [0.0, _TARGET_NECK, 0.0], heads - [0.0, _TARGET_DROP, 0.0]
-        size = np.ones(len(scripted))
+        sizes = take.cast.scales[near.attackers[scripted]]
         points[scripted] = surface_point(
-            fists[scripted], heads, neck, pelvis, size * _TARGET_HEAD, size * _TARGET_TORSO, shoulders[scripted]
+            fists[scripted], heads, *target.under(heads, sizes), origin=shoulders[scripted]
         )
     return points

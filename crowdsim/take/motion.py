@@ -20,6 +20,7 @@ from crowdsim.take.gait import Gait, measure_gait
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
+    from crowdsim.policy.rewards import TargetBody
 
 Array = NDArray[Any]
 
@@ -114,6 +115,7 @@ class PoseMotion:
     Attributes:
         skeleton: The skeleton.
         body: What it is as a body.
+        target: The body of scripted targets that it strikes.
         frames: The frames.
         legs: The legs.
         arms: The arms.
@@ -129,6 +131,7 @@ class PoseMotion:
 
     skeleton: Skeleton
     body: Body
+    target: TargetBody
     frames: Frames
     legs: Limbs
     arms: Limbs
@@ -177,6 +180,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     return PoseMotion(
         skeleton=skeleton,
         body=body,
+        target=policy.body,
         frames=frames,
         legs=legs,
         arms=_limbs(skeleton, body, ("shoulder", "elbow", "hand"), fists, bends, sample),

@@ -18,8 +18,9 @@ from crowdsim.motion import ground
 from crowdsim.motion.body import Body
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.policy.rewards import posed_distance
 from crowdsim.take.feet import hold_feet
-from crowdsim.take.fists import PoseAt, depth, plan_landings, reach_out
+from crowdsim.take.fists import PoseAt, plan_landings, reach_out
 from crowdsim.take.landed import LEAN, find_landed
 from crowdsim.take.motion import PoseMotion, prepare_motion
 from crowdsim.take.pose_kernels import blend_poses
@@ -192,8 +193,9 @@ class PoseSampler:
                 for local in (motion.heads, motion.frames.roots)
             )
             body, necks = motion.body, heads + _NECK * (pelvises - heads)
-            deep = depth(points[which], heads, necks, pelvises, body.head_radius * scales, body.torso_radius * scales)
-            self._buried[some[which]] = deep > -_NEAR * scales
+            radii = body.head_radius * scales, body.torso_radius * scales
+            gaps = posed_distance(points[which], heads, necks, pelvises, *radii)
+            self._buried[some[which]] = gaps < _NEAR * scales
         return bool(self._buried[some].any())
 
     def _sample_policy(self, index: int, avatars: Array, times: Array) -> Poses:
@@ -205,7 +207,7 @@ class PoseSampler:
         lookup[avatars] = columns
         first, last = float(times[0]), float(times[-1])
         near = self._landed.around(first, last, lookup)
-        landings = plan_landings(take, near, lookup, len(columns), self._pose_at, self._struck_at, motion.arms)
+        landings = plan_landings(take, near, lookup, len(columns), self._pose_at, self._struck_at, motion)
         reach_out(window, landings, times[:, None], columns, roots, rotations)
         return Poses(index, avatars, motion.skeleton, take.cast.scales[avatars], roots, rotations, places.ground)
 
@@ -338,8 +340,7 @@ class PoseSampler:
         """Carry fists to where they go, in place, for strikes that are no further off than ``within`` [s]."""
         lookup = self._columns_of(window)
         near = self._landed.around_each(window.avatars[columns], moments[0], within)
-        landings = plan_landings(self.take, near, lookup, len(window.avatars), pose_at, struck_at,
-                                 window.motion.arms)  # fmt: skip
+        landings = plan_landings(self.take, near, lookup, len(window.avatars), pose_at, struck_at, window.motion)
         reach_out(window, landings, moments, columns, roots, rotations, within)
 
     def _give_way(

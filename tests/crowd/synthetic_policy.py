@@ -93,7 +93,10 @@ def policy(seed=0, lookup="v", frames=40, stride=4, name="synthetic"):
         ]
     )
     terms = {
-        "approach": (ProximityTerm(kind="proximity", distance=(0.4, 0.8), aside=0.1, facing=bool(seed % 2)), TransitionTerm(kind="transition")),
+        "approach": (
+            ProximityTerm(kind="proximity", distance=(0.4, 0.8), aside=0.1, facing=bool(seed % 2)),
+            TransitionTerm(kind="transition"),
+        ),
         "punch": (
             StrikeTerm(kind="strike", tolerance=0.3),
             ProximityTerm(kind="proximity", distance=0.5, form="max"),

@@ -1,15 +1,27 @@
 """What profiles are made of beside the simulation's own clock."""
 
 import numpy as np
+import pytest
+from synthetic_policy import policy
 
+from crowdsim import profiling
 from crowdsim.crowd import limits_kernels
-from crowdsim.crowd.profile import machine_limits
+from crowdsim.crowd.crowd import build_crowd
+from crowdsim.crowd.profile import machine_limits, profile_crowd, profile_table
 
 
 def test_limits_of_the_machine_are_times_of_memory():
     copying, fetching = machine_limits()
     assert 0.0 < copying < 1e6
     assert 0.1 < fetching < 1e6
+
+
+@pytest.mark.parametrize(("search", "expected"), [("auto", "direct"), ("kd_tree", "kd_tree"), ("scipy", "scipy")])
+def test_a_profile_reports_which_search_ran(search, expected):
+    people = build_crowd(np.arange(12.0), np.zeros(12))
+    found = profile_crowd(people, [policy(0)], 3, search=search)
+    assert profiling.describe(found)["search"] == expected
+    assert profile_table(found).splitlines()[0].endswith(f", threads: 1, search: {expected}")
 
 
 def test_a_walk_ends_where_its_steps_lead():

@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from crowdsim import assets
+from crowdsim.crowd.opponents import SEARCHES
 from crowdsim.crowd.placement import place_groups
 from crowdsim.crowd.scenario import (
     SCHEMA_FILE,
@@ -21,8 +22,10 @@ from crowdsim.crowd.scenario import (
     resolve_scenario,
     scenario_schema,
 )
+from crowdsim.crowd.scenario_groups import Search
 from crowdsim.crowd.scenario_reference import scenario_reference
 from crowdsim.errors import ScenarioError
+from crowdsim.yaml_schema import spot_of
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted((ROOT / "scenarios").glob("*.yaml"))
@@ -220,6 +223,43 @@ def test_a_mistake_is_one_line(old, new, expected):
 )  # fmt: skip
 def test_a_mistake_among_events_opponents_and_outputs_is_found(more, expected):
     assert sorted(findings(BASE + more)) == sorted(expected)
+
+
+def test_the_search_is_the_scenarios_and_that_of_all_groups():
+    choices = "expected 'auto', 'kd_tree' or 'scipy'"
+    for kind in ("kind: anyone", "kind: other_team"):
+        assert findings(BASE + f"opponents: {{{kind}, search: scipy}}") == []
+    assert findings(BASE + "opponents: {kind: anyone, search: kdtree}") == [
+        f"10:35: opponents.search: is 'kdtree', {choices} (did you mean 'kd_tree'?)"
+    ]
+    group = BASE.replace("centre: [9, 0]}", "centre: [9, 0]}, opponents: {kind: anyone, search: scipy}")
+    assert findings(group) == [
+        "9:128: groups[1].opponents.search: is 'scipy', expected 'auto' as in the scenario's own opponents, or no "
+        "search here"
+    ]
+    assert findings(group + "opponents: {kind: other_team, search: scipy}") == []
+    event = "{kind: retarget, opponents: {kind: anyone, search: scipy}, when: {kind: frame, frame: 1}}"
+    assert [line.partition(": ")[2].partition(":")[0] for line in findings(BASE + f"events: [{event}]")] == [
+        "events[0].opponents.search"
+    ]
+
+
+def test_another_search_is_asked_for_wherever_the_scenario_names_one():
+    file = Path("s.yaml")
+    group = BASE.replace("centre: [9, 0]}", "centre: [9, 0]}, opponents: {kind: other_team, search: scipy}")
+    for text in (BASE, group + "opponents: {kind: anyone, search: scipy}\n"):
+        file.write_text(text, encoding="utf-8")
+        scenario = load_scenario(file, search="kd_tree")
+        assert scenario.opponents.search == "kd_tree"
+        assert {each.opponents.search for each in scenario.groups} == {"kd_tree"}
+        Path("again.yaml").write_text(dump_scenario(scenario), encoding="utf-8")
+        assert load_scenario("again.yaml") == scenario
+        with pytest.raises(ScenarioError) as error:
+            load_scenario(file, search="kdtree")
+        assert str(error.value) == (
+            "the search is 'kdtree', expected 'auto', 'kd_tree' or 'scipy' (did you mean 'kd_tree'?)"
+        )
+    assert spot_of(Search).words == SEARCHES
 
 
 def test_nobody_to_fight_is_a_mistake():

@@ -110,7 +110,7 @@ def test_actions_are_worth_what_the_policy_says(lookup, precisions):
     for index, chosen in enumerate((one, two)):
         states = rng.integers(chosen.actions.state_count, size=60)
         targets, weights = rng.uniform([-3, 1.0, -3], [3, 1.9, 3], (60, 3)), rng.uniform(0, 2, (60, 2))
-        scratch.situations[:], scratch.moods[:], scratch.policies[:] = targets, np.arange(60), index
+        scratch.situations[:, :3], scratch.moods[:], scratch.policies[:] = targets, np.arange(60), index
         scratch.states[:] = states + model.policies[index, kernels.STATES]
         scratch.values[:] = np.nan
         kernels.value_actions(model, weights, scratch, 0, 60)
@@ -141,7 +141,7 @@ def test_terms_of_proximity_add_up_whatever_they_share(terms):
     scratch = empty_scratch(model, 1, 30)
     states, targets = rng.integers(chosen.actions.state_count, size=30), rng.uniform([-3, 1, -3], [3, 1.9, 3], (30, 3))
     scratch.order[:], scratch.moods[:], scratch.policies[:], scratch.states[:] = np.arange(30), 0, 0, states
-    scratch.situations[:] = targets
+    scratch.situations[:, :3] = targets
     kernels.value_actions(model, np.ones((1, 2)), scratch, 0, 30)
     for k in range(30):
         expected = action_values(chosen, {each.name: 1.0 for each in chosen.behaviours}, states[k], targets[k])
@@ -162,7 +162,7 @@ def test_a_target_beyond_all_grids_is_seen_where_they_end():
     at_end = end * np.stack([np.sin(bearings), np.zeros(20), np.cos(bearings)], axis=-1) + [0.0, 1.5, 0.0]
     states = rng.integers(chosen.actions.state_count, size=20)
     scratch.order[:], scratch.moods[:], scratch.policies[:], scratch.states[:] = np.arange(20), 0, 0, states
-    scratch.situations[:] = (at_end - [0.0, 1.5, 0.0]) * rng.uniform(1.1, 9.0, (20, 1)) + [0.0, 1.5, 0.0]
+    scratch.situations[:, :3] = (at_end - [0.0, 1.5, 0.0]) * rng.uniform(1.1, 9.0, (20, 1)) + [0.0, 1.5, 0.0]
     kernels.value_actions(model, np.ones((1, 2)), scratch, 0, 20)
     for k in range(20):
         expected = action_values(chosen, {b.name: 1.0 for b in behaviours}, states[k], at_end[k])
@@ -184,7 +184,7 @@ def test_a_behaviour_counts_less_beyond_its_bearings(lookup):
     bearings = np.linspace(-3, 3, 40)
     targets = np.stack([np.sin(bearings), np.full(40, 1.5), np.cos(bearings)], axis=-1)
     scratch.order[:], scratch.moods[:], scratch.policies[:], scratch.states[:] = np.arange(40), 0, 0, 2
-    scratch.situations[:] = targets
+    scratch.situations[:, :3] = targets
     kernels.value_actions(model, np.ones((1, 2)), scratch, 0, 40)
     assert np.all(scratch.values[0, :2] == 0.0), "nothing counts behind"
     for k in range(40):
@@ -252,6 +252,41 @@ def test_stages_frames_and_chunks_give_the_same_bytes(team, monkeypatch):
     monkeypatch.setattr(simulation, "SMALL", 0)
     assert bytes_of(simulate(people, POLICIES, 40)) == together
     assert bytes_of(simulate(people, POLICIES, 40, search="scipy")) == together
+
+
+def lattice(count, **fields):
+    """A crowd of one size and pace in exact rows, where many are equally far away from each other."""
+    z, x = np.divmod(np.random.default_rng(5).permutation(count), int(np.sqrt(count)))
+    return build_crowd(x, z, policy=np.arange(count) % 2, **fields)
+
+
+@pytest.mark.parametrize(
+    "people",
+    [
+        crowd(30),
+        crowd(200, team=np.arange(200) % 2),
+        crowd(350, team=np.arange(350) % 3),
+        lattice(30),
+        lattice(400, team=np.arange(400) % 2),
+        lattice(500),
+        crowd(30, present=np.arange(30) > 9),
+    ],
+    ids=["brawl", "two teams", "three teams", "ties", "ties of two teams", "ties of many", "some absent"],
+)
+def test_every_search_gives_the_same_bytes(people):
+    late = ~people.present
+    script = Script(changes=(Change(frame=7, who=late, present=True),) if late.any() else ())
+    auto = bytes_of(simulate(people, POLICIES, 20, script))
+    for search in ("kd_tree", "scipy"):
+        assert bytes_of(simulate(people, POLICIES, 20, script, search=search)) == auto
+
+
+def test_a_crowd_of_any_size_is_searched_as_it_was_asked_for():
+    for count, auto in ((30, "direct"), (500, "kd_tree")):
+        for search, expected in (("auto", auto), ("kd_tree", "kd_tree"), ("scipy", "scipy")):
+            run = Simulation(crowd(count), POLICIES, search=search)
+            run.run(3)
+            assert run.searches == [expected]
 
 
 @pytest.mark.parametrize("team", [None, np.arange(6000) % 2])

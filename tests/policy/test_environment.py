@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from naive_policy import random_actions
 
 from crowdsim.errors import RecipeError
-from crowdsim.policy.environment import Axis, build_grid, corners, fade_factor, measure
+from crowdsim.policy.environment import AXIS_KINDS, Axis, AxisKind, build_grid, corners, fade_factor, measure
+from crowdsim.policy.model import build_model
+from crowdsim.policy.rewards import ProximityTerm, TargetBody
 
 PUNCH = build_grid(
     [
@@ -111,3 +114,22 @@ def test_impossible_grids_are_refused(axes, message):
     with pytest.raises(RecipeError) as error:
         build_grid(axes)
     assert str(error.value) == message
+
+
+@pytest.mark.parametrize("moves", [True, False])
+def test_an_axis_that_training_does_not_know_is_refused_by_name(moves, monkeypatch):
+    monkeypatch.setitem(AXIS_KINDS, "pace", AxisKind(3, "m/s", 0.0, moves))
+    grid = build_grid([*PUNCH.axes, Axis("pace", 0.0, 1.0, 2)])
+    assert [axis.name for axis in grid.moving_axes] == ["distance", "bearing", "pace"][: 2 + moves]
+    assert grid.axes[: len(grid.moving_axes)] == grid.moving_axes
+    terms = (ProximityTerm(kind="proximity"),)
+    for use in (grid.pack, grid.targets, lambda: build_model(random_actions(), grid, terms, TargetBody(), 0.97)):
+        with pytest.raises(RecipeError) as error:
+            use()
+        assert str(error.value) == "'pace' is no axis of training, expected one of distance, bearing, height"
+    with pytest.raises(RecipeError, match="unknown axis 'pace'"):
+        corners(grid, at(1.0, 0.0))
+
+
+def test_every_axis_has_a_code_of_its_own():
+    assert len({kind.code for kind in AXIS_KINDS.values()}) == len(AXIS_KINDS)

@@ -1,21 +1,31 @@
 """Rewards: the compiled ones against the plain ones, and what they mean."""
 
 import math
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 import pytest
 from naive_policy import random_actions
+from naive_policy import surface_distance as naive_distance
 
-from crowdsim.policy import kernels
+from crowdsim.crowd import kernels as control
+from crowdsim.errors import RecipeError
+from crowdsim.policy import kernels, rewards
+from crowdsim.policy.environment import Axis, build_grid
+from crowdsim.policy.model import build_model
 from crowdsim.policy.rewards import (
+    AnyTerm,
     ProximityTerm,
     StrikeTerm,
     TargetBody,
+    Term,
     TransitionTerm,
     action_reward,
     pack_terms,
+    posed_distance,
     surface_distance,
 )
+from crowdsim.policy.rewards import lands as landing
 
 BODY = TargetBody()
 TERMS = [
@@ -47,6 +57,43 @@ def test_compiled_rewards_are_those_of_the_plain_version(term, velocity):
     assert nonzero > 5
 
 
+class Toy(Term):
+    """A term that nothing evaluates."""
+
+    code: ClassVar[int] = 3
+    kind: Literal["toy"] = "toy"
+
+    def pack(self, body):
+        """Return the weight."""
+        return (self.weight,)
+
+
+def test_a_term_that_training_does_not_know_is_refused_by_name(monkeypatch):
+    monkeypatch.setitem(rewards.TERMS, "toy", Toy)
+    actions, target = random_actions(), (0.2, 1.4, 0.7)
+    grid = build_grid([Axis("distance", 0.0, 2.0, 3)])
+    for use in (
+        lambda: pack_terms([*TERMS, Toy()], BODY),
+        lambda: action_reward(actions, 0, target, (Toy(),), BODY, 0.97),
+        lambda: build_model(actions, grid, (*TERMS, Toy()), BODY, 0.97),
+    ):
+        with pytest.raises(RecipeError) as error:
+            use()
+        assert str(error.value) == (
+            "'toy' is no reward term of training, expected one of strike, proximity, transition"
+        )
+
+
+def test_compiled_code_says_that_it_has_no_branch_for_a_term(monkeypatch):
+    monkeypatch.setattr(rewards, "COMPILED", (*rewards.COMPILED, Toy))
+    assert math.isnan(compiled(random_actions(), 0, (0.2, 1.4, 0.7), (Toy(),)))
+
+
+def test_every_term_has_a_code_of_its_own_and_a_place_in_recipes():
+    assert len({term.code for term in rewards.TERMS.values()}) == len(rewards.TERMS)
+    assert set(get_args(get_args(AnyTerm)[0])) == set(rewards.TERMS.values()) == set(rewards.COMPILED)
+
+
 def test_terms_add_up():
     actions = random_actions()
     target = (0.2, 1.4, 0.7)
@@ -63,11 +110,73 @@ def test_a_fist_lands_within_the_tolerance_of_the_surface_of_head_or_torso():
         ((0.0, 1.5, 1.0 - 0.11 - 0.101), False),
         ((0.0, 1.1, 1.0 - 0.15 - 0.099), True),  # the torso
         ((0.0, 1.1, 1.0 - 0.15 - 0.101), False),
+        ((0.0, 1.1, 1.0 - 0.15 + 0.099), True),  # inside
+        ((0.0, 1.1, 1.0 - 0.15 + 0.101), False),
         ((0.0, 1.1, 1.0), False),  # deep inside, far from any surface
         ((0.0, 0.5, 1.0), False),  # below the pelvis
+        ((0.0, 1.49, 1.0), True),  # in the head, where the torso ends
+        ((0.0, 1.492, 1.005), False),  # deeper in the head, and still where the torso ends
     ]:
-        assert (min(surface_distance(point, head, BODY)) <= 0.1) is lands
+        assert landing(surface_distance(point, head, BODY), 0.1) is lands
         assert kernels.strike_lands(*point, *head, term, 0) is lands
+
+
+def test_the_distance_from_a_surface_is_signed_and_that_of_head_and_torso_together():
+    head = np.array([0.0, 1.5, 1.0])
+    assert surface_distance((0.0, 1.5 + 0.11 + 0.2, 1.0), head, BODY) == pytest.approx(0.2)
+    assert surface_distance(head, head, BODY) == pytest.approx(-0.11)
+    assert surface_distance((0.0, 1.1, 1.0), head, BODY) == pytest.approx(-0.15)
+    # On the torso's surface, but a centimetre from the middle of the head.
+    assert surface_distance((0.0, 1.5 - 0.16 + 0.15, 1.0), head, BODY) == pytest.approx(0.01 - 0.11)
+
+
+@pytest.mark.parametrize("tolerance", [0.02, 0.1, 0.3])
+@pytest.mark.parametrize("scale", [1.0, 1.3])
+def test_compiled_control_and_training_land_as_the_naive_twin_does(tolerance, scale):
+    draw = np.random.default_rng(7)
+    body = TargetBody(**{name: size * scale for name, size in BODY})
+    term = pack_terms([StrikeTerm(kind="strike", tolerance=tolerance)], body)
+    count, landed = 800, 0
+    points = draw.uniform([-0.4, 0.6, -0.4], [0.4, 1.9, 0.4], (count, 3)).astype(np.float32).astype(float)
+    head = np.array([0.01, 1.5, -0.02])
+    neck, pelvis, *radii = BODY.under(head, scale)
+    by_actions = lands_in_control(points, head, term)
+    for point, added in zip(points, by_actions, strict=True):
+        distance = naive_distance(point, head, neck, pelvis, *radii)
+        if abs(abs(distance) - tolerance) < 1e-6:
+            continue
+        lands = abs(distance) <= tolerance
+        landed += lands
+        assert surface_distance(point, head, body) == pytest.approx(distance, abs=1e-7)
+        assert landing(surface_distance(point, head, body), tolerance) == lands
+        assert kernels.strike_lands(*point, *head, term, 0) == lands
+        assert control._touches(tuple(head), tuple(neck), tuple(pelvis), *map(float, radii), tolerance, *point) == lands
+        assert added == lands
+    assert 20 < landed < count - 20
+
+
+def lands_in_control(points, head, term):
+    """Whether an action with one strike at each point earns anything by what control adds to its value."""
+    count = len(points)
+    actions = np.zeros((count + 1, 6), np.int32)
+    actions[:, control.STRIKES] = np.arange(count + 1)
+    strikes = np.zeros((count, 8), np.float32)
+    strikes[:, control.FIST_X : control.FIST_Z + 1] = points
+    strikes[:, control.OWNER], strikes[:, control.WORTH] = np.arange(count), 1.0
+    row = term.copy()
+    row[0, 8] = control.WORTH
+    out = np.zeros(count)
+    control._add_strikes(actions, strikes, row, 0, 0, count, *head, 0.0, 0.0, np.inf, 1.0, np.empty(count), out)
+    return out == 1.0
+
+
+def test_posed_bodies_are_as_far_away_as_the_naive_twin_says():
+    draw = np.random.default_rng(8)
+    points, heads, necks, pelvises = draw.normal(0.0, 0.3, (4, 50, 3))
+    radii = draw.uniform(0.05, 0.3, (2, 50))
+    found = posed_distance(points, heads, necks, pelvises, *radii)
+    expected = [naive_distance(*row) for row in zip(points, heads, necks, pelvises, *radii, strict=True)]
+    np.testing.assert_allclose(found, expected, atol=1e-7)
 
 
 def test_summed_proximity_does_not_depend_on_where_actions_are_cut():

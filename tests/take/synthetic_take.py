@@ -9,6 +9,7 @@ import numpy as np
 from crowdsim.motion import ground
 from crowdsim.motion.database import MotionDatabase, build_database
 from crowdsim.motion.performer import perform
+from crowdsim.policy.rewards import target_body
 from crowdsim.take.poses import PoseSampler
 from crowdsim.take.take import Cast, Events, Take
 
@@ -80,7 +81,8 @@ def build_take(
     )  # fmt: skip
     graph = SimpleNamespace(action_first=np.asarray(first), action_lengths=np.asarray(lengths))
     actions = SimpleNamespace(shifts=shifts)
-    return take, SimpleNamespace(database=motion, graph=graph, actions=actions, fingerprint="")
+    body = target_body(motion)
+    return take, SimpleNamespace(database=motion, graph=graph, actions=actions, body=body, fingerprint="")
 
 
 def sampler(take: Take, policy: Any, **more: Any) -> PoseSampler:

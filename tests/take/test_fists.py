@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic_take import database, sampler
+from synthetic_take import build_take, database, sampler
 from test_poses import duel, same
 
 from crowdsim.motion.ik import flexion
-from crowdsim.take.fists import body_points, depth, surface_point
+from crowdsim.policy.rewards import posed_distance, surface_distance, target_body
+from crowdsim.take.fists import body_points, surface_point
 from crowdsim.take.quality import measure_take
 from crowdsim.take.take import Events, Take
 
@@ -95,8 +96,43 @@ def test_a_fist_that_misses_for_being_deep_in_a_body_stays_at_its_surface_and_is
     positions, turns = (a[0] for a in poses.joints())
     head, neck, pelvis, fists = body_points(body, positions, turns, poses.scales)
     radii = np.array([body.head_radius]), np.array([body.torso_radius])
-    assert abs(float(depth(fists[:1, hand], head[1:], neck[1:], pelvis[1:], *radii)[0])) < 0.01
+    assert abs(float(posed_distance(fists[:1, hand], head[1:], neck[1:], pelvis[1:], *radii)[0])) < 0.01
     frames = take.output_frames(60)
     one, none = (sampler(t, policy).sample(0, frames, 60)[0] for t in (take, without_strikes(take)))
     assert np.array_equal(one.rotations[:, 1], none.rotations[:, 1])
     assert not np.array_equal(one.rotations[:, 0], none.rotations[:, 0])
+
+
+@pytest.mark.parametrize("scale", [0.9, 1.0, 1.1])
+@pytest.mark.parametrize("part", ["head", "torso"])
+def test_a_strike_that_lands_touches_a_scripted_target_of_the_size_that_control_gives_it(
+    scale: float, part: str
+) -> None:
+    motion = database()
+    best = int(np.argmax(motion.strike_speeds))
+    strike, hand, stride = int(motion.strike_frames[best]), int(motion.strike_hands[best]), motion.stride
+    frame = strike // stride
+    first, lengths = np.array([frame - 20]), np.array([60])
+    take, policy = build_take([[0]], first, lengths, 45, scales=[scale], start=[(0, 0, 0)])
+    when = (strike - (frame - 21) * stride) / stride
+    at = round(when * 4)
+    body = policy.body
+    alone = sampler(take, policy).sample(at, at + 1, 60)[0]
+    positions, turns = (a[0] for a in alone.joints())
+    fist = body_points(motion.body, positions, turns, alone.scales)[3][0, hand]
+    way = (fist - positions[0, motion.body.roles["chest"]]) * [1.0, 0.0, 1.0]
+    radius, drop = (body.head_radius, 0.0) if part == "head" else (body.torso_radius, 0.4)
+    middle = fist + way / np.linalg.norm(way) * (radius * scale + 0.05)
+    target = middle + np.array([0.0, drop * scale, 0.0])
+    events = Events(
+        np.array([when], np.float32), np.array([0], np.int32), np.array([-2], np.int32), np.array([hand], np.uint8),
+        fist[None].astype(np.float32), np.array([7.0], np.float32), np.array([True]),
+    )  # fmt: skip
+    targets = np.tile(target, (take.frame_count, 1, 1)).astype(np.float32)
+    take = replace(take, events=events, targets=targets, target_names=("bag",))
+    poses = sampler(take, policy).sample(at, at + 1, 60)[0]
+    struck = body_points(motion.body, *(a[0] for a in poses.joints()), poses.scales)[3][0, hand]
+    sized = type(body)(**{name: size * scale for name, size in body})
+    assert surface_distance(fist, target, sized) == pytest.approx(0.05, abs=0.005)
+    assert surface_distance(struck, target, sized) == pytest.approx(0.0, abs=0.005)
+    assert body == target_body(motion)
