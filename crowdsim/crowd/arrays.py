@@ -265,6 +265,7 @@ def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
         cells=np.zeros((2 * behaviours, block * width)),
         work=np.zeros((5 + 2 * behaviours, block * width)),
         gaps=np.empty(rows),
-        rows=np.empty(max(rows, width)),
+        # Rows behind the last action are read and weighed by zero, which needs them to be finite.
+        rows=np.zeros(max(rows, width)),
         near=np.empty((max(neighbours, 1), 6)),
     )

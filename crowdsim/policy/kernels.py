@@ -243,7 +243,7 @@ def evaluate_actions(tables, behaviour_weights, state, x, y, z, cells, corner_we
 
 @njit(cache=True)
 def action_spreads(tables, targets, out):
-    """Write by how much the best action of each state is better than the mean one, by the first behaviour.
+    """Write by how much the best action of each state is better than the median one, by the first behaviour.
 
     NaN where there is one action, or the behaviour counts for nothing. ``out``: shape (S, N) for N targets.
     """
@@ -259,7 +259,7 @@ def action_spreads(tables, targets, out):
             if fade_of(tables, 0, x, y, z) > 0.0:
                 n = evaluate_actions(tables, one, s, x, y, z, cells, weights, values)
                 if n > 1:
-                    out[s, m] = values[:n].max() - values[:n].mean()
+                    out[s, m] = values[:n].max() - np.median(values[:n])
 
 
 @njit(cache=True, nogil=True)

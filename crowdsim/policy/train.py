@@ -274,7 +274,7 @@ INDIFFERENT = 1e-4
 
 
 def decisive_scale(behaviour: Behaviour, actions: Actions, body: TargetBody, targets: Array, greatest: float) -> float:
-    """Return the scale on which a behaviour decides: how much better its best action is than the mean one.
+    """Return the scale on which a behaviour decides: how much better its best action is than the median one.
 
     The mean over all states, and over the targets that the behaviour counts for. Decisions depend on the differences
     between the actions of one state alone, so values of behaviours are divided by this before they are added up; how

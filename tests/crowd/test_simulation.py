@@ -1,12 +1,13 @@
 import dataclasses
 from dataclasses import replace
+from types import SimpleNamespace
 
 import naive_crowd
 import numpy as np
 import pytest
 from synthetic_policy import policy
 
-from crowdsim.crowd import kernels, simulation
+from crowdsim.crowd import arrays, kernels, simulation
 from crowdsim.crowd.arrays import empty_record, empty_scratch
 from crowdsim.crowd.cast import cast_crowd
 from crowdsim.crowd.crowd import Crowding, build_crowd
@@ -319,6 +320,20 @@ def test_avatars_go_on_from_where_their_last_action_has_ended():
     shifts = POLICIES[0].actions.shifts[:, :2]
     assert steps.max() <= fastest * 1.05 + np.hypot(*shifts.T).max() * people.scale.max()
     assert (record["action_frame"] == np.round(record["action_frame"])).all()
+
+
+@pytest.mark.parametrize("held", [np.nan, np.inf, -1e9])
+def test_what_memory_held_before_changes_no_result(held, monkeypatch):
+    def dirty(shape, dtype=float):
+        values = np.empty(shape, dtype)
+        if values.dtype.kind == "f":
+            values[...] = held
+        return values
+
+    expected = bytes_of(simulate(crowd(30), POLICIES, 200))
+    namespace = SimpleNamespace(**{**vars(np), "empty": dirty})
+    monkeypatch.setattr(arrays, "np", namespace)
+    assert bytes_of(simulate(crowd(30), POLICIES, 200)) == expected
 
 
 def test_speed_makes_decisions_come_so_much_sooner():
