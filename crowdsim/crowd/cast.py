@@ -71,7 +71,8 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
     kinds = list(scenario.types.values())
     weights = np.zeros((len(moods), width))
     for row, (_, kind) in enumerate(moods):
-        weights[row] = _weights(policies[owners[kind]], kinds[kind].behaviours, width)
+        policy = policies[owners[kind]]
+        weights[row] = _weights(policy, kinds[kind].behaviours or _own_weights(policy), width)
     settings = [kinds[kind] for _, kind in moods]
     skip, fixed = np.empty(placed.count, np.int32), np.full(placed.count, -1, np.int32)
     for index, group in enumerate(scenario.groups):
@@ -156,14 +157,15 @@ def check_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]]) -
         raise ScenarioError("\n".join(dict.fromkeys(lines)))
 
 
-def _weights(policy: Policy, given: dict[str, float], width: int, others: float = 0.0) -> Array:
-    """Return weights of a policy's behaviours in its order, filled up to ``width``.
+def _own_weights(policy: Policy) -> dict[str, float]:
+    """Return the weights that avatars use whose type names no behaviour: those of the policy's recipe, or 1 each."""
+    recipe: dict[str, float] | None = policy.recipe.get("weights")
+    return recipe or {behaviour.name: 1.0 for behaviour in policy.behaviours}
 
-    Those that are not named weigh ``others``; where none is named, the weights are the policy's own.
-    """
-    names = [behaviour.name for behaviour in policy.behaviours]
-    own: dict[str, float] = policy.recipe.get("weights") or dict.fromkeys(names, 1.0)
-    told = [(given or own).get(name, others) for name in names]
+
+def _weights(policy: Policy, given: dict[str, float], width: int, others: float = 0.0) -> Array:
+    """Return weights of a policy's behaviours in its order, ``others`` for those not named and up to ``width``."""
+    told = [given.get(behaviour.name, others) for behaviour in policy.behaviours]
     return np.array(told + [others] * (width - len(told)))
 
 

@@ -22,6 +22,15 @@ PUNCH = build_grid(
 )
 
 
+FINE_NEAR = build_grid(
+    [
+        Axis("distance", 0.2, 4.0, 9, fade=0.5, stretch=0.8),
+        Axis("bearing", -math.pi, math.pi, 6, wraps=True),
+        Axis("height", 0.0, 2.0, 4, stretch=3.0),
+    ]
+)
+
+
 def compiled_corners(grid, target):
     from crowdsim.policy import kernels
 
@@ -67,17 +76,51 @@ def test_a_bearing_just_short_of_the_seam_mixes_the_last_grid_point_with_the_fir
     assert shares[0] == pytest.approx(0.75, abs=1e-6)
 
 
-@given(st.floats(-5, 5), st.floats(0, 3), st.floats(-5, 5))
-def test_compiled_corners_are_those_of_the_plain_version_everywhere(x, y, z):
+@pytest.mark.parametrize("grid", [PUNCH, FINE_NEAR], ids=["even", "stretched"])
+@given(x=st.floats(-5, 5), y=st.floats(0, 3), z=st.floats(-5, 5))
+def test_compiled_corners_are_those_of_the_plain_version_everywhere(grid, x, y, z):
     target = np.array([x, y, z])
-    cells, weights = corners(PUNCH, target)
-    found, shares, fade = compiled_corners(PUNCH, target)
-    plain, fast = np.zeros(PUNCH.cells), np.zeros(PUNCH.cells)
+    cells, weights = corners(grid, target)
+    found, shares, fade = compiled_corners(grid, target)
+    plain, fast = np.zeros(grid.cells), np.zeros(grid.cells)
     np.add.at(plain, cells, weights)
     np.add.at(fast, found, shares)
     np.testing.assert_allclose(fast, plain, atol=1e-9)
     assert fast.sum() == pytest.approx(1.0)
-    assert fade == pytest.approx(fade_factor(PUNCH, target))
+    assert fade == pytest.approx(fade_factor(grid, target))
+
+
+@pytest.mark.parametrize(("minimum", "maximum"), [(0.0, 4.0), (0.3, 2.0), (1.0, 30.0)])
+@pytest.mark.parametrize("stretch", [0.1, 1.0, 50.0])
+def test_points_of_a_stretched_axis_ascend_from_its_minimum_to_its_maximum(minimum, maximum, stretch):
+    points = Axis("distance", minimum, maximum, 12, stretch=stretch).points
+    assert points[0] == pytest.approx(minimum, abs=1e-12)
+    assert points[-1] == pytest.approx(maximum, rel=1e-12)
+    assert (np.diff(points) > 0.0).all()
+    assert (np.diff(points, 2) > 0.0).all(), "ever further apart"
+    even = np.linspace(minimum, maximum, 12)
+    np.testing.assert_allclose(Axis("distance", minimum, maximum, 12).points, even, rtol=1e-12)
+
+
+def test_steps_are_four_times_as_long_where_the_stretch_is_as_at_zero():
+    axis = Axis("distance", 0.0, 4.0, 4001, stretch=1.5)
+    steps, middles = np.diff(axis.points), (axis.points[1:] + axis.points[:-1]) / 2
+    assert np.interp(1.5, middles, steps) / steps[0] == pytest.approx(4.0, rel=2e-3)
+    assert Axis("distance", 0.0, 4.0, 11, stretch=1e9).points == pytest.approx(np.linspace(0.0, 4.0, 11), abs=1e-6)
+
+
+def test_a_grid_point_of_a_stretched_grid_has_all_the_weight():
+    for cell, target in enumerate(FINE_NEAR.targets()):
+        for found, weights in (corners(FINE_NEAR, target), compiled_corners(FINE_NEAR, target)[:2]):
+            shares = np.zeros(FINE_NEAR.cells)
+            np.add.at(shares, found, weights)
+            assert shares[cell] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_places_of_a_stretched_axis_count_grid_points():
+    axis = FINE_NEAR.axes[0]
+    np.testing.assert_allclose(axis.places(axis.points), np.arange(axis.count), atol=1e-12)
+    assert (np.diff(axis.places(np.linspace(0.2, 4.0, 50))) > 0.0).all()
 
 
 def test_a_behaviour_fades_out_beyond_its_grid_and_not_inside_it():
@@ -106,6 +149,14 @@ def test_an_axis_of_one_point_is_the_same_everywhere():
         ([Axis("distance", 1, 1, 2)], "axis 'distance' reaches from 1 to 1, expected a range upwards"),
         ([Axis("bearing", 0, 3, 4, wraps=True)], "axis 'bearing' wraps, so its range must be 6.28319 rad"),
         ([Axis("distance", 0, 1, 2)] * 2, "axis 'distance' is named twice"),
+        (
+            [Axis("distance", -1, 1, 2, stretch=1.0)],
+            "axis 'distance' is stretched, so it must begin at 0 or above and cannot wrap",
+        ),
+        (
+            [Axis("distance", 0, 1, 2), Axis("bearing", -math.pi, math.pi, 4, wraps=True, stretch=1.0)],
+            "axis 'bearing' is stretched, so it must begin at 0 or above and cannot wrap",
+        ),
         ([], "a grid needs one axis or more"),
         ([Axis("height", 1, 2, 2)], "a grid of height alone does not see where the target is, expected a distance too"),
     ],

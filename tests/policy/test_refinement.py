@@ -20,6 +20,13 @@ GRID = build_grid(
         Axis("height", 1.2, 1.6, 3),
     ]
 )
+STRETCHED = build_grid(
+    [
+        Axis("distance", 0.2, 3.0, 6, stretch=0.7),
+        Axis("bearing", -np.pi, np.pi, 8, wraps=True),
+        Axis("height", 1.2, 1.6, 3, stretch=2.0),
+    ]
+)
 TERMS = (StrikeTerm(kind="strike", tolerance=0.2), ProximityTerm(kind="proximity", distance=0.5, weight=0.1))
 
 
@@ -32,11 +39,12 @@ def read(values, grid, target):
     return values[..., cells] @ weights
 
 
-def test_a_refined_grid_holds_all_points_of_the_given_one():
-    finer = refine(GRID, 3)
+@pytest.mark.parametrize("grid", [GRID, STRETCHED], ids=["even", "stretched"])
+def test_a_refined_grid_holds_all_points_of_the_given_one(grid):
+    finer = refine(grid, 3)
     assert finer.shape == (16, 24, 7)
-    for one, two in zip(GRID.axes, finer.axes, strict=True):
-        assert (one.minimum, one.maximum, one.wraps) == (two.minimum, two.maximum, two.wraps)
+    for one, two in zip(grid.axes, finer.axes, strict=True):
+        assert (one.minimum, one.maximum, one.wraps, one.stretch) == (two.minimum, two.maximum, two.wraps, two.stretch)
         np.testing.assert_allclose(two.points[::3][: one.count], one.points, atol=1e-12)
 
 
@@ -53,6 +61,18 @@ def test_values_on_another_grid_are_those_that_interpolation_reads_there():
     )
     expected = np.stack([read(values, GRID, target) for target in other.targets()], axis=-1)
     np.testing.assert_allclose(interpolate(values, GRID, other), expected, atol=1e-5)
+
+
+def test_what_a_stretched_grid_holds_stays_on_a_finer_one_and_comes_back():
+    values = np.random.default_rng(4).random((2, STRETCHED.cells)).astype(np.float32)
+    finer = refine(STRETCHED, 2)
+    carried = interpolate(values, STRETCHED, finer)
+    expected = np.stack([read(values, STRETCHED, target) for target in finer.targets()], axis=-1)
+    np.testing.assert_allclose(carried, expected, atol=1e-5)
+    at_points = carried.reshape(2, *finer.shape)[:, ::2, ::2, ::2].reshape(2, -1)
+    np.testing.assert_allclose(at_points, values, atol=1e-6)
+    for back in (interpolate, fit):
+        np.testing.assert_allclose(back(carried, finer, STRETCHED), values, atol=2e-5)
 
 
 def test_a_fit_is_the_least_squares_solution_over_all_points_of_the_finer_grid():

@@ -11,6 +11,7 @@ from naive_policy import surface_distance as naive_distance
 from crowdsim.crowd import kernels as control
 from crowdsim.errors import RecipeError
 from crowdsim.policy import kernels, rewards
+from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.model import build_model
 from crowdsim.policy.rewards import (
@@ -34,7 +35,18 @@ TERMS = [
     ProximityTerm(kind="proximity", distance=0.5),
     ProximityTerm(kind="proximity", form="max", facing=True, distance=0.8, sigma=0.2),
     TransitionTerm(kind="transition", weight=0.5, each=0.1),
+    StrikeTerm(kind="strike", weight=2.0, tolerance=0.2, form="sum"),
+    StrikeTerm(kind="strike", tolerance=0.2, effort=0.3),
+    StrikeTerm(kind="strike", weight=1.5, tolerance=0.2, waste=0.4),
+    StrikeTerm(kind="strike", tolerance=0.3, form="sum", effort=0.1, waste=0.2, weight=0.7),
+    ProximityTerm(kind="proximity", distance=(0.4, 0.9), sigma=0.3),
+    ProximityTerm(kind="proximity", distance=(0.4, 0.9), facing=True, aside=0.2, sigma=0.3),
+    ProximityTerm(kind="proximity", distance=(0.2, 0.5), facing=True, aside=0.1, form="max", weight=0.5),
 ]
+NAMES = [
+    "strike", "fast strike", "proximity", "greatest proximity ahead", "transition", "sum of strikes", "effort", "waste",
+    "all of a strike", "a band", "a band ahead", "greatest in a band ahead",
+]  # fmt: skip
 
 
 def compiled(actions, action, target, terms, velocity=(0.0, 0.0), discount=0.97):
@@ -42,7 +54,7 @@ def compiled(actions, action, target, terms, velocity=(0.0, 0.0), discount=0.97)
     return kernels.reward(actions, action, *target, *velocity, packed, 0, len(packed), math.log(discount))
 
 
-@pytest.mark.parametrize("term", TERMS, ids=lambda term: f"{term.kind}-{term.weight:g}")
+@pytest.mark.parametrize("term", TERMS, ids=NAMES)
 @pytest.mark.parametrize("velocity", [(0.0, 0.0), (0.05, -0.03)])
 def test_compiled_rewards_are_those_of_the_plain_version(term, velocity):
     actions = random_actions()
@@ -98,7 +110,7 @@ def test_terms_add_up():
     actions = random_actions()
     target = (0.2, 1.4, 0.7)
     for action in range(len(actions.next)):
-        parts = sum(compiled(actions, action, target, (term,)) for term in TERMS)
+        parts = math.fsum(compiled(actions, action, target, (term,)) for term in TERMS)
         assert compiled(actions, action, target, TERMS) == pytest.approx(parts, abs=1e-9)
 
 
@@ -190,6 +202,82 @@ def test_summed_proximity_does_not_depend_on_where_actions_are_cut():
         for t, (x, z, _) in enumerate(path)
     )
     assert compiled(actions, action, target, (term,)) == pytest.approx(byhand, rel=1e-5)
+
+
+def one_action(strikes=(), path=((0.0, 0.0, 0.0),)):
+    """The actions of one state that has one: along a path, striking at places and times."""
+    count = len(strikes)
+    return Actions(
+        offsets=np.array([0, 1], np.int32),
+        next=np.zeros(1, np.int32),
+        lengths=np.array([len(path)], np.int32),
+        shifts=np.zeros((1, 3), np.float32),
+        costs=np.zeros(1, np.float32),
+        path_offsets=np.array([0, len(path)], np.int32),
+        paths=np.array(path, np.float32),
+        strike_offsets=np.array([0, count], np.int32),
+        strike_times=np.array([time for time, _ in strikes], np.float32),
+        strike_places=np.array([place for _, place in strikes], np.float32).reshape(-1, 3),
+        strike_speeds=np.ones(count, np.float32),
+        strike_ids=np.arange(count, dtype=np.int32),
+    )
+
+
+def both(actions, target, term):
+    """What a term says by the plain version, which the compiled one must say too."""
+    plain = action_reward(actions, 0, target, (term,), BODY, 0.9)
+    assert compiled(actions, 0, target, (term,), discount=0.9) == pytest.approx(plain, rel=1e-6, abs=1e-9)
+    return plain
+
+
+def test_effort_is_spent_on_every_strike_and_waste_on_those_far_from_the_target():
+    head = np.array([0.0, 1.5, 1.0])
+    on, near, far = (0.0, 1.5, 1.0 - 0.11), (0.0, 1.5, 1.0 - 0.49), (0.0, 1.5, 1.0 - 0.51)
+    actions = one_action([(1.0, on), (2.0, near), (3.0, far)])
+    strike = {"kind": "strike", "weight": 2.0}
+    assert both(actions, head, StrikeTerm(**strike)) == pytest.approx(2 * 0.9)
+    assert both(actions, head, StrikeTerm(**strike, effort=0.1)) == pytest.approx(
+        2 * (0.9 - 0.1 * (0.9 + 0.81 + 0.729))
+    )
+    assert both(actions, head, StrikeTerm(**strike, waste=0.1)) == pytest.approx(2 * (0.9 - 0.1 * 0.729))
+
+
+def test_landed_strikes_add_up_where_their_sum_is_asked_for():
+    head = np.array([0.0, 1.5, 1.0])
+    on, off = (0.0, 1.5, 1.0 - 0.11), (0.0, 1.5, 0.2)
+    actions = one_action([(1.0, on), (2.0, off), (3.0, on)])
+    assert both(actions, head, StrikeTerm(kind="strike", form="sum")) == pytest.approx(0.9 + 0.729)
+    assert both(actions, head, StrikeTerm(kind="strike", form="max")) == pytest.approx(0.9)
+
+
+def test_every_place_within_a_band_of_distances_is_as_good_and_no_place_outside():
+    actions = one_action()
+    band = ProximityTerm(kind="proximity", distance=(0.4, 0.9), sigma=0.5)
+    for distance, gap in [(0.4, 0.0), (0.6, 0.0), (0.9, 0.0), (0.3, 0.1), (1.1, 0.2), (0.0, 0.4)]:
+        for bearing in (0.0, 1.0, np.pi):
+            target = np.array([distance * np.sin(bearing), 1.5, distance * np.cos(bearing)])
+            assert both(actions, target, band) == pytest.approx(0.9 * math.exp(-gap / 0.5), rel=1e-6)
+
+
+def test_to_the_side_of_straight_ahead_is_as_good_so_far():
+    actions = one_action()
+    term = ProximityTerm(kind="proximity", distance=(0.4, 0.9), sigma=0.5, facing=True, aside=0.2)
+    for x, z, gap in [(0.0, 0.5, 0.0), (0.2, 0.5, 0.0), (-0.2, 0.9, 0.0), (0.5, 0.9, 0.3), (-0.5, 1.3, 0.5)]:
+        assert both(actions, np.array([x, 1.5, z]), term) == pytest.approx(0.9 * math.exp(-gap / 0.5), rel=1e-6)
+
+
+def test_a_target_that_stops_is_rewarded_where_it_stops():
+    actions = one_action([(3.0, (0.0, 1.5, 1.0 - 0.11))], path=[(0.0, 0.0, 0.0)] * 4)
+    start, velocity = np.array([0.0, 1.5, 0.8]), (0.0, 0.1)
+    strike, near = StrikeTerm(kind="strike", tolerance=0.05), ProximityTerm(kind="proximity", distance=1.0, sigma=0.5)
+    for term, lasts, expected in [
+        (strike, 2.0, 0.9**3),
+        (strike, 1.0, 0.0),
+        (strike, math.inf, 0.0),
+        (near, 2.0, sum(0.9**t * math.exp(-gap / 0.5) for t, gap in zip(range(1, 5), (0.1, 0, 0, 0), strict=True))),
+    ]:
+        found = action_reward(actions, 0, start, (term,), BODY, 0.9, velocity, lasts)
+        assert found == pytest.approx(expected, abs=1e-9)
 
 
 def test_a_transition_costs_only_where_the_capture_is_cut():

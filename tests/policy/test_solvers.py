@@ -115,7 +115,7 @@ def test_two_threads_give_the_same_bytes_as_one():
             solutions = [value_iteration(model, backup, tolerance=1e-3) for backup in BACKUPS]
             solutions.append(q_learning(model, max_sweeps=5))
             found.append(
-                [one.values.tobytes() for one in solutions] + [again.lowers.tobytes(), again.rewards.tobytes()]
+                [one.values.tobytes() for one in solutions] + [again.lowers.tobytes(), again.landed_rewards.tobytes()]
             )
     finally:
         numba.set_num_threads(before)
