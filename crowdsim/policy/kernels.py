@@ -231,14 +231,36 @@ def evaluate_actions(tables, behaviour_weights, state, x, y, z, cells, corner_we
     n = tables.actions.offsets[state + 1] - tables.actions.offsets[state]
     for k in range(n):
         out[k] = 0.0
+    factors = np.zeros(len(behaviour_weights))
     for behaviour in range(len(behaviour_weights)):
         if behaviour_weights[behaviour] != 0.0:
             fade = fade_of(tables, behaviour, x, y, z)
             scale = tables.behaviours[behaviour, 7]
-            factor = behaviour_weights[behaviour] * fade / scale if scale > 0.0 else 0.0
-            if factor != 0.0:
-                behaviour_values(tables, behaviour, state, x, y, z, factor, cells, corner_weights, out)
+            factors[behaviour] = behaviour_weights[behaviour] * fade / scale if scale > 0.0 else 0.0
+            if factors[behaviour] != 0.0:
+                behaviour_values(tables, behaviour, state, x, y, z, factors[behaviour], cells, corner_weights, out)
+    if len(factors) > 1:
+        count_price_once(tables, factors, state, out)
     return n
+
+
+@njit(cache=True)
+def count_price_once(tables, factors, state, out):
+    """Let a transition cost what it costs the behaviour that it costs most, where each has counted its own price."""
+    actions = tables.actions
+    first = actions.offsets[state]
+    for k in range(actions.offsets[state + 1] - first):
+        cost = actions.costs[first + k]
+        if cost > 0.0:
+            total, most = 0.0, 0.0
+            for behaviour in range(len(factors)):
+                price = 0.0
+                for row in range(int(tables.behaviours[behaviour, 2]), int(tables.behaviours[behaviour, 3])):
+                    if tables.terms[row, 0] == 2.0:
+                        price += factors[behaviour] * (tables.terms[row, 1] * cost + tables.terms[row, 2])
+                total += price
+                most = max(most, price)
+            out[k] += total - most
 
 
 @njit(cache=True)

@@ -9,6 +9,7 @@ from synthetic_policy import policy
 from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import empty_scratch
 from crowdsim.crowd.model import build_model
+from crowdsim.policy import kernels as training
 from crowdsim.policy.bundle import encode
 from crowdsim.policy.policy import action_values
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TransitionTerm
@@ -109,6 +110,22 @@ def test_values_on_stretched_grids_are_those_of_the_plain_version(lookup, precis
     chosen = replace(chosen, behaviours=tuple(behaviours), values=values)
     assert build_model([chosen]).table.dtype == {"float32": np.float32, "int16": np.uint16, "int8": np.uint8}[precision]
     assert np.abs(compare(chosen) - compare(policy(4, lookup))).max() > 0.05, "the stretch counts"
+
+
+@pytest.mark.parametrize("lookup", ["v", "q"])
+@pytest.mark.parametrize("terms", [TERMS["all"], [PRICE], TERMS["bands that differ in one number"]])
+def test_values_in_training_are_those_of_the_plain_version(lookup, terms):
+    chosen = stretched(with_terms(policy(4, lookup), terms))
+    first, last = chosen.behaviours
+    chosen = replace(chosen, behaviours=(first, replace(last, scale=0.7)))
+    tables, rng = chosen.lookup_tables(), np.random.default_rng(1)
+    cells, shares, out = np.empty(64, np.int64), np.empty(64), np.empty(100)
+    for _ in range(100):
+        state, weights = int(rng.integers(chosen.actions.state_count)), rng.uniform(0, 2, 2) * rng.integers(0, 2, 2)
+        target = rng.uniform([-2.0, 1.0, -2.0], [2.0, 1.8, 2.0])
+        n = training.evaluate_actions(tables, weights, state, *target, cells, shares, out)
+        named = {each.name: weight for each, weight in zip(chosen.behaviours, weights, strict=True)}
+        np.testing.assert_allclose(out[:n], action_values(chosen, named, state, target), rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.parametrize("lookup", ["v", "q"])

@@ -1,5 +1,6 @@
 """Bundles: written whole, read back the same, refused when damaged, foreign or of another version, found when stale."""
 
+import itertools
 import json
 import shutil
 
@@ -11,7 +12,7 @@ from crowdsim.policy import bundle, kernels
 from crowdsim.policy.policy import action_values, load_policy
 from crowdsim.policy.recipe import load_recipe
 from crowdsim.policy.statistics import inspect_bundle
-from crowdsim.policy.train import ready_policy, stale, train_policy, train_recipe
+from crowdsim.policy.train import SHOWN, advantages, ready_policy, stale, train_policy, train_recipe
 
 RECIPE = """\
 version: 1
@@ -264,20 +265,56 @@ def test_motion_without_strikes_tells_how_fast_the_fists_are(trained):
         check_strikes(still)
 
 
-@pytest.mark.parametrize("precision", ["float16", "int8"])
+def relative_to_the_best(behaviour, actions):
+    """Q-values less that of the state's best action in each cell, in the layout of a table."""
+    values, parts = behaviour.values(), []
+    for first, end in itertools.pairwise(actions.offsets.tolist()):
+        rows = values[first * behaviour.grid.cells : end * behaviour.grid.cells].reshape(-1, end - first)
+        parts.append((rows - rows.max(axis=1, keepdims=True)).ravel())
+    return np.concatenate(parts)
+
+
+def test_bytes_of_a_table_of_actions_hold_how_far_they_are_below_the_best(trained, tmp_path):
+    path = tmp_path / "small.yaml"
+    path.write_text(RECIPE + "precision: int8\n")
+    coarse, fine = ready_policy(path).behaviour("punch"), load_policy(trained / "small").behaviour("punch")
+    actions = load_policy(trained / "small").actions
+    assert (coarse.lookup, coarse.table.dtype, coarse.scale) == ("q", np.uint8, fine.scale)
+    expected = np.maximum(relative_to_the_best(fine, actions), -SHOWN * fine.scale)
+    assert coarse.step * 255 == pytest.approx(-expected.min(), rel=1e-3)
+    assert np.abs(coarse.values() - expected).max() <= 0.501 * coarse.step
+    assert np.abs(relative_to_the_best(coarse, actions) - expected).max() <= 0.501 * coarse.step
+
+
+def test_actions_far_below_the_best_are_as_far_below_as_is_shown(trained):
+    policy = load_policy(trained / "small")
+    punch = policy.behaviour("punch")
+    found = advantages(punch.table, policy.actions, punch.grid.cells, 2.0 * punch.scale)
+    expected = relative_to_the_best(punch, policy.actions)
+    assert expected.min() < -3.0 * punch.scale
+    np.testing.assert_allclose(found, np.maximum(expected, -2.0 * punch.scale), atol=1e-6)
+
+
+@pytest.mark.parametrize("precision", ["float16", "int16", "int8"])
 def test_coarser_values_are_near_and_smaller(trained, tmp_path, precision):
     path = tmp_path / "small.yaml"
     path.write_text(RECIPE + f"precision: {precision}\n")
     coarse = ready_policy(path)
     fine = load_policy(trained / "small")
-    size = {"float16": 2, "int8": 1}[precision]
+    size, kind, steps = {
+        "float16": (2, np.float32, 500), "int16": (2, np.uint16, 65536 * 1.9), "int8": (1, np.uint8, 509)
+    }[precision]  # fmt: skip
     assert (tmp_path / "small" / "values.npy").stat().st_size < size * len(fine.values) + 500
     for ours, theirs in zip(coarse.behaviours, fine.behaviours, strict=True):
-        spread = float(np.ptp(theirs.values()))
-        assert np.abs(ours.values() - theirs.values()).max() <= spread / (500 if precision == "float16" else 509)
-        assert ours.table.dtype == (np.float32 if precision == "float16" else np.uint8)
+        assert ours.table.dtype == kind
+        best_alone = precision == "int8" and ours.lookup == "q"
+        spread = SHOWN * theirs.scale if best_alone else float(np.ptp(theirs.values()))
+        if not best_alone:
+            assert np.abs(ours.values() - theirs.values()).max() <= spread / steps
+        close = 2.0 * spread / (steps * ours.scale)
         for state in range(0, coarse.actions.state_count, 9):
-            mood = {ours.name: 1.0}
-            close = spread / (250 * ours.scale)
-            found = action_values(coarse, mood, state, (0.2, 1.5, 0.9))
-            np.testing.assert_allclose(found, action_values(fine, mood, state, (0.2, 1.5, 0.9)), atol=close)
+            found, expected = (action_values(one, {ours.name: 1.0}, state, (0.2, 1.5, 0.9)) for one in (coarse, fine))
+            if best_alone:
+                assert expected[found.argmax()] >= expected.max() - close
+            else:
+                np.testing.assert_allclose(found, expected, atol=close)
