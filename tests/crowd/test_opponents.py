@@ -1,8 +1,10 @@
+import naive_crowd
 import naive_opponents
 import numpy as np
 import pytest
 from synthetic_policy import policy
 
+from crowdsim.crowd import kernels
 from crowdsim.crowd.crowd import build_avatars, build_crowd
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import build_index, store_in_order
@@ -70,6 +72,47 @@ def test_absent_avatars_are_nobodys_opponent():
     who, around = observed(build_index("kd_tree", Workers(1)), avatars, int(present.sum()))
     assert present[who[present]].all()
     assert all(present[list(near)].all() for near in around.values())
+
+
+def kept(places, old, near, heading=0.0, hysteresis=0.3):
+    """Whom avatar 0, at the origin, fights next: ``old`` until now, while ``near`` is nearest."""
+    people = build_crowd(*np.array([[0.0, 0.0], *places]).T, heading=heading, hysteresis=hysteresis)
+    avatars = build_avatars(people, MODEL)
+    avatars.real[kernels.HEADING] = heading
+    avatars.whole[kernels.OPPONENT, 0] = old
+    moods = np.array([[0.1, 4.0, 0.0, hysteresis, 0.0]])
+    return kernels._change_opponent(
+        avatars.whole, avatars.real, avatars.slot_of, moods, people.count, 0, avatars.slot_of[near]
+    )
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.0, -2.5])
+def test_an_opponent_behind_must_be_so_much_nearer(heading):
+    def turned(distance, bearing):
+        return distance * np.sin(heading + bearing), distance * np.cos(heading + bearing)
+
+    for old, new, much_nearer in [
+        (0.0, 0.0, 0.3),  # straight ahead, both of them
+        (0.0, np.pi, 0.3 + kernels.BEHIND),  # behind instead of ahead
+        (0.0, np.pi / 2, 0.3 + kernels.BEHIND / 2),  # to the side
+        (np.pi, np.pi, 0.3),
+        (np.pi, np.pi / 2, 0.3 - kernels.BEHIND / 2),  # from behind to the side: sooner
+    ]:
+        for more, expected in ((-0.01, 1), (0.01, 2)):
+            places = [turned(2.0, old), turned(2.0 - much_nearer - more, new)]
+            assert kept(places, 1, 2, heading) == expected
+
+
+def test_opponents_seem_as_far_as_the_naive_twin_says():
+    rng = np.random.default_rng(5)
+    changed = 0
+    for _ in range(300):
+        places, heading, hysteresis = rng.uniform(-2, 2, (2, 2)), rng.uniform(-3, 3), rng.uniform(0, 0.5)
+        far = [naive_crowd.seems_far(np.array([0.0, 0.0, heading]), *place) for place in places]
+        expected = 1 if far[1] >= far[0] - hysteresis else 2
+        assert kept(places, 1, 2, heading, hysteresis) == expected
+        changed += expected == 2
+    assert 50 < changed < 250
 
 
 def test_storing_in_another_order_moves_all_that_an_avatar_is():

@@ -75,6 +75,8 @@ def bytes_of(chunks):
         ),
         ("a rectangle", {"arena": np.array([2.0, 1.5, 1.5, 1.0, 2.0])}, ()),
         ("the best action only", {"temperature": 0.0}, ()),
+        ("bursts and rests", {"interval": 20.0}, ()),
+        ("two teams that rest", {"interval": 90.0, "team": np.arange(12) % 2}, ()),
         ("nothing worth less than the best", {"margin": 0.0}, ()),
         ("two candidates of wide choice", {"temperature": 2.0, "margin": 50.0, "most": 2}, ()),
     ],

@@ -1,0 +1,105 @@
+"""Strikes come in bursts: how many an avatar throws, and that one which never tires chooses freely."""
+
+from dataclasses import replace
+
+import naive_crowd
+import numpy as np
+import pytest
+from synthetic_policy import policy
+
+from crowdsim.crowd.crowd import Crowding, build_crowd
+from crowdsim.crowd.kernels import BURSTS
+from crowdsim.crowd.simulation import simulate
+
+FRAMES = 600
+PER_STRIKE = ("strike_times", "strike_places", "strike_speeds", "strike_ids")
+
+
+def eager():
+    """A policy that gains little by any action and can always avoid to strike: the first way out throws nothing."""
+    chosen = policy(3, frames=120, name="eager")
+    actions = chosen.actions
+    counts = np.diff(actions.strike_offsets)
+    owners = np.repeat(np.arange(actions.action_count), counts)
+    kept = ~np.isin(owners, actions.offsets[:-1])
+    counts[actions.offsets[:-1]] = 0
+    strikes = {name: getattr(actions, name)[kept] for name in PER_STRIKE}
+    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+    actions = actions._replace(strike_offsets=offsets, **strikes)
+    behaviours = tuple(replace(each, scale=10.0 * each.scale) for each in chosen.behaviours)
+    return replace(chosen, actions=actions, behaviours=behaviours)
+
+
+EAGER = eager()
+STRIKES = np.diff(EAGER.actions.strike_offsets)
+
+
+def ran(frames=FRAMES, chosen=EAGER, **fields):
+    """Actions, and attackers and frames of all strikes, of a crowd in which nothing counts but values."""
+    z, x = np.divmod(np.arange(16), 4)
+    people = build_crowd(1.2 * x, 1.2 * z, x + z, seed=1, crowding=Crowding.none(), **fields)
+    chunks = list(simulate(people, [chosen], frames))
+    events = [chunk.events for chunk in chunks]
+    return (
+        np.concatenate([chunk.action for chunk in chunks]),
+        np.concatenate([one.attacker for one in events]),
+        np.concatenate([one.frame for one in events]),
+    )
+
+
+def test_every_state_of_the_tests_policy_has_a_way_out_without_a_strike():
+    least = np.minimum.reduceat(STRIKES, EAGER.actions.offsets[:-1])
+    assert least.max() == 0
+    assert STRIKES.max() >= 2
+
+
+@pytest.mark.parametrize("interval", [15.0, 40.0, 150.0])
+def test_nobody_throws_more_than_tempo_allows(interval):
+    _, free, _ = ran()
+    _, attackers, when = ran(interval=interval)
+    # The last action of a burst may throw more than is left of it; another action may be under way at the end.
+    spare = BURSTS[1] + 2 * STRIKES.max()
+    for number in range(16):
+        own = np.sort(when[attackers == number])
+        assert (np.arange(1, len(own) + 1) <= spare + own / interval).all()
+        assert len(own) <= spare + FRAMES / interval
+    assert len(attackers) <= len(free)
+    if interval == 150.0:
+        assert len(free) / 16 > 2.0 * (spare + FRAMES / interval), "without it they throw far more"
+
+
+def test_all_that_tempo_allows_is_thrown_by_those_who_would_throw_more():
+    _, free, _ = ran(1500)
+    _, attackers, _ = ran(1500, interval=40.0)
+    assert len(free) / 16 > 1.2 * 1500 / 40.0
+    assert len(attackers) / 16 > 0.7 * 1500 / 40.0
+
+
+def test_a_rest_is_as_long_as_the_burst_before_it_takes_to_recover_from():
+    interval = 60.0
+    _, attackers, when = ran(interval=interval)
+    for number in range(16):
+        own = np.sort(when[attackers == number])
+        # Within any stretch of time there are no more than two bursts, and what it allows.
+        for first in range(len(own)):
+            within = np.count_nonzero((own >= own[first]) & (own < own[first] + interval))
+            assert within <= 2 * (BURSTS[1] + STRIKES.max())
+
+
+def test_an_avatar_that_never_tires_chooses_as_one_that_recovers_at_once():
+    for fields in ({}, {"temperature": 0.0}):
+        free, _, _ = ran(200, **fields)
+        at_once, _, _ = ran(200, interval=1e-9, **fields)
+        np.testing.assert_array_equal(at_once, free)
+        slow, _, _ = ran(200, interval=40.0, **fields)
+        assert not np.array_equal(slow, free)
+
+
+@pytest.mark.parametrize("interval", [0.0, 12.0, 80.0])
+def test_bursts_and_rests_are_those_of_the_naive_twin(interval):
+    x, z, heading = np.random.default_rng(0).uniform(0, 3, (3, 6))
+    people = build_crowd(x, z, heading, speed=1.2, interval=interval, seed=4)
+    [chunk] = simulate(people, [EAGER], 150)
+    naive = naive_crowd.run(people, [EAGER], 150)
+    np.testing.assert_array_equal(chunk.action, naive.action)
+    assert len(chunk.events.frame) == len(naive.strikes) > 10
