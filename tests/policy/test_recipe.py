@@ -131,3 +131,44 @@ def test_what_does_not_go_together_is_told_with_its_place(tmp_path, old, new, me
 def test_a_range_that_is_too_wide_is_told(tmp_path):
     [line] = faults(tmp_path, changed("tolerance: 0.1", "tolerance: -0.1"))
     assert line.startswith("14:20: behaviours.punch.rewards[0].tolerance: is -0.1, expected ")
+
+
+def test_default_weights_are_those_of_behaviours_that_the_recipe_learns(tmp_path):
+    path = tmp_path / "r.yaml"
+    path.write_text(RECIPE + "weights:\n  punch: 0.5\n")
+    assert load_recipe(path).weights == {"punch": 0.5}
+    path.write_text(RECIPE)
+    assert load_recipe(path).weights is None
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ("  pumch: 1\n", "16:10: weights.pumch: is no behaviour of the recipe (did you mean 'punch'?)"),
+        ("  punch: 1\n  fight: 2\n", "17:10: weights.fight: is no behaviour of the recipe"),
+        ("  punch: -1\n", "16:10: weights.punch: is -1, expected a number from 0.0 to 1000.0"),
+    ],
+)
+def test_a_weight_of_what_is_not_learned_is_told_with_its_line(tmp_path, lines, expected):
+    assert faults(tmp_path, RECIPE + "weights:\n" + lines) == [expected]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "        count: 12\n",
+            "        count: 12\n        stretch: 1\n",
+            "is stretched, expected even steps of a bearing",
+        ),
+        ("        count: 8\n", "        count: 8\n        stretch: 0\n", "is 0, expected a number above 0"),
+        (
+            "      - kind: strike\n",
+            "      - kind: proximity\n        distance: [0.9, 0.4]\n      - kind: strike\n",
+            "is [0.9, 0.4], expected the nearer distance first",
+        ),
+    ],
+)
+def test_an_impossible_stretch_or_band_is_told(tmp_path, old, new, message):
+    [line] = faults(tmp_path, changed(old, new))
+    assert line.split(": ", 2)[2].startswith(message)

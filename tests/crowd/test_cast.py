@@ -1,0 +1,69 @@
+"""What a scenario makes of avatars: weights of behaviours, tempo, and what events change of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_policy import policy
+
+from crowdsim.crowd.cast import cast_crowd
+from crowdsim.crowd.placement import place_groups
+from crowdsim.crowd.scenario import load_scenario
+
+SCENARIO = """\
+version: 1
+name: pair
+seed: 1
+duration: 30
+types:
+  boxer: {{policy: boxer{type}}}
+groups:
+  - {{name: pair, type: boxer, count: 2, placement: {{kind: line, start: [-1, 0], end: [1, 0]}}}}
+opponents: {{kind: anyone}}
+events: [{event}]
+"""
+EVENT = "{{kind: weights, when: {{kind: frame, frame: 5}}, {}}}"
+
+
+def cast(tmp_path, recipe=None, told="", event=""):
+    """The crowd and the script of a scenario whose one type says this of itself."""
+    path = tmp_path / "pair.yaml"
+    path.write_text(SCENARIO.format(type=told, event=event))
+    scenario = load_scenario(path)
+    one = replace(policy(0, name="boxer"), recipe={} if recipe is None else {"weights": recipe})
+    return cast_crowd(scenario, place_groups(scenario), [one])
+
+
+@pytest.mark.parametrize(
+    ("recipe", "told", "expected"),
+    [
+        (None, "", [1.0, 1.0]),
+        ({"punch": 0.4}, "", [0.0, 0.4]),
+        ({"approach": 2.0, "punch": 0.4}, "", [2.0, 0.4]),
+        ({"approach": 2.0, "punch": 0.4}, ", behaviours: {punch: 3}", [0.0, 3.0]),
+        (None, ", behaviours: {approach: 0.7}", [0.7, 0.0]),
+        ({"punch": 0.4}, ", behaviours: {approach: 0.7, punch: 0}", [0.7, 0.0]),
+    ],
+)
+def test_behaviours_that_a_type_does_not_name_weigh_nothing_and_the_recipe_speaks_where_it_names_none(
+    tmp_path, recipe, told, expected
+):
+    people, _ = cast(tmp_path, recipe, told)
+    np.testing.assert_array_equal(people.weights, [expected])
+
+
+def test_an_event_leaves_weights_that_it_does_not_name_as_they_are(tmp_path):
+    for event, expected in (
+        ("behaviours: {punch: 3}", [np.nan, 3.0]),
+        ("temperature: 0.5", [np.nan, np.nan]),
+        ("behaviours: {approach: 0}, temperature: 0.5", [0.0, np.nan]),
+    ):
+        _, script = cast(tmp_path, {"approach": 2.0}, ", behaviours: {approach: 1}", EVENT.format(event))
+        np.testing.assert_array_equal(script.changes[0].weights, [expected])
+
+
+@pytest.mark.parametrize(("told", "interval"), [("", 15.0), (", tempo: 30", 30.0), (", tempo: null", 0.0)])
+def test_tempo_says_how_many_frames_it_takes_to_recover_from_a_strike(tmp_path, told, interval):
+    assert policy(0).database.control_rate == 15.0
+    people, _ = cast(tmp_path, told=told)
+    np.testing.assert_array_equal(people.intervals, [interval])
