@@ -146,10 +146,8 @@ def decide(one, avatars, crowd, targets, frame):
         opponent = nearest(x, z, team, mine[0], mine[1], one.number, one.skip)
         old = one.opponent
         if opponent >= 0 and old >= 0 and team[old] != one.skip:
-            if (
-                seems_far(mine, x[opponent], z[opponent])
-                >= seems_far(mine, x[old], z[old]) - crowd.hysteresis[one.mood]
-            ):
+            kept = seems_far(mine, x[old], z[old]) - crowd.hysteresis[one.mood]
+            if seems_far(mine, x[opponent], z[opponent]) >= kept:
                 opponent = old
     target, moving, lasts = None, np.zeros(2), 0.0
     if opponent >= 0:

@@ -45,7 +45,7 @@ class Model(NamedTuple):
             lie in a table, over how much the behaviour fades beyond them (0 not at all), the least and the greatest
             grid point, and the rate of squeezing. One that it does not have is a single point. Shape (B, 3, 9),
             float64.
-        terms: Likewise, but for transition terms. Shape (n, 10), float64.
+        terms: Likewise, but for transition terms. Shape (n, 12), float64.
         table: Likewise; float32 where policies of a run differ. Flat, float32, uint8 or uint16.
         ground: Ground transform of each playback frame in its clip's world. Shape (L, 3), float64.
         starts: What lies on the avatar's ground transform, in the clip's world, when each action starts. Shape (A, 3),

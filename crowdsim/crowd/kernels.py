@@ -644,8 +644,9 @@ def value_actions(model, weights, scratch, first, last):
     """Write into ``scratch.values`` what each action of a state is worth in the situations ``order[first:last]``.
 
     A situation is where the target's head is in the avatar's ground frame, for a body of scale 1: x, y, z [m]; by how
-    much it moves over the ground in a frame of motion, along x and z [m], and for how many; then a state, a row of ``weights``, which are those of the behaviours, and a policy, all in ``scratch``. ``BLOCK`` of them
-    are weighed at a time: what they read lies anywhere in memory, and one waits for it while others are worked on.
+    much it moves over the ground in a frame of motion, along x and z [m], and for how many; then a state, a row of
+    ``weights``, which are those of the behaviours, and a policy, all in ``scratch``. ``BLOCK`` of them are weighed at a
+    time: what they read lies anywhere in memory, and one waits for it while others are worked on.
     """
     whose = scratch.policies
     while first < last:
@@ -1131,8 +1132,8 @@ def choose(
     """
     aim(
         avatars.whole, avatars.real, avatars.slot_of, model.offsets, model.actions, model.moves, model.bodies,
-        model.ground, model.policies, world.arena, world.crowding, world.targets, world.moods, present, moment, due, count, nearest,
-        scratch.situations, scratch.states, scratch.moods, scratch.policies,
+        model.ground, model.policies, world.arena, world.crowding, world.targets, world.moods, present, moment, due,
+        count, nearest, scratch.situations, scratch.states, scratch.moods, scratch.policies,
     )  # fmt: skip
     if count >= SORTED:
         order_by_state(scratch.states, count, scratch.starts, scratch.order)
@@ -1414,8 +1415,8 @@ def run_frames(
             lost = max(
                 lost,
                 choose(
-                    model, avatars, world, present, k + 1, frame + k, due[start:], min(room, dues - start), nearest[start:],
-                    counts[start:], neighbours[start:], scratch, chosen[start:],
+                    model, avatars, world, present, k + 1, frame + k, due[start:], min(room, dues - start),
+                    nearest[start:], counts[start:], neighbours[start:], scratch, chosen[start:],
                 ),
             )  # fmt: skip
         if lost >= 0:

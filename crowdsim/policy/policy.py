@@ -37,7 +37,8 @@ class Behaviour:
             ``offsets[s] * cells + c * n + k``, where n is the number of actions of s, so that actions lie side by side.
             ``v``: it holds V(state, cell) at ``s * cells + c``, and Q(action, e) is the action's own reward, exactly
             where the target is, plus gamma^T times V interpolated where the target will be.
-        table: The values, flat. Shape (A * cells,) or (S * cells,), float32; or uint8 or uint16, whole numbers of steps.
+        table: The values, flat. Shape (A * cells,) or (S * cells,), float32; or uint8 or uint16, whole numbers of
+            steps.
         scale: How much better the best action of a state is than the median one (``train.decisive_scale``). Values are
             divided by it before behaviours are added up. 0: the behaviour has no preference and counts for nothing.
         terms: The reward's terms.

@@ -17,8 +17,8 @@ counts control frames from the action's state, and gamma is the discount a frame
 To add a term, write its model with a code of its own, add it to ``TERMS`` and ``AnyTerm``, say what it is worth in
 ``action_reward`` and in ``term_reward`` of ``kernels.py``, and list it in ``COMPILED``: training knows it then. Control
 has kernels of its own for behaviours with the look-up v: ``SUPPORTED_TERMS`` in ``crowd/model.py`` says what they need.
-A term that is not listed is refused, never taken for another one. Terms other than strikes depend on where the target is
-over the ground, not on its height.
+A term that is not listed is refused, never taken for another one. Terms other than strikes depend on where the target
+is over the ground, not on its height.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ class StrikeTerm(Term):
     )
 
     def pack(self, body: TargetBody) -> tuple[float, ...]:
-        """Return weight, tolerance, speed weight, the target's sizes, a place for control, effort, waste, and the form."""
+        """Return weight, tolerance, speed weight, the target's sizes, a place for control, effort, waste, the form."""
         sizes = (body.head_radius, body.torso_radius, body.neck_drop, body.pelvis_drop)
         return (
             self.weight,
@@ -195,7 +195,7 @@ AnyTerm = Annotated[StrikeTerm | ProximityTerm | TransitionTerm, Field(discrimin
 
 
 def pack_terms(terms: list[Term] | tuple[Term, ...], body: TargetBody) -> Array:
-    """Return terms as compiled code reads them: the code, then the term's own numbers. Shape (n, 9), float64.
+    """Return terms as compiled code reads them: the code, then the term's own numbers. Shape (n, 12), float64.
 
     Raises:
         RecipeError: Compiled code does not know a term.

@@ -10,8 +10,8 @@ from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.policy.actions import STEP, STILLEST, build_actions, joint_speeds, stillness
 from crowdsim.policy.alignment import align_actions
 from crowdsim.policy.evaluation import run_episodes
-from crowdsim.policy.pruning import FAR, judge_ways, prune_graph, sample_targets
-from crowdsim.policy.ranges import strike_reach
+from crowdsim.policy.pruning import judge_ways, prune_graph
+from crowdsim.policy.ranges import FAR, sample_targets, strike_reach
 from crowdsim.policy.recipe import PruningSpec, load_recipe
 from crowdsim.policy.rewards import target_body
 from crowdsim.policy.train import load_motion, train_behaviour, train_policy
