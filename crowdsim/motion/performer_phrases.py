@@ -77,11 +77,11 @@ class Theme:
 
 
 THEMES = (
-    Theme(6.0, 0.7, 0.30, 0.6, 1.4, 0.10, travel=0.5, shuffling=0.8, bouncing=0.4, pause=0.22),
-    Theme(7.0, 0.4, 0.20, 0.3, 1.0, 0.08, travel=0.5, shuffling=0.7, bouncing=0.5, pause=0.22),
-    Theme(5.0, 0.8, 0.45, 0.4, 1.2, 0.10, travel=0.5, shuffling=1.8, bouncing=0.8, pause=0.22),
-    Theme(5.0, 0.4, 0.20, 0.9, 2.8, 0.10, travel=0.5, shuffling=0.7, bouncing=0.4, pause=0.22),
-    Theme(1.6, 0.3, 0.15, 0.2, 0.4, 0.05, travel=3.0, shuffling=1.4, bouncing=0.3, pause=0.20),
+    Theme(6.5, 0.3, 0.20, 0.9, 2.0, 0.10, travel=0.65, shuffling=0.6, bouncing=0.35, pause=0.18),
+    Theme(8.0, 0.2, 0.15, 0.5, 1.6, 0.08, travel=0.65, shuffling=0.6, bouncing=0.40, pause=0.18),
+    Theme(5.5, 0.4, 0.30, 0.7, 1.6, 0.10, travel=0.65, shuffling=1.2, bouncing=0.50, pause=0.18),
+    Theme(5.5, 0.2, 0.15, 1.1, 3.4, 0.10, travel=0.65, shuffling=0.6, bouncing=0.35, pause=0.18),
+    Theme(3.0, 0.2, 0.10, 0.4, 0.8, 0.05, travel=3.0, shuffling=1.0, bouncing=0.30, pause=0.16),
 )
 
 
