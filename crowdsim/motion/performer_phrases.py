@@ -258,32 +258,3 @@ class _Boxer:
 def write_score(seconds: float, theme: Theme, rng: np.random.Generator) -> Score:
     """Plan a clip of a given length [s] on a theme."""
     return _Boxer(seconds, theme, rng).fill()
-
-
-def write_solo(move: str, rng: np.random.Generator) -> Score:
-    """Plan a short clip of one move alone, facing heading 0: a punch, a defence, or a word of ``FOOTWORK``."""
-    plan = Choreographer(rng, facing=0.0)
-    start = 0.5
-    if move in PUNCHES:
-        recipe = PUNCHES[move]
-        end = plan.punch(move, start, distance=0.5 * sum(recipe.distance), speed=recipe.speed[0], height=1.45).end
-    elif move in DEFENCES:
-        end = plan.defend(move, start, depth=1.0)
-    elif move == "turn":
-        end = start
-        for _ in range(4):
-            end = plan.pivot(end, np.pi / 4)
-    else:
-        ahead, left = FOOTWORK[move]
-        end = plan.move(start, ahead, left)
-    return plan.finish(end + 0.5)
-
-
-FOOTWORK = {
-    "forward": (0.3, 0.0),
-    "back": (-0.3, 0.0),
-    "left": (0.0, 0.28),
-    "right": (0.0, -0.28),
-    "diagonal": (0.2, 0.2),
-    "turn": (0.0, 0.0),
-}

@@ -13,7 +13,6 @@ from crowdsim.motion.bvh import read_bvh, to_clip
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.performer import perform, perform_solo, write_performance
 from crowdsim.motion.performer_defences import DEFENCES
-from crowdsim.motion.performer_phrases import FOOTWORK
 from crowdsim.motion.performer_punches import PUNCHES
 from crowdsim.motion.performer_skeleton import (
     BALL_HEIGHT,
@@ -27,6 +26,7 @@ from crowdsim.motion.performer_skeleton import (
     TOES,
     build_skeleton,
 )
+from crowdsim.motion.performer_solo import FOOTWORK
 from crowdsim.motion.tracks import build_tracks
 
 FPS = 60.0
