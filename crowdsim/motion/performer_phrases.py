@@ -126,7 +126,7 @@ class _Boxer:
                 0.0,
                 plan.about(1.2),
             )
-        inside = close == len(kinds) and rng.uniform() < 0.5
+        inside = close == len(kinds) and rng.uniform() < 0.62
         tempo = rng.uniform(0.85, 1.12)
         onset = begin + rng.uniform(0.0, 0.06)
         previous = None
