@@ -340,7 +340,7 @@ def test_a_session_turns_and_steps_every_way(long_session):
     assert np.all(way.min(axis=0) < -0.15)
 
 
-def test_the_pelvis_moves_over_the_ground_as_a_boxers_does(session):
+def test_in_the_guard_the_pelvis_moves_over_the_ground_as_a_boxers_does(session):
     speed = np.concatenate(
         [np.linalg.norm(np.gradient(p.clip.root_positions[:, [0, 2]], axis=0), axis=1) * FPS for p in session]
     )
