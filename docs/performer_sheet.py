@@ -28,7 +28,11 @@ from crowdsim.render.view import look_at
 
 MOMENTS = 7
 TILE = (112, 150)
-LEFT_OUT = {move for move in FOOTWORK if move.count("_") == 2} | {"walk_curve", "jog_curve", "walk_to_jog_to_walk"}
+LEFT_OUT = {move for move in FOOTWORK if move.startswith("shuffle") and move.count("_") == 2} | {
+    "walk_curve",
+    "jog_curve",
+    "walk_to_jog_to_walk",
+}
 """Footwork that looks like other rows: shuffles on diagonals, and curves."""
 _GAP = 10
 _RED, _BLUE = (0.62, 0.03, 0.03), (0.03, 0.09, 0.55)
