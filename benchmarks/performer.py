@@ -95,8 +95,6 @@ def measure(clip: Clip, body: Body) -> dict[str, Array]:
         "fist speed [m/s]": speeds(tracks.fists - tracks.pelvises[:, None], FPS).ravel() * size,
         "fist speed, strikes [m/s]": strikes.speeds * size,
         "pelvis speed [m/s]": speeds(tracks.pelvises[:, [0, 2]], FPS) * size,
-        "pelvis speed [m/s]": "A fifth of the performer's session is travel; the capture keeps to its place.",
-        "step length [m]": "Strides of walks and jogs, which the capture has not.",
         "pelvis height [height]": tracks.pelvises[:, 1] / body.height,
         "trunk lean [rad]": np.arccos(np.clip(trunk[:, 1] / np.linalg.norm(trunk, axis=1), -1.0, 1.0)),
         "elbow fold [rad]": np.concatenate([_fold(positions, body, side) for side in ("left", "right")]),
