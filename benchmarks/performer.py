@@ -1,12 +1,15 @@
 """The embedded boxer beside real boxing: how they move, what their strikes reach, and the detectors against the truth.
 
-    python benchmarks/performer.py [--json] [--seconds 437] [--seed 1] [--capture FILE.bvh]
+    python benchmarks/performer.py [--json] [--quick] [--seconds 437] [--seed 1] [--capture FILE.bvh]
 
 The capture is CMU's clip 13_18 (shadow boxing), looked for in the folder of CROWDSIM_MOCAP; without it the table has no
 second column. Its elbows, which fold backward in the file, are turned as for training. Both are measured in the same
 way at 60 Hz: roles, body and tracks as training sees them, lengths and speeds scaled to a body of 1.75 m. Percentiles
 are over all frames, except where a row says otherwise; rows named "strikes" are the peaks of the striking arm on its
 way out.
+
+Locomotion: the highest speed of the pelvis over the ground, averaged over half a second of a move alone, and the mean
+speed from the first foot that leaves the floor to the last that is down; and what the session's clips are made of.
 
 Coverage is over the cells of the paper's punch grid, heads as targets: a cell is covered where the fist of some strike,
 or of its mirror image, ends within 0.1 m of the surface of a head whose middle is the cell's. Targets are seen at the
@@ -25,6 +28,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 from scipy.spatial import KDTree
 
 from crowdsim.motion import ground, quaternion
@@ -33,7 +37,8 @@ from crowdsim.motion.capture import load_capture, usable_clip
 from crowdsim.motion.cleaning import on_floor
 from crowdsim.motion.contacts import find_contacts, runs
 from crowdsim.motion.kinematics import clip_kinematics
-from crowdsim.motion.performer import Performance, perform
+from crowdsim.motion.performer import Performance, perform, perform_solo
+from crowdsim.motion.performer_solo import FOOTWORK
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip
 from crowdsim.motion.strikes import find_strikes
@@ -49,6 +54,7 @@ HEIGHTS = np.linspace(1.266, 1.624, 5)
 TOLERANCE = 0.10
 BEFORE = 30
 """Frames before a strike from which its target is seen."""
+GAITS = tuple(move for move in FOOTWORK if move.startswith("shuffle") or move in ("walk", "jog"))
 CLIP = "cmu_13_18_boxing.bvh"
 QUANTILES = (5, 25, 50, 75, 95, 99)
 CONTROL_FRAME = round(FPS / 15.0)
@@ -63,6 +69,8 @@ JOINTS = {
 REMARKS = {
     "fist speed [m/s]": "More than twice as many strikes a second; between them the performer keeps its fists stiller.",
     "fist speed, strikes [m/s]": "Held between 5 and 11 m/s, in earnest; the capture strikes at the air, elbows bent.",
+    "pelvis speed [m/s]": "A fifth of the performer's session is travel; the capture keeps to its place.",
+    "step length [m]": "Strides of walks and jogs, which the capture has not.",
     "pelvis height [height]": "The capture's retargeted figure crouches deeper than a boxer's guard.",
     "trunk lean [rad]": "The performer's guard leans a quarter of a radian; ducks and slips make the tail.",
     "elbow fold [rad]": "Elbows of the capture's figure are bent by 0.3 rad at rest, and its folds come on top.",
@@ -191,6 +199,39 @@ def cover(performances: Sequence[Performance], body: Body) -> dict[str, Any]:
     }
 
 
+def locomote(seeds: Sequence[int]) -> dict[str, dict[str, float]]:
+    """Return the highest and the mean speed of every gait and direction [m/s], medians over some seeds."""
+    figures = {}
+    for move in GAITS:
+        top, mean = [], []
+        for seed in seeds:
+            performance = perform_solo(move, seed, FPS)
+            path = performance.clip.root_positions[:, [0, 2]]
+            smooth = uniform_filter1d(path, round(0.5 * FPS), axis=0)
+            first, last = performance.truth.travels[0].start, performance.truth.travels[-1].end - 1
+            top.append(speeds(smooth, FPS).max())
+            mean.append(float(np.linalg.norm(path[last] - path[first])) / (last - first) * FPS)
+        figures[move] = {"top_speed": float(np.median(top)), "mean_speed": float(np.median(mean))}
+    return figures
+
+
+def share_out(performances: Sequence[Performance]) -> dict[str, float]:
+    """Return for how long the clips strike, defend, travel, and do none of that [s]."""
+    seconds = dict.fromkeys(("strike", "defence", "shuffle", "walk", "jog", "guard"), 0.0)
+    for performance in performances:
+        truth = performance.truth
+        labels = np.full(performance.clip.frame_count, "guard", dtype="<U8")
+        for defence in truth.defences:
+            labels[defence.start : defence.end] = "defence"
+        for travel in truth.travels:
+            labels[travel.start : travel.end] = travel.gait
+        for strike in truth.strikes:
+            labels[max(round(strike.start * FPS), 0) : round(strike.end * FPS)] = "strike"
+        for name, count in zip(*np.unique(labels, return_counts=True), strict=True):
+            seconds[str(name)] += float(count) / FPS
+    return seconds
+
+
 def find_capture(given: Path | None) -> Path | None:
     """Return the clip that was given, or the one in the folder of CROWDSIM_MOCAP."""
     if given is not None:
@@ -219,10 +260,13 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--quick", action="store_true", help="a short session, in seconds")
     parser.add_argument("--seconds", type=float, default=437.0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--capture", type=Path)
     options = parser.parse_args()
+    if options.quick:
+        options.seconds = min(options.seconds, 40.0)
     began = time.perf_counter()
     performances = perform(options.seconds, options.seed, FPS)
     took = time.perf_counter() - began
@@ -237,6 +281,8 @@ def main() -> None:
         "perform_seconds": took,
         "strikes_per_minute": 60.0 * strikes / options.seconds,
         "detectors": detect(performances),
+        "locomotion": locomote(range(1, 2 if options.quick else 6)),
+        "seconds_of": share_out(performances),
         "coverage": cover(performances, body),
         "quantiles": list(QUANTILES),
         "performer": performer,
@@ -248,6 +294,11 @@ def main() -> None:
         return
     print(f"{options.seconds:g} s performed in {took:.1f} s, {result['strikes_per_minute']:.0f} strikes a minute")
     print("detectors: " + ", ".join(f"{name} {value:.3f}" for name, value in result["detectors"].items()))
+    print("seconds of: " + ", ".join(f"{name} {value:.0f}" for name, value in result["seconds_of"].items()))
+    print(f"\n{'':24}{'top':>8}{'mean':>8}  [m/s]")
+    for move, figures in result["locomotion"].items():
+        print(f"{move:24}{figures['top_speed']:8.2f}{figures['mean_speed']:8.2f}")
+    print()
     coverage = result["coverage"]
     by_distance = coverage["at_the_strike_by_distance"]
     print(f"cells covered at the strike {coverage['at_the_strike']:.0%}, from up to half a second before")

@@ -19,8 +19,8 @@ from crowdsim.motion.body import PARTS, build_body
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.performer import Performance, perform_solo
 from crowdsim.motion.performer_defences import DEFENCES
-from crowdsim.motion.performer_phrases import FOOTWORK
 from crowdsim.motion.performer_punches import PUNCHES
+from crowdsim.motion.performer_solo import FOOTWORK
 from crowdsim.render.caption import draw_caption
 from crowdsim.render.raycast import Capsules, draw, sun_direction
 from crowdsim.render.scene import build_cast
@@ -28,13 +28,20 @@ from crowdsim.render.view import look_at
 
 MOMENTS = 7
 TILE = (112, 150)
+LEFT_OUT = {move for move in FOOTWORK if move.startswith("shuffle") and move.count("_") == 2} | {
+    "walk_curve",
+    "jog_curve",
+    "walk_to_jog_to_walk",
+}
+"""Footwork that looks like other rows: shuffles on diagonals, and curves."""
 _GAP = 10
 _RED, _BLUE = (0.62, 0.03, 0.03), (0.03, 0.09, 0.55)
 
 
 def draw_performer_sheet(path: Path, seed: int = 7, threads: int = 2) -> None:
     """Draw the sheet into a PNG file of some 2,000 pixels, for ``make docs-pictures``."""
-    rows = [_draw_move(move, seed, threads) for move in (*PUNCHES, *DEFENCES, *FOOTWORK)]
+    footwork = [move for move in FOOTWORK if move not in LEFT_OUT]
+    rows = [_draw_move(move, seed, threads) for move in (*PUNCHES, *DEFENCES, *footwork)]
     picture = Image.fromarray(np.concatenate(rows)).quantize(200, dither=Image.Dither.NONE)
     temporary = path.with_name(f".{path.name}")
     picture.save(temporary, format="PNG", optimize=True)
@@ -53,13 +60,16 @@ def _draw_move(move: str, seed: int, threads: int) -> np.ndarray:
     for capsule, joint in enumerate(body.capsule_joints):
         if PARTS[body.capsule_parts[capsule]] == "glove":
             paints[capsule, :3] = _RED if clip.skeleton.names[joint].startswith("Left") else _BLUE
-    middle = positions[frames, 0].mean(axis=0)
-    target = np.array([middle[0], 0.84, middle[2]])
+    # The camera stays where it is, but goes along with a boxer who would leave the picture.
+    middles = np.tile(positions[frames, 0].mean(axis=0), (len(frames), 1))
+    if np.ptp(positions[frames, 0][:, [0, 2]], axis=0).max() > 0.8:
+        middles = positions[frames, 0].copy()
+    middles[:, 1] = 0.84
     strips = []
     for azimuth in (-0.5 * math.pi, 0.0):
-        eye = target + 5.6 * np.array([math.sin(azimuth), 0.16, math.cos(azimuth)])
         tiles = []
-        for frame in frames:
+        for frame, target in zip(frames, middles, strict=True):
+            eye = target + 5.6 * np.array([math.sin(azimuth), 0.16, math.cos(azimuth)])
             capsules = cast.place([(positions[frame : frame + 1], rotations[frame : frame + 1])])
             large = draw(
                 Capsules(capsules.places, paints, capsules.owners),

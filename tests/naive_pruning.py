@@ -8,6 +8,10 @@ from crowdsim.policy.ranges import sample_targets
 from crowdsim.policy.train import train_behaviour
 
 
+def value(policy, mood, state, target):
+    return action_values(policy, mood, state, target[:3], (target[3], 0.0, target[4]))
+
+
 def ways_worth_keeping(database, graph, actions, specs, body, ways, every=7):
     """Return what ``pruning.judge_ways`` returns, for every seventh state; all else is 0."""
     behaviours = tuple(train_behaviour(name, _coarse(spec), database, actions, body)[0] for name, spec in specs.items())
@@ -18,7 +22,7 @@ def ways_worth_keeping(database, graph, actions, specs, body, ways, every=7):
     keep, gains = np.zeros(actions.action_count, bool), np.zeros(actions.action_count)
     for state in range(0, graph.state_count, every):
         first, end = graph.action_offsets[state : state + 2]
-        worth = np.array([action_values(policy, mood, state, target) for mood in moods for target in targets])
+        worth = np.array([value(policy, mood, state, target) for mood in moods for target in targets])
         captured = [k for k in range(end - first) if not graph.action_cuts[first + k]]
         held = list(captured)
         while len(held) < len(captured) + ways:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
 from crowdsim.motion import ground, quaternion
-from crowdsim.motion.body import Body
+from crowdsim.motion.body import HEIGHT, Body
 from crowdsim.motion.cleaning import lead_in, on_floor
 from crowdsim.motion.contacts import find_contacts
 from crowdsim.motion.kinematics import clip_kinematics
@@ -20,7 +20,7 @@ from crowdsim.motion.mirroring import mirrored
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip, Skeleton
 from crowdsim.motion.strikes import Strikes, find_strikes
-from crowdsim.motion.tracks import Tracks, build_tracks
+from crowdsim.motion.tracks import Tracks, build_tracks, speeds
 
 Array = NDArray[Any]
 Progress = Callable[[str, int, int], None]
@@ -45,7 +45,8 @@ class MotionDatabase:
         ground: Ground transform of the body in its clip's world: where its feet stand, as ``Tracks.stances`` say, and
             turned by as much in all frames that headings are where bodies face on the average, mirror images by as
             much the other way. A punch sways pelvis and shoulders, and hardly this: where one motion is laid upon
-            another, feet stay where they are. Shape (P, 3), float64; headings are continuous within a clip.
+            another, feet stay where they are. Feet of a body that travels pass one another: hips and shoulders say
+            where it faces. Shape (P, 3), float64; headings are continuous within a clip.
         contacts: Whether the left and right foot are planted. Shape (P, 2), bool.
         fists: Place of the left and right fist in the frame's own ground frame [m]. Shape (P, 2, 3), float32.
         heads: Centre of the head in the frame's own ground frame [m]. Shape (P, 3), float32.
@@ -165,11 +166,18 @@ def build_database(
     return _join(parts, body, control_rate, playback_rate)
 
 
+_STANCE_SPEED, _TRAVEL_SPEED = 0.6, 1.1
+"""Speeds of the pelvis up to which feet are a stance and from which on they are a gait's, at ``HEIGHT`` [m/s]."""
+_STRIDE = 0.2
+"""Width of the smoothing of the pelvis's path over the steps of a stride [s]."""
+
+
 @dataclass(frozen=True)
 class _Part:
     """A prepared clip with what was found in it."""
 
     clip: Clip
+    body: Body
     tracks: Tracks
     contacts: Array
     strikes: Strikes
@@ -181,6 +189,7 @@ def _measure(clip: Clip, body: Body, mirror: bool = False) -> _Part:
     tracks = build_tracks(body, positions, rotations)
     return _Part(
         clip,
+        body,
         tracks,
         find_contacts(tracks, body.height, clip.fps),
         find_strikes(tracks, body.height, clip.fps),
@@ -230,16 +239,33 @@ def _join(parts: list[_Part], body: Body, control_rate: float, playback_rate: fl
 
 
 def _grounds(parts: list[_Part]) -> list[Array]:
-    """Return each clip's ground transforms: its stances, turned to where bodies face on the average."""
+    """Return each clip's ground transforms: its stances, turned to where bodies face on the average.
+
+    Feet that pass one another say nothing about where a body faces: the faster it travels, the more hips and shoulders
+    do.
+    """
     turned: list[Array] = []
     for mirror in (False, True):
         group = [part for part in parts if part.mirror == mirror]
         if not group:
             continue
-        stances = [part.tracks.stances for part in group]
-        away = np.concatenate(
-            [part.tracks.ground[:, 2] - stance[:, 2] for part, stance in zip(group, stances, strict=True)]
-        )
-        turn = float(np.angle(np.exp(1j * away).mean()))
-        turned += [stance + np.array([0.0, 0.0, turn]) for stance in stances]
+        away = [ground.wrap(part.tracks.ground[:, 2] - part.tracks.stances[:, 2]) for part in group]
+        travel = [_travelling(part) for part in group]
+        weights = 1.0 - np.concatenate(travel) + 1e-6
+        turn = float(np.angle(np.sum(weights * np.exp(1j * np.concatenate(away)))))
+        for part, gap, share in zip(group, away, travel, strict=True):
+            stances = part.tracks.stances.copy()
+            stances[:, 2] += turn + share * ground.wrap(gap - turn)
+            turned.append(stances)
     return turned
+
+
+def _travelling(part: _Part) -> Array:
+    """Return 0 where a body keeps its stance, 1 where it travels as fast as a walk, and what lies between. (F,)."""
+    from scipy.ndimage import gaussian_filter1d
+
+    fps = part.clip.fps
+    path = gaussian_filter1d(part.tracks.pelvises[:, [0, 2]], _STRIDE * fps, axis=0, mode="nearest")
+    share = (speeds(path, fps) * HEIGHT / part.body.height - _STANCE_SPEED) / (_TRAVEL_SPEED - _STANCE_SPEED)
+    share = np.clip(share, 0.0, 1.0)
+    return np.asarray(share * share * (3.0 - 2.0 * share))

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import nearest
 from crowdsim.motion.performer_defences import DEFENCES
-from crowdsim.motion.performer_phrases import FOOTWORK, THEMES, write_score, write_solo
+from crowdsim.motion.performer_phrases import THEMES, write_score
 from crowdsim.motion.performer_punches import PUNCHES
 from crowdsim.motion.performer_score import Score
 from crowdsim.motion.performer_skeleton import build_skeleton, mirror_joints
+from crowdsim.motion.performer_solo import FOOTWORK, write_solo
 from crowdsim.motion.performer_stage import stage
 from crowdsim.motion.performer_truth import Truth, find_truth, mirror_truth
 from crowdsim.motion.skeleton import Clip

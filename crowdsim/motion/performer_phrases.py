@@ -77,11 +77,11 @@ class Theme:
 
 
 THEMES = (
-    Theme(6.0, 0.7, 0.30, 0.6, 1.4, 0.10, travel=0.5, shuffling=0.8, bouncing=0.4, pause=0.22),
-    Theme(7.0, 0.4, 0.20, 0.3, 1.0, 0.08, travel=0.5, shuffling=0.7, bouncing=0.5, pause=0.22),
-    Theme(5.0, 0.8, 0.45, 0.4, 1.2, 0.10, travel=0.5, shuffling=1.8, bouncing=0.8, pause=0.22),
-    Theme(5.0, 0.4, 0.20, 0.9, 2.8, 0.10, travel=0.5, shuffling=0.7, bouncing=0.4, pause=0.22),
-    Theme(1.6, 0.3, 0.15, 0.2, 0.4, 0.05, travel=3.0, shuffling=1.4, bouncing=0.3, pause=0.20),
+    Theme(6.5, 0.3, 0.20, 0.9, 2.0, 0.10, travel=0.65, shuffling=0.6, bouncing=0.35, pause=0.18),
+    Theme(8.0, 0.2, 0.15, 0.5, 1.6, 0.08, travel=0.65, shuffling=0.6, bouncing=0.40, pause=0.18),
+    Theme(5.5, 0.4, 0.30, 0.7, 1.6, 0.10, travel=0.65, shuffling=1.2, bouncing=0.50, pause=0.18),
+    Theme(5.5, 0.2, 0.15, 1.1, 3.4, 0.10, travel=0.65, shuffling=0.6, bouncing=0.35, pause=0.18),
+    Theme(3.0, 0.2, 0.10, 0.4, 0.8, 0.05, travel=3.0, shuffling=1.0, bouncing=0.30, pause=0.16),
 )
 
 
@@ -126,7 +126,7 @@ class _Boxer:
                 0.0,
                 plan.about(1.2),
             )
-        inside = close == len(kinds) and rng.uniform() < 0.5
+        inside = close == len(kinds) and rng.uniform() < 0.62
         tempo = rng.uniform(0.85, 1.12)
         onset = begin + rng.uniform(0.0, 0.06)
         previous = None
@@ -258,32 +258,3 @@ class _Boxer:
 def write_score(seconds: float, theme: Theme, rng: np.random.Generator) -> Score:
     """Plan a clip of a given length [s] on a theme."""
     return _Boxer(seconds, theme, rng).fill()
-
-
-def write_solo(move: str, rng: np.random.Generator) -> Score:
-    """Plan a short clip of one move alone, facing heading 0: a punch, a defence, or a word of ``FOOTWORK``."""
-    plan = Choreographer(rng, facing=0.0)
-    start = 0.5
-    if move in PUNCHES:
-        recipe = PUNCHES[move]
-        end = plan.punch(move, start, distance=0.5 * sum(recipe.distance), speed=recipe.speed[0], height=1.45).end
-    elif move in DEFENCES:
-        end = plan.defend(move, start, depth=1.0)
-    elif move == "turn":
-        end = start
-        for _ in range(4):
-            end = plan.pivot(end, np.pi / 4)
-    else:
-        ahead, left = FOOTWORK[move]
-        end = plan.move(start, ahead, left)
-    return plan.finish(end + 0.5)
-
-
-FOOTWORK = {
-    "forward": (0.3, 0.0),
-    "back": (-0.3, 0.0),
-    "left": (0.0, 0.28),
-    "right": (0.0, -0.28),
-    "diagonal": (0.2, 0.2),
-    "turn": (0.0, 0.0),
-}

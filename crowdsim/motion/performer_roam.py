@@ -25,7 +25,7 @@ def run_up(plan: Stepper, start: float, seconds: float, sharp: float = 0.5) -> f
         sharp: Share of run-ups that leave the present heading.
     """
     rng = plan.rng
-    far = float(rng.triangular(0.7, 1.6, 8.0)) if rng.uniform() < 0.75 else float(rng.uniform(0.6, 2.2))
+    far = float(rng.triangular(0.9, 2.4, 8.0)) if rng.uniform() < 0.75 else float(rng.uniform(0.6, 2.2))
     far = min(far, max(seconds - 1.5, 0.6))
     turn = float(rng.uniform(-np.pi, np.pi)) if rng.uniform() < sharp else float(rng.normal(0.0, 0.12))
     end = ground.compose(plan.place, [0.0, 0.0, turn])
@@ -39,7 +39,7 @@ def run_up(plan: Stepper, start: float, seconds: float, sharp: float = 0.5) -> f
     if abs(turn) > 0.7 and rng.uniform() < 0.4:
         start, turn = quick_turn(plan, start, turn), 0.0
     facing = float(rng.normal(0.0, 0.12)) if rng.uniform() < 0.8 else float(rng.uniform(-0.8, 0.8))
-    jog = far > 2.0 and rng.uniform() < 0.55
+    jog = far > 2.0 and rng.uniform() < 0.65
     return travel(plan, start, _strides(plan, far, turn, jog), facing, relaxed)
 
 
@@ -60,7 +60,7 @@ def _strides(plan: Stepper, far: float, turn: float, jog: bool) -> list[Stride]:
         strides.append(Stride(gait, 0.8 * pace))
         left -= 0.8 * pace * gait.step
     while left > 0.35 * WALK.step:
-        if jog and left < 1.5 * JOG.step:
+        if jog and left < 0.8 * JOG.step:
             gait = WALK
         share = min(pace, max(left / gait.step, 0.4))
         if about and left < 0.6 * far:

@@ -38,7 +38,9 @@ _LOWEST = 0.68
 _MOST_FLEX, _MOST_BEND = (-0.58, 0.60), (-0.55, 0.55)
 """How far the spine flexes and bends on top of the guard, where moves add up [rad]."""
 _HIGHEST_HEEL = 0.95
-"""Lift of a heel over the ball of the foot at the most [rad]."""
+"""Lift of a heel over the ball of the foot at the most, in the guard [rad]."""
+_STEEPEST_HEEL = 1.05
+"""The same of a foot that leaves the floor behind the body [rad]."""
 _SOLE = bones.BALL_AHEAD + 0.05
 """From the heel to the ball of a foot [m]."""
 _GAZE_FOLLOWS = 0.25
@@ -129,7 +131,8 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
     foot_turns, heels, foot_yaws = [], [], []
     for foot in range(2):
         raised = style.heels[foot] + feet.heels[:, foot] + channels[:, Channel.LEAD_HEEL + foot]
-        heel = soft_cap(soft_floor(raised, 0.0, 0.025), _HIGHEST_HEEL, 0.08) + feet.rolls[:, foot]
+        heel = soft_cap(soft_floor(raised, 0.0, 0.025), _HIGHEST_HEEL, 0.08)
+        heel = soft_cap(heel + feet.rolls[:, foot], _STEEPEST_HEEL, 0.04)
         yaw = feet.yaws[:, foot] + channels[:, Channel.LEAD_YAW + foot]
         # A foot on its heel has its ball as high as the heel is low.
         lift = feet.lifts[:, foot] + _SOLE * np.sin(feet.toes_up[:, foot])

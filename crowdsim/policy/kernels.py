@@ -170,16 +170,18 @@ def after_action(actions, action, x, z):
 
 
 @njit(cache=True)
-def behaviour_values(tables, behaviour, state, x, y, z, factor, cells, weights, out):
+def behaviour_values(tables, behaviour, state, x, y, z, vx, vz, factor, cells, weights, out):
     """Add ``factor`` times Q(e, a) of one behaviour to ``out`` for every action a of the state."""
     actions = tables.actions
+    lead = actions.path_offsets[-1] / len(actions.next)
     numbers = tables.behaviours[behaviour]
     axis_first, axis_end = int(numbers[0]), int(numbers[1])
     cell_count, start = int(numbers[5]), int(numbers[6])
     first = actions.offsets[state]
     n = actions.offsets[state + 1] - first
     if numbers[4] == 0.0:
-        corners, _ = find_corners(tables.axes, axis_first, axis_end, x, y, z, cells, weights)
+        soon_x, soon_z = x + 0.5 * lead * vx, z + 0.5 * lead * vz
+        corners, _ = find_corners(tables.axes, axis_first, axis_end, soon_x, y, soon_z, cells, weights)
         base = start + first * cell_count
         for k in range(n):
             out[k] += factor * numbers[9]
@@ -193,8 +195,9 @@ def behaviour_values(tables, behaviour, state, x, y, z, factor, cells, weights, 
     log_discount = math.log(numbers[8])
     for k in range(n):
         a = first + k
-        value = reward(actions, a, x, y, z, 0.0, 0.0, tables.terms, int(numbers[2]), int(numbers[3]), log_discount)
-        later_x, later_z = after_action(actions, a, x, z)
+        value = reward(actions, a, x, y, z, vx, vz, tables.terms, int(numbers[2]), int(numbers[3]), log_discount)
+        t = actions.lengths[a] + lead
+        later_x, later_z = after_action(actions, a, x + t * vx, z + t * vz)
         corners, _ = find_corners(tables.axes, axis_first, axis_end, later_x, y, later_z, cells, weights)
         entry = start + actions.next[a] * cell_count
         later = 0.0
@@ -214,7 +217,30 @@ def fade_of(tables, behaviour, x, y, z):
 
 
 @njit(cache=True)
-def evaluate_actions(tables, behaviour_weights, state, x, y, z, cells, corner_weights, out):
+def count_price_once(tables, behaviour_weights, state, x, y, z, out):
+    """Let a transition cost what it costs the behaviour that it costs most, where each has counted its own price."""
+    first = tables.actions.offsets[state]
+    for k in range(tables.actions.offsets[state + 1] - first):
+        cost = tables.actions.costs[first + k]
+        if cost <= 0.0:
+            continue
+        total, most = 0.0, 0.0
+        for behaviour in range(len(behaviour_weights)):
+            scale = tables.behaviours[behaviour, 7]
+            if behaviour_weights[behaviour] == 0.0 or scale == 0.0:
+                continue
+            price = 0.0
+            for row in range(int(tables.behaviours[behaviour, 2]), int(tables.behaviours[behaviour, 3])):
+                if tables.terms[row, 0] == 2.0:
+                    price += tables.terms[row, 1] * cost + tables.terms[row, 2]
+            price *= behaviour_weights[behaviour] * fade_of(tables, behaviour, x, y, z) / scale
+            total += price
+            most = max(most, price)
+        out[k] += total - most
+
+
+@njit(cache=True)
+def evaluate_actions(tables, behaviour_weights, state, x, y, z, vx, vz, cells, corner_weights, out):
     """Write what each action of a state is worth (``policy.action_values``); return how many there are.
 
     Args:
@@ -224,50 +250,34 @@ def evaluate_actions(tables, behaviour_weights, state, x, y, z, cells, corner_we
         x: Target's place in the avatar's ground frame, to the left [m].
         y: Upwards.
         z: Ahead.
+        vx: How far it moves in a control frame, to the left [m].
+        vz: Ahead.
         cells: Scratch, int64, shape (2^D,) for the largest number of axes D.
         corner_weights: Scratch, float64, the same shape.
         out: Where the values go, float64, at least as long as the state has actions.
     """
     n = tables.actions.offsets[state + 1] - tables.actions.offsets[state]
+    active = 0
     for k in range(n):
         out[k] = 0.0
-    factors = np.zeros(len(behaviour_weights))
     for behaviour in range(len(behaviour_weights)):
         if behaviour_weights[behaviour] != 0.0:
             fade = fade_of(tables, behaviour, x, y, z)
             scale = tables.behaviours[behaviour, 7]
-            factors[behaviour] = behaviour_weights[behaviour] * fade / scale if scale > 0.0 else 0.0
-            if factors[behaviour] != 0.0:
-                behaviour_values(tables, behaviour, state, x, y, z, factors[behaviour], cells, corner_weights, out)
-    if len(factors) > 1:
-        count_price_once(tables, factors, state, out)
+            factor = behaviour_weights[behaviour] * fade / scale if scale > 0.0 else 0.0
+            if factor != 0.0:
+                behaviour_values(tables, behaviour, state, x, y, z, vx, vz, factor, cells, corner_weights, out)
+                active += 1
+    if active > 1:
+        count_price_once(tables, behaviour_weights, state, x, y, z, out)
     return n
-
-
-@njit(cache=True)
-def count_price_once(tables, factors, state, out):
-    """Let a transition cost what it costs the behaviour that it costs most, where each has counted its own price."""
-    actions = tables.actions
-    first = actions.offsets[state]
-    for k in range(actions.offsets[state + 1] - first):
-        cost = actions.costs[first + k]
-        if cost > 0.0:
-            total, most = 0.0, 0.0
-            for behaviour in range(len(factors)):
-                price = 0.0
-                for row in range(int(tables.behaviours[behaviour, 2]), int(tables.behaviours[behaviour, 3])):
-                    if tables.terms[row, 0] == 2.0:
-                        price += factors[behaviour] * (tables.terms[row, 1] * cost + tables.terms[row, 2])
-                total += price
-                most = max(most, price)
-            out[k] += total - most
 
 
 @njit(cache=True)
 def action_spreads(tables, targets, out):
     """Write by how much the best action of each state is better than the median one, by the first behaviour.
 
-    NaN where there is one action, or the behaviour counts for nothing. ``out``: shape (S, N) for N targets.
+    NaN where there is one action, or the behaviour counts for nothing. ``out``: shape (S, N) for N targets (N, 5).
     """
     cells, weights = np.empty(64, np.int64), np.empty(64)
     one = np.ones(1)
@@ -277,9 +287,9 @@ def action_spreads(tables, targets, out):
     values = np.empty(most)
     for s in range(out.shape[0]):
         for m in range(len(targets)):
-            x, y, z = targets[m]
+            x, y, z, vx, vz = targets[m]
             if fade_of(tables, 0, x, y, z) > 0.0:
-                n = evaluate_actions(tables, one, s, x, y, z, cells, weights, values)
+                n = evaluate_actions(tables, one, s, x, y, z, vx, vz, cells, weights, values)
                 if n > 1:
                     out[s, m] = values[:n].max() - np.median(values[:n])
 
@@ -291,7 +301,7 @@ def judge_ways(tables, moods, targets, cuts, most, first_state, last_state, keep
     Args:
         tables: ``LookupTables``.
         moods: Weights of the behaviours. Shape (M, B).
-        targets: Places of the target. Shape (N, 3).
+        targets: Where the target is and how far it moves in a control frame along x and z. Shape (N, 5).
         cuts: Whether each action begins with a cut; those that do not are always kept. Shape (A,).
         most: How many others are kept at most.
         first_state: First of the states.
@@ -307,8 +317,8 @@ def judge_ways(tables, moods, targets, cuts, most, first_state, last_state, keep
         cells, weights = np.empty(64, np.int64), np.empty(64)
         values, best, row = np.empty((n, count)), np.full(count, -1e30), np.empty(n)
         for m in range(count):
-            x, y, z = targets[m % len(targets)]
-            evaluate_actions(tables, moods[m // len(targets)], s, x, y, z, cells, weights, row)
+            x, y, z, vx, vz = targets[m % len(targets)]
+            evaluate_actions(tables, moods[m // len(targets)], s, x, y, z, vx, vz, cells, weights, row)
             for k in range(n):
                 values[k, m] = row[k]
         held = 0
@@ -550,7 +560,7 @@ def run_episodes(tables, behaviour, choice, states, targets, velocity, horizon, 
             if choice == 0:
                 for k in range(n):
                     values[k] = 0.0
-                behaviour_values(tables, behaviour, state, x, y, z, 1.0, cells, weights, values)
+                behaviour_values(tables, behaviour, state, x, y, z, 0.0, 0.0, 1.0, cells, weights, values)
                 a = first + np.argmax(values[:n])
             elif choice == 1:
                 a = first + min(int(lot(seed, numbers[i] * 100003 + 2 * decision) * n), n - 1)

@@ -115,7 +115,7 @@ def maps_figure(policy: Policy, behaviour: Behaviour, states: list[int], points:
         for row, z in enumerate(sides):
             for place, x in enumerate(sides):
                 if math.hypot(x, z) <= far:
-                    n = kernels.evaluate_actions(tables, ones, state, x, height, z, cells, shares, found)
+                    n = kernels.evaluate_actions(tables, ones, state, x, height, z, 0.0, 0.0, cells, shares, found)
                     values[row, place], best[row, place] = (
                         found[:n].max() * (behaviour.scale or 1.0),
                         found[:n].argmax(),

@@ -99,12 +99,23 @@ TARGETS = 96
 FAR = 4.0
 """The other half lie up to this far away [m]."""
 
+PACE = 1.0
+"""Speed of the fastest of them [m/s]."""
+
+_PACES = (0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 1.0, 0.5)
+_GOLDEN = 0.6180339887498949
+
 _SPREAD = (0.8191725133961645, 0.6710436067037893, 0.5497004779019703)
 """Steps of a sequence that fills a cube evenly (the plastic number's, in three dimensions)."""
 
 
 def sample_targets(database: MotionDatabase, count: int = TARGETS) -> Array:
-    """Return places of a target all around an avatar, half of them within reach [m]. Shape (count, 3)."""
+    """Return where a target may be, all around an avatar and half of them within reach, and how it may move.
+
+    Returns:
+        The head's place in the ground frame [m], and how far it moves in a control frame along x and z [m]: half of
+        the targets stand still, the others move at up to ``PACE`` in any direction. Shape (count, 5).
+    """
     near, high = (0.3, 1.3), np.percentile(np.asarray(database.heads[:, 1], dtype=float), [5.0, 95.0])
     if len(database.strike_frames):
         near = strike_reach(database).distance
@@ -113,7 +124,10 @@ def sample_targets(database: MotionDatabase, count: int = TARGETS) -> Array:
     distance = ends[:, 0] + shares[:, 0] * (ends[:, 1] - ends[:, 0])
     bearing = math.pi * (2.0 * shares[:, 1] - 1.0)
     height = high[0] + shares[:, 2] * (high[1] - high[0])
-    return np.stack([distance * np.sin(bearing), height, distance * np.cos(bearing)], axis=-1)
+    pace = np.resize(_PACES, count) * PACE / database.control_rate
+    way = 2.0 * math.pi * ((0.5 + np.arange(count) * _GOLDEN) % 1.0)
+    columns = distance * np.sin(bearing), height, distance * np.cos(bearing), pace * np.sin(way), pace * np.cos(way)
+    return np.stack(columns, axis=-1)
 
 
 def resolve_grid(spec: BehaviourSpec, database: MotionDatabase) -> Grid:

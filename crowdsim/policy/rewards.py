@@ -46,7 +46,7 @@ TERM_WIDTH = 12
 """Numbers of a term as compiled code reads it."""
 
 
-WASTED = 0.5
+WASTED = 0.4
 """Over the ground, how far from the target's axis a fist ends that strikes the air [m]."""
 
 

@@ -284,7 +284,7 @@ def decisive_scale(behaviour: Behaviour, actions: Actions, body: TargetBody, tar
         behaviour: Its table not yet encoded.
         actions: The graph's actions.
         body: Sizes of the target.
-        targets: Where the target may be, in the ground frame [m]. Shape (N, 3).
+        targets: Where the target may be, and how it may move (``ranges.sample_targets``). Shape (N, 5).
         greatest: Greatest size of the behaviour's values.
 
     Returns:

@@ -65,7 +65,7 @@ def test_headings_turn_the_other_way_and_hands_and_feet_are_exchanged(boxer):
     contacts, shown = (find_contacts(t, body.height, clip.fps) for t in (tracks, images))
     assert np.array_equal(contacts, shown[:, ::-1])
     strikes, mirror = (find_strikes(t, body.height, clip.fps) for t in (tracks, images))
-    assert len(strikes.frames) > 3
+    assert len(strikes.frames) > 1
     assert np.array_equal(np.sort(strikes.frames), np.sort(mirror.frames))
     assert sorted(zip(strikes.frames, 1 - strikes.hands, strict=True)) == sorted(
         zip(mirror.frames, mirror.hands, strict=True)

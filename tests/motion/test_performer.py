@@ -13,7 +13,6 @@ from crowdsim.motion.bvh import read_bvh, to_clip
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.performer import perform, perform_solo, write_performance
 from crowdsim.motion.performer_defences import DEFENCES
-from crowdsim.motion.performer_phrases import FOOTWORK
 from crowdsim.motion.performer_punches import PUNCHES
 from crowdsim.motion.performer_skeleton import (
     BALL_HEIGHT,
@@ -27,6 +26,7 @@ from crowdsim.motion.performer_skeleton import (
     TOES,
     build_skeleton,
 )
+from crowdsim.motion.performer_solo import FOOTWORK
 from crowdsim.motion.tracks import build_tracks
 
 FPS = 60.0
@@ -51,6 +51,15 @@ def _fists(positions, rotations):
     """Middle of both fists (F, 2, 3)."""
     ahead = [np.array([FIST_AHEAD * sign, 0.0, 0.0]) for sign in (1.0, -1.0)]
     return np.stack([positions[:, HANDS[s]] + quaternion.rotate(rotations[:, HANDS[s]], ahead[s]) for s in (0, 1)], 1)
+
+
+def _travelling(performance, gaits, margin):
+    """Frames of travel in one of the gaits, and a few more on either side (F,)."""
+    frames = np.zeros(performance.clip.frame_count, bool)
+    for travel in performance.truth.travels:
+        if travel.gait in gaits:
+            frames[max(travel.start - margin, 0) : travel.end + margin] = True
+    return frames
 
 
 def _headings(rotations):
@@ -128,14 +137,14 @@ def test_the_fist_that_detectors_follow_is_the_fist_that_punches():
     assert body.height == pytest.approx(1.75, abs=0.01)
 
 
-def test_strikes_are_as_fast_as_punches_and_about_a_hundred_a_minute(long_session):
+def test_strikes_are_as_fast_as_punches_and_about_eighty_a_minute(long_session):
     strikes = [strike for performance in long_session for strike in performance.truth.strikes]
     seen = np.array([strike.speed for strike in strikes])
     assert seen.min() > 3.5
     assert seen.max() < 12.0
     assert np.mean(seen >= 5.0) > 0.98
     assert 5.5 < np.median(seen) < 8.0
-    assert 85.0 < len(strikes) / 150.0 * 60.0 < 125.0
+    assert 60.0 < len(strikes) / 150.0 * 60.0 < 105.0
     assert {strike.kind for strike in strikes} == set(PUNCHES)
     kinds = {defence.kind for performance in long_session for defence in performance.truth.defences}
     assert len(kinds) >= 0.6 * len(DEFENCES)
@@ -256,17 +265,19 @@ def test_the_body_comes_out_of_a_punch_slower_than_the_fist(session, posed):
         assert np.percentile(turning, 95) < 6.0
 
 
-def test_feet_never_cross(session, posed):
+def test_feet_never_cross_in_the_guard(session, posed):
     for performance, (positions, _) in zip(session, posed, strict=True):
+        guard = ~_travelling(performance, ("walk", "jog"), 12)
         balls = [ground.to_local(performance.truth.stance, positions[:, toe]) for toe in TOES]
-        apart = balls[0] - balls[1]
+        apart = (balls[0] - balls[1])[guard]
         assert apart[:, 2].min() > 0.1, "the lead foot stays ahead of the rear foot"
         assert apart[:, 0].min() > -0.1, "the lead foot stays on its own side"
 
 
-def test_one_foot_stands_nearly_always(session):
+def test_one_foot_is_planted_nearly_always_but_in_quick_travel(session):
+    slow = np.concatenate([~_travelling(performance, ("shuffle", "jog"), 2) for performance in session])
     aloft = np.concatenate([~performance.truth.contacts.any(axis=1) for performance in session])
-    assert aloft.mean() < 0.04
+    assert aloft[slow].mean() < 0.04
 
 
 def test_clips_begin_and_end_in_the_guard(session):
@@ -329,10 +340,13 @@ def test_a_session_turns_and_steps_every_way(long_session):
     assert np.all(way.min(axis=0) < -0.15)
 
 
-def test_the_pelvis_moves_over_the_ground_as_a_boxers_does(session):
+def test_in_the_guard_the_pelvis_moves_over_the_ground_as_a_boxers_does(session):
     speed = np.concatenate(
         [np.linalg.norm(np.gradient(p.clip.root_positions[:, [0, 2]], axis=0), axis=1) * FPS for p in session]
     )
+    speed = speed[
+        ~np.concatenate([_travelling(performance, ("shuffle", "walk", "jog"), 18) for performance in session])
+    ]
     assert np.median(speed) == pytest.approx(0.29, abs=0.07)
     assert np.percentile(speed, 95) == pytest.approx(0.76, abs=0.15)
 

