@@ -123,9 +123,11 @@ def test_values_in_training_are_those_of_the_plain_version(lookup, terms):
     for _ in range(100):
         state, weights = int(rng.integers(chosen.actions.state_count)), rng.uniform(0, 2, 2) * rng.integers(0, 2, 2)
         target = rng.uniform([-2.0, 1.0, -2.0], [2.0, 1.8, 2.0])
-        n = training.evaluate_actions(tables, weights, state, *target, cells, shares, out)
+        vx, vz = rng.normal(0.0, 0.1, 2) * rng.integers(0, 2)
+        n = training.evaluate_actions(tables, weights, state, *target, vx, vz, cells, shares, out)
         named = {each.name: weight for each, weight in zip(chosen.behaviours, weights, strict=True)}
-        np.testing.assert_allclose(out[:n], action_values(chosen, named, state, target), rtol=1e-5, atol=1e-5)
+        expected = action_values(chosen, named, state, target, (vx, 0.0, vz))
+        np.testing.assert_allclose(out[:n], expected, rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.parametrize("lookup", ["v", "q"])

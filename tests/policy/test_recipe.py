@@ -42,9 +42,17 @@ def changed(old, new):
     return RECIPE.replace(old, new)
 
 
-@pytest.mark.parametrize("name", ["boxer", "boxer_cmu", "boxer_paper"])
-def test_every_shipped_recipe_is_valid_and_trains_both_behaviours(name):
-    assert list(load_recipe(POLICIES / f"{name}.yaml").behaviours) == ["approach", "punch"]
+@pytest.mark.parametrize("name", ["boxer", "boxer_cmu", "boxer_crowd"])
+def test_every_shipped_recipe_is_valid_and_learns_to_fight_beside_both_behaviours(name):
+    recipe = load_recipe(POLICIES / f"{name}.yaml")
+    assert list(recipe.behaviours) == ["approach", "punch", "fight"]
+    assert recipe.weights == {"fight": 1.0}
+
+
+def test_the_papers_recipe_is_valid_and_learns_both_behaviours():
+    recipe = load_recipe(POLICIES / "boxer_paper.yaml")
+    assert list(recipe.behaviours) == ["approach", "punch"]
+    assert recipe.weights is None
 
 
 def test_the_papers_recipe_has_the_papers_grids_and_its_table():

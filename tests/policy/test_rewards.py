@@ -15,6 +15,7 @@ from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.model import build_model
 from crowdsim.policy.rewards import (
+    WASTED,
     AnyTerm,
     ProximityTerm,
     StrikeTerm,
@@ -232,7 +233,7 @@ def both(actions, target, term):
 
 def test_effort_is_spent_on_every_strike_and_waste_on_those_far_from_the_target():
     head = np.array([0.0, 1.5, 1.0])
-    on, near, far = (0.0, 1.5, 1.0 - 0.11), (0.0, 1.5, 1.0 - 0.49), (0.0, 1.5, 1.0 - 0.51)
+    on, near, far = ((0.0, 1.5, 1.0 - away) for away in (0.11, WASTED - 0.01, WASTED + 0.01))
     actions = one_action([(1.0, on), (2.0, near), (3.0, far)])
     strike = {"kind": "strike", "weight": 2.0}
     assert both(actions, head, StrikeTerm(**strike)) == pytest.approx(2 * 0.9)
