@@ -56,7 +56,7 @@ class Model(NamedTuple):
             action and its first state; the last row closes these three. Shape (P + 1, 4), int32.
         sizes: Radius of head and torso, drop from the head to neck and pelvis, a strike's tolerance; how far the
             surface of head and torso is from where the body stands at most, and how far it moves in a control frame at
-            most; the distance beyond which all grids end [m]; half the mean length of an action [control frames].
+            most; the distance beyond which all grids end [m]; the mean length of an action [control frames].
             Shape (P, 9), float64.
     """
 

@@ -14,6 +14,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
+from crowdsim.policy.environment import HALFWAY, LEAD
 from crowdsim.policy.rewards import WASTED
 
 # Kernels that allocate nothing do without numba's counting of references, which would cost more than their work: two
@@ -39,7 +40,7 @@ NEXT, LENGTH, ORIGIN, PATHS, STRIKES, FIRST_STRIKE = range(6)
 MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, CUT = range(6)
 TIME, FIST_X, FIST_Y, FIST_Z, FIST_SPEED, HAND, OWNER, WORTH = range(8)
 HEAD, NECK, PELVIS = 0, 3, 6
-HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE, FARTHEST, LEAD = range(9)
+HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE, FARTHEST, USUAL = range(9)
 STRIDE, BEHAVIOURS, ACTIONS, STATES = range(4)
 MARGIN, MOST, TEMPERATURE, HYSTERESIS, INTERVAL = range(5)
 LOOKS_AHEAD, CELLS, TABLE, NORM, DISCOUNT, LOW, STEP, PRICE, EACH = range(4, 13)
@@ -487,7 +488,7 @@ def _prepare(model, weights, scratch, first, count, policy):
             distance = model.sizes[policy, FARTHEST]
             situations[q, TARGET_X], situations[q, TARGET_Z] = x, z
         # Tables of Q-values know still targets alone: they are read for where the target is half an action later.
-        t = min(model.sizes[policy, LEAD], lasts)
+        t = min(HALFWAY * model.sizes[policy, USUAL], lasts)
         soon_x, soon_z = x + t * vx, z + t * vz
         ahead = False
         for b in range(begun, end):
@@ -526,7 +527,7 @@ def _prepare(model, weights, scratch, first, count, policy):
             width = model.strikes.shape[1]
             for entry in range(first_row * width, last_row * width + 15, 16):
                 _ask_for(model.strikes, entry)
-            lead = 2.0 * model.sizes[policy, LEAD]
+            lead = LEAD * model.sizes[policy, USUAL]
             _see_ends(model.moves, model.actions, offset, n, x, z, vx, vz, lasts, lead, pairs, scratch.work)
             pairs += n
             scratch.begins[d + 1] = pairs

@@ -195,9 +195,9 @@ def _sizes(policy: Policy) -> list[float]:
     pace = float(steps.max(initial=0.0)) * database.stride
     drops = (body.neck_drop, body.pelvis_drop)
     tolerance = _tolerance(policy)
-    lead = 0.5 * float(np.mean(policy.actions.lengths))
+    usual = float(np.mean(policy.actions.lengths))
     far = farthest(policy)
-    return [body.head_radius, body.torso_radius, *drops, tolerance, furthest + 1e-5, pace + 1e-5, far, lead]
+    return [body.head_radius, body.torso_radius, *drops, tolerance, furthest + 1e-5, pace + 1e-5, far, usual]
 
 
 def farthest(policy: Policy) -> float:

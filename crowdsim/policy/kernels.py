@@ -8,6 +8,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from crowdsim.policy.environment import HALFWAY, LEAD
 from crowdsim.policy.rewards import WASTED
 
 
@@ -180,7 +181,7 @@ def behaviour_values(tables, behaviour, state, x, y, z, vx, vz, factor, cells, w
     first = actions.offsets[state]
     n = actions.offsets[state + 1] - first
     if numbers[4] == 0.0:
-        soon_x, soon_z = x + 0.5 * lead * vx, z + 0.5 * lead * vz
+        soon_x, soon_z = x + HALFWAY * lead * vx, z + HALFWAY * lead * vz
         corners, _ = find_corners(tables.axes, axis_first, axis_end, soon_x, y, soon_z, cells, weights)
         base = start + first * cell_count
         for k in range(n):
@@ -196,7 +197,7 @@ def behaviour_values(tables, behaviour, state, x, y, z, vx, vz, factor, cells, w
     for k in range(n):
         a = first + k
         value = reward(actions, a, x, y, z, vx, vz, tables.terms, int(numbers[2]), int(numbers[3]), log_discount)
-        t = actions.lengths[a] + lead
+        t = actions.lengths[a] + LEAD * lead
         later_x, later_z = after_action(actions, a, x + t * vx, z + t * vz)
         corners, _ = find_corners(tables.axes, axis_first, axis_end, later_x, y, later_z, cells, weights)
         entry = start + actions.next[a] * cell_count

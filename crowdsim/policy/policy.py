@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from crowdsim.errors import PolicyError, nearest
 from crowdsim.motion import ground
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.environment import AXIS_WIDTH, Grid, corners, fade_factor
+from crowdsim.policy.environment import AXIS_WIDTH, HALFWAY, LEAD, Grid, corners, fade_factor
 from crowdsim.policy.rewards import TERM_WIDTH, TargetBody, Term, TransitionTerm, action_reward, pack_terms
 
 if TYPE_CHECKING:
@@ -223,12 +223,12 @@ def _action_value(
     first, n = int(actions.offsets[state]), int(actions.offsets[state + 1] - actions.offsets[state])
     if behaviour.lookup == "q":
         # The table knows still targets alone: it is read for where the target is half an action later.
-        cells, shares = corners(grid, target + min(0.5 * float(np.mean(actions.lengths)), lasts) * moving)
+        cells, shares = corners(grid, target + min(HALFWAY * float(np.mean(actions.lengths)), lasts) * moving)
         return float(shares @ behaviour.values(first * grid.cells + cells * n + (action - first)))
     velocity = moving[[0, 2]], lasts
     reward = action_reward(actions, action, target, behaviour.terms, policy.body, behaviour.discount, *velocity)
     # Values are those of a still target: who goes after a moving one must be ahead of them.
-    moved = target + min(float(actions.lengths[action]) + float(np.mean(actions.lengths)), lasts) * moving
+    moved = target + min(float(actions.lengths[action]) + LEAD * float(np.mean(actions.lengths)), lasts) * moving
     later = ground.to_local(actions.displacements[action].astype(float), moved)
     cells, shares = corners(grid, later)
     value = float(shares @ behaviour.values(int(actions.next[action]) * grid.cells + cells))
