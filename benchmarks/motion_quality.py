@@ -316,7 +316,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     """Return the figures of each policy."""
     result: dict[str, Any] = {}
     noise = 1e-3 * options.noise
-    for name in options.policy or ["boxer", *(["boxer_cmu"] if options.mocap or options.quick else [])]:
+    for name in options.policy or ["boxer", *(["boxer_cmu"] if options.mocap else [])]:
         print(f"{name} ...", file=sys.stderr, flush=True)
         policy = ready_policy(name, options.mocap, threads=2)
         database = policy.database
@@ -365,7 +365,8 @@ def main() -> None:
         parser.error(f"--brawls is {options.brawls}, expected 1 or more")
     with ExitStack() as stack:
         if options.quick:
-            stack.enter_context(small_policies())
+            # Two clips, so that classifiers can be asked about what they have not seen.
+            stack.enter_context(small_policies(60.0))
         result = measure(options)
     if options.json:
         print(json.dumps(_plain(result), indent=2, allow_nan=False))

@@ -38,12 +38,20 @@ KEYS = {
     "fights": [f"{scene}.{how}.strict" for scene in ("brawl_30", "brawl_30_cmu") for how in ("learned", "random")],
     "exported": [f"{scene}.inspect.strikes_landed" for scene in ("brawl_30", "brawl_30_cmu", "armies_200")],
     "motion_quality": [
-        f"{policy}.{group}.{kind}.auc" for policy in ("boxer", "boxer_cmu") for group in ("made", "apart", "every")
+        f"boxer.{group}.{kind}.auc" for group in ("made", "apart", "every")
         for kind in ("ours", "crossfade", "hard", "motions alone")
     ],
     "kinematics": ["times_faster_than_upc_pymotion", "inverse_limbs_per_s.crowdsim, 1 thread"],
     "poses": [f"{name}.poses_per_s" for name in ("threads_1", "threads_2", "crowd_of_10000_by_8_frames")],
 }  # fmt: skip
+
+
+# What a machine without a display, or a fight of seconds, cannot give.
+MAY_BE_NULL = {
+    "open3d.fps_30",
+    *(key for key in KEYS["scenes"] if key.endswith("first_landed_seconds")),
+    *(key for key in KEYS["motion_quality"] if ".apart." in key),
+}
 
 
 def leaf(told: Any, dotted: str) -> Any:
@@ -72,7 +80,7 @@ def test_a_quick_benchmark_runs_and_has_its_keys(path: Path, tmp_path: Path) -> 
     told = json.loads(done.stdout)
     assert told
     for dotted in KEYS.get(path.stem, []):
-        leaf(told, dotted)
+        assert leaf(told, dotted) is not None or dotted in MAY_BE_NULL
     assert list(tmp_path.iterdir()) == []
 
 
