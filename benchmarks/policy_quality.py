@@ -137,7 +137,7 @@ def resolutions(policy: Policy, name: str, spec: BehaviourSpec, threads: int) ->
     own, spec = spec, changed(spec, {}, finer=1)
     if name == "punch":
         paper = load_recipe(POLICIES / "boxer_paper.yaml").behaviours["punch"].axes.model_dump(mode="json")
-        shapes.append(("paper's ranges", changed(spec, {}, axes=paper)))
+        shapes.append(("strikes' reach", changed(spec, {}, axes=paper)))
         sizes = [(10, 10, 4), (10, 20, 4), (16, 24, 6), (24, 36, 8)]
         shapes += [("", changed(spec, dict(zip(("distance", "bearing", "height"), n, strict=True)))) for n in sizes]
     else:

@@ -259,10 +259,11 @@ def train_behaviour(
         table = solution.q if solution.q is not None else q_table(model_on(grid), solution.values)
     table = np.asarray(table, dtype=np.float32)
     behaviour = Behaviour(name, grid, spec.lookup, table, 1.0, terms, spec.discount)
-    scale = decisive_scale(behaviour, actions, body, sample_targets(database), float(np.abs(solution.values).max()))
+    spread = decisive_scale(behaviour, actions, body, sample_targets(database), float(np.abs(solution.values).max()))
     if spec.lookup == "q" and precision == "int8":
-        table = advantages(table, actions, grid.cells, SHOWN * scale)
+        table = advantages(table, actions, grid.cells, SHOWN * spread)
     stored, zero, step = bundle.encode(table, precision)
+    scale = spread if spec.normalise else 1.0
     return replace(behaviour, table=stored, scale=scale, low=zero, step=step), solution
 
 

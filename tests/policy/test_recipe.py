@@ -49,20 +49,24 @@ def test_every_shipped_recipe_is_valid_and_learns_to_fight_beside_both_behaviour
     assert recipe.weights == {"fight": 1.0}
 
 
-def test_the_papers_recipe_is_valid_and_learns_both_behaviours():
+def test_the_papers_recipe_has_the_papers_grids_its_table_and_its_method():
     recipe = load_recipe(POLICIES / "boxer_paper.yaml")
-    assert list(recipe.behaviours) == ["approach", "punch"]
-    assert recipe.weights is None
-
-
-def test_the_papers_recipe_has_the_papers_grids_and_its_table():
-    recipe = load_recipe(POLICIES / "boxer_paper.yaml")
+    behaviours = recipe.behaviours.values()
     shapes = {
         name: tuple(axis.count for axis in spec.axes.given().values()) for name, spec in recipe.behaviours.items()
     }
     assert shapes == {"approach": (5, 13), "punch": (10, 10, 4)}
-    assert {spec.lookup for spec in recipe.behaviours.values()} == {"q"}
-    assert {spec.backup for spec in recipe.behaviours.values()} == {"max_of_interpolated"}
+    assert all(axis.reach for axis in recipe.behaviours["punch"].axes.given().values())
+    assert {spec.lookup for spec in behaviours} == {"q"}
+    assert {spec.backup for spec in behaviours} == {"max_of_interpolated"}
+    assert {spec.solver.kind for spec in behaviours} == {"q_learning"}
+    assert {spec.discount for spec in behaviours} == {0.97}
+    assert {term.form for spec in behaviours for term in spec.rewards} == {"max"}
+    assert all(spec.target.speed > 0.0 and spec.target.still == 0.0 for spec in behaviours)
+    assert not any(spec.normalise for spec in behaviours)
+    assert (recipe.graph.actions, recipe.prune, recipe.motion.mirror) == (27072, None, False)
+    assert (recipe.control_rate, recipe.playback_rate) == (15.0, 15.0)
+    assert recipe.weights == {"approach": 1.0, "punch": 1.0}
 
 
 def test_a_short_recipe_gets_the_defaults(tmp_path):
