@@ -98,9 +98,7 @@ def test_a_composition_chooses_by_all_its_behaviours_and_is_judged_by_another_re
     composition = Composition(actions, composed, np.array([1.0, 3.0]))
     told = run_episodes(dear, judge, BODY, RATE, states, targets, SECONDS, composition=composition)
     policy, weights = policy_of(actions, *composed), {"punch": 1.0, "approach": 3.0}
-    expected = [
-        episode(policy, weights, judge, dear, *pair, 0.6)[0] for pair in zip(states, targets, strict=True)
-    ]
+    expected = [episode(policy, weights, judge, dear, *pair, 0.6)[0] for pair in zip(states, targets, strict=True)]
     np.testing.assert_allclose(told.returns, expected, rtol=1e-5, atol=1e-5)
     alone = run_episodes(dear, judge, BODY, RATE, states, targets, SECONDS)
     assert np.abs(told.returns - alone.returns).max() > 0.1
