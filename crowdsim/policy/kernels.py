@@ -517,38 +517,41 @@ def lot(seed, index):
 
 
 @njit(cache=True, nogil=True)
-def run_episodes(tables, behaviour, choice, states, targets, velocity, horizon, width, depth, seed, numbers, out, used):
+def run_episodes(
+    tables, weights, judge, choice, states, targets, velocity, horizon, width, depth, within, seed, numbers, out, used
+):
     """Let one avatar after another do its best to a target; write what came of it.
 
     Args:
-        tables: ``LookupTables``.
-        behaviour: The behaviour's row.
-        choice: 0 by the table, 1 at random, 2 by beam search.
+        tables: ``LookupTables`` of the behaviours that choose.
+        weights: Their weights. Shape (B,).
+        judge: ``LookupTables`` over the same actions; its first behaviour says what is rewarded, and is the one whose
+            values stand behind the leaves of a search.
+        choice: 0 by the tables, 1 at random, 2 by beam search.
         states: State in which each starts. Shape (N,).
         targets: Target in the avatar's ground frame at the start [m]. Shape (N, 3).
         velocity: Speed of the target [m a frame], in a direction drawn for every action; 0 is still.
         horizon: Control frames that count.
         width: Of the beam.
         depth: Of the beam.
+        within: Distance over the ground at which an avatar has arrived [m].
         seed: Of the draws.
         numbers: Number of each episode, on which its draws depend. Shape (N,).
         out: Written: discounted return; least distance over the ground within the horizon [m]; frame of the first
-            strike that lands, or -1; strikes landed; cuts; frames; decisions; frame of first being within 0.6 m, or
+            strike that lands, or -1; strikes landed; cuts; frames; decisions; frame of first being ``within``, or
             -1; return without the price of transitions. Shape (N, 9).
         used: Written: 1 for every action that was done. Shape (A,).
     """
-    actions = tables.actions
-    facts = tables.behaviours[behaviour]
+    actions, terms = judge.actions, judge.terms
+    facts = judge.behaviours[0]
     first_term, end_term = int(facts[2]), int(facts[3])
     log_discount = math.log(facts[8])
     most = 0
     for s in range(len(actions.offsets) - 1):
         most = max(most, actions.offsets[s + 1] - actions.offsets[s])
     for i in range(len(states)):
-        cells, weights, values = np.empty(64, np.int64), np.empty(64), np.empty(most)
+        cells, corner_weights, values = np.empty(64, np.int64), np.empty(64), np.empty(most)
         scratch = np.empty((2, max(1, width) * most if choice == 2 else 1, 7))
-        behaviour_weights = np.zeros(len(tables.behaviours))
-        behaviour_weights[behaviour] = 1.0
         state = states[i]
         x, y, z = targets[i, 0], targets[i, 1], targets[i, 2]
         out[i] = 0.0
@@ -559,23 +562,21 @@ def run_episodes(tables, behaviour, choice, states, targets, velocity, horizon, 
             n = actions.offsets[state + 1] - first
             decision = int(out[i, 6])
             if choice == 0:
-                for k in range(n):
-                    values[k] = 0.0
-                behaviour_values(tables, behaviour, state, x, y, z, 0.0, 0.0, 1.0, cells, weights, values)
+                evaluate_actions(tables, weights, state, x, y, z, 0.0, 0.0, cells, corner_weights, values)
                 a = first + np.argmax(values[:n])
             elif choice == 1:
                 a = first + min(int(lot(seed, numbers[i] * 100003 + 2 * decision) * n), n - 1)
             else:
-                a = best_by_search(tables, behaviour, state, x, y, z, width, depth, scratch)
+                a = best_by_search(judge, 0, state, x, y, z, width, depth, scratch)
             used[a] = 1
             angle = 2.0 * math.pi * lot(seed, numbers[i] * 100003 + 2 * decision + 1)
             vx, vz = velocity * math.sin(angle), velocity * math.cos(angle)
-            earned = reward(actions, a, x, y, z, vx, vz, tables.terms, first_term, end_term, log_discount)
+            earned = reward(actions, a, x, y, z, vx, vz, terms, first_term, end_term, log_discount)
             out[i, 0] += math.exp(frame * log_discount) * earned
             price = 0.0
             for row in range(first_term, end_term):
-                if tables.terms[row, 0] == 2.0 and actions.costs[a] > 0.0:
-                    price += tables.terms[row, 1] * actions.costs[a] + tables.terms[row, 2]
+                if terms[row, 0] == 2.0 and actions.costs[a] > 0.0:
+                    price += terms[row, 1] * actions.costs[a] + terms[row, 2]
             out[i, 8] += math.exp(frame * log_discount) * (earned + price)
             for t in range(1, actions.lengths[a] + 1):
                 if frame + t <= horizon:
@@ -583,15 +584,15 @@ def run_episodes(tables, behaviour, choice, states, targets, velocity, horizon, 
                     dx, dz = x + t * vx - actions.paths[row, 0], z + t * vz - actions.paths[row, 1]
                     distance = math.sqrt(dx * dx + dz * dz)
                     out[i, 1] = min(out[i, 1], distance)
-                    if distance <= 0.6 and out[i, 7] < 0.0:
+                    if distance <= within and out[i, 7] < 0.0:
                         out[i, 7] = frame + t
             for strike in range(actions.strike_offsets[a], actions.strike_offsets[a + 1]):
                 t = actions.strike_times[strike]
                 px, py, pz = actions.strike_places[strike]
                 for row in range(first_term, end_term):
-                    if tables.terms[row, 0] != 0.0 or frame + t > horizon:
+                    if terms[row, 0] != 0.0 or frame + t > horizon:
                         continue
-                    if strike_lands(px, py, pz, x + t * vx, y, z + t * vz, tables.terms, row):
+                    if strike_lands(px, py, pz, x + t * vx, y, z + t * vz, terms, row):
                         out[i, 3] += 1.0
                         if out[i, 2] < 0.0:
                             out[i, 2] = frame + t
@@ -600,6 +601,6 @@ def run_episodes(tables, behaviour, choice, states, targets, velocity, horizon, 
             x, z = after_action(actions, a, x + length * vx, z + length * vz)
             state = actions.next[a]
             frame += length
-            out[i, 4] += 1.0 if actions.costs[a] > 0.0 else 0.0
+            out[i, 4] += 1.0 if tables.actions.costs[a] > 0.0 else 0.0
             out[i, 6] += 1.0
         out[i, 5] = frame

@@ -1,0 +1,144 @@
+"""Recipes made ready to learn, behaviours learned from them, and starts from which they are judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from crowdsim.graph.motion_graph import MotionGraph, build_graph
+from crowdsim.motion.database import MotionDatabase
+from crowdsim.policy.actions import build_actions
+from crowdsim.policy.evaluation import Episodes, random_starts, run_episodes
+from crowdsim.policy.fingerprint import capture_files
+from crowdsim.policy.policy import Behaviour, Policy
+from crowdsim.policy.pruning import prune_graph
+from crowdsim.policy.ranges import strike_reach
+from crowdsim.policy.recipe import BehaviourSpec, Recipe
+from crowdsim.policy.rewards import ProximityTerm, target_body
+from crowdsim.policy.train import load_motion, train_behaviour
+
+NEAR_AND_FAR = (0.6, 4.0)
+"""How far away targets are that avatars must walk to [m]."""
+
+AROUND = (-np.pi, np.pi)
+CLOSE = 0.1
+"""How much further away than wanted a target may be that an avatar has come to [m]."""
+
+ARRIVED_WITHIN = 10.0
+LANDED_WITHIN = {False: 3.0, True: 6.0}
+"""By when an episode has succeeded [s]: by a landed strike, without and with a walk before it."""
+
+QUICK = {"distance": 8, "bearing": 8, "height": 2}
+"""Most points of each axis in a quick run."""
+
+_built: dict[str, tuple[MotionDatabase, MotionGraph]] = {}
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How much a benchmark does.
+
+    Attributes:
+        starts: Random starts.
+        searched: How many of them are searched from.
+        width: Nodes of the beam.
+        depth: Actions from its root to its leaves.
+    """
+
+    starts: int = 400
+    searched: int = 160
+    width: int = 128
+    depth: int = 10
+
+
+TINY = Sizes(starts=24, searched=8, width=8, depth=3)
+
+
+def quick_recipe(recipe: Recipe) -> Recipe:
+    """Return a recipe of the same behaviours that is learned in seconds: little motion, narrow graph, coarse grids."""
+    told = recipe.model_dump(mode="json")
+    if recipe.motion.performer is not None:
+        told["motion"]["performer"]["seconds"] = 24.0
+    told["graph"]["branching"] = 6
+    for spec in told["behaviours"].values():
+        spec["solver"]["tolerance"] = 0.05
+        for name, axis in spec["axes"].items():
+            if axis is not None:
+                axis["count"] = min(axis["count"], QUICK[name])
+    return Recipe.model_validate(told)
+
+
+def prepare(recipe: Recipe, name: str, mocap: str | None, quick: bool = False) -> Policy:
+    """Return motion, graph and actions of a recipe as a policy that has learned nothing yet.
+
+    Recipes of the same motion share it, and the graph before it is pruned. Quick runs take one file of capture.
+    """
+    key = recipe.model_dump_json(include={"motion", "graph", "control_rate", "playback_rate"})
+    if key not in _built:
+        files = capture_files(recipe, mocap)
+        database = load_motion(recipe, files[:1] if quick else files)
+        _built[key] = database, build_graph(database, recipe.graph)
+    database, graph = _built[key]
+    body = target_body(database)
+    if recipe.prune is not None:
+        graph = prune_graph(database, graph, recipe.behaviours, body, recipe.prune)
+    nothing = np.zeros(0, np.float32)
+    return Policy(name, database, graph, build_actions(database, graph), (), body, nothing, {}, {}, "", {})
+
+
+def train(policy: Policy, name: str, spec: BehaviourSpec, precision: str = "float32") -> Behaviour:
+    """Return a behaviour trained over the policy's actions."""
+    return train_behaviour(name, spec, policy.database, policy.actions, policy.body, precision)[0]
+
+
+def changed(spec: BehaviourSpec, counts: dict[str, int], **more: Any) -> BehaviourSpec:
+    """Return a behaviour with other numbers of grid points and other settings."""
+    told = spec.model_dump(mode="json")
+    for axis, count in counts.items():
+        told["axes"][axis]["count"] = count
+    return BehaviourSpec.model_validate({**told, **more})
+
+
+def reference(policy: Policy, name: str, spec: BehaviourSpec) -> Behaviour:
+    """Return a behaviour on a grid of four times the cells: twice the distances, twice the bearings."""
+    counts = {axis: one.count * (1 if axis == "height" else 2) for axis, one in spec.axes.given().items()}
+    return train(policy, name, changed(spec, counts, lookup="v", finer=1))
+
+
+def play(policy: Policy, behaviour: Behaviour, states: Any, targets: Any, **options: Any) -> Episodes:
+    """Return what came of a behaviour from each start."""
+    rate = policy.database.control_rate
+    return run_episodes(policy.actions, behaviour, policy.body, rate, states, targets, **options)
+
+
+def starts_for(policy: Policy, spec: BehaviourSpec, count: int) -> tuple[Any, Any]:
+    """Return states and targets from which a behaviour is judged.
+
+    For one that is rewarded for strikes alone targets are where they reach, for one that is rewarded for being near
+    alone they are further away, and for one that is rewarded for both they are half and half.
+    """
+    reach = strike_reach(policy.database)
+    near = random_starts(policy, count, reach.distance, reach.bearing, reach.head_height)
+    far = random_starts(policy, count, NEAR_AND_FAR, AROUND, reach.head_height)
+    if not any(isinstance(term, ProximityTerm) for term in spec.rewards):
+        return near
+    if not spec.strikes:
+        return far
+    odd = np.arange(count) % 2 == 1
+    return np.where(odd, far[0], near[0]), np.where(odd[:, None], far[1], near[1])
+
+
+def wanted_within(behaviour: Behaviour) -> float:
+    """Return how near a target must be to be where a behaviour wants it, give or take ``CLOSE`` [m]."""
+    return max((term.between[1] for term in behaviour.terms if isinstance(term, ProximityTerm)), default=0.5) + CLOSE
+
+
+def success(spec: BehaviourSpec, episodes: Episodes) -> tuple[float, float]:
+    """Return the share of episodes that succeed in time, and the median time of those that ever do [s]."""
+    walks = any(isinstance(term, ProximityTerm) for term in spec.rewards)
+    times = episodes.landings if spec.strikes else episodes.arrivals
+    in_time = LANDED_WITHIN[walks] if spec.strikes else ARRIVED_WITHIN
+    share = float(np.mean(times <= in_time))
+    return share, float(np.nanmedian(times)) if np.isfinite(times).any() else float("nan")
