@@ -121,9 +121,9 @@ def build_scene(name: str, seeds: int, policy: str | None, quick: bool) -> Scene
         fraction = min(1.0, 30 / count) if quick else None
         scenario = load_scenario(path, frames=LENGTHS.get(name), fraction=fraction)
         if policy is not None:
-            # Behaviours that the scene weighs are those of its own policy.
-            other = {"policy": policy, "behaviours": {}}
-            types = {key: kind.model_copy(update=other) for key, kind in scenario.types.items()}
+            # Another policy may have learned other behaviours: its recipe weighs them.
+            change = {"policy": policy, "behaviours": {}}
+            types = {key: kind.model_copy(update=change) for key, kind in scenario.types.items()}
             scenario = scenario.model_copy(update={"types": types})
     if quick:
         scenario, after, seeds = scenario.model_copy(update={"duration": 45}), after / 10.0, min(seeds, 2)

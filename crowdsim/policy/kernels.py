@@ -8,9 +8,6 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from crowdsim.policy.environment import HALFWAY, LEAD
-from crowdsim.policy.rewards import WASTED
-
 
 @njit(cache=True)
 def measure(kind, x, y, z):
@@ -86,7 +83,7 @@ def strike_lands(px, py, pz, x, y, z, terms, row):
 @njit(cache=True)
 def spent_on_strike(px, pz, x, z, terms, row):
     """Return what a strike costs whose fist ends over (px, pz) when the target is over (x, z)."""
-    far = (px - x) ** 2 + (pz - z) ** 2 > WASTED * WASTED
+    far = (px - x) ** 2 + (pz - z) ** 2 > terms[row, 12] * terms[row, 12]
     return terms[row, 9] + (terms[row, 10] if far else 0.0)
 
 
@@ -174,14 +171,13 @@ def after_action(actions, action, x, z):
 def behaviour_values(tables, behaviour, state, x, y, z, vx, vz, factor, cells, weights, out):
     """Add ``factor`` times Q(e, a) of one behaviour to ``out`` for every action a of the state."""
     actions = tables.actions
-    lead = actions.path_offsets[-1] / len(actions.next)
     numbers = tables.behaviours[behaviour]
     axis_first, axis_end = int(numbers[0]), int(numbers[1])
     cell_count, start = int(numbers[5]), int(numbers[6])
     first = actions.offsets[state]
     n = actions.offsets[state + 1] - first
     if numbers[4] == 0.0:
-        soon_x, soon_z = x + HALFWAY * lead * vx, z + HALFWAY * lead * vz
+        soon_x, soon_z = x + tables.leads[0] * vx, z + tables.leads[0] * vz
         corners, _ = find_corners(tables.axes, axis_first, axis_end, soon_x, y, soon_z, cells, weights)
         base = start + first * cell_count
         for k in range(n):
@@ -197,7 +193,7 @@ def behaviour_values(tables, behaviour, state, x, y, z, vx, vz, factor, cells, w
     for k in range(n):
         a = first + k
         value = reward(actions, a, x, y, z, vx, vz, tables.terms, int(numbers[2]), int(numbers[3]), log_discount)
-        t = actions.lengths[a] + LEAD * lead
+        t = actions.lengths[a] + tables.leads[1]
         later_x, later_z = after_action(actions, a, x + t * vx, z + t * vz)
         corners, _ = find_corners(tables.axes, axis_first, axis_end, later_x, y, later_z, cells, weights)
         entry = start + actions.next[a] * cell_count
