@@ -1,5 +1,6 @@
 """Recipes: what they default to, and every mistake with its line, its column and what was expected."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from crowdsim.errors import RecipeError
 from crowdsim.policy.environment import AXIS_KINDS
 from crowdsim.policy.recipe import Axes, load_recipe
+from crowdsim.policy.recipe_reference import recipe_reference, recipe_schema
 from crowdsim.policy.rewards import TERMS
 
 RECIPE = """\
@@ -184,3 +186,15 @@ def test_a_weight_of_what_is_not_learned_is_told_with_its_line(tmp_path, lines, 
 def test_an_impossible_stretch_or_band_is_told(tmp_path, old, new, message):
     [line] = faults(tmp_path, changed(old, new))
     assert line.split(": ", 2)[2].startswith(message)
+
+
+def test_the_committed_reference_page_of_recipes_is_current():
+    page = (Path(__file__).parents[2] / "docs/recipes.md").read_text(encoding="utf-8")
+    assert page == recipe_reference()
+
+
+def test_every_key_of_the_recipe_schema_has_a_meaning():
+    schema = json.loads(recipe_schema())
+    for name, part in {"Recipe": schema, **schema["$defs"]}.items():
+        for key, value in part["properties"].items():
+            assert value.get("description") or "$ref" in value or "const" in value, f"{name}.{key}"
