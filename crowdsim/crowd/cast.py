@@ -159,11 +159,13 @@ def check_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]]) -
 def _weights(policy: Policy, given: dict[str, float], width: int, others: float = 0.0) -> Array:
     """Return weights of a policy's behaviours in its order, filled up to ``width``.
 
-    Those that are not named weigh ``others``; where none is named, the weights are the policy's own.
+    Those that are not named weigh ``others``; where none is named and ``others`` is 0, the weights are the policy's
+    own.
     """
-    names = [behaviour.name for behaviour in policy.behaviours]
-    own: dict[str, float] = policy.recipe.get("weights") or dict.fromkeys(names, 1.0)
-    told = [(given or own).get(name, others) for name in names]
+    if not given and others == 0.0:
+        told = policy.weights.tolist()
+    else:
+        told = [given.get(behaviour.name, others) for behaviour in policy.behaviours]
     return np.array(told + [others] * (width - len(told)))
 
 
