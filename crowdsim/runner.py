@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from crowdsim import assets
 from crowdsim.crowd.scenario import Scenario, dump_scenario
+from crowdsim.crowd.scenario_warnings import speed_warnings
 from crowdsim.errors import CrowdsimError, RunError, under_way
 from crowdsim.manifest import NAME as MANIFEST
 from crowdsim.manifest import checksums, peak_memory, read_manifest, write_manifest
@@ -103,7 +104,8 @@ def run_to(
     """Run a scenario into a folder: take, outputs, and the manifest last.
 
     A finished run of the same resolved scenario is not done again, unless ``force`` says so. What is wrong with the
-    input is found before the folder is made or touched. ``tell`` is handed what a large crowd will need, beforehand.
+    input is found before the folder is made or touched. ``tell`` is handed beforehand what a large crowd will
+    need, and what its policies cannot do.
 
     Raises:
         ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
@@ -121,6 +123,9 @@ def run_to(
     policies = load_policies(scenario, mocap, threads, progress)
     expect_outputs(scenario)
     clock.lap("policies")
+    if tell is not None:
+        for warning in speed_warnings(scenario, {policy.name: policy.statistics for policy in policies}):
+            tell(warning)
     prepared = prepare(scenario, policies, placed)
     clock.lap("prepare")
     if tell is not None and len(prepared.cast.names) >= LARGE:

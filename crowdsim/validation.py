@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import yaml
 
-from crowdsim.errors import CrowdsimError
+from crowdsim.errors import CrowdsimError, PolicyError
 from crowdsim.yaml_files import find_faults
 
 if TYPE_CHECKING:
@@ -41,6 +42,26 @@ def find_file_faults(path: Path) -> list[str]:
         except CrowdsimError as error:
             findings += str(error).splitlines()
     return findings
+
+
+def find_file_warnings(path: Path) -> list[str]:
+    """Return what a scenario without a fault asks of its policies that they cannot do, a line each.
+
+    Policies that are not trained yet are passed over, since nobody knows what they can do.
+    """
+    if _is_recipe(path):
+        return []
+    from crowdsim import assets
+    from crowdsim.crowd.scenario import load_scenario
+    from crowdsim.crowd.scenario_warnings import speed_warnings
+    from crowdsim.policy.bundle import read_document
+
+    scenario = load_scenario(path)
+    statistics = {}
+    for name in dict.fromkeys(kind.policy for kind in scenario.types.values()) if scenario.targets else ():
+        with suppress(PolicyError):
+            statistics[name] = read_document(assets.find_bundle(name))["statistics"]
+    return speed_warnings(scenario, statistics)
 
 
 def check_scenario(scenario: Scenario) -> Placed:

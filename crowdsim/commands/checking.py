@@ -14,13 +14,15 @@ from crowdsim.errors import CrowdsimError
 
 def validate(files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Scenarios and recipes.")]) -> None:
     """Check scenarios and recipes; print every finding with its line and column."""
-    from crowdsim.validation import find_file_faults
+    from crowdsim.validation import find_file_faults, find_file_warnings
 
     findings = [finding for path in files for finding in find_file_faults(path)]
     for finding in findings:
         print(finding, file=sys.stderr)
     if findings:
         sys.exit(2)
+    for warning in (warning for path in files for warning in find_file_warnings(path)):
+        print(warning, file=sys.stderr)
     print(f"{len(files)} file{'s' if len(files) > 1 else ''} without a finding")
 
 

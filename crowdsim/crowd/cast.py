@@ -72,7 +72,8 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
     weights = np.zeros((len(moods), width))
     for row, (_, kind) in enumerate(moods):
         policy = policies[owners[kind]]
-        weights[row] = _weights(policy, kinds[kind].behaviours or _own_weights(policy), width)
+        named = kinds[kind].behaviours
+        weights[row] = _weights(policy, named, width) if named else np.pad(policy.weights, (0, width - len(policy.weights)))
     settings = [kinds[kind] for _, kind in moods]
     skip, fixed = np.empty(placed.count, np.int32), np.full(placed.count, -1, np.int32)
     for index, group in enumerate(scenario.groups):
@@ -155,12 +156,6 @@ def check_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]]) -
                 check(("events", index, "behaviours"), event.behaviours, policy)
     if lines:
         raise ScenarioError("\n".join(dict.fromkeys(lines)))
-
-
-def _own_weights(policy: Policy) -> dict[str, float]:
-    """Return the weights that avatars use whose type names no behaviour: those of the policy's recipe, or 1 each."""
-    recipe: dict[str, float] | None = policy.recipe.get("weights")
-    return recipe or {behaviour.name: 1.0 for behaviour in policy.behaviours}
 
 
 def _weights(policy: Policy, given: dict[str, float], width: int, others: float = 0.0) -> Array:

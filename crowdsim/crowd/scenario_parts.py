@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, model_validator
 
 from crowdsim.errors import nearest
+from crowdsim.policy.pursuit import MARGIN, MOST, TEMPERATURE
 from crowdsim.yaml_files import Fault, Faults, StrictModel
 from crowdsim.yaml_schema import join
 
@@ -121,10 +122,13 @@ class Candidates(StrictModel):
     """Which actions an avatar draws among."""
 
     margin: float = Field(
-        default=0.1, ge=0, le=100, description="How far below the best value a candidate may lie, in normalised values."
+        default=MARGIN,
+        ge=0,
+        le=100,
+        description="How far below the best value a candidate may lie, in normalised values.",
     )
     maximum: int = Field(
-        default=4, ge=1, le=64, description="How many candidates there are at most; 1 always takes the best."
+        default=MOST, ge=1, le=64, description="How many candidates there are at most; 1 always takes the best."
     )
 
 
@@ -144,7 +148,7 @@ class AvatarType(StrictModel):
     )
     candidates: Candidates = Field(default_factory=Candidates, description="Which actions an avatar draws among.")
     temperature: float = Field(
-        default=0.05,
+        default=TEMPERATURE,
         ge=0,
         le=100,
         description="Randomness of the draw, in normalised values; 0 always takes the best action.",

@@ -600,3 +600,73 @@ def run_episodes(
             out[i, 4] += 1.0 if tables.actions.costs[a] > 0.0 else 0.0
             out[i, 6] += 1.0
         out[i, 5] = frame
+
+
+@njit(cache=True)
+def draw_candidate(values, count, margin, most, temperature, number, chances):
+    """Return which action is drawn by a number in [0, 1) (``pursuit.draw_candidate``); ``chances`` is scratch."""
+    chances[:count] = 0.0
+    best, total, last = np.argmax(values[:count]), 0.0, 0
+    if temperature <= 0.0 or most <= 1:
+        return best
+    for _ in range(min(most, count)):
+        chosen = -1
+        for k in range(count):
+            if chances[k] == 0.0 and (chosen < 0 or values[k] > values[chosen]):
+                chosen = k
+        if values[chosen] < values[best] - margin:
+            break
+        chances[chosen] = max(math.exp((values[chosen] - values[best]) / temperature), 1e-300)
+        total += chances[chosen]
+    wanted = number * total
+    for k in range(count):
+        if chances[k] > 0.0:
+            last = k
+            wanted -= chances[k]
+            if wanted < 0.0:
+                break
+    return last
+
+
+@njit(cache=True, nogil=True)
+def pursue(tables, weights, states, bearings, height, lead, velocity, begun, done, rules, out):
+    """Let one avatar after another follow a target that flees straight away from it; write how far behind it is.
+
+    Args:
+        tables: ``LookupTables``.
+        weights: Weight of each behaviour. Shape (B,).
+        states: State in which each starts. Shape (N,).
+        bearings: Where the target is at the start, and where it flees to [rad]. Shape (N,).
+        height: Height of the target [m].
+        lead: How far away it is at the start [m].
+        velocity: Its speed [m a frame].
+        begun: Control frame after which distances count.
+        done: Control frame after which all is over.
+        rules: Margin, most candidates and temperature of the draw. Shape (3,).
+        out: Written: distance over the ground in the mean [m]. Shape (N,).
+    """
+    actions = tables.actions
+    widest = 0
+    for s in range(len(actions.offsets) - 1):
+        widest = max(widest, actions.offsets[s + 1] - actions.offsets[s])
+    cells, corner_weights = np.empty(64, np.int64), np.empty(64)
+    values, chances = np.empty(widest), np.empty(widest)
+    for i in range(len(states)):
+        state, frame, decision = states[i], 0, 0
+        vx, vz = velocity * math.sin(bearings[i]), velocity * math.cos(bearings[i])
+        x, z = lead * math.sin(bearings[i]), lead * math.cos(bearings[i])
+        out[i] = 0.0
+        while frame < done:
+            n = evaluate_actions(tables, weights, state, x, height, z, vx, vz, cells, corner_weights, values)
+            k = draw_candidate(values, n, rules[0], int(rules[1]), rules[2], lot(i, decision), chances)
+            a = actions.offsets[state] + k
+            for t in range(1, actions.lengths[a] + 1):
+                if begun < frame + t <= done:
+                    row = actions.path_offsets[a] + t - 1
+                    dx, dz = x + t * vx - actions.paths[row, 0], z + t * vz - actions.paths[row, 1]
+                    out[i] += math.sqrt(dx * dx + dz * dz) / (done - begun)
+            length, heading = actions.lengths[a], actions.paths[actions.path_offsets[a + 1] - 1, 2]
+            x, z = after_action(actions, a, x + length * vx, z + length * vz)
+            cos, sin = math.cos(heading), math.sin(heading)
+            vx, vz = vx * cos - vz * sin, vx * sin + vz * cos
+            state, frame, decision = actions.next[a], frame + length, decision + 1

@@ -133,6 +133,12 @@ class Policy:
             f"policy {self.name!r} has no behaviour {name!r}{nearest(name, known)}; it has {', '.join(known)}"
         )
 
+    @property
+    def weights(self) -> Array:
+        """Weight of each behaviour where a scenario names none, by the recipe; 1 each unless it says. Shape (B,)."""
+        given: Mapping[str, float] = self.recipe.get("weights") or {}
+        return np.array([given.get(one.name, 0.0 if given else 1.0) for one in self.behaviours], dtype=np.float64)
+
     def lookup_tables(self) -> LookupTables:
         """Return the policy as flat arrays for compiled code; the values are not copied."""
         return build_lookup_tables(self.actions, self.behaviours, self.body, self.values)
