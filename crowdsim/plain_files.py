@@ -109,7 +109,7 @@ def remove_plain(folder: Path, names: Iterable[str]) -> None:
         NotPlainError: One is something else, or a folder on the way to it is.
         OSError: One cannot be removed.
     """
-    emptied = set()
+    emptied: set[str] = set()
     for name in names:
         try:
             stat_plain(folder, name)
