@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +30,8 @@ _TREES = (
 )
 """Folders that are noted as a whole, and the files in them that a run or a rendering writes."""
 
+_SERIES = re.compile(r"\{(\d{1,12}):(\d{1,12}):([1-9]\d{0,11})\}\.([a-z]+)")
+
 # Names of half-written files, and of what they were to become.
 _TEMPORARIES = (
     (re.compile(r"\.(.+)\.[0-9a-f]{32}\.part"), r"\1"),
@@ -48,7 +50,8 @@ class Journal:
 
     Attributes:
         inputs: Small files that any run begins with: its resolved scenario, and those that it reads.
-        files: Everything else, by names in the folder; a take and a video's segments by their folder.
+        files: Everything else, by names in the folder; a take and a video's segments by their folder, numbered files by
+            one name, see ``series_name``.
     """
 
     inputs: frozenset[str] = frozenset()
@@ -106,41 +109,80 @@ def remove_journal(folder: Path) -> None:
         raise OutputError(f"{path}: cannot be removed: {error.strerror or error}") from None
 
 
-def find_noted(folder: Path, noted: Iterable[str], held: Iterable[str] | None = None) -> set[str]:
-    """Return the names of files in a folder that are among the noted ones, half-written ones included.
+def series_name(folder: str, frames: range, suffix: str) -> str:
+    """Return the one name that numbered files of a folder are noted by, ``ply/{0:1000:4}.ply`` say."""
+    return f"{folder}/{{{frames.start}:{frames.stop}:{frames.step}}}.{suffix}"
+
+
+class Noted:
+    """Tells which files noted names mean.
+
+    Args:
+        names: Names of files, of folders that are noted as a whole, and of numbered files, see ``series_name``.
+
+    Attributes:
+        files: Names of single files.
+        trees: Names of folders that are noted as a whole.
+        folders: Names of all folders on the way to one of them.
+    """
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self.files: set[str] = set()
+        self.trees: dict[str, re.Pattern[str]] = {}
+        self.folders: set[str] = set()
+        self._series: dict[tuple[str, str], list[range]] = {}
+        for name in names:
+            above, _, last = name.rpartition("/")
+            match = _SERIES.fullmatch(last)
+            pattern = next((pattern for tree, pattern in _TREES if tree.fullmatch(last)), None)
+            if match:
+                frames = range(int(match[1]), int(match[2]), int(match[3]))
+                self._series.setdefault((above, match[4]), []).append(frames)
+            elif pattern:
+                self.trees[name] = pattern
+            else:
+                self.files.add(name)
+            while above and above not in self.folders:
+                self.folders.add(above)
+                above = above.rpartition("/")[0]
+        self._cut = {_cut(name) for name in self.files}
+
+    def names(self, name: str) -> bool:
+        """Whether a file is one of the single or numbered ones."""
+        if name in self.files:
+            return True
+        above, _, last = name.rpartition("/")
+        digits, _, suffix = last.partition(".")
+        series = self._series.get((above, suffix), ()) if digits.isdecimal() and digits.isascii() else ()
+        return any(int(digits) in frames and digits == f"{int(digits):06d}" for frames in series)
+
+    def tree_of(self, name: str) -> str | None:
+        """Return the folder, noted as a whole, that a file is in."""
+        return next((tree for tree in self.trees if name.startswith(f"{tree}/")), None)
+
+    def covers(self, name: str) -> bool:
+        """Whether a file is one of those meant, or half of one."""
+        tree = self.tree_of(name)
+        if tree is not None:
+            above, slash, last = name[len(tree) + 1 :].rpartition("/")
+            temporary = _ZARR_TEMPORARY.fullmatch(last)
+            return self.trees[tree].fullmatch(f"{above}{slash}{temporary[1] if temporary else last}") is not None
+        return self.names(name) or any(whole in self._cut or self.names(whole) for whole in _wholes(name))
+
+
+def find_noted(folder: Path, names: Iterable[str], held: Iterable[str] | None = None) -> set[str]:
+    """Return the names of files in a folder that noted names mean, half-written ones included.
 
     Args:
         folder: The folder.
-        noted: Names as in a journal.
+        names: Names as in a journal.
         held: Names of all files in the folder, when they are known.
 
     Raises:
         OSError: The folder cannot be read.
     """
-    names = set(noted)
-    cut = {_cut(name) for name in names}
-    trees = {name: pattern for name in names if (pattern := tree_pattern(name)) is not None}
-    return {
-        name
-        for name in (walk(folder) if held is None else held)
-        if name in names or _in_tree(name, trees) or any(whole in names or whole in cut for whole in _wholes(name))
-    }
-
-
-def _in_tree(name: str, trees: Mapping[str, re.Pattern[str]]) -> bool:
-    """Whether a file is one of those that noted folders may hold."""
-    tree = next((tree for tree in trees if name.startswith(f"{tree}/")), None)
-    if tree is None:
-        return False
-    above, slash, last = name[len(tree) + 1 :].rpartition("/")
-    temporary = _ZARR_TEMPORARY.fullmatch(last)
-    return trees[tree].fullmatch(f"{above}{slash}{temporary[1] if temporary else last}") is not None
-
-
-def tree_pattern(name: str) -> re.Pattern[str] | None:
-    """Return which files a folder that is noted as a whole may hold; None for names of files."""
-    last = name.rpartition("/")[2]
-    return next((pattern for tree, pattern in _TREES if tree.fullmatch(last)), None)
+    noted = Noted(names)
+    return {name for name in (walk(folder) if held is None else held) if noted.covers(name)}
 
 
 def _wholes(name: str) -> list[str]:

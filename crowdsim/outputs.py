@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from crowdsim.errors import CrowdsimError, ScenarioError, under_way
+from crowdsim.journal import series_name
 
 if TYPE_CHECKING:
     from crowdsim.crowd.scenario import Scenario
@@ -32,7 +33,7 @@ def expect_outputs(scenario: Scenario) -> None:
 
 
 def plan_outputs(scenario: Scenario, avatars: Sequence[str], control_frames: int, control_rate: float) -> list[str]:
-    """Return the names of all files that the outputs of a scenario may have in the run folder.
+    """Return the names of all files that the outputs of a scenario may have in the run folder, as a journal notes them.
 
     Args:
         scenario: The scenario, resolved.
@@ -44,7 +45,6 @@ def plan_outputs(scenario: Scenario, avatars: Sequence[str], control_frames: int
         ScenarioError: An output's range begins after the last frame.
     """
     from crowdsim.export.bvh import bvh_name
-    from crowdsim.export.pointcloud import cloud_name
     from crowdsim.take.take import count_output_frames
 
     wanted, names = scenario.outputs, []
@@ -57,14 +57,15 @@ def plan_outputs(scenario: Scenario, avatars: Sequence[str], control_frames: int
             fps = cloud.fps or scenario.fps
             count = count_output_frames(control_frames, control_rate, fps)
             start, stop = check_range(count, fps, cloud.frames, f"outputs.{kind}.frames") or (0, count)
-            names += [f"{kind}/{cloud_name(frame, kind)}" for frame in range(start, stop, cloud.every)]
+            names.append(series_name(kind, range(start, stop, cloud.every), kind))
     if wanted.render is not None:
         from crowdsim.render.batch import picture_files
 
         count = count_output_frames(control_frames, control_rate, wanted.render.fps)
         frames, sheet = wanted.render.frames or (0, count), wanted.render.contact_sheet or 0
-        paths = picture_files(Path(), frames, wanted.render.mp4, wanted.render.png, sheet)
-        names += [path.as_posix() for path in paths]
+        names += [path.as_posix() for path in picture_files(Path(), frames, wanted.render.mp4, False, sheet)]
+        if wanted.render.png:
+            names.append(series_name("frames", range(*frames), "png"))
     if wanted.profile is not None:
         names += ["profile.csv"] * wanted.profile.csv + ["profile.png"] * wanted.profile.plots
     return names
@@ -223,9 +224,9 @@ def export_take(
             numbers = range(take.avatar_count) if avatars is None else avatars
             planned += [target / kind / bvh_name(take.cast.names[number]) for number in numbers]
         else:
-            from crowdsim.export.pointcloud import CloudSink, cloud_name
+            from crowdsim.export.pointcloud import CloudSink
 
-            planned += [target / kind / cloud_name(frame, kind) for frame in range(start, stop, options.every)]
+            planned.append(target / series_name(kind, range(start, stop, options.every), kind))
     with record_files(target, planned) as recorder:
         sampler = PoseSampler(take, policies, threads)
         sinks: list[Any] = []

@@ -140,10 +140,10 @@ def _forget(run: Path, names: set[str]) -> None:
         journal = read_journal(run)
         if journal is None:
             return
-        left = names.difference(read_manifest(run)["files"])
+        recorded = read_manifest(run)["files"]
         files = journal.files - names
-        if find_noted(run, left):
-            files |= left
+        if find_noted(run, names).difference(recorded):
+            files |= names.difference(recorded)
         if files or journal.inputs:
             write_journal(run, Journal(journal.inputs, files))
         else:

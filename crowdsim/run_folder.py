@@ -12,7 +12,7 @@ from typing import Any
 
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.journal import NAME as JOURNAL
-from crowdsim.journal import Journal, find_noted, read_journal, tree_pattern, write_journal
+from crowdsim.journal import Journal, Noted, find_noted, read_journal, write_journal
 from crowdsim.manifest import NAME as MANIFEST
 from crowdsim.manifest import read_manifest
 from crowdsim.plain_files import open_plain, remove_empty, remove_plain, stat_plain, walk
@@ -148,7 +148,7 @@ def claim_folder(folder: Path, inputs: Iterable[str], planned: Iterable[str]) ->
         write_journal(folder, Journal(journal.inputs | begin, journal.files | rest | old))
         remove_plain(folder, [MANIFEST])
         remove_plain(folder, sorted(old - {MANIFEST}))
-        remove_empty(folder, [name for tree in journal.files if tree_pattern(tree) for name in _folders(folder, tree)])
+        remove_empty(folder, [name for tree in Noted(journal.files).trees for name in _folders(folder, tree)])
         write_journal(folder, Journal(begin, rest))
     except OSError as error:
         raise OutputError(f"{error.filename or folder}: cannot be replaced: {error.strerror or error}") from None
@@ -170,21 +170,24 @@ def refuse_others(folder: Path, held: set[str], own: set[str], noted: Iterable[s
     Raises:
         OutputError: There is one.
     """
-    others, known = held - own, set(noted)
-    for name in sorted(planned):
-        parts = name.split("/")
+    plan, known = Noted(planned), set(noted)
+    found = None
+    for other in sorted(held - own):
+        parts = other.split("/")
         way = ["/".join(parts[:depth]) for depth in range(1, len(parts) + 1)]
-        found = next((part for part in way if part in others), None)
-        if found is None and tree_pattern(name) is not None:
-            found = next((other for other in others if other.startswith(f"{name}/")), None)
-            mine = name in known or any(other.startswith(f"{name}/") for other in own)
-            if found is None and not mine and (folder / name).is_dir():
-                found = name
-        elif found is None and (folder / name).is_dir():
-            found = name
+        found = next((part for part in way if plan.names(part)), None)
+        if found is None and (other in plan.folders or other in plan.trees or plan.tree_of(other) is not None):
+            found = other
         if found is not None:
-            what = "is in the way of what is to be written, and no run has written it"
-            raise OutputError(f"{folder / found}: {what}; move it, or name another folder with --out")
+            break
+    else:
+        taken: set[str | None] = {name for name in plan.files if (folder / name).is_dir()}
+        taken |= {tree for tree in plan.trees if tree not in known and (folder / tree).is_dir()}
+        taken -= {plan.tree_of(name) for name in own}
+        found = min(filter(None, taken), default=None)
+    if found is not None:
+        what = "is in the way of what is to be written, and no run has written it"
+        raise OutputError(f"{folder / found}: {what}; move it, or name another folder with --out")
 
 
 def _folders(folder: Path, tree: str) -> list[str]:

@@ -143,7 +143,7 @@ class CloudSink:
         joints = block.joints
 
         def write(frame: int) -> Path:
-            path = self._folder / cloud_name(frame, self.kind)
+            path = self._folder / f"{frame:06d}.{self.kind}"
             write_cloud(path, self._build(block.poses, joints, surfaces, frame - block.first))
             return path
 
@@ -217,11 +217,6 @@ def export_clouds(
     """
     sink = CloudSink(sampler, folder, kind, fps, points, frames, every, avatars)
     return stream_poses(sampler, fps, [sink], threads, progress)[0]
-
-
-def cloud_name(frame: int, kind: str) -> str:
-    """Return the name of an output frame's cloud."""
-    return f"{frame:06d}.{kind}"
 
 
 def write_cloud(path: Path, cloud: Cloud) -> None:
