@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from crowdsim.errors import CrowdsimError, ScenarioError, under_way
+from crowdsim.journal import series_name
 
 if TYPE_CHECKING:
     from crowdsim.crowd.scenario import Scenario
@@ -28,6 +30,45 @@ def expect_outputs(scenario: Scenario) -> None:
         from crowdsim.export.pointcloud import begin_probe
 
         begin_probe()
+
+
+def plan_outputs(scenario: Scenario, avatars: Sequence[str], control_frames: int, control_rate: float) -> list[str]:
+    """Return the names of all files that the outputs of a scenario may have in the run folder, as a journal notes them.
+
+    Args:
+        scenario: The scenario, resolved.
+        avatars: Name of each avatar.
+        control_frames: Control frames of the run.
+        control_rate: Control frames a second.
+
+    Raises:
+        ScenarioError: An output's range begins after the last frame.
+    """
+    from crowdsim.export.bvh import bvh_name
+    from crowdsim.take.take import count_output_frames
+
+    wanted, names = scenario.outputs, []
+    if wanted.bvh is not None:
+        numbers = range(len(avatars)) if wanted.bvh.avatars is None else wanted.bvh.avatars
+        names += [f"bvh/{bvh_name(avatars[number])}" for number in numbers]
+    for kind in ("ply", "pcd"):
+        cloud = getattr(wanted, kind)
+        if cloud is not None:
+            fps = cloud.fps or scenario.fps
+            count = count_output_frames(control_frames, control_rate, fps)
+            start, stop = check_range(count, fps, cloud.frames, f"outputs.{kind}.frames") or (0, count)
+            names.append(series_name(kind, range(start, stop, cloud.every), kind))
+    if wanted.render is not None:
+        from crowdsim.render.batch import picture_files
+
+        count = count_output_frames(control_frames, control_rate, wanted.render.fps)
+        frames, sheet = wanted.render.frames or (0, count), wanted.render.contact_sheet or 0
+        names += [path.as_posix() for path in picture_files(Path(), frames, wanted.render.mp4, False, sheet)]
+        if wanted.render.png:
+            names.append(series_name("frames", range(*frames), "png"))
+    if wanted.profile is not None:
+        names += ["profile.csv"] * wanted.profile.csv + ["profile.png"] * wanted.profile.plots
+    return names
 
 
 def write_outputs(
@@ -78,10 +119,19 @@ def write_outputs(
 
         since = perf_counter()
         source = TakeSource(take, policies, wanted.render.fps, threads=threads)
-        rendered = render_source(source, folder, render_options(wanted.render, threads), progress)
+        rendered = render_source(source, folder, render_options(wanted.render, threads), progress, _note)
         told["pictures"] = list(rendered.files)
         laps["render"] = perf_counter() - since
     return told
+
+
+@contextmanager
+def _note(folder: Path, planned: Sequence[Path]) -> Iterator[Callable[[Sequence[Path]], None]]:
+    """Note pictures of a run that is going on in its journal."""
+    from crowdsim.recorder import note_files
+
+    note_files(folder, [path.relative_to(folder).as_posix() for path in planned])
+    yield lambda files: None
 
 
 def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple[float, Sink]]:
@@ -92,7 +142,7 @@ def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple
     sinks: list[tuple[float, Any]] = []
     if wanted.bvh is not None:
         fps = wanted.bvh.fps or scenario.fps
-        frames = check_range(take, fps, wanted.bvh.frames, "outputs.bvh.frames")
+        frames = check_range(take.output_frames(fps), fps, wanted.bvh.frames, "outputs.bvh.frames")
         sinks.append((fps, BvhSink(sampler, folder / "bvh", fps, frames, wanted.bvh.avatars)))
     for kind in ("ply", "pcd"):
         cloud = getattr(wanted, kind)
@@ -101,7 +151,7 @@ def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple
         from crowdsim.export.pointcloud import CloudSink
 
         fps = cloud.fps or scenario.fps
-        frames = check_range(take, fps, cloud.frames, f"outputs.{kind}.frames")
+        frames = check_range(take.output_frames(fps), fps, cloud.frames, f"outputs.{kind}.frames")
         sink = CloudSink(sampler, folder / kind, kind, fps, cloud.points, frames, cloud.every, cloud.avatars)
         sinks.append((fps, sink))
     return sinks
@@ -139,7 +189,7 @@ def export_take(
 ) -> dict[str, list[Path]]:
     """Export a run's take again; return the files of each kind.
 
-    Into the run's own folder, exports take the place of those of their kind, and the manifest says so.
+    In the run's own folder, exports take the place of those of their kind, and the manifest says so.
 
     Args:
         folder: The run folder.
@@ -151,14 +201,14 @@ def export_take(
         progress: Called with stage, done and total.
 
     Raises:
-        TakeError: Avatars or frames are asked for that the take does not have.
-        OutputError: A folder cannot be made.
+        TakeError: Avatars or frames are asked for that the take does not have, or the manifest is damaged.
+        OutputError: A folder cannot be made, or holds other files of these names beside a run's.
         RunError: A file cannot be written.
     """
-    from crowdsim.export.bvh import BvhSink
+    from crowdsim.export.bvh import BvhSink, bvh_name
     from crowdsim.export.select import parse_avatars, parse_range
     from crowdsim.export.stream import stream_poses
-    from crowdsim.manifest import NAME, update_manifest
+    from crowdsim.recorder import record_files
     from crowdsim.take.poses import PoseSampler
 
     if not options.kinds:
@@ -166,22 +216,32 @@ def export_take(
     fps = options.fps
     avatars = parse_avatars(options.avatars, take.avatar_count)
     frames = parse_range(options.frames, take.output_frames(fps), fps)
+    start, stop = frames or (0, take.output_frames(fps))
     target = out or folder
-    sampler = PoseSampler(take, policies, threads)
-    sinks: list[Any] = []
+    planned: list[Path] = []
     for kind in options.kinds:
         if kind == "bvh":
-            sinks.append(BvhSink(sampler, target / kind, fps, frames, avatars))
+            numbers = range(take.avatar_count) if avatars is None else avatars
+            planned += [target / kind / bvh_name(take.cast.names[number]) for number in numbers]
         else:
             from crowdsim.export.pointcloud import CloudSink
 
-            sinks.append(CloudSink(sampler, target / kind, kind, fps, options.points, frames, options.every, avatars))
-    with under_way():
-        written = stream_poses(sampler, fps, sinks, threads, progress)
-        told = dict(zip(options.kinds, written, strict=True))
-        if target.resolve() == folder.resolve() and (folder / NAME).exists():
+            planned.append(target / series_name(kind, range(start, stop, options.every), kind))
+    with record_files(target, planned) as recorder:
+        sampler = PoseSampler(take, policies, threads)
+        sinks: list[Any] = []
+        for kind in options.kinds:
+            if kind == "bvh":
+                sinks.append(BvhSink(sampler, target / kind, fps, frames, avatars))
+            else:
+                sinks.append(
+                    CloudSink(sampler, target / kind, kind, fps, options.points, frames, options.every, avatars)
+                )
+        with under_way():
+            written = stream_poses(sampler, fps, sinks, threads, progress)
+            told = dict(zip(options.kinds, written, strict=True))
             for kind, files in told.items():
-                update_manifest(folder, kind, files, asdict(options), threads)
+                recorder.settle(kind, files, asdict(options), True, threads)
     return told
 
 
@@ -214,15 +274,14 @@ def render_options(wanted: Any, threads: int) -> Any:
     )
 
 
-def check_range(take: Take, fps: float, frames: Sequence[int] | None, key: str) -> tuple[int, int] | None:
-    """Return a range of output frames, cut to the take's.
+def check_range(count: int, fps: float, frames: Sequence[int] | None, key: str) -> tuple[int, int] | None:
+    """Return a range of output frames, cut to the ``count`` that there are.
 
     Raises:
         ScenarioError: It begins after the last frame.
     """
     if frames is None:
         return None
-    count = take.output_frames(fps)
     if frames[0] >= count:
         raise ScenarioError(f"{key}: begins at frame {frames[0]}, the run has frames 0 to {count - 1} at {fps:g} fps")
     return frames[0], min(frames[1], count)

@@ -30,6 +30,9 @@ Progress = Callable[[str, int, int], None]
 _TAKE_CHUNK_AVATAR_FRAMES = 4_000_000
 _STEP_AVATAR_FRAMES = 200_000
 
+CHOICES = "run --force starts over, --out names another folder"
+"""What can be done about a run that was interrupted."""
+
 LARGE = 20_000
 """Crowds of so many avatars are told beforehand what they need."""
 
@@ -184,7 +187,7 @@ def record(
                 progress("control", done, frames)
             if caught and done < frames:
                 writer.close("interrupted")
-                kept = f"the {done} of {frames} control frames that were done are kept, --force runs all again"
+                kept = f"the {done} of {frames} control frames that were done are kept, {CHOICES}"
                 raise Interrupted(caught[0], folder, kept)
             clock.start()
         writer.close()

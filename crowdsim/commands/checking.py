@@ -37,14 +37,18 @@ def verify(folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run fol
     """Hold every file of a run against the checksums in its manifest."""
     from crowdsim.manifest import read_manifest, verify
 
-    findings, more = verify(folder, CORES)
-    for finding in findings:
+    verdict = verify(folder, CORES)
+    for finding in verdict.findings:
         print(finding, file=sys.stderr)
-    if findings:
+    if verdict.findings:
         sys.exit(1)
-    if more:
-        some = ", ".join(more[:3]) + (", ..." if len(more) > 3 else "")
-        print(f"{folder}: not written by the run: {some}", file=sys.stderr)
+    for what, names in (
+        ("an export or a rendering was not finished", verdict.unfinished),
+        ("not written by crowdsim", verdict.foreign),
+    ):
+        if names:
+            some = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
+            print(f"{folder}: {what}: {some}", file=sys.stderr)
     print(f"{folder}: {len(read_manifest(folder)['files'])} files, all as they were written")
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -31,6 +33,7 @@ def render(
     jobs: Annotated[int, typer.Option(min=1, max=256, help="Processes that draw.")] = 1,
 ) -> None:
     """Render runs and BVH files to PNG, MP4 and contact sheets."""
+    from crowdsim.recorder import record_files
     from crowdsim.render.command import RenderOptions, parse_frames, parse_size, render_many
     from crowdsim.render.take_source import TakeSource
     from crowdsim.runner import open_run
@@ -52,6 +55,13 @@ def render(
         take, policies, notes = open_run(path)
         return TakeSource(take, policies, wanted.fps or 30.0, threads=threads), tuple(notes)
 
+    told = {"size": size, "fps": fps, "frames": frames, "camera": camera, "caption": caption}
+
+    @contextmanager
+    def record(folder: Path, planned: Sequence[Path]) -> Iterator[Callable[[Sequence[Path]], None]]:
+        with record_files(folder, planned) as recorder:
+            yield lambda files: recorder.settle("pictures", files, told, threads=threads)
+
     if out is not None and len(things) == 1:
         outs = [out]
     else:
@@ -60,7 +70,7 @@ def render(
             for thing in things
         ]
     with Bars() as bars:
-        outcomes = render_many(things, outs, options, open_source, bars)
+        outcomes = render_many(things, outs, options, open_source, bars, record)
     failed = [outcome for outcome in outcomes if outcome.error is not None]
     for outcome in outcomes:
         for note in outcome.notes:

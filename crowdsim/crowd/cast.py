@@ -73,7 +73,8 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
     for row, (_, kind) in enumerate(moods):
         policy = policies[owners[kind]]
         named = kinds[kind].behaviours
-        weights[row] = _weights(policy, named, width) if named else np.pad(policy.weights, (0, width - len(policy.weights)))
+        own = policy.weights
+        weights[row] = _weights(policy, named, width) if named else np.pad(own, (0, width - len(own)))
     settings = [kinds[kind] for _, kind in moods]
     skip, fixed = np.empty(placed.count, np.int32), np.full(placed.count, -1, np.int32)
     for index, group in enumerate(scenario.groups):

@@ -168,12 +168,16 @@ def profile_table(profile: Profile) -> str:
     return "\n".join(lines)
 
 
-def write_profile(folder: Path, timings: Array, avatars: int, wanted: ProfileOutput) -> None:
-    """Write ``profile.csv``, and ``profile.png`` where plots are wanted, into a run's folder."""
+def write_profile(folder: Path, timings: Array, avatars: int, wanted: ProfileOutput) -> list[Path]:
+    """Write ``profile.csv``, and ``profile.png`` where plots are wanted, into a run's folder; return the files."""
+    files = []
     if wanted.csv:
-        write_csv(folder / "profile.csv", timings, avatars)
+        files.append(folder / "profile.csv")
+        write_csv(files[-1], timings, avatars)
     if wanted.plots:
-        draw_profile(folder / "profile.png", timings, avatars)
+        files.append(folder / "profile.png")
+        draw_profile(files[-1], timings, avatars)
+    return files
 
 
 def write_csv(path: Path, timings: Array, avatars: int) -> None:

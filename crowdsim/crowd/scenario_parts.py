@@ -7,12 +7,12 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, model_validator
 
+from crowdsim.crowd.names import NAME, NAME_RULE
 from crowdsim.errors import nearest
 from crowdsim.policy.pursuit import MARGIN, MOST, TEMPERATURE
 from crowdsim.yaml_files import Fault, Faults, StrictModel
 from crowdsim.yaml_schema import join
 
-_NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}"
 _COLOUR = r"#[0-9a-fA-F]{6}"
 
 SCALES = (0.5, 2.0)
@@ -20,8 +20,8 @@ SPEEDS = (0.25, 4.0)
 
 
 def _name(text: str) -> str:
-    if not re.fullmatch(_NAME, text):
-        raise ValueError("expected a name of letters, digits, '_', '-' and '.', at most 64, a letter or digit first")
+    if not re.fullmatch(NAME, text):
+        raise ValueError(f"expected a name of {NAME_RULE}")
     return text
 
 
@@ -41,7 +41,7 @@ def _policy(text: str, info: ValidationInfo) -> str:
     return text
 
 
-Name = Annotated[str, AfterValidator(_name), WithJsonSchema({"type": "string", "pattern": f"^{_NAME}$"})]
+Name = Annotated[str, AfterValidator(_name), WithJsonSchema({"type": "string", "pattern": f"^{NAME}$"})]
 PolicyName = Annotated[Name, AfterValidator(_policy)]
 Colour = Annotated[str, AfterValidator(_colour), WithJsonSchema({"type": "string", "pattern": f"^{_COLOUR}$"})]
 Metres = Annotated[float, Field(ge=-100_000, le=100_000)]

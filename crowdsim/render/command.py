@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from crowdsim.errors import CrowdsimError, OutputError
-from crowdsim.render.batch import Progress, Rendered, render
+from crowdsim.render.batch import Progress, Record, Rendered, render
 from crowdsim.render.bvh_figure import BVH_CAMERA, bvh_source
 from crowdsim.render.camera import Keys, parse_camera
 from crowdsim.render.source import PoseSource
@@ -130,7 +130,13 @@ def scenario_options(output: Any, threads: int | None = None) -> RenderOptions:
     )
 
 
-def render_source(source: PoseSource, out: Path, options: RenderOptions, progress: Progress | None = None) -> Rendered:
+def render_source(
+    source: PoseSource,
+    out: Path,
+    options: RenderOptions,
+    progress: Progress | None = None,
+    record: Record | None = None,
+) -> Rendered:
     """Draw a source into a folder as the options say; errors as of ``render``."""
     frames = None
     if options.frames is not None:
@@ -153,11 +159,16 @@ def render_source(source: PoseSource, out: Path, options: RenderOptions, progres
         threads=options.threads,
         jobs=options.jobs,
         progress=progress,
+        record=record,
     )
 
 
 def render_bvh(
-    path: str | os.PathLike[str], out: Path, options: RenderOptions, progress: Progress | None = None
+    path: str | os.PathLike[str],
+    out: Path,
+    options: RenderOptions,
+    progress: Progress | None = None,
+    record: Record | None = None,
 ) -> tuple[Rendered, tuple[str, ...]]:
     """Draw a BVH file as a figure, by default from the front and the side; return what is odd about it too.
 
@@ -167,7 +178,7 @@ def render_bvh(
         OutputError: A file cannot be written.
     """
     source, findings = bvh_source(path, options.fps)
-    return render_source(source, out, _with_camera(options, BVH_CAMERA), progress), findings
+    return render_source(source, out, _with_camera(options, BVH_CAMERA), progress, record), findings
 
 
 def _with_camera(options: RenderOptions, camera: str) -> RenderOptions:
@@ -180,6 +191,7 @@ def render_many(
     options: RenderOptions,
     open_source: Open | None = None,
     progress: Progress | None = None,
+    record: Record | None = None,
 ) -> list[Outcome]:
     """Draw several things one after the other; a failure of one hurts no other.
 
@@ -189,6 +201,7 @@ def render_many(
         options: How to draw.
         open_source: Opens what is no BVH file, a run folder say.
         progress: Called with stage, done and total; the stage 'files' counts the things themselves.
+        record: Notes the files of each, see ``crowdsim.render.batch.render``.
 
     Raises:
         CrowdsimError: Two of them would write into one folder, or the camera is unknown.
@@ -202,10 +215,10 @@ def render_many(
         notes: tuple[str, ...] = ()
         try:
             if path.suffix.lower() == ".bvh" or open_source is None:
-                rendered, notes = render_bvh(path, out, options, progress)
+                rendered, notes = render_bvh(path, out, options, progress, record)
             else:
                 source, notes = open_source(path, options)
-                rendered = render_source(source, out, options, progress)
+                rendered = render_source(source, out, options, progress, record)
             outcomes.append(Outcome(path, out, rendered, None, notes))
         except CrowdsimError as error:
             outcomes.append(Outcome(path, out, None, error, notes))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from crowdsim.crowd.events import VARIABLES, Events
 
-__all__ = ["VARIABLES", "Cast", "Events", "Take"]
+__all__ = ["VARIABLES", "Cast", "Events", "Take", "count_output_frames"]
 
 Array = NDArray[Any]
 
@@ -102,4 +102,9 @@ class Take:
 
     def output_frames(self, fps: float) -> int:
         """Return how many output frames at ``fps`` lie between the first control frame and the last, both included."""
-        return int(self.seconds * fps + 1e-6) + 1
+        return count_output_frames(self.frame_count, self.control_rate, fps)
+
+
+def count_output_frames(control_frames: int, control_rate: float, fps: float) -> int:
+    """Return how many output frames at ``fps`` lie between the first control frame and the last, both included."""
+    return int(max(control_frames - 1, 0) / control_rate * fps + 1e-6) + 1
