@@ -13,28 +13,22 @@ import numpy as np
 
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.evaluation import Composition
-from crowdsim.policy.policy import Behaviour, Policy
+from crowdsim.policy.policy import Policy
 from crowdsim.policy.ranges import resolve_grid
 from crowdsim.policy.recipe import BehaviourSpec, Recipe
 from crowdsim.policy.rewards import TransitionTerm
 
 
-def default_weights(recipe: Recipe) -> dict[str, float]:
-    """Return the weights of the behaviours that avatars use by default; those that count nothing are left out."""
-    given = recipe.weights if recipe.weights is not None else dict.fromkeys(recipe.behaviours, 1.0)
-    return {name: weight for name, weight in given.items() if weight > 0.0}
-
-
-def composed(recipe: Recipe, policy: Policy, learned: dict[str, Behaviour]) -> Composition:
-    """Return the behaviours that a recipe's default weights compose.
+def composed(policy: Policy) -> Composition:
+    """Return the behaviours that avatars with a policy use by default, those that have a preference.
 
     Raises:
-        ValueError: None of them has a preference.
+        ValueError: There are none.
     """
-    weights = {name: weight for name, weight in default_weights(recipe).items() if learned[name].scale > 0.0}
-    if not weights:
+    counts = [k for k, one in enumerate(policy.behaviours) if policy.weights[k] > 0.0 and one.scale > 0.0]
+    if not counts:
         raise ValueError(f"{policy.name}: no behaviour of the composition has a preference, expected one or more")
-    return Composition(policy.actions, tuple(learned[name] for name in weights), np.array(list(weights.values())))
+    return Composition(policy.actions, tuple(policy.behaviours[k] for k in counts), policy.weights[counts])
 
 
 def joint_actions(composition: Composition) -> Actions:

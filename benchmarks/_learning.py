@@ -1,24 +1,22 @@
-"""Recipes made ready to learn, behaviours learned from them, and starts from which they are judged."""
+"""Trained policies, behaviours learned beside theirs, and starts from which they are judged."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from crowdsim.graph.motion_graph import MotionGraph, build_graph
-from crowdsim.motion.database import MotionDatabase
-from crowdsim.policy.actions import build_actions
 from crowdsim.policy.evaluation import Episodes, random_starts, run_episodes
 from crowdsim.policy.fingerprint import capture_files
 from crowdsim.policy.policy import Behaviour, Policy
-from crowdsim.policy.pruning import prune_graph
 from crowdsim.policy.ranges import strike_reach
-from crowdsim.policy.recipe import BehaviourSpec, Recipe
-from crowdsim.policy.rewards import ProximityTerm, target_body
-from crowdsim.policy.train import load_motion, train_behaviour
+from crowdsim.policy.recipe import BehaviourSpec, Recipe, load_recipe
+from crowdsim.policy.rewards import ProximityTerm
+from crowdsim.policy.train import ready_policy, train_behaviour, train_policy
 
+POLICIES = Path(__file__).resolve().parent.parent / "policies"
 NEAR_AND_FAR = (0.6, 4.0)
 """How far away targets are that avatars must walk to [m]."""
 
@@ -33,8 +31,6 @@ LANDED_WITHIN = {False: 3.0, True: 6.0}
 QUICK = {"distance": 8, "bearing": 8, "height": 2}
 """Most points of each axis in a quick run."""
 
-_built: dict[str, tuple[MotionDatabase, MotionGraph]] = {}
-
 
 @dataclass(frozen=True)
 class Sizes:
@@ -48,7 +44,7 @@ class Sizes:
     """
 
     starts: int = 400
-    searched: int = 160
+    searched: int = 100
     width: int = 128
     depth: int = 10
 
@@ -56,10 +52,22 @@ class Sizes:
 TINY = Sizes(starts=24, searched=8, width=8, depth=3)
 
 
-def quick_recipe(recipe: Recipe) -> Recipe:
-    """Return a recipe of the same behaviours that is learned in seconds: little motion, narrow graph, coarse grids."""
+def trained(stem: str, mocap: str | None, threads: int) -> tuple[Recipe, Policy]:
+    """Return a shipped recipe and its policy, which is trained first where it is missing or stale."""
+    path = POLICIES / f"{stem}.yaml"
+    return load_recipe(path), ready_policy(path, mocap, threads)
+
+
+def quickly_trained(stem: str, mocap: str | None, threads: int) -> tuple[Recipe, Policy]:
+    """Return a recipe of the same behaviours that is learned in seconds, and its policy.
+
+    It has little motion, one file of capture, a narrow graph and coarse grids.
+    """
+    recipe = load_recipe(POLICIES / f"{stem}.yaml")
     told = recipe.model_dump(mode="json")
-    if recipe.motion.performer is not None:
+    if recipe.motion.capture is not None and mocap is not None:
+        told["motion"]["capture"]["clips"] = [str(capture_files(recipe, mocap)[0].relative_to(mocap))]
+    else:
         told["motion"]["performer"]["seconds"] = 24.0
     told["graph"]["branching"] = 6
     for spec in told["behaviours"].values():
@@ -67,25 +75,8 @@ def quick_recipe(recipe: Recipe) -> Recipe:
         for name, axis in spec["axes"].items():
             if axis is not None:
                 axis["count"] = min(axis["count"], QUICK[name])
-    return Recipe.model_validate(told)
-
-
-def prepare(recipe: Recipe, name: str, mocap: str | None, quick: bool = False) -> Policy:
-    """Return motion, graph and actions of a recipe as a policy that has learned nothing yet.
-
-    Recipes of the same motion share it, and the graph before it is pruned. Quick runs take one file of capture.
-    """
-    key = recipe.model_dump_json(include={"motion", "graph", "control_rate", "playback_rate"})
-    if key not in _built:
-        files = capture_files(recipe, mocap)
-        database = load_motion(recipe, files[:1] if quick else files)
-        _built[key] = database, build_graph(database, recipe.graph)
-    database, graph = _built[key]
-    body = target_body(database)
-    if recipe.prune is not None:
-        graph = prune_graph(database, graph, recipe.behaviours, body, recipe.prune)
-    nothing = np.zeros(0, np.float32)
-    return Policy(name, database, graph, build_actions(database, graph), (), body, nothing, {}, {}, "", {})
+    recipe = Recipe.model_validate(told)
+    return recipe, train_policy(recipe, stem, mocap, threads)[0]
 
 
 def train(policy: Policy, name: str, spec: BehaviourSpec, precision: str = "float32") -> Behaviour:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-from _learning import Sizes, changed, play, starts_for, success, train
+from _learning import POLICIES, Sizes, changed, play, starts_for, success, train
 
 from crowdsim.policy import bundle
 from crowdsim.policy.policy import Policy
 from crowdsim.policy.recipe import BehaviourSpec, load_recipe
 from crowdsim.policy.rewards import TransitionTerm
 
-POLICIES = Path(__file__).resolve().parent.parent / "policies"
 STARTS = Sizes().starts
 LARGEST = 500e6
 """Tables above this many bytes are left out of the comparison [B]."""

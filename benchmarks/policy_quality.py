@@ -8,7 +8,7 @@ those of `approach`, half those of `punch`, and a success is a strike that lands
 
 The reference is the better of two: the same behaviour on a grid of four times the cells (twice the distances, twice
 the bearings), and a beam search at run time (128 nodes wide, 10 actions deep, exact rewards, that finer policy's
-values behind its leaves; over the first 160 starts, on which the ratio to it is taken). For a composition it learns the
+values behind its leaves; over the first 100 starts, on which the ratio to it is taken). For a composition it learns the
 sum of the rewards as one behaviour. `random_return_ratio` is the return of drawn actions over that of the reference; it
 is negative where their cuts cost more than they earn. Part of a return comes whatever is done: `decided_ratio` is what
 is earned above drawn actions, over what the reference earns above them.
@@ -28,20 +28,20 @@ from dataclasses import replace
 from typing import Any
 
 import numba
-from _composition import composed, default_weights, joint_actions, joint_behaviour
+from _composition import composed, joint_actions, joint_behaviour
 from _learning import (
+    POLICIES,
     TINY,
     Sizes,
     play,
-    prepare,
-    quick_recipe,
+    quickly_trained,
     reference,
     starts_for,
     success,
-    train,
+    trained,
     wanted_within,
 )
-from _policy_tables import POLICIES, precisions, prices, resolutions
+from _policy_tables import precisions, prices, resolutions
 
 from crowdsim.policy.evaluation import Composition, Episodes
 from crowdsim.policy.policy import Behaviour, Policy
@@ -113,16 +113,14 @@ def judge(
 
 
 def judged(policy: Policy, recipe: Recipe, sizes: Sizes, threads: int) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield how good each behaviour of a recipe is, and last their composition.
+    """Yield how good each behaviour of a policy is, and last their composition.
 
     A behaviour that is all of the composition is judged as that alone.
     """
-    learned: dict[str, Behaviour] = {}
+    composition = composed(policy)
     for name, spec in recipe.behaviours.items():
-        learned[name] = train(policy, name, spec, recipe.precision)
-        if list(default_weights(recipe)) != [name]:
-            yield name, judge(policy, spec, reference(policy, name, spec), learned[name], sizes, threads)
-    composition = composed(recipe, policy, learned)
+        if [behaviour.name for behaviour in composition.behaviours] != [name]:
+            yield name, judge(policy, spec, reference(policy, name, spec), policy.behaviour(name), sizes, threads)
     joint = replace(policy, actions=joint_actions(composition))
     spec = joint_behaviour(recipe, policy, composition)
     yield "composition", judge(joint, spec, reference(joint, "composition", spec), composition, sizes, threads)
@@ -151,12 +149,10 @@ def main() -> None:
     numba.set_num_threads(options.threads)
     told: dict[str, Any] = {}
     for stem in options.policy or SHIPPED:
-        recipe = load_recipe(POLICIES / f"{stem}.yaml")
-        if recipe.motion.capture is not None and not options.mocap:
+        if load_recipe(POLICIES / f"{stem}.yaml").motion.capture is not None and not options.mocap:
             print(f"{stem}: left out, it needs --mocap or CROWDSIM_MOCAP", file=sys.stderr)
             continue
-        recipe = quick_recipe(recipe) if options.quick else recipe
-        policy = prepare(recipe, stem, options.mocap, options.quick)
+        recipe, policy = (quickly_trained if options.quick else trained)(stem, options.mocap, options.threads)
         told[stem] = {}
         for name, figures in judged(policy, recipe, TINY if options.quick else Sizes(), options.threads):
             told[stem][name] = figures

@@ -56,24 +56,22 @@ def recipe_of(**discounts: float) -> Recipe:
     )
 
 
-def learned_of(recipe: Recipe) -> tuple[Policy, dict[str, Behaviour]]:
-    """Return a policy over random actions, and its behaviours as if they had learned."""
+def policy_of(recipe: Recipe) -> Policy:
+    """Return a policy over random actions, as if it had learned."""
     actions = random_actions()
     nothing = np.zeros(0, np.float32)
-    policy = Policy("any", None, None, actions, (), BODY, nothing, {}, {}, "", {})
     scales = {"walk": 0.5, "hit": 2.0, "idle": 1.0}
-    return policy, {
-        name: Behaviour(
-            name, resolve_grid(spec, policy.database), "v", nothing, scales[name], tuple(spec.rewards), spec.discount
-        )
+    behaviours = tuple(
+        Behaviour(name, resolve_grid(spec, None), "v", nothing, scales[name], tuple(spec.rewards), spec.discount)
         for name, spec in recipe.behaviours.items()
-    }
+    )
+    return Policy("any", None, None, actions, behaviours, BODY, nothing, recipe.model_dump(), {}, "", {})
 
 
 def test_a_compositions_reward_is_the_weighted_sum_with_the_highest_price_once(module: ModuleType) -> None:
     recipe = recipe_of()
-    policy, learned = learned_of(recipe)
-    composition = module.composed(recipe, policy, learned)
+    policy = policy_of(recipe)
+    composition = module.composed(policy)
     assert [behaviour.name for behaviour in composition.behaviours] == ["walk", "hit"]
     joint, spec = module.joint_actions(composition), module.joint_behaviour(recipe, policy, composition)
     prices = set()
@@ -81,7 +79,7 @@ def test_a_compositions_reward_is_the_weighted_sum_with_the_highest_price_once(m
         target, cost = (0.2, 1.5, 0.7), float(policy.actions.costs[action])
         earned, priced = 0.0, {"walk": 2.0 * cost * 1.0 / 0.5, "hit": 0.2 * (cost > 0.0) * 3.0 / 2.0}
         for name, factor in (("walk", 1.0 / 0.5), ("hit", 3.0 / 2.0)):
-            terms = tuple(term for term in learned[name].terms if not isinstance(term, TransitionTerm))
+            terms = tuple(term for term in policy.behaviour(name).terms if not isinstance(term, TransitionTerm))
             earned += factor * action_reward(policy.actions, action, target, terms, BODY, 0.97)
         told = action_reward(joint, action, target, tuple(spec.rewards), BODY, 0.97)
         assert told == pytest.approx(earned - max(priced.values()), abs=1e-5)
@@ -98,9 +96,9 @@ def test_a_compositions_reward_is_the_weighted_sum_with_the_highest_price_once(m
 
 def test_behaviours_without_a_common_discount_have_no_return(module: ModuleType) -> None:
     recipe = recipe_of(discount=0.9)
-    policy, learned = learned_of(recipe)
+    policy = policy_of(recipe)
     with pytest.raises(ValueError, match=r"any: the behaviours' discounts are \[0.9, 0.97\], expected one for all"):
-        module.joint_behaviour(recipe, policy, module.composed(recipe, policy, learned))
+        module.joint_behaviour(recipe, policy, module.composed(policy))
 
 
 @pytest.mark.slow
