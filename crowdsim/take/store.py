@@ -113,7 +113,8 @@ class TakeWriter:
             if os.path.lexists(taken):
                 raise OutputError(f"{taken}: is there already, expected a new name for the take")
         with self._writing():
-            self._group: Any = zarr.open_group(str(self._partial), mode="w-", **_format_two())
+            self._partial.mkdir(parents=True)
+            self._group: Any = zarr.open_group(str(self._partial), mode="w", **_format_two())
             self._begin(cast, frames, control_rate, scenario, seed, fingerprints, target_names, reactions)
 
     def _begin(
