@@ -36,6 +36,10 @@ class PolicyError(CrowdsimError):
     """A trained bundle is missing, damaged, foreign or of another version."""
 
 
+class VersionError(PolicyError):
+    """A trained bundle is of another format version."""
+
+
 class TakeError(CrowdsimError):
     """A recorded run is missing, damaged or does not hold what was asked for."""
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim import assets
-from crowdsim.errors import CrowdsimError, MotionError, PolicyError, RecipeError
+from crowdsim.errors import CrowdsimError, MotionError, PolicyError, RecipeError, VersionError
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
 from crowdsim.policy.actions import Actions, build_actions
@@ -97,10 +97,8 @@ def stale(folder: Path, recipe: Recipe, mocap: FileName | None = None) -> str:
         return "there is none yet"
     try:
         document = bundle.read_document(folder)
-    except PolicyError as error:
-        if "version" in str(error):
-            return "it is of another format version"
-        raise
+    except VersionError:
+        return "it is of another format version"
     try:
         files = capture_files(recipe, mocap) if recipe.motion.capture is not None and mocap else None
     except PolicyError:

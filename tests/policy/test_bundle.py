@@ -283,3 +283,15 @@ def test_coarser_values_are_near_and_smaller(trained, tmp_path, precision):
             close = spread / (250 * ours.scale)
             found = action_values(coarse, mood, state, (0.2, 1.5, 0.9))
             np.testing.assert_allclose(found, action_values(fine, mood, state, (0.2, 1.5, 0.9)), atol=close)
+
+
+def test_a_damaged_bundle_in_a_folder_called_version_is_damaged_and_not_stale(trained, tmp_path):
+    folder = tmp_path / "version 2"
+    shutil.copytree(trained / "small", folder)
+    recipe = load_recipe(trained / "small.yaml")
+    document = json.loads((folder / "policy.json").read_text())
+    (folder / "policy.json").write_text(json.dumps({**document, "checksum": "0"}))
+    with pytest.raises(PolicyError, match="damaged"):
+        stale(folder, recipe)
+    (folder / "policy.json").write_text(json.dumps({**document, "version": 0}))
+    assert stale(folder, recipe) == "it is of another format version"
