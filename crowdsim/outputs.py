@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from crowdsim.errors import CrowdsimError, ScenarioError, under_way
+from crowdsim.errors import CrowdsimError, under_way
+from crowdsim.frame_ranges import parse_frames
 
 if TYPE_CHECKING:
     from crowdsim.crowd.scenario import Scenario
@@ -54,7 +53,6 @@ def write_outputs(
 
     Raises:
         OutputError: A file cannot be written.
-        ScenarioError: An output's range begins after the last frame.
     """
     from crowdsim.export.stream import stream_poses
     from crowdsim.take.poses import PoseSampler
@@ -73,12 +71,14 @@ def write_outputs(
             told.update({sink.kind: written for sink, written in zip(sinks, files, strict=True)})
         laps["export"] = perf_counter() - since
     if wanted.render is not None:
-        from crowdsim.render.command import render_source
+        from crowdsim.render.command import render_source, scenario_options
         from crowdsim.render.take_source import TakeSource
 
         since = perf_counter()
         source = TakeSource(take, policies, wanted.render.fps, threads=threads)
-        rendered = render_source(source, folder, render_options(wanted.render, threads), progress)
+        options = scenario_options(wanted.render, threads)
+        options = replace(options, frames=_cut(wanted.render.frames_at(wanted.render.fps), take, wanted.render.fps))
+        rendered = render_source(source, folder, options, progress)
         told["pictures"] = list(rendered.files)
         laps["render"] = perf_counter() - since
     return told
@@ -92,7 +92,7 @@ def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple
     sinks: list[tuple[float, Any]] = []
     if wanted.bvh is not None:
         fps = wanted.bvh.fps or scenario.fps
-        frames = check_range(take, fps, wanted.bvh.frames, "outputs.bvh.frames")
+        frames = _cut(wanted.bvh.frames_at(fps), take, fps)
         sinks.append((fps, BvhSink(sampler, folder / "bvh", fps, frames, wanted.bvh.avatars)))
     for kind in ("ply", "pcd"):
         cloud = getattr(wanted, kind)
@@ -101,7 +101,7 @@ def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple
         from crowdsim.export.pointcloud import CloudSink
 
         fps = cloud.fps or scenario.fps
-        frames = check_range(take, fps, cloud.frames, f"outputs.{kind}.frames")
+        frames = _cut(cloud.frames_at(fps), take, fps)
         sink = CloudSink(sampler, folder / kind, kind, fps, cloud.points, frames, cloud.every, cloud.avatars)
         sinks.append((fps, sink))
     return sinks
@@ -114,7 +114,7 @@ class ExportOptions:
     Attributes:
         kinds: ``bvh``, ``ply``, ``pcd``.
         avatars: Their numbers, ``0-9`` or ``0,3,5-7``; all when None.
-        frames: Output frames ``A:B``; all when None.
+        frames: Output frames ``A:B``, in frames or seconds; all when None.
         fps: Output frames a second.
         every: Write every n-th output frame of point clouds.
         points: Points an avatar.
@@ -156,7 +156,7 @@ def export_take(
         RunError: A file cannot be written.
     """
     from crowdsim.export.bvh import BvhSink
-    from crowdsim.export.select import parse_avatars, parse_range
+    from crowdsim.export.select import parse_avatars
     from crowdsim.export.stream import stream_poses
     from crowdsim.manifest import NAME, update_manifest
     from crowdsim.take.poses import PoseSampler
@@ -165,7 +165,9 @@ def export_take(
         raise CrowdsimError("nothing to export, expected --bvh, --ply or --pcd")
     fps = options.fps
     avatars = parse_avatars(options.avatars, take.avatar_count)
-    frames = parse_range(options.frames, take.output_frames(fps), fps)
+    frames = None
+    if options.frames is not None:
+        frames = parse_frames(options.frames).resolve(take.output_frames(fps), fps, take.frame_limit(fps))
     target = out or folder
     sampler = PoseSampler(take, policies, threads)
     sinks: list[Any] = []
@@ -185,44 +187,6 @@ def export_take(
     return told
 
 
-def render_options(wanted: Any, threads: int) -> Any:
-    """Return the options of the renderer that a scenario's ``outputs.render`` means."""
-    from crowdsim.render.camera import Keys
-    from crowdsim.render.command import RenderOptions
-
-    camera = wanted.camera
-    if not isinstance(camera, str):
-        if camera.kind == "follow":
-            camera = f"follow:{camera.avatar}"
-        else:
-            keys = camera.keys
-            camera = Keys(
-                np.array([key.seconds for key in keys]),
-                np.array([key.position for key in keys]),
-                np.array([key.look_at for key in keys]),
-            )
-    return RenderOptions(
-        size=wanted.size,
-        fps=None,
-        frames=wanted.frames,
-        camera=camera,
-        mp4=wanted.mp4,
-        png=wanted.png,
-        contact_sheet=wanted.contact_sheet or 0,
-        caption=wanted.caption,
-        threads=threads,
-    )
-
-
-def check_range(take: Take, fps: float, frames: Sequence[int] | None, key: str) -> tuple[int, int] | None:
-    """Return a range of output frames, cut to the take's.
-
-    Raises:
-        ScenarioError: It begins after the last frame.
-    """
-    if frames is None:
-        return None
-    count = take.output_frames(fps)
-    if frames[0] >= count:
-        raise ScenarioError(f"{key}: begins at frame {frames[0]}, the run has frames 0 to {count - 1} at {fps:g} fps")
-    return frames[0], min(frames[1], count)
+def _cut(frames: Sequence[int] | None, take: Take, fps: float) -> tuple[int, int] | None:
+    """Return a checked range of a scenario's output frames, cut where the last control frame lasts beyond the take."""
+    return None if frames is None else (frames[0], min(frames[1], take.output_frames(fps)))

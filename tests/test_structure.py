@@ -23,7 +23,17 @@ LEFT_OF = {
     "export": {"motion", "graph", "policy", "crowd", "take"},
     "render": {"motion", "graph", "policy", "crowd", "take"},
 }
-COMMON = {"errors", "assets", "figures", "yaml_files", "yaml_findings", "yaml_schema", "yaml_tree"}
+COMMON = {
+    "errors",
+    "assets",
+    "figures",
+    "frame_ranges",
+    "yaml_files",
+    "yaml_findings",
+    "yaml_schema",
+    "yaml_syntax",
+    "yaml_tree",
+}
 
 
 def imports(path: Path, everywhere: bool = True) -> set[str]:

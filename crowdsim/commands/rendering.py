@@ -31,7 +31,8 @@ def render(
     jobs: Annotated[int, typer.Option(min=1, max=256, help="Processes that draw.")] = 1,
 ) -> None:
     """Render runs and BVH files to PNG, MP4 and contact sheets."""
-    from crowdsim.render.command import RenderOptions, parse_frames, parse_size, render_many
+    from crowdsim.frame_ranges import parse_frames
+    from crowdsim.render.command import RenderOptions, parse_size, render_many
     from crowdsim.render.take_source import TakeSource
     from crowdsim.runner import open_run
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
-from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, ValidationError, ValidationInfo, model_validator
 
 from crowdsim import assets
 from crowdsim.crowd.scenario_checks import name_faults, sense_faults
@@ -26,7 +27,7 @@ from crowdsim.crowd.scenario_outputs import Outputs
 from crowdsim.crowd.scenario_parts import Arena, AvatarType, Name, NoArena
 from crowdsim.errors import ScenarioError, nearest
 from crowdsim.yaml_files import Fault, Faults, Finding, StrictModel, dump_yaml, find_faults, load_model, where
-from crowdsim.yaml_schema import join, spot_of
+from crowdsim.yaml_schema import Words, join, spot_of
 from crowdsim.yaml_tree import key_path
 
 VERSION = 1
@@ -36,10 +37,23 @@ SCHEMA_FILE = "scenario.schema.json"
 FileName = str | PathLike[str]
 
 
+_LENGTH = re.compile(r"\s*(\d+(?:\.\d+)?)\s*s\s*")
+
+
 class Seconds(StrictModel):
     """A length of time."""
 
     seconds: float = Field(gt=0, le=1_000_000, description="Length of time [s].")
+
+
+def _read_length(value: Any) -> Any:
+    """Return text such as ``20s`` as plain data; anything else as it is."""
+    match = _LENGTH.fullmatch(value) if isinstance(value, str) else None
+    return value if match is None else {"seconds": float(match[1])}
+
+
+def _allow_length_text(schema: dict[str, Any]) -> None:
+    schema["anyOf"].insert(1, {"type": "string", "pattern": f"^{_LENGTH.pattern}$"})
 
 
 class Scenario(StrictModel):
@@ -52,8 +66,13 @@ class Scenario(StrictModel):
     name: Name = Field(description="Name of the scenario, and of the folder that a run writes.")
     description: str = Field(default="", description="What the scenario shows, in words.")
     seed: int = Field(default=0, ge=0, le=MAXIMUM_SEED, description="Seed of everything random.")
-    duration: Annotated[int, Field(ge=1, le=100_000_000)] | Seconds = Field(
-        description="Length in control frames, or as a mapping in `seconds`."
+    duration: Annotated[
+        Annotated[int, Field(ge=1, le=100_000_000)] | Seconds,
+        BeforeValidator(_read_length),
+        Words("text such as 20s", besides=True),
+    ] = Field(
+        description="Length in control frames, or in seconds: text such as `20s`, or a mapping with `seconds`.",
+        json_schema_extra=_allow_length_text,
     )
     fps: float = Field(
         default=60.0, ge=1, le=1000, description="Frames a second of outputs that name no rate of their own."
@@ -228,11 +247,15 @@ def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:
                 }
             )
         )
-    outputs = {}
+    outputs: dict[str, Any] = {}
     for key in ("bvh", "ply", "pcd"):
         output = getattr(scenario.outputs, key)
         if output is not None:
-            outputs[key] = output.model_copy(update={"fps": output.fps or scenario.fps})
+            fps = output.fps or scenario.fps
+            outputs[key] = output.model_copy(update={"fps": fps, "frames": output.frames_at(fps)})
+    render = scenario.outputs.render
+    if render is not None:
+        outputs["render"] = render.model_copy(update={"frames": render.frames_at(render.fps)})
     resolved = scenario.model_copy(
         update={
             "types": {name: _merged_type(scenario, name) for name in scenario.types},
