@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from crowdsim.errors import CrowdsimError, under_way
@@ -35,7 +34,7 @@ def write_outputs(
     policies: Sequence[Policy],
     scenario: Scenario,
     threads: int = 1,
-    seconds: dict[str, float] | None = None,
+    lap: Callable[[str], None] | None = None,
     progress: Progress | None = None,
 ) -> dict[str, list[Path]]:
     """Write the outputs that a scenario asks for from a take; return the files of each kind.
@@ -48,7 +47,7 @@ def write_outputs(
         policies: Its policies.
         scenario: The scenario, resolved.
         threads: Threads.
-        seconds: Where the time of each stage is added [s].
+        lap: Called with the name of each stage when it ends.
         progress: Called with stage, done and total.
 
     Raises:
@@ -58,10 +57,8 @@ def write_outputs(
     from crowdsim.take.poses import PoseSampler
 
     told: dict[str, list[Path]] = {}
-    laps = {} if seconds is None else seconds
     wanted = scenario.outputs
     if wanted.bvh is not None or wanted.ply is not None or wanted.pcd is not None:
-        since = perf_counter()
         sampler = PoseSampler(take, policies, threads)
         rates: dict[float, list[Sink]] = {}
         for fps, sink in _sinks(sampler, folder, scenario):
@@ -69,18 +66,19 @@ def write_outputs(
         for fps, sinks in rates.items():
             files = stream_poses(sampler, fps, sinks, threads, progress)
             told.update({sink.kind: written for sink, written in zip(sinks, files, strict=True)})
-        laps["export"] = perf_counter() - since
+        if lap is not None:
+            lap("export")
     if wanted.render is not None:
         from crowdsim.render.command import render_source, scenario_options
         from crowdsim.render.take_source import TakeSource
 
-        since = perf_counter()
         source = TakeSource(take, policies, wanted.render.fps, threads=threads)
         options = scenario_options(wanted.render, threads)
         options = replace(options, frames=_cut(wanted.render.frames_at(wanted.render.fps), take, wanted.render.fps))
         rendered = render_source(source, folder, options, progress)
         told["pictures"] = list(rendered.files)
-        laps["render"] = perf_counter() - since
+        if lap is not None:
+            lap("render")
     return told
 
 

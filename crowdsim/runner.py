@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim import assets
+from crowdsim.compilation import watch_compilation
 from crowdsim.crowd.scenario import Scenario, dump_scenario
 from crowdsim.errors import CrowdsimError, RunError, under_way
 from crowdsim.manifest import NAME as MANIFEST
@@ -21,7 +22,7 @@ from crowdsim.preparation import Prepared, load_policies, prepare
 from crowdsim.recording import LARGE, Clock, Interrupted, Report, needs, record, stop_signals
 from crowdsim.run_folder import RESOLVED, check_folder, clear_folder, copy_file, hold_folder, write_text
 from crowdsim.take.take import VARIABLES, Events, Take
-from crowdsim.validation import check_scenario
+from crowdsim.validation import check_scenario, late_events
 
 if TYPE_CHECKING:
     from crowdsim.crowd.chunk import Chunk
@@ -103,7 +104,8 @@ def run_to(
     """Run a scenario into a folder: take, outputs, and the manifest last.
 
     A finished run of the same resolved scenario is not done again, unless ``force`` says so. What is wrong with the
-    input is found before the folder is made or touched. ``tell`` is handed what a large crowd will need, beforehand.
+    input is found before the folder is made or touched. ``tell`` is handed what a large crowd will need,
+    beforehand, and once that kernels are compiled.
 
     Raises:
         ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
@@ -117,7 +119,29 @@ def run_to(
     resolved = dump_scenario(scenario)
     if check_folder(folder, resolved, force):
         return _done_before(report)
+    with watch_compilation(tell) as compilation:
+        clock.watch(compilation)
+        _run_watched(folder, scenario, resolved, threads, mocap, force, command, progress, tell, report, clock)
+        report.compiled = compilation.count
+    return report
+
+
+def _run_watched(
+    folder: Path,
+    scenario: Scenario,
+    resolved: str,
+    threads: int,
+    mocap: Path | None,
+    force: bool,
+    command: str,
+    progress: Progress | None,
+    tell: Callable[[str], None] | None,
+    report: Report,
+    clock: Clock,
+) -> None:
+    """Run a scenario into a folder that is fit for it, as ``run_to`` does, while what is compiled is watched."""
     placed = check_scenario(scenario)
+    report.notes += late_events(scenario)
     policies = load_policies(scenario, mocap, threads, progress)
     expect_outputs(scenario)
     clock.lap("policies")
@@ -128,7 +152,8 @@ def run_to(
     with stop_signals() as caught, hold_folder(folder):
         # Another run may have come and gone since the first look.
         if check_folder(folder, resolved, force):
-            return _done_before(report)
+            _done_before(report)
+            return
         report.notes += clear_folder(folder)
         clock.lap("prepare")
         try:
@@ -137,7 +162,6 @@ def run_to(
         except OSError as error:
             where = error.filename or folder
             raise RunError(f"{where}: cannot be read or written: {error.strerror or error}") from error
-    return report
 
 
 def _run_in(
@@ -165,8 +189,7 @@ def _run_in(
         if progress is not None:
             progress(stage, done, total)
 
-    files = write_outputs(folder, take, prepared.policies, scenario, threads, report.seconds, watch)
-    clock.start()
+    files = write_outputs(folder, take, prepared.policies, scenario, threads, clock.lap, watch)
     if timings is not None and scenario.outputs.profile is not None:
         from crowdsim.crowd.profile import write_profile
 

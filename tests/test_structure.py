@@ -26,6 +26,7 @@ LEFT_OF = {
 COMMON = {
     "errors",
     "assets",
+    "compilation",
     "figures",
     "frame_ranges",
     "yaml_files",

@@ -146,7 +146,8 @@ def test_the_reference_page_links_to_sections_that_it_has():
         ("duration: 100", "duration: 1.5",
          "4:11: duration: is 1.5, expected a whole number from 1 to 100000000, a mapping with seconds or text such "
          "as 20s"),
-        ("duration: 100", "duration: 0s", "4:11: duration.seconds: is '0s', expected a number above 0 and up to 1000000"),
+        ("duration: 100", "duration: 0s",
+         "4:11: duration.seconds: is '0s', expected a number above 0 and up to 1000000"),
         ("duration: 100", "duration: 20m",
          "4:11: duration: is '20m', expected a whole number from 1 to 100000000, a mapping with seconds or text such "
          "as 20s"),
