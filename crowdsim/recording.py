@@ -100,7 +100,7 @@ class Clock:
         self.start()
         compiling = min(self._compiled - before, self._since - since)
         self._add(stage, self._since - since - compiling)
-        if compiling > 0.0:
+        if self._compilation is not None:
             self._add("compile", compiling)
 
     def watch(self, compilation: Compilation) -> None:

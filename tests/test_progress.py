@@ -1,6 +1,7 @@
 """Progress: bars on a terminal, elsewhere one line of plain text a stage."""
 
 import re
+import sys
 
 import pytest
 
@@ -11,7 +12,7 @@ from crowdsim.commands.progress import Bars
 @pytest.fixture
 def terminal(monkeypatch, capsys):
     """Make standard error a terminal, and return what ends up on it: the last state of every line."""
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    monkeypatch.setattr(type(sys.stderr), "isatty", lambda stream: True, raising=False)
 
     def shown() -> list[str]:
         text = capsys.readouterr().err

@@ -18,9 +18,9 @@ def profile(
         typer.Argument(metavar="SCENARIO", help="A scenario file, or its name.", autocompletion=complete_scenario),
     ],
     avatars: Annotated[
-        str | None, typer.Option(metavar="LIST", help="Numbers of avatars, 30,1000,10k say; the scenario's own.")
+        str | None, typer.Option(metavar="NUMBERS", help="Numbers of avatars, 30,1000,10k say; the scenario's own.")
     ] = None,
-    threads: Annotated[str, typer.Option(metavar="LIST", help="Numbers of threads, 1,2 say.")] = "1",
+    threads: Annotated[str, typer.Option(metavar="NUMBERS", help="Numbers of threads, 1,2 say.")] = "1",
     frames: Annotated[
         str | None,
         typer.Option(metavar="N", help="Control frames to measure, or seconds as in 20s; the scenario's duration."),
