@@ -69,7 +69,8 @@ search, profiled = scenario.opponents.search, sys.argv[2] == "profiled"
 with watch_compilation() as compilation:
     model = warm_up(prepared.crowd, prepared.policies, prepared.script, search, profiled)
     ready = compilation.seconds
-    simulation = Simulation(prepared.crowd, prepared.policies, prepared.script, 2, search, profiled=profiled, model=model)
+    parts = prepared.crowd, prepared.policies, prepared.script
+    simulation = Simulation(*parts, 2, search, profiled=profiled, model=model)
     for _ in range(4):
         simulation.run(2)
     simulation.close()

@@ -21,8 +21,10 @@ def found(capsys, *arguments: str) -> list[str]:
     ("outputs", "finding"),
     [
         ({"bvh": {"frames": [0, 161]}}, "outputs.bvh.frames: is [0, 161], but the run has frames 0 to 156 at 60 fps"),
-        ({"ply": {"fps": 30, "frames": "3s:4s"}}, "outputs.ply.frames: is [90, 120], but the run has frames 0 to 78 at 30 fps"),
-        ({"render": {"frames": [79, 80]}}, "outputs.render.frames: is [79, 80], but the run has frames 0 to 78 at 30 fps"),
+        ({"ply": {"fps": 30, "frames": "3s:4s"}},
+         "outputs.ply.frames: is [90, 120], but the run has frames 0 to 78 at 30 fps"),
+        ({"render": {"frames": [79, 80]}},
+         "outputs.render.frames: is [79, 80], but the run has frames 0 to 78 at 30 fps"),
     ],
 )  # fmt: skip
 def test_output_frames_beyond_the_end_are_found_before_a_run_begins(workplace: Path, capsys, outputs, finding) -> None:
@@ -54,7 +56,8 @@ def test_events_after_the_end_are_found_and_a_run_says_that_they_never_happen(wo
     write_scene(workplace / "four.yaml", events=events)
     lines = found(capsys, "four.yaml")
     assert [line.split(": ", 1)[1] for line in lines] == [
-        "events[0].when.frame: is 40, but the run ends after 40 control frames (2.66667 s), expected a time before that",
+        "events[0].when.frame: is 40, but the run ends after 40 control frames (2.66667 s), expected a time before "
+        "that",
         "events[2].when.seconds: is 2.7, but the run ends after 40 control frames (2.66667 s), expected a time before "
         "that",
     ]
@@ -66,7 +69,8 @@ def test_avatars_outside_the_arena_are_named(workplace: Path, capsys) -> None:
     write_scene(workplace / "four.yaml", arena={"kind": "rectangle", "size": [1.9, 4], "centre": [0.1, 0]})
     (line,) = found(capsys, "four.yaml")
     assert line.endswith(
-        "groups[0].placement: 1 of 2 avatars are outside the arena, red_0, expected all inside a rectangle of 1.9 m by 4 m"
+        "groups[0].placement: 1 of 2 avatars are outside the arena, red_0, expected all inside a rectangle of 1.9 m "
+        "by 4 m"
     )
 
 
