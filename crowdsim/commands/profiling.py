@@ -37,6 +37,7 @@ def profile(
 ) -> None:
     """Tell what control costs a frame, by stage, for any number of avatars and threads."""
     from crowdsim import profiling
+    from crowdsim.compilation import watch_compilation
     from crowdsim.crowd.profile import draw_profile, draw_scaling, profile_table, write_csv
     from crowdsim.crowd.scenario import load_scenario
     from crowdsim.frame_ranges import parse_length
@@ -48,7 +49,7 @@ def profile(
         raise CrowdsimError("--trace needs a folder to write into, expected --out DIR")
     length = None if frames is None else parse_length(frames)
     loaded = load_scenario(scenario, override or (), frames=length, search=search)
-    with Bars() as bars:
+    with Bars() as bars, watch_compilation(bars.note):
         policies = load_policies(loaded, mocap, max(numbers), bars)
         profiles = profiling.profile_scenario(loaded, policies, counts, numbers, progress=bars)
     seconds = profiling.time_writing(loaded, policies, max(numbers)) if writing else None
