@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from crowdsim.errors import CrowdsimError, ScenarioError, under_way
+from crowdsim.errors import CrowdsimError, under_way
+from crowdsim.frame_ranges import output_frames, parse_frames
 from crowdsim.journal import series_name
 
 if TYPE_CHECKING:
@@ -40,12 +38,8 @@ def plan_outputs(scenario: Scenario, avatars: Sequence[str], control_frames: int
         avatars: Name of each avatar.
         control_frames: Control frames of the run.
         control_rate: Control frames a second.
-
-    Raises:
-        ScenarioError: An output's range begins after the last frame.
     """
     from crowdsim.export.bvh import bvh_name
-    from crowdsim.take.take import count_output_frames
 
     wanted, names = scenario.outputs, []
     if wanted.bvh is not None:
@@ -55,14 +49,15 @@ def plan_outputs(scenario: Scenario, avatars: Sequence[str], control_frames: int
         cloud = getattr(wanted, kind)
         if cloud is not None:
             fps = cloud.fps or scenario.fps
-            count = count_output_frames(control_frames, control_rate, fps)
-            start, stop = check_range(count, fps, cloud.frames, f"outputs.{kind}.frames") or (0, count)
+            count = output_frames(control_frames, control_rate, fps)
+            start, stop = _cut(cloud.frames_at(fps), count) or (0, count)
             names.append(series_name(kind, range(start, stop, cloud.every), kind))
     if wanted.render is not None:
         from crowdsim.render.batch import picture_files
 
-        count = count_output_frames(control_frames, control_rate, wanted.render.fps)
-        frames, sheet = wanted.render.frames or (0, count), wanted.render.contact_sheet or 0
+        count = output_frames(control_frames, control_rate, wanted.render.fps)
+        frames = _cut(wanted.render.frames_at(wanted.render.fps), count) or (0, count)
+        sheet = wanted.render.contact_sheet or 0
         names += [path.as_posix() for path in picture_files(Path(), frames, wanted.render.mp4, False, sheet)]
         if wanted.render.png:
             names.append(series_name("frames", range(*frames), "png"))
@@ -77,7 +72,7 @@ def write_outputs(
     policies: Sequence[Policy],
     scenario: Scenario,
     threads: int = 1,
-    seconds: dict[str, float] | None = None,
+    lap: Callable[[str], None] | None = None,
     progress: Progress | None = None,
 ) -> dict[str, list[Path]]:
     """Write the outputs that a scenario asks for from a take; return the files of each kind.
@@ -90,21 +85,18 @@ def write_outputs(
         policies: Its policies.
         scenario: The scenario, resolved.
         threads: Threads.
-        seconds: Where the time of each stage is added [s].
+        lap: Called with the name of each stage when it ends.
         progress: Called with stage, done and total.
 
     Raises:
         OutputError: A file cannot be written.
-        ScenarioError: An output's range begins after the last frame.
     """
     from crowdsim.export.stream import stream_poses
     from crowdsim.take.poses import PoseSampler
 
     told: dict[str, list[Path]] = {}
-    laps = {} if seconds is None else seconds
     wanted = scenario.outputs
     if wanted.bvh is not None or wanted.ply is not None or wanted.pcd is not None:
-        since = perf_counter()
         sampler = PoseSampler(take, policies, threads)
         rates: dict[float, list[Sink]] = {}
         for fps, sink in _sinks(sampler, folder, scenario):
@@ -112,16 +104,20 @@ def write_outputs(
         for fps, sinks in rates.items():
             files = stream_poses(sampler, fps, sinks, threads, progress)
             told.update({sink.kind: written for sink, written in zip(sinks, files, strict=True)})
-        laps["export"] = perf_counter() - since
+        if lap is not None:
+            lap("export")
     if wanted.render is not None:
-        from crowdsim.render.command import render_source
+        from crowdsim.render.command import render_source, scenario_options
         from crowdsim.render.take_source import TakeSource
 
-        since = perf_counter()
         source = TakeSource(take, policies, wanted.render.fps, threads=threads)
-        rendered = render_source(source, folder, render_options(wanted.render, threads), progress, _note)
+        options = scenario_options(wanted.render, threads)
+        shown = take.output_frames(wanted.render.fps)
+        options = replace(options, frames=_cut(wanted.render.frames_at(wanted.render.fps), shown))
+        rendered = render_source(source, folder, options, progress, _note)
         told["pictures"] = list(rendered.files)
-        laps["render"] = perf_counter() - since
+        if lap is not None:
+            lap("render")
     return told
 
 
@@ -142,7 +138,7 @@ def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple
     sinks: list[tuple[float, Any]] = []
     if wanted.bvh is not None:
         fps = wanted.bvh.fps or scenario.fps
-        frames = check_range(take.output_frames(fps), fps, wanted.bvh.frames, "outputs.bvh.frames")
+        frames = _cut(wanted.bvh.frames_at(fps), take.output_frames(fps))
         sinks.append((fps, BvhSink(sampler, folder / "bvh", fps, frames, wanted.bvh.avatars)))
     for kind in ("ply", "pcd"):
         cloud = getattr(wanted, kind)
@@ -151,7 +147,7 @@ def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple
         from crowdsim.export.pointcloud import CloudSink
 
         fps = cloud.fps or scenario.fps
-        frames = check_range(take.output_frames(fps), fps, cloud.frames, f"outputs.{kind}.frames")
+        frames = _cut(cloud.frames_at(fps), take.output_frames(fps))
         sink = CloudSink(sampler, folder / kind, kind, fps, cloud.points, frames, cloud.every, cloud.avatars)
         sinks.append((fps, sink))
     return sinks
@@ -164,7 +160,7 @@ class ExportOptions:
     Attributes:
         kinds: ``bvh``, ``ply``, ``pcd``.
         avatars: Their numbers, ``0-9`` or ``0,3,5-7``; all when None.
-        frames: Output frames ``A:B``; all when None.
+        frames: Output frames ``A:B``, in frames or seconds; all when None.
         fps: Output frames a second.
         every: Write every n-th output frame of point clouds.
         points: Points an avatar.
@@ -206,7 +202,7 @@ def export_take(
         RunError: A file cannot be written.
     """
     from crowdsim.export.bvh import BvhSink, bvh_name
-    from crowdsim.export.select import parse_avatars, parse_range
+    from crowdsim.export.select import parse_avatars
     from crowdsim.export.stream import stream_poses
     from crowdsim.recorder import record_files
     from crowdsim.take.poses import PoseSampler
@@ -215,7 +211,9 @@ def export_take(
         raise CrowdsimError("nothing to export, expected --bvh, --ply or --pcd")
     fps = options.fps
     avatars = parse_avatars(options.avatars, take.avatar_count)
-    frames = parse_range(options.frames, take.output_frames(fps), fps)
+    frames = None
+    if options.frames is not None:
+        frames = parse_frames(options.frames).resolve(take.output_frames(fps), fps, take.frame_limit(fps))
     start, stop = frames or (0, take.output_frames(fps))
     target = out or folder
     planned: list[Path] = []
@@ -245,43 +243,6 @@ def export_take(
     return told
 
 
-def render_options(wanted: Any, threads: int) -> Any:
-    """Return the options of the renderer that a scenario's ``outputs.render`` means."""
-    from crowdsim.render.camera import Keys
-    from crowdsim.render.command import RenderOptions
-
-    camera = wanted.camera
-    if not isinstance(camera, str):
-        if camera.kind == "follow":
-            camera = f"follow:{camera.avatar}"
-        else:
-            keys = camera.keys
-            camera = Keys(
-                np.array([key.seconds for key in keys]),
-                np.array([key.position for key in keys]),
-                np.array([key.look_at for key in keys]),
-            )
-    return RenderOptions(
-        size=wanted.size,
-        fps=None,
-        frames=wanted.frames,
-        camera=camera,
-        mp4=wanted.mp4,
-        png=wanted.png,
-        contact_sheet=wanted.contact_sheet or 0,
-        caption=wanted.caption,
-        threads=threads,
-    )
-
-
-def check_range(count: int, fps: float, frames: Sequence[int] | None, key: str) -> tuple[int, int] | None:
-    """Return a range of output frames, cut to the ``count`` that there are.
-
-    Raises:
-        ScenarioError: It begins after the last frame.
-    """
-    if frames is None:
-        return None
-    if frames[0] >= count:
-        raise ScenarioError(f"{key}: begins at frame {frames[0]}, the run has frames 0 to {count - 1} at {fps:g} fps")
-    return frames[0], min(frames[1], count)
+def _cut(frames: Sequence[int] | None, count: int) -> tuple[int, int] | None:
+    """Return a checked range of a scenario's output frames, cut to the ``count`` that there are."""
+    return None if frames is None else (frames[0], min(frames[1], count))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim import assets
+from crowdsim.compilation import watch_compilation
 from crowdsim.crowd.scenario import Scenario, dump_scenario
 from crowdsim.crowd.scenario_warnings import speed_warnings
 from crowdsim.errors import CrowdsimError, RunError, ScenarioError, under_way
@@ -24,7 +25,7 @@ from crowdsim.preparation import Prepared, load_policies, prepare
 from crowdsim.recording import CHOICES, LARGE, Clock, Interrupted, Report, needs, record, stop_signals
 from crowdsim.run_folder import RESOLVED, TAKE, check_folder, claim_folder, copy_file, hold_folder, write_text
 from crowdsim.take.take import VARIABLES, Events, Take
-from crowdsim.validation import check_scenario
+from crowdsim.validation import check_scenario, late_events
 
 if TYPE_CHECKING:
     from crowdsim.crowd.chunk import Chunk
@@ -107,8 +108,8 @@ def run_to(
 
     A finished run of the same resolved scenario is not done again, and nothing that a run has computed is removed,
     unless ``force`` says so; then only what a manifest or journal lists. What is wrong with the input is found before
-    the folder is made or touched. ``tell`` is handed beforehand what a large crowd will need, and what its policies
-    cannot do.
+    the folder is made or touched. ``tell`` is handed beforehand what a large crowd will need and what its policies
+    cannot do, and once that kernels are compiled.
 
     Raises:
         ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
@@ -122,7 +123,29 @@ def run_to(
     resolved = dump_scenario(scenario)
     if check_folder(folder, resolved, force):
         return _done_before(report)
+    with watch_compilation(tell) as compilation:
+        clock.watch(compilation)
+        _run_watched(folder, scenario, resolved, threads, mocap, force, command, progress, tell, report, clock)
+        report.compiled = compilation.count
+    return report
+
+
+def _run_watched(
+    folder: Path,
+    scenario: Scenario,
+    resolved: str,
+    threads: int,
+    mocap: Path | None,
+    force: bool,
+    command: str,
+    progress: Progress | None,
+    tell: Callable[[str], None] | None,
+    report: Report,
+    clock: Clock,
+) -> None:
+    """Run a scenario into a folder that is fit for it, as ``run_to`` does, while what is compiled is watched."""
     placed = check_scenario(scenario)
+    report.notes += late_events(scenario)
     policies = load_policies(scenario, mocap, threads, progress)
     expect_outputs(scenario)
     clock.lap("policies")
@@ -137,7 +160,8 @@ def run_to(
     with stop_signals() as caught, hold_folder(folder):
         # Another run may have come and gone since the first look.
         if check_folder(folder, resolved, force, locked=True):
-            return _done_before(report)
+            _done_before(report)
+            return
         report.notes += claim_folder(folder, _inputs(scenario), outputs)
         clock.lap("prepare")
         try:
@@ -146,14 +170,13 @@ def run_to(
         except OSError as error:
             where = error.filename or folder
             raise RunError(f"{where}: cannot be read or written: {error.strerror or error}") from error
-    return report
 
 
 def _plan(folder: Path, scenario: Scenario, prepared: Prepared) -> list[str]:
     """Return the names of all files, and folders of takes, that a run writes beside those that it begins with.
 
     Raises:
-        ScenarioError: An output has the place of a file that the scenario reads, or begins after the last frame.
+        ScenarioError: An output has the place of a file that the scenario reads.
     """
     planned = plan_outputs(scenario, prepared.cast.names.tolist(), prepared.frames, prepared.rate)
     places = {name.split("/")[0] for name in planned} | {TAKE, f"{TAKE}.partial", RESOLVED, MANIFEST}
@@ -194,8 +217,7 @@ def _run_in(
         if progress is not None:
             progress(stage, done, total)
 
-    files = write_outputs(folder, take, prepared.policies, scenario, threads, report.seconds, watch)
-    clock.start()
+    files = write_outputs(folder, take, prepared.policies, scenario, threads, clock.lap, watch)
     profiled: list[str] = []
     if timings is not None and scenario.outputs.profile is not None:
         from crowdsim.crowd.profile import write_profile

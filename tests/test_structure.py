@@ -23,7 +23,20 @@ LEFT_OF = {
     "export": {"motion", "graph", "policy", "crowd", "take"},
     "render": {"motion", "graph", "policy", "crowd", "take"},
 }
-COMMON = {"errors", "assets", "figures", "plain_files", "yaml_files", "yaml_findings", "yaml_schema", "yaml_tree"}
+COMMON = {
+    "errors",
+    "assets",
+    "compilation",
+    "figures",
+    "frame_ranges",
+    "plain_files",
+    "yaml_files",
+    "yaml_findings",
+    "yaml_reference",
+    "yaml_schema",
+    "yaml_syntax",
+    "yaml_tree",
+}
 
 
 def imports(path: Path, everywhere: bool = True) -> set[str]:

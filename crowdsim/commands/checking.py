@@ -8,22 +8,43 @@ from typing import Annotated
 
 import typer
 
-from crowdsim.commands.common import CORES, Json, print_json
+from crowdsim.commands.common import CORES, Json, complete_either, detail, note, print_json, say
 from crowdsim.errors import CrowdsimError
 
 
-def validate(files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Scenarios and recipes.")]) -> None:
+def validate(
+    files: Annotated[
+        list[str],
+        typer.Argument(metavar="FILE", help="Scenarios and recipes, or their names.", autocompletion=complete_either),
+    ],
+    as_json: Json = False,
+) -> None:
     """Check scenarios and recipes; print every finding with its line and column."""
-    from crowdsim.validation import find_file_faults, find_file_warnings
+    from crowdsim.validation import find_checked_file, find_file_faults, find_file_warnings
 
-    findings = [finding for path in files for finding in find_file_faults(path)]
-    for finding in findings:
-        print(finding, file=sys.stderr)
-    if findings:
+    told: dict[str, list[str]] = {}
+    for name in files:
+        try:
+            path = find_checked_file(name)
+        except CrowdsimError as error:
+            told[name] = [str(error)]
+            continue
+        detail(f"{name}: checking {path}")
+        told[str(path)] = find_file_faults(path)
+    found = any(told.values())
+    for findings in told.values():
+        for finding in findings:
+            print(finding, file=sys.stderr)
+    if as_json:
+        files_told = [{"file": path, "valid": not findings, "findings": findings} for path, findings in told.items()]
+        print_json({"valid": not found, "files": files_told})
+    if found:
         sys.exit(2)
-    for warning in (warning for path in files for warning in find_file_warnings(path)):
-        print(warning, file=sys.stderr)
-    print(f"{len(files)} file{'s' if len(files) > 1 else ''} without a finding")
+    warnings = [warning for path in told for warning in find_file_warnings(Path(path))]
+    for warning in warnings:
+        note(warning)
+    if not as_json:
+        say(f"{len(told)} file{'s' if len(told) > 1 else ''} without a finding")
 
 
 def schema() -> None:
@@ -33,13 +54,25 @@ def schema() -> None:
     print(scenario_schema(), end="")
 
 
-def verify(folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")]) -> None:
+def verify(folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")], as_json: Json = False) -> None:
     """Hold every file of a run against the checksums in its manifest."""
     from crowdsim.manifest import read_manifest, verify
 
     verdict = verify(folder, CORES)
     for finding in verdict.findings:
         print(finding, file=sys.stderr)
+    count = len(read_manifest(folder)["files"])
+    if as_json:
+        print_json(
+            {
+                "folder": str(folder),
+                "intact": not verdict.findings,
+                "files": count,
+                "findings": verdict.findings,
+                "unfinished": verdict.unfinished,
+                "foreign": verdict.foreign,
+            }
+        )
     if verdict.findings:
         sys.exit(1)
     for what, names in (
@@ -48,8 +81,9 @@ def verify(folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run fol
     ):
         if names:
             some = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
-            print(f"{folder}: {what}: {some}", file=sys.stderr)
-    print(f"{folder}: {len(read_manifest(folder)['files'])} files, all as they were written")
+            note(f"{folder}: {what}: {some}")
+    if not as_json:
+        say(f"{folder}: {count} files, all as they were written")
 
 
 def status(

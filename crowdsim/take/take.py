@@ -8,8 +8,9 @@ from typing import Any
 from numpy.typing import NDArray
 
 from crowdsim.crowd.events import VARIABLES, Events
+from crowdsim.frame_ranges import frame_limit, output_frames
 
-__all__ = ["VARIABLES", "Cast", "Events", "Take", "count_output_frames"]
+__all__ = ["VARIABLES", "Cast", "Events", "Take"]
 
 Array = NDArray[Any]
 
@@ -102,9 +103,8 @@ class Take:
 
     def output_frames(self, fps: float) -> int:
         """Return how many output frames at ``fps`` lie between the first control frame and the last, both included."""
-        return count_output_frames(self.frame_count, self.control_rate, fps)
+        return output_frames(self.frame_count, self.control_rate, fps)
 
-
-def count_output_frames(control_frames: int, control_rate: float, fps: float) -> int:
-    """Return how many output frames at ``fps`` lie between the first control frame and the last, both included."""
-    return int(max(control_frames - 1, 0) / control_rate * fps + 1e-6) + 1
+    def frame_limit(self, fps: float) -> int:
+        """Return how many output frames at ``fps`` the take lasts, its last control frame included."""
+        return frame_limit(self.frame_count, self.control_rate, fps)
