@@ -38,10 +38,10 @@ demo: system $(VENV)/.installed
 	@echo "Again:         $(BIN)/crowdsim run scenarios/brawl_30.yaml --force"
 
 test: system $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not browser"
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
 
 test-slow: system $(VENV)/.installed-test
-	$(BIN)/python -m pytest -m "slow and not browser"
+	$(BIN)/python -m pytest -m slow
 
 $(VENV)/.installed-bench: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,bench]'

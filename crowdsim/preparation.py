@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.assets import FileName
 from crowdsim.crowd.scenario import Scenario
 from crowdsim.errors import RunError
 from crowdsim.take.take import Cast
@@ -47,7 +47,7 @@ class Prepared:
 
 
 def load_policies(
-    scenario: Scenario, mocap: Path | None = None, threads: int = 1, progress: Progress | None = None
+    scenario: Scenario, mocap: FileName | None = None, threads: int = 1, progress: Progress | None = None
 ) -> list[Policy]:
     """Return the policies that a scenario's types use, in the order of their types; trained when missing or stale.
 

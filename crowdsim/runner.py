@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from crowdsim import assets
+from crowdsim.assets import FileName
 from crowdsim.compilation import watch_compilation
 from crowdsim.crowd.scenario import Scenario, dump_scenario
 from crowdsim.crowd.scenario_warnings import speed_warnings
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from crowdsim.crowd.chunk import Chunk
     from crowdsim.policy.policy import Policy
 
-__all__ = ["Interrupted", "Report", "load_policies", "open_run", "prepare", "run", "run_to"]
+__all__ = ["Interrupted", "OpenedRun", "Report", "load_policies", "open_run", "prepare", "run", "run_to"]
 
 Array = NDArray[Any]
 Progress = Callable[[str, int, int], None]
@@ -41,7 +42,7 @@ def run(
     scenario: Scenario,
     policies: Sequence[Policy] | None = None,
     threads: int = 1,
-    mocap: Path | None = None,
+    mocap: FileName | None = None,
     order: Array | None = None,
     progress: Progress | None = None,
 ) -> Take:
@@ -91,14 +92,15 @@ def run(
         fingerprints=tuple(policy.fingerprint for policy in prepared.policies),
         status="done",
         reactions=scenario.reactions,
+        policies=tuple(prepared.policies),
     )
 
 
 def run_to(
-    folder: Path,
+    folder: FileName,
     scenario: Scenario,
     threads: int = 1,
-    mocap: Path | None = None,
+    mocap: FileName | None = None,
     force: bool = False,
     command: str = "",
     progress: Progress | None = None,
@@ -118,6 +120,7 @@ def run_to(
         RunError: The run failed, or an output cannot be written.
         Interrupted: SIGINT or SIGTERM came; the take holds the frames that were done.
     """
+    folder = Path(folder)
     report = Report(folder)
     clock = Clock(report.seconds)
     resolved = dump_scenario(scenario)
@@ -282,7 +285,27 @@ def _changed_policies(folder: Path) -> list[str]:
     return notes
 
 
-def open_run(folder: Path) -> tuple[Take, list[Policy], list[str]]:
+class OpenedRun(NamedTuple):
+    """A run that was written before: its take, its policies, and what a user should know of it."""
+
+    take: Take
+    policies: list[Policy]
+    notes: list[str]
+
+    def joint_names(self, avatar: int) -> tuple[str, ...]:
+        """Return the names of an avatar's joints, see ``Take.joint_names``."""
+        return self.take.joint_names(avatar)
+
+    def joints(self, avatar: int, seconds: ArrayLike) -> Array:
+        """Return where an avatar's joints are at one time or several [m], see ``Take.joints``."""
+        return self.take.joints(avatar, seconds)
+
+    def strikes(self, landed: bool | None = None) -> Array:
+        """Return the strikes as a table, see ``Take.strikes``."""
+        return self.take.strikes(landed)
+
+
+def open_run(folder: FileName) -> OpenedRun:
     """Return a run's take, its policies, and what a user should know of it.
 
     Raises:
@@ -292,6 +315,7 @@ def open_run(folder: Path) -> tuple[Take, list[Policy], list[str]]:
     from crowdsim.policy.bundle import read_bundle
     from crowdsim.take.store import open_take
 
+    folder = Path(folder)
     take = open_take(folder)
     policies = [read_bundle(assets.find_bundle(name)) for name in take.cast.policy_names]
     notes = []
@@ -299,4 +323,4 @@ def open_run(folder: Path) -> tuple[Take, list[Policy], list[str]]:
         notes.append(f"{folder}: the run was interrupted; {take.frame_count} control frames are there")
     elif not (folder / MANIFEST).exists():
         notes.append(f"{folder}: the run is not finished; its take is, some outputs may be missing")
-    return take, policies, notes
+    return OpenedRun(replace(take, policies=tuple(policies)), policies, notes)

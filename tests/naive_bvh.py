@@ -4,6 +4,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 
+def rotation_order(channels):
+    """Return the letters of a joint's rotation channels in order, 'ZXY' say, or fewer."""
+    return "".join(name[0] for name in channels if name.endswith("rotation"))
+
+
 def read(text):
     """Return names, parents, offsets, channels and motion of text with one keyword a line."""
     names, parents, offsets, channels, open_joints = [], [], [], [], []

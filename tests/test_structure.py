@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -37,6 +38,35 @@ COMMON = {
     "yaml_syntax",
     "yaml_tree",
 }
+
+
+# What nothing in the product refers to: the plain meaning of a kernel, the writer of docs/scenarios.md, and names.
+FOR_TESTS = {"action_values", "scenario_names", "scenario_reference"}
+
+
+def references(path: Path) -> set[str]:
+    """Names that a file reads, strings that are a name among them."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+            found.add(node.id)
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load):
+            found.add(node.attr)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.isidentifier():
+            found.add(node.value)
+    return found
+
+
+def definitions(path: Path) -> set[str]:
+    """Functions, classes and single constants at the top level of a file, but for commands."""
+    found: set[str] = set()
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            if not any(ast.unparse(item).startswith("app.") for item in node.decorator_list):
+                found.add(node.name)
+        elif isinstance(node, ast.Assign):
+            found.update(target.id for target in node.targets if isinstance(target, ast.Name))
+    return {name for name in found if not name.startswith("__")}
 
 
 def imports(path: Path, everywhere: bool = True) -> set[str]:
@@ -122,6 +152,21 @@ def test_every_module_imports_and_every_public_name_exists(path: Path) -> None:
 def test_the_package_says_what_it_has_when_asked_for_what_it_has_not() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'boxer'; it has __version__"):
         _ = crowdsim.boxer
+
+
+def test_nothing_is_kept_for_tests_alone() -> None:
+    tools = [*(ROOT / "benchmarks").glob("*.py"), *(ROOT / "docs").glob("*.py")]
+    used = set().union(*map(references, [*MODULES, *tools]))
+    unused = {f"{relative(path)}: {name}" for path in MODULES for name in definitions(path) - used - FOR_TESTS}
+    assert not unused
+
+
+def test_every_marker_of_tests_marks_some() -> None:
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    declared = re.findall(r'^    "(\w+): ', text.split("markers = [")[1].split("]")[0], re.MULTILINE)
+    tests = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("test_*.py"))
+    assert declared
+    assert [name for name in declared if f"pytest.mark.{name}" not in tests] == []
 
 
 def test_scenarios_and_policies_ship_inside_the_wheel() -> None:

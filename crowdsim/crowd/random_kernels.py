@@ -19,10 +19,3 @@ def uniform(stream, avatar, draw):
     bits = mix(stream + (np.uint64(avatar) + np.uint64(1)) * golden)
     bits = mix(bits + (np.uint64(draw) + np.uint64(1)) * golden)
     return np.float64(bits >> np.uint64(11)) * 2.0**-53
-
-
-@nb.njit(cache=True)
-def fill_uniform(stream, avatars, draws, out):
-    """Draw one number for each pair of avatar and draw; arrays of one length."""
-    for i in range(out.shape[0]):
-        out[i] = uniform(stream, avatars[i], draws[i])

@@ -32,7 +32,6 @@ from crowdsim.yaml_tree import key_path
 
 VERSION = 1
 MAXIMUM_SEED = 2**63 - 1
-SCHEMA_FILE = "scenario.schema.json"
 
 FileName = str | PathLike[str]
 

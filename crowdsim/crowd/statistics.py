@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -108,16 +108,6 @@ class StatisticsCounter:
             opponent_changes=self._changes,
             transitions_per_second=self._transitions / (minutes * 60) if minutes else 0.0,
         )
-
-
-def gather_statistics(
-    chunks: Iterable[Chunk], policies: Sequence[Policy], policy: ArrayLike, scale: ArrayLike, planned: int = 1
-) -> CrowdStatistics:
-    """Return the numbers of a run; see ``StatisticsCounter`` for the arguments."""
-    counter = StatisticsCounter(policies, policy, scale, planned)
-    for chunk in chunks:
-        counter.add(chunk)
-    return counter.finish()
 
 
 def overlapping(x: ArrayLike, z: ArrayLike, scale: ArrayLike = 1.0, radius: float = BODY_RADIUS) -> Array:

@@ -80,10 +80,6 @@ class Bvh:
             np.int64
         )
 
-    def rotation_order(self, joint: int) -> str:
-        """Return the letters of a joint's rotation channels in order, 'ZXY' say, or fewer."""
-        return "".join(name[0] for name in self.channels[joint] if name.endswith("rotation"))
-
     def describe_column(self, column: int) -> str:
         """Return a column in words: ``joint 'chest', channel Xrotation``."""
         first = self.first_channels()

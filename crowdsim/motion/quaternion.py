@@ -68,11 +68,6 @@ def continuous(q: ArrayLike, axis: int = 0) -> Array:
     return np.moveaxis(q, 0, axis)
 
 
-def from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Array:
-    """Return the turn by ``angle`` [rad] about unit ``axis`` (..., 3). Shape (..., 4)."""
-    return from_rotation_vector(np.asarray(axis, dtype=float) * np.asarray(angle, dtype=float)[..., None])
-
-
 def from_rotation_vector(v: ArrayLike) -> Array:
     """Return the turn by ``|v|`` [rad] about ``v`` (..., 3). Shape (..., 4)."""
     v = np.asarray(v, dtype=float)
@@ -138,19 +133,3 @@ def from_euler(angles: ArrayLike, order: str) -> Array:
         turn[..., 1 + AXES[letter]] = np.sin(half)
         q = multiply(q, turn)
     return q
-
-
-def to_euler(q: ArrayLike, order: str) -> Array:
-    """Return intrinsic Euler angles [rad] (..., 3) of quaternions (..., 4) for an order of three different letters.
-
-    At gimbal lock (the middle angle at a quarter turn) the third angle is zero.
-    """
-    q = normalise(np.asarray(q, dtype=float))
-    i, j, k = (AXES[letter] for letter in order)
-    sign = 1.0 if (j - i) % 3 == 1 else -1.0
-    w, a, b, c = q[..., 0], q[..., 1 + i], q[..., 1 + j], q[..., 1 + k] * sign
-    middle = np.clip(2.0 * (w * b + a * c), -1.0, 1.0)
-    lock = np.abs(middle) > 1.0 - 1e-12
-    first = np.where(lock, 2.0 * np.arctan2(a, w), np.arctan2(2.0 * (w * a - b * c), 1.0 - 2.0 * (a * a + b * b)))
-    third = np.where(lock, 0.0, np.arctan2(2.0 * (w * c - a * b), 1.0 - 2.0 * (b * b + c * c)))
-    return np.stack([first, np.arcsin(middle), sign * third], axis=-1)

@@ -19,7 +19,6 @@ from crowdsim.motion.skeleton import Skeleton
 
 Array = NDArray[Any]
 
-LIMB_ROLES = ("head", "left_hand", "right_hand", "left_foot", "right_foot")
 _LEAST_JOINTS = 10
 _MOST_PAIRS = 12
 _UPPER_TO_LOWER = 1.1
@@ -39,8 +38,8 @@ def find_roles(skeleton: Skeleton, poses: Array | None = None) -> dict[str, int]
             from twist joints where names do not; the rest pose when None.
 
     Returns:
-        A joint for each role of ``crowdsim.motion.body.ROLES`` that the skeleton has. All five of ``LIMB_ROLES`` and
-        the joints on the way to them are there, or the result is empty: then this is no human body.
+        A joint for each role of ``crowdsim.motion.body.ROLES`` that the skeleton has. Head, hands and feet, and the
+        joints on the way to them, are there, or the result is empty: then this is no human body.
     """
     if skeleton.joint_count < _LEAST_JOINTS:
         return {}

@@ -248,15 +248,6 @@ def _beyond(now, wanted, longest, width):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _stretch(now, wanted, longest, soft):
-    """How long a limb gets that is ``now`` long: it eases into its longest reach, and stays where nothing is asked."""
-    if wanted <= now:
-        return wanted
-    room = max(longest - now, soft)
-    return now + room * math.tanh((wanted - now) / room)
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _flexion(a, b, distance):
     """Flexion at which two bones have their ends so far apart."""
     cosine = (distance * distance - a * a - b * b) / (2.0 * a * b)
@@ -264,10 +255,26 @@ def _flexion(a, b, distance):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _bend(limbs, side, rotations, places, turns, tx, ty, tz, distance, keep, bend, swing, spare):
+def bend_limb(limbs, side, rotations, places, turns, tx, ty, tz, distance, bend, swing, spare):
     """Bend a limb until its end is ``distance`` from its upper joint, and swing it to point at a target.
 
-    Local rotations of its upper and middle joint change, and of its end joint if that is to keep its turn.
+    It bends in the plane that it is bent in, about its hinge where it is nearly straight, and not beyond ``MOST``, or
+    what it is bent already. The swing is the shortest turn. Local rotations of its upper and middle joint change, and
+    of its end joint, which keeps its turn in the world. A limb with no direction to point in stays as it is.
+
+    Args:
+        limbs: A ``motion.Limbs``.
+        side: Which of the two.
+        rotations: Local rotations. Shape (J, 4), changed.
+        places: Places of the joints in the world [m]. Shape (J, 3).
+        turns: Turns of the joints in the world. Shape (J, 4).
+        tx: Where the target is [m].
+        ty: Likewise.
+        tz: Likewise.
+        distance: How far the end is from the upper joint afterwards [m].
+        bend: Room for a quaternion. Shape (4,).
+        swing: Likewise.
+        spare: Likewise.
     """
     upper, middle, end = limbs.joints[side, 0], limbs.joints[side, 1], limbs.joints[side, 2]
     p, q, r = places[upper], places[middle], places[end]
@@ -320,9 +327,8 @@ def _bend(limbs, side, rotations, places, turns, tx, ty, tz, distance, keep, ben
     _into_parent(limbs, turns, upper, swing, spare, rotations, False)
     _multiply(swing, bend, bend)
     _into_parent(limbs, turns, middle, bend, swing, rotations, True)
-    if keep:
-        spare[0], spare[1], spare[2], spare[3] = 1.0, 0.0, 0.0, 0.0
-        _into_parent(limbs, turns, end, spare, bend, rotations, True)
+    spare[0], spare[1], spare[2], spare[3] = 1.0, 0.0, 0.0, 0.0
+    _into_parent(limbs, turns, end, spare, bend, rotations, True)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -529,7 +535,7 @@ def plant_feet(
                     continue
                 wanted = math.sqrt((x - upper[0]) ** 2 + (y - upper[1]) ** 2 + (z - upper[2]) ** 2)
                 distance = wanted - _beyond(now[f], wanted, longest[f], 0.001 * longest[f])
-                _bend(legs, f, pose, places, turns, x, y, z, distance, True, bend, turn, spare)
+                bend_limb(legs, f, pose, places, turns, x, y, z, distance, bend, turn, spare)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -603,7 +609,7 @@ def _move_pelvis(legs, scale, lean, least, root, pose, places, turns, ankles, be
         x, y, z = ankles[f, 0], ankles[f, 1], ankles[f, 2]
         wanted = math.sqrt((x - p[0]) ** 2 + (y - p[1]) ** 2 + (z - p[2]) ** 2)
         distance = wanted - _beyond(now, wanted, longest, 0.002 * longest)
-        _bend(legs, f, pose, places, turns, x, y, z, distance, True, bend, turn, spare)
+        bend_limb(legs, f, pose, places, turns, x, y, z, distance, bend, turn, spare)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -686,7 +692,7 @@ def carry_fists(first, stop, columns, times, landings, scales, arms, legs, leani
                 shortest = math.sqrt(a * a + b * b + 2.0 * a * b * math.cos(FOLDED))
                 distance = wanted - _beyond(now, wanted, longest, 0.0015 * (a + b))
                 distance += _beyond(-now, -wanted, -shortest, 0.01 * (a + b))
-                _bend(arms, hand, pose, places, turns, x, y, z, distance, True, bend, turn, spare)
+                bend_limb(arms, hand, pose, places, turns, x, y, z, distance, bend, turn, spare)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

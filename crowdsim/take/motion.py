@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.contacts import stand_spans
-from crowdsim.motion.ik import flexion, hinge_axis
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.motion.limbs import flexion, hinge_axis
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.take.gait import Gait, measure_gait
 

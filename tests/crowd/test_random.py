@@ -36,12 +36,6 @@ def test_kernels_draw_the_same_bits_as_numpy(kernels):
             assert kernels.uniform(stream(seed, Purpose.CHOICE), avatar, draw) == uniform(seed, 7, avatar, draw)
 
 
-def test_filling_draws_one_number_for_each_pair():
-    avatars, draws, out = np.arange(100, dtype=np.int32), np.arange(100) % 7, np.empty(100)
-    random_kernels.fill_uniform(stream(3, 4), avatars, draws, out)
-    np.testing.assert_array_equal(out, uniform(3, 4, avatars, draws))
-
-
 def test_draws_are_evenly_spread_along_each_argument():
     many = np.arange(200_000)
     for numbers in (

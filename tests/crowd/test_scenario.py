@@ -14,7 +14,6 @@ from crowdsim import assets
 from crowdsim.crowd.opponents import SEARCHES
 from crowdsim.crowd.placement import place_groups
 from crowdsim.crowd.scenario import (
-    SCHEMA_FILE,
     Scenario,
     dump_scenario,
     find_scenario_faults,
@@ -29,6 +28,7 @@ from crowdsim.errors import ScenarioError, nearest
 from crowdsim.yaml_schema import spot_of
 
 ROOT = Path(__file__).parents[2]
+SCHEMA_FILE = "scenario.schema.json"
 SHIPPED = sorted((ROOT / "scenarios").glob("*.yaml"))
 NAMES = [
     "armies_200", "brawl_30", "brawl_30_cmu", "crowd_100k", "crowd_10k", "crowd_1m", "duel", "moving_target",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from turns import about
 
 from crowdsim.motion import quaternion
 from crowdsim.motion.bvh import Bvh, from_clip
@@ -179,7 +180,7 @@ def export_animal(
     local[..., 0] = 1.0
     for joint in range(1, len(rows)):
         swing = 0.15 * np.sin(2.0 * np.pi * times + joint)
-        local[:, joint] = quaternion.from_axis_angle(np.array([1.0, 0.0, 0.0]), swing)
+        local[:, joint] = about(np.array([1.0, 0.0, 0.0]), swing)
     turns = np.zeros((len(rows), 4))
     turns[:, 0] = 1.0
     if along_x:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from turns import about
 
 from crowdsim.motion import quaternion
 from crowdsim.motion.bvh import Bvh, from_clip, write_bvh
@@ -233,8 +234,8 @@ def _rest_turns(skeleton: Skeleton, roles: dict[str, int], rest: str) -> np.ndar
     local[..., 0] = 1.0
     if rest in ("A", "I"):
         angle = np.deg2rad(45.0 if rest == "A" else 88.0)
-        local[0, roles["left_shoulder"]] = quaternion.from_axis_angle([0.0, 0.0, 1.0], -angle)
-        local[0, roles["right_shoulder"]] = quaternion.from_axis_angle([0.0, 0.0, 1.0], angle)
+        local[0, roles["left_shoulder"]] = about([0.0, 0.0, 1.0], -angle)
+        local[0, roles["right_shoulder"]] = about([0.0, 0.0, 1.0], angle)
     return np.asarray(forward_kinematics(skeleton, np.zeros((1, 3)), local)[1][0])
 
 

@@ -8,7 +8,7 @@ import pytest
 from bvh_text import PLAIN, bvh, same
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from naive_bvh import read
+from naive_bvh import read, rotation_order
 
 from crowdsim.errors import BvhError
 from crowdsim.motion.bvh import parse_bvh, read_bvh, to_clip
@@ -41,7 +41,7 @@ def test_a_plain_file_is_read_as_it_stands():
     np.testing.assert_array_equal(walk.motion, motion)
     assert (walk.declared_frames, walk.frame_count, walk.frame_time, walk.fps) == (2, 2, 0.00833333, 120.0)
     assert (walk.joint_count, walk.channel_count) == (3, 15)
-    assert walk.rotation_order(0) == "ZXY"
+    assert rotation_order(walk.channels[0]) == "ZXY"
     assert walk.findings == ()
 
 

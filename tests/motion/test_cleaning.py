@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from turns import about
 
 from crowdsim.motion import quaternion
 from crowdsim.motion.cleaning import lead_in, on_floor
@@ -28,7 +29,7 @@ def _pose(clip: Clip, arms: float) -> np.ndarray:
     pose = np.zeros((clip.skeleton.joint_count, 4))
     pose[:, 0] = 1.0
     for side, sign in (("Left", -1.0), ("Right", 1.0)):
-        turn = quaternion.from_axis_angle([0.0, 0.0, 1.0], sign * np.deg2rad(arms))
+        turn = about([0.0, 0.0, 1.0], sign * np.deg2rad(arms))
         pose[names.index(f"{side}Arm")] = turn
     return pose
 

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive_kinematics import forward
 from scipy.spatial.transform import Rotation
+from turns import about
 
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import clip_kinematics, forward_kinematics
@@ -48,7 +49,7 @@ def test_the_rest_pose_is_the_sum_of_offsets():
 
 def test_two_bars_at_right_angles_stand_where_geometry_puts_them():
     body = Skeleton(("a", "b", "c"), np.array([-1, 0, 1], np.int32), np.array([[0, 0, 0], [1, 0, 0], [2.0, 0, 0]]))
-    quarter = quaternion.from_axis_angle([0, 0, 1], np.pi / 2)
+    quarter = about([0, 0, 1], np.pi / 2)
     places, turns = forward_kinematics(body, np.array([[5.0, 6, 7]]), np.repeat(quarter[None], 3, axis=0)[None])
     np.testing.assert_allclose(places[0], [[5, 6, 7], [5, 7, 7], [3, 7, 7]], atol=1e-12)
     np.testing.assert_allclose(quaternion.rotate(turns[0, 2], [1, 0, 0]), [0, -1, 0], atol=1e-12)

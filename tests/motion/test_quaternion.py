@@ -47,7 +47,7 @@ def test_rotation_vectors_are_those_of_scipy():
     axis = V / np.linalg.norm(V, axis=1, keepdims=True)
     angle = np.linspace(-7, 7, 500)
     expected = Rotation.from_rotvec(axis * angle[:, None])
-    same_turn(q.from_axis_angle(axis, angle), np.roll(expected.as_quat(), 1, axis=-1))
+    same_turn(q.from_rotation_vector(axis * angle[..., None]), np.roll(expected.as_quat(), 1, axis=-1))
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -55,21 +55,9 @@ def test_euler_angles_are_those_of_scipy(order):
     angles = RNG.uniform(-np.pi, np.pi, (500, 3))
     expected = Rotation.from_euler(order, angles)
     same_turn(q.from_euler(angles, order), np.roll(expected.as_quat(), 1, axis=-1))
-    np.testing.assert_allclose(q.to_euler(A, order), scipy_of(A).as_euler(order), atol=1e-9)
     one = q.from_euler(angles[:, :1], order[0])
     same_turn(one, np.roll(Rotation.from_euler(order[0], angles[:, :1]).as_quat(), 1, axis=-1))
     np.testing.assert_array_equal(q.from_euler(np.zeros((3, 0)), ""), [[1, 0, 0, 0]] * 3)
-
-
-@pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("middle", [90.0, -90.0, 90.0 - 1e-7, 89.99, -89.9999])
-def test_euler_angles_keep_the_orientation_near_gimbal_lock(order, middle):
-    angles = RNG.uniform(-np.pi, np.pi, (200, 3))
-    angles[:, 1] = np.radians(middle)
-    turn = q.from_euler(angles, order)
-    back = q.from_euler(q.to_euler(turn, order), order)
-    gap = np.linalg.norm(q.to_rotation_vector(q.multiply(q.conjugate(turn), back)), axis=-1)
-    assert np.degrees(gap.max()) < 1e-4
 
 
 def test_slerp_is_that_of_scipy_on_the_shorter_arc():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from turns import about
 
 from crowdsim.motion import quaternion
 from crowdsim.motion.performer import perform
@@ -21,7 +22,7 @@ BONE = Skeleton(("a",), np.array([-1], np.int32), np.zeros((1, 3)))
 def _spin(fps: float, seconds: float = 2.0, turns: float = 0.7) -> Clip:
     times = np.arange(int(seconds * fps) + 1) / fps
     axis = np.array([0.6, 0.0, 0.8])
-    rotations = quaternion.from_axis_angle(axis, 2.0 * np.pi * turns * times)[:, None]
+    rotations = about(axis, 2.0 * np.pi * turns * times)[:, None]
     path = times[:, None] * np.array([1.0, 0.0, -2.0])
     # Signs as exporters leave them: any.
     rotations[1::3] *= -1.0
@@ -33,7 +34,7 @@ def _spin(fps: float, seconds: float = 2.0, turns: float = 0.7) -> Clip:
 def test_a_constant_turn_and_a_constant_speed_stay_so(fps, target):
     clip = resample(_spin(fps), target)
     times = np.arange(clip.frame_count) / target
-    wanted = quaternion.from_axis_angle(np.array([0.6, 0.0, 0.8]), 2.0 * np.pi * 0.7 * times)
+    wanted = about(np.array([0.6, 0.0, 0.8]), 2.0 * np.pi * 0.7 * times)
     dots = np.abs(np.sum(clip.rotations[:, 0] * wanted, axis=-1))
     np.testing.assert_allclose(dots, 1.0, atol=1e-9)
     np.testing.assert_allclose(clip.root_positions, times[:, None] * np.array([1.0, 0.0, -2.0]), atol=1e-9)

@@ -6,12 +6,13 @@ import pytest
 from naive_policy import by_action, random_actions
 from naive_policy import value_iteration as naive_value_iteration
 
+from crowdsim.policy import solver_kernels
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.model import BACKUPS, build_model, build_movement
 from crowdsim.policy.q_learning import q_learning
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, TransitionTerm
-from crowdsim.policy.solution import q_table
+from crowdsim.policy.solution import q_table, sweep_model
 from crowdsim.policy.value_iteration import value_iteration
 
 BODY = TargetBody()
@@ -86,6 +87,48 @@ def test_the_interpolation_of_the_maximum_is_never_below_the_maximum_of_the_inte
     low, high = (value_iteration(model, backup, tolerance=1e-7).values for backup in BACKUPS)
     assert (high >= low - 1e-5).all()
     assert (high > low + 1e-3).any()
+
+
+def test_one_update_of_q_learning_is_the_one_done_on_paper():
+    """Q(a, c) := Q(a, c) + alpha (r + gamma^T max over a' of Q(a', e) - Q(a, c)), with numbers that a hand can check.
+
+    In state 0 a target stands 2 m ahead. The action walks 0.25 m towards it in two frames, to state 1, where two
+    actions may follow; the target is then seen 1.75 m ahead, a quarter of the way from the cell at 2 m to that at 1 m.
+    """
+    actions = Actions(
+        offsets=np.array([0, 1, 3], np.int32),
+        next=np.array([1, 0, 0], np.int32),
+        lengths=np.array([2, 1, 1], np.int32),
+        shifts=np.zeros((3, 3), np.float32),
+        costs=np.zeros(3, np.float32),
+        path_offsets=np.array([0, 2, 3, 4], np.int32),
+        paths=np.array([[0, 0.1, 0], [0, 0.25, 0], [0, 0, 0], [0, 0, 0]], np.float32),
+        strike_offsets=np.zeros(4, np.int32),
+        strike_times=np.zeros(0, np.float32),
+        strike_places=np.zeros((0, 3), np.float32),
+        strike_speeds=np.zeros(0, np.float32),
+        strike_ids=np.zeros(0, np.int32),
+    )
+    grid = build_grid([Axis("distance", 1.0, 2.0, 2)])
+    term = ProximityTerm(kind="proximity", distance=1.0, sigma=0.5)
+    model = build_model(actions, grid, (term,), BODY, 0.5)
+
+    # The reward: exp(-|distance - 1| / 0.5), 1.9 m away after one frame and 1.75 m after two.
+    reward = 0.5 * np.exp(-1.8) + 0.25 * np.exp(-1.5)
+    # What follows: at 1.75 m the first action is worth 4 / 4 + 3 * 2 / 4 = 2.5, the second 0 / 4 + 3 * 6 / 4 = 4.5.
+    observed = reward + 0.25 * 4.5
+    expected = 3.0 + 0.2 * (observed - 3.0)
+
+    # Q of the action in the cells at 1 and 2 m; then, cell by cell, of the two actions of state 1.
+    before = np.array([7.0, 3.0, 4.0, 0.0, 2.0, 6.0], np.float32)
+    after, visits, changes = np.empty_like(before), np.zeros(6, np.uint16), np.empty(2)
+    step_sizes = np.array([0.2], np.float32)
+    solver_kernels.try_everything(sweep_model(model), grid.layers, before, after, visits, step_sizes, 0, changes)
+    assert after[1] == pytest.approx(expected, rel=1e-6)
+    assert visits.tolist() == [1] * 6
+
+    # The first update of all begins with Q = 0 and alpha = 1.
+    assert q_learning(model, max_sweeps=1, exploitations=0).q[1] == pytest.approx(reward, rel=1e-6)
 
 
 def test_q_learning_comes_within_two_hundredths_of_value_iteration_when_the_target_stands():

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from synthetic_take import build_take, database, sampler
 from test_poses import duel, same
 
-from crowdsim.motion.ik import flexion
+from crowdsim.motion.limbs import flexion
 from crowdsim.policy.rewards import posed_distance, surface_distance, target_body
 from crowdsim.take.fists import body_points, surface_point
 from crowdsim.take.quality import measure_take

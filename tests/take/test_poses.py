@@ -11,8 +11,8 @@ from synthetic_take import actions, build_take, database, sampler
 
 from crowdsim.errors import TakeError
 from crowdsim.motion import quaternion
-from crowdsim.motion.ik import flexion
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.motion.limbs import flexion
 from crowdsim.take.fists import body_points, surface_point
 from crowdsim.take.poses import Poses, PoseSampler
 from crowdsim.take.take import Events, Take
