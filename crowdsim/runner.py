@@ -138,7 +138,7 @@ def _run_watched(
     scenario: Scenario,
     resolved: str,
     threads: int,
-    mocap: Path | None,
+    mocap: FileName | None,
     force: bool,
     command: str,
     progress: Progress | None,
