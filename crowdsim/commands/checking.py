@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
@@ -47,11 +48,21 @@ def validate(
         say(f"{len(told)} file{'s' if len(told) > 1 else ''} without a finding")
 
 
-def schema() -> None:
-    """Print the JSON Schema of scenario files, for editors."""
-    from crowdsim.crowd.scenario import scenario_schema
+class Kind(str, Enum):
+    """What a schema is of."""
 
-    print(scenario_schema(), end="")
+    SCENARIO = "scenario"
+    RECIPE = "recipe"
+
+
+def schema(
+    kind: Annotated[Kind, typer.Argument(metavar="[scenario|recipe]", help="What it is of.")] = Kind.SCENARIO,
+) -> None:
+    """Print the JSON Schema of scenario or recipe files, for editors."""
+    from crowdsim.crowd.scenario import scenario_schema
+    from crowdsim.policy.recipe_reference import recipe_schema
+
+    print(scenario_schema() if kind is Kind.SCENARIO else recipe_schema(), end="")
 
 
 def verify(folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")], as_json: Json = False) -> None:

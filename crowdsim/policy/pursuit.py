@@ -40,11 +40,10 @@ def sustained_speed(policy: Policy) -> float:
     behind than ``LOST``. The speed is found by bisection, to three hundredths of a metre a second; 0 where even slower
     targets are lost.
     """
-    tables, weights = _tables(policy)
     low, high = 0.0, FASTEST
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        if float(np.median(_distances(policy, tables, weights, middle))) <= LOST:
+        if float(np.median(distances_behind(policy, middle))) <= LOST:
             low = middle
         else:
             high = middle
@@ -53,12 +52,9 @@ def sustained_speed(policy: Policy) -> float:
 
 def distances_behind(policy: Policy, speed: float) -> Array:
     """Return how far behind a target that flees at a speed [m/s] each avatar is, in the mean [m]. Shape (AVATARS,)."""
-    return _distances(policy, *_tables(policy), speed)
-
-
-def _distances(policy: Policy, tables: LookupTables, weights: Array, speed: float) -> Array:
     from crowdsim.policy import kernels
 
+    tables, weights = _tables(policy)
     numbers, rate = np.arange(AVATARS), float(policy.database.control_rate)
     states = (numbers * policy.actions.state_count // AVATARS).astype(np.int32)
     bearings = 2.0 * math.pi * ((0.5 + numbers * 0.6180339887498949) % 1.0)

@@ -1,10 +1,12 @@
 """Recipes: what they default to, and every mistake with its line, its column and what was expected."""
 
+import contextlib
 import json
 from pathlib import Path
 
 import pytest
 
+from crowdsim.cli import main
 from crowdsim.errors import RecipeError
 from crowdsim.policy.environment import AXIS_KINDS
 from crowdsim.policy.recipe import Axes, load_recipe
@@ -198,3 +200,10 @@ def test_every_key_of_the_recipe_schema_has_a_meaning():
     for name, part in {"Recipe": schema, **schema["$defs"]}.items():
         for key, value in part["properties"].items():
             assert value.get("description") or "$ref" in value or "const" in value, f"{name}.{key}"
+
+
+def test_the_command_prints_the_schema_of_recipes(capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["crowdsim", "schema", "recipe"])
+    with contextlib.suppress(SystemExit):
+        main()
+    assert json.loads(capsys.readouterr().out) == json.loads(recipe_schema())
