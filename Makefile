@@ -40,13 +40,15 @@ demo: system $(VENV)/.installed
 test: system $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
 
-test-slow: system $(VENV)/.installed-test
+# Slow tests run every benchmark, so they need what those compare with.
+test-slow: system $(VENV)/.installed-bench
 	$(BIN)/python -m pytest -m slow
 
 $(VENV)/.installed-bench: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,bench]'
 	touch $@ $(VENV)/.installed-test $(VENV)/.installed
 
+# Writes benchmarks/results.json: figures, with commit, date and kind of machine.
 bench: system $(VENV)/.installed-bench
 	$(BIN)/python benchmarks/run_all.py
 

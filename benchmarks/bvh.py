@@ -1,6 +1,6 @@
 """Reading and writing BVH, beside pybvh, bvhio, numpy.loadtxt and polars.
 
-    python benchmarks/bvh.py [--json] [--megabytes 20] [--repeats 5]
+    python benchmarks/bvh.py [--json] [--quick] [--megabytes 20] [--repeats 5]
 
 The file is made here: a body of 31 joints and 96 channels in smooth synthetic motion, six decimals. Everything runs in
 one process, single-threaded but for polars, the best of several runs; compilation and imports are done before.
@@ -131,7 +131,10 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
     parser.add_argument("--megabytes", type=float, default=20.0, help="size of the file")
     parser.add_argument("--repeats", type=int, default=5, help="runs of each, of which the best counts")
+    parser.add_argument("--quick", action="store_true", help="seconds: a small file, read and written twice")
     options = parser.parse_args()
+    if options.quick:
+        options.megabytes, options.repeats = min(options.megabytes, 0.4), min(options.repeats, 1)
     result = measure(options.megabytes, options.repeats)
     if options.json:
         print(json.dumps(result, indent=2))

@@ -22,10 +22,12 @@ import json
 import sys
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from _quick import small_policies
 from scipy.spatial import cKDTree
 
 from crowdsim.crowd.cast import cast_crowd
@@ -40,8 +42,11 @@ from crowdsim.policy.policy import Policy
 from crowdsim.policy.train import ready_policy
 
 LAYOUTS = ("spread", "clustered", "armies")
+COUNTS = {"10k": 10_000, "100k": 100_000, "1m": 1_000_000}
 SPACING = 1.5
 """Metres between neighbours, on average."""
+QUICK = 1000
+"""With ``--quick`` large crowds are so many times smaller; figures keep the names of what they are figures of."""
 
 
 def say(text: str) -> None:
@@ -80,14 +85,16 @@ def least(run: Callable[[], np.ndarray], times: int) -> np.ndarray:
 def timed(crowd: Crowd, policy: Policy, frames: int, threads: int, skip: int = 0) -> tuple[np.ndarray, Simulation]:
     """Run a crowd; return its timings after ``skip`` frames, and what it is like at the end."""
     simulation = Simulation(crowd, [policy], threads=threads, profiled=True)
-    parts = []
+    parts: list[np.ndarray] = []
     while simulation.frame < frames + skip:
-        parts.append(simulation.run(1 if crowd.count > 2000 else frames + skip).timings)
+        timings = simulation.run(1 if crowd.count > 2000 else frames + skip).timings
+        assert timings is not None, "a profiled simulation has timings"
+        parts.append(timings)
     simulation.close()
     return np.concatenate(parts)[skip:], simulation
 
 
-def brawl(policy: Policy, repeats: int) -> dict[str, float]:
+def brawl(policy: Policy, repeats: int, frames: int) -> dict[str, float]:
     scenario = load_scenario("brawl_30")
     crowd, script = cast_crowd(scenario, place_groups(scenario), [policy])
     chunks: list[Chunk] = []
@@ -95,12 +102,12 @@ def brawl(policy: Policy, repeats: int) -> dict[str, float]:
     for _ in range(repeats + 1):
         simulation = Simulation(crowd, [policy], script)
         begun = time.perf_counter()
-        chunks.append(simulation.run(1000))
+        chunks.append(simulation.run(frames))
         whole.append(time.perf_counter() - begun)
-    timings = least(lambda: timed(crowd, policy, 1000, 1)[0], repeats)
+    timings = least(lambda: timed(crowd, policy, frames, 1)[0], repeats)
     control = timings[:, : len(STAGES) - 1].sum() * 1e-6
     points = np.stack([chunks[0].x, chunks[0].z], axis=-1).astype(float)
-    theirs = np.full(1000, np.inf)
+    theirs = np.full(frames, np.inf)
     for _ in range(repeats):
         for frame, places in enumerate(points):
             begun = time.perf_counter()
@@ -118,7 +125,7 @@ def brawl(policy: Policy, repeats: int) -> dict[str, float]:
     }
 
 
-def apart(policy: Policy, repeats: int) -> dict[str, Any]:
+def apart(policy: Policy, repeats: int, frames: int) -> dict[str, Any]:
     """Return what control of shipped scenarios costs with and without keeping apart, and the ratio."""
     result: dict[str, Any] = {}
     for name in ("brawl_30", "armies_200"):
@@ -126,7 +133,7 @@ def apart(policy: Policy, repeats: int) -> dict[str, Any]:
         for said in ("true", "false"):
             scenario = load_scenario(name, [f"keep_apart={said}"])
             crowd, _ = cast_crowd(scenario, place_groups(scenario), [policy])
-            timings = np.min([timed(crowd, policy, 300, 1)[0] for _ in range(repeats)], axis=0)
+            timings = np.min([timed(crowd, policy, frames, 1)[0] for _ in range(repeats)], axis=0)
             spent[said] = float(timings[:, : len(STAGES) - 1].sum() * 1e-6)
         result[name] = {
             "milliseconds": spent["true"],
@@ -137,14 +144,14 @@ def apart(policy: Policy, repeats: int) -> dict[str, Any]:
 
 
 def scale(policy: Policy, threads: int, quick: bool) -> tuple[dict[str, Any], dict[str, float]]:
-    counts = {"10k": 10_000, "100k": 100_000} if quick else {"10k": 10_000, "100k": 100_000, "1m": 1_000_000}
+    counts = {name: count // QUICK if quick else count for name, count in COUNTS.items()}
     result: dict[str, Any] = {}
     million: dict[str, float] = {}
     for kind in LAYOUTS:
         result[kind] = {}
         for name, count in counts.items():
             crowd = layout(kind, count)
-            frames, repeats = (32, 2) if count >= 1_000_000 else (32, 5)
+            frames, repeats = (32, 2) if quick or name == "1m" else (32, 5)
             memory = 0.0
             best = np.full((frames, len(STAGES)), np.inf)
             for _ in range(repeats):
@@ -159,7 +166,7 @@ def scale(policy: Policy, threads: int, quick: bool) -> tuple[dict[str, Any], di
                 f"{stage} {value / count:.0f}" for stage, value in zip(STAGES, best.mean(axis=0), strict=True)
             )
             say(f"{kind} {name}: {control:.0f} ns an avatar-frame ({stages}), {memory:.0f} bytes an avatar")
-            if kind == "spread" and count == 1_000_000:
+            if kind == "spread" and name == "1m":
                 million = {
                     "million_frame_milliseconds": control * count * 1e-6,
                     "million_record_milliseconds": best[:, -1].mean() * 1e-6,
@@ -198,7 +205,7 @@ def jupedsim_rate(count: int, steps: int) -> float:
 
 
 def jupedsim(policy: Policy, quick: bool) -> dict[str, float]:
-    count = 20_000 if quick else 100_000
+    count = 100_000 // QUICK if quick else 100_000
     crowd = layout("spread", count)
     timings = least(lambda: timed(crowd, policy, 16, 1, skip=16)[0], 3)
     ours = count * 16 / (timings[:, : len(STAGES) - 1].sum() * 1e-9)
@@ -235,13 +242,13 @@ def features(policy: Policy) -> np.ndarray:
     return np.ascontiguousarray((told - told.mean(axis=0)) / (told.std(axis=0) + 1e-9))
 
 
-def matching(policy: Policy, decision: float, repeats: int) -> dict[str, float]:
+def matching(policy: Policy, decision: float, repeats: int, count: int) -> dict[str, float]:
     rng = np.random.default_rng(0)
     told = features(policy)
     result: dict[str, float] = {"decision_nanoseconds": decision}
     for name, rows in (("control", told[:: policy.database.stride]), ("playback", told)):
         tree = cKDTree(rows)
-        queries = rows[rng.integers(len(rows), size=2000)] + rng.normal(0, 0.3, (2000, rows.shape[1]))
+        queries = rows[rng.integers(len(rows), size=count)] + rng.normal(0, 0.3, (count, rows.shape[1]))
         best = np.inf
         for _ in range(repeats):
             begun = time.perf_counter()
@@ -261,17 +268,29 @@ def main() -> None:
     parser.add_argument("--mocap", type=Path, help="folder of capture, for a policy that is trained on it")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--json", action="store_true", help="print JSON only")
-    parser.add_argument("--quick", action="store_true", help="smaller crowds, fewer repeats")
+    parser.add_argument("--quick", action="store_true", help="seconds: small crowds, few frames, small policies")
     arguments = parser.parse_args()
+    with ExitStack() as stack:
+        if arguments.quick:
+            stack.enter_context(small_policies())
+        found = measure(arguments)
+    if arguments.json:
+        print(json.dumps(found, indent=2))
+    else:
+        show(found)
+
+
+def measure(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return all figures."""
     policy = ready_policy(arguments.policy, arguments.mocap, arguments.threads)
     crowd_policy = ready_policy(arguments.crowd_policy, arguments.mocap, arguments.threads)
-    repeats = 3 if arguments.quick else 7
+    repeats, frames = (2, 60) if arguments.quick else (7, 1000)
     say("brawl_30")
-    thirty = brawl(policy, repeats)
+    thirty = brawl(policy, repeats, frames)
     say("decision")
-    decision = matching(policy, thirty["decision_nanoseconds"], 3)
+    decision = matching(policy, thirty["decision_nanoseconds"], 3, 100 if arguments.quick else 2000)
     say("apart")
-    keeping = apart(policy, repeats)
+    keeping = apart(policy, repeats, 30 if arguments.quick else 300)
     sizes, million = scale(crowd_policy, arguments.threads, arguments.quick)
     say("jupedsim")
     try:
@@ -279,7 +298,7 @@ def main() -> None:
     except ImportError:
         say("jupedsim is not installed: pip install jupedsim")
         agents = {}
-    found = {
+    return {
         "policy": arguments.policy,
         "crowd_policy": arguments.crowd_policy,
         "threads": arguments.threads,
@@ -290,9 +309,12 @@ def main() -> None:
         "jupedsim": agents,
         "decision": decision,
     }
-    if arguments.json:
-        print(json.dumps(found, indent=2))
-        return
+
+
+def show(found: dict[str, Any]) -> None:
+    """Print the figures."""
+    thirty, keeping, sizes, agents = (found[name] for name in ("brawl_30", "apart", "scale", "jupedsim"))
+    decision = found["decision"]
     print(f"30 avatars x 1000 frames: {thirty['milliseconds']:.1f} ms of control; cKDTree alone", end=" ")
     print(f"{thirty['ckdtree_milliseconds']:.1f} ms; ratio {thirty['ratio_to_ckdtree']:.2f}")
     for name, numbers in keeping.items():
@@ -304,10 +326,9 @@ def main() -> None:
         costs = " ".join(f"{k.rsplit('_', 1)[1]} {v:.0f} ns" for k, v in numbers.items() if k.startswith("ns_per"))
         ratios = " ".join(f"{v:.2f}" for k, v in numbers.items() if k.startswith("ratio"))
         print(f"{kind:<10} an avatar-frame: {costs}; over 10k: {ratios}")
-    if million:
-        print(f"a million avatars: {million['million_frame_milliseconds']:.0f} ms a control frame", end=", ")
-        print(f"{million['million_record_milliseconds']:.0f} ms more to record it", end=", ")
-        print(f"{million['million_bytes_per_avatar']:.0f} bytes an avatar")
+    print(f"a million avatars: {found['million_frame_milliseconds']:.0f} ms a control frame", end=", ")
+    print(f"{found['million_record_milliseconds']:.0f} ms more to record it", end=", ")
+    print(f"{found['million_bytes_per_avatar']:.0f} bytes an avatar")
     if agents:
         print(f"{agents['agents']} agents, one thread: {agents['ratio_100k']:.1f} times JuPedSim", end="")
         print(f" ({agents['agent_steps_per_second'] / 1e6:.2f} M agent-steps/s)")

@@ -1,6 +1,6 @@
 """Exports of 30 avatars: BVH beside numpy.savetxt and orjson, point clouds beside Open3D's legacy writer.
 
-    python benchmarks/export.py [--json] [--frames 4000] [--clouds 1000] [--threads 2] [--repeats 3]
+    python benchmarks/export.py [--json] [--quick] [--frames 4000] [--clouds 1000] [--threads 2] [--repeats 3]
 
 Thirty avatars do what the embedded boxer performs, each from another moment on. Poses are there before the clock runs;
 everything else, from poses to files that have their names, is measured, the best of several runs. A cloud has 500
@@ -18,6 +18,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -108,11 +109,12 @@ def measure(frames: int, clouds: int, threads: int, repeats: int) -> dict[str, A
         bvh["crowdsim"] = best_seconds(lambda: export_bvh(sampler, folder / "bvh", FPS, threads=threads), repeats)
         bvh["megabytes"] = sum(path.stat().st_size for path in (folder / "bvh").iterdir()) / 1e6
         rows = [sampler.rows(avatar) for avatar in range(AVATARS)]
-        bvh["numpy.savetxt"] = (
-            AVATARS
-            / 2
-            * best_seconds(lambda: [np.savetxt(folder / f"{k}.txt", rows[k], fmt="%.5f") for k in range(2)], 1)
-        )
+
+        def savetxt() -> None:
+            for k in range(2):
+                np.savetxt(folder / f"{k}.txt", rows[k], fmt="%.5f")
+
+        bvh["numpy.savetxt"] = AVATARS / 2 * best_seconds(savetxt, 1)
         bvh["orjson"] = best_seconds(
             lambda: [
                 (folder / f"{k}.json").write_bytes(orjson.dumps(rows[k], option=orjson.OPT_SERIALIZE_NUMPY))
@@ -123,9 +125,7 @@ def measure(frames: int, clouds: int, threads: int, repeats: int) -> dict[str, A
         chosen = (0, every * clouds)
         for kind in ("ply", "pcd"):
             cloud[kind] = best_seconds(
-                lambda kind=kind: export_clouds(
-                    sampler, folder / kind, kind, FPS, POINTS, chosen, every, threads=threads
-                ),
+                partial(export_clouds, sampler, folder / kind, kind, FPS, POINTS, chosen, every, threads=threads),
                 repeats,
             )
         cloud["megabytes"] = sum(path.stat().st_size for path in (folder / "ply").iterdir()) / 1e6
@@ -136,7 +136,7 @@ def measure(frames: int, clouds: int, threads: int, repeats: int) -> dict[str, A
                 points = open3d.geometry.PointCloud()
                 points.points = open3d.utility.Vector3dVector(some.places.astype(float))
                 points.normals = open3d.utility.Vector3dVector(some.normals.astype(float))
-                open3d.io.write_point_cloud(str(folder / f"{number}.ply"), points)
+                open3d.io.write_point_cloud(folder / f"{number}.ply", points)
 
         cloud["open3d legacy"] = clouds / 50 * best_seconds(legacy, repeats)
     return told
@@ -149,7 +149,10 @@ def main() -> None:
     parser.add_argument("--clouds", type=int, default=1000)
     parser.add_argument("--threads", type=int, default=min(2, os.cpu_count() or 1))
     parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--quick", action="store_true", help="seconds: few frames and clouds")
     chosen = parser.parse_args()
+    if chosen.quick:
+        chosen.frames, chosen.clouds, chosen.repeats = min(chosen.frames, 60), min(chosen.clouds, 4), 1
     told = measure(chosen.frames, chosen.clouds, chosen.threads, chosen.repeats)
     if chosen.json:
         print(json.dumps({**vars(chosen), **told}, indent=2))

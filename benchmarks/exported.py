@@ -31,6 +31,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -38,16 +39,18 @@ import numpy as np
 import zarr
 from _cuts_told_apart import told_apart
 from _exported_measures import Stage, feet, fists, hinges, overlap, peaks, undisturbed
+from _quick import small_policies
 from _witness import Sizes, read_figure, read_sizes, read_source
 from numpy.typing import NDArray
 
+from crowdsim.assets import find_bundle
+
 Array = NDArray[Any]
 
-ROOT = Path(__file__).parents[1]
 SCENES = {"brawl_30": 60, "brawl_30_cmu": 60, "armies_200": 30}
 """What is run without a RUN, and frames a second of its files."""
-QUICK = 150
-"""Control frames of a quick run."""
+QUICK, FEW = 150, 8
+"""Control frames and avatars of a quick run."""
 
 
 def crowdsim(*words: str) -> str:
@@ -59,14 +62,17 @@ def crowdsim(*words: str) -> str:
     return done.stdout
 
 
-def play(name: str, fps: int, frames: int | None, folder: Path, mocap: Path | None) -> Path:
-    """Run a scenario with BVH files as its only output."""
+def play(name: str, fps: int, frames: int | None, folder: Path, mocap: Path | None, most: int | None = None) -> Path:
+    """Run a scenario with BVH files as its only output, and no more avatars than ``most``."""
     from crowdsim import load_scenario, run_to
 
     overrides = ["outputs.ply=null", f"outputs.bvh.fps={fps}"]
     if frames is not None:
         overrides.append(f"duration={frames}")
-    run_to(folder / name, load_scenario(name, overrides), mocap=mocap)
+    scenario = load_scenario(name, overrides)
+    if most is not None:
+        scenario = load_scenario(name, overrides, fraction=min(1.0, most / scenario.avatar_count))
+    run_to(folder / name, scenario, mocap=mocap)
     return folder / name
 
 
@@ -120,13 +126,14 @@ def follow(sizes: Sizes, action: Array, phase: Array, pace: float, seconds: Arra
     return frames, np.stack([(rows - phase[rows] / pace) / rate, left, sizes.first[action[rows]]], axis=1)
 
 
-def read_stage(run: Path, policies: Path, folder: Path, mocap: Path | None) -> Stage:
+def read_stage(run: Path, policies: Path | None, folder: Path, mocap: Path | None) -> Stage:
     """Read a run: BVH files, take, bundle and capture."""
     group: Any = zarr.open_group(store=str(run / "take.zarr"), mode="r")
     names = group.attrs["policy_names"]
     if len(names) != 1:
         sys.exit(f"{run}: has {len(names)} policies, expected one")
-    bundle, control = policies / names[0], float(group.attrs["control_rate"])
+    bundle = find_bundle(names[0]) if policies is None else policies / names[0]
+    control = float(group.attrs["control_rate"])
     told = json.loads((bundle / "policy.json").read_text())["fingerprint"]
     if told != group.attrs["policy_fingerprints"][0]:
         sys.exit(f"{run}: {bundle} is not the bundle that it was run with")
@@ -239,25 +246,30 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("runs", type=Path, nargs="*", metavar="RUN", help="folders of runs with BVH files")
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder with capture")
-    parser.add_argument("--policies", type=Path, default=ROOT / "policies", help="folder of bundles")
+    parser.add_argument("--policies", type=Path, help="folder of bundles; else where runs find them")
     parser.add_argument("--frames", type=int, default=450, help="control frames of runs that are made here")
     parser.add_argument("--seconds", type=float, default=0.4, help="length of a window around a cut, 0.2 to 1.6")
-    parser.add_argument("--quick", action="store_true", help=f"brawl_30 alone, {QUICK} control frames")
+    parser.add_argument(
+        "--quick", action="store_true", help=f"seconds: {FEW} avatars, {QUICK} control frames, small policies"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
     options = parser.parse_args()
     if not 0.2 <= options.seconds <= 1.6:
         parser.error(f"--seconds is {options.seconds}, expected 0.2 to 1.6")
     result = {}
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        work: list[tuple[str, Path | None]] = [(run.name, run) for run in options.runs]
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        if options.quick:
+            stack.enter_context(small_policies())
+        work: list[tuple[str, Path | None]] = [(run.name, run.resolve()) for run in options.runs]
         if not work:
-            names = ["brawl_30"] if options.quick else [name for name in SCENES if options.mocap or "cmu" not in name]
+            names = [name for name in SCENES if options.quick or options.mocap or "cmu" not in name]
             work = [(name, None) for name in names]
         for name, given in work:
             print(f"{name} ...", file=sys.stderr, flush=True)
             frames = QUICK if options.quick else options.frames
-            run = given or play(name, SCENES[name], frames, folder, options.mocap)
+            most = FEW if options.quick else None
+            run = given or play(name, SCENES[name], frames, folder, options.mocap, most)
             result[name] = judge(run, read_stage(run, options.policies, folder, options.mocap), options.seconds)
     if options.json:
         print(json.dumps(result, indent=2))

@@ -1,6 +1,6 @@
 """Do avatars fight? Strikes landed in the shipped brawls, beside avatars that draw their actions.
 
-    python benchmarks/fights.py [--mocap DIR] [--json]
+    python benchmarks/fights.py [--mocap DIR] [--json] [--quick]
 
 `strict` is what runs report: at the strike's frame the fist is within 10 cm of the surface of the opponent's head or
 torso, where that is then. `generous` asks for less: the fist comes within 25 cm of a point 1.15 m above where the
@@ -13,10 +13,12 @@ import argparse
 import json
 import os
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from _quick import small_policies
 
 from crowdsim.crowd.scenario import load_scenario
 from crowdsim.runner import run
@@ -24,6 +26,8 @@ from crowdsim.take.take import Take
 
 SCENES = ("brawl_30", "brawl_30_cmu")
 DRAWN = ["types.boxer.temperature=100", "types.boxer.candidates={margin: 100, maximum: 64}"]
+QUICK: dict[str, Any] = {"frames": 120, "fraction": 0.2}
+"""What is run of a scenario with ``--quick``."""
 HEIGHT, NEAR = 1.15, 0.25
 """The point's height, and how near the fist must come [m]."""
 
@@ -56,16 +60,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Do avatars fight?")
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder of capture")
     parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
+    parser.add_argument("--quick", action="store_true", help="seconds: six avatars, 8 s, small policies")
     options = parser.parse_args()
     told: dict[str, Any] = {}
-    for name in SCENES:
-        if name.endswith("cmu") and options.mocap is None:
-            print(f"{name}: left out, it needs --mocap or CROWDSIM_MOCAP", file=sys.stderr)
-            continue
-        told[name] = {
-            how: judge(run(load_scenario(name, overrides), mocap=options.mocap))
-            for how, overrides in (("learned", []), ("random", DRAWN))
-        }
+    changes = QUICK if options.quick else {}
+    with ExitStack() as stack:
+        if options.quick:
+            stack.enter_context(small_policies())
+        for name in SCENES:
+            if name.endswith("cmu") and options.mocap is None and not options.quick:
+                print(f"{name}: left out, it needs --mocap or CROWDSIM_MOCAP", file=sys.stderr)
+                continue
+            told[name] = {
+                how: judge(run(load_scenario(name, overrides, **changes), mocap=options.mocap))
+                for how, overrides in (("learned", ()), ("random", DRAWN))
+            }
     if options.json:
         print(json.dumps(told, indent=2))
         return

@@ -192,7 +192,7 @@ def switch_seconds(database: MotionDatabase, graph: MotionGraph, frames: np.ndar
 def trade_off(database: MotionDatabase, starts: int) -> dict[str, list[dict[str, Any]]]:
     """Return the tables: for each setting the graph's numbers and its responsiveness."""
     questions = Responsiveness(database, starts)
-    result = {}
+    result: dict[str, list[dict[str, Any]]] = {}
     for table, settings in TABLES.items():
         graphs = []
         for values in settings:
@@ -219,9 +219,9 @@ def performed(seconds: float) -> MotionDatabase:
     return build_database([performance.clip for performance in perform(seconds, seed=0)])
 
 
-def captured(folder: Path) -> MotionDatabase:
-    """Return a database of the fight clips of real capture, and their mirror images."""
-    clips = [to_clip(read_bvh(path), 0.01) for path in sorted((folder / "fight_daz").glob("*.bvh"))]
+def captured(folder: Path, most: int | None = None) -> MotionDatabase:
+    """Return a database of the fight clips of real capture, the first few or all, and their mirror images."""
+    clips = [to_clip(read_bvh(path), 0.01) for path in sorted((folder / "fight_daz").glob("*.bvh"))[:most]]
     return build_database(clips, mirror=True)
 
 
@@ -262,20 +262,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--mocap", default=os.environ.get("CROWDSIM_MOCAP", ""), help="folder with fight_daz")
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--quick", action="store_true", help="the smaller graph and few starts only")
+    parser.add_argument("--quick", action="store_true", help="seconds: little motion, few starts")
     parser.add_argument("--child", type=float, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.child:
         print(json.dumps(time_build(options.child)))
         return
     report: dict[str, Any] = {"speed": [], "trade_off": {}}
-    for seconds in (437.0,) if options.quick else (437.0, 3600.0):
+    for seconds in (20.0, 30.0) if options.quick else (437.0, 3600.0):
         command = [sys.executable, __file__, "--child", str(seconds)]
         report["speed"].append(json.loads(subprocess.run(command, capture_output=True, check=True, text=True).stdout))
-    starts = 4 if options.quick else 12
-    databases = {"performer": performed(437.0)}
+    starts = 2 if options.quick else 12
+    databases = {"performer": performed(40.0 if options.quick else 437.0)}
     if options.mocap and (Path(options.mocap) / "fight_daz").is_dir():
-        databases["capture"] = captured(Path(options.mocap))
+        databases["capture"] = captured(Path(options.mocap), 4 if options.quick else None)
     for name, database in databases.items():
         report["trade_off"][name] = trade_off(database, starts)
     if options.json:

@@ -1,7 +1,7 @@
 """How well cuts are hidden: can a classifier tell them from captured motion?
 
     python benchmarks/motion_quality.py [--mocap DIR] [--json] [--windows 2000] [--seconds 0.4] [--noise 0.01]
-                                        [--policy BUNDLE ...] [--brawls 3]
+                                        [--policy BUNDLE ...] [--brawls 3] [--quick]
 
 Sixty avatars fight everyone against everyone by a trained policy. Windows of 0.4 s around the cuts that they make
 (`made`) stand against windows of the capture itself around the very frames that those cuts leave and enter, so that
@@ -28,12 +28,14 @@ import argparse
 import json
 import os
 import sys
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from _quick import small_policies
 from numpy.typing import NDArray
 
 from crowdsim.crowd.scenario import load_scenario
@@ -43,6 +45,7 @@ from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.policy.alignment import align_cuts
 from crowdsim.policy.policy import Policy
+from crowdsim.policy.rewards import target_body
 from crowdsim.policy.train import ready_policy
 from crowdsim.runner import run
 from crowdsim.take.poses import PoseSampler
@@ -50,7 +53,6 @@ from crowdsim.take.take import Cast, Events, Take
 
 Array = NDArray[Any]
 
-ROOT = Path(__file__).parents[1]
 APART = 0.5
 """Time within which no other cut lies where one counts as apart [s]."""
 NOISE = 1e-5
@@ -62,6 +64,8 @@ FADE = 12
 ROWS = 15
 """Control frames of motion before and after a cut."""
 SCENE = ["groups.0.count=60", "types.boxer.scale=1", "groups.0.placement.radius=7", "fps=60", "duration=1000"]
+QUICK = ["groups.0.count=12", "groups.0.placement.radius=3", "duration=200"]
+"""What is other in a quick brawl."""
 
 
 def inside(database: MotionDatabase, frames: Array, rows: int) -> Array:
@@ -79,9 +83,9 @@ def usable(database: MotionDatabase, graph: MotionGraph, count: int, rng: np.ran
     return leave[fits], enter[fits]
 
 
-def fight(policy: Policy, seed: int = 0) -> PoseSampler:
+def fight(policy: Policy, seed: int = 0, quick: bool = False) -> PoseSampler:
     """Poses of sixty who fight by a policy, without what strikes do."""
-    scenario = load_scenario("brawl_30", [*SCENE, f"seed={seed}"])
+    scenario = load_scenario("brawl_30", [*SCENE, *(QUICK if quick else []), f"seed={seed}"])
     take = run(scenario, [policy], threads=2)
     none = Events(*(getattr(take.events, name)[:0] for name in Events.__dataclass_fields__))
     return PoseSampler(replace(take, events=none), [policy], threads=2)
@@ -153,7 +157,8 @@ def take_of_cuts(database: MotionDatabase, leave: Array, enter: Array) -> PoseSa
         status="done",
     )
     actions = SimpleNamespace(shifts=shifts)
-    policy: Any = SimpleNamespace(database=database, graph=graph, actions=actions, fingerprint="")
+    body = target_body(database)
+    policy: Any = SimpleNamespace(database=database, graph=graph, actions=actions, fingerprint="", body=body)
     return PoseSampler(take, [policy], threads=2)
 
 
@@ -302,36 +307,23 @@ def _plain(told: Any) -> Any:
     """Return plain data with null for what is no number: too few cuts to tell."""
     if isinstance(told, dict):
         return {key: _plain(value) for key, value in told.items()}
+    if isinstance(told, list):
+        return [_plain(value) for value in told]
     return None if isinstance(told, float) and not np.isfinite(told) else told
 
 
-def main() -> None:
-    """Read the command line, measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder with capture")
-    parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
-    parser.add_argument("--windows", type=int, default=2000, help="cuts that are looked at, at the most")
-    parser.add_argument("--policy", nargs="+", help="recipes or bundles other than boxer and boxer_cmu")
-    parser.add_argument("--seconds", type=float, default=0.4, help="length of a window, 0.2 to 1.6")
-    parser.add_argument("--brawls", type=int, default=3, help="brawls over which cuts that are made are looked at")
-    parser.add_argument("--noise", type=float, default=1e3 * NOISE, help="noise on all places [mm]")
-    options = parser.parse_args()
-    if options.noise < 0.0:
-        parser.error(f"--noise is {options.noise}, expected 0 or more")
-    if not 0.2 <= options.seconds <= 1.6:
-        parser.error(f"--seconds is {options.seconds}, expected 0.2 to 1.6")
-    if options.brawls < 1:
-        parser.error(f"--brawls is {options.brawls}, expected 1 or more")
+def measure(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the figures of each policy."""
     result: dict[str, Any] = {}
     noise = 1e-3 * options.noise
-    for name in options.policy or ["boxer", *(["boxer_cmu"] if options.mocap else [])]:
+    for name in options.policy or ["boxer", *(["boxer_cmu"] if options.mocap or options.quick else [])]:
         print(f"{name} ...", file=sys.stderr, flush=True)
         policy = ready_policy(name, options.mocap, threads=2)
         database = policy.database
         half = round(0.5 * options.seconds * database.playback_rate)
-        brawls = []
+        brawls: list[dict[str, Any]] = []
         for seed in range(options.brawls):
-            sampler = fight(policy, seed)
+            sampler = fight(policy, seed, options.quick)
             leave, enter, shown, apart = made(sampler, half, options.windows, np.random.default_rng(seed))
             fighters, seconds = sampler.take.avatar_count, sampler.take.seconds
             cuts = sampler.window(0, np.arange(fighters), np.array([0.0, seconds])).cuts()
@@ -348,6 +340,33 @@ def main() -> None:
             "made_in_each": [brawl["made"]["ours"]["auc"] for brawl in brawls],
             "every": judge(database, *every, alone(database, *every, half), noise=noise),
         }
+    return result
+
+
+def main() -> None:
+    """Read the command line, measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder with capture")
+    parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
+    parser.add_argument("--windows", type=int, default=2000, help="cuts that are looked at, at the most")
+    parser.add_argument("--policy", nargs="+", help="recipes or bundles other than boxer and boxer_cmu")
+    parser.add_argument("--seconds", type=float, default=0.4, help="length of a window, 0.2 to 1.6")
+    parser.add_argument("--brawls", type=int, default=3, help="brawls over which cuts that are made are looked at")
+    parser.add_argument("--noise", type=float, default=1e3 * NOISE, help="noise on all places [mm]")
+    parser.add_argument("--quick", action="store_true", help="seconds: one small brawl, few cuts, small policies")
+    options = parser.parse_args()
+    if options.quick:
+        options.windows, options.brawls = min(options.windows, 80), 1
+    if options.noise < 0.0:
+        parser.error(f"--noise is {options.noise}, expected 0 or more")
+    if not 0.2 <= options.seconds <= 1.6:
+        parser.error(f"--seconds is {options.seconds}, expected 0.2 to 1.6")
+    if options.brawls < 1:
+        parser.error(f"--brawls is {options.brawls}, expected 1 or more")
+    with ExitStack() as stack:
+        if options.quick:
+            stack.enter_context(small_policies())
+        result = measure(options)
     if options.json:
         print(json.dumps(_plain(result), indent=2, allow_nan=False))
         return

@@ -184,8 +184,8 @@ def cover(performances: Sequence[Performance], body: Body) -> dict[str, Any]:
     bearing, distance, height = np.meshgrid(*middles, indexing="ij")
     cells = np.stack([distance * np.sin(bearing), height, distance * np.cos(bearing)], axis=-1)
     hit = []
-    for places in (seen, before):
-        fists = np.concatenate(places)
+    for ends in (seen, before):
+        fists = np.concatenate(ends)
         tree = KDTree(np.concatenate([fists, fists * [-1.0, 1.0, 1.0]]))
         hit.append(tree.query(cells)[0] <= body.head_radius + TOLERANCE)
     missing = np.flatnonzero(~hit[1])

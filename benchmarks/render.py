@@ -25,11 +25,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import psutil
+from _quick import small_policies
 
 from crowdsim.crowd.scenario import load_scenario
 from crowdsim.motion import quaternion
@@ -40,8 +43,29 @@ from crowdsim.render.take_source import TakeSource
 from crowdsim.render.video import encode, planes
 from crowdsim.runner import load_policies, run
 
-SIZE, FPS, PAPER = (1280, 720), 30.0, 4.0
-FRAMES = {30: 300, 1000: 96, 10000: 28}
+FPS, PAPER = 30.0, 4.0
+
+
+class Sizes(NamedTuple):
+    """How much is drawn.
+
+    Attributes:
+        picture: Width and height of a picture.
+        boxers: Number of boxers by the name of the figure.
+        frames: Frames of each of them.
+        open3d: Frames of Open3D.
+        memory: Frames over which memory is watched, a multiple of ten.
+    """
+
+    picture: tuple[int, int] = (1280, 720)
+    boxers: Mapping[str, int] = {"30": 30, "1000": 1000, "10000": 10000}
+    frames: tuple[int, int, int] = (300, 96, 28)
+    open3d: int = 120
+    memory: int = 1000
+
+
+QUICK = Sizes((160, 90), {"30": 3, "1000": 6, "10000": 9}, (3, 3, 3), 2, 20)
+"""Sizes of a quick run; figures keep the names of what they are figures of."""
 THREADS = os.cpu_count() or 1
 
 
@@ -59,43 +83,44 @@ def spent() -> float:
     return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
 
 
-def frames_a_second(source: Any, frames: int, repeats: int) -> tuple[float, float]:
+def frames_a_second(source: Any, size: tuple[int, int], frames: int, repeats: int) -> tuple[float, float]:
     """Best rate of several renderings of the first frames of a source to MP4, and least CPU time of a frame [ms]."""
     best, least = 0.0, np.inf
     with tempfile.TemporaryDirectory() as folder:
-        render(source, Path(folder) / "warm", size=SIZE, frames=(0, 2))
+        render(source, Path(folder) / "warm", size=size, frames=(0, 2))
         for repeat in range(repeats):
             started, before = time.perf_counter(), spent()
-            render(source, Path(folder) / str(repeat), size=SIZE, frames=(0, frames))
+            render(source, Path(folder) / str(repeat), size=size, frames=(0, frames))
             best = max(best, frames / (time.perf_counter() - started))
             least = min(least, (spent() - before) / frames * 1000.0)
     return best, float(least)
 
 
-def memory(source: Any, frames: int) -> dict[str, float]:
+def memory(source: Any, size: tuple[int, int], frames: int) -> dict[str, float]:
     """MiB that the process grows by after a tenth of the frames, and the most it holds."""
-    process, seen = psutil.Process(), {}
+    process, seen = psutil.Process(), dict[int, int]()
 
     def watch(stage: str, done: int, total: int) -> None:
-        if done == total or (done >= total // 10 and done % 50 == 0):
+        if done in (total // 10, total) or (done > total // 10 and done % 50 == 0):
             seen[done] = process.memory_info().rss
 
     with tempfile.TemporaryDirectory() as folder:
-        render(source, Path(folder), size=SIZE, frames=(0, frames), progress=watch)
+        render(source, Path(folder), size=size, frames=(0, frames), progress=watch)
     return {"growth_mib": (seen[frames] - seen[frames // 10]) / 2**20, "most_mib": max(seen.values()) / 2**20}
 
 
-def with_open3d(frames: int) -> float:
+def with_open3d(sizes: Sizes) -> float:
     """Frames a second of Open3D's legacy Visualizer with the same boxers; crashes where it cannot start."""
     import open3d as o3d
 
-    source = boxers(30, frames / FPS)
-    stage = build_stage(source, SIZE, caption=False)
+    count, size, frames = sizes.boxers["30"], sizes.picture, sizes.open3d
+    source = boxers(count, frames / FPS)
+    stage = build_stage(source, size, caption=False)
     window = o3d.visualization.Visualizer()
-    if not window.create_window(width=SIZE[0], height=SIZE[1], visible=False):
+    if not window.create_window(width=size[0], height=size[1], visible=False):
         raise SystemExit("no window")
-    figure, paints = stage.cast.figures[0], stage.cast.paints.reshape(30, -1, 4)
-    points, joints, triangles, colours, count = [], [], [], [], 0
+    figure, paints = stage.cast.figures[0], stage.cast.paints.reshape(count, -1, 4)
+    points, joints, triangles, colours, corners = [], [], [], [], 0
     for k in range(len(figure.capsule_joints)):
         mesh = o3d.geometry.TriangleMesh.create_sphere(1.0, 12)
         ball, faces = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
@@ -108,12 +133,12 @@ def with_open3d(frames: int) -> float:
             np.where(upper, end + turned * figure.capsule_radii[k, 1], start + turned * figure.capsule_radii[k, 0])
         )
         joints.append(np.full(len(ball), figure.capsule_joints[k]))
-        triangles.append(faces + count)
+        triangles.append(faces + corners)
         colours.append(np.repeat(np.sqrt(paints[:, k : k + 1, :3]), len(ball), axis=1))
-        count += len(ball)
+        corners += len(ball)
     local, rides, faces = np.concatenate(points), np.concatenate(joints), np.concatenate(triangles)
     tints = np.concatenate(colours, axis=1)
-    meshes = [o3d.geometry.TriangleMesh() for _ in range(30)]
+    meshes = [o3d.geometry.TriangleMesh() for _ in range(count)]
 
     def place(frame: int) -> None:
         positions, rotations = source.poses(frame)[0]
@@ -140,17 +165,17 @@ def with_open3d(frames: int) -> float:
             yield planes((shown * 255.0 + 0.5).astype(np.uint8))
 
     with tempfile.TemporaryDirectory() as folder:
-        encode(Path(folder) / "warm.mp4", pictures(2), SIZE, FPS)
+        encode(Path(folder) / "warm.mp4", pictures(2), size, FPS)
         started = time.perf_counter()
-        encode(Path(folder) / "video.mp4", pictures(frames), SIZE, FPS)
+        encode(Path(folder) / "video.mp4", pictures(frames), size, FPS)
         return frames / (time.perf_counter() - started)
 
 
-def open3d_apart(frames: int) -> float | None:
+def open3d_apart(quick: bool) -> float | None:
     """The same in a process of its own; None where it fails."""
     try:
         done = subprocess.run(
-            [sys.executable, __file__, "--open3d", str(frames)],
+            [sys.executable, str(Path(__file__).resolve()), "--open3d", *(["--quick"] if quick else [])],
             capture_output=True,
             text=True,
             timeout=400,
@@ -161,23 +186,36 @@ def open3d_apart(frames: int) -> float | None:
         return None
 
 
+def measure(sizes: Sizes, quick: bool) -> dict[str, Any]:
+    """Return all figures."""
+    size = sizes.picture
+    told: dict[str, Any] = {"size": list(size), "processors": THREADS, "fps": {}, "cpu_milliseconds": {}}
+    for (name, count), frames in zip(sizes.boxers.items(), sizes.frames, strict=True):
+        told["fps"][name], told["cpu_milliseconds"][name] = frames_a_second(
+            boxers(count, frames / FPS), size, frames, 2
+        )
+    told["open3d"] = {"fps_30": open3d_apart(quick)}
+    told["paper"] = {"fps_30": PAPER}
+    told["memory"] = memory(boxers(sizes.boxers["30"], sizes.memory / FPS), size, sizes.memory)
+    return told
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", action="store_true", help="one JSON document and nothing else")
-    parser.add_argument("--quick", action="store_true", help="fewer frames")
-    parser.add_argument("--open3d", type=int, help=argparse.SUPPRESS)
+    parser.add_argument(
+        "--quick", action="store_true", help="seconds: small pictures, few boxers and frames, small policies"
+    )
+    parser.add_argument("--open3d", action="store_true", help=argparse.SUPPRESS)
     chosen = parser.parse_args()
+    sizes = QUICK if chosen.quick else Sizes()
     if chosen.open3d:
-        print(with_open3d(chosen.open3d))
+        print(with_open3d(sizes))
         return
-    share = 4 if chosen.quick else 1
-    told: dict[str, Any] = {"size": list(SIZE), "processors": THREADS, "fps": {}, "cpu_milliseconds": {}}
-    for count, frames in FRAMES.items():
-        rate, cost = frames_a_second(boxers(count, frames / FPS), frames // share, 2)
-        told["fps"][str(count)], told["cpu_milliseconds"][str(count)] = rate, cost
-    told["open3d"] = {"fps_30": open3d_apart(120 // share)}
-    told["paper"] = {"fps_30": PAPER}
-    told["memory"] = memory(boxers(30, 1000 / FPS), 1000 // share)
+    with ExitStack() as stack:
+        if chosen.quick:
+            stack.enter_context(small_policies())
+        told = measure(sizes, chosen.quick)
     if chosen.json:
         print(json.dumps(told, indent=2))
         return
@@ -188,7 +226,7 @@ def main() -> None:
     print(f"Open3D, 30 boxers, no shadows: {'does not start' if theirs is None else f'{theirs:.1f} frames/s'}")
     print(f"the paper, 30 boxers: {PAPER:.0f} frames/s")
     held = told["memory"]
-    print(f"memory over {1000 // share} frames: {held['growth_mib']:+.1f} MiB of {held['most_mib']:.0f}")
+    print(f"memory over {sizes.memory} frames: {held['growth_mib']:+.1f} MiB of {held['most_mib']:.0f}")
 
 
 if __name__ == "__main__":

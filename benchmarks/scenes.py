@@ -27,12 +27,14 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numba
 import numpy as np
+from _quick import small_policies
 from _scene_goals import GOALS, summarise
 
 from crowdsim import load_policies, load_scenario
@@ -183,27 +185,12 @@ def table(scene: Scene, told: dict[str, Any]) -> Iterator[str]:
         yield f"  {key:<26}{next(values):>10}{next(values):>10}   {verdict}".rstrip()
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description="Do the shipped scenes show fights?")
-    parser.add_argument("--scene", action="extend", nargs="+", help=f"of ring, {', '.join(names())}; all by default")
-    parser.add_argument("--seeds", type=int, default=SEEDS, help="number of seeds, from 1 on")
-    parser.add_argument("--policy", help="policy that stands in for those of all scenes")
-    parser.add_argument("--threads", type=int, default=min(2, numba.config.NUMBA_NUM_THREADS))
-    parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder of capture")
-    parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
-    parser.add_argument("--quick", action="store_true", help="seconds: tiny crowds, 3 s each, two seeds")
-    options = parser.parse_args()
-    asked = options.scene or names()
-    unknown = [name for name in asked if name not in (*names(), "ring")]
-    if unknown:
-        parser.error(f"no scene {unknown[0]!r}, there are ring, {', '.join(names())}")
-    if options.seeds < 1:
-        parser.error(f"the number of seeds is {options.seeds}, expected 1 or more")
-    chosen = [name for name in names() if name in asked or ("ring" in asked and name.startswith("ring_"))]
+def measure(chosen: Sequence[str], options: argparse.Namespace) -> dict[str, Any]:
+    """Return the figures of scenes by their names, and print them as they come unless JSON is asked for."""
     results: dict[str, Any] = {}
     loaded: dict[tuple[str, ...], list[Any]] = {}
     for name in chosen:
-        if name.endswith("cmu") and options.mocap is None and options.policy is None:
+        if name.endswith("cmu") and options.mocap is None and options.policy is None and not options.quick:
             print(f"{name}: left out, it needs --mocap or CROWDSIM_MOCAP", file=sys.stderr)
             continue
         scene = build_scene(name, options.seeds, options.policy, options.quick)
@@ -223,6 +210,32 @@ def main() -> None:
         }
         if not options.json:
             print("\n".join(table(scene, results[name])), flush=True)
+    return results
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Do the shipped scenes show fights?")
+    parser.add_argument("--scene", action="extend", nargs="+", help=f"of ring, {', '.join(names())}; all by default")
+    parser.add_argument("--seeds", type=int, default=SEEDS, help="number of seeds, from 1 on")
+    parser.add_argument("--policy", help="policy that stands in for those of all scenes")
+    parser.add_argument("--threads", type=int, default=min(2, numba.config.NUMBA_NUM_THREADS))
+    parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder of capture")
+    parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
+    parser.add_argument(
+        "--quick", action="store_true", help="seconds: tiny crowds, 3 s each, two seeds, small policies"
+    )
+    options = parser.parse_args()
+    asked = options.scene or names()
+    unknown = [name for name in asked if name not in (*names(), "ring")]
+    if unknown:
+        parser.error(f"no scene {unknown[0]!r}, there are ring, {', '.join(names())}")
+    if options.seeds < 1:
+        parser.error(f"the number of seeds is {options.seeds}, expected 1 or more")
+    chosen = [name for name in names() if name in asked or ("ring" in asked and name.startswith("ring_"))]
+    with ExitStack() as stack:
+        if options.quick and options.policy is None:
+            stack.enter_context(small_policies())
+        results = measure(chosen, options)
     if options.json:
         print(json.dumps(results, indent=2))
 

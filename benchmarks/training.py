@@ -167,7 +167,7 @@ def mean_return(actions: Actions, grid: Grid, terms: tuple[Term, ...], solution:
 def measure(repeats: int = 7, movement_speed: float = 0.5, quick: bool = False) -> dict[str, Any]:
     """Return everything that the table shows."""
     actions = synthetic_actions(44, 2700) if quick else synthetic_actions()
-    learning = {"max_sweeps": 10} if quick else {}
+    learning: dict[str, Any] = {"max_sweeps": 10} if quick else {}
     grids, terms, body = paper_grids(), paper_terms(), TargetBody()
     models, build_seconds = {}, 0.0
     for name, grid in grids.items():

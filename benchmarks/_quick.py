@@ -1,0 +1,56 @@
+"""What benchmarks run on with ``--quick``: the shipped policies, learned in seconds from little motion."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+SECONDS = 24.0
+COUNTS = {"distance": 8, "bearing": 8, "height": 2}
+"""Grid points of each axis, at the most."""
+
+
+def smaller(recipe: dict[str, Any]) -> dict[str, Any]:
+    """Return a recipe of the same behaviours that is learned in seconds; what learns from capture performs instead."""
+    behaviours = {}
+    for name, spec in recipe["behaviours"].items():
+        axes = {
+            key: axis if axis is None else {**axis, "count": min(axis["count"], COUNTS[key])}
+            for key, axis in spec["axes"].items()
+        }
+        solver = {**spec.get("solver", {"kind": "value_iteration"}), "tolerance": 0.05, "max_sweeps": 20}
+        behaviours[name] = {**spec, "axes": axes, "solver": solver, "finer": 1}
+    return {
+        **recipe,
+        "motion": {"performer": {"seconds": SECONDS, "seed": 2}},
+        "graph": {"threshold": 0.3, "spacing": 0.3, "branching": 6},
+        "behaviours": behaviours,
+    }
+
+
+@contextmanager
+def small_policies() -> Iterator[Path]:
+    """Work in a folder where the shipped policies are small; they are trained there on first use.
+
+    The working folder is where policies are looked for first. It is removed at the end.
+    """
+    before = Path.cwd()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name).resolve()
+        (folder / "policies").mkdir()
+        for path in sorted((ROOT / "policies").glob("*.yaml")):
+            told = smaller(yaml.safe_load(path.read_text(encoding="utf-8")))
+            told.pop("prune", None)
+            (folder / "policies" / path.name).write_text(yaml.safe_dump(told, sort_keys=False), encoding="utf-8")
+        os.chdir(folder)
+        try:
+            yield folder
+        finally:
+            os.chdir(before)
