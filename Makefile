@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 SYSTEM_PACKAGES := libgl1 libegl1 libgomp1 libusb-1.0-0 libx11-6
 
-.PHONY: demo test test-slow bench docs-pictures lint system clean
+.PHONY: demo test test-slow bench docs-pictures docs-reference lint system clean
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
@@ -54,6 +54,9 @@ bench: system $(VENV)/.installed-bench
 
 docs-pictures: $(VENV)/.installed
 	$(BIN)/python docs/make_pictures.py
+
+docs-reference: $(VENV)/.installed
+	$(BIN)/python docs/make_reference.py
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .

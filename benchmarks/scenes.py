@@ -26,7 +26,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -38,6 +38,7 @@ from _quick import small_policies
 from _scene_goals import GOALS, summarise
 
 from crowdsim import load_policies, load_scenario
+from crowdsim.crowd.chunk import Chunk
 from crowdsim.crowd.scenario import Scenario, resolve_scenario
 from crowdsim.crowd.simulation import simulate
 from crowdsim.preparation import prepare
@@ -122,15 +123,19 @@ def build_scene(name: str, seeds: int, policy: str | None, quick: bool) -> Scene
         fraction = min(1.0, 30 / count) if quick else None
         scenario = load_scenario(path, frames=LENGTHS.get(name), fraction=fraction)
         if policy is not None:
-            types = {key: kind.model_copy(update={"policy": policy}) for key, kind in scenario.types.items()}
+            # Another policy may have learned other behaviours: its recipe weighs them.
+            change = {"policy": policy, "behaviours": {}}
+            types = {key: kind.model_copy(update=change) for key, kind in scenario.types.items()}
             scenario = scenario.model_copy(update={"types": types})
     if quick:
         scenario, after, seeds = scenario.model_copy(update={"duration": 45}), after / 10.0, min(seeds, 2)
     return Scene(name, scenario, after, min(seeds, MOST_SEEDS.get(name, seeds)), radius)
 
 
-def play(scene: Scene, seed: int, policies: Sequence[Any], threads: int) -> dict[str, float | None]:
-    """Return the figures of a scene with one seed."""
+def play(
+    scene: Scene, seed: int, policies: Sequence[Any], threads: int, seen: Callable[[Chunk], None] | None = None
+) -> dict[str, float | None]:
+    """Return the figures of a scene with one seed; ``seen`` is called with every chunk."""
     scenario = scene.scenario.model_copy(update={"seed": seed})
     prepared = prepare(scenario, policies)
     rate, frames = prepared.rate, prepared.frames
@@ -139,6 +144,8 @@ def play(scene: Scene, seed: int, policies: Sequence[Any], threads: int) -> dict
     distances = []
     for chunk in simulate(prepared.crowd, prepared.policies, frames, prepared.script, threads):
         counter.add(chunk)
+        if seen is not None:
+            seen(chunk)
         if near:
             dx, dz, known = opponent_offsets(chunk)
             distances.append(np.where(known, np.hypot(dx, dz), np.inf))

@@ -27,6 +27,11 @@ def scenario_names() -> list[str]:
     return _names("scenarios")
 
 
+def recipe_names() -> list[str]:
+    """Return the names of the training recipes that can be found by name."""
+    return _names("policies")
+
+
 def policy_names() -> list[str]:
     """Return the names of the policies that can be found by name: recipes, and trained bundles without a recipe."""
     bundles = {path.parent.name for folder in folders("policies") for path in folder.glob("*/policy.json")}

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import gc
+import re
 import signal
 import sys
+import traceback
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperArgument, TyperCommand
 
 from crowdsim import __version__
 from crowdsim.commands.checking import schema, status, validate, verify
+from crowdsim.commands.common import talk, with_talk
 from crowdsim.commands.inspecting import inspect
 from crowdsim.commands.motion import perform, train
 from crowdsim.commands.profiling import profile
@@ -18,17 +22,35 @@ from crowdsim.commands.rendering import render
 from crowdsim.commands.running import export, run
 from crowdsim.errors import CrowdsimError
 
+EXIT_CODES = "Exit codes: 0 done, 1 a run failed, 2 invalid input, 130 interrupted, 143 terminated."
+
+
+class Verb(TyperCommand):
+    """A command whose help shows arguments by their names alone, without Python's types and braces."""
+
+    def __init__(self, *values: Any, **named: Any) -> None:
+        super().__init__(*values, **named)
+        for argument in self.params:
+            if isinstance(argument, TyperArgument):
+                # What newer versions of typer put after the name.
+                vars(argument)["display_type_rich"] = lambda ctx: None
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return the parts of the usage line."""
+        return [re.sub(r"[{}]", "", piece) for piece in super().collect_usage_pieces(ctx)]
+
+
 app = typer.Typer(
     name="crowdsim",
     help="Data-driven fight crowds: motion capture in, a trained crowd out.",
+    epilog=EXIT_CODES,
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 120},
 )
 for _command in (perform, inspect, train, run, export, render, profile, validate, schema, verify, status):
-    app.command()(_command)
+    app.command(cls=Verb, epilog=EXIT_CODES)(with_talk(_command))
 
 
 def main() -> None:
@@ -36,9 +58,12 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _terminate)
     # Loading makes a great many objects and next to no rubbish: looking for it at every 700th costs 0.1 s.
     gc.set_threshold(300_000, 10, 10)
+    talk.quiet = talk.verbose = False
     try:
         app(standalone_mode=True)
     except CrowdsimError as error:
+        if talk.verbose:
+            traceback.print_exc()
         print(error, file=sys.stderr)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:

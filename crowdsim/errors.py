@@ -36,6 +36,10 @@ class PolicyError(CrowdsimError):
     """A trained bundle is missing, damaged, foreign or of another version."""
 
 
+class VersionError(PolicyError):
+    """A trained bundle is of another format version."""
+
+
 class TakeError(CrowdsimError):
     """A recorded run is missing, damaged or does not hold what was asked for."""
 
@@ -60,6 +64,29 @@ def under_way() -> Iterator[None]:
 
 
 def nearest(word: str, choices: Iterable[str]) -> str:
-    """Return `` (did you mean 'x'?)`` with the choice most like ``word``, or an empty string when none is like it."""
-    match = difflib.get_close_matches(str(word), [str(choice) for choice in choices], n=1, cutoff=0.6)
+    """Return `` (did you mean 'x'?)`` with the choice most like ``word``, or an empty string when none is like it.
+
+    One that a single letter makes out of ``word`` goes before all others.
+    """
+    words = [str(choice) for choice in choices]
+    match = [choice for choice in words if _one_letter_apart(str(word), choice)]
+    match = match or difflib.get_close_matches(str(word), words, n=1, cutoff=0.6)
     return f" (did you mean '{match[0]}'?)" if match else ""
+
+
+def is_near(word: str, choice: str) -> bool:
+    """Whether ``word`` may be meant to be ``choice``."""
+    return bool(nearest(word, [choice]))
+
+
+def _one_letter_apart(word: str, other: str) -> bool:
+    """Whether a letter that is missing, added, changed or swapped with the next one is all that differs."""
+    if len(word) > len(other):
+        word, other = other, word
+    if len(other) < 2 or len(other) - len(word) > 1:
+        return False
+    same = next((i for i, (a, b) in enumerate(zip(word, other, strict=False)) if a != b), len(word))
+    if len(word) < len(other):
+        return word[same:] == other[same + 1 :]
+    swapped = word[same : same + 2] == other[same : same + 2][::-1] and word[same + 2 :] == other[same + 2 :]
+    return swapped or word[same + 1 :] == other[same + 1 :]

@@ -9,18 +9,27 @@ import platform
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from crowdsim import __version__
 from crowdsim.errors import OutputError, TakeError
+from crowdsim.journal import NAME as JOURNAL
+from crowdsim.journal import find_noted, read_journal
+from crowdsim.plain_files import NotPlainError, is_inside, open_plain, remove_plain, stat_plain, walk
+from crowdsim.signed_json import checksum, signed_text, text_of
 
 NAME = "manifest.json"
 FORMAT = "crowdsim-run"
 VERSION = 1
 _TAKE = "take.zarr/"
 _PACKAGES = ("numpy", "scipy", "numba", "zarr", "pydantic", "open3d-cpu", "open3d", "imageio-ffmpeg")
+
+
+class ForeignManifestError(TakeError):
+    """A file of the manifest's name was written by another program."""
 
 
 def describe_machine() -> dict[str, Any]:
@@ -74,28 +83,26 @@ def available_memory() -> int | None:
     return None
 
 
-def checksums(folder: Path, paths: Iterable[Path] | None = None, threads: int = 1) -> dict[str, dict[str, Any]]:
-    """Return size and SHA-256 of files of a run folder, by path; of all but the manifest when None is given."""
-    chosen = sorted(_files(folder) if paths is None else paths)
-    chosen = [path for path in chosen if path != folder / NAME]
+def checksums(folder: Path, names: Iterable[str] | None = None, threads: int = 1) -> dict[str, dict[str, Any]]:
+    """Return size and SHA-256 of files of a run folder, by name; of all but the manifest when None is given.
+
+    Raises:
+        OSError: One is missing or no regular file, or cannot be read.
+    """
+    chosen = sorted(set(walk(folder) if names is None else names) - {NAME, JOURNAL})
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        hashes = list(pool.map(_hash, chosen))
-    return {
-        path.relative_to(folder).as_posix(): {"bytes": path.stat().st_size, "sha256": told}
-        for path, told in zip(chosen, hashes, strict=True)
-    }
+        hashes = list(pool.map(lambda name: _hash(folder, name), chosen))
+    return {name: {"bytes": size, "sha256": told} for name, (size, told) in zip(chosen, hashes, strict=True)}
 
 
-def _files(folder: Path) -> Iterable[Path]:
-    return (path for path in folder.rglob("*") if path.is_file())
-
-
-def _hash(path: Path) -> str:
-    digest = hashlib.sha256()
-    with open(path, "rb") as file:
+def _hash(folder: Path, name: str) -> tuple[int, str]:
+    """Return size and SHA-256 of a file."""
+    digest, size = hashlib.sha256(), 0
+    with open_plain(folder, name) as file:
         for block in iter(lambda: file.read(1 << 20), b""):
             digest.update(block)
-    return digest.hexdigest()
+            size += len(block)
+    return size, digest.hexdigest()
 
 
 def write_manifest(folder: Path, told: Mapping[str, Any], files: Mapping[str, Mapping[str, Any]]) -> Path:
@@ -113,30 +120,32 @@ def write_manifest(folder: Path, told: Mapping[str, Any], files: Mapping[str, Ma
 
 
 def update_manifest(
-    folder: Path, kind: str, written: Sequence[Path], told: Mapping[str, Any], threads: int = 1
-) -> list[Path]:
-    """Note in a finished run's manifest that the files of an output have been written anew.
+    folder: Path, kind: str, written: Sequence[str], told: Mapping[str, Any], replaces: bool = True, threads: int = 1
+) -> list[str]:
+    """Note in a finished run's manifest that files of an output have been written anew.
 
     Args:
         folder: The run folder.
-        kind: Folder of the output in it, ``bvh`` say.
-        written: Its files.
+        kind: Folder of the output in it, ``bvh`` say; ``pictures`` for those of the renderer.
+        written: Names of the files in the run folder.
         told: What a reader should know of them.
+        replaces: Whether they are all files of that folder, so that others that the manifest lists there go.
         threads: Threads that sum up files.
 
     Returns:
-        Files of that output that were there before, were not written anew, and have been removed.
+        Names of files that the manifest listed in that folder, were not written anew, and have been removed.
 
     Raises:
         TakeError: The manifest is damaged.
-        OutputError: It cannot be written.
+        OSError: A file cannot be read, or not removed.
+        OutputError: The manifest cannot be written.
     """
     document = read_manifest(folder)
-    files = {name: facts for name, facts in document["files"].items() if not name.startswith(f"{kind}/")}
-    before = {folder / name for name in document["files"]} - {folder / name for name in files}
-    stale = sorted(before - set(written))
-    for path in stale:
-        path.unlink(missing_ok=True)
+    files = dict(document["files"])
+    stale = sorted({name for name in files if name.rpartition("/")[0] == kind} - set(written)) if replaces else []
+    remove_plain(folder, stale)
+    for name in stale:
+        del files[name]
     files.update(checksums(folder, written, threads))
     exports = {**document.get("exports", {}), kind: dict(told)}
     _write(folder, {**document, "exports": exports, "files": dict(sorted(files.items()))})
@@ -146,9 +155,8 @@ def update_manifest(
 def _write(folder: Path, document: Mapping[str, Any]) -> Path:
     path = folder / NAME
     partial = folder / f".{NAME}.part"
-    rest = {key: value for key, value in document.items() if key != "checksum"}
     try:
-        partial.write_text(_text({**rest, "checksum": _checksum(rest)}), encoding="utf-8")
+        partial.write_text(signed_text(document), encoding="utf-8")
         os.replace(partial, path)
     except OSError as error:
         partial.unlink(missing_ok=True)
@@ -156,71 +164,95 @@ def _write(folder: Path, document: Mapping[str, Any]) -> Path:
     return path
 
 
-def _text(document: Mapping[str, Any]) -> str:
-    return json.dumps(document, indent=1) + "\n"
-
-
-def _checksum(document: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of what a manifest says, without its own."""
-    rest = {key: value for key, value in document.items() if key != "checksum"}
-    return hashlib.sha256(json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
-
-
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Return a run's manifest.
+    """Return a run's manifest; what it names lies inside its folder.
 
     Raises:
-        TakeError: There is none, or it is damaged, foreign or of another version.
+        ForeignManifestError: Another program has written it.
+        TakeError: There is none, or it is damaged or of another version, or it names what no run writes.
     """
     path = folder / NAME
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        with open_plain(folder, NAME) as file:
+            document = json.loads(file.read().decode("utf-8"))
     except FileNotFoundError:
         raise TakeError(f"{folder}: no {NAME} here, so this is no finished run") from None
-    except (OSError, ValueError) as error:
+    except NotPlainError as error:
+        raise TakeError(f"{path}: {error.strerror}") from None
+    except (OSError, ValueError, RecursionError) as error:
         raise TakeError(f"{path}: is damaged: {error}") from None
     if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise TakeError(f"{path}: is no manifest of a run")
+        raise ForeignManifestError(f"{path}: is no manifest of a run")
     if document.get("version") != VERSION:
         raise TakeError(f"{path}: is of version {document.get('version')!r}, expected {VERSION}")
-    if document.get("checksum") != _checksum(document):
+    if document.get("checksum") != checksum(document):
         raise TakeError(f"{path}: is damaged: its checksum does not fit what it says")
+    files = document.get("files")
+    if not isinstance(files, dict) or not all(isinstance(facts, dict) for facts in files.values()):
+        raise TakeError(f"{path}: is damaged: expected its files by name, each with its size and checksum")
+    for name in files:
+        if not is_inside(name) or name in (NAME, JOURNAL):
+            raise TakeError(f"{path}: names {name!r}, expected only files that a run writes inside {folder}")
     return document
 
 
-def verify(folder: Path, threads: int = 1) -> tuple[list[str], list[str]]:
-    """Hold a run folder against its manifest.
+@dataclass(frozen=True)
+class Verdict:
+    """How a run folder differs from its manifest.
 
-    Returns:
-        What differs, a line each, and the files that have come since, such as pictures that were drawn later. A file
-        that has come into the take differs, since a take reads all files in its folder.
+    Attributes:
+        findings: What differs, a line each. A file that has come into the take differs too, since a take reads all
+            files in its folder.
+        unfinished: Names of files that an export or a rendering has begun and not finished.
+        foreign: Names of other files, which crowdsim has not written.
+    """
+
+    findings: tuple[str, ...] = ()
+    unfinished: tuple[str, ...] = ()
+    foreign: tuple[str, ...] = ()
+
+
+def verify(folder: Path, threads: int = 1) -> Verdict:
+    """Hold a run folder against its manifest.
 
     Raises:
         TakeError: There is no manifest to hold it against.
+        OSError: The folder cannot be read.
     """
     document = read_manifest(folder)
     recorded = document["files"]
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        found = list(pool.map(lambda item: _differs(folder / item[0], item[1]), recorded.items()))
+        found = list(pool.map(lambda item: _differs(folder, *item), recorded.items()))
     findings = [finding for finding in found if finding]
-    if (folder / NAME).read_text(encoding="utf-8") != _text(document):
-        findings.append(f"{folder / NAME}: has changed: it is not as it was written")
-    names = {path.relative_to(folder).as_posix() for path in _files(folder)} - {NAME}
-    more = sorted(names - set(recorded))
+    with open_plain(folder, NAME) as file:
+        if file.read() != text_of(document).encode("utf-8"):
+            findings.append(f"{folder / NAME}: has changed: it is not as it was written")
+    held = set(walk(folder)) - {NAME, JOURNAL}
+    journal = read_journal(folder)
+    begun = set() if journal is None else find_noted(folder, {*journal.inputs, *journal.files, NAME, JOURNAL}, held)
+    more = sorted(held - set(recorded))
     findings.extend(f"{folder / name}: is not in {NAME}" for name in more if name.startswith(_TAKE))
-    return findings, [name for name in more if not name.startswith(_TAKE)]
+    more = [name for name in more if not name.startswith(_TAKE)]
+    return Verdict(
+        tuple(findings),
+        tuple(name for name in more if name in begun),
+        tuple(name for name in more if name not in begun),
+    )
 
 
-def _differs(path: Path, told: Mapping[str, Any]) -> str:
+def _differs(folder: Path, name: str, told: Mapping[str, Any]) -> str:
     """Say how a file differs from what was recorded of it; an empty text when it does not."""
+    path = folder / name
     try:
-        size = path.stat().st_size
-        if size != told["bytes"]:
-            return f"{path}: has {size} bytes, expected {told['bytes']}"
-        if _hash(path) != told["sha256"]:
+        size = stat_plain(folder, name).st_size
+        if size != told.get("bytes"):
+            return f"{path}: has {size} bytes, expected {told.get('bytes')}"
+        if _hash(folder, name)[1] != told.get("sha256"):
             return f"{path}: has changed: its SHA-256 is not the one in {NAME}"
     except FileNotFoundError:
         return f"{path}: is missing"
+    except NotPlainError as error:
+        return f"{error.filename}: {error.strerror}"
     except OSError as error:
         return f"{path}: cannot be read: {error.strerror or error}"
     return ""

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from crowdsim.errors import CrowdsimError, ScenarioError, under_way
+from crowdsim.errors import CrowdsimError, under_way
+from crowdsim.frame_ranges import output_frames, parse_frames
+from crowdsim.journal import series_name
 
 if TYPE_CHECKING:
     from crowdsim.crowd.scenario import Scenario
@@ -30,13 +30,49 @@ def expect_outputs(scenario: Scenario) -> None:
         begin_probe()
 
 
+def plan_outputs(scenario: Scenario, avatars: Sequence[str], control_frames: int, control_rate: float) -> list[str]:
+    """Return the names of all files that the outputs of a scenario may have in the run folder, as a journal notes them.
+
+    Args:
+        scenario: The scenario, resolved.
+        avatars: Name of each avatar.
+        control_frames: Control frames of the run.
+        control_rate: Control frames a second.
+    """
+    from crowdsim.export.bvh import bvh_name
+
+    wanted, names = scenario.outputs, []
+    if wanted.bvh is not None:
+        numbers = range(len(avatars)) if wanted.bvh.avatars is None else wanted.bvh.avatars
+        names += [f"bvh/{bvh_name(avatars[number])}" for number in numbers]
+    for kind in ("ply", "pcd"):
+        cloud = getattr(wanted, kind)
+        if cloud is not None:
+            fps = cloud.fps or scenario.fps
+            count = output_frames(control_frames, control_rate, fps)
+            start, stop = _cut(cloud.frames_at(fps), count) or (0, count)
+            names.append(series_name(kind, range(start, stop, cloud.every), kind))
+    if wanted.render is not None:
+        from crowdsim.render.batch import picture_files
+
+        count = output_frames(control_frames, control_rate, wanted.render.fps)
+        frames = _cut(wanted.render.frames_at(wanted.render.fps), count) or (0, count)
+        sheet = wanted.render.contact_sheet or 0
+        names += [path.as_posix() for path in picture_files(Path(), frames, wanted.render.mp4, False, sheet)]
+        if wanted.render.png:
+            names.append(series_name("frames", range(*frames), "png"))
+    if wanted.profile is not None:
+        names += ["profile.csv"] * wanted.profile.csv + ["profile.png"] * wanted.profile.plots
+    return names
+
+
 def write_outputs(
     folder: Path,
     take: Take,
     policies: Sequence[Policy],
     scenario: Scenario,
     threads: int = 1,
-    seconds: dict[str, float] | None = None,
+    lap: Callable[[str], None] | None = None,
     progress: Progress | None = None,
 ) -> dict[str, list[Path]]:
     """Write the outputs that a scenario asks for from a take; return the files of each kind.
@@ -49,21 +85,18 @@ def write_outputs(
         policies: Its policies.
         scenario: The scenario, resolved.
         threads: Threads.
-        seconds: Where the time of each stage is added [s].
+        lap: Called with the name of each stage when it ends.
         progress: Called with stage, done and total.
 
     Raises:
         OutputError: A file cannot be written.
-        ScenarioError: An output's range begins after the last frame.
     """
     from crowdsim.export.stream import stream_poses
     from crowdsim.take.poses import PoseSampler
 
     told: dict[str, list[Path]] = {}
-    laps = {} if seconds is None else seconds
     wanted = scenario.outputs
     if wanted.bvh is not None or wanted.ply is not None or wanted.pcd is not None:
-        since = perf_counter()
         sampler = PoseSampler(take, policies, threads)
         rates: dict[float, list[Sink]] = {}
         for fps, sink in _sinks(sampler, folder, scenario):
@@ -71,17 +104,30 @@ def write_outputs(
         for fps, sinks in rates.items():
             files = stream_poses(sampler, fps, sinks, threads, progress)
             told.update({sink.kind: written for sink, written in zip(sinks, files, strict=True)})
-        laps["export"] = perf_counter() - since
+        if lap is not None:
+            lap("export")
     if wanted.render is not None:
-        from crowdsim.render.command import render_source
+        from crowdsim.render.command import render_source, scenario_options
         from crowdsim.render.take_source import TakeSource
 
-        since = perf_counter()
         source = TakeSource(take, policies, wanted.render.fps, threads=threads)
-        rendered = render_source(source, folder, render_options(wanted.render, threads), progress)
+        options = scenario_options(wanted.render, threads)
+        shown = take.output_frames(wanted.render.fps)
+        options = replace(options, frames=_cut(wanted.render.frames_at(wanted.render.fps), shown))
+        rendered = render_source(source, folder, options, progress, _note)
         told["pictures"] = list(rendered.files)
-        laps["render"] = perf_counter() - since
+        if lap is not None:
+            lap("render")
     return told
+
+
+@contextmanager
+def _note(folder: Path, planned: Sequence[Path]) -> Iterator[Callable[[Sequence[Path]], None]]:
+    """Note pictures of a run that is going on in its journal."""
+    from crowdsim.recorder import note_files
+
+    note_files(folder, [path.relative_to(folder).as_posix() for path in planned])
+    yield lambda files: None
 
 
 def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple[float, Sink]]:
@@ -92,7 +138,7 @@ def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple
     sinks: list[tuple[float, Any]] = []
     if wanted.bvh is not None:
         fps = wanted.bvh.fps or scenario.fps
-        frames = check_range(take, fps, wanted.bvh.frames, "outputs.bvh.frames")
+        frames = _cut(wanted.bvh.frames_at(fps), take.output_frames(fps))
         sinks.append((fps, BvhSink(sampler, folder / "bvh", fps, frames, wanted.bvh.avatars)))
     for kind in ("ply", "pcd"):
         cloud = getattr(wanted, kind)
@@ -101,7 +147,7 @@ def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple
         from crowdsim.export.pointcloud import CloudSink
 
         fps = cloud.fps or scenario.fps
-        frames = check_range(take, fps, cloud.frames, f"outputs.{kind}.frames")
+        frames = _cut(cloud.frames_at(fps), take.output_frames(fps))
         sink = CloudSink(sampler, folder / kind, kind, fps, cloud.points, frames, cloud.every, cloud.avatars)
         sinks.append((fps, sink))
     return sinks
@@ -114,7 +160,7 @@ class ExportOptions:
     Attributes:
         kinds: ``bvh``, ``ply``, ``pcd``.
         avatars: Their numbers, ``0-9`` or ``0,3,5-7``; all when None.
-        frames: Output frames ``A:B``; all when None.
+        frames: Output frames ``A:B``, in frames or seconds; all when None.
         fps: Output frames a second.
         every: Write every n-th output frame of point clouds.
         points: Points an avatar.
@@ -139,7 +185,7 @@ def export_take(
 ) -> dict[str, list[Path]]:
     """Export a run's take again; return the files of each kind.
 
-    Into the run's own folder, exports take the place of those of their kind, and the manifest says so.
+    In the run's own folder, exports take the place of those of their kind, and the manifest says so.
 
     Args:
         folder: The run folder.
@@ -151,78 +197,52 @@ def export_take(
         progress: Called with stage, done and total.
 
     Raises:
-        TakeError: Avatars or frames are asked for that the take does not have.
-        OutputError: A folder cannot be made.
+        TakeError: Avatars or frames are asked for that the take does not have, or the manifest is damaged.
+        OutputError: A folder cannot be made, or holds other files of these names beside a run's.
         RunError: A file cannot be written.
     """
-    from crowdsim.export.bvh import BvhSink
-    from crowdsim.export.select import parse_avatars, parse_range
+    from crowdsim.export.bvh import BvhSink, bvh_name
+    from crowdsim.export.select import parse_avatars
     from crowdsim.export.stream import stream_poses
-    from crowdsim.manifest import NAME, update_manifest
+    from crowdsim.recorder import record_files
     from crowdsim.take.poses import PoseSampler
 
     if not options.kinds:
         raise CrowdsimError("nothing to export, expected --bvh, --ply or --pcd")
     fps = options.fps
     avatars = parse_avatars(options.avatars, take.avatar_count)
-    frames = parse_range(options.frames, take.output_frames(fps), fps)
+    frames = None
+    if options.frames is not None:
+        frames = parse_frames(options.frames).resolve(take.output_frames(fps), fps, take.frame_limit(fps))
+    start, stop = frames or (0, take.output_frames(fps))
     target = out or folder
-    sampler = PoseSampler(take, policies, threads)
-    sinks: list[Any] = []
+    planned: list[Path] = []
     for kind in options.kinds:
         if kind == "bvh":
-            sinks.append(BvhSink(sampler, target / kind, fps, frames, avatars))
+            numbers = range(take.avatar_count) if avatars is None else avatars
+            planned += [target / kind / bvh_name(take.cast.names[number]) for number in numbers]
         else:
             from crowdsim.export.pointcloud import CloudSink
 
-            sinks.append(CloudSink(sampler, target / kind, kind, fps, options.points, frames, options.every, avatars))
-    with under_way():
-        written = stream_poses(sampler, fps, sinks, threads, progress)
-        told = dict(zip(options.kinds, written, strict=True))
-        if target.resolve() == folder.resolve() and (folder / NAME).exists():
+            planned.append(target / series_name(kind, range(start, stop, options.every), kind))
+    with record_files(target, planned) as recorder:
+        sampler = PoseSampler(take, policies, threads)
+        sinks: list[Any] = []
+        for kind in options.kinds:
+            if kind == "bvh":
+                sinks.append(BvhSink(sampler, target / kind, fps, frames, avatars))
+            else:
+                sinks.append(
+                    CloudSink(sampler, target / kind, kind, fps, options.points, frames, options.every, avatars)
+                )
+        with under_way():
+            written = stream_poses(sampler, fps, sinks, threads, progress)
+            told = dict(zip(options.kinds, written, strict=True))
             for kind, files in told.items():
-                update_manifest(folder, kind, files, asdict(options), threads)
+                recorder.settle(kind, files, asdict(options), True, threads)
     return told
 
 
-def render_options(wanted: Any, threads: int) -> Any:
-    """Return the options of the renderer that a scenario's ``outputs.render`` means."""
-    from crowdsim.render.camera import Keys
-    from crowdsim.render.command import RenderOptions
-
-    camera = wanted.camera
-    if not isinstance(camera, str):
-        if camera.kind == "follow":
-            camera = f"follow:{camera.avatar}"
-        else:
-            keys = camera.keys
-            camera = Keys(
-                np.array([key.seconds for key in keys]),
-                np.array([key.position for key in keys]),
-                np.array([key.look_at for key in keys]),
-            )
-    return RenderOptions(
-        size=wanted.size,
-        fps=None,
-        frames=wanted.frames,
-        camera=camera,
-        mp4=wanted.mp4,
-        png=wanted.png,
-        contact_sheet=wanted.contact_sheet or 0,
-        caption=wanted.caption,
-        threads=threads,
-    )
-
-
-def check_range(take: Take, fps: float, frames: Sequence[int] | None, key: str) -> tuple[int, int] | None:
-    """Return a range of output frames, cut to the take's.
-
-    Raises:
-        ScenarioError: It begins after the last frame.
-    """
-    if frames is None:
-        return None
-    count = take.output_frames(fps)
-    if frames[0] >= count:
-        raise ScenarioError(f"{key}: begins at frame {frames[0]}, the run has frames 0 to {count - 1} at {fps:g} fps")
-    return frames[0], min(frames[1], count)
+def _cut(frames: Sequence[int] | None, count: int) -> tuple[int, int] | None:
+    """Return a checked range of a scenario's output frames, cut to the ``count`` that there are."""
+    return None if frames is None else (frames[0], min(frames[1], count))

@@ -63,12 +63,7 @@ def load_policies(
     """
     from crowdsim.policy.train import ready_policy
 
-    used: set[str] = set()
-    for group in scenario.groups:
-        used.update(
-            [group.type] if group.type is not None else [name for name, share in (group.mix or {}).items() if share]
-        )
-    names = dict.fromkeys(kind.policy for name, kind in scenario.types.items() if name in used)
+    names = dict.fromkeys(kind.policy for name, kind in scenario.types.items() if name in scenario.used_types)
     capture = mocap or os.environ.get("CROWDSIM_MOCAP") or None
     # A bundle goes by the name that the scenario calls it, wherever it was trained.
     return [replace(ready_policy(name, capture, threads, progress), name=name) for name in names]

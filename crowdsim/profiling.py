@@ -118,7 +118,7 @@ def profile_scenario(
                     script,
                     number,
                     sized.opponents.search,
-                    progress=progress and _named(progress, f"{count} avatars, {number} threads"),
+                    progress=progress and _named(progress, f"{count} avatars, {number} thread{'s'[: number != 1]}"),
                 )
             )
     return found
@@ -143,6 +143,8 @@ def time_writing(
 
 def describe(profile: Profile) -> dict[str, Any]:
     """Return a profile as plain data; times in milliseconds a frame."""
+    from crowdsim.crowd.profile import profile_verdict
+
     scopes = float(profile.timings.sum())
     return {
         "avatars": profile.avatars,
@@ -153,6 +155,8 @@ def describe(profile: Profile) -> dict[str, Any]:
         "compile_seconds": profile.compiling * 1e-9,
         "whole_milliseconds": profile.whole * 1e-6,
         "scopes_share": scopes / profile.whole if profile.whole else None,
+        "times_real_time": profile.times_real_time,
+        "verdict": profile_verdict(profile),
         "bytes_per_avatar": profile.bytes_per_avatar,
     }
 

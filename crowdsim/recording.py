@@ -22,6 +22,7 @@ from crowdsim.run_folder import TAKE
 from crowdsim.take.take import Take
 
 if TYPE_CHECKING:
+    from crowdsim.compilation import Compilation
     from crowdsim.crowd.statistics import CrowdStatistics
 
 Array = NDArray[Any]
@@ -29,6 +30,9 @@ Progress = Callable[[str, int, int], None]
 
 _TAKE_CHUNK_AVATAR_FRAMES = 4_000_000
 _STEP_AVATAR_FRAMES = 200_000
+
+CHOICES = "run --force starts over, --out names another folder"
+"""What can be done about a run that was interrupted."""
 
 LARGE = 20_000
 """Crowds of so many avatars are told beforehand what they need."""
@@ -60,6 +64,7 @@ class Report:
         seconds: Time of each stage [s].
         notes: What a user should know.
         done_before: Whether the run was finished already and has not been done again.
+        compiled: Kernels that had to be compiled; their time is the stage ``compile``, with that of loading others.
         statistics: The run in numbers.
         outputs: Files of each kind, and their size together [bytes].
     """
@@ -68,26 +73,46 @@ class Report:
     seconds: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     done_before: bool = False
+    compiled: int = 0
     statistics: CrowdStatistics | None = None
     outputs: dict[str, tuple[Path, int, int]] = field(default_factory=dict)
 
 
 class Clock:
-    """Adds the time since the last lap to stages."""
+    """Adds the time since the last lap to stages; what kernels took to compile or to load is a stage of its own.
 
-    def __init__(self, seconds: dict[str, float]) -> None:
+    Args:
+        seconds: Where the time of each stage is added [s].
+        compilation: What is compiled meanwhile.
+    """
+
+    def __init__(self, seconds: dict[str, float], compilation: Compilation | None = None) -> None:
         self._seconds = seconds
-        self._begun = self._since = perf_counter()
+        self._compilation = compilation
+        self._begun = perf_counter()
+        self.start()
 
     def start(self) -> None:
         """Begin a lap now."""
         self._since = perf_counter()
+        self._compiled = 0.0 if self._compilation is None else self._compilation.seconds
 
     def lap(self, stage: str) -> None:
         """Add the time since the last lap to a stage."""
-        now = perf_counter()
-        self._seconds[stage] = self._seconds.get(stage, 0.0) + now - self._since
-        self._since = now
+        since, before = self._since, self._compiled
+        self.start()
+        compiling = min(self._compiled - before, self._since - since)
+        self._add(stage, self._since - since - compiling)
+        if self._compilation is not None:
+            self._add("compile", compiling)
+
+    def watch(self, compilation: Compilation) -> None:
+        """Tell from now on what is compiled from what is done."""
+        self._compilation = compilation
+        self._compiled = compilation.seconds
+
+    def _add(self, stage: str, seconds: float) -> None:
+        self._seconds[stage] = self._seconds.get(stage, 0.0) + seconds
 
     def total(self) -> float:
         """Return the time since the clock was made [s]."""
@@ -144,18 +169,14 @@ def record(
     """Simulate and write the take as it comes; return it, and what control cost where that is wanted."""
     from crowdsim.crowd.simulation import Simulation
     from crowdsim.crowd.statistics import StatisticsCounter
+    from crowdsim.crowd.warming import warm_up
     from crowdsim.take.store import TakeWriter, open_take
 
     policies, cast, frames = prepared.policies, prepared.cast, prepared.frames
     profiled = scenario.outputs.profile is not None
-    # One frame of a simulation of its own, so that compiling, or loading what was compiled, is no part of control.
     search = scenario.opponents.search
-    first = Simulation(prepared.crowd, policies, prepared.script, threads, search, profiled=profiled)
-    first.run(1)
-    first.close()
-    model = first.model
-    del first
-    clock.lap("compile")
+    model = warm_up(prepared.crowd, policies, prepared.script, search, profiled)
+    clock.lap("prepare")
     count = len(cast.names)
     rows = max(1, min(scenario.outputs.take.chunk, _TAKE_CHUNK_AVATAR_FRAMES // count))
     counter = StatisticsCounter(policies, cast.policies, cast.scales, frames)
@@ -184,7 +205,7 @@ def record(
                 progress("control", done, frames)
             if caught and done < frames:
                 writer.close("interrupted")
-                kept = f"the {done} of {frames} control frames that were done are kept, --force runs all again"
+                kept = f"the {done} of {frames} control frames that were done are kept, {CHOICES}"
                 raise Interrupted(caught[0], folder, kept)
             clock.start()
         writer.close()

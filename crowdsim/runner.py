@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,16 +13,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from crowdsim import assets
 from crowdsim.assets import FileName
+from crowdsim.compilation import watch_compilation
 from crowdsim.crowd.scenario import Scenario, dump_scenario
-from crowdsim.errors import CrowdsimError, RunError, under_way
+from crowdsim.crowd.scenario_warnings import speed_warnings
+from crowdsim.errors import CrowdsimError, RunError, ScenarioError, under_way
+from crowdsim.journal import remove_journal
 from crowdsim.manifest import NAME as MANIFEST
 from crowdsim.manifest import checksums, peak_memory, read_manifest, write_manifest
-from crowdsim.outputs import expect_outputs, write_outputs
+from crowdsim.outputs import expect_outputs, plan_outputs, write_outputs
+from crowdsim.plain_files import walk
 from crowdsim.preparation import Prepared, load_policies, prepare
-from crowdsim.recording import LARGE, Clock, Interrupted, Report, needs, record, stop_signals
-from crowdsim.run_folder import RESOLVED, check_folder, clear_folder, copy_file, hold_folder, write_text
+from crowdsim.recording import CHOICES, LARGE, Clock, Interrupted, Report, needs, record, stop_signals
+from crowdsim.run_folder import RESOLVED, TAKE, check_folder, claim_folder, copy_file, hold_folder, write_text
 from crowdsim.take.take import VARIABLES, Events, Take
-from crowdsim.validation import check_scenario
+from crowdsim.validation import check_scenario, late_events
 
 if TYPE_CHECKING:
     from crowdsim.crowd.chunk import Chunk
@@ -104,8 +108,10 @@ def run_to(
 ) -> Report:
     """Run a scenario into a folder: take, outputs, and the manifest last.
 
-    A finished run of the same resolved scenario is not done again, unless ``force`` says so. What is wrong with the
-    input is found before the folder is made or touched. ``tell`` is handed what a large crowd will need, beforehand.
+    A finished run of the same resolved scenario is not done again, and nothing that a run has computed is removed,
+    unless ``force`` says so; then only what a manifest or journal lists. What is wrong with the input is found before
+    the folder is made or touched. ``tell`` is handed beforehand what a large crowd will need and what its policies
+    cannot do, and once that kernels are compiled.
 
     Raises:
         ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
@@ -120,19 +126,46 @@ def run_to(
     resolved = dump_scenario(scenario)
     if check_folder(folder, resolved, force):
         return _done_before(report)
+    with watch_compilation(tell) as compilation:
+        clock.watch(compilation)
+        _run_watched(folder, scenario, resolved, threads, mocap, force, command, progress, tell, report, clock)
+        report.compiled = compilation.count
+    return report
+
+
+def _run_watched(
+    folder: Path,
+    scenario: Scenario,
+    resolved: str,
+    threads: int,
+    mocap: FileName | None,
+    force: bool,
+    command: str,
+    progress: Progress | None,
+    tell: Callable[[str], None] | None,
+    report: Report,
+    clock: Clock,
+) -> None:
+    """Run a scenario into a folder that is fit for it, as ``run_to`` does, while what is compiled is watched."""
     placed = check_scenario(scenario)
+    report.notes += late_events(scenario)
     policies = load_policies(scenario, mocap, threads, progress)
     expect_outputs(scenario)
     clock.lap("policies")
+    if tell is not None:
+        for warning in speed_warnings(scenario, {policy.name: policy.statistics for policy in policies}):
+            tell(warning)
     prepared = prepare(scenario, policies, placed)
+    outputs = _plan(folder, scenario, prepared)
     clock.lap("prepare")
     if tell is not None and len(prepared.cast.names) >= LARGE:
         tell(needs(len(prepared.cast.names), prepared.frames, folder))
     with stop_signals() as caught, hold_folder(folder):
         # Another run may have come and gone since the first look.
-        if check_folder(folder, resolved, force):
-            return _done_before(report)
-        report.notes += clear_folder(folder)
+        if check_folder(folder, resolved, force, locked=True):
+            _done_before(report)
+            return
+        report.notes += claim_folder(folder, _inputs(scenario), outputs)
         clock.lap("prepare")
         try:
             with under_way():
@@ -140,7 +173,26 @@ def run_to(
         except OSError as error:
             where = error.filename or folder
             raise RunError(f"{where}: cannot be read or written: {error.strerror or error}") from error
-    return report
+
+
+def _plan(folder: Path, scenario: Scenario, prepared: Prepared) -> list[str]:
+    """Return the names of all files, and folders of takes, that a run writes beside those that it begins with.
+
+    Raises:
+        ScenarioError: An output has the place of a file that the scenario reads.
+    """
+    planned = plan_outputs(scenario, prepared.cast.names.tolist(), prepared.frames, prepared.rate)
+    places = {name.split("/")[0] for name in planned} | {TAKE, f"{TAKE}.partial", RESOLVED, MANIFEST}
+    for name in _inputs(scenario)[1:]:
+        if name.split("/")[0] in places:
+            what = f"reads {name!r}, which would lie in {folder} where the run writes; expected another file name"
+            raise ScenarioError(f"{scenario.name}: {what}")
+    return [*planned, TAKE, f"{TAKE}.partial"]
+
+
+def _inputs(scenario: Scenario) -> list[str]:
+    """Return the names of the files that a run begins with."""
+    return [RESOLVED, *(PurePosixPath(name).as_posix() for name in scenario.files)]
 
 
 def _run_in(
@@ -163,17 +215,17 @@ def _run_in(
 
     def watch(stage: str, done: int, total: int) -> None:
         if caught:
-            kept = "the take is finished and kept, outputs are not: export makes them, run --force does all again"
+            kept = f"the take is finished and kept, its outputs are not: export and render write them, {CHOICES}"
             raise Interrupted(caught[0], folder, kept)
         if progress is not None:
             progress(stage, done, total)
 
-    files = write_outputs(folder, take, prepared.policies, scenario, threads, report.seconds, watch)
-    clock.start()
+    files = write_outputs(folder, take, prepared.policies, scenario, threads, clock.lap, watch)
+    profiled: list[str] = []
     if timings is not None and scenario.outputs.profile is not None:
         from crowdsim.crowd.profile import write_profile
 
-        write_profile(folder, timings, take.avatar_count, scenario.outputs.profile)
+        profiled = [path.name for path in write_profile(folder, timings, take.avatar_count, scenario.outputs.profile)]
         clock.lap("profile")
     for kind, written in files.items():
         if not written:
@@ -183,9 +235,12 @@ def _run_in(
         place = Path(os.path.commonpath(written)) if kind == "pictures" else written[0].parent
         report.outputs[kind] = (place, len(written), sum(path.stat().st_size for path in written))
     watch("checksums", 0, 1)
-    hashes = checksums(folder, threads=threads)
+    names = [path.relative_to(folder).as_posix() for paths in files.values() for path in paths]
+    names += [*_inputs(scenario), *(f"{TAKE}/{name}" for name in walk(folder / TAKE)), *profiled]
+    hashes = checksums(folder, names, threads)
     clock.lap("checksums")
     write_manifest(folder, _manifest(scenario, prepared, report, clock, command, threads), hashes)
+    remove_journal(folder)
     watch("checksums", 1, 1)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from crowdsim.errors import nearest
+from crowdsim.errors import is_near, nearest
 from crowdsim.yaml_schema import Spot, describe, discriminator, join, member, step
 from crowdsim.yaml_tree import FAULTY, Entry, Finding, Path, key_path
 
@@ -143,6 +143,8 @@ def _findings_of(detail: dict[str, Any], here: _Located) -> list[Finding]:
         what = f"unknown key, expected {join(keys)}{nearest(str(path[-1]), keys)}"
         return [Finding(here.entry.key_place, key_path(path), what)]
     if kind == "missing":
+        if _misspelt(str(path[-1]), here):
+            return []  # the unknown key that it is meant by has a finding of its own
         return [Finding(place, key_path(path), f"missing, expected {describe(here.spot)}")]
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         common = discriminator(here.spot) if here.spot else None
@@ -151,8 +153,13 @@ def _findings_of(detail: dict[str, Any], here: _Located) -> list[Finding]:
         count = len(value)
         if kind == "too_short" and count >= context["min_length"]:
             return []  # pydantic counts valid items only; the others have findings of their own
-        bounds = [f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"]
-        return [Finding(place, key_path(path), f"has {count} item{'s'[: count != 1]}, expected {bounds[0]}")]
+        if here.spot is not None and here.spot.is_pair_or_the_like:
+            expected = describe(here.spot)
+        else:
+            expected = (
+                f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
+            )
+        return [Finding(place, key_path(path), f"has {count} item{'s'[: count != 1]}, expected {expected}")]
     if kind == "string_too_short":
         return [Finding(place, key_path(path), "is empty text, expected text")]
     if kind == "literal_error":
@@ -169,8 +176,20 @@ def _wrong_tag(here: _Located, key: str, words: list[Any]) -> Finding:
     path, given = key_path((*here.path, key)), here.entry.value.get(key)
     expected = join([f"'{word}'" for word in words])
     if given is None:
+        known = {name for choice in here.spot.members for name in choice.keys} if here.spot else set()
+        for other, entry in here.entry.value.items():
+            if other not in known and is_near(other, key):
+                what = f"unknown key, expected {key}: {expected} (did you mean '{key}'?)"
+                return Finding(entry.key_place, key_path((*here.path, other)), what)
         return Finding(here.entry.place, path, f"missing, expected {expected}")
     return Finding(given.place, path, f"{show(given.value)}, expected {expected}{nearest(str(given.value), words)}")
+
+
+def _misspelt(key: str, here: _Located) -> bool:
+    """Whether an unknown key stands beside a missing one that it is most like."""
+    keys = here.parent.keys if here.parent else []
+    given = here.entry.value if isinstance(here.entry.value, dict) else {}
+    return any(name not in keys and nearest(name, keys) == nearest(key, [key]) for name in given)
 
 
 def _hint(value: Any, spot: Spot | None) -> str:

@@ -12,6 +12,19 @@ from pydantic.fields import FieldInfo
 
 
 @dataclass(frozen=True)
+class Words:
+    """Stands in an annotation and says what is expected there, instead of what follows from the type.
+
+    Attributes:
+        text: What is expected.
+        besides: Whether that is expected beside what the type says, as another way to write it.
+    """
+
+    text: str
+    besides: bool = False
+
+
+@dataclass(frozen=True)
 class Spot:
     """A place in a schema: its type without ``Annotated`` and ``None``, and the constraints that stand with it.
 
@@ -38,6 +51,12 @@ class Spot:
     def is_list(self) -> bool:
         """Whether items are counted here."""
         return (get_origin(self.kind) or self.kind) in (list, tuple)
+
+    @property
+    def is_pair_or_the_like(self) -> bool:
+        """Whether a list of a fixed number of items stands here."""
+        arguments = get_args(self.kind)
+        return get_origin(self.kind) is tuple and bool(arguments) and arguments[-1] is not Ellipsis
 
     @property
     def keys(self) -> list[str]:
@@ -127,11 +146,15 @@ def describe(spot: Spot | None) -> str:
     """Say what is expected at a spot: ``a whole number from 1 to 9``, ``'q' or 'v'``, ``a list``."""
     if spot is None:
         return "a value"
+    said = next((constraint for constraint in spot.constraints if isinstance(constraint, Words)), None)
+    if said is not None:
+        rest = replace(spot, constraints=tuple(one for one in spot.constraints if one is not said))
+        return join([*_ways(rest), said.text]) if said.besides else said.text
     if spot.members:
         common = discriminator(spot)
         if common:
             return f"a mapping with {common[0]}: {join([repr(word) for word in common[1]])}"
-        return join([describe(choice) for choice in spot.members])
+        return join(_ways(spot))
     if spot.model is not None:
         return f"a mapping with {join(spot.keys, 'and')}"
     kind = get_origin(spot.kind) or spot.kind
@@ -157,6 +180,12 @@ def describe(spot: Spot | None) -> str:
     if kind is str or getattr(kind, "__name__", "") == "Path":
         return "text"
     return "a value"
+
+
+def _ways(spot: Spot) -> list[str]:
+    """Say what each member of a plain union expects, or what the spot itself does."""
+    plain = spot.members and not discriminator(spot)
+    return [describe(choice) for choice in spot.members] if plain else [describe(spot)]
 
 
 def join(words: list[str], last: str = "or") -> str:

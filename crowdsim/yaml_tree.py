@@ -14,6 +14,8 @@ from typing import Any
 
 import yaml
 
+from crowdsim.yaml_syntax import explain
+
 MAXIMUM_BYTES = 1_048_576
 MAXIMUM_VALUES = 100_000
 MAXIMUM_DEPTH = 64
@@ -112,7 +114,7 @@ def read_tree(data: bytes, source: str) -> tuple[Entry | None, list[Finding]]:
     try:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.MarkedYAMLError as error:
-        raise TreeError(_broken(error, source)) from None
+        raise TreeError(_broken(error, text, source)) from None
     except yaml.reader.ReaderError as error:
         # Positions count characters of the text as a whole.
         code = error.character if isinstance(error.character, int) else ord(str(error.character))
@@ -147,16 +149,9 @@ def _place_of(text: str, position: int, source: str) -> Place:
     return Place(source, before.count("\n") + 1, position - (before.rfind("\n") + 1) + 1)
 
 
-def _broken(error: yaml.MarkedYAMLError, source: str) -> Finding:
-    mark = error.problem_mark or error.context_mark
-    place = Place(source, 1, 1) if mark is None else Place(source, mark.line + 1, mark.column + 1)
-    problem = str(error.problem or "cannot be read")
-    if "'\\t'" in problem:
-        problem += "; indent with spaces, not with tabs"
-    if error.context == "expected a single document in the stream":
-        return Finding(place, "", "another document begins, expected a single one in the file")
-    context = f"{error.context}: " if error.context else ""
-    return Finding(place, "", f"broken YAML: {context}{problem}")
+def _broken(error: yaml.MarkedYAMLError, text: str, source: str) -> Finding:
+    line, column, message = explain(error, text)
+    return Finding(Place(source, line, column), "", message)
 
 
 class _Builder:

@@ -20,7 +20,8 @@ import crowdsim as package
 from crowdsim import recording, runner
 from crowdsim.crowd.scenario import load_scenario
 from crowdsim.errors import RunError
-from crowdsim.manifest import read_manifest
+from crowdsim.journal import Noted, read_journal
+from crowdsim.manifest import Verdict, read_manifest, verify, write_manifest
 from crowdsim.runner import load_policies, prepare, run, run_to
 from crowdsim.take.store import open_take
 from crowdsim.take.take import VARIABLES
@@ -160,7 +161,7 @@ def test_foreign_folders_and_files_are_left_alone(workplace: Path, capsys) -> No
     (workplace / "mine" / "bvh" / "capture.bvh").write_text("mine")
     (workplace / "file").write_text("mine")
     for out, message in (
-        ("mine", "mine: holds 'bvh', which is no run's; expected an empty folder or a run's\n"),
+        ("mine", "mine: holds 'bvh', which is no run's; expected an empty folder or a run's; --out names another\n"),
         ("file", "file: is a file, expected a folder for the run\n"),
         ("file/run", "file/run: cannot be made: file is a file\n"),
     ):
@@ -179,17 +180,217 @@ def test_a_folder_in_use_by_another_run_is_refused_and_free_when_that_ends(workp
     assert told == "output/long: is in use by another run; wait for it, or name another with --out"
     process.kill()
     process.communicate(timeout=60)
-    assert crowdsim("run", "long.yaml", "--frames", "20") == 0
+    assert crowdsim("run", "long.yaml", "--frames", "20", "--force") == 0
 
 
-def test_nothing_of_an_unfinished_rendering_stays_in_another_run(workplace: Path) -> None:
+FOREIGN = {
+    "parts": {".a.part": "mine", "b.part": "mine"},
+    "video": {".video-0123456789abcdef/notes.txt": "mine"},
+    "manifest": {"manifest.json": '{"format": "webapp"}', "bvh/capture.bvh": "mine", "video.mp4": "mine"},
+    "broken manifest": {"manifest.json": "{", "frames/0.png": "mine"},
+    "resolved": {"scenario.resolved.yaml": "mine", "bvh/capture.bvh": "mine"},
+    "take": {"take.zarr/.zgroup": "{}", "take.zarr.partial/x/0.0": "mine"},
+    "journal": {".crowdsim-journal.json": '{"format": "crowdsim-journal", "files": ["bvh/a.bvh"]}', "bvh/a.bvh": "x"},
+}
+
+
+@pytest.mark.parametrize("force", [(), ("--force",)], ids=["plain", "force"])
+@pytest.mark.parametrize("held", FOREIGN.values(), ids=FOREIGN)
+def test_names_alone_do_not_make_a_folder_a_run(workplace: Path, capsys, held: dict, force: tuple) -> None:
+    write_scene(workplace / "four.yaml")
+    for name, text in held.items():
+        (workplace / "mine" / name).parent.mkdir(parents=True, exist_ok=True)
+        (workplace / "mine" / name).write_text(text)
+    assert crowdsim("run", "four.yaml", "--out", "mine", *force) == 2
+    assert "expected an empty folder or a run's; --out names another\n" in capsys.readouterr().err
+    assert {name: (workplace / "mine" / name).read_text() for name in held} == held
+    assert sum(path.is_file() for path in (workplace / "mine").rglob("*")) == len(held)
+
+
+def test_force_removes_only_what_the_run_has_written(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml", outputs=OUTPUTS)
+    assert crowdsim("run", "four.yaml") == 0
+    folder = workplace / "output" / "four"
+    mine = ["notes.txt", "bvh/mine.bvh", "frames/000000.png", "video.mp4", ".a.part", "take.part", ".video-1/a.mp4"]
+    for name in mine:
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text("mine")
+    assert crowdsim("run", "four.yaml", "--force", "--set", "outputs={}") == 0
+    names = {name for name in tree(folder) if not name.startswith("take.zarr/")}
+    assert names == {*mine, "scenario.resolved.yaml"}
+    assert not (folder / "ply").exists()
+    assert not set(mine) & set(read_manifest(folder)["files"])
+    capsys.readouterr()
+    assert crowdsim("verify", folder) == 0
+    told = capsys.readouterr().err
+    assert told == f"{folder}: not written by crowdsim: .a.part, .video-1/a.mp4, bvh/mine.bvh, ...\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [("bvh/red_0.bvh", "bvh/red_0.bvh"), ("take.zarr/mine", "take.zarr/mine"), ("profile.csv/x", "profile.csv"),
+     ("take.zarr.partial/x", "take.zarr.partial/x")],
+)  # fmt: skip
+def test_files_of_others_in_the_way_of_a_run_stop_it_before_anything_goes(
+    workplace: Path, capsys, name: str, found: str
+) -> None:
     write_scene(workplace / "four.yaml")
     assert crowdsim("run", "four.yaml") == 0
     folder = workplace / "output" / "four"
-    (folder / "manifest.json").unlink()
-    (folder / ".video-0123456789abcdef").mkdir()
+    (folder / name).parent.mkdir(exist_ok=True)
+    (folder / name).write_text("mine")
+    before = tree(folder)
+    write_scene(workplace / "four.yaml", outputs={"bvh": {"fps": 30}, "profile": {}})
+    capsys.readouterr()
+    assert crowdsim("run", "four.yaml", "--force") == 2
+    assert capsys.readouterr().err == (
+        f"output/four/{found}: is in the way of what is to be written, and no run has written it; move it, or name "
+        "another folder with --out\n"
+    )
+    assert tree(folder) == before
+    assert (folder / "manifest.json").exists()
+
+
+def test_a_run_writes_nothing_through_a_link(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml")
     assert crowdsim("run", "four.yaml") == 0
-    assert not list(folder.glob(".video-*"))
+    (workplace / "elsewhere").mkdir()
+    (workplace / "output" / "four" / "bvh").symlink_to(workplace / "elsewhere")
+    for words in (("run", "four.yaml", "--force", "--set", "outputs.bvh.fps=30"), ("export", "output/four", "--bvh")):
+        capsys.readouterr()
+        assert crowdsim(*words) == 2
+        assert "output/four/bvh: is in the way of what is to be written" in capsys.readouterr().err
+    assert list((workplace / "elsewhere").iterdir()) == []
+    assert crowdsim("verify", "output/four") == 0
+
+
+def test_a_resigned_manifest_removes_and_reads_nothing_outside(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml")
+    assert crowdsim("run", "four.yaml") == 0
+    folder = workplace / "output" / "four"
+    (workplace / "victim").write_text("mine")
+    told = read_manifest(folder)
+    write_manifest(folder, {"status": "done"}, {**told["files"], "bvh/../../../victim": {"bytes": 4, "sha256": ""}})
+    message = "manifest.json: names 'bvh/../../../victim', expected only files that a run writes inside "
+    for words in (("export", "output/four", "--bvh"), ("verify", "output/four"), ("run", "four.yaml", "--force"),
+                  ("render", "output/four", "--contact-sheet", "1", "--size", "64x48")):  # fmt: skip
+        capsys.readouterr()
+        assert crowdsim(*words) == 2
+        assert message in capsys.readouterr().err
+    assert (workplace / "victim").read_text() == "mine"
+    assert not (folder / "bvh").exists()
+
+
+def test_a_take_whose_names_lead_elsewhere_is_not_exported(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml")
+    assert crowdsim("run", "four.yaml") == 0
+    import zarr
+
+    names = zarr.open_group(str(workplace / "output" / "four" / "take.zarr"), mode="r+")["name"]
+    names[0] = "../x"
+    capsys.readouterr()
+    assert crowdsim("export", "output/four", "--bvh", "--out", "out") == 2
+    assert "take.zarr: avatar 0 is named '../x', expected letters, digits" in capsys.readouterr().err
+    assert not (workplace / "out").exists()
+
+
+def test_a_scenario_that_reads_a_file_where_the_run_writes_is_refused(workplace: Path, capsys) -> None:
+    (workplace / "bvh").mkdir()
+    (workplace / "bvh" / "places.csv").write_text("-1,0\n1,0\n")
+    placement = {"kind": "points", "file": "bvh/places.csv"}
+    groups = [{"name": "pair", "type": "boxer", "count": 2, "placement": placement}]
+    write_scene(workplace / "pair.yaml", groups=groups, opponents={"kind": "anyone"}, outputs=OUTPUTS)
+    assert crowdsim("run", "pair.yaml", "--out", "run") == 2
+    message = "reads 'bvh/places.csv', which would lie in run where the run writes; expected another file name"
+    assert message in capsys.readouterr().err
+    assert not (workplace / "run").exists()
+
+
+def test_the_plan_of_a_run_names_all_that_it_writes(workplace: Path, monkeypatch) -> None:
+    pictures = {"fps": 30, "frames": [3, 9], "size": [64, 48], "png": True, "contact_sheet": 2}
+    cloud = {"fps": 20, "frames": [5, 500], "every": 7, "points": 20}
+    outputs = {**OUTPUTS, "pcd": cloud, "render": pictures, "profile": {"plots": True}}
+    write_scene(workplace / "four.yaml", outputs=outputs)
+    noted = []
+    monkeypatch.setattr(runner, "remove_journal", lambda folder: noted.append(read_journal(folder)))
+    assert crowdsim("run", "four.yaml") == 0
+    written = set(read_manifest(workplace / "output" / "four")["files"])
+    plan = {name for name in written if not name.startswith("take.zarr/")}
+    assert noted[0].inputs == {"scenario.resolved.yaml"}
+    (segments,) = (name for name in noted[0].files if name.startswith(".video-"))
+    assert {"take.zarr", "take.zarr.partial", segments} < noted[0].files
+    names = Noted(noted[0].files)
+    assert all(names.names(name) for name in plan - noted[0].inputs)
+    assert names.files <= plan
+    for other in ("ply/000001.ply", "ply/000099.ply", "pcd/000006.pcd", "pcd/00005.pcd", "frames/000002.png"):
+        assert not names.names(other)
+    verdict = verify(workplace / "output" / "four")
+    assert verdict == Verdict()
+
+
+def test_all_that_export_and_render_write_into_a_run_is_verified(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml")
+    assert crowdsim("run", "four.yaml") == 0
+    folder = workplace / "output" / "four"
+    small = ("--size", "64x48", "--frames", "0:4")
+    assert crowdsim("export", folder, "--bvh", "--frames", "0:9") == 0
+    assert crowdsim("render", folder, *small, "--mp4", "--png", "--contact-sheet", "2") == 0
+    assert crowdsim("render", folder, *small, "--png", "--out", folder / "more") == 0
+    assert crowdsim("render", folder / "bvh" / "red_0.bvh", *small, "--mp4") == 0
+    assert crowdsim("export", folder, "--bvh", "--frames", "0:5") == 0
+    capsys.readouterr()
+    assert crowdsim("verify", folder) == 0
+    assert capsys.readouterr().err == ""
+    written = set(read_manifest(folder)["files"])
+    assert written == set(tree(folder))
+    assert {"video.mp4", "contact_sheet.png", "frames/000003.png", "more/frames/000003.png",
+            "bvh/red_0/video.mp4"} <= written  # fmt: skip
+    (folder / "video.mp4").write_bytes(b"changed")
+    assert crowdsim("verify", folder) == 1
+    assert "video.mp4: has 7 bytes, expected " in capsys.readouterr().err
+    assert crowdsim("run", "four.yaml", "--force") == 0
+    assert {name.split("/")[0] for name in tree(folder)} == {"scenario.resolved.yaml", "take.zarr"}
+
+
+def test_render_and_export_into_a_run_leave_files_of_others_alone(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml")
+    assert crowdsim("run", "four.yaml") == 0
+    folder = workplace / "output" / "four"
+    (folder / "bvh").mkdir()
+    for name in ("video.mp4", "bvh/blue_1.bvh"):
+        (folder / name).write_text("mine")
+    for words, name in (
+        (("render", folder, "--size", "64x48", "--frames", "0:2"), "video.mp4"),
+        (("export", folder, "--bvh", "--frames", "0:2"), "bvh/blue_1.bvh"),
+    ):
+        capsys.readouterr()
+        assert crowdsim(*words) == 2
+        assert f"{folder / name}: is in the way of what is to be written" in capsys.readouterr().err
+        assert (folder / name).read_text() == "mine"
+    assert not (folder / ".crowdsim-journal.json").exists()
+
+
+def test_an_interrupted_rendering_is_told_from_files_of_others(workplace: Path, monkeypatch, capsys) -> None:
+    from crowdsim.render import batch
+
+    write_scene(workplace / "four.yaml")
+    assert crowdsim("run", "four.yaml") == 0
+    folder = workplace / "output" / "four"
+    words = ("render", folder, "--size", "64x48", "--frames", "0:6", "--png", "--mp4", "--threads", "1")
+    with monkeypatch.context() as patch:
+        patch.setattr(batch, "join", lambda *_: signal.raise_signal(signal.SIGINT))
+        assert crowdsim(*words) == 130
+    (folder / "notes.txt").write_text("mine")
+    capsys.readouterr()
+    assert crowdsim("verify", folder) == 0
+    told = capsys.readouterr().err.splitlines()
+    assert told[0].startswith(f"{folder}: an export or a rendering was not finished: .video-")
+    assert told[1] == f"{folder}: not written by crowdsim: notes.txt"
+    assert crowdsim(*words) == 0
+    capsys.readouterr()
+    assert crowdsim("verify", folder) == 0
+    assert capsys.readouterr().err == f"{folder}: not written by crowdsim: notes.txt\n"
+    assert not [path for path in folder.iterdir() if path.name.startswith(".")]
 
 
 def test_what_the_system_refuses_names_the_path_and_ends_with_1(workplace: Path, monkeypatch, capsys) -> None:
@@ -371,14 +572,29 @@ def test_an_interrupted_run_keeps_its_frames_and_says_so(workplace: Path, capsys
     assert take.status == "interrupted"
     assert take.frame_count >= 64
     assert np.isfinite(take.x[:]).all()
-    assert sorted(path.name for path in (workplace / "output" / "long").iterdir()) == [
+    assert "are kept, run --force starts over, --out names another folder" in error
+    folder = workplace / "output" / "long"
+    assert sorted(path.name for path in folder.iterdir()) == [
+        ".crowdsim-journal.json",
         "scenario.resolved.yaml",
         "take.zarr",
     ]
+    kept = tree(folder)
+    for more in ((), ("--frames", "20"), ("--seed", "6")):
+        assert crowdsim("run", "long.yaml", *more) == 2
+        assert capsys.readouterr().err.splitlines()[-1] == (
+            "output/long: holds an unfinished run, which is kept (take.zarr); --force starts over, --out names another "
+            "folder"
+        )
+        assert tree(folder) == kept
     assert crowdsim("export", "output/long", "--bvh", "--frames", "0:30") == 0
     assert "output/long: the run was interrupted; " in capsys.readouterr().err
     assert crowdsim("verify", "output/long") == 2
     assert capsys.readouterr().err == "output/long: no manifest.json here, so this is no finished run\n"
+    (folder / "bvh" / "mine.bvh").write_text("mine")
+    assert crowdsim("run", "long.yaml", "--frames", "20", "--force", "--set", "outputs={}") == 0
+    assert list((folder / "bvh").iterdir()) == [folder / "bvh" / "mine.bvh"]
+    assert crowdsim("verify", "output/long") == 0
 
 
 def test_a_killed_run_leaves_nothing_under_a_final_name_and_the_next_one_tells(workplace: Path, capsys) -> None:
@@ -389,11 +605,17 @@ def test_a_killed_run_leaves_nothing_under_a_final_name_and_the_next_one_tells(w
     process.wait(timeout=60)
     process.stderr.close()
     folder = workplace / "output" / "long"
-    assert sorted(path.name for path in folder.iterdir()) == ["scenario.resolved.yaml", "take.zarr.partial"]
+    names = [".crowdsim-journal.json", "scenario.resolved.yaml", "take.zarr.partial"]
+    assert sorted(path.name for path in folder.iterdir()) == names
     assert crowdsim("export", "output/long", "--bvh") == 2
     assert "only what a run left that was killed; run its scenario again" in capsys.readouterr().err
-    assert crowdsim("run", "long.yaml", "--set", "duration=20") == 0
-    found = "output/long: an unfinished run was found (scenario.resolved.yaml, take.zarr.partial); starting clean\n"
+    assert crowdsim("run", "long.yaml", "--set", "duration=20") == 2
+    assert "holds an unfinished run, which is kept (take.zarr.partial); --force" in capsys.readouterr().err
+    (folder / "take.zarr.partial" / ".zattrs.0123456789abcdef0123456789abcdef.partial").write_text("half")
+    (folder / ".scenario.resolved.yaml.part").write_text("half")
+    assert crowdsim("run", "long.yaml", "--set", "duration=20", "--force") == 0
+    held = ".scenario.resolved.yaml.part, scenario.resolved.yaml, take.zarr.partial"
+    found = f"output/long: an unfinished run was found ({held}); starting clean\n"
     assert capsys.readouterr().err.endswith(found)
     assert crowdsim("verify", "output/long") == 0
 
@@ -419,7 +641,7 @@ def test_an_interrupt_while_outputs_are_written_keeps_the_take(workplace: Path, 
     assert open_take(folder).status == "done"
     assert not (folder / "manifest.json").exists()
     assert not [path for path in folder.rglob("*") if path.name.endswith(".part") or ".part." in path.name]
-    assert capsys.readouterr().err.endswith("the take is finished and kept, outputs are not: export makes them, run --force does all again\n")  # fmt: skip  # noqa: E501
+    assert capsys.readouterr().err.endswith("the take is finished and kept, its outputs are not: export and render write them, run --force starts over, --out names another folder\n")  # fmt: skip  # noqa: E501
 
 
 @pytest.mark.slow

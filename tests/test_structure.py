@@ -24,11 +24,24 @@ LEFT_OF = {
     "export": {"motion", "graph", "policy", "crowd", "take"},
     "render": {"motion", "graph", "policy", "crowd", "take"},
 }
-COMMON = {"errors", "assets", "figures", "yaml_files", "yaml_findings", "yaml_schema", "yaml_tree"}
+COMMON = {
+    "errors",
+    "assets",
+    "compilation",
+    "figures",
+    "frame_ranges",
+    "plain_files",
+    "yaml_files",
+    "yaml_findings",
+    "yaml_reference",
+    "yaml_schema",
+    "yaml_syntax",
+    "yaml_tree",
+}
 
 
 # What nothing in the product refers to: the plain meaning of a kernel, the writer of docs/scenarios.md, and names.
-FOR_TESTS = {"action_values", "scenario_names", "scenario_reference"}
+FOR_TESTS = {"action_values"}
 
 
 def references(path: Path) -> set[str]:
@@ -166,3 +179,9 @@ def test_every_package_ships_inside_the_wheel() -> None:
     text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     for path in PACKAGE.rglob("__init__.py"):
         assert f'"{".".join(path.parent.relative_to(ROOT).parts)}"' in text
+
+
+def test_what_readme_opens_takes_with_is_installed_with_the_package() -> None:
+    needed = (ROOT / "pyproject.toml").read_text(encoding="utf-8").split("[project.optional-dependencies]")[0]
+    assert "xarray.open_zarr" in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert '"xarray>=' in needed

@@ -120,7 +120,41 @@ KEYS = "name, seed, duration, size, places, either, named, mode"
         ),
         ("name: a\nduration: 0", "2:11: duration: is 0, expected a whole number of at least 1"),
         ("name: a\nduration: {seconds: -1}", "2:21: duration.seconds: is -1, expected a number above 0"),
-        ("name: a\n seed: 3", "2:6: broken YAML: mapping values are not allowed here"),
+        ("name: a\n seed: 3", "2:2: wrong indentation of 1 space, expected 0 as in line 1"),
+        (
+            "named:\n    x: {kind: grid}\n  y: {kind: grid}",
+            "3:3: wrong indentation of 2 spaces, expected 4 as in line 2 or 0 as in line 1",
+        ),
+        (
+            "# comment\nplaces:\n- kind: grid\n\n   columns: 3",
+            "5:4: wrong indentation of 3 spaces, expected 2 as in line 3 or 0 as in line 3",
+        ),
+        (
+            "named:\n  x:\n    kind: grid\n   flat: true",
+            "4:4: wrong indentation of 3 spaces, expected 4 as in line 3, 2 as in line 2 or 0 as in line 1",
+        ),
+        (
+            "note: a fight: the end",
+            "1:14: broken YAML: a second ':' in a value, expected quotes around text that holds ': '",
+        ),
+        ("name: a\nseed 5\nmode: fast", "2:1: broken YAML: 'seed 5' has no ':', expected KEY: VALUE"),
+        ("name:a\nseed: 5", "1:6: broken YAML: no blank after the ':', expected KEY: VALUE"),
+        ("places:\n - kind: grid\n name: a", "3:2: broken YAML: a key among the items of a list, expected '- '"),
+        ("named:\n  x: {kind: grid}\n  - y", "3:3: broken YAML: a list item among keys, expected KEY: VALUE"),
+        ("name: a\nsize: [1, 2, 3]", "2:7: size: has 3 items, expected a list of 2: a number, a number"),
+        (
+            "name: a\nduration: {second: 2}",
+            "2:12: duration.second: unknown key, expected seconds (did you mean 'seconds'?)",
+        ),
+        (
+            "name: a\nplaces: [{knd: disc, radius: 1}]",
+            "2:11: places[0].knd: unknown key, expected kind: 'disc' or 'grid' (did you mean 'kind'?)",
+        ),
+        (
+            "name: a\neither: {knid: disc, radius: 1}",
+            "2:10: either.knid: unknown key, expected kind: 'disc' or 'grid' (did you mean 'kind'?)",
+        ),
+        ("nmae: a", f"1:1: nmae: unknown key, expected {KEYS} or note (did you mean 'name'?)"),
         ("name: [", "1:8: broken YAML: while parsing a flow node: expected the node content, but found '<stream end>'"),
         (
             "name: a\n\tseed: 3",

@@ -3,47 +3,98 @@
 from __future__ import annotations
 
 import sys
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from crowdsim.commands.common import CORES, Json, print_json
+from crowdsim.commands.common import CORES, Json, complete_either, detail, note, print_json, say
 from crowdsim.errors import CrowdsimError
 
 
-def validate(files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Scenarios and recipes.")]) -> None:
+def validate(
+    files: Annotated[
+        list[str],
+        typer.Argument(metavar="FILE", help="Scenarios and recipes, or their names.", autocompletion=complete_either),
+    ],
+    as_json: Json = False,
+) -> None:
     """Check scenarios and recipes; print every finding with its line and column."""
-    from crowdsim.validation import find_file_faults
+    from crowdsim.validation import find_checked_file, find_file_faults, find_file_warnings
 
-    findings = [finding for path in files for finding in find_file_faults(path)]
-    for finding in findings:
-        print(finding, file=sys.stderr)
-    if findings:
+    told: dict[str, list[str]] = {}
+    for name in files:
+        try:
+            path = find_checked_file(name)
+        except CrowdsimError as error:
+            told[name] = [str(error)]
+            continue
+        detail(f"{name}: checking {path}")
+        told[str(path)] = find_file_faults(path)
+    found = any(told.values())
+    for findings in told.values():
+        for finding in findings:
+            print(finding, file=sys.stderr)
+    if as_json:
+        files_told = [{"file": path, "valid": not findings, "findings": findings} for path, findings in told.items()]
+        print_json({"valid": not found, "files": files_told})
+    if found:
         sys.exit(2)
-    print(f"{len(files)} file{'s' if len(files) > 1 else ''} without a finding")
+    warnings = [warning for path in told for warning in find_file_warnings(Path(path))]
+    for warning in warnings:
+        note(warning)
+    if not as_json:
+        say(f"{len(told)} file{'s' if len(told) > 1 else ''} without a finding")
 
 
-def schema() -> None:
-    """Print the JSON Schema of scenario files, for editors."""
+class Kind(str, Enum):
+    """What a schema is of."""
+
+    SCENARIO = "scenario"
+    RECIPE = "recipe"
+
+
+def schema(
+    kind: Annotated[Kind, typer.Argument(metavar="[scenario|recipe]", help="What it is of.")] = Kind.SCENARIO,
+) -> None:
+    """Print the JSON Schema of scenario or recipe files, for editors."""
     from crowdsim.crowd.scenario import scenario_schema
+    from crowdsim.policy.recipe_reference import recipe_schema
 
-    print(scenario_schema(), end="")
+    print(scenario_schema() if kind is Kind.SCENARIO else recipe_schema(), end="")
 
 
-def verify(folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")]) -> None:
+def verify(folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")], as_json: Json = False) -> None:
     """Hold every file of a run against the checksums in its manifest."""
     from crowdsim.manifest import read_manifest, verify
 
-    findings, more = verify(folder, CORES)
-    for finding in findings:
+    verdict = verify(folder, CORES)
+    for finding in verdict.findings:
         print(finding, file=sys.stderr)
-    if findings:
+    count = len(read_manifest(folder)["files"])
+    if as_json:
+        print_json(
+            {
+                "folder": str(folder),
+                "intact": not verdict.findings,
+                "files": count,
+                "findings": verdict.findings,
+                "unfinished": verdict.unfinished,
+                "foreign": verdict.foreign,
+            }
+        )
+    if verdict.findings:
         sys.exit(1)
-    if more:
-        some = ", ".join(more[:3]) + (", ..." if len(more) > 3 else "")
-        print(f"{folder}: not written by the run: {some}", file=sys.stderr)
-    print(f"{folder}: {len(read_manifest(folder)['files'])} files, all as they were written")
+    for what, names in (
+        ("an export or a rendering was not finished", verdict.unfinished),
+        ("not written by crowdsim", verdict.foreign),
+    ):
+        if names:
+            some = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
+            note(f"{folder}: {what}: {some}")
+    if not as_json:
+        say(f"{folder}: {count} files, all as they were written")
 
 
 def status(

@@ -1,9 +1,17 @@
-"""What several commands share: options, and ways to print."""
+"""What several commands share: options, and ways to print.
+
+Results go to standard output; progress, notes and findings go to standard error.
+"""
 
 from __future__ import annotations
 
+import functools
+import inspect
 import json
 import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,16 +27,102 @@ def _count_cores() -> int:
 CORES = _count_cores()
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
-Threads = Annotated[int, typer.Option("--threads", min=1, max=1024, help="Threads; results never depend on them.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, notes or summary; findings and errors alone.")]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Say more of what is done and found, and where an error comes from.")
+]
+Threads = Annotated[
+    int, typer.Option("--threads", metavar="N", min=1, max=1024, help="Threads; results never depend on them.")
+]
+Frames = Annotated[
+    str | None,
+    typer.Option(metavar="A:B", help="Output frames, half-open, or seconds as in 2s:5s; all by default."),
+]
 Force = Annotated[bool, typer.Option("--force", help="Do it again although it is done.")]
 Search = Annotated[
     str | None,
-    typer.Option(help="How nearest opponents are found: auto, kd_tree or scipy; results never depend on it."),
+    typer.Option(
+        metavar="NAME", help="How nearest opponents are found: auto, kd_tree or scipy; results never depend on it."
+    ),
 ]
 Mocap = Annotated[
     Path | None,
-    typer.Option(help="Folder of motion capture, for recipes that train from it.", envvar="CROWDSIM_MOCAP"),
+    typer.Option(
+        metavar="DIR", help="Folder of motion capture, for recipes that train from it.", envvar="CROWDSIM_MOCAP"
+    ),
 ]
+
+
+@dataclass
+class Talk:
+    """How much the command that runs has to say.
+
+    Attributes:
+        quiet: No progress, notes or summary.
+        verbose: Details, too.
+    """
+
+    quiet: bool = False
+    verbose: bool = False
+
+
+talk = Talk()
+
+
+def with_talk(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command that also has the options ``--quiet`` and ``--verbose``."""
+
+    @functools.wraps(command)
+    def run(*values: Any, quiet: bool, verbose: bool, **named: Any) -> None:
+        talk.quiet, talk.verbose = quiet, verbose
+        command(*values, **named)
+
+    signature = inspect.signature(command, eval_str=True)
+    options = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=annotation)
+        for name, annotation in (("quiet", Quiet), ("verbose", Verbose))
+    ]
+    signature = signature.replace(parameters=[*signature.parameters.values(), *options])
+    run.__signature__ = signature  # type: ignore[attr-defined]
+    run.__annotations__ = {name: one.annotation for name, one in signature.parameters.items()}
+    return run
+
+
+def say(text: str) -> None:
+    """Print a line of a summary."""
+    if not talk.quiet:
+        print(text)
+
+
+def note(text: str) -> None:
+    """Print what a user should know on standard error."""
+    if not talk.quiet:
+        print(text, file=sys.stderr, flush=True)
+
+
+def detail(text: str) -> None:
+    """Print on standard error what only ``--verbose`` asks for."""
+    if talk.verbose:
+        print(text, file=sys.stderr, flush=True)
+
+
+def complete_scenario(incomplete: str) -> list[str]:
+    """Return the names of scenarios that begin like this, for shells."""
+    from crowdsim.assets import scenario_names
+
+    return [name for name in scenario_names() if name.startswith(incomplete)]
+
+
+def complete_recipe(incomplete: str) -> list[str]:
+    """Return the names of recipes that begin like this, for shells."""
+    from crowdsim.assets import recipe_names
+
+    return [name for name in recipe_names() if name.startswith(incomplete)]
+
+
+def complete_either(incomplete: str) -> list[str]:
+    """Return the names of scenarios and recipes that begin like this, for shells."""
+    return [*complete_scenario(incomplete), *complete_recipe(incomplete)]
 
 
 def print_json(document: Any) -> None:

@@ -9,19 +9,24 @@ from typing import Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import CORES, Json, make_folder, print_json, print_tree
+from crowdsim.commands.common import CORES, Json, make_folder, note, print_json, print_tree
 from crowdsim.commands.progress import Bars
 from crowdsim.errors import CrowdsimError, under_way
 
 
 def inspect(
-    thing: Annotated[str, typer.Argument(help="A BVH file, a policy bundle or its name, or a run folder.")],
+    thing: Annotated[
+        str, typer.Argument(metavar="THING", help="A BVH file, a policy bundle or its name, or a run folder.")
+    ],
     as_json: Json = False,
-    plots: Annotated[Path | None, typer.Option(help="Folder for pictures.")] = None,
+    plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for pictures.")] = None,
     unit: Annotated[
-        str | None, typer.Option(help="Unit of a BVH file: m, cm, mm, inch, cmu or metres; found by default.")
+        str | None,
+        typer.Option(metavar="UNIT", help="Unit of a BVH file: m, cm, mm, inch, cmu or metres; found by default."),
     ] = None,
-    up: Annotated[str | None, typer.Option(help="Up axis of a BVH file: y, z, -y ...; found by default.")] = None,
+    up: Annotated[
+        str | None, typer.Option(metavar="AXIS", help="Up axis of a BVH file: y, z, -y ...; found by default.")
+    ] = None,
 ) -> None:
     """Tell what is in a BVH file, a trained policy or a run, and draw it."""
     path = Path(thing)
@@ -57,8 +62,8 @@ def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
     from crowdsim.take.quality import measure_take
 
     take, policies, notes = open_run(folder)
-    for note in notes:
-        print(note, file=sys.stderr)
+    for told_note in notes:
+        note(told_note)
     sampler = PoseSampler(take, policies, CORES)
     with Bars() as bars:
         told = measure_take(sampler, progress=bars)
@@ -77,7 +82,7 @@ def _draw(folder: Path, draw: Callable[[], list[Path]]) -> None:
     with under_way():
         pictures = draw()
     for picture in pictures:
-        print(picture, file=sys.stderr)
+        note(str(picture))
 
 
 def _tell(thing: Path, told: dict[str, Any], as_json: bool) -> None:

@@ -7,23 +7,29 @@ from typing import Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import Json, Mocap, Search, make_folder, print_json
+from crowdsim.commands.common import Json, Mocap, Search, complete_scenario, make_folder, print_json
 from crowdsim.commands.progress import Bars
 from crowdsim.errors import CrowdsimError, under_way
 
 
 def profile(
-    scenario: Annotated[str, typer.Argument(metavar="SCENARIO", help="A scenario file, or its name.")],
+    scenario: Annotated[
+        str,
+        typer.Argument(metavar="SCENARIO", help="A scenario file, or its name.", autocompletion=complete_scenario),
+    ],
     avatars: Annotated[
-        str | None, typer.Option(help="Numbers of avatars, 30,1000,10k say; the scenario's own.")
+        str | None, typer.Option(metavar="NUMBERS", help="Numbers of avatars, 30,1000,10k say; the scenario's own.")
     ] = None,
-    threads: Annotated[str, typer.Option(help="Numbers of threads, 1,2 say.")] = "1",
+    threads: Annotated[str, typer.Option(metavar="NUMBERS", help="Numbers of threads, 1,2 say.")] = "1",
     frames: Annotated[
-        int | None, typer.Option(min=1, help="Control frames to measure; the scenario's duration.")
+        str | None,
+        typer.Option(metavar="N", help="Control frames to measure, or seconds as in 20s; the scenario's duration."),
     ] = None,
     search: Search = None,
     as_json: Json = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for profile.csv, profile.png and scaling.png.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for profile.csv, profile.png and scaling.png.")
+    ] = None,
     trace: Annotated[bool, typer.Option("--trace", help="Write trace.json for Perfetto, too; needs --out.")] = False,
     writing: Annotated[bool, typer.Option("--writing", help="Tell what writing the outputs costs, too.")] = False,
     override: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Another value.")] = None,
@@ -31,19 +37,22 @@ def profile(
 ) -> None:
     """Tell what control costs a frame, by stage, for any number of avatars and threads."""
     from crowdsim import profiling
+    from crowdsim.compilation import watch_compilation
     from crowdsim.crowd.profile import draw_profile, draw_scaling, profile_table, write_csv
     from crowdsim.crowd.scenario import load_scenario
+    from crowdsim.frame_ranges import parse_length
     from crowdsim.runner import load_policies
 
     counts = profiling.parse_counts(avatars, "--avatars") if avatars is not None else []
     numbers = profiling.parse_counts(threads, "--threads")
     if trace and out is None:
         raise CrowdsimError("--trace needs a folder to write into, expected --out DIR")
-    loaded = load_scenario(scenario, override or (), search=search)
-    with Bars() as bars:
+    length = None if frames is None else parse_length(frames)
+    loaded = load_scenario(scenario, override or (), frames=length, search=search)
+    with Bars() as bars, watch_compilation(bars.note):
         policies = load_policies(loaded, mocap, max(numbers), bars)
-        profiles = profiling.profile_scenario(loaded, policies, counts, numbers, frames, bars)
-    seconds = profiling.time_writing(loaded, policies, max(numbers), frames) if writing else None
+        profiles = profiling.profile_scenario(loaded, policies, counts, numbers, progress=bars)
+    seconds = profiling.time_writing(loaded, policies, max(numbers)) if writing else None
     if out is not None:
         make_folder(out)
         first = profiles[0]

@@ -3,35 +3,43 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from crowdsim.commands.common import CORES, Threads
+from crowdsim.commands.common import CORES, Frames, Threads, note, say
 from crowdsim.commands.progress import Bars
 
 
 def render(
     things: Annotated[list[Path], typer.Argument(metavar="RUN|FILE.bvh", help="Run folders and BVH files.")],
-    out: Annotated[Path | None, typer.Option(help="Folder of the pictures; with several things their parent.")] = None,
-    size: Annotated[str, typer.Option(help="Width and height, 1280x720 say.")] = "1280x720",
-    fps: Annotated[
-        float | None, typer.Option(min=1.0, max=1000.0, help="Pictures a second; 30, or a BVH file's own rate.")
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of the pictures; with several things their parent.")
     ] = None,
-    frames: Annotated[str | None, typer.Option(help="Output frames A:B, half-open; all by default.")] = None,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Width and height, 1280x720 say.")] = "1280x720",
+    fps: Annotated[
+        float | None,
+        typer.Option(metavar="FPS", min=1.0, max=1000.0, help="Pictures a second; 30, or a BVH file's own rate."),
+    ] = None,
+    frames: Frames = None,
     camera: Annotated[
-        str | None, typer.Option(help="auto, orbit, top, side, follow:AVATAR; front+side for BVH files.")
+        str | None,
+        typer.Option(metavar="NAME", help="auto, orbit, top, side, follow:AVATAR; front+side for BVH files."),
     ] = None,
     png: Annotated[bool, typer.Option("--png", help="Write numbered PNG.")] = False,
     mp4: Annotated[bool, typer.Option("--mp4", help="Write video.mp4; so it is when nothing else is named.")] = False,
-    contact_sheet: Annotated[int, typer.Option(min=0, max=400, help="Write one PNG of N moments.")] = 0,
+    contact_sheet: Annotated[int, typer.Option(metavar="N", min=0, max=400, help="Write one PNG of N moments.")] = 0,
     caption: Annotated[bool, typer.Option(help="A small caption in the picture.")] = True,
     threads: Threads = CORES,
-    jobs: Annotated[int, typer.Option(min=1, max=256, help="Processes that draw.")] = 1,
+    jobs: Annotated[int, typer.Option(metavar="N", min=1, max=256, help="Processes that draw.")] = 1,
 ) -> None:
     """Render runs and BVH files to PNG, MP4 and contact sheets."""
-    from crowdsim.render.command import RenderOptions, parse_frames, parse_size, render_many
+    from crowdsim.frame_ranges import parse_frames
+    from crowdsim.recorder import record_files
+    from crowdsim.render.command import RenderOptions, parse_size, render_many
     from crowdsim.render.take_source import TakeSource
     from crowdsim.runner import open_run
 
@@ -52,6 +60,13 @@ def render(
         take, policies, notes = open_run(path)
         return TakeSource(take, policies, wanted.fps or 30.0, threads=threads), tuple(notes)
 
+    told = {"size": size, "fps": fps, "frames": frames, "camera": camera, "caption": caption}
+
+    @contextmanager
+    def record(folder: Path, planned: Sequence[Path]) -> Iterator[Callable[[Sequence[Path]], None]]:
+        with record_files(folder, planned) as recorder:
+            yield lambda files: recorder.settle("pictures", files, told, threads=threads)
+
     if out is not None and len(things) == 1:
         outs = [out]
     else:
@@ -60,14 +75,14 @@ def render(
             for thing in things
         ]
     with Bars() as bars:
-        outcomes = render_many(things, outs, options, open_source, bars)
+        outcomes = render_many(things, outs, options, open_source, bars, record)
     failed = [outcome for outcome in outcomes if outcome.error is not None]
     for outcome in outcomes:
-        for note in outcome.notes:
-            print(f"{outcome.path}: {note}", file=sys.stderr)
+        for message in outcome.notes:
+            note(f"{outcome.path}: {message}")
         if outcome.rendered is not None:
             for path in outcome.rendered.files[:4]:
-                print(path)
+                say(str(path))
         else:
             print(outcome.error, file=sys.stderr)
     if failed:

@@ -10,55 +10,87 @@ from typing import Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import CORES, Force, Mocap, Search, Threads, size_text
+from crowdsim.commands.common import (
+    CORES,
+    Force,
+    Frames,
+    Json,
+    Mocap,
+    Search,
+    Threads,
+    complete_scenario,
+    detail,
+    note,
+    print_json,
+    say,
+    size_text,
+    talk,
+)
 from crowdsim.commands.progress import Bars
 from crowdsim.errors import CrowdsimError
 
 
 def run(
-    scenarios: Annotated[list[str], typer.Argument(metavar="SCENARIO", help="Scenario files, or their names.")],
+    scenarios: Annotated[
+        list[str],
+        typer.Argument(metavar="SCENARIO", help="Scenario files, or their names.", autocompletion=complete_scenario),
+    ],
     out: Annotated[
-        Path | None, typer.Option(help="Run folder; with several scenarios the folder they go into.")
+        Path | None, typer.Option(metavar="DIR", help="Run folder; with several scenarios the folder they go into.")
     ] = None,
     threads: Threads = CORES,
-    seed: Annotated[int | None, typer.Option(min=0, help="Another seed.")] = None,
+    seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Another seed.")] = None,
     override: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Another value, groups[0].count=12 say.")
     ] = None,
-    frames: Annotated[int | None, typer.Option(min=1, help="Another length [control frames].")] = None,
-    fraction: Annotated[float | None, typer.Option(help="Share of every group's avatars, 0.01 say.")] = None,
+    frames: Annotated[
+        str | None, typer.Option(metavar="N", help="Another length in control frames, or in seconds as in 20s.")
+    ] = None,
+    fraction: Annotated[
+        float | None, typer.Option(metavar="F", help="Share of every group's avatars, 0.01 say.")
+    ] = None,
     search: Search = None,
     mocap: Mocap = None,
     force: Force = False,
+    as_json: Json = False,
 ) -> None:
     """Run scenarios: simulate, and write take and outputs."""
     from crowdsim.crowd.scenario import load_scenario
+    from crowdsim.frame_ranges import parse_length
     from crowdsim.kernel_cache import load_numba
     from crowdsim.runner import Interrupted, run_to
 
-    def tell(words: str) -> None:
-        print(words, file=sys.stderr, flush=True)
-
+    length = None if frames is None else parse_length(frames)
+    told: list[dict[str, Any]] = []
     command = shlex.join(["crowdsim", *sys.argv[1:]])
     several, failures = len(scenarios) > 1, []
     for name in scenarios:
         try:
-            scenario = load_scenario(name, override or (), seed, frames, fraction, search)
+            scenario = load_scenario(name, override or (), seed, length, fraction, search)
             load_numba()
             folder = Path("output") / scenario.name if out is None else out / scenario.name if several else out
+            detail(f"{scenario.name}: {scenario.avatar_count:,} avatars, {threads} threads, into {folder}")
             with Bars() as bars:
-                report = run_to(folder, scenario, threads, mocap, force, command, bars, tell)
-            _print_report(report)
+                report = run_to(folder, scenario, threads, mocap, force, command, bars, bars.note)
+            for line in report.notes:
+                note(line)
+            if as_json:
+                told.append(_describe_report(scenario.name, report))
+            elif not talk.quiet:
+                _print_report(report)
         except Interrupted as stop:
             print(stop, file=sys.stderr)
             sys.exit(128 + stop.number)
         except Exception as error:
             if not several:
                 raise
-            if not isinstance(error, CrowdsimError):
+            if talk.verbose or not isinstance(error, CrowdsimError):
                 traceback.print_exc()
             print(error, file=sys.stderr)
             failures.append(name)
+            told.append({"scenario": name, "state": "failed", "error": str(error)})
+    if as_json:
+        print_json({"runs": told})
     if failures:
         print(f"{len(failures)} of {len(scenarios)} runs failed: {', '.join(failures)}", file=sys.stderr)
         sys.exit(1)
@@ -66,8 +98,6 @@ def run(
 
 def _print_report(report: Any) -> None:
     """Print what a run did, on one screen."""
-    for note in report.notes:
-        print(note, file=sys.stderr)
     if report.done_before:
         print(f"{report.folder}: this run is done already; --force does it again")
         return
@@ -81,6 +111,8 @@ def _print_report(report: Any) -> None:
     print(f"  hits            {told.hits_per_minute_per_avatar:.1f} a minute and avatar")
     print(f"  overlap         {told.overlap_share:.2%} of avatar-frames")
     print(f"  control         {frame:.3f} ms a frame, {seconds['control'] / total:.2%} of the time")
+    if report.compiled:
+        print(f"  compilation     {seconds['compile']:.1f} s, no part of control; kernels are kept for later runs")
     for kind, (path, count, size) in report.outputs.items():
         files = f"{count:,} file{'s' if count > 1 else ''}, " if kind != "take" else ""
         print(f"  {kind:<14}  {path} ({files}{size_text(size)})")
@@ -88,17 +120,43 @@ def _print_report(report: Any) -> None:
     print(f"  seconds         {total:.2f}: {stages}")
 
 
+def _describe_report(name: str, report: Any) -> dict[str, Any]:
+    """Return what a run did as plain data; of one that was done before as its manifest says."""
+    from crowdsim.manifest import read_manifest
+
+    manifest = read_manifest(report.folder)
+    return {
+        "scenario": name,
+        "folder": str(report.folder),
+        "state": "done before" if report.done_before else "done",
+        "avatars": manifest["avatars"],
+        "control_frames": manifest["control_frames"],
+        "seed": manifest["seed"],
+        "statistics": manifest["statistics"],
+        "seconds": manifest["seconds"],
+        "outputs": {
+            kind: {"path": str(path), "files": count, "bytes": size}
+            for kind, (path, count, size) in report.outputs.items()
+        },
+        "notes": report.notes,
+    }
+
+
 def export(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
     bvh: Annotated[bool, typer.Option("--bvh", help="Write BVH, one file an avatar.")] = False,
     ply: Annotated[bool, typer.Option("--ply", help="Write PLY point clouds, one file a frame.")] = False,
     pcd: Annotated[bool, typer.Option("--pcd", help="Write PCD point clouds, one file a frame.")] = False,
-    avatars: Annotated[str | None, typer.Option(help="Numbers of avatars: 0-9 or 0,3,5-7; all by default.")] = None,
-    frames: Annotated[str | None, typer.Option(help="Output frames A:B, half-open; all by default.")] = None,
-    fps: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Output frames a second.")] = 60.0,
-    every: Annotated[int, typer.Option(min=1, help="Write every n-th output frame of point clouds.")] = 1,
-    points: Annotated[int, typer.Option(min=1, max=100_000, help="Points an avatar.")] = 500,
-    out: Annotated[Path | None, typer.Option(help="Folder that bvh/, ply/ and pcd/ go into; the run's.")] = None,
+    avatars: Annotated[
+        str | None, typer.Option(metavar="NUMBERS", help="Numbers of avatars: 0-9 or 0,3,5-7; all by default.")
+    ] = None,
+    frames: Frames = None,
+    fps: Annotated[float, typer.Option(metavar="FPS", min=1.0, max=1000.0, help="Output frames a second.")] = 60.0,
+    every: Annotated[int, typer.Option(metavar="N", min=1, help="Write every n-th output frame of point clouds.")] = 1,
+    points: Annotated[int, typer.Option(metavar="N", min=1, max=100_000, help="Points an avatar.")] = 500,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder that bvh/, ply/ and pcd/ go into; the run's.")
+    ] = None,
     threads: Threads = CORES,
 ) -> None:
     """Export a run's take as BVH or point clouds, without simulating again; in the run's folder it replaces them."""
@@ -106,12 +164,12 @@ def export(
     from crowdsim.runner import open_run
 
     take, policies, notes = open_run(folder)
-    for note in notes:
-        print(note, file=sys.stderr)
+    for told in notes:
+        note(told)
     kinds = [kind for kind, wanted in (("bvh", bvh), ("ply", ply), ("pcd", pcd)) if wanted]
     options = ExportOptions(kinds, avatars, frames, fps, every, points)
     with Bars() as bars:
         written = export_take(folder, take, policies, options, out, threads, bars)
     for kind, files in written.items():
         size = sum(path.stat().st_size for path in files)
-        print(f"{(out or folder) / kind}: {len(files):,} file{'s' if len(files) > 1 else ''}, {size_text(size)}")
+        say(f"{(out or folder) / kind}: {len(files):,} file{'s' if len(files) > 1 else ''}, {size_text(size)}")

@@ -45,7 +45,7 @@ class Model(NamedTuple):
             lie in a table, over how much the behaviour fades beyond them (0 not at all), the least and the greatest
             grid point, and the rate of squeezing. One that it does not have is a single point. Shape (B, 3, 9),
             float64.
-        terms: Likewise, but for transition terms. Shape (n, 12), float64.
+        terms: Likewise, but for transition terms. Shape (n, 13), float64.
         table: Likewise; float32 where policies of a run differ. Flat, float32, uint8 or uint16.
         ground: Ground transform of each playback frame in its clip's world. Shape (L, 3), float64.
         starts: What lies on the avatar's ground transform, in the clip's world, when each action starts. Shape (A, 3),
@@ -56,8 +56,8 @@ class Model(NamedTuple):
             action and its first state; the last row closes these three. Shape (P + 1, 4), int32.
         sizes: Radius of head and torso, drop from the head to neck and pelvis, a strike's tolerance; how far the
             surface of head and torso is from where the body stands at most, and how far it moves in a control frame at
-            most; the distance beyond which all grids end [m]; the mean length of an action [control frames].
-            Shape (P, 9), float64.
+            most; the distance beyond which all grids end [m]; how much later moving targets are seen, as in
+            ``policy.LookupTables.leads`` [control frames]. Shape (P, 10), float64.
     """
 
     offsets: Array

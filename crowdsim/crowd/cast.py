@@ -72,7 +72,9 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
     weights = np.zeros((len(moods), width))
     for row, (_, kind) in enumerate(moods):
         policy = policies[owners[kind]]
-        weights[row] = _weights(policy, kinds[kind].behaviours or _own_weights(policy), width)
+        named = kinds[kind].behaviours
+        own = policy.weights
+        weights[row] = _weights(policy, named, width) if named else np.pad(own, (0, width - len(own)))
     settings = [kinds[kind] for _, kind in moods]
     skip, fixed = np.empty(placed.count, np.int32), np.full(placed.count, -1, np.int32)
     for index, group in enumerate(scenario.groups):
@@ -122,6 +124,24 @@ def learned_behaviours(policy: str) -> list[str]:
     return list(load_recipe(recipe).behaviours)
 
 
+def control_rate_of(policy: str) -> float:
+    """Return the control rate of a policy by its name, trained or not [Hz].
+
+    Raises:
+        RecipeError: Its recipe is invalid.
+        PolicyError: There is no such policy, or its bundle is damaged.
+    """
+    from crowdsim import assets
+    from crowdsim.policy.bundle import read_document
+    from crowdsim.policy.recipe import load_recipe
+
+    try:
+        recipe = assets.find_recipe(policy)
+    except RecipeError:
+        return float(read_document(assets.find_bundle(policy))["database"]["control_rate"])
+    return float(load_recipe(recipe).control_rate)
+
+
 def check_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]]) -> None:
     """See to it that types and events weigh only behaviours that their policies have learned.
 
@@ -134,15 +154,15 @@ def check_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]]) -
     """
     lines = []
 
-    def check(key: tuple[str | int, ...], given: Mapping[str, float], policy: str) -> None:
+    def check(key: tuple[str | int, ...], given: Mapping[str, float], policy: str, passed: Sequence[str] = ()) -> None:
         for name in given:
             names = learned.get(policy, given)
-            if name not in names:
+            if name not in names and name not in passed:
                 what = f"policy {policy!r} has no such behaviour{nearest(name, names)}; it has {', '.join(names)}"
                 lines.append(f"{scenario.where(*key, name)}: {what}")
 
     for name, kind in scenario.types.items():
-        check(("types", name, "behaviours"), kind.behaviours, kind.policy)
+        check(("types", name, "behaviours"), kind.behaviours, kind.policy, scenario.inherited_behaviours(name))
     for index, event in enumerate(scenario.events):
         if isinstance(event, WeightsEvent):
             concerned = {
@@ -155,12 +175,6 @@ def check_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]]) -
                 check(("events", index, "behaviours"), event.behaviours, policy)
     if lines:
         raise ScenarioError("\n".join(dict.fromkeys(lines)))
-
-
-def _own_weights(policy: Policy) -> dict[str, float]:
-    """Return the weights that avatars use whose type names no behaviour: those of the policy's recipe, or 1 each."""
-    recipe: dict[str, float] | None = policy.recipe.get("weights")
-    return recipe or {behaviour.name: 1.0 for behaviour in policy.behaviours}
 
 
 def _weights(policy: Policy, given: dict[str, float], width: int, others: float = 0.0) -> Array:

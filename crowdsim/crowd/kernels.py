@@ -14,9 +14,6 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
-from crowdsim.policy.environment import HALFWAY, LEAD
-from crowdsim.policy.rewards import WASTED
-
 # Kernels that allocate nothing do without numba's counting of references, which would cost more than their work: two
 # atomic operations for every array that is handed to a function, or looked up in a named tuple.
 _kernel = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)  # type: ignore[call-overload]
@@ -40,7 +37,7 @@ NEXT, LENGTH, ORIGIN, PATHS, STRIKES, FIRST_STRIKE = range(6)
 MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, CUT = range(6)
 TIME, FIST_X, FIST_Y, FIST_Z, FIST_SPEED, HAND, OWNER, WORTH = range(8)
 HEAD, NECK, PELVIS = 0, 3, 6
-HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE, FARTHEST, USUAL = range(9)
+HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE, FARTHEST, SOON, LATER = range(10)
 STRIDE, BEHAVIOURS, ACTIONS, STATES = range(4)
 MARGIN, MOST, TEMPERATURE, HYSTERESIS, INTERVAL = range(5)
 LOOKS_AHEAD, CELLS, TABLE, NORM, DISCOUNT, LOW, STEP, PRICE, EACH = range(4, 13)
@@ -310,7 +307,7 @@ def _gaps(paths, first, count, x, z, vx, vz, lasts, least, most, facing, wide, o
 def _add_strikes(actions, strikes, terms, row, offset, n, x, y, z, vx, vz, lasts, factor, rows, out):
     """Add ``factor`` times what landed strikes earn by a term to what each of ``n`` actions is worth."""
     tolerance, head, torso, column = terms[row, 2], terms[row, 4], terms[row, 5], int(terms[row, 8])
-    greatest, wasted = terms[row, 11] != 0.0, WASTED * WASTED
+    greatest, wasted = terms[row, 11] != 0.0, terms[row, 12] * terms[row, 12]
     low, high = y - terms[row, 7], y - terms[row, 6]
     # Within the tolerance of the surface (``rewards.lands``) where no square is below its least, which would be too
     # deep in head or torso, and one is not above its most; which takes no roots.
@@ -488,7 +485,7 @@ def _prepare(model, weights, scratch, first, count, policy):
             distance = model.sizes[policy, FARTHEST]
             situations[q, TARGET_X], situations[q, TARGET_Z] = x, z
         # Tables of Q-values know still targets alone: they are read for where the target is half an action later.
-        t = min(HALFWAY * model.sizes[policy, USUAL], lasts)
+        t = min(model.sizes[policy, SOON], lasts)
         soon_x, soon_z = x + t * vx, z + t * vz
         ahead = False
         for b in range(begun, end):
@@ -527,7 +524,7 @@ def _prepare(model, weights, scratch, first, count, policy):
             width = model.strikes.shape[1]
             for entry in range(first_row * width, last_row * width + 15, 16):
                 _ask_for(model.strikes, entry)
-            lead = LEAD * model.sizes[policy, USUAL]
+            lead = model.sizes[policy, LATER]
             _see_ends(model.moves, model.actions, offset, n, x, z, vx, vz, lasts, lead, pairs, scratch.work)
             pairs += n
             scratch.begins[d + 1] = pairs

@@ -13,6 +13,7 @@ from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import Model
 from crowdsim.errors import PolicyError, RunError
 from crowdsim.motion import ground
+from crowdsim.policy.environment import HALFWAY, LEAD
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, Term, TransitionTerm, supported, term_name
 
 if TYPE_CHECKING:
@@ -195,9 +196,9 @@ def _sizes(policy: Policy) -> list[float]:
     pace = float(steps.max(initial=0.0)) * database.stride
     drops = (body.neck_drop, body.pelvis_drop)
     tolerance = _tolerance(policy)
-    usual = float(np.mean(policy.actions.lengths))
+    leads = [lead * float(np.mean(policy.actions.lengths)) for lead in (HALFWAY, LEAD)]
     far = farthest(policy)
-    return [body.head_radius, body.torso_radius, *drops, tolerance, furthest + 1e-5, pace + 1e-5, far, usual]
+    return [body.head_radius, body.torso_radius, *drops, tolerance, furthest + 1e-5, pace + 1e-5, far, *leads]
 
 
 def farthest(policy: Policy) -> float:

@@ -77,7 +77,7 @@ def place_groups(scenario: Scenario) -> Placed:
     for i, group in enumerate(groups):
         start, stop = int(starts[i]), int(starts[i + 1])
         _place(scenario, i, start, stop, x, z, headings)
-        _check_arena(scenario, i, x[start:stop], z[start:stop])
+        _check_arena(scenario, i, start, x[start:stop], z[start:stop])
         kind[start:stop] = _types_of(scenario.seed, group, types, np.arange(start, stop))
     _check_conflicts(scenario, starts, x, z)
     teams = scenario.teams
@@ -175,11 +175,13 @@ def _check_room(scenario: Scenario, index: int, room: int, where: str, distance:
         raise ScenarioError(f"{place}: {what}, expected {cure}, a smaller distance or fewer avatars")
 
 
-def _check_arena(scenario: Scenario, index: int, x: Array, z: Array) -> None:
-    inside = _inside(scenario.arena, x, z)
-    fit = int(np.count_nonzero(inside))
-    if fit < len(x):
-        what = f"{fit} of {len(x)} avatars stand inside the arena, expected all; it is {_arena_words(scenario.arena)}"
+def _check_arena(scenario: Scenario, index: int, first: int, x: Array, z: Array) -> None:
+    outside = np.flatnonzero(~_inside(scenario.arena, x, z))
+    if len(outside):
+        names = [scenario.avatar_name(first + int(avatar)) for avatar in outside[:3]]
+        more = f" and {len(outside) - 3} more" if len(outside) > 3 else ""
+        what = f"{len(outside)} of {len(x)} avatars are outside the arena, {', '.join(names)}{more}, expected all "
+        what += f"inside {_arena_words(scenario.arena)}"
         raise ScenarioError(f"{scenario.where('groups', index, 'placement')}: {what}")
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter_ns
 from typing import TYPE_CHECKING, Any
@@ -16,13 +16,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.compilation import watch_compilation
 from crowdsim.crowd import limits_kernels
 from crowdsim.crowd.chunk import STAGES
 from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.warming import warm_up
 from crowdsim.errors import OutputError
 from crowdsim.figures import new_figure, save_figure
 
 if TYPE_CHECKING:
+    from crowdsim.crowd.arrays import Model
     from crowdsim.crowd.crowd import Crowd
     from crowdsim.crowd.scenario_outputs import ProfileOutput
     from crowdsim.crowd.script import Script
@@ -59,7 +62,8 @@ class Profile:
             the number of avatars passed the limit of ``auto``.
         timings: Time of each of ``STAGES`` [ns]. Shape (frames, 6), int64.
         whole: Time of all frames together, taken around them [ns]; compiling is not part of it.
-        compiling: Time of the first frame of all, which compiles kernels or loads them [ns].
+        compiling: Time of compiling kernels or loading them [ns].
+        rate: Control frames a second.
         bytes_per_avatar: Memory of the simulation, an avatar, beside the policies.
     """
 
@@ -70,6 +74,13 @@ class Profile:
     whole: int
     compiling: int
     bytes_per_avatar: float
+    rate: float = 15.0
+
+    @property
+    def times_real_time(self) -> float:
+        """How many seconds of the crowd's motion control decides in a second, recording left out."""
+        control = float(self.timings[:, : len(STAGES) - 1].sum()) * 1e-9
+        return len(self.timings) / self.rate / control if control > 0.0 else float("inf")
 
     @property
     def costs(self) -> tuple[Costs, ...]:
@@ -114,19 +125,30 @@ def profile_crowd(
     Args:
         crowd: The crowd.
         policies: Its policies.
-        frames: Control frames to measure, after two that only compile.
+        frames: Control frames to measure; kernels are ready before.
         script: What is planned.
         threads: Threads for large crowds.
         search: How nearest opponents are found, one of ``opponents.SEARCHES``.
         progress: Called with ("control", frames done, frames).
     """
-    begun = perf_counter_ns()
-    warm = Simulation(crowd, policies, script, threads, search, profiled=True)
-    for _ in range(2):
-        warm.run(1)
-    warm.close()
-    compiling = perf_counter_ns() - begun
-    simulation = Simulation(crowd, policies, script, threads, search, profiled=True)
+    with watch_compilation() as compilation:
+        model = warm_up(crowd, policies, script, search, profiled=True)
+        profile = _measure(crowd, policies, frames, script, threads, search, model, progress)
+    return replace(profile, compiling=round(compilation.seconds * 1e9))
+
+
+def _measure(
+    crowd: Crowd,
+    policies: Sequence[Policy],
+    frames: int,
+    script: Script | None,
+    threads: int,
+    search: str,
+    model: Model,
+    progress: Progress | None,
+) -> Profile:
+    """Run a crowd whose kernels are ready."""
+    simulation = Simulation(crowd, policies, script, threads, search, profiled=True, model=model)
     size = min(max(1_000_000 // max(crowd.count, 1), 1), 256)
     parts = []
     whole = 0
@@ -147,8 +169,9 @@ def profile_crowd(
         search=", ".join(simulation.searches),
         timings=np.concatenate(parts),
         whole=whole,
-        compiling=compiling,
+        compiling=0,
         bytes_per_avatar=simulation.nbytes / max(crowd.count, 1),
+        rate=simulation.rate,
     )
 
 
@@ -160,20 +183,33 @@ def profile_table(profile: Profile) -> str:
     ]
     lines.append(f"{'stage':<10}{'mean':>10}{'p50':>10}{'p95':>10}{'p99':>10}{'max':>10}  {'ns/avatar-frame':>16}")
     for cost in profile.costs:
-        times = "".join(f"{value:>10.3f}" for value in (cost.mean, cost.p50, cost.p95, cost.p99, cost.maximum))
+        times = "".join(f"{value:>10.4f}" for value in (cost.mean, cost.p50, cost.p95, cost.p99, cost.maximum))
         lines.append(f"{cost.stage:<10}{times}  {cost.nanoseconds:>16.0f}")
     scopes, whole = profile.timings.sum() * 1e-6, profile.whole * 1e-6
     lines.append(f"milliseconds a frame; stages add up to {scopes:.1f} ms of {whole:.1f} ms")
-    lines.append(f"compiling, or loading what was compiled: {profile.compiling * 1e-9:.2f} s")
+    lines.append(f"compiling, or loading what was compiled: {profile.compiling * 1e-9:.2f} s, no part of the above")
+    lines.append(profile_verdict(profile))
     return "\n".join(lines)
 
 
-def write_profile(folder: Path, timings: Array, avatars: int, wanted: ProfileOutput) -> None:
-    """Write ``profile.csv``, and ``profile.png`` where plots are wanted, into a run's folder."""
+def profile_verdict(profile: Profile) -> str:
+    """Return what a profile comes to: ``12,000 times real time on one thread``."""
+    times = profile.times_real_time
+    number = f"{float(f'{times:.2g}'):,.0f}" if times >= 10 else f"{times:.1f}"
+    threads = "one thread" if profile.threads == 1 else f"{profile.threads} threads"
+    return f"{number} times real time on {threads}"
+
+
+def write_profile(folder: Path, timings: Array, avatars: int, wanted: ProfileOutput) -> list[Path]:
+    """Write ``profile.csv``, and ``profile.png`` where plots are wanted, into a run's folder; return the files."""
+    files = []
     if wanted.csv:
-        write_csv(folder / "profile.csv", timings, avatars)
+        files.append(folder / "profile.csv")
+        write_csv(files[-1], timings, avatars)
     if wanted.plots:
-        draw_profile(folder / "profile.png", timings, avatars)
+        files.append(folder / "profile.png")
+        draw_profile(files[-1], timings, avatars)
+    return files
 
 
 def write_csv(path: Path, timings: Array, avatars: int) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
-from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, ValidationError, ValidationInfo, model_validator
 
 from crowdsim import assets
 from crowdsim.crowd.scenario_checks import name_faults, sense_faults
@@ -26,7 +27,7 @@ from crowdsim.crowd.scenario_outputs import Outputs
 from crowdsim.crowd.scenario_parts import Arena, AvatarType, Name, NoArena
 from crowdsim.errors import ScenarioError, nearest
 from crowdsim.yaml_files import Fault, Faults, Finding, StrictModel, dump_yaml, find_faults, load_model, where
-from crowdsim.yaml_schema import join, spot_of
+from crowdsim.yaml_schema import Words, join, spot_of
 from crowdsim.yaml_tree import key_path
 
 VERSION = 1
@@ -35,10 +36,23 @@ MAXIMUM_SEED = 2**63 - 1
 FileName = str | PathLike[str]
 
 
+_LENGTH = re.compile(r"\s*(\d+(?:\.\d+)?)\s*s\s*")
+
+
 class Seconds(StrictModel):
     """A length of time."""
 
     seconds: float = Field(gt=0, le=1_000_000, description="Length of time [s].")
+
+
+def _read_length(value: Any) -> Any:
+    """Return text such as ``20s`` as plain data; anything else as it is."""
+    match = _LENGTH.fullmatch(value) if isinstance(value, str) else None
+    return value if match is None else {"seconds": float(match[1])}
+
+
+def _allow_length_text(schema: dict[str, Any]) -> None:
+    schema["anyOf"].insert(1, {"type": "string", "pattern": f"^{_LENGTH.pattern}$"})
 
 
 class Scenario(StrictModel):
@@ -51,8 +65,13 @@ class Scenario(StrictModel):
     name: Name = Field(description="Name of the scenario, and of the folder that a run writes.")
     description: str = Field(default="", description="What the scenario shows, in words.")
     seed: int = Field(default=0, ge=0, le=MAXIMUM_SEED, description="Seed of everything random.")
-    duration: Annotated[int, Field(ge=1, le=100_000_000)] | Seconds = Field(
-        description="Length in control frames, or as a mapping in `seconds`."
+    duration: Annotated[
+        Annotated[int, Field(ge=1, le=100_000_000)] | Seconds,
+        BeforeValidator(_read_length),
+        Words("text such as 20s", besides=True),
+    ] = Field(
+        description="Length in control frames, or in seconds: text such as `20s`, or a mapping with `seconds`.",
+        json_schema_extra=_allow_length_text,
     )
     fps: float = Field(
         default=60.0, ge=1, le=1000, description="Frames a second of outputs that name no rate of their own."
@@ -77,6 +96,7 @@ class Scenario(StrictModel):
 
     _folder: Path = PrivateAttr(default=Path())
     _source: Path | None = PrivateAttr(default=None)
+    _written_types: dict[str, AvatarType] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
     def _check(self, info: ValidationInfo) -> Scenario:
@@ -115,9 +135,29 @@ class Scenario(StrictModel):
         named = [group.placement.file for group in self.groups if isinstance(group.placement, PointsPlacement)]
         return tuple(dict.fromkeys(file for file in named if file is not None))
 
+    @property
+    def used_types(self) -> set[str]:
+        """Names of the types that avatars have."""
+        return {
+            name
+            for group in self.groups
+            for name in (
+                [group.type] if group.type is not None else [one for one, share in (group.mix or {}).items() if share]
+            )
+        }
+
     def where(self, *key: str | int) -> str:
         """Return where a key stands, for messages: file, line, column and key path, or the scenario's name and key."""
         return where(self._source, key) if self._source else f"{self.name}: {key_path(key)}"
+
+    def inherited_behaviours(self, name: str) -> list[str]:
+        """Return behaviours that a resolved type of the same policy as the one it extends only takes over from that."""
+        written = self._written_types.get(name)
+        if written is None or written.extends is None or self.types[written.extends].policy != self.types[name].policy:
+            return []
+        return [
+            behaviour for behaviour in self.types[written.extends].behaviours if behaviour not in written.behaviours
+        ]
 
     def control_frames(self, rate: float) -> int:
         """Return the length in control frames at ``rate`` control frames a second; at least 1."""
@@ -146,7 +186,7 @@ def load_scenario(
     path: FileName,
     overrides: Sequence[str] = (),
     seed: int | None = None,
-    frames: int | None = None,
+    frames: int | tuple[float, bool] | None = None,
     fraction: float | None = None,
     search: str | None = None,
 ) -> Scenario:
@@ -156,7 +196,7 @@ def load_scenario(
         path: The file, or the name of a scenario that ships or lies in the working folder's ``scenarios/``.
         overrides: ``KEY=VALUE`` each, laid over the file, such as ``groups[0].count=12``.
         seed: Another seed.
-        frames: Another duration [control frames].
+        frames: Another duration [control frames]; or a length, and whether it is in seconds.
         fraction: Share of each group's avatars to keep, above 0 and up to 1; at least one avatar of each stays.
         search: Another index for nearest opponents.
 
@@ -171,9 +211,12 @@ def load_scenario(
             raise ScenarioError(f"the seed is {seed}, expected a whole number from 0 to {MAXIMUM_SEED}")
         changes["seed"] = seed
     if frames is not None:
-        if not 1 <= frames <= 100_000_000:
-            raise ScenarioError(f"the number of control frames is {frames}, expected one from 1 to 100000000")
-        changes["duration"] = frames
+        length, in_seconds = frames if isinstance(frames, tuple) else (frames, False)
+        if in_seconds and not 0 < length <= 1_000_000:
+            raise ScenarioError(f"the length is {length:g} s, expected seconds above 0 and up to 1000000")
+        if not in_seconds and not 1 <= length <= 100_000_000:
+            raise ScenarioError(f"the number of control frames is {length:.0f}, expected one from 1 to 100000000")
+        changes["duration"] = {"seconds": length} if in_seconds else int(length)
     if fraction is not None:
         if not 0 < fraction <= 1:
             raise ScenarioError(f"the fraction is {fraction}, expected a number above 0 and up to 1")
@@ -227,11 +270,15 @@ def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:
                 }
             )
         )
-    outputs = {}
+    outputs: dict[str, Any] = {}
     for key in ("bvh", "ply", "pcd"):
         output = getattr(scenario.outputs, key)
         if output is not None:
-            outputs[key] = output.model_copy(update={"fps": output.fps or scenario.fps})
+            fps = output.fps or scenario.fps
+            outputs[key] = output.model_copy(update={"fps": fps, "frames": output.frames_at(fps)})
+    render = scenario.outputs.render
+    if render is not None:
+        outputs["render"] = render.model_copy(update={"frames": render.frames_at(render.fps)})
     resolved = scenario.model_copy(
         update={
             "types": {name: _merged_type(scenario, name) for name in scenario.types},
@@ -241,6 +288,7 @@ def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:
     )
     resolved = with_search(resolved, scenario.opponents.search)
     resolved._folder = folder
+    resolved._written_types = dict(scenario.types)
     return resolved
 
 

@@ -63,7 +63,7 @@ def name_faults(data: Any) -> list[Fault]:
         refer(("events", i, "when", "to"), "group", names)
         refer(("events", i, "when", "team"), "team", list(dict.fromkeys(teams)))
         named = event.get("group")
-        if event.get("kind") == "add" and named in names and groups[names.index(named)].get("waits") is not True:
+        if event.get("kind") == "add" and named in names and groups[names.index(named)].get("waits", False) is False:
             what = f"is {named!r}, which is there from the start, expected a group with 'waits: true'"
             faults.append(Fault(what, "events", i, "group"))
     added = [

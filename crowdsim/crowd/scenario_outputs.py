@@ -2,31 +2,76 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import re
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from crowdsim.crowd.scenario_parts import Metres
+from crowdsim.frame_ranges import first_frame_at
 from crowdsim.yaml_files import Fault, StrictModel
+from crowdsim.yaml_schema import Words
 
 Fps = Annotated[float, Field(ge=1, le=1000)]
 Avatars = tuple[Annotated[int, Field(ge=0)], ...]
 Frames = tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=1)]]
 _FPS = "Frames a second; without it the scenario's `fps`."
 _AVATARS = "Numbers of the avatars to write, from 0; without it all."
-_FRAMES = "Output frames to write, the first and the one after the last; without it all."
+_FRAMES = (
+    "Output frames to write, the first and the one after the last; or as a mapping in `seconds`, or as text such as "
+    "`0:120` or `2s:5s`; without it all."
+)
+_RANGE = re.compile(r"\s*(\d+)\s*:\s*(\d+)\s*|\s*(\d+(?:\.\d+)?)\s*s\s*:\s*(\d+(?:\.\d+)?)\s*s\s*")
+
+
+class SecondsRange(StrictModel):
+    """A stretch of time."""
+
+    seconds: Annotated[
+        tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(gt=0)]], Words("a list of two numbers [s]")
+    ] = Field(description="Begin and end [s].")
+
+
+def _read_range(value: Any) -> Any:
+    """Return text such as ``0:120`` or ``2s:5s`` as plain data; anything else as it is, but lists as tuples."""
+    if isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(end, str) for end in value):
+        value = ":".join(value)
+    match = _RANGE.fullmatch(value) if isinstance(value, str) else None
+    if match is not None and match[1] is not None:
+        return int(match[1]), int(match[2])
+    if match is not None:
+        return {"seconds": (float(match[3]), float(match[4]))}
+    if isinstance(value, dict):
+        return {key: tuple(inner) if isinstance(inner, list) else inner for key, inner in value.items()}
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _allow_range_text(schema: dict[str, Any]) -> None:
+    schema["anyOf"].insert(0, {"type": "string", "pattern": f"^({_RANGE.pattern})$"})
 
 
 class _Ranged(StrictModel):
     """An output that can be cut to some frames."""
 
-    frames: Frames | None = Field(default=None, description=_FRAMES)
+    frames: Annotated[
+        Annotated[Frames, Words("a list of two whole numbers")] | SecondsRange | None,
+        BeforeValidator(_read_range),
+        Words("text such as 0:120 or 2s:5s", besides=True),
+    ] = Field(default=None, description=_FRAMES, json_schema_extra=_allow_range_text)
 
     @model_validator(mode="after")
     def _check_frames(self) -> _Ranged:
-        if self.frames is not None and self.frames[0] >= self.frames[1]:
-            raise Fault(f"is {list(self.frames)}, expected the first frame before the last", "frames")
+        frames = self.frames.seconds if isinstance(self.frames, SecondsRange) else self.frames
+        if frames is not None and frames[0] >= frames[1]:
+            raise Fault(f"is {list(frames)}, expected the first frame before the last", "frames")
         return self
+
+    def frames_at(self, fps: float) -> tuple[int, int] | None:
+        """Return the first frame and the one after the last at a rate, whichever way they are given."""
+        if not isinstance(self.frames, SecondsRange):
+            return self.frames
+        start, stop = (first_frame_at(second, fps) for second in self.frames.seconds)
+        return start, max(stop, start + 1)
 
 
 class TakeOutput(StrictModel):
@@ -104,6 +149,8 @@ class RenderOutput(_Ranged):
     def _check(self) -> RenderOutput:
         if self.mp4 and (self.size[0] % 2 or self.size[1] % 2):
             raise Fault(f"is {list(self.size)}, expected even numbers for video", "size")
+        if not (self.mp4 or self.png or self.contact_sheet):
+            raise Fault("writes nothing, expected mp4, png or contact_sheet")
         return self
 
 

@@ -7,11 +7,12 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, model_validator
 
+from crowdsim.crowd.names import NAME, NAME_RULE
 from crowdsim.errors import nearest
+from crowdsim.policy.pursuit import MARGIN, MOST, TEMPERATURE
 from crowdsim.yaml_files import Fault, Faults, StrictModel
-from crowdsim.yaml_schema import join
+from crowdsim.yaml_schema import Words, join
 
-_NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}"
 _COLOUR = r"#[0-9a-fA-F]{6}"
 
 SCALES = (0.5, 2.0)
@@ -19,8 +20,8 @@ SPEEDS = (0.25, 4.0)
 
 
 def _name(text: str) -> str:
-    if not re.fullmatch(_NAME, text):
-        raise ValueError("expected a name of letters, digits, '_', '-' and '.', at most 64, a letter or digit first")
+    if not re.fullmatch(NAME, text):
+        raise ValueError(f"expected a name of {NAME_RULE}")
     return text
 
 
@@ -40,11 +41,11 @@ def _policy(text: str, info: ValidationInfo) -> str:
     return text
 
 
-Name = Annotated[str, AfterValidator(_name), WithJsonSchema({"type": "string", "pattern": f"^{_NAME}$"})]
+Name = Annotated[str, AfterValidator(_name), WithJsonSchema({"type": "string", "pattern": f"^{NAME}$"})]
 PolicyName = Annotated[Name, AfterValidator(_policy)]
 Colour = Annotated[str, AfterValidator(_colour), WithJsonSchema({"type": "string", "pattern": f"^{_COLOUR}$"})]
 Metres = Annotated[float, Field(ge=-100_000, le=100_000)]
-Point = tuple[Metres, Metres]
+Point = Annotated[tuple[Metres, Metres], Words("a list of two numbers, x and z [m]")]
 Weight = Annotated[float, Field(ge=0, le=1000)]
 Weights = dict[Name, Weight]
 
@@ -80,8 +81,8 @@ class Uniform(StrictModel):
     """A factor spread evenly over a range."""
 
     kind: Literal["uniform"] = Field(description="Spread evenly from `minimum` to `maximum`.")
-    minimum: float = Field(gt=0, le=10, description="Least factor.")
-    maximum: float = Field(gt=0, le=10, description="Greatest factor.")
+    minimum: float = Field(gt=0, description="Least factor.")
+    maximum: float = Field(gt=0, description="Greatest factor.")
 
     @model_validator(mode="after")
     def _check(self) -> Uniform:
@@ -99,8 +100,8 @@ class Normal(StrictModel):
     """A factor of the normal distribution, cut off at two deviations."""
 
     kind: Literal["normal"] = Field(description="Normally distributed, cut off at two deviations.")
-    mean: float = Field(default=1.0, gt=0, le=10, description="Mean factor.")
-    deviation: float = Field(ge=0, le=10, description="Standard deviation.")
+    mean: float = Field(default=1.0, gt=0, description="Mean factor.")
+    deviation: float = Field(ge=0, description="Standard deviation.")
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -108,8 +109,8 @@ class Normal(StrictModel):
         return self.mean - 2 * self.deviation, self.mean + 2 * self.deviation
 
 
-Factor = Annotated[float, Field(gt=0, le=10)]
-Distribution = Factor | Annotated[Uniform | Normal, Field(discriminator="kind")]
+Spread = Annotated[Uniform | Normal, Field(discriminator="kind")]
+Distribution = float | Uniform | Normal
 
 
 def limits(distribution: Distribution) -> tuple[float, float]:
@@ -121,10 +122,13 @@ class Candidates(StrictModel):
     """Which actions an avatar draws among."""
 
     margin: float = Field(
-        default=0.1, ge=0, le=100, description="How far below the best value a candidate may lie, in normalised values."
+        default=MARGIN,
+        ge=0,
+        le=100,
+        description="How far below the best value a candidate may lie, in normalised values.",
     )
     maximum: int = Field(
-        default=4, ge=1, le=64, description="How many candidates there are at most; 1 always takes the best."
+        default=MOST, ge=1, le=64, description="How many candidates there are at most; 1 always takes the best."
     )
 
 
@@ -144,7 +148,7 @@ class AvatarType(StrictModel):
     )
     candidates: Candidates = Field(default_factory=Candidates, description="Which actions an avatar draws among.")
     temperature: float = Field(
-        default=0.05,
+        default=TEMPERATURE,
         ge=0,
         le=100,
         description="Randomness of the draw, in normalised values; 0 always takes the best action.",
@@ -156,9 +160,15 @@ class AvatarType(StrictModel):
         description="Strikes a minute that an avatar can go on throwing: it strikes in bursts and recovers from them; "
         "null: it never tires.",
     )
-    scale: Distribution = Field(default=1.0, description="Size of the body, as a factor: a number or a distribution.")
-    speed: Distribution = Field(
-        default=1.0, description="Speed of the motion, as a factor: a number or a distribution."
+    scale: Annotated[float, Field(ge=SCALES[0], le=SCALES[1])] | Spread = Field(
+        default=1.0,
+        description=f"Size of the body, as a factor from {SCALES[0]:g} to {SCALES[1]:g}: a number, or a distribution "
+        "within these limits.",
+    )
+    speed: Annotated[float, Field(ge=SPEEDS[0], le=SPEEDS[1])] | Spread = Field(
+        default=1.0,
+        description=f"Speed of the motion, as a factor from {SPEEDS[0]:g} to {SPEEDS[1]:g}: a number, or a "
+        "distribution within these limits.",
     )
     colour: Colour | None = Field(
         default=None, description="Colour in pictures as '#rrggbb'; without it the team's colour."
@@ -171,7 +181,7 @@ class AvatarType(StrictModel):
             low, high = limits(value)
             if low < least or high > most:
                 reach = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-                faults.append(Fault(f"is {reach}, expected factors from {least} to {most}", key))
+                faults.append(Fault(f"is {reach}, expected factors from {least:g} to {most:g}", key))
         if faults:
             raise Faults(faults)
         return self

@@ -112,7 +112,7 @@ class BvhSink:
             if present:
                 skeleton = sampler.policies[int(sampler.take.cast.policies[number])].database.skeleton
                 scaled = skeleton.scaled(float(sampler.take.cast.scales[number]))
-                path = self._folder / f"{sampler.take.cast.names[number]}.bvh"
+                path = self._folder / bvh_name(sampler.take.cast.names[number])
                 writers[number] = BvhWriter(path, scaled, self._fps, present, decimals=_DECIMALS)
         return writers
 
@@ -144,6 +144,11 @@ def export_bvh(
         OutputError: A file cannot be written.
     """
     return stream_poses(sampler, fps, [BvhSink(sampler, folder, fps, frames, avatars)], threads, progress)[0]
+
+
+def bvh_name(avatar: str) -> str:
+    """Return the name of an avatar's BVH file."""
+    return f"{avatar}.bvh"
 
 
 def make_folder(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Which avatars and frames to export, from what a user writes."""
+"""Which avatars to export, from what a user writes."""
 
 from __future__ import annotations
 
@@ -27,22 +27,3 @@ def parse_avatars(text: str | None, count: int) -> list[int] | None:
             raise TakeError(f"avatars {text!r}: {part.strip()!r} runs backwards, expected {last}-{first}")
         numbers.update(range(first, last + 1))
     return sorted(numbers)
-
-
-def parse_range(text: str | None, count: int, fps: float) -> tuple[int, int] | None:
-    """Return the half-open range of output frames that 'A:B' means; either may be left out; None for all.
-
-    Raises:
-        TakeError: It means none, or lies outside the take.
-    """
-    if text is None:
-        return None
-    match = re.fullmatch(r"\s*(\d*)\s*:\s*(\d*)\s*", text)
-    if match is None:
-        raise TakeError(f"frames {text!r}: expected A:B, half-open, such as 0:120")
-    start, stop = int(match[1] or 0), int(match[2] or count)
-    if start >= stop:
-        raise TakeError(f"frames {text!r}: is empty, expected the first frame before the last")
-    if stop > count:
-        raise TakeError(f"frames {text!r}: the take has frames 0 to {count - 1} at {fps:g} fps")
-    return start, stop

@@ -41,6 +41,7 @@ class Bvh:
         fps: Frames a second, the frame time's rounding undone.
         path: The file it came from, or an empty string.
         findings: What is odd about the file, one line each, ``PATH:LINE: what``.
+        faults: Those of the findings by which the motion is incomplete or wrong.
     """
 
     names: tuple[str, ...]
@@ -56,6 +57,7 @@ class Bvh:
     fps: float
     path: str = ""
     findings: tuple[str, ...] = field(default=())
+    faults: tuple[str, ...] = field(default=())
 
     @property
     def joint_count(self) -> int:

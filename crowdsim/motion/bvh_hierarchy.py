@@ -44,6 +44,7 @@ class Scanner:
         self.at = 0
         self.start = 0
         self.findings: list[str] = []
+        self.faults: list[str] = []
 
     def next(self) -> bytes:
         """Return the next token and step over it; empty at the end."""
@@ -77,6 +78,11 @@ class Scanner:
         """Note a finding about the token at ``place``, by default the last one; only so many."""
         if len(self.findings) < _MOST_FINDINGS:
             self.findings.append(f"{self.path}:{self.line_of(self.start if place is None else place)}: {what}")
+
+    def fault(self, what: str) -> None:
+        """Note a finding by which the motion is incomplete or wrong."""
+        self.findings.append(what)
+        self.faults.append(what)
 
     def name(self) -> bytes:
         """Return what stands before the opening brace, and step over both.

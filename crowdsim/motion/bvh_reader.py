@@ -62,9 +62,10 @@ def parse_bvh(data: bytes, path: str = "") -> Bvh:
         path=path,
     )
     if len(motion) != declared:
-        scanner.findings.append(f"{path}: {len(motion)} rows of motion, Frames: says {declared}")
-    scanner.findings.extend(f"{path}: {what}" for what in _bad_channels(bvh))
-    return replace(bvh, findings=tuple(scanner.findings))
+        scanner.fault(f"{path}: {len(motion)} rows of motion, Frames: says {declared}")
+    for what in _bad_channels(bvh):
+        scanner.fault(f"{path}: {what}")
+    return replace(bvh, findings=tuple(scanner.findings), faults=tuple(scanner.faults))
 
 
 def _load(path: str | os.PathLike[str]) -> bytes:
@@ -126,7 +127,7 @@ def _check_tree(scanner: Scanner, tree: Hierarchy, names: tuple[str, ...], colum
     if scaled:
         scanner.findings.append(f"{where}: joint {quoted(scaled[0])} has scale channels, which are not used")
     if columns == 0:
-        scanner.findings.append(f"{where}: no joint has channels, so nothing moves")
+        scanner.fault(f"{where}: no joint has channels, so nothing moves")
 
 
 def _read_motion_head(scanner: Scanner) -> tuple[int, float, float]:
@@ -233,7 +234,7 @@ def _odd_rows(scanner: Scanner, data: Array, start: int, stop: int, values: Arra
         line, found = lines[odd][0]
         place = scanner.line_of(start) + int(line)
         more = f", and {odd.sum() - 1} more such rows" if odd.sum() > 1 else ""
-        scanner.findings.append(
+        scanner.fault(
             f"{scanner.path}:{place}: row of {found} numbers, expected {columns}, one a channel; left out{more}"
         )
         first = np.cumsum(lines[:, 1]) - lines[:, 1]
@@ -241,7 +242,7 @@ def _odd_rows(scanner: Scanner, data: Array, start: int, stop: int, values: Arra
     rest = len(values) % columns
     if rest:
         last = scanner.line_of(start) + int(lines[-1, 0])
-        scanner.findings.append(
+        scanner.fault(
             f"{scanner.path}:{last}: {len(values)} numbers are {rest} more than whole rows of {columns}; left out"
         )
     return values[: len(values) - rest].reshape(-1, columns)

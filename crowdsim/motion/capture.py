@@ -28,8 +28,6 @@ _FLIP_SPEED = 50.0
 _MOST_FLIPS = 20
 _LOOSE = 0.03
 """Share of the body's height by which a joint of a limb may move against its parent, as skin does."""
-_BLOCKING = re.compile(r"\brows? of\b|\bnot finite\b|\bis -?(nan|inf)\b|\bnothing moves\b")
-"""What findings of the file itself say when its motion is incomplete or wrong."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +80,7 @@ def load_capture(path: str | os.PathLike[str], unit: str | float | None = None, 
     axis = None if up_axis is None else units.parse_up_axis(up_axis)
     bvh = read_bvh(path)
     findings = [_without_path(finding, str(path)) for finding in bvh.findings]
-    faults = [finding for finding in findings if _BLOCKING.search(finding)]
+    faults = [_without_path(fault, str(path)) for fault in bvh.faults]
 
     def fault(what: str) -> None:
         findings.append(what)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from crowdsim.errors import OutputError, PolicyError
+from crowdsim.errors import OutputError, PolicyError, VersionError
 from crowdsim.graph.motion_graph import MotionGraph
 from crowdsim.motion.body import Body
 from crowdsim.motion.database import MotionDatabase
@@ -123,7 +123,8 @@ def read_document(folder: str | os.PathLike[str]) -> dict[str, Any]:
     """Return the plain data in ``policy.json`` once it has passed its checks.
 
     Raises:
-        PolicyError: There is none, or it is foreign, of another version or damaged.
+        VersionError: It is of another format version.
+        PolicyError: There is none, or it is foreign or damaged.
     """
     path = Path(folder) / "policy.json"
     try:
@@ -137,7 +138,7 @@ def read_document(folder: str | os.PathLike[str]) -> dict[str, Any]:
     if not isinstance(document, dict) or document.get("kind") != KIND:
         raise PolicyError(f"{path}: foreign: its kind is not {KIND!r}")
     if document.get("version") != VERSION:
-        raise PolicyError(
+        raise VersionError(
             f"{path}: its format version is {document.get('version')!r}, expected {VERSION}; train it again"
         )
     if document.get("checksum") != _checksum(document):

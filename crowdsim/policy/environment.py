@@ -31,8 +31,9 @@ HALFWAY = 0.5
 """A table of Q-values is read for where a moving target will be after so much of an action of mean length."""
 
 LEAD = 1.15
-"""Values behind an action are read for where a moving target will be so many mean lengths of an action later still:
-they are those of a still target, and who goes after a moving one must be ahead of them (measured on the moving targets
+"""Values behind an action are read for where a moving target will be so many mean lengths of an action later still.
+
+They are those of a still target, and who goes after a moving one must be ahead of them (measured on the moving targets
 of ``benchmarks/scenes.py``: 0.7 trails them, 1.5 hardly strikes)."""
 
 AXIS_WIDTH = 9

@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.policy.actions import Actions
+from crowdsim.policy.environment import Grid
 from crowdsim.policy.policy import Behaviour, Policy, build_lookup_tables
 from crowdsim.policy.rewards import TargetBody
 
@@ -28,7 +29,7 @@ class Episodes:
         returns: Discounted reward over the horizon. Shape (N,).
         earned: The same without the price of transitions. Shape (N,).
         distances: Least distance to the target over the ground [m]. Shape (N,).
-        arrivals: When the target was first within 0.6 m [s], NaN where it never was. Shape (N,).
+        arrivals: When the target was first as near as was asked for [s], NaN where it never was. Shape (N,).
         landings: When a strike first landed [s], NaN where none did. Shape (N,).
         landed: Strikes landed. Shape (N,).
         seconds_a_decision: Mean processor time that a decision took [s].
@@ -47,6 +48,21 @@ class Episodes:
     cuts_per_second: float
     uncut_seconds: float
     actions_used: int
+
+
+@dataclass(frozen=True)
+class Composition:
+    """Several behaviours that choose together, as in a crowd.
+
+    Attributes:
+        actions: What they were learned over.
+        behaviours: The behaviours.
+        weights: Weight of each. Shape (B,).
+    """
+
+    actions: Actions
+    behaviours: tuple[Behaviour, ...]
+    weights: Array
 
 
 def random_starts(
@@ -83,12 +99,14 @@ def run_episodes(
     target_speed: float = 0.0,
     seed: int = 0,
     threads: int = 1,
+    within: float = 0.6,
+    composition: Composition | None = None,
 ) -> Episodes:
     """Let an avatar pursue a target from each start, and return what came of it.
 
     Args:
         actions: What it can do.
-        behaviour: What it does; learned over these actions.
+        behaviour: What it does, and what is rewarded; learned over these actions.
         body: Sizes of the target.
         control_rate: Control frames a second.
         states: Where each starts. Shape (N,).
@@ -100,10 +118,16 @@ def run_episodes(
         target_speed: Speed of the target, in a direction drawn anew for every action [m/s].
         seed: Of the draws.
         threads: Threads to use; results are the same for any number.
+        within: Distance over the ground at which an avatar has arrived [m].
+        composition: What chooses in place of the behaviour's own table, over the same actions; their costs may differ.
     """
     from crowdsim.policy import kernels
 
-    tables = build_lookup_tables(actions, (behaviour,), body)
+    judge = build_lookup_tables(actions, (_always(behaviour),), body)
+    tables, weights = judge, np.ones(1)
+    if composition is not None:
+        tables = build_lookup_tables(composition.actions, composition.behaviours, body)
+        weights = np.asarray(composition.weights, float)
     rate = control_rate
     horizon = round(seconds * rate)
     out, used = np.empty((len(states), 9)), np.zeros(actions.action_count, np.uint8)
@@ -113,8 +137,8 @@ def run_episodes(
     def play(some: slice) -> float:
         started = time.thread_time()
         kernels.run_episodes(
-            tables, 0, CHOICES[choice], states[some], targets[some], target_speed / rate, horizon,
-            width, depth, seed, numbers[some], out[some], used,
+            tables, weights, judge, CHOICES[choice], states[some], targets[some], target_speed / rate, horizon,
+            width, depth, within, seed, numbers[some], out[some], used,
         )  # fmt: skip
         return time.thread_time() - started
 
@@ -135,3 +159,9 @@ def run_episodes(
         uncut_seconds=float(out[:, 5].sum() / rate / max(out[:, 4].sum(), 1.0)),
         actions_used=int(used.sum()),
     )
+
+
+def _always(behaviour: Behaviour) -> Behaviour:
+    """Return a behaviour that counts fully wherever the target is, on the scale of its own reward."""
+    axes = tuple(replace(axis, fade=0.0) for axis in behaviour.grid.axes)
+    return replace(behaviour, grid=Grid(axes), scale=1.0)

@@ -8,9 +8,6 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from crowdsim.policy.environment import HALFWAY, LEAD
-from crowdsim.policy.rewards import WASTED
-
 
 @njit(cache=True)
 def measure(kind, x, y, z):
@@ -86,7 +83,7 @@ def strike_lands(px, py, pz, x, y, z, terms, row):
 @njit(cache=True)
 def spent_on_strike(px, pz, x, z, terms, row):
     """Return what a strike costs whose fist ends over (px, pz) when the target is over (x, z)."""
-    far = (px - x) ** 2 + (pz - z) ** 2 > WASTED * WASTED
+    far = (px - x) ** 2 + (pz - z) ** 2 > terms[row, 12] * terms[row, 12]
     return terms[row, 9] + (terms[row, 10] if far else 0.0)
 
 
@@ -174,14 +171,13 @@ def after_action(actions, action, x, z):
 def behaviour_values(tables, behaviour, state, x, y, z, vx, vz, factor, cells, weights, out):
     """Add ``factor`` times Q(e, a) of one behaviour to ``out`` for every action a of the state."""
     actions = tables.actions
-    lead = actions.path_offsets[-1] / len(actions.next)
     numbers = tables.behaviours[behaviour]
     axis_first, axis_end = int(numbers[0]), int(numbers[1])
     cell_count, start = int(numbers[5]), int(numbers[6])
     first = actions.offsets[state]
     n = actions.offsets[state + 1] - first
     if numbers[4] == 0.0:
-        soon_x, soon_z = x + HALFWAY * lead * vx, z + HALFWAY * lead * vz
+        soon_x, soon_z = x + tables.leads[0] * vx, z + tables.leads[0] * vz
         corners, _ = find_corners(tables.axes, axis_first, axis_end, soon_x, y, soon_z, cells, weights)
         base = start + first * cell_count
         for k in range(n):
@@ -197,7 +193,7 @@ def behaviour_values(tables, behaviour, state, x, y, z, vx, vz, factor, cells, w
     for k in range(n):
         a = first + k
         value = reward(actions, a, x, y, z, vx, vz, tables.terms, int(numbers[2]), int(numbers[3]), log_discount)
-        t = actions.lengths[a] + LEAD * lead
+        t = actions.lengths[a] + tables.leads[1]
         later_x, later_z = after_action(actions, a, x + t * vx, z + t * vz)
         corners, _ = find_corners(tables.axes, axis_first, axis_end, later_x, y, later_z, cells, weights)
         entry = start + actions.next[a] * cell_count
@@ -517,38 +513,41 @@ def lot(seed, index):
 
 
 @njit(cache=True, nogil=True)
-def run_episodes(tables, behaviour, choice, states, targets, velocity, horizon, width, depth, seed, numbers, out, used):
+def run_episodes(
+    tables, weights, judge, choice, states, targets, velocity, horizon, width, depth, within, seed, numbers, out, used
+):
     """Let one avatar after another do its best to a target; write what came of it.
 
     Args:
-        tables: ``LookupTables``.
-        behaviour: The behaviour's row.
-        choice: 0 by the table, 1 at random, 2 by beam search.
+        tables: ``LookupTables`` of the behaviours that choose.
+        weights: Their weights. Shape (B,).
+        judge: ``LookupTables`` over the same actions; its first behaviour says what is rewarded, and is the one whose
+            values stand behind the leaves of a search.
+        choice: 0 by the tables, 1 at random, 2 by beam search.
         states: State in which each starts. Shape (N,).
         targets: Target in the avatar's ground frame at the start [m]. Shape (N, 3).
         velocity: Speed of the target [m a frame], in a direction drawn for every action; 0 is still.
         horizon: Control frames that count.
         width: Of the beam.
         depth: Of the beam.
+        within: Distance over the ground at which an avatar has arrived [m].
         seed: Of the draws.
         numbers: Number of each episode, on which its draws depend. Shape (N,).
         out: Written: discounted return; least distance over the ground within the horizon [m]; frame of the first
-            strike that lands, or -1; strikes landed; cuts; frames; decisions; frame of first being within 0.6 m, or
+            strike that lands, or -1; strikes landed; cuts; frames; decisions; frame of first being ``within``, or
             -1; return without the price of transitions. Shape (N, 9).
         used: Written: 1 for every action that was done. Shape (A,).
     """
-    actions = tables.actions
-    facts = tables.behaviours[behaviour]
+    actions, terms = judge.actions, judge.terms
+    facts = judge.behaviours[0]
     first_term, end_term = int(facts[2]), int(facts[3])
     log_discount = math.log(facts[8])
     most = 0
     for s in range(len(actions.offsets) - 1):
         most = max(most, actions.offsets[s + 1] - actions.offsets[s])
     for i in range(len(states)):
-        cells, weights, values = np.empty(64, np.int64), np.empty(64), np.empty(most)
+        cells, corner_weights, values = np.empty(64, np.int64), np.empty(64), np.empty(most)
         scratch = np.empty((2, max(1, width) * most if choice == 2 else 1, 7))
-        behaviour_weights = np.zeros(len(tables.behaviours))
-        behaviour_weights[behaviour] = 1.0
         state = states[i]
         x, y, z = targets[i, 0], targets[i, 1], targets[i, 2]
         out[i] = 0.0
@@ -559,23 +558,21 @@ def run_episodes(tables, behaviour, choice, states, targets, velocity, horizon, 
             n = actions.offsets[state + 1] - first
             decision = int(out[i, 6])
             if choice == 0:
-                for k in range(n):
-                    values[k] = 0.0
-                behaviour_values(tables, behaviour, state, x, y, z, 0.0, 0.0, 1.0, cells, weights, values)
+                evaluate_actions(tables, weights, state, x, y, z, 0.0, 0.0, cells, corner_weights, values)
                 a = first + np.argmax(values[:n])
             elif choice == 1:
                 a = first + min(int(lot(seed, numbers[i] * 100003 + 2 * decision) * n), n - 1)
             else:
-                a = best_by_search(tables, behaviour, state, x, y, z, width, depth, scratch)
+                a = best_by_search(judge, 0, state, x, y, z, width, depth, scratch)
             used[a] = 1
             angle = 2.0 * math.pi * lot(seed, numbers[i] * 100003 + 2 * decision + 1)
             vx, vz = velocity * math.sin(angle), velocity * math.cos(angle)
-            earned = reward(actions, a, x, y, z, vx, vz, tables.terms, first_term, end_term, log_discount)
+            earned = reward(actions, a, x, y, z, vx, vz, terms, first_term, end_term, log_discount)
             out[i, 0] += math.exp(frame * log_discount) * earned
             price = 0.0
             for row in range(first_term, end_term):
-                if tables.terms[row, 0] == 2.0 and actions.costs[a] > 0.0:
-                    price += tables.terms[row, 1] * actions.costs[a] + tables.terms[row, 2]
+                if terms[row, 0] == 2.0 and actions.costs[a] > 0.0:
+                    price += terms[row, 1] * actions.costs[a] + terms[row, 2]
             out[i, 8] += math.exp(frame * log_discount) * (earned + price)
             for t in range(1, actions.lengths[a] + 1):
                 if frame + t <= horizon:
@@ -583,15 +580,15 @@ def run_episodes(tables, behaviour, choice, states, targets, velocity, horizon, 
                     dx, dz = x + t * vx - actions.paths[row, 0], z + t * vz - actions.paths[row, 1]
                     distance = math.sqrt(dx * dx + dz * dz)
                     out[i, 1] = min(out[i, 1], distance)
-                    if distance <= 0.6 and out[i, 7] < 0.0:
+                    if distance <= within and out[i, 7] < 0.0:
                         out[i, 7] = frame + t
             for strike in range(actions.strike_offsets[a], actions.strike_offsets[a + 1]):
                 t = actions.strike_times[strike]
                 px, py, pz = actions.strike_places[strike]
                 for row in range(first_term, end_term):
-                    if tables.terms[row, 0] != 0.0 or frame + t > horizon:
+                    if terms[row, 0] != 0.0 or frame + t > horizon:
                         continue
-                    if strike_lands(px, py, pz, x + t * vx, y, z + t * vz, tables.terms, row):
+                    if strike_lands(px, py, pz, x + t * vx, y, z + t * vz, terms, row):
                         out[i, 3] += 1.0
                         if out[i, 2] < 0.0:
                             out[i, 2] = frame + t
@@ -600,6 +597,76 @@ def run_episodes(tables, behaviour, choice, states, targets, velocity, horizon, 
             x, z = after_action(actions, a, x + length * vx, z + length * vz)
             state = actions.next[a]
             frame += length
-            out[i, 4] += 1.0 if actions.costs[a] > 0.0 else 0.0
+            out[i, 4] += 1.0 if tables.actions.costs[a] > 0.0 else 0.0
             out[i, 6] += 1.0
         out[i, 5] = frame
+
+
+@njit(cache=True)
+def draw_candidate(values, count, margin, most, temperature, number, chances):
+    """Return which action is drawn by a number in [0, 1) (``pursuit.draw_candidate``); ``chances`` is scratch."""
+    chances[:count] = 0.0
+    best, total, last = np.argmax(values[:count]), 0.0, 0
+    if temperature <= 0.0 or most <= 1:
+        return best
+    for _ in range(min(most, count)):
+        chosen = -1
+        for k in range(count):
+            if chances[k] == 0.0 and (chosen < 0 or values[k] > values[chosen]):
+                chosen = k
+        if values[chosen] < values[best] - margin:
+            break
+        chances[chosen] = max(math.exp((values[chosen] - values[best]) / temperature), 1e-300)
+        total += chances[chosen]
+    wanted = number * total
+    for k in range(count):
+        if chances[k] > 0.0:
+            last = k
+            wanted -= chances[k]
+            if wanted < 0.0:
+                break
+    return last
+
+
+@njit(cache=True, nogil=True)
+def pursue(tables, weights, states, bearings, height, lead, velocity, begun, done, rules, out):
+    """Let one avatar after another follow a target that flees straight away from it; write how far behind it is.
+
+    Args:
+        tables: ``LookupTables``.
+        weights: Weight of each behaviour. Shape (B,).
+        states: State in which each starts. Shape (N,).
+        bearings: Where the target is at the start, and where it flees to [rad]. Shape (N,).
+        height: Height of the target [m].
+        lead: How far away it is at the start [m].
+        velocity: Its speed [m a frame].
+        begun: Control frame after which distances count.
+        done: Control frame after which all is over.
+        rules: Margin, most candidates and temperature of the draw. Shape (3,).
+        out: Written: distance over the ground in the mean [m]. Shape (N,).
+    """
+    actions = tables.actions
+    widest = 0
+    for s in range(len(actions.offsets) - 1):
+        widest = max(widest, actions.offsets[s + 1] - actions.offsets[s])
+    cells, corner_weights = np.empty(64, np.int64), np.empty(64)
+    values, chances = np.empty(widest), np.empty(widest)
+    for i in range(len(states)):
+        state, frame, decision = states[i], 0, 0
+        vx, vz = velocity * math.sin(bearings[i]), velocity * math.cos(bearings[i])
+        x, z = lead * math.sin(bearings[i]), lead * math.cos(bearings[i])
+        out[i] = 0.0
+        while frame < done:
+            n = evaluate_actions(tables, weights, state, x, height, z, vx, vz, cells, corner_weights, values)
+            k = draw_candidate(values, n, rules[0], int(rules[1]), rules[2], lot(i, decision), chances)
+            a = actions.offsets[state] + k
+            for t in range(1, actions.lengths[a] + 1):
+                if begun < frame + t <= done:
+                    row = actions.path_offsets[a] + t - 1
+                    dx, dz = x + t * vx - actions.paths[row, 0], z + t * vz - actions.paths[row, 1]
+                    out[i] += math.sqrt(dx * dx + dz * dz) / (done - begun)
+            length, heading = actions.lengths[a], actions.paths[actions.path_offsets[a + 1] - 1, 2]
+            x, z = after_action(actions, a, x + length * vx, z + length * vz)
+            cos, sin = math.cos(heading), math.sin(heading)
+            vx, vz = vx * cos - vz * sin, vx * sin + vz * cos
+            state, frame, decision = actions.next[a], frame + length, decision + 1

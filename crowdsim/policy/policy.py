@@ -73,10 +73,11 @@ class LookupTables(NamedTuple):
         behaviours: A row for each behaviour. Shape (B, 11), float64, whole numbers where they are places or counts:
             first and end row in ``axes``; first and end row in ``terms``; look-up (0 is q, 1 is v); number of cells;
             first entry in ``table``; scale; discount; what an entry of 0 is worth, and a step of 1 more.
-        axes: A row for each axis of each grid. Shape (n, 7), float64: code of ``AXIS_KINDS``, minimum, step, count,
-            whether it wraps, stride in a table, fade.
-        terms: A row for each reward term. Shape (n, 9), float64: code, then the term's numbers as its ``pack`` says.
-        table: The tables of all behaviours, one after another. Flat, float32 or uint8.
+        axes: A row for each axis of each grid. Shape (n, 9), float64; see ``Grid.pack``.
+        terms: A row for each reward term. Shape (n, 13), float64: code, then the term's numbers as its ``pack`` says.
+        table: The tables of all behaviours, one after another. Flat, float32, uint8 or uint16.
+        leads: How many control frames later a moving target is seen: now, by tables of Q (``environment.HALFWAY``), and
+            behind an action, by tables of V (``environment.LEAD``). Shape (2,), float64.
     """
 
     actions: Actions
@@ -84,6 +85,7 @@ class LookupTables(NamedTuple):
     axes: Array
     terms: Array
     table: Array
+    leads: Array
 
 
 @dataclass(frozen=True)
@@ -131,6 +133,12 @@ class Policy:
             f"policy {self.name!r} has no behaviour {name!r}{nearest(name, known)}; it has {', '.join(known)}"
         )
 
+    @property
+    def weights(self) -> Array:
+        """Weight of each behaviour where a scenario names none, by the recipe; 1 each unless it says. Shape (B,)."""
+        given: Mapping[str, float] = self.recipe.get("weights") or {}
+        return np.array([given.get(one.name, 0.0 if given else 1.0) for one in self.behaviours], dtype=np.float64)
+
     def lookup_tables(self) -> LookupTables:
         """Return the policy as flat arrays for compiled code; the values are not copied."""
         return build_lookup_tables(self.actions, self.behaviours, self.body, self.values)
@@ -164,7 +172,8 @@ def build_lookup_tables(
     if values is None:
         values = np.concatenate([behaviour.table for behaviour in behaviours])
     packed = np.array(rows, dtype=np.float64).reshape(-1, 11)
-    return LookupTables(actions, packed, np.concatenate(axes), np.concatenate(terms), np.asarray(values))
+    leads = np.array([HALFWAY, LEAD]) * float(np.mean(actions.lengths))
+    return LookupTables(actions, packed, np.concatenate(axes), np.concatenate(terms), np.asarray(values), leads)
 
 
 def action_values(

@@ -131,10 +131,18 @@ def sample_targets(database: MotionDatabase, count: int = TARGETS) -> Array:
 
 
 def resolve_grid(spec: BehaviourSpec, database: MotionDatabase) -> Grid:
-    """Return the grid of a behaviour; ranges that its recipe leaves out come from the motion."""
+    """Return the grid of a behaviour; ranges that its recipe leaves out come from the motion.
+
+    Raises:
+        MotionError: A range is where strikes reach, and there are no strikes.
+        RecipeError: A range is empty.
+    """
     axes = []
     for name, axis in spec.axes.given().items():
         low, high = axis.minimum, axis.maximum
+        if axis.reach:
+            least, greatest = getattr(strike_reach(database), name)
+            low, high = (round(least, 3) if low is None else low), (round(greatest, 3) if high is None else high)
         wraps = name == "bearing" and low is None and high is None and axis.count > 1
         if name == "bearing":
             low, high = -math.pi if low is None else low, math.pi if high is None else high

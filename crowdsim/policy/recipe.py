@@ -77,6 +77,11 @@ class AxisSpec(StrictModel):
     fade: float = Field(
         default=0.0, ge=0.0, description="How far beyond the range the behaviour stops counting; 0: never."
     )
+    reach: bool = Field(
+        default=False,
+        description="Whether ends that are left out are those of the region that strikes reach, from the 5th to the "
+        "95th percentile of the motion's strikes.",
+    )
     stretch: float | None = Field(
         default=None,
         gt=0.0,
@@ -162,6 +167,11 @@ class BehaviourSpec(StrictModel):
         description="The table is fitted to values on a grid this many times finer on each axis; 1: to none.",
     )
     target: TargetMovement = Field(default_factory=TargetMovement, description="How the target moves in training.")
+    normalise: bool = Field(
+        default=True,
+        description="Whether values are divided by how much the actions of a state differ in them, before behaviours "
+        "are added up; false: they are added as they are.",
+    )
 
     @property
     def strikes(self) -> bool:

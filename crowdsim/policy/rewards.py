@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 Metres = Annotated[float, Field(ge=0.0)]
 
-TERM_WIDTH = 12
+TERM_WIDTH = 13
 """Numbers of a term as compiled code reads it."""
 
 
@@ -119,7 +119,7 @@ class StrikeTerm(Term):
     )
 
     def pack(self, body: TargetBody) -> tuple[float, ...]:
-        """Return weight, tolerance, speed weight, the target's sizes, a place for control, effort, waste, the form."""
+        """Return weight, tolerance, speed weight, sizes, a place for control, effort, waste, form and ``WASTED``."""
         sizes = (body.head_radius, body.torso_radius, body.neck_drop, body.pelvis_drop)
         return (
             self.weight,
@@ -130,6 +130,7 @@ class StrikeTerm(Term):
             self.effort,
             self.waste,
             float(self.form == "max"),
+            WASTED,
         )
 
 
@@ -195,7 +196,7 @@ AnyTerm = Annotated[StrikeTerm | ProximityTerm | TransitionTerm, Field(discrimin
 
 
 def pack_terms(terms: list[Term] | tuple[Term, ...], body: TargetBody) -> Array:
-    """Return terms as compiled code reads them: the code, then the term's own numbers. Shape (n, 12), float64.
+    """Return terms as compiled code reads them: the code, then the term's own numbers. Shape (n, 13), float64.
 
     Raises:
         RecipeError: Compiled code does not know a term.

@@ -10,6 +10,7 @@ import numpy as np
 
 from crowdsim.graph.statistics import frames_kept_by_clip, graph_statistics
 from crowdsim.policy.policy import Policy
+from crowdsim.policy.pursuit import sustained_speed
 from crowdsim.policy.ranges import strike_reach
 from crowdsim.policy.solution import Solution
 
@@ -35,6 +36,7 @@ def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict
             "frames_kept_by_clip": {name: int(count) for name, count in zip(database.clip_names, kept, strict=True)},
         },
         "graph": asdict(graph_statistics(graph, database.control_rate)),
+        "sustained_speed": sustained_speed(policy),
         "warnings": list(graph.warnings),
         "behaviours": {},
     }

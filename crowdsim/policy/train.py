@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim import assets
-from crowdsim.errors import CrowdsimError, MotionError, PolicyError, RecipeError
+from crowdsim.errors import CrowdsimError, MotionError, PolicyError, RecipeError, VersionError
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
 from crowdsim.policy.actions import Actions, build_actions
@@ -97,10 +97,8 @@ def stale(folder: Path, recipe: Recipe, mocap: FileName | None = None) -> str:
         return "there is none yet"
     try:
         document = bundle.read_document(folder)
-    except PolicyError as error:
-        if "version" in str(error):
-            return "it is of another format version"
-        raise
+    except VersionError:
+        return "it is of another format version"
     try:
         files = capture_files(recipe, mocap) if recipe.motion.capture is not None and mocap else None
     except PolicyError:
@@ -259,10 +257,11 @@ def train_behaviour(
         table = solution.q if solution.q is not None else q_table(model_on(grid), solution.values)
     table = np.asarray(table, dtype=np.float32)
     behaviour = Behaviour(name, grid, spec.lookup, table, 1.0, terms, spec.discount)
-    scale = decisive_scale(behaviour, actions, body, sample_targets(database), float(np.abs(solution.values).max()))
+    spread = decisive_scale(behaviour, actions, body, sample_targets(database), float(np.abs(solution.values).max()))
     if spec.lookup == "q" and precision == "int8":
-        table = advantages(table, actions, grid.cells, SHOWN * scale)
+        table = advantages(table, actions, grid.cells, SHOWN * spread)
     stored, zero, step = bundle.encode(table, precision)
+    scale = spread if spec.normalise else 1.0
     return replace(behaviour, table=stored, scale=scale, low=zero, step=step), solution
 
 

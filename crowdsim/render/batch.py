@@ -6,8 +6,9 @@ import multiprocessing
 import os
 import signal
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,12 +18,16 @@ from numpy.typing import NDArray
 from crowdsim.errors import CrowdsimError, OutputError, TakeError, under_way
 from crowdsim.render.camera import Keys
 from crowdsim.render.contact_sheet import sheet_frames, write_sheet
+from crowdsim.render.parts import is_parts, make_parts, remove_parts
 from crowdsim.render.source import PoseSource
 from crowdsim.render.stage import Stage, build_stage
-from crowdsim.render.video import encode, ffmpeg, has_mark, join, make_folder, planes, remove_folder, write_png
+from crowdsim.render.video import encode, ffmpeg, has_mark, join, make_folder, planes, write_png
 
 Array = NDArray[Any]
 Progress = Callable[[str, int, int], None]
+
+Record = Callable[[Path, Sequence[Path]], AbstractContextManager[Callable[[Sequence[Path]], None]]]
+"""Is handed a folder and all that is about to be written in it, and within its context the files when they are done."""
 
 SEGMENT = 240
 """Frames that are encoded together; an interrupted video goes on from the last whole segment."""
@@ -68,6 +73,7 @@ def render(
     jobs: int = 1,
     preset: str = "veryfast",
     progress: Progress | None = None,
+    record: Record | None = None,
 ) -> Rendered:
     """Draw frames of a source into ``out``: ``video.mp4``, ``frames/000000.png`` ..., ``contact_sheet.png``.
 
@@ -89,6 +95,7 @@ def render(
         jobs: Processes that share the frames.
         preset: Of x264.
         progress: Called with stage, done and total.
+        record: Notes the files before the first is begun, and records them.
 
     Raises:
         TakeError: The range of frames is empty or reaches beyond the source.
@@ -107,16 +114,60 @@ def render(
     stage = build_stage(source, size, camera, caption)
     if mp4:
         ffmpeg()
-    make_folder(out)
-    folder = out / "frames" if png else None
-    if folder:
-        make_folder(folder)
+    planned = picture_files(out, (start, stop), mp4, png, contact_sheet)
     parts = out / f".video-{stage.mark[:16]}" if mp4 else None
-    if parts:
-        for other in out.glob(".video-*"):
-            if other != parts:
-                remove_folder(other)
-        make_folder(parts)
+    with (record or _unrecorded)(out, planned + ([parts] if parts else [])) as settle:
+        make_folder(out)
+        if parts:
+            for other in out.glob(".video-*"):
+                if other != parts and is_parts(other):
+                    remove_parts(other)
+            make_parts(parts, stage.mark)
+        if png:
+            make_folder(out / "frames")
+        works, kept = _divide(stage, start, stop, out / "frames" if png else None, parts)
+        total, done = stop - start, kept
+
+        def count(more: int) -> None:
+            nonlocal done
+            done += more
+            if progress:
+                progress("frames", done, total)
+
+        if kept and progress:
+            progress("frames", kept, total)
+        drawn = sum(work.stop - work.start for work in works)
+        with under_way():
+            if jobs > 1 and len(works) > 1:
+                settings = (size, camera, caption)
+                _share(works, source, settings, max(1, threads // jobs), min(jobs, len(works)), preset, count)
+            else:
+                for work in works:
+                    _draw_segment(stage, work, threads, preset, count)
+            if parts:
+                join(out / "video.mp4", _segments(parts, start, stop))
+                remove_parts(parts)
+            if contact_sheet > 0:
+                moments = sheet_frames(start, stop, contact_sheet)
+                write_sheet(out / "contact_sheet.png", stage, moments, threads, progress)
+            settle(planned)
+    return Rendered(tuple(planned), drawn, kept)
+
+
+def picture_files(out: Path, frames: tuple[int, int], mp4: bool, png: bool, contact_sheet: int) -> list[Path]:
+    """Return the files that ``render`` writes of a range of frames."""
+    files = [out / "frames" / f"{frame:06d}.png" for frame in range(*frames)] if png else []
+    return files + [out / "video.mp4"] * mp4 + [out / "contact_sheet.png"] * (contact_sheet > 0)
+
+
+@contextmanager
+def _unrecorded(out: Path, planned: Sequence[Path]) -> Iterator[Callable[[Sequence[Path]], None]]:
+    """Record nothing."""
+    yield lambda files: None
+
+
+def _divide(stage: Stage, start: int, stop: int, folder: Path | None, parts: Path | None) -> tuple[list[_Work], int]:
+    """Return the segments that are to be drawn, and how many frames are there already."""
     works, kept = [], 0
     for low in range(start - start % SEGMENT, stop, SEGMENT):
         first, last = max(low, start), min(low + SEGMENT, stop)
@@ -126,36 +177,7 @@ def render(
             kept += last - first if part or folder else 0
         elif part or folder:
             works.append(_Work(first, last, folder, part))
-    total, done = stop - start, kept
-
-    def count(more: int) -> None:
-        nonlocal done
-        done += more
-        if progress:
-            progress("frames", done, total)
-
-    if kept and progress:
-        progress("frames", kept, total)
-    drawn = sum(work.stop - work.start for work in works)
-    with under_way():
-        if jobs > 1 and len(works) > 1:
-            _share(
-                works, source, (size, camera, caption), max(1, threads // jobs), min(jobs, len(works)), preset, count
-            )
-        else:
-            for work in works:
-                _draw_segment(stage, work, threads, preset, count)
-        files = [folder / f"{frame:06d}.png" for frame in range(start, stop)] if folder else []
-        if parts:
-            video = out / "video.mp4"
-            join(video, _segments(parts, start, stop))
-            remove_folder(parts)
-            files.append(video)
-        if contact_sheet > 0:
-            sheet = out / "contact_sheet.png"
-            write_sheet(sheet, stage, sheet_frames(start, stop, contact_sheet), threads, progress)
-            files.append(sheet)
-    return Rendered(tuple(files), drawn, kept)
+    return works, kept
 
 
 def check_frames(frames: tuple[int, int] | None, count: int, name: str) -> tuple[int, int]:

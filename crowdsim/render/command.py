@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from crowdsim.errors import CrowdsimError, OutputError
-from crowdsim.render.batch import Progress, Rendered, render
+from crowdsim.frame_ranges import FrameRange
+from crowdsim.render.batch import Progress, Record, Rendered, render
 from crowdsim.render.bvh_figure import BVH_CAMERA, bvh_source
 from crowdsim.render.camera import Keys, parse_camera
 from crowdsim.render.source import PoseSource
@@ -20,7 +21,6 @@ __all__ = [
     "Outcome",
     "RenderOptions",
     "parse_camera",
-    "parse_frames",
     "parse_size",
     "render_bvh",
     "render_many",
@@ -37,7 +37,7 @@ class RenderOptions:
 
     size: tuple[int, int] = (1280, 720)
     fps: float | None = None
-    frames: tuple[int | None, int | None] | None = None
+    frames: FrameRange | tuple[int | None, int | None] | None = None
     camera: str | Keys | None = None
     mp4: bool = True
     png: bool = False
@@ -86,22 +86,6 @@ def parse_size(text: str) -> tuple[int, int]:
     return width, height
 
 
-def parse_frames(text: str) -> tuple[int | None, int | None]:
-    """Return the first frame and the one after the last that 'A:B' means; either may be missing.
-
-    Raises:
-        CrowdsimError: It means none, or the range is empty.
-    """
-    first, colon, last = text.partition(":")
-    words = (first.strip(), last.strip())
-    if not colon or not all(word == "" or word.isdecimal() for word in words):
-        raise CrowdsimError(f"frames {text!r}: expected FIRST:STOP, the frame after the last, as in 0:100, 100: or :50")
-    start, stop = (int(word) if word else None for word in words)
-    if stop is not None and (start or 0) >= stop:
-        raise CrowdsimError(f"frames {text!r}: the range is empty, expected the first frame before the last")
-    return start, stop
-
-
 def scenario_options(output: Any, threads: int | None = None) -> RenderOptions:
     """Return how to draw what the ``outputs.render`` section of a scenario asks for."""
     camera = output.camera
@@ -120,7 +104,7 @@ def scenario_options(output: Any, threads: int | None = None) -> RenderOptions:
     return RenderOptions(
         size=tuple(output.size),
         fps=output.fps,
-        frames=output.frames,
+        frames=output.frames_at(output.fps),
         camera=chosen,
         mp4=output.mp4,
         png=output.png,
@@ -130,10 +114,18 @@ def scenario_options(output: Any, threads: int | None = None) -> RenderOptions:
     )
 
 
-def render_source(source: PoseSource, out: Path, options: RenderOptions, progress: Progress | None = None) -> Rendered:
+def render_source(
+    source: PoseSource,
+    out: Path,
+    options: RenderOptions,
+    progress: Progress | None = None,
+    record: Record | None = None,
+) -> Rendered:
     """Draw a source into a folder as the options say; errors as of ``render``."""
     frames = None
-    if options.frames is not None:
+    if isinstance(options.frames, FrameRange):
+        frames = options.frames.resolve(source.frame_count, source.fps, getattr(source, "frame_limit", None))
+    elif options.frames is not None:
         start, stop = options.frames
         frames = (start or 0, source.frame_count if stop is None else stop)
     if options.fps is not None and not 0 < options.fps <= 1000:
@@ -153,11 +145,16 @@ def render_source(source: PoseSource, out: Path, options: RenderOptions, progres
         threads=options.threads,
         jobs=options.jobs,
         progress=progress,
+        record=record,
     )
 
 
 def render_bvh(
-    path: str | os.PathLike[str], out: Path, options: RenderOptions, progress: Progress | None = None
+    path: str | os.PathLike[str],
+    out: Path,
+    options: RenderOptions,
+    progress: Progress | None = None,
+    record: Record | None = None,
 ) -> tuple[Rendered, tuple[str, ...]]:
     """Draw a BVH file as a figure, by default from the front and the side; return what is odd about it too.
 
@@ -167,7 +164,7 @@ def render_bvh(
         OutputError: A file cannot be written.
     """
     source, findings = bvh_source(path, options.fps)
-    return render_source(source, out, _with_camera(options, BVH_CAMERA), progress), findings
+    return render_source(source, out, _with_camera(options, BVH_CAMERA), progress, record), findings
 
 
 def _with_camera(options: RenderOptions, camera: str) -> RenderOptions:
@@ -180,6 +177,7 @@ def render_many(
     options: RenderOptions,
     open_source: Open | None = None,
     progress: Progress | None = None,
+    record: Record | None = None,
 ) -> list[Outcome]:
     """Draw several things one after the other; a failure of one hurts no other.
 
@@ -189,6 +187,7 @@ def render_many(
         options: How to draw.
         open_source: Opens what is no BVH file, a run folder say.
         progress: Called with stage, done and total; the stage 'files' counts the things themselves.
+        record: Notes the files of each, see ``crowdsim.render.batch.render``.
 
     Raises:
         CrowdsimError: Two of them would write into one folder, or the camera is unknown.
@@ -202,10 +201,10 @@ def render_many(
         notes: tuple[str, ...] = ()
         try:
             if path.suffix.lower() == ".bvh" or open_source is None:
-                rendered, notes = render_bvh(path, out, options, progress)
+                rendered, notes = render_bvh(path, out, options, progress, record)
             else:
                 source, notes = open_source(path, options)
-                rendered = render_source(source, out, options, progress)
+                rendered = render_source(source, out, options, progress, record)
             outcomes.append(Outcome(path, out, rendered, None, notes))
         except CrowdsimError as error:
             outcomes.append(Outcome(path, out, None, error, notes))

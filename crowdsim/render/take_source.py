@@ -48,6 +48,7 @@ class TakeSource:
         self._arguments = (take, tuple(policies), fps, name, threads)
         self._sampler = PoseSampler(take, policies, threads)
         self.frame_count = take.output_frames(fps)
+        self.frame_limit = take.frame_limit(fps)
         cast = take.cast
         self.avatar_names = tuple(str(value) for value in cast.names)
         self.avatar_teams = np.asarray(cast.teams, int)

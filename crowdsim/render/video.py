@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterable
@@ -178,8 +177,3 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{path}: cannot make the folder: {error.strerror or error}") from error
-
-
-def remove_folder(path: Path) -> None:
-    """Remove a folder of parts, as far as that goes."""
-    shutil.rmtree(path, ignore_errors=True)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,7 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.crowd.names import NAME, NAME_RULE, avatar_name_fault
 from crowdsim.errors import OutputError, TakeError
+from crowdsim.plain_files import kind_of
 from crowdsim.take.take import VARIABLES, Cast, Events, Take
 
 Array = NDArray[Any]
@@ -20,16 +24,41 @@ Array = NDArray[Any]
 FORMAT = "crowdsim-take"
 VERSION = 1
 _DTYPES = {"action": "<i4", "action_frame": "<f4", "x": "<f4", "z": "<f4", "heading": "<f4", "opponent": "<i4"}
-_UNITS = {"action_frame": "control frames", "x": "m", "z": "m", "heading": "rad"}
+_LABELS = {
+    "time": ("s", "time since the first control frame"),
+    "action": ("1", "number of the action in its policy's motion graph, -1 while absent"),
+    "action_frame": ("control frames", "control frames of the action done"),
+    "x": ("m", "position along x"),
+    "z": ("m", "position along z"),
+    "heading": ("rad", "heading, rotation about +y from +z"),
+    "opponent": ("1", "avatar number of the opponent, -2 - k for scripted target k, -1 for nobody"),
+    "type": ("1", "index into the attribute type_names"),
+    "team": ("1", "index into the attribute team_names"),
+    "policy": ("1", "index into the attribute policy_names"),
+    "scale": ("1", "body size over the size of the skeleton"),
+    "speed": ("1", "motion frames in a control frame"),
+    "name": ("1", "avatar name"),
+    "target": ("m", "position of each scripted target"),
+}
+_EVENT_LABELS = {
+    "frame": ("control frames", "time of furthest reach since the first control frame"),
+    "attacker": ("1", "avatar number of the attacker"),
+    "victim": ("1", "avatar number of the victim, -2 - k for scripted target k, -1 for nobody"),
+    "hand": ("1", "hand, 0 left and 1 right"),
+    "point": ("m", "position of the fist"),
+    "speed": ("m/s", "highest fist speed before, relative to the pelvis"),
+    "landed": ("1", "whether the strike landed"),
+}
+_COORDINATES = ("time", "name")
 _CAST = {"type": "types", "team": "teams", "policy": "policies", "scale": "scales", "speed": "speeds", "name": "names"}
 _EVENTS = {
-    "frame": ("<f4", "control frames"),
-    "attacker": ("<i4", ""),
-    "victim": ("<i4", ""),
-    "hand": ("|u1", "0 left, 1 right"),
-    "point": ("<f4", "m"),
-    "speed": ("<f4", "m/s"),
-    "landed": ("|b1", ""),
+    "frame": "<f4",
+    "attacker": "<i4",
+    "victim": "<i4",
+    "hand": "|u1",
+    "point": "<f4",
+    "speed": "<f4",
+    "landed": "|b1",
 }
 _AVATARS_A_CHUNK = 65536
 _EVENTS_A_CHUNK = 16384
@@ -52,7 +81,7 @@ class TakeWriter:
         reactions: Whether those whom a strike lands on give way to it.
 
     Raises:
-        OutputError: The folder cannot be written.
+        OutputError: The folder cannot be written, or a take is there already.
     """
 
     def __init__(
@@ -74,14 +103,17 @@ class TakeWriter:
         self._partial = path.with_name(path.name + ".partial")
         self._chunk = chunk
         self._frames = frames
+        self._control_rate = control_rate
         self._room = min(frames, _CHUNKS_AT_FIRST * chunk)
         self._done = 0
         self._kept: list[dict[str, Array]] = []
         self._kept_targets: list[Array] = []
         self._kept_events: list[Events] = []
+        for taken in (path, self._partial):
+            if os.path.lexists(taken):
+                raise OutputError(f"{taken}: is there already, expected a new name for the take")
         with self._writing():
-            if self._partial.exists():
-                shutil.rmtree(self._partial)
+            self._partial.mkdir(parents=True)
             self._group: Any = zarr.open_group(str(self._partial), mode="w", **_format_two())
             self._begin(cast, frames, control_rate, scenario, seed, fingerprints, target_names, reactions)
 
@@ -114,12 +146,14 @@ class TakeWriter:
                 "policy_fingerprints": list(fingerprints),
                 "target_names": list(target_names),
                 "reactions": reactions,
+                # xarray reads coordinates that are no dimensions from here.
+                "coordinates": " ".join(_COORDINATES),
                 "type_colours": [[None if np.isnan(c) else float(c) for c in row] for row in cast.colours],
             }
         )
         for name in VARIABLES:
             chunks = (min(chunk, frames), max(1, min(avatars, _AVATARS_A_CHUNK)))
-            self._create(self._group, name, (self._room, avatars), chunks, _DTYPES[name], ["frame", "avatar"], _UNITS)
+            self._create(self._group, name, (self._room, avatars), chunks, _DTYPES[name], ["frame", "avatar"])
         for name, field in _CAST.items():
             values = np.asarray(getattr(cast, field))
             kind = f"<U{max(1, max(map(len, values), default=1))}" if name == "name" else _little(values.dtype)
@@ -129,14 +163,12 @@ class TakeWriter:
         if targets:
             shape = (self._room, targets, 3)
             dimensions = ["frame", "target", "component"]
-            self._create(
-                self._group, "target", shape, (min(chunk, frames), targets, 3), "<f4", dimensions, {"target": "m"}
-            )
+            self._create(self._group, "target", shape, (min(chunk, frames), targets, 3), "<f4", dimensions)
         events = self._group.create_group("events")
-        for name, (kind, unit) in _EVENTS.items():
+        for name, kind in _EVENTS.items():
             more = (3,) if name == "point" else ()
             dimensions = ["event", "component"] if name == "point" else ["event"]
-            self._create(events, name, (0, *more), (_EVENTS_A_CHUNK, *more), kind, dimensions, {name: unit})
+            self._create(events, name, (0, *more), (_EVENTS_A_CHUNK, *more), kind, dimensions)
 
     def _create(
         self,
@@ -146,16 +178,15 @@ class TakeWriter:
         chunks: tuple[int, ...],
         dtype: str,
         dimensions: list[str],
-        units: dict[str, str] | None = None,
     ) -> Any:
         import numcodecs
         import zarr
 
         codec = numcodecs.Zstd(level=1)
-        attributes: dict[str, Any] = {"_ARRAY_DIMENSIONS": dimensions}
-        if units and units.get(name):
-            attributes["units"] = units[name]
-        facts: dict[str, Any] = {"shape": shape, "chunks": chunks, "dtype": dtype, "fill_value": 0}
+        units, long_name = (_LABELS if group is self._group else _EVENT_LABELS)[name]
+        attributes: dict[str, Any] = {"_ARRAY_DIMENSIONS": dimensions, "units": units, "long_name": long_name}
+        # Without a fill value: xarray reads it as the mark of missing values and would turn every 0 and False into NaN.
+        facts: dict[str, Any] = {"shape": shape, "chunks": chunks, "dtype": dtype, "fill_value": None}
         if hasattr(zarr.Group, "create_array"):
             return group.create_array(name, compressors=codec, attributes=attributes, **facts)
         array = group.create_dataset(name, compressor=codec, **facts)
@@ -230,10 +261,10 @@ class TakeWriter:
                 array = self._group[name]
                 if array.shape[0] > self._done:
                     array.resize((self._done, *array.shape[1:]))
+            time = np.arange(self._done, dtype="<f8") / self._control_rate
+            self._create(self._group, "time", time.shape, (max(1, len(time)),), "<f8", ["frame"])[...] = time
             self._group.attrs["status"] = status
             zarr.consolidate_metadata(str(self._partial))
-            if self.path.exists():
-                shutil.rmtree(self.path)
             os.replace(self._partial, self.path)
 
     @contextmanager
@@ -268,22 +299,27 @@ def open_take(path: str | os.PathLike[str]) -> Take:
         path: The take, or the run folder that holds ``take.zarr``.
 
     Raises:
-        TakeError: There is no take, it is damaged, foreign or of another version, or its run is not finished.
+        TakeError: There is no take, it is damaged, foreign or of another version, or its run is not finished; it holds
+            links or devices; or its names are none that a scenario could have.
     """
     import zarr
 
     folder = Path(path)
     if not (folder / ".zgroup").exists() and (folder / "take.zarr").exists():
         folder = folder / "take.zarr"
+        if folder.is_symlink():
+            raise TakeError(f"{folder}: is a symbolic link, expected the take itself; links are not followed")
     if not (folder / ".zgroup").exists():
-        partial = (folder / "take.zarr.partial").exists()
-        raise TakeError(
-            f"{folder}: no take here"
-            + (", only what a run left that was killed; run its scenario again" if partial else "; expected take.zarr")
-        )
+        found = "; expected take.zarr"
+        if (folder / "take.zarr.partial").exists():
+            found = ", only what a run left that was killed; run its scenario again with --force or another --out"
+        raise TakeError(f"{folder}: no take here{found}")
     try:
+        _check_files(folder)
         group: Any = zarr.open_group(str(folder), mode="r")
         attributes: dict[str, Any] = dict(group.attrs)
+    except TakeError:
+        raise
     except Exception as error:
         raise TakeError(f"{folder}: cannot be read: {error}") from None
     if attributes.get("format") != FORMAT:
@@ -300,6 +336,7 @@ def open_take(path: str | os.PathLike[str]) -> Take:
             policy_names=tuple(attributes["policy_names"]),
             colours=np.array(colours, float).reshape(-1, 3),
         )
+        _check_names(folder, cast)
         events = Events(**{name: np.asarray(group["events"][name][...]) for name in _EVENTS})
         frames = group["action"].shape[0]
         return Take(
@@ -318,3 +355,27 @@ def open_take(path: str | os.PathLike[str]) -> Take:
         )
     except (KeyError, ValueError, OSError) as error:
         raise TakeError(f"{folder}: is damaged: {error}") from None
+
+
+def _check_names(folder: Path, cast: Cast) -> None:
+    """Refuse names that a scenario could not have: files are called by avatars, and policies are found by name."""
+    fault = avatar_name_fault(list(map(str, cast.names.tolist())))
+    if fault:
+        raise TakeError(f"{folder}: {fault}")
+    for name in cast.policy_names:
+        if not re.fullmatch(NAME, str(name)):
+            raise TakeError(f"{folder}: a policy is named {name!r}, expected a name of {NAME_RULE}")
+
+
+def _check_files(folder: Path) -> None:
+    """Refuse a take that holds anything but files and folders: links lead elsewhere, and reading a pipe never ends."""
+    for above, folders, files in os.walk(folder, onerror=_raise):
+        for name in (*folders, *files):
+            path = os.path.join(above, name)
+            mode = os.lstat(path).st_mode
+            if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+                raise TakeError(f"{path}: is {kind_of(mode)}, expected a regular file; links are not followed")
+
+
+def _raise(error: OSError) -> None:
+    raise error

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.crowd.events import VARIABLES, Events
 from crowdsim.errors import TakeError
+from crowdsim.frame_ranges import frame_limit, output_frames
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -127,7 +128,11 @@ class Take:
 
     def output_frames(self, fps: float) -> int:
         """Return how many output frames at ``fps`` lie between the first control frame and the last, both included."""
-        return int(self.seconds * fps + 1e-6) + 1
+        return output_frames(self.frame_count, self.control_rate, fps)
+
+    def frame_limit(self, fps: float) -> int:
+        """Return how many output frames at ``fps`` the take lasts, its last control frame included."""
+        return frame_limit(self.frame_count, self.control_rate, fps)
 
     @cached_property
     def sampler(self) -> PoseSampler:

@@ -227,15 +227,17 @@ def test_avatars_in_one_place_are_refused_by_name():
     ) == ("t: groups[1].placement: avatar g1_0 would stand 0.05 m from g0_0, expected 0.1 m or more")
 
 
-def test_avatars_outside_the_arena_are_counted():
+def test_avatars_outside_the_arena_are_counted_and_named():
     grid = {"kind": "grid", "columns": 5, "spacing": 1}
     circle = {"kind": "circle", "radius": 1.5}
     assert refused({"count": 25, "placement": grid}, arena=circle) == (
-        "t: groups[0].placement: 9 of 25 avatars stand inside the arena, expected all; it is a circle of radius 1.5 m"
+        "t: groups[0].placement: 16 of 25 avatars are outside the arena, g0_00, g0_01, g0_02 and 13 more, "
+        "expected all inside a circle of radius 1.5 m"
     )
     rectangle = {"kind": "rectangle", "size": [2, 8], "centre": [0, 0]}
     assert refused({"count": 25, "placement": grid}, arena=rectangle) == (
-        "t: groups[0].placement: 15 of 25 avatars stand inside the arena, expected all; it is a rectangle of 2 m by 8 m"
+        "t: groups[0].placement: 10 of 25 avatars are outside the arena, g0_00, g0_04, g0_05 and 7 more, "
+        "expected all inside a rectangle of 2 m by 8 m"
     )
     assert placed({"count": 9, "placement": {**grid, "columns": 3}}, arena=circle).count == 9
 

@@ -22,8 +22,9 @@ from crowdsim.crowd.scenario import (
     scenario_schema,
 )
 from crowdsim.crowd.scenario_groups import Search
+from crowdsim.crowd.scenario_parts import SCALES, SPEEDS
 from crowdsim.crowd.scenario_reference import scenario_reference
-from crowdsim.errors import ScenarioError
+from crowdsim.errors import ScenarioError, nearest
 from crowdsim.yaml_schema import spot_of
 
 ROOT = Path(__file__).parents[2]
@@ -143,16 +144,26 @@ def test_the_reference_page_links_to_sections_that_it_has():
         ("seed: 1", "seed: -1", "3:7: seed: is -1, expected a whole number from 0 to 9223372036854775807"),
         ("duration: 100", "duration: 0", "4:11: duration: is 0, expected a whole number from 1 to 100000000"),
         ("duration: 100", "duration: 1.5",
-         "4:11: duration: is 1.5, expected a whole number from 1 to 100000000 or a mapping with seconds"),
+         "4:11: duration: is 1.5, expected a whole number from 1 to 100000000, a mapping with seconds or text such "
+         "as 20s"),
+        ("duration: 100", "duration: 0s",
+         "4:11: duration.seconds: is '0s', expected a number above 0 and up to 1000000"),
+        ("duration: 100", "duration: 20m",
+         "4:11: duration: is '20m', expected a whole number from 1 to 100000000, a mapping with seconds or text such "
+         "as 20s"),
         ("policy: boxer}", "policy: boxr}",
          "6:19: types.boxer.policy: is 'boxr', no known policy, expected boxer, boxer_cmu or boxer_crowd "
          "(did you mean 'boxer'?)"),
         ("{policy: boxer}", "{extends: boxed}",
          "6:20: types.boxer.extends: is 'boxed', expected a type of this scenario: boxer (did you mean 'boxer'?)"),
         ("{policy: boxer}", "{extends: boxer}", "6:20: types.boxer.extends: goes round in a circle: boxer -> boxer"),
-        ("{policy: boxer}", "{scale: 3}", "6:18: types.boxer.scale: is 3, expected factors from 0.5 to 2.0"),
+        ("{policy: boxer}", "{scale: 3}", "6:18: types.boxer.scale: is 3, expected a number from 0.5 to 2.0"),
+        ("{policy: boxer}", "{scale: {kind: uniform, minimum: 1, maximum: 3}}",
+         "6:18: types.boxer.scale: is 1 to 3, expected factors from 0.5 to 2"),
+        ("{policy: boxer}", "{scale: {knd: uniform, minimum: 1, maximum: 2}}",
+         "6:19: types.boxer.scale.knd: unknown key, expected kind: 'uniform' or 'normal' (did you mean 'kind'?)"),
         ("{policy: boxer}", "{speed: {kind: normal, deviation: 2}}",
-         "6:18: types.boxer.speed: is -3 to 5, expected factors from 0.25 to 4.0"),
+         "6:18: types.boxer.speed: is -3 to 5, expected factors from 0.25 to 4"),
         ("{policy: boxer}", "{scale: {kind: uniform, minimum: 1.2, maximum: 1.1}}",
          "6:43: types.boxer.scale.minimum: is 1.2, expected at most the maximum, 1.1"),
         ("{policy: boxer}", "{colour: red}",
@@ -174,6 +185,11 @@ def test_the_reference_page_links_to_sections_that_it_has():
         ("placement: {kind: grid}", "placement: {kind: gird}",
          "8:69: groups[0].placement.kind: is 'gird', expected 'grid', 'ring', 'line', 'army', 'disc' or 'points' "
          "(did you mean 'grid'?)"),
+        ("placement: {kind: grid}", "placement: {kidn: grid}",
+         "8:63: groups[0].placement.kidn: unknown key, expected kind: 'grid', 'ring', 'line', 'army', 'disc' or "
+         "'points' (did you mean 'kind'?)"),
+        ("placement: {kind: grid}", "placement: {kind: grid, centre: [1, 0, 2]}",
+         "8:83: groups[0].placement.centre: has 3 items, expected a list of two numbers, x and z [m]"),
         ("placement: {kind: grid}", "placement: {kind: disc, radius: 0}",
          "8:83: groups[0].placement.radius: is 0, expected a number above 0 and up to 100000"),
         ("placement: {kind: grid}", "placement: {kind: grid}, facing: enemy",
@@ -209,6 +225,13 @@ def test_a_mistake_is_one_line(old, new, expected):
         ("events: [{kind: remove, group: red, when: {kind: strikes, count: 3, team: rde}}]",
          ["10:75: events[0].when.team: is 'rde', expected a team: red or blue (did you mean 'red'?)"]),
         ("outputs: {bvh: {avatars: [0, 5]}}", ["10:30: outputs.bvh.avatars[1]: is 5, expected an avatar from 0 to 4"]),
+        ("outputs: {bvh: {frames: 5}}",
+         ["10:25: outputs.bvh.frames: is 5, expected a list of two whole numbers, a mapping with seconds or text such "
+          "as 0:120 or 2s:5s"]),
+        ("outputs: {render: {frames: 5s:2s}}",
+         ["10:28: outputs.render.frames: is [5.0, 2.0], expected the first frame before the last"]),
+        ("outputs: {render: {mp4: false}}",
+         ["10:19: outputs.render: writes nothing, expected mp4, png or contact_sheet"]),
         ("outputs: {ply: {frames: [5, 2]}}",
          ["10:25: outputs.ply.frames: is [5, 2], expected the first frame before the last"]),
         ("outputs: {render: {camera: {kind: follow, avatar: 9}}}",
@@ -223,6 +246,63 @@ def test_a_mistake_is_one_line(old, new, expected):
 )  # fmt: skip
 def test_a_mistake_among_events_opponents_and_outputs_is_found(more, expected):
     assert sorted(findings(BASE + more)) == sorted(expected)
+
+
+def typos(word: str) -> set[str]:
+    """Every word that a letter less, more, changed or swapped with the next one makes."""
+    places = range(len(word))
+    less = {word[:i] + word[i + 1 :] for i in places}
+    more = {f"{word[:i]}q{word[i:]}" for i in places}
+    other = {f"{word[:i]}q{word[i + 1 :]}" for i in places}
+    swapped = {word[:i] + word[i + 1 : i + 2] + word[i] + word[i + 2 :] for i in places}
+    return {typo for typo in less | more | other | swapped if len(typo) > 1} - {word}
+
+
+def test_a_key_that_is_a_letter_wrong_is_suggested():
+    schema = json.loads(scenario_schema())
+    for name, part in {"Scenario": schema, **schema["$defs"]}.items():
+        keys = list(part["properties"])
+        for key in keys:
+            for typo in typos(key) - set(keys):
+                assert nearest(typo, keys) == f" (did you mean '{key}'?)", (name, typo)
+
+
+def test_a_group_that_may_or_may_not_wait_is_one_finding():
+    text = BASE.replace("count: 3,", 'count: 3, waits: "yes",')
+    text += "events: [{kind: add, group: red, when: {kind: frame, frame: 3}}]"
+    assert findings(text) == ["8:58: groups[0].waits: is 'yes', expected true or false"]
+
+
+@pytest.mark.parametrize("duration", ["20s", "20.0 s", "{seconds: 20}"])
+def test_a_duration_may_be_given_in_seconds(duration):
+    text = BASE.replace("duration: 100", f"duration: {duration}")
+    Path("s.yaml").write_text(text, encoding="utf-8")
+    assert load_scenario("s.yaml").control_frames(15.0) == 300
+    assert load_scenario("s.yaml", ["duration=4s"]).control_frames(15.0) == 60
+
+
+@pytest.mark.parametrize("frames", ["[60, 150]", "60:150", "2s:5s", "[2s, 5s]", "{seconds: [2, 5]}", "1.99s:4.99s"])
+def test_frames_of_an_output_may_be_given_in_seconds(frames):
+    text = BASE + f"outputs: {{bvh: {{fps: 30, frames: {frames}}}, render: {{frames: {frames}}}}}"
+    Path("s.yaml").write_text(text, encoding="utf-8")
+    scenario = load_scenario("s.yaml")
+    assert scenario.outputs.bvh.frames == scenario.outputs.render.frames == (60, 150)
+    Path("again.yaml").write_text(dump_scenario(scenario), encoding="utf-8")
+    assert load_scenario("again.yaml") == scenario
+
+
+def test_limits_of_scale_and_speed_are_the_same_in_check_and_reference():
+    types = json.loads(scenario_schema())["$defs"]["AvatarType"]["properties"]
+    for key, (least, most) in (("scale", SCALES), ("speed", SPEEDS)):
+        number = types[key]["anyOf"][0]
+        assert (number["minimum"], number["maximum"]) == (least, most)
+        assert f"from {least:g} to {most:g}" in types[key]["description"]
+        assert findings(BASE.replace("{policy: boxer}", f"{{{key}: {most}}}")) == []
+        for value in (0.9 * least, 1.1 * most):
+            for text in (f"{value}", f"{{kind: uniform, minimum: {value}, maximum: {value}}}"):
+                assert len(findings(BASE.replace("{policy: boxer}", f"{{{key}: {text}}}"))) == 1
+    factors = [line for line in scenario_reference().splitlines() if "factor" in line]
+    assert not [line for line in factors if "<= 10 " in line]
 
 
 def test_the_search_is_the_scenarios_and_that_of_all_groups():

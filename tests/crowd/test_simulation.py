@@ -440,7 +440,9 @@ def test_those_who_keep_no_distance_need_no_neighbours():
 def test_a_scenario_may_let_avatars_walk_through_one_another():
     for said, rules in ((True, Crowding()), (False, Crowding.none())):
         scenario = load_scenario("brawl_30", [f"keep_apart={str(said).lower()}"])
-        boxer = [replace(POLICIES[0], name="boxer")]
+        chosen = POLICIES[0]
+        fight = replace(chosen.behaviours[0], name="fight")
+        boxer = [replace(chosen, name="boxer", behaviours=(fight, *chosen.behaviours[1:]))]
         assert cast_crowd(scenario, place_groups(scenario), boxer)[0].crowding == rules
 
 

@@ -1,9 +1,9 @@
-"""What users write to choose avatars and frames."""
+"""What users write to choose avatars."""
 
 import pytest
 
 from crowdsim.errors import TakeError
-from crowdsim.export.select import parse_avatars, parse_range
+from crowdsim.export.select import parse_avatars
 
 
 @pytest.mark.parametrize(
@@ -27,26 +27,4 @@ def test_avatars_are_numbers_and_ranges(text: str | None, numbers: list[int] | N
 def test_other_avatars_are_refused(text: str, message: str) -> None:
     with pytest.raises(TakeError) as caught:
         parse_avatars(text, 10)
-    assert str(caught.value) == message
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"), [(None, None), ("0:5", (0, 5)), (":5", (0, 5)), ("5:", (5, 100)), (" 3 : 4 ", (3, 4))]
-)
-def test_frames_are_half_open(text: str | None, expected: tuple[int, int] | None) -> None:
-    assert parse_range(text, 100, 60.0) == expected
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("5", "frames '5': expected A:B, half-open, such as 0:120"),
-        ("a:b", "frames 'a:b': expected A:B, half-open, such as 0:120"),
-        ("5:5", "frames '5:5': is empty, expected the first frame before the last"),
-        ("90:101", "frames '90:101': the take has frames 0 to 99 at 60 fps"),
-    ],
-)
-def test_other_frames_are_refused(text: str, message: str) -> None:
-    with pytest.raises(TakeError) as caught:
-        parse_range(text, 100, 60.0)
     assert str(caught.value) == message

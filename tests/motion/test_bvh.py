@@ -152,6 +152,14 @@ def test_joints_with_the_same_name_are_kept_and_found():
     assert walk.findings == ("walk.bvh: 2 joints are called 'Chest'",)
 
 
+@pytest.mark.parametrize("name", ["row of teeth", "nothing moves", "is nan"])
+def test_what_joints_are_called_never_makes_a_finding_a_fault(name):
+    walk = bvh(PLAIN.replace("JOINT Leg", f"JOINT {name}").replace("JOINT Chest", f"JOINT {name}"))
+    assert walk.findings == (f"walk.bvh: 2 joints are called '{name}'",)
+    assert walk.faults == ()
+    assert bvh(PLAIN.replace("Frames: 2", "Frames: 3")).faults == ("walk.bvh: 2 rows of motion, Frames: says 3",)
+
+
 def test_scale_channels_are_read_found_and_not_used():
     text = PLAIN.replace("CHANNELS 3 Yrotation", "CHANNELS 4 Xscale Yrotation").replace(" 40 ", " 1 40 ")
     walk = bvh(text.replace("4e-3", "1 4e-3"))

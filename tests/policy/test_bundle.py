@@ -320,3 +320,15 @@ def test_coarser_values_are_near_and_smaller(trained, tmp_path, precision):
                 assert expected[found.argmax()] >= expected.max() - close
             else:
                 np.testing.assert_allclose(found, expected, atol=close)
+
+
+def test_a_damaged_bundle_in_a_folder_called_version_is_damaged_and_not_stale(trained, tmp_path):
+    folder = tmp_path / "version 2"
+    shutil.copytree(trained / "small", folder)
+    recipe = load_recipe(trained / "small.yaml")
+    document = json.loads((folder / "policy.json").read_text())
+    (folder / "policy.json").write_text(json.dumps({**document, "checksum": "0"}))
+    with pytest.raises(PolicyError, match="damaged"):
+        stale(folder, recipe)
+    (folder / "policy.json").write_text(json.dumps({**document, "version": 0}))
+    assert stale(folder, recipe) == "it is of another format version"

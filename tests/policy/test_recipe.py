@@ -1,12 +1,16 @@
 """Recipes: what they default to, and every mistake with its line, its column and what was expected."""
 
+import contextlib
+import json
 from pathlib import Path
 
 import pytest
 
+from crowdsim.cli import main
 from crowdsim.errors import RecipeError
 from crowdsim.policy.environment import AXIS_KINDS
 from crowdsim.policy.recipe import Axes, load_recipe
+from crowdsim.policy.recipe_reference import recipe_reference, recipe_schema
 from crowdsim.policy.rewards import TERMS
 
 RECIPE = """\
@@ -49,20 +53,24 @@ def test_every_shipped_recipe_is_valid_and_learns_to_fight_beside_both_behaviour
     assert recipe.weights == {"fight": 1.0}
 
 
-def test_the_papers_recipe_is_valid_and_learns_both_behaviours():
+def test_the_papers_recipe_has_the_papers_grids_its_table_and_its_method():
     recipe = load_recipe(POLICIES / "boxer_paper.yaml")
-    assert list(recipe.behaviours) == ["approach", "punch"]
-    assert recipe.weights is None
-
-
-def test_the_papers_recipe_has_the_papers_grids_and_its_table():
-    recipe = load_recipe(POLICIES / "boxer_paper.yaml")
+    behaviours = recipe.behaviours.values()
     shapes = {
         name: tuple(axis.count for axis in spec.axes.given().values()) for name, spec in recipe.behaviours.items()
     }
     assert shapes == {"approach": (5, 13), "punch": (10, 10, 4)}
-    assert {spec.lookup for spec in recipe.behaviours.values()} == {"q"}
-    assert {spec.backup for spec in recipe.behaviours.values()} == {"max_of_interpolated"}
+    assert all(axis.reach for axis in recipe.behaviours["punch"].axes.given().values())
+    assert {spec.lookup for spec in behaviours} == {"q"}
+    assert {spec.backup for spec in behaviours} == {"max_of_interpolated"}
+    assert {spec.solver.kind for spec in behaviours} == {"q_learning"}
+    assert {spec.discount for spec in behaviours} == {0.97}
+    assert {term.form for spec in behaviours for term in spec.rewards} == {"max"}
+    assert all(spec.target.speed > 0.0 and spec.target.still == 0.0 for spec in behaviours)
+    assert not any(spec.normalise for spec in behaviours)
+    assert (recipe.graph.actions, recipe.prune, recipe.motion.mirror) == (27072, None, False)
+    assert (recipe.control_rate, recipe.playback_rate) == (15.0, 15.0)
+    assert recipe.weights == {"approach": 1.0, "punch": 1.0}
 
 
 def test_a_short_recipe_gets_the_defaults(tmp_path):
@@ -180,3 +188,22 @@ def test_a_weight_of_what_is_not_learned_is_told_with_its_line(tmp_path, lines, 
 def test_an_impossible_stretch_or_band_is_told(tmp_path, old, new, message):
     [line] = faults(tmp_path, changed(old, new))
     assert line.split(": ", 2)[2].startswith(message)
+
+
+def test_the_committed_reference_page_of_recipes_is_current():
+    page = (Path(__file__).parents[2] / "docs/recipes.md").read_text(encoding="utf-8")
+    assert page == recipe_reference()
+
+
+def test_every_key_of_the_recipe_schema_has_a_meaning():
+    schema = json.loads(recipe_schema())
+    for name, part in {"Recipe": schema, **schema["$defs"]}.items():
+        for key, value in part["properties"].items():
+            assert value.get("description") or "$ref" in value or "const" in value, f"{name}.{key}"
+
+
+def test_the_command_prints_the_schema_of_recipes(capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["crowdsim", "schema", "recipe"])
+    with contextlib.suppress(SystemExit):
+        main()
+    assert json.loads(capsys.readouterr().out) == json.loads(recipe_schema())

@@ -9,7 +9,6 @@ from crowdsim.crowd.scenario_outputs import RenderOutput
 from crowdsim.errors import CrowdsimError, TakeError
 from crowdsim.render.command import (
     RenderOptions,
-    parse_frames,
     parse_size,
     render_bvh,
     render_many,
@@ -39,18 +38,6 @@ def test_other_sizes_are_refused(text, message):
     with pytest.raises(CrowdsimError) as caught:
         parse_size(text)
     assert str(caught.value) == message
-
-
-def test_frames_are_half_open_and_either_end_may_be_missing():
-    assert parse_frames("3:10") == (3, 10)
-    assert parse_frames(":10") == (None, 10)
-    assert parse_frames("3:") == (3, None)
-
-
-@pytest.mark.parametrize("text", ["5", "a:b", "5:5", "9:2", "-1:4", "1:2:3"])
-def test_other_frames_are_refused(text):
-    with pytest.raises(CrowdsimError, match=f"frames '{text}'"):
-        parse_frames(text)
 
 
 def test_a_bvh_file_becomes_a_video(tmp_path):

@@ -10,6 +10,7 @@ from crowdsim.graph.motion_graph import build_graph
 from crowdsim.motion import ground
 from crowdsim.motion.database import build_database
 from crowdsim.motion.performer import perform
+from crowdsim.policy.rewards import target_body
 from crowdsim.render.stage import build_stage
 from crowdsim.render.take_source import TakeSource
 from crowdsim.take.take import Cast, Events, Take
@@ -22,7 +23,8 @@ def policy():
     database = build_database([performed.clip for performed in perform(40.0, 1)])
     graph = build_graph(database)
     actions = SimpleNamespace(shifts=np.zeros((graph.action_count, 3)))
-    return SimpleNamespace(database=database, graph=graph, actions=actions, fingerprint="abc", behaviours=())
+    body = target_body(database)
+    return SimpleNamespace(database=database, graph=graph, actions=actions, body=body, fingerprint="abc", behaviours=())
 
 
 def wander(policy, frames=FRAMES, avatars=AVATARS) -> Take:

@@ -1,11 +1,15 @@
 """Takes on disk: what is written is what is read, by us and by others."""
 
 import json
+import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 
+from crowdsim.crowd.names import avatar_name_fault
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.take.store import TakeWriter, open_take
 from crowdsim.take.take import VARIABLES, Cast, Events
@@ -91,8 +95,48 @@ def test_the_bytes_do_not_depend_on_how_frames_came_in(tmp_path: Path) -> None:
     assert one == other
 
 
+def test_xarray_reads_every_variable_as_it_was_written(tmp_path: Path) -> None:
+    writer = TakeWriter(tmp_path / "take.zarr", CAST, 9, 15.0, "test", 3, ("abc",), ("ball",), 4)
+    zeros = {name: np.zeros((9, AVATARS)) for name in VARIABLES}
+    zeros["x"][2, 3], zeros["opponent"][1, 1], zeros["action"][0, 0] = np.nan, -1, 7
+    strikes = events(0.0, 1.5, 2.5)
+    strikes.attacker[:], strikes.victim[:], strikes.hand[:] = 0, [0, -1, 3], [0, 1, 0]
+    writer.append(zeros, strikes, np.zeros((9, 1, 3)))
+    writer.close()
+    take = open_take(tmp_path)
+    read = xarray.open_zarr(tmp_path / "take.zarr")
+    expected = {name: getattr(take, name)[:] for name in VARIABLES}
+    expected |= {"target": take.targets[:], "time": np.arange(9) / 15.0}
+    fields = {"type": "types", "team": "teams", "policy": "policies", "scale": "scales", "speed": "speeds"}
+    expected |= {name: getattr(take.cast, field) for name, field in {**fields, "name": "names"}.items()}
+    assert set(read.variables) == set(expected)
+    read_events = xarray.open_zarr(tmp_path / "take.zarr", group="events")
+    expected_events = {name: getattr(take.events, name) for name in Events.__dataclass_fields__}
+    assert set(read_events.variables) == set(expected_events)
+    for group, values in ((read, expected), (read_events, expected_events)):
+        for name, value in values.items():
+            assert group[name].dtype == value.dtype, name
+            np.testing.assert_array_equal(group[name].values, value, err_msg=name)
+            assert group[name].attrs["units"], name
+            assert group[name].attrs["long_name"], name
+    assert {name: str(value.dtype) for name, value in read_events.variables.items()} == {
+        "frame": "float32", "attacker": "int32", "victim": "int32", "hand": "uint8", "point": "float32",
+        "speed": "float32", "landed": "bool",
+    }  # fmt: skip
+
+
+def test_time_and_avatar_names_are_coordinates(tmp_path: Path) -> None:
+    write(tmp_path / "take.zarr", [3, 3], planned=100).close("interrupted")
+    data = xarray.open_zarr(tmp_path / "take.zarr")
+    assert {"time", "name"} <= set(data.coords)
+    assert {"time", "name"} <= set(data.x.coords)
+    assert data.time.attrs["units"] == "s"
+    np.testing.assert_array_equal(data.time, np.arange(6) / 15.0)
+    assert float(data.x.swap_dims(frame="time").sel(time=2 / 15, method="nearest")[1]) == chunk(0, 6)["x"][2, 1]
+    assert data.x.set_index(avatar="name").sel(avatar="red_3").shape == (6,)
+
+
 def test_xarray_opens_a_take_with_its_dimensions_and_units(tmp_path: Path) -> None:
-    xarray = pytest.importorskip("xarray")
     write(tmp_path / "take.zarr", [6]).close()
     data = xarray.open_zarr(tmp_path / "take.zarr")
     assert data.action.dims == ("frame", "avatar")
@@ -153,6 +197,62 @@ def test_foreign_and_damaged_takes_are_refused(tmp_path: Path) -> None:
     attributes.write_text(json.dumps({name: value for name, value in told.items() if name != "team_names"}))
     with pytest.raises(TakeError, match="is damaged: 'team_names'"):
         open_take(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["a_0", "../../x", "c"], r"avatar 1 is named '\.\./\.\./x', expected letters, digits, '_', '-' and '\.', at "),
+        (["/x", "b", "c"], "avatar 0 is named '/x', expected letters"),
+        (["a", "b", ""], "avatar 2 is named '', expected letters"),
+        (["a", "b\n", "c"], r"avatar 1 is named 'b\\n', expected letters"),
+        (["a", "b", "A"], "avatars 0 and 2 are named 'a' and 'A', expected a name of its own each"),
+    ],
+)
+def test_names_that_no_scenario_could_give_are_refused(tmp_path: Path, names: list[str], message: str) -> None:
+    cast = replace(CAST, names=np.array([*names, "y", "z"]))
+    writer = TakeWriter(tmp_path / "take.zarr", cast, 1, 15.0, "test", 3, ("abc",))
+    writer.append(chunk(0, 1), events(), None)
+    writer.close()
+    with pytest.raises(TakeError, match=rf"take\.zarr: {message}"):
+        open_take(tmp_path)
+
+
+def test_the_longest_group_name_with_a_number_is_an_avatar_name(tmp_path: Path) -> None:
+    assert avatar_name_fault(["g" * 64 + "_0000", "g" * 64 + "_0001"]) == ""
+    assert avatar_name_fault(["g" * 65])
+
+
+def test_policy_names_that_lead_elsewhere_are_refused(tmp_path: Path) -> None:
+    cast = replace(CAST, policy_names=("../boxer",))
+    writer = TakeWriter(tmp_path / "take.zarr", cast, 1, 15.0, "test", 3, ("abc",))
+    writer.append(chunk(0, 1), events(), None)
+    writer.close()
+    with pytest.raises(TakeError, match=r"a policy is named '\.\./boxer', expected a name of letters"):
+        open_take(tmp_path)
+
+
+def test_links_and_pipes_in_a_take_are_refused_and_not_opened(tmp_path: Path) -> None:
+    write(tmp_path / "take.zarr", [4]).close()
+    part = tmp_path / "take.zarr" / "x" / "0.0"
+    part.rename(tmp_path / "elsewhere")
+    os.mkfifo(part)
+    with pytest.raises(TakeError, match=r"x/0\.0: is a named pipe, expected a regular file"):
+        open_take(tmp_path)
+    part.unlink()
+    part.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(TakeError, match=r"x/0\.0: is a symbolic link, expected a regular file; links are not followed"):
+        open_take(tmp_path)
+
+
+def test_a_take_is_never_written_over_another(tmp_path: Path) -> None:
+    write(tmp_path / "take.zarr", [4]).close()
+    (tmp_path / "other.zarr.partial").mkdir()
+    for name in ("take.zarr", "other.zarr"):
+        with pytest.raises(OutputError, match="is there already, expected a new name for the take"):
+            write(tmp_path / name, [2])
+    assert open_take(tmp_path).frame_count == 4
+    assert (tmp_path / "other.zarr.partial").is_dir()
 
 
 def test_output_frames_reach_from_the_first_control_frame_to_the_last(tmp_path: Path) -> None:

@@ -1,0 +1,33 @@
+"""Names of groups, types and avatars: what they may look like, since files are called by them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}"
+"""Names in scenarios. They are stems of files too, so nothing in them may lead to another folder."""
+NAME_RULE = "letters, digits, '_', '-' and '.', at most 64, a letter or digit first"
+
+_AVATAR_NAME = re.compile(rf"{NAME}(_[0-9]{{1,9}})?")
+
+
+def avatar_name_fault(names: Sequence[str]) -> str:
+    """Say what is wrong with the names of all avatars; an empty text when nothing is.
+
+    An avatar's name is a name, with the avatar's number in its group behind it. No two may be alike, even on file
+    systems that do not tell capitals from small letters.
+    """
+    # At once where all is well: there may be a million.
+    if all(map(_AVATAR_NAME.fullmatch, names)) and len(set(map(str.casefold, names))) == len(names):
+        return ""
+    for number, name in enumerate(names):
+        if not _AVATAR_NAME.fullmatch(name):
+            return f"avatar {number} is named {name!r}, expected {NAME_RULE}, and '_' and its number"
+    seen: dict[str, int] = {}
+    for number, name in enumerate(names):
+        other = seen.setdefault(name.casefold(), number)
+        if other != number:
+            both = f"{names[other]!r} and {name!r}"
+            return f"avatars {other} and {number} are named {both}, expected a name of its own each"
+    return ""

@@ -1,0 +1,14 @@
+"""Write the reference pages and the schema of scenarios that are made from the models that check them."""
+
+from pathlib import Path
+
+from crowdsim.crowd.scenario import scenario_schema
+from crowdsim.crowd.scenario_reference import scenario_reference
+from crowdsim.policy.recipe_reference import recipe_reference
+
+ROOT = Path(__file__).resolve().parent.parent
+
+if __name__ == "__main__":
+    (ROOT / "docs" / "scenarios.md").write_text(scenario_reference(), encoding="utf-8")
+    (ROOT / "docs" / "recipes.md").write_text(recipe_reference(), encoding="utf-8")
+    (ROOT / "scenarios" / "scenario.schema.json").write_text(scenario_schema(), encoding="utf-8")

@@ -1,0 +1,84 @@
+"""The speed that a policy can sustain: what is drawn, and that a crowd of its own keeps up and falls behind."""
+
+import numpy as np
+import pytest
+
+from crowdsim.crowd import kernels as control
+from crowdsim.crowd.scenario import Scenario, resolve_scenario
+from crowdsim.policy import kernels
+from crowdsim.policy.bundle import read_bundle
+from crowdsim.policy.pursuit import (
+    BEGUN,
+    DONE,
+    LEAD,
+    LOST,
+    MARGIN,
+    MOST,
+    TEMPERATURE,
+    distances_behind,
+    sustained_speed,
+)
+from crowdsim.policy.statistics import inspect_bundle
+from crowdsim.runner import run
+
+
+@pytest.fixture(scope="module")
+def policy(tiny_policy):
+    return read_bundle(tiny_policy)
+
+
+def test_candidates_are_drawn_as_a_crowd_draws_them():
+    draw = np.random.default_rng(4)
+    scratch, theirs = np.empty(16), np.empty(16)
+    for _ in range(2000):
+        count = int(draw.integers(1, 12))
+        values = draw.normal(size=count).round(int(draw.integers(1, 4))) * 0.1
+        margin, most = float(draw.choice([0.0, 0.05, 0.1])), int(draw.integers(1, 6))
+        temperature, number = float(draw.choice([0.0, 0.02, 0.05])), float(draw.random())
+        expected = control._pick(values[None], 0, count, margin, most, temperature, number, theirs)
+        assert kernels.draw_candidate(values, count, margin, most, temperature, number, scratch) == expected
+
+
+def follow(policy, speed: float, avatars: int = 24) -> float:
+    """Distance of the median avatar from a target of its own that flees from it, in the mean [m]; by a real run."""
+    angles = 2.0 * np.pi * np.arange(avatars) / avatars
+    targets, groups = {}, []
+    for k, angle in enumerate(angles):
+        way, place = np.array([np.sin(angle), np.cos(angle)]), np.array([100.0 * k, 0.0])
+        points = [(place + far * way).tolist() for far in (LEAD, LEAD + 1000.0)]
+        targets[f"t{k}"] = {"kind": "points", "points": points, "speed": speed, "loop": False, "height": 1.55}
+        groups.append(
+            {"count": 1, "type": "one", "placement": {"kind": "points", "points": [place.tolist()]},
+             "facing": 0, "opponents": {"kind": "target", "target": f"t{k}"}}
+        )  # fmt: skip
+    told = {"version": 1, "name": "chase", "seed": 1, "duration": {"seconds": DONE}, "groups": groups}
+    scenario = Scenario.model_validate({**told, "types": {"one": {"policy": policy.name}}, "targets": targets})
+    take = run(resolve_scenario(scenario), [policy])
+    behind = np.hypot(take.x - take.targets[:, :, 0], take.z - take.targets[:, :, 2])
+    return float(np.median(behind[round(BEGUN * take.control_rate) :].mean(axis=0)))
+
+
+def test_a_crowd_keeps_up_with_slower_targets_and_loses_faster_ones(policy):
+    speed = sustained_speed(policy)
+    assert 0.1 < speed < 4.0
+    assert float(np.median(distances_behind(policy, 0.7 * speed))) < LOST
+    assert float(np.median(distances_behind(policy, 1.5 * speed))) > LOST
+    assert follow(policy, 0.7 * speed) < LOST
+    assert follow(policy, 1.5 * speed) > LOST
+
+
+def test_distances_of_a_still_target_are_those_of_a_crowd(policy):
+    assert float(np.median(distances_behind(policy, 0.0))) == pytest.approx(follow(policy, 0.0), abs=0.15)
+
+
+def test_a_bundle_says_what_speed_its_policy_sustains(policy):
+    assert inspect_bundle(policy)["sustained_speed"] == policy.statistics["sustained_speed"] == sustained_speed(policy)
+
+
+def test_defaults_of_types_are_those_that_the_speed_is_measured_with():
+    told = {"version": 1, "name": "two", "duration": 1, "types": {"one": {}}}
+    scenario = Scenario.model_validate(
+        {**told, "groups": [{"count": 2, "type": "one", "placement": {"kind": "disc", "radius": 3}}]}
+    )
+    one = scenario.types["one"]
+    assert (one.candidates.margin, one.candidates.maximum, one.temperature) == (MARGIN, MOST, TEMPERATURE)

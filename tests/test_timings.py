@@ -1,0 +1,172 @@
+"""Timings are honest: compilation is no part of control, stages add up, and profiles come to a verdict."""
+
+import csv
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from time import sleep
+
+import numba
+import pytest
+from scenes import crowdsim, write_scene
+
+from crowdsim.compilation import ANNOUNCEMENT, watch_compilation
+from crowdsim.crowd.chunk import STAGES
+from crowdsim.manifest import read_manifest
+from crowdsim.recording import Clock
+
+CROWD = [
+    {"name": "all", "type": "boxer", "count": 450, "placement": {"kind": "disc", "radius": 20, "distance": 0.5}},
+]
+LATE = [{"kind": "add", "group": "blue", "when": {"kind": "frame", "frame": 3}}]
+
+
+def fresh_kernel():
+    """A kernel that has not been compiled yet."""
+
+    @numba.njit
+    def kernel(x):
+        return x + 1
+
+    return kernel
+
+
+def test_compilation_is_a_stage_of_its_own_and_announced_once() -> None:
+    told: list[str] = []
+    seconds: dict[str, float] = {}
+    with watch_compilation(told.append) as compilation:
+        clock = Clock(seconds, compilation)
+        for _ in range(2):
+            kernel = fresh_kernel()
+            assert kernel(1) == 2
+            sleep(0.01)
+            clock.lap("control")
+        compiled = dict(seconds)
+        kernel(2)
+        clock.lap("control")
+    fresh_kernel()(1)
+    assert told == [ANNOUNCEMENT]
+    assert compilation.count == 2
+    assert compiled["compile"] == pytest.approx(compilation.seconds)
+    assert 0.02 < compiled["control"] < compiled["compile"]
+    assert seconds["compile"] == compiled["compile"]
+    assert clock.total() >= sum(seconds.values()) - 1e-3
+
+
+PROGRAM = """
+import sys
+from crowdsim.compilation import watch_compilation
+from crowdsim.crowd.scenario import load_scenario
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.warming import warm_up
+from crowdsim.runner import load_policies, prepare
+scenario = load_scenario(sys.argv[1])
+prepared = prepare(scenario, load_policies(scenario))
+search, profiled = scenario.opponents.search, sys.argv[2] == "profiled"
+with watch_compilation() as compilation:
+    model = warm_up(prepared.crowd, prepared.policies, prepared.script, search, profiled)
+    ready = compilation.seconds
+    parts = prepared.crowd, prepared.policies, prepared.script
+    simulation = Simulation(*parts, 2, search, profiled=profiled, model=model)
+    for _ in range(4):
+        simulation.run(2)
+    simulation.close()
+    print(ready, compilation.seconds)
+"""
+
+
+@pytest.mark.parametrize("profiled", ["profiled", "plain"])
+@pytest.mark.parametrize("scene", ["small", "late", "large", "scipy"])
+def test_no_kernel_is_compiled_or_loaded_once_control_has_begun(workplace: Path, scene: str, profiled: str) -> None:
+    changes: dict = {"opponents": {"kind": "anyone", "search": "scipy" if scene == "scipy" else "auto"}}
+    if scene in ("large", "scipy"):
+        changes["groups"] = CROWD
+    path = write_scene(workplace / "four.yaml", **changes)
+    if scene == "late":
+        text = path.read_text().replace("name: blue\n", "name: blue\n  waits: true\n")
+        path.write_text(f"{text}events: {json.dumps(LATE)}\n")
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, str(path), profiled], capture_output=True, text=True, timeout=600, check=False,
+        cwd=workplace, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    ready, after = map(float, done.stdout.split())
+    assert 0.0 < ready == after
+
+
+def test_stages_of_a_run_add_up_to_its_time(workplace: Path) -> None:
+    write_scene(workplace / "four.yaml", duration=2000, outputs={"bvh": {"fps": 30}})
+    assert crowdsim("run", "four.yaml") == 0
+    seconds = read_manifest(workplace / "output" / "four")["seconds"]
+    total = seconds.pop("total")
+    assert set(seconds) == {"policies", "prepare", "compile", "control", "take", "statistics", "export", "checksums"}
+    assert 0.9 * total < sum(seconds.values()) <= total + 1e-3
+
+
+@pytest.mark.slow
+def test_a_first_run_announces_compilation_and_does_not_count_it_as_control(workplace: Path) -> None:
+    write_scene(workplace / "four.yaml")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_CACHE_DIR": str(workplace / "kernels")}
+    done = subprocess.run(
+        [sys.executable, "-c", "from crowdsim.cli import main; main()", "run", "four.yaml"], cwd=workplace,
+        env=environment, capture_output=True, text=True, timeout=1800, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.splitlines().count(ANNOUNCEMENT) == 1
+    assert re.search(r"^  compilation +\d+\.\d s, no part of control", done.stdout, re.M)
+    seconds = read_manifest(workplace / "output" / "four")["seconds"]
+    assert seconds["compile"] > 1.0
+    assert 1000 * seconds["control"] / 40 < 1.0
+
+
+def test_a_profile_ends_with_a_verdict(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml")
+    assert crowdsim("profile", "four.yaml", "--frames", "60", "--threads", "1,2") == 0
+    tables = capsys.readouterr().out.split("\n\n")
+    assert [table.split("\n")[0] for table in tables] == [
+        f"4 avatars, 60 control frames, threads: {threads}, search: direct" for threads in (1, 2)
+    ]
+    for table, threads in zip(tables, ("one thread", "2 threads"), strict=True):
+        times = re.fullmatch(rf"([\d,]+) times real time on {threads}", table.strip().split("\n")[-1])
+        assert times is not None
+        assert int(times[1].replace(",", "")) > 100
+
+
+def test_stages_of_a_profile_add_up_to_the_whole(workplace: Path, capsys) -> None:
+    write_scene(workplace / "many.yaml", groups=[{**CROWD[0], "count": 300}], opponents={"kind": "anyone"})
+    out = ("--out", "told", "--trace")
+    assert crowdsim("profile", "many.yaml", "--avatars", "300,600", "--frames", "10s", "--json", *out) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [profile["avatars"] for profile in told["profiles"]] == [300, 600]
+    for profile in told["profiles"]:
+        stages = profile["stages"]
+        assert list(stages) == [*STAGES, "control"]
+        parts = sum(stages[stage]["mean"] for stage in STAGES)
+        assert parts == pytest.approx(stages["control"]["mean"] + stages["record"]["mean"])
+        assert profile["frames"] == 150
+        assert parts * 150 == pytest.approx(profile["scopes_share"] * profile["whole_milliseconds"])
+        assert 0.8 < profile["scopes_share"] <= 1.0
+        assert profile["times_real_time"] == pytest.approx(1000 / 15 / stages["control"]["mean"])
+        assert profile["verdict"].endswith(" times real time on one thread")
+    assert {path.name for path in (workplace / "told").iterdir()} == {
+        "profile.csv", "profile.png", "scaling.png", "trace.json",
+    }  # fmt: skip
+    rows = list(csv.DictReader((workplace / "told" / "profile.csv").open()))
+    assert len(rows) == 150
+    for row in rows:
+        parts = sum(float(row[f"{stage}_us"]) for stage in STAGES if stage != "record")
+        assert float(row["control_us"]) == pytest.approx(parts, abs=0.01)
+
+
+def test_a_profile_of_what_is_wrong_exits_2(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml")
+    for arguments, message in (
+        (("--avatars", "many"), "--avatars 'many': 'many' is no number, expected 1 or more, as in 30,1000,10k"),
+        (("--trace",), "--trace needs a folder to write into, expected --out DIR"),
+        (("--frames", "0"), "frames '0': expected a whole number of frames from 1, or seconds as in 20s"),
+    ):
+        assert crowdsim("profile", "four.yaml", *arguments) == 2
+        assert capsys.readouterr().err == f"{message}\n"
