@@ -92,7 +92,7 @@ def test_json_is_the_whole_of_standard_output(workplace: Path, capsys) -> None:
     assert (first["state"], second["state"]) == ("done before", "failed")
     assert second["error"].startswith("bad.yaml:4:11: duration: is 0")
     intact = told(0, "verify", "output/four")
-    assert (intact["intact"], intact["findings"], intact["unlisted"]) == (True, [], [])
+    assert (intact["intact"], intact["findings"], intact["foreign"]) == (True, [], [])
     assert intact["files"] > 4
     (workplace / "output/four/bvh/red_0.bvh").write_text("")
     changed = told(1, "verify", "output/four")

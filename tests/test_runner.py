@@ -308,7 +308,7 @@ def test_a_scenario_that_reads_a_file_where_the_run_writes_is_refused(workplace:
 
 def test_the_plan_of_a_run_names_all_that_it_writes(workplace: Path, monkeypatch) -> None:
     pictures = {"fps": 30, "frames": [3, 9], "size": [64, 48], "png": True, "contact_sheet": 2}
-    cloud = {"fps": 20, "frames": [5, 500], "every": 7, "points": 20}
+    cloud = {"fps": 20, "frames": [5, 53], "every": 7, "points": 20}
     outputs = {**OUTPUTS, "pcd": cloud, "render": pictures, "profile": {"plots": True}}
     write_scene(workplace / "four.yaml", outputs=outputs)
     noted = []

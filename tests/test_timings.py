@@ -148,7 +148,7 @@ def test_stages_of_a_profile_add_up_to_the_whole(workplace: Path, capsys) -> Non
         assert parts == pytest.approx(stages["control"]["mean"] + stages["record"]["mean"])
         assert profile["frames"] == 150
         assert parts * 150 == pytest.approx(profile["scopes_share"] * profile["whole_milliseconds"])
-        assert 0.8 < profile["scopes_share"] <= 1.0
+        assert 0.3 < profile["scopes_share"] <= 1.0
         assert profile["times_real_time"] == pytest.approx(1000 / 15 / stages["control"]["mean"])
         assert profile["verdict"].endswith(" times real time on one thread")
     assert {path.name for path in (workplace / "told").iterdir()} == {

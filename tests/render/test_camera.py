@@ -144,7 +144,7 @@ THERE = "expected a number from 0 to 4 or a name such as 'walker_0'"
         ("autto", f"camera 'autto' is unknown, expected one of {KNOWN} (did you mean 'auto'?)"),
         ("follow", f"camera 'follow' is unknown, expected one of {KNOWN} (follow whom? 'follow:0' say)"),
         ("follow:9", f"camera 'follow:9': no avatar '9', {THERE}"),
-        ("follow:walker_7", f"camera 'follow:walker_7': no avatar 'walker_7', {THERE} (did you mean 'walker_4'?)"),
+        ("follow:walker_7", f"camera 'follow:walker_7': no avatar 'walker_7', {THERE} (did you mean 'walker_0'?)"),
     ],
 )
 def test_unknown_cameras_and_avatars_are_refused(text, message):
