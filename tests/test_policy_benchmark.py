@@ -1,10 +1,7 @@
 """The benchmark of policies: the reward of a composition, and a quick run."""
 
 import importlib
-import json
 import math
-import subprocess
-import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -99,26 +96,3 @@ def test_behaviours_without_a_common_discount_have_no_return(module: ModuleType)
     policy = policy_of(recipe)
     with pytest.raises(ValueError, match=r"any: the behaviours' discounts are \[0.9, 0.97\], expected one for all"):
         module.joint_behaviour(recipe, policy, module.composed(policy))
-
-
-@pytest.mark.slow
-def test_a_quick_run_reports_every_behaviour_and_the_composition() -> None:
-    done = subprocess.run(
-        [sys.executable, str(ROOT / "benchmarks" / "policy_quality.py"), "--quick", "--json"],
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert set(told) >= {"boxer", "boxer_crowd"}
-    for policy in told.values():
-        assert set(policy) == {"approach", "punch", "composition"}
-        for figures in policy.values():
-            assert set(figures) == KEYS
-            assert all(math.isfinite(value) for key, value in figures.items() if key != "details")
-        composition = policy["composition"]
-        assert composition["details"]["decided_ratio"] > 0.5
-        assert 0.0 < composition["time_ratio_to_search"] < 1.0
-        assert composition["random_return_ratio"] < composition["return_ratio_to_reference"]
