@@ -661,7 +661,7 @@ def test_a_full_disk_is_an_error_that_leaves_nothing_half_written(workplace: Pat
     assert resource
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_DISABLE_PERFORMANCE_WARNINGS": "1"}
     # So much fits: a scenario but no take, a take but no BVH, all but a whole cloud.
-    for limit, path in ((1000, "take.zarr"), (8000, "bvh/"), (60_000, "ply/000000.ply")):
+    for limit, path in ((2000, "take.zarr"), (8000, "bvh/"), (60_000, "ply/000000.ply")):
         done = subprocess.run(
             [sys.executable, "-c", program, str(limit), "run", "four.yaml", "--force"],
             cwd=workplace, env=environment, capture_output=True, text=True, timeout=300, check=False,
