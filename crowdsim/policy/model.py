@@ -162,7 +162,8 @@ def build_model(
         isinstance(term, TransitionTerm) or (isinstance(term, StrikeTerm) and term.waste == 0.0) for term in terms
     )
     near = np.empty((ways, count, 1 if same else cells), np.float32)
-    kernels.fill_near(actions, targets[::layers].copy(), movement.velocities, packed, log_discount, near)
+    xs, zs = targets[::layers, 0].copy(), targets[::layers, 2].copy()
+    kernels.fill_near(actions, xs, zs, movement.velocities, packed, log_discount, near)
     landed = np.zeros(ways * count + 1, np.int64)
     nothing = np.zeros(0, np.int32), np.zeros(0, np.float32)
     kernels.fill_landed(actions, targets, layers, movement.velocities, packed, log_discount, landed, *nothing)

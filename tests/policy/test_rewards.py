@@ -13,7 +13,7 @@ from crowdsim.errors import RecipeError
 from crowdsim.policy import kernels, rewards
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Axis, build_grid
-from crowdsim.policy.model import build_model
+from crowdsim.policy.model import build_model, build_movement
 from crowdsim.policy.rewards import (
     WASTED,
     AnyTerm,
@@ -68,6 +68,33 @@ def test_compiled_rewards_are_those_of_the_plain_version(term, velocity):
         assert compiled(actions, action, target, (term,), velocity) == pytest.approx(plain, rel=1e-5, abs=1e-6)
         nonzero += plain != 0.0
     assert nonzero > 5
+
+
+@pytest.mark.parametrize(
+    "terms",
+    [
+        TERMS,
+        [StrikeTerm(kind="strike", form="sum", effort=0.2, waste=0.7), *TERMS[3:]],
+        [ProximityTerm(kind="proximity", distance=(0.4, 0.7), facing=True, aside=0.2, weight=2.0)],
+        [ProximityTerm(kind="proximity", distance=0.6, sigma=0.01)],  # too far to count almost everywhere
+    ],
+    ids=["all", "spent", "facing", "narrow"],
+)
+def test_a_model_earns_in_each_cell_what_the_plain_version_says(terms):
+    actions = random_actions(states=6)
+    axes = [Axis("distance", 0.1, 1.5, 6), Axis("bearing", -math.pi, math.pi, 7, True), Axis("height", 1.2, 1.8, 3)]
+    grid, movement = build_grid(axes), build_movement(0.6, 3, 0.4)
+    earned = build_model(actions, grid, tuple(terms), BODY, 0.97, movement).rewards(0, actions.action_count)
+    ways = list(zip(movement.probabilities, movement.velocities, strict=True))
+    expected = [
+        [
+            sum(p * action_reward(actions, a, target, tuple(terms), BODY, 0.97, way) for p, way in ways)
+            for target in grid.targets()
+        ]
+        for a in range(actions.action_count)
+    ]
+    np.testing.assert_allclose(earned, expected, rtol=1e-5, atol=1e-6)
+    assert np.count_nonzero(np.abs(expected) > 1e-3) > 20
 
 
 class Toy(Term):
