@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from crowdsim.motion import ground
 from crowdsim.motion.performer_defences import DEFENCES
 from crowdsim.motion.performer_plan import Choreographer
 from crowdsim.motion.performer_punches import PUNCHES
@@ -235,33 +236,34 @@ class _Boxer:
         """Shuffle forward and punch on the way, as at an opponent who gives way; return when that is over [s]."""
         rng, plan = self.rng, self.plan
         far = float(rng.uniform(0.30, 0.42))
-        begin = end = max(self.now, plan.feet_free)
-        done = begin
+        begin = feet = fists = max(self.now, plan.feet_free)
         last = int(rng.integers(2, 7))
-        punches = int(rng.integers(0, 2))
+        punching = int(rng.integers(0, 2))
         for step in range(last + 1):
-            start = end
-            end = plan.move(
-                start, plan.about(far, 0.05), rng.uniform(-0.03, 0.03), 0.0, plan.about(1.0, 0.04), quick=True
-            )
-            if step == punches and step < last:
+            x, z, heading = plan.place
+            home = float(ground.wrap(np.arctan2(-x, -z) - heading)) if np.hypot(x, z) > 0.6 * ROOM else 0.0
+            turn = float(np.clip(home, -0.4, 0.4))
+            start, side = feet, float(rng.uniform(-0.03, 0.03))
+            feet = plan.move(start, plan.about(far, 0.05), side, turn, plan.about(1.0, 0.04), quick=True)
+            if step == punching and step < last:
                 kinds = _PRESSING[int(rng.integers(len(_PRESSING)))]
-                onset = start + rng.uniform(-0.06, 0.04)
-                for kind in kinds:
-                    recipe = PUNCHES[kind]
-                    least, most = recipe.distance
-                    reach = plan.punch(
-                        kind,
-                        onset,
-                        bool(rng.uniform() < 0.15),
-                        distance=float(rng.uniform(0.6 * least + 0.4 * most, most)),
-                        speed=recipe.speed[0] + recipe.speed[1] * plan.normal(1.6, 2.4),
-                    )
-                    onset = reach.hit + 0.02 + abs(float(rng.normal(0.0, 0.05)))
-                done = reach.end
-                punches += int(rng.integers(2, 4))
-        plan.travelled("shuffle", begin, end)
-        return max(end, done)
+                fists = self._punch_far(start + rng.uniform(-0.06, 0.04), kinds)
+                punching += int(rng.integers(2, 4))
+        plan.travelled("shuffle", begin, feet)
+        return max(feet, fists)
+
+    def _punch_far(self, onset: float, kinds: tuple[str, ...]) -> float:
+        """Throw punches near the end of their reach from ``onset`` on [s]; return when the last fist is back [s]."""
+        end = onset
+        for kind in kinds:
+            recipe = PUNCHES[kind]
+            least, most = recipe.distance
+            to_body = bool(self.rng.uniform() < 0.15)
+            distance = float(self.rng.uniform(0.6 * least + 0.4 * most, most))
+            speed = recipe.speed[0] + recipe.speed[1] * self.plan.normal(1.6, 2.4)
+            reach = self.plan.punch(kind, onset, to_body, distance=distance, speed=speed)
+            onset, end = reach.hit + 0.02 + abs(float(self.rng.normal(0.0, 0.05))), reach.end
+        return end
 
     def phrase(self) -> None:
         """Draw the next phrase and write it."""
