@@ -107,10 +107,12 @@ def write_outputs(
         if lap is not None:
             lap("export")
     if wanted.render is not None:
+        from crowdsim.crowd.cast import pack_arena
         from crowdsim.render.command import render_source, scenario_options
         from crowdsim.render.take_source import TakeSource
 
-        source = TakeSource(take, policies, wanted.render.fps, threads=threads)
+        arena = pack_arena(scenario.arena)
+        source = TakeSource(take, policies, wanted.render.fps, threads=threads, arena=arena)
         options = scenario_options(wanted.render, threads)
         shown = take.output_frames(wanted.render.fps)
         options = replace(options, frames=_cut(wanted.render.frames_at(wanted.render.fps), shown))

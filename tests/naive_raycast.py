@@ -50,3 +50,11 @@ def to_yuv(picture):
     u, v = (b - y) / 1.8556, (r - y) / 1.5748
     small = [plane.reshape(plane.shape[0] // 2, 2, plane.shape[1] // 2, 2).mean(axis=(1, 3)) for plane in (u, v)]
     return 16.0 + 219.0 * y, 128.0 + 224.0 * small[0], 128.0 + 224.0 * small[1]
+
+
+def beyond_arena(x, z, arena):
+    """How far places are outside an arena, negative inside; at the corners of a rectangle along the further axis."""
+    kind, cx, cz, half_x, half_z = arena
+    if kind == 1.0:
+        return np.hypot(x - cx, z - cz) - half_x
+    return np.maximum(np.abs(x - cx) - half_x, np.abs(z - cz) - half_z)

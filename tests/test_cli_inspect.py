@@ -40,8 +40,10 @@ def test_text_is_for_people(clip):
     assert done.returncode == 0
     lines = done.stdout.splitlines()
     assert lines[0] == str(clip)
-    assert lines[1].strip().startswith("22 joints, 5 end sites")
-    assert "left_hand       LeftHand" in done.stdout
+    assert lines[1:3] == ["  File", "    skeleton  22 joints, 5 end sites, 69 channels"]
+    assert "    left_hand       LeftHand" in lines
+    assert "    unit      0.01 m" in lines
+    assert any(line.startswith("    fastest fist") and line.endswith(" m/s") for line in lines)
     assert done.stderr == ""
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from scenes import crowdsim, scene, write_scene
 
+from crowdsim.commands.figures_text import number
 from crowdsim.crowd.scenario import Scenario, resolve_scenario
 from crowdsim.crowd.scenario_warnings import speed_warnings
 
@@ -96,4 +97,4 @@ def test_inspect_tells_what_speed_a_policy_sustains(workplace: Path, capsys: pyt
     assert math.isfinite(speed)
     assert speed > 0.0
     assert crowdsim("inspect", "tiny") == 0
-    assert f"  sustained_speed: {speed:.4g}\n" in capsys.readouterr().out
+    assert f"that flee at up to {number(speed)} m/s\n" in capsys.readouterr().out

@@ -130,16 +130,6 @@ def print_json(document: Any) -> None:
     print(json.dumps(document, indent=2, allow_nan=False))
 
 
-def print_tree(told: Any, depth: int) -> None:
-    """Print plain data as indented lines, numbers to four digits."""
-    for key, value in told.items():
-        if isinstance(value, dict):
-            print("  " * depth + f"{key}:")
-            print_tree(value, depth + 1)
-        else:
-            print("  " * depth + f"{key}: {f'{value:.4g}' if isinstance(value, float) else value}")
-
-
 def size_text(count: float) -> str:
     """Return a number of bytes in the unit that suits it."""
     for unit in ("bytes", "kB", "MB"):

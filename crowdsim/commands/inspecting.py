@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import CORES, Json, make_folder, note, print_json, print_tree
+from crowdsim.commands.common import CORES, Json, make_folder, note, print_json
 from crowdsim.commands.progress import Bars
 from crowdsim.errors import CrowdsimError, under_way
 
@@ -28,7 +28,7 @@ def inspect(
         str | None, typer.Option(metavar="AXIS", help="Up axis of a BVH file: y, z, -y ...; found by default.")
     ] = None,
 ) -> None:
-    """Tell what is in a BVH file, a trained policy or a run, and draw it."""
+    """Describe a BVH file, a trained policy or a run in words and figures, and draw it."""
     path = Path(thing)
     if path.is_dir() and not (path / "policy.json").exists():
         _inspect_run(path, as_json, plots)
@@ -42,6 +42,7 @@ def inspect(
 
 def _inspect_bundle(name: str, as_json: bool, plots: Path | None) -> None:
     from crowdsim import assets
+    from crowdsim.commands.policy_text import policy_lines
     from crowdsim.policy.bundle import read_bundle, read_timings
     from crowdsim.policy.statistics import inspect_bundle
 
@@ -52,10 +53,11 @@ def _inspect_bundle(name: str, as_json: bool, plots: Path | None) -> None:
         from crowdsim.policy.plots import plot_bundle
 
         _draw(plots, lambda: plot_bundle(policy, plots))
-    _tell(folder, told, as_json)
+    _print(folder, told, policy_lines, as_json)
 
 
 def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
+    from crowdsim.commands.run_text import run_lines
     from crowdsim.manifest import NAME, read_manifest
     from crowdsim.runner import open_run
     from crowdsim.take.poses import PoseSampler
@@ -73,7 +75,7 @@ def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
         from crowdsim.take.plots import plot_take
 
         _draw(plots, lambda: plot_take(sampler, plots))
-    _tell(folder, told, as_json)
+    _print(folder, told, run_lines, as_json)
 
 
 def _draw(folder: Path, draw: Callable[[], list[Path]]) -> None:
@@ -85,16 +87,20 @@ def _draw(folder: Path, draw: Callable[[], list[Path]]) -> None:
         note(str(picture))
 
 
-def _tell(thing: Path, told: dict[str, Any], as_json: bool) -> None:
-    """Print what was found of a bundle or a run, as JSON or as a tree."""
+def _print(
+    thing: Path, figures: dict[str, Any], lines: Callable[[dict[str, Any]], Iterable[str]], as_json: bool
+) -> None:
+    """Print figures as one JSON document, or what they are figures of and lines of text."""
     if as_json:
-        print_json(told)
+        print_json(figures)
         return
     print(thing)
-    print_tree(told, 1)
+    for line in lines(figures):
+        print(line)
 
 
 def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None, up: str | None) -> None:
+    from crowdsim.commands.capture_text import capture_lines
     from crowdsim.motion.capture import load_capture
     from crowdsim.motion.report import describe_capture, study_capture
 
@@ -105,28 +111,6 @@ def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None
         from crowdsim.motion.plots import plot_capture
 
         _draw(plots, lambda: plot_capture(capture, study, plots))
-    if as_json:
-        print_json(told)
-        return
-    _print_capture(path, told)
-
-
-def _print_capture(path: Path, told: dict[str, Any]) -> None:
-    scale, height = told["unit_scale"], told["height_m"]
-    print(f"{path}")
-    print(f"  {told['joints']} joints, {told['end_sites']} end sites, {told['channels']} channels")
-    print(f"  {told['frames']} frames at {told['fps']:g} a second, {told['seconds']:.2f} s")
-    print(f"  unit {f'{scale:g} m' if scale else 'unknown'}, up axis {told['up_axis'] or 'unknown'}", end="")
-    print(f", body {height:.2f} m tall" if height else "")
-    for role, joint in told["roles"].items():
-        print(f"    {role:15} {joint}")
-    if told["contacts"] is not None:
-        shares = " and ".join(f"{share:.0%}" for share in told["contact_share"])
-        print(f"  lead-in of {told['lead_in_frames']} frames cut off; floor at {told['floor_m']:+.3f} m")
-        print(f"  {told['contacts']} foot contacts, left and right foot planted {shares} of the time")
-        print(f"  {told['strikes']} strikes, highest fist speed {told['highest_fist_speed']:.1f} m/s")
-        for strike in told["strike_list"]:
-            place = ", ".join(f"{value:+.2f}" for value in strike["place"])
-            print(f"    {strike['seconds']:8.2f} s  {strike['hand']:5}  {strike['speed']:5.1f} m/s  at ({place})")
-    for finding in told["findings"]:
+    _print(path, told, capture_lines, as_json)
+    for finding in [] if as_json else told["findings"]:
         print(f"{path}: {finding}", file=sys.stderr)

@@ -41,6 +41,7 @@ def render(
     from crowdsim.recorder import record_files
     from crowdsim.render.command import RenderOptions, parse_size, render_many
     from crowdsim.render.take_source import TakeSource
+    from crowdsim.run_arena import read_arena
     from crowdsim.runner import open_run
 
     options = RenderOptions(
@@ -58,7 +59,8 @@ def render(
 
     def open_source(path: Path, wanted: RenderOptions) -> tuple[TakeSource, tuple[str, ...]]:
         take, policies, notes = open_run(path)
-        return TakeSource(take, policies, wanted.fps or 30.0, threads=threads), tuple(notes)
+        source = TakeSource(take, policies, wanted.fps or 30.0, threads=threads, arena=read_arena(path))
+        return source, tuple(notes)
 
     told = {"size": size, "fps": fps, "frames": frames, "camera": camera, "caption": caption}
 

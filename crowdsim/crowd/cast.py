@@ -98,7 +98,7 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         temperatures=np.array([kind.temperature for kind in settings]),
         hysteresis=np.array([_hysteresis(scenario.groups[group].opponents) for group, _ in moods]),
         intervals=np.array([0.0 if kind.tempo is None else 60.0 * rate / kind.tempo for kind in settings]),
-        arena=_arena(scenario.arena),
+        arena=pack_arena(scenario.arena),
         crowding=Crowding() if scenario.keep_apart else Crowding.none(),
         seed=scenario.seed,
     )
@@ -207,7 +207,8 @@ def _set_opponents(
         fixed[ours] = np.where(chosen == ours, -1, chosen)
 
 
-def _arena(arena: Arena) -> Array:
+def pack_arena(arena: Arena) -> Array:
+    """Return an arena as numbers: kind (0 none, 1 circle, 2 rectangle), centre, half the sizes [m]. Shape (5,)."""
     if isinstance(arena, CircleArena):
         return np.array([1.0, *arena.centre, arena.radius, arena.radius])
     if isinstance(arena, RectangleArena):

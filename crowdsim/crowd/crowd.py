@@ -36,7 +36,7 @@ class Crowding:
     """
 
     end: float = 20.0
-    path: float = 10.0
+    path: float = 5.0
     radius: float = 0.2
     gap: float = 0.23
     outside: float = 10.0

@@ -54,8 +54,8 @@ def distance_figure(database: MotionDatabase, graph: MotionGraph, settings: Grap
     lengths = (features**2).sum(axis=1)
     squares = lengths[:, None] + lengths[None, :] - 2.0 * features @ features.T
     costs = np.sqrt(np.maximum(squares, 0.0))
-    figure = new_figure(11.0, 12.0, layout=None)
-    axes = figure.add_axes((0.17, 0.2, 0.81, 0.81 * 11.0 / 12.0))
+    figure = new_figure(11.0, 11.3, layout=None)
+    axes = figure.add_axes((0.17, 0.155, 0.81, 0.81 * 11.0 / 11.3))
     image = axes.imshow(
         costs,
         cmap="gray",
@@ -64,7 +64,7 @@ def distance_figure(database: MotionDatabase, graph: MotionGraph, settings: Grap
         extent=(-0.5, frames - 0.5, frames - 0.5, -0.5),
         interpolation="nearest",
     )
-    _scale(figure, 0.04, image, "cost between two frames [m]")
+    _scale(figure, 0.17, image, "cost between two frames [m]")
     dots = axes.scatter(
         graph.transition_from,
         graph.transition_to - 1,
@@ -73,14 +73,16 @@ def distance_figure(database: MotionDatabase, graph: MotionGraph, settings: Grap
         cmap="rainbow",
         linewidths=0,
     )
-    _scale(figure, 0.11, dots, "cost of a transition [m]")
+    _scale(figure, 0.595, dots, "cost of a transition [m]")
     for start in database.clip_starts[1:-1]:
         axes.axhline(start - 0.5, color="tab:blue", linewidth=0.4)
         axes.axvline(start - 0.5, color="tab:blue", linewidth=0.4)
     middles = (database.clip_starts[:-1] + database.clip_starts[1:]) / 2
     axes.set_yticks(middles, database.clip_names, fontsize=6)
-    axes.set_xlabel("control frame i")
-    axes.set_title(f"{len(graph.transition_from)} transitions up to {graph.threshold:.3f} m: after i shows row + 1")
+    axes.set_xlabel("control frame i [frames]")
+    axes.set_ylabel("control frame j [frames, by clip]")
+    count = f"{len(graph.transition_from):,} transitions of a cost up to {graph.threshold:.3f} m"
+    axes.set_title(f"{count}; a dot at i and j: frame j + 1 may follow frame i")
     return figure
 
 
@@ -92,27 +94,34 @@ def degree_figure(graph: MotionGraph) -> Figure:
     for place, (counts, label) in enumerate([(ways_out, "actions of a state"), (ways_in, "actions into a state")], 1):
         axes = figure.add_subplot(1, 2, place)
         _bars(axes, counts)
-        axes.set_xlabel(label)
-        axes.set_ylabel("states")
+        axes.set_xlabel(f"number of {label}")
+        axes.set_ylabel("number of states")
         axes.set_title(f"{graph.state_count} states, mean {counts.mean():.1f}, most {counts.max()}", fontsize=10)
     return figure
 
 
 def length_figure(graph: MotionGraph, control_rate: float) -> Figure:
     """Draw how many actions last how long."""
+    from matplotlib.ticker import MaxNLocator
+
     figure = new_figure(6.0, 4.0)
     axes = figure.add_subplot()
     _bars(axes, graph.action_lengths)
+    seconds = axes.secondary_xaxis(
+        "top", functions=(lambda x: np.divide(x, control_rate), lambda x: np.multiply(x, control_rate))
+    )
+    seconds.set_xlabel("length of an action [s]")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     mean = graph.action_lengths.mean()
-    axes.set_xlabel(f"control frames of an action ({control_rate:g} a second)")
-    axes.set_ylabel("actions")
+    axes.set_xlabel(f"length of an action [control frames, {control_rate:g} per second]")
+    axes.set_ylabel("number of actions")
     axes.set_title(f"{graph.action_count} actions, mean {mean:.1f} frames = {mean / control_rate:.2f} s", fontsize=10)
     return figure
 
 
-def _scale(figure: Figure, bottom: float, colours: Any, label: str) -> None:
+def _scale(figure: Figure, left: float, colours: Any, label: str) -> None:
     """Put a scale of colours under the axes."""
-    figure.colorbar(colours, cax=figure.add_axes((0.3, bottom, 0.55, 0.012)), label=label, orientation="horizontal")
+    figure.colorbar(colours, cax=figure.add_axes((left, 0.06, 0.385, 0.012)), label=label, orientation="horizontal")
 
 
 def _bars(axes: Any, counts: Array) -> None:

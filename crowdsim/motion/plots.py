@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from crowdsim.figures import new_figure, save_figure
 from crowdsim.motion import ground, quaternion
-from crowdsim.motion.body import ROLES
+from crowdsim.motion.body import HEIGHT, ROLES
 from crowdsim.motion.capture import Capture
 from crowdsim.motion.contacts import runs
 from crowdsim.motion.measuring import rests_like_a_body, sample_poses
 from crowdsim.motion.report import Study
+from crowdsim.motion.strikes import MINIMUM_SPEED, REASONS, Rejection, fist_speed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,25 +30,13 @@ _FIGURES = 12
 
 def plot_capture(capture: Capture, study: Study | None, folder: Path) -> list[Path]:
     """Write the pictures that a capture allows into a folder, and return their paths."""
-    written = []
-
-    def save(figure: Figure, name: str) -> None:
-        written.append(save_figure(figure, folder / f"{capture.clip.name}_{name}.png"))
-
-    figure = new_figure(20, 6)
-    _draw_skeleton(figure, capture)
-    save(figure, "skeleton")
+    figures = {"skeleton": skeleton_figure(capture)}
     if study is not None:
-        figure = new_figure(7, 7)
-        _draw_path(figure.subplots(), study)
-        save(figure, "path")
-        figure = new_figure(14, 7)
-        _draw_time(figure, study)
-        save(figure, "time")
-        figure = new_figure(16, 6.5)
-        _draw_figures(figure, capture, study)
-        save(figure, "figures")
-    return written
+        figures["path"] = path_figure(study)
+        figures["time"] = time_figure(study, capture.body.height if capture.body else HEIGHT)
+        figures["figures"] = pose_figure(capture, study)
+    name = capture.clip.name
+    return [save_figure(figure, folder / f"{name}_{part}.png") for part, figure in figures.items()]
 
 
 def _joint_colour(capture: Capture, joint: int) -> str:
@@ -61,8 +50,9 @@ def _joint_colour(capture: Capture, joint: int) -> str:
     return _NEUTRAL
 
 
-def _draw_skeleton(figure: Any, capture: Capture) -> None:
-    """The body from the front and the side; the front names the limbs, the side the trunk, in the margins."""
+def skeleton_figure(capture: Capture) -> Figure:
+    """Draw the body from the front and the side; the front names the limbs, the side the trunk, in the margins."""
+    figure = new_figure(20, 6)
     skeleton, body = capture.clip.skeleton, capture.body
     places, ends, what = _shown_pose(capture)
     for axes, view in zip(figure.subplots(1, 2), ("front", "side"), strict=True):
@@ -85,13 +75,16 @@ def _draw_skeleton(figure: Any, capture: Capture) -> None:
         axes.set_xlim(middle[across] - 1.3 * size, middle[across] + 1.3 * size)
         axes.set_ylim(middle[1] - 0.62 * size, middle[1] + 0.62 * size)
         axes.set_title(f"{what}, {view}")
-        axes.set_xlabel("m" if capture.unit_scale else "file units")
+        unit = "[m]" if capture.unit_scale else "[file units]"
+        axes.set_xlabel(f"{'to its left' if view == 'front' else 'ahead'} {unit}")
+        axes.set_ylabel(f"height over the root {unit}")
     axis, scale = capture.up_axis or "unknown", capture.unit_scale
     figure.suptitle(
         f"{capture.clip.name}: {skeleton.joint_count} joints, up axis {axis}, "
         + (f"{scale:.6g} m a unit" if scale else "unknown scale")
         + (f", {body.height:.2f} m tall" if body else "" if capture.roles else ", no human body")
     )
+    return figure
 
 
 def _shown_pose(capture: Capture) -> tuple[Array, Array, str]:
@@ -156,26 +149,34 @@ def _spread(heights: Array, gap: float) -> Array:
     return spread + (np.mean(heights) - np.mean(spread) if len(spread) else 0.0)
 
 
-def _draw_path(axes: Any, study: Study) -> None:
-    """The way of the pelvis from above, with where it looks every second, and the planted feet."""
+def path_figure(study: Study) -> Figure:
+    """Draw the way of the pelvis from above, with where it looks every second, and the planted feet.
+
+    Seen from above, with z to the right, x points up: neither axis is turned round.
+    """
+    figure = new_figure(8, 7)
+    axes = figure.subplots()
     places = study.tracks.ground
-    axes.plot(-places[:, 0], places[:, 1], color=_NEUTRAL, lw=1)
+    axes.plot(places[:, 1], places[:, 0], color=_NEUTRAL, lw=1, label="pelvis")
     every = places[:: round(study.clip.fps)]
-    axes.quiver(-every[:, 0], every[:, 1], -np.sin(every[:, 2]), np.cos(every[:, 2]), width=0.004, scale=22)
+    axes.quiver(every[:, 1], every[:, 0], np.cos(every[:, 2]), np.sin(every[:, 2]), width=0.004, scale=22)
     for foot, (side, colour) in enumerate(zip(_SIDES, _COLOURS, strict=True)):
         planted = study.tracks.balls[study.contacts[:, foot], foot]
-        axes.plot(-planted[:, 0], planted[:, 2], ".", ms=2, color=colour, alpha=0.4, label=f"{side} foot planted")
-    axes.plot(-places[0, 0], places[0, 1], "o", color="tab:green", label="start")
-    axes.set_aspect("equal")
-    axes.set_xlabel("-x [m]")
-    axes.set_ylabel("z [m]")
+        axes.plot(planted[:, 2], planted[:, 0], ".", ms=3, color=colour, alpha=0.4, label=f"{side} foot planted")
+    axes.plot(places[0, 1], places[0, 0], "o", color="tab:green", label="start")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.1)
+    axes.set_xlabel("z [m]")
+    axes.set_ylabel("x [m]")
     axes.set_title("path of the pelvis from above, facing once a second")
     axes.legend(fontsize=8, loc="best")
+    return figure
 
 
-def _draw_time(figure: Any, study: Study) -> None:
-    """Contact strips, and fist speeds relative to the pelvis with the strikes marked."""
-    strips, speeds = figure.subplots(2, 1, sharex=True, height_ratios=[1, 4])
+def time_figure(study: Study, height: float) -> Figure:
+    """Draw contacts, and fist speeds with strikes and rejected swings marked, for a body of a height [m]."""
+    figure = new_figure(14, 8)
+    strips, speeds = figure.subplots(2, 1, sharex=True, height_ratios=[1, 5])
     seconds = study.start + np.arange(study.clip.frame_count) / study.clip.fps
     for foot, colour in enumerate(_COLOURS):
         for start, stop in runs(study.contacts[:, foot]):
@@ -183,26 +184,46 @@ def _draw_time(figure: Any, study: Study) -> None:
     strips.set_yticks([1, 0], ["left foot", "right foot"])
     strips.set_title("planted")
     for hand, (side, colour) in enumerate(zip(_SIDES, _COLOURS, strict=True)):
-        relative = study.tracks.fists[:, hand] - study.tracks.pelvises
-        speed = np.linalg.norm(np.gradient(relative, axis=0), axis=1) * study.clip.fps
-        speeds.plot(seconds, speed, color=colour, lw=0.9, label=f"{side} fist")
+        speeds.plot(seconds, fist_speed(study.tracks, hand, study.clip.fps), color=colour, lw=0.9, label=f"{side} fist")
         ours = study.strikes.hands == hand
         speeds.plot(seconds[study.strikes.peaks[ours]], study.strikes.speeds[ours], "v", color=colour, ms=7)
         for frame in study.strikes.frames[ours]:
             speeds.axvline(seconds[frame], color=colour, lw=0.6, ls=":")
-    count = len(study.strikes.frames)
-    speeds.set_title(f"fist speed relative to the pelvis; {count} strikes: peak (triangle), furthest reach (dotted)")
-    speeds.set_xlabel("seconds in the file")
-    speeds.set_ylabel("m/s")
-    speeds.set_ylim(bottom=0)
-    speeds.legend(fontsize=8, loc="upper right")
+    speeds.axhline(MINIMUM_SPEED * height / HEIGHT, color=_NEUTRAL, lw=0.7, ls="--", label="least speed of a strike")
+    _mark_rejected(speeds, study, seconds)
+    strikes, swings = len(study.strikes.frames), len(study.strikes.rejected.peaks)
+    speeds.set_title(
+        f"{strikes} strikes: peak (triangle), furthest reach (dotted); {swings} fast swings are none, marked by reason"
+    )
+    speeds.set_xlabel("time in the file [s]")
+    speeds.set_ylabel("fist speed relative to the pelvis [m/s]")
+    speeds.set_xlim(seconds[0], max(seconds[-1], seconds[0] + 0.1))
+    speeds.set_ylim(0.0, 1.05 * max(study.strikes.highest_speed, MINIMUM_SPEED * height / HEIGHT))
+    figure.legend(*speeds.get_legend_handles_labels(), fontsize=8, loc="outside lower center", ncols=4)
+    return figure
 
 
-def _draw_figures(figure: Any, capture: Capture, study: Study) -> None:
-    """Stick figures over the clip from the side and the front, each in its own ground frame."""
+def _mark_rejected(axes: Any, study: Study, seconds: Array) -> None:
+    """Mark fast swings that are no strikes, a shape for each reason, in the colour of the hand."""
+    rejected = study.strikes.rejected
+    for reason, marker in zip(Rejection, "xs+d", strict=True):
+        mine = rejected.reasons == reason
+        if not mine.any():
+            continue
+        edges = [_COLOURS[hand] for hand in rejected.hands[mine]]
+        faces = edges if marker in "x+" else "none"
+        at = seconds[rejected.peaks[mine]], rejected.speeds[mine]
+        axes.scatter(*at, s=45, marker=marker, edgecolors=None if marker in "x+" else edges, facecolors=faces, lw=1.4)
+        text = f"no strike, {REASONS[reason]} ({int(mine.sum())})"
+        axes.plot([], [], marker, color=_NEUTRAL, markerfacecolor="none", ms=6, label=text)
+
+
+def pose_figure(capture: Capture, study: Study) -> Figure:
+    """Draw stick figures over the clip from the side and the front, each in its own ground frame."""
+    figure = new_figure(16, 5.5)
     frames = np.unique(np.linspace(0, study.clip.frame_count - 1, _FIGURES).round().astype(int))
     parents = study.clip.skeleton.parents
-    spacing = 0.75 * study.positions[..., 1].max(initial=1.0)
+    spacing = max(0.1, round(0.75 * float(study.positions[..., 1].max(initial=1.0)), 1))
     for axes, view in zip(figure.subplots(2, 1), ("side, facing right", "front"), strict=True):
         for column, frame in enumerate(frames):
             local = ground.to_local(study.tracks.ground[frame], study.positions[frame])
@@ -216,8 +237,11 @@ def _draw_figures(figure: Any, capture: Capture, study: Study) -> None:
                         lw=1.3,
                         solid_capstyle="round",
                     )
-            axes.text(column * spacing, -0.16, f"{study.start + frame / study.clip.fps:.2f} s", ha="center", fontsize=7)
         axes.axhline(0.0, color="0.6", lw=0.8)
         axes.set_aspect("equal")
         axes.set_title(view, fontsize=9)
-        axes.set_xticks([])
+        times = [f"{study.start + frame / study.clip.fps:.2f}" for frame in frames]
+        axes.set_xticks(np.arange(len(frames)) * spacing, times)
+        axes.set_xlabel(f"time in the file [s]; figures are drawn {spacing:g} m apart")
+        axes.set_ylabel("height [m]")
+    return figure

@@ -14,12 +14,14 @@ from crowdsim.motion.contacts import find_contacts, runs
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip
-from crowdsim.motion.strikes import Strikes, find_strikes
+from crowdsim.motion.strikes import Rejection, Strikes, find_strikes
 from crowdsim.motion.tracks import Tracks, build_tracks
 
 Array = NDArray[Any]
 
 PLAYBACK_RATE = 60.0
+HANDS = ("left", "right")
+"""Words for the numbers of hands."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,7 @@ def describe_capture(capture: Capture, study: Study | None) -> dict[str, Any]:
         "strikes": None,
         "highest_fist_speed": None,
         "strike_list": [],
+        "rejected_list": [],
         "findings": list(capture.findings),
     }
     if study is None:
@@ -98,7 +101,7 @@ def describe_capture(capture: Capture, study: Study | None) -> dict[str, Any]:
             {
                 "seconds": round(study.start + int(frame) / study.clip.fps, 4),
                 "frame": round((study.start + int(frame) / study.clip.fps) * bvh.fps),
-                "hand": ("left", "right")[int(hand)],
+                "hand": HANDS[int(hand)],
                 "speed": round(float(speed), 3),
                 "place": [round(float(value), 4) for value in place],
             }
@@ -106,5 +109,22 @@ def describe_capture(capture: Capture, study: Study | None) -> dict[str, Any]:
                 strikes.frames, strikes.hands, strikes.speeds, strikes.places, strict=True
             )
         ],
+        rejected_list=_rejected(study),
     )
     return told
+
+
+def _rejected(study: Study) -> list[dict[str, Any]]:
+    """Fast swings of a capture that are no strikes, with the reason."""
+    rejected = study.strikes.rejected
+    return [
+        {
+            "seconds": round(study.start + int(peak) / study.clip.fps, 4),
+            "hand": HANDS[int(hand)],
+            "speed": round(float(speed), 3),
+            "reason": Rejection(int(reason)).name.lower(),
+        }
+        for peak, hand, speed, reason in zip(
+            rejected.peaks, rejected.hands, rejected.speeds, rejected.reasons, strict=True
+        )
+    ]

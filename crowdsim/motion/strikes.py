@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,45 @@ _ARRIVED = 0.05
 """Share of its peak speed below which a fist that still creeps outwards has arrived: held punches creep on."""
 
 
+class Rejection(IntEnum):
+    """Why a peak of a fist's speed is no strike."""
+
+    NO_REACH = 0
+    """The fist is on its way back, or crosses the body: its reach does not come to a maximum."""
+    NOT_ARRIVED = 1
+    """The fist still moves outwards at the end of the time in which a strike arrives, or of the clip."""
+    SHORT = 2
+    """The fist gets hardly further out than it was before the swing."""
+    REPEATED = 3
+    """A faster strike of the same hand is too near in time to be another one."""
+
+
+REASONS = {
+    Rejection.NO_REACH: "its reach comes to no maximum",
+    Rejection.NOT_ARRIVED: f"it does not arrive within {_AFTER:g} s",
+    Rejection.SHORT: f"it gets less than {MINIMUM_GAIN:g} m further out",
+    Rejection.REPEATED: f"a faster one is less than {_APART:g} s away",
+}
+"""What each rejection means; lengths are those of a body of ``HEIGHT``."""
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """Peaks of fist speed that are high enough for a strike and are none, ordered by frame.
+
+    Attributes:
+        peaks: Frame of each peak. Shape (R,), int32.
+        hands: 0 left, 1 right. Shape (R,), uint8.
+        speeds: Speed there, relative to the pelvis [m/s]. Shape (R,), float32.
+        reasons: Why each is none, values of ``Rejection``. Shape (R,), uint8.
+    """
+
+    peaks: Array
+    hands: Array
+    speeds: Array
+    reasons: Array
+
+
 @dataclass(frozen=True)
 class Strikes:
     """Strikes of one clip, ordered by frame.
@@ -40,6 +80,7 @@ class Strikes:
         speeds: That speed, relative to the pelvis [m/s]. Shape (S,), float32.
         places: Place of the fist at ``frames`` in that frame's ground frame [m]. Shape (S, 3), float32.
         highest_speed: Highest fist speed of the clip, strike or not [m/s].
+        rejected: Fast swings that are no strikes.
     """
 
     frames: Array
@@ -48,6 +89,14 @@ class Strikes:
     speeds: Array
     places: Array
     highest_speed: float
+    rejected: Rejected
+
+
+def fist_speed(tracks: Tracks, hand: int, fps: float) -> Array:
+    """Return the speed of a fist relative to the pelvis, smoothed as ``find_strikes`` sees it [m/s]. Shape (F,)."""
+    from scipy.ndimage import gaussian_filter1d
+
+    return np.asarray(gaussian_filter1d(speeds(tracks.fists[:, hand] - tracks.pelvises, fps), 0.01 * fps))
 
 
 def find_strikes(tracks: Tracks, height: float, fps: float) -> Strikes:
@@ -68,14 +117,20 @@ def find_strikes(tracks: Tracks, height: float, fps: float) -> Strikes:
     size = height / HEIGHT
     centre = tracks.shoulders.mean(axis=1)
     found: list[tuple[int, int, int, float]] = []
+    rejected: list[tuple[int, int, float, Rejection]] = []
     highest = 0.0
     for hand in range(2):
-        speed = gaussian_filter1d(speeds(tracks.fists[:, hand] - tracks.pelvises, fps), 0.01 * fps)
+        speed = fist_speed(tracks, hand, fps)
         reach = gaussian_filter1d(np.linalg.norm(tracks.fists[:, hand] - centre, axis=1), 0.01 * fps)
         highest = max(highest, float(speed.max(initial=0.0)))
         peaks, _ = find_peaks(speed, height=MINIMUM_SPEED * size)
-        swings = [swing for peak in peaks if (swing := _swing(int(peak), speed, reach, size, fps)) is not None]
-        found.extend((frame, hand, peak, float(speed[peak])) for frame, peak in _apart(swings, speed, fps))
+        judged = {int(peak): _judge(int(peak), speed, reach, size, fps) for peak in peaks}
+        kept = _apart([(frame, peak) for peak, frame in judged.items() if not isinstance(frame, Rejection)], speed, fps)
+        found.extend((frame, hand, peak, float(speed[peak])) for frame, peak in kept)
+        for peak in judged.keys() - {peak for _, peak in kept}:
+            verdict = judged[peak]
+            reason = verdict if isinstance(verdict, Rejection) else Rejection.REPEATED
+            rejected.append((peak, hand, float(speed[peak]), reason))
     found.sort()
     frames = np.array([strike[0] for strike in found], np.int32)
     hands = np.array([strike[1] for strike in found], np.uint8)
@@ -87,30 +142,40 @@ def find_strikes(tracks: Tracks, height: float, fps: float) -> Strikes:
         speeds=np.array([strike[3] for strike in found], np.float32),
         places=places.astype(np.float32),
         highest_speed=highest,
+        rejected=_rejected(sorted(rejected)),
     )
 
 
-def _swing(peak: int, speed: Array, reach: Array, size: float, fps: float) -> tuple[int, int] | None:
-    """Frame of the furthest reach after a speed peak, with the peak; None where the peak is no strike's."""
+def _rejected(swings: list[tuple[int, int, float, Rejection]]) -> Rejected:
+    return Rejected(
+        peaks=np.array([swing[0] for swing in swings], np.int32),
+        hands=np.array([swing[1] for swing in swings], np.uint8),
+        speeds=np.array([swing[2] for swing in swings], np.float32),
+        reasons=np.array([swing[3] for swing in swings], np.uint8),
+    )
+
+
+def _judge(peak: int, speed: Array, reach: Array, size: float, fps: float) -> int | Rejection:
+    """Frame of the furthest reach after a speed peak, or why the peak is no strike's."""
     stop = min(len(reach) - 1, peak + round(_AFTER * fps))
     rates = np.diff(reach[peak : stop + 1]) * fps
     if len(rates) == 0:
-        return None
+        return Rejection.NOT_ARRIVED
     if rates[0] > 0.0:
         arrived = np.flatnonzero(rates < _ARRIVED * speed[peak])
         if len(arrived) == 0:
-            return None
+            return Rejection.NOT_ARRIVED
         frame = peak + int(arrived[0])
         frame += int(np.argmax(reach[frame : frame + max(2, round(0.05 * fps))]))
     else:
         before = max(0, peak - round(_OVER * fps))
         frame = before + int(np.argmax(reach[before : peak + 1]))
         if frame == before or speed[frame] < _CROSSING * speed[peak]:
-            return None
+            return Rejection.NO_REACH
     began = max(0, peak - round(_BEFORE * fps))
     if reach[frame] - reach[began : peak + 1].min() < MINIMUM_GAIN * size:
-        return None
-    return frame, peak
+        return Rejection.SHORT
+    return frame
 
 
 def _apart(swings: list[tuple[int, int]], speed: Array, fps: float) -> list[tuple[int, int]]:

@@ -81,6 +81,11 @@ class ClipSource:
         """Colour of the figure: its team's. Shape (1, 3)."""
         return np.full((1, 3), np.nan)
 
+    @property
+    def arena(self) -> Array:
+        """Return that the ground is open. Shape (5,)."""
+        return np.zeros(5)
+
     def markers(self, frame: int) -> Array:
         """Return that there is nothing but the figure."""
         return np.zeros((0, 3))

@@ -18,6 +18,9 @@ _STEP = 0.25
 _WINDOW = 2.5
 """Time before and after a moment that its envelope covers [s]."""
 
+_MANY, _STRAY = 50, 2.0
+"""From how many avatars on cameras leave strays out, and how far a stray is from the middle: so many times as far as
+nineteen of twenty avatars are."""
 _THING = 0.15
 """How far things that are no avatars reach above their middle [m]."""
 
@@ -30,7 +33,8 @@ class Crowd:
         step: Frames between moments.
         fps: Frames a second.
         avatars: Number of avatars N.
-        places: Ground transforms of N avatars and G things at each moment. Shape (M, N + G, 3).
+        places: Ground transforms of N avatars and G things at each moment; NaN for those absent and for strays, who
+            have left a large crowd. Shape (M, N + G, 3).
         heights: How high they reach [m]. Shape (N + G,).
         facing: Heading in which the camera ``auto`` looks [rad].
     """
@@ -51,6 +55,7 @@ def watch(source: PoseSource) -> Crowd:
     parts = [source.ground(frames[i : i + block]).astype(np.float32) for i in range(0, len(frames), block)]
     places = np.concatenate(parts)
     heights = np.asarray(source.avatar_heights, float)
+    _drop_strays(places)
     facing = _find_facing(places)
     things = np.stack([np.asarray(source.markers(int(frame)), float) for frame in frames])
     if things.shape[1]:
@@ -58,6 +63,22 @@ def watch(source: PoseSource) -> Crowd:
         places = np.concatenate([places, ground.astype(np.float32)], axis=1)
         heights = np.append(heights, things[..., 1].max(axis=0) + _THING)
     return Crowd(step, source.fps, len(source.avatar_teams), places, heights, facing)
+
+
+def _drop_strays(places: Array) -> None:
+    """Write NaN over the places (M, N, 3) of those who are far away from a large crowd at a moment.
+
+    A single one who runs off would else make all others small. Of a few avatars nobody is a stray.
+    """
+    if places.shape[1] < _MANY:
+        return
+    for moment in places:
+        here = np.isfinite(moment[:, 0])
+        if np.count_nonzero(here) < _MANY:
+            continue
+        middle = np.median(moment[here, :2], axis=0)
+        away = np.linalg.norm(moment[:, :2] - middle, axis=1)
+        moment[away > _STRAY * np.percentile(away[here], 95)] = np.nan
 
 
 def _find_facing(places: Array) -> float:

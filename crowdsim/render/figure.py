@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from crowdsim.motion.body import PARTS, Body
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.render.palette import EYES
 
 Array = NDArray[Any]
 
@@ -38,7 +39,7 @@ class Figure(Protocol):
 
     @property
     def capsule_parts(self) -> Array:
-        """Index into ``crowdsim.motion.body.PARTS`` of each. Shape (K,), uint8."""
+        """Index into ``crowdsim.motion.body.PARTS`` of each, or ``palette.EYES``. Shape (K,), uint8."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ def bone_capsules(skeleton: Skeleton) -> BoneFigure:
 
 
 def dress(figure: Figure) -> Figure:
-    """Return a body with trunks to the waist, a headguard in its team's colour and a nose to see where it looks.
+    """Return a body with trunks to the waist, a headguard in its team's colour, and eyes and a nose where it looks.
 
     Any other figure comes back as it is.
     """
@@ -104,25 +105,32 @@ def dress(figure: Figure) -> Figure:
     ahead = (figure.sole_offsets[:, 1] - figure.sole_offsets[:, 0]).sum(axis=0)
     ahead = _unit(ahead - up * float(ahead @ up))
     joint, centre, radius = figure.roles["head"], figure.head_offset, figure.head_radius
-    guard = centre + radius * (0.10 * up - 0.16 * ahead)
-    nose = centre + radius * (0.94 * ahead - 0.10 * up)
+    left = np.cross(up, ahead)
+    guard = centre + radius * (0.12 * up - 0.24 * ahead)
+    nose = centre + radius * (0.92 * ahead - 0.06 * up)
+    # One dark band is seen from further away than two eyes.
+    eye = centre + radius * (0.79 * ahead + 0.24 * up)
+    across = 0.44 * radius * left
     added = [
-        (joint, guard, guard, 1.05 * radius, "glove"),
-        (joint, nose, nose - 0.02 * radius * up, 0.17 * radius, "head"),
+        (joint, guard, guard, 1.06 * radius, PARTS.index("glove")),
+        (joint, nose, nose + radius * (0.16 * ahead - 0.16 * up), 0.17 * radius, PARTS.index("head")),
+        (joint, eye + across, eye - across, 0.19 * radius, EYES),
     ]
     for k in np.flatnonzero(figure.capsule_parts == PARTS.index("shirt")):
         start, way = figure.capsule_starts[k], figure.capsule_ends[k] - figure.capsule_starts[k]
         if figure.capsule_joints[k] == figure.roles["pelvis"] and np.linalg.norm(start) < 0.01:
             # The lower end of the torso would look out of the trunks.
             waist = start + way * min(1.0, _WAIST * figure.height / max(float(np.linalg.norm(way)), 1e-6))
-            added.append((figure.roles["pelvis"], start, waist, 1.03 * float(figure.capsule_radii[k, 0]), "trunks"))
+            added.append(
+                (figure.roles["pelvis"], start, waist, 1.03 * float(figure.capsule_radii[k, 0]), PARTS.index("trunks"))
+            )
     joints, starts, ends, radii, parts = zip(*added, strict=True)
     return BoneFigure(
         capsule_joints=np.append(figure.capsule_joints, joints).astype(np.int32),
         capsule_starts=np.concatenate([figure.capsule_starts, starts]),
         capsule_ends=np.concatenate([figure.capsule_ends, ends]),
         capsule_radii=np.concatenate([figure.capsule_radii, np.repeat(radii, 2).reshape(-1, 2)]),
-        capsule_parts=np.append(figure.capsule_parts, [PARTS.index(part) for part in parts]).astype(np.uint8),
+        capsule_parts=np.append(figure.capsule_parts, parts).astype(np.uint8),
     )
 
 

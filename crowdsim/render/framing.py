@@ -34,6 +34,8 @@ _ELEVATIONS = {"side": 7.0, "front": 7.0, "top": 90.0}
 _LOWEST, _HIGHEST = 12.0, 36.0
 """How far down the cameras ``auto`` and ``orbit`` look [degrees]."""
 _BISECTIONS = 24
+_LINE, _OBLIQUE = 2.0, 0.5
+"""A crowd so many times as wide as it is deep is a line, at which ``auto`` looks from so far aside [rad]."""
 
 
 def _sides(azimuth: float, elevation: float, size: tuple[int, int]) -> tuple[Array, Array, float, float]:
@@ -97,18 +99,30 @@ def _extent(crowd: Crowd, way: Array) -> float:
     return float(np.median(extents)) if extents else 0.0
 
 
+def _width_and_depth(crowd: Crowd, azimuth: float, tall: float) -> tuple[float, float]:
+    """Extents of the crowd across and along a heading [m]."""
+    sin, cos = math.sin(azimuth), math.cos(azimuth)
+    return _extent(crowd, np.array([-cos, sin])) + 2.0 * _REACH * tall, _extent(crowd, np.array([sin, cos]))
+
+
+def _aside(crowd: Crowd, azimuth: float, tall: float) -> float:
+    """How far ``auto`` looks aside [rad]: at one alone, and along a line of many, which would leave ground empty."""
+    wide, deep = _width_and_depth(crowd, azimuth, tall)
+    seen = int(np.isfinite(crowd.places[:, : crowd.avatars, 0]).any(axis=0).sum())
+    return _OBLIQUE if crowd.avatars == 1 or (seen > 4 and wide > _LINE * deep) else 0.0
+
+
 def frame_crowd(crowd: Crowd, kind: str, size: tuple[int, int]) -> Callable[[int], View]:
     """A camera of fixed direction that frames the crowd."""
     alone = crowd.avatars == 1
     azimuth = crowd.facing + {"front": 0.0 if alone else math.pi / 2, "side": math.pi / 2 if alone else 0.0}.get(
         kind, 0.0
     )
-    if kind == "auto" and alone:
-        azimuth += 0.5
     tall = float(np.median(crowd.heights))
-    sin, cos = math.sin(azimuth), math.cos(azimuth)
-    wide = _extent(crowd, np.array([-cos, sin])) + 2.0 * _REACH * tall
-    elevation = _elevation(kind, wide, _extent(crowd, np.array([sin, cos])), tall, crowd.avatars)
+    if kind == "auto":
+        azimuth += _aside(crowd, azimuth, tall)
+    wide, deep = _width_and_depth(crowd, azimuth, tall)
+    elevation = _elevation(kind, wide, deep, tall, crowd.avatars)
     normals, basis, tx, ty = _sides(azimuth, elevation, size)
     level = np.hypot(normals[:, 0], normals[:, 2])
     reach = level[:, None] * _REACH * crowd.heights + np.maximum(normals[:, 1:2] * 1.06 * crowd.heights, 0.0)

@@ -17,6 +17,9 @@ _GOLDEN = 0.6180339887498949
 _HUES = (0.995, 0.605, 0.12, 0.40, 0.77, 0.53, 0.065, 0.90, 0.25, 0.69)
 """Hues of the first teams: red, blue, yellow, green, violet, cyan, orange, pink, lime, indigo."""
 _SKINS = ((0.93, 0.75, 0.62), (0.80, 0.60, 0.46), (0.62, 0.44, 0.33), (0.45, 0.31, 0.24), (0.87, 0.68, 0.53))
+EYES = len(PARTS)
+"""Number of the paint of eyes, which comes after those of the parts of a body."""
+_EYES = (0.02, 0.02, 0.03, 0.30)
 _GLOSS = {"skin": 0.10, "head": 0.12, "glove": 0.55, "shirt": 0.04, "trunks": 0.16, "shoe": 0.25}
 
 
@@ -26,7 +29,9 @@ def team_hue(team: int) -> float:
 
 
 def avatar_paints(teams: Sequence[int] | Array, colours: Array | None = None) -> Array:
-    """Return the paint of every part of every avatar: linear red, green, blue and gloss. Shape (N, 6, 4), float32.
+    """Return the paint of every part and the eyes of every avatar: linear red, green, blue and gloss.
+
+    Shape (N, 7, 4), float32; the last row is ``EYES``.
 
     Where all avatars are of one team, or each is a team of its own, avatars have hues of their own.
 
@@ -37,7 +42,8 @@ def avatar_paints(teams: Sequence[int] | Array, colours: Array | None = None) ->
     teams = np.asarray(teams, dtype=int)
     _, numbers = np.unique(teams, return_inverse=True)
     alone = len(teams) > 1 and (numbers.max() == 0 or numbers.max() + 1 == len(teams) > 2)
-    paints = np.zeros((len(teams), len(PARTS), 4), np.float32)
+    paints = np.zeros((len(teams), len(PARTS) + 1, 4), np.float32)
+    paints[:, EYES] = _EYES
     for avatar, team in enumerate(numbers):
         shade = (avatar * _GOLDEN + 0.3) % 1.0
         if alone:

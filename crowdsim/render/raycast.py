@@ -24,6 +24,8 @@ CONTACT_REACH = 0.30
 """Distance from the floor at which a capsule stops to darken it [m]."""
 SMALLEST = 0.12
 """Capsules that cover fewer pixels than this are left out."""
+LINE = 0.04
+"""Half the width of the line around an arena [m]."""
 THINNEST = 1.0
 """Capsules that show thinner than this cast no shadow of their own [px]."""
 _FINE = 28.0
@@ -74,6 +76,7 @@ def draw(
     sun: Array,
     flashes: Flashes | None = None,
     threads: int = 1,
+    arena: Array | None = None,
 ) -> Array:
     """Draw one picture; the same arguments give the same bytes for any number of threads.
 
@@ -84,6 +87,8 @@ def draw(
         sun: Unit direction to the sun, above the horizon. Shape (3,).
         flashes: Strikes that land.
         threads: How many threads share the picture.
+        arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]; open ground by
+            default. Shape (5,).
 
     Returns:
         Red, green and blue, shape (height, width, 3), uint8.
@@ -111,7 +116,7 @@ def draw(
     lamps = _project_flashes(flashes, camera)
     shared = (
         camera, light, floor, cones, spans, shades, paints, owners, neighbours,
-        *tiles, *shadows, *contacts, lamps, picture,
+        *tiles, *shadows, *contacts, np.append(np.zeros(5) if arena is None else arena, LINE), lamps, picture,
     )  # fmt: skip
     if threads <= 1:
         raycast_kernels.draw_tiles(0, 1, *shared)

@@ -31,7 +31,8 @@ EDGE_T, EDGE_S, EDGE_C, EDGE_I = 10 * N, 14 * N, 18 * N, 22 * N
 GROUND_X, GROUND_Z, GROUND_T, WIDTH_X, WIDTH_Z = 26 * N, 27 * N, 28 * N, 29 * N, 30 * N
 REST = 31 * N
 RED, GREEN, BLUE = 32 * N, 33 * N, 34 * N
-SCRATCH = 35 * N
+LINE, OUTSIDE = 35 * N, 36 * N
+SCRATCH = 37 * N
 
 POINTS = 7 * N
 """Points to be lit in a tile: the floor in every pixel, then up to four edges and two crossing fronts a pixel."""
@@ -491,8 +492,39 @@ def _paint_points(buf, points, ids, pixels, count, camera, light, paints):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+def _lay_arena(buf, camera, arena):
+    """Write which share of every pixel lies on the line around the arena, and which outside it."""
+    for i in range(N):
+        buf[LINE + i] = ZERO
+        buf[OUTSIDE + i] = ZERO
+    if arena[0] == 0.0:
+        return
+    round_ = arena[0] == 1.0
+    cx, cz = F(arena[1] - camera[0]), F(arena[2] - camera[2])
+    half_x, half_z, thick = F(arena[3]), F(arena[4]), F(arena[5])
+    for i in range(N):
+        dx, dz = abs(buf[GROUND_X + i] - cx), abs(buf[GROUND_Z + i] - cz)
+        wx, wz = buf[WIDTH_X + i], buf[WIDTH_Z + i]
+        if round_:
+            way = max(math.sqrt(dx * dx + dz * dz), F(1e-6))
+            beyond = way - half_x
+            w = (dx * wx + dz * wz) / way
+        else:
+            qx, qz = dx - half_x, dz - half_z
+            beyond, w = (qx, wx) if qx > qz else (qz, wz)
+        # A line narrower than a pixel would come and go.
+        half = max(thick, min(F(0.6) * w, F(0.3)))
+        shown = min(beyond + HALF * w, half) - max(beyond - HALF * w, -half)
+        buf[LINE + i] = max(shown, ZERO) / w
+        buf[OUTSIDE + i] = min(max(beyond / w + HALF, ZERO), ONE)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
 def _paint_background(buf, points, camera, light):
-    """Write the colour of floor and sky: squares of 1 m, lines every 5 m, fine ones every 0.1 m near the eye."""
+    """Write the colour of floor and sky: squares of 1 m, lines every 5 m, fine ones every 0.1 m near the eye.
+
+    A white line surrounds the arena, and the floor outside is darker.
+    """
     # Wrapping the eye's place keeps the sums small; 10 m is a common period of all patterns.
     ex, ez = F(camera[0] - 10.0 * np.floor(camera[0] / 10.0)), F(camera[2] - 10.0 * np.floor(camera[2] / 10.0))
     haze = F(1.0 / camera[15])
@@ -509,7 +541,8 @@ def _paint_background(buf, points, camera, light):
         fine = ONE - (ONE - _stripes(x * ten, wx * ten, F(0.06))) * (ONE - _stripes(z * ten, wz * ten, F(0.06)))
         fine = fine * min(max(F(1.3) - F(45.0) * max(wx, wz), ZERO), ONE)
         albedo = F(0.40) + F(0.055) * squares
-        albedo = albedo * (ONE - F(0.34) * line) * (ONE - F(0.13) * fine)
+        albedo = albedo * (ONE - F(0.34) * line) * (ONE - F(0.13) * fine) * (ONE - F(0.30) * buf[OUTSIDE + i])
+        albedo = albedo + buf[LINE + i] * (F(0.85) - albedo)
         direct = sun * points[SUN + i]
         sky = points[SKY + i]
         far = buf[GROUND_T + i] * haze
@@ -574,7 +607,7 @@ def _develop(buf, packed, x0, y0, out):
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
 def draw_tiles(
     first, step, camera, light, floor, cones, spans, shades, paints, owners, neighbours,
-    tile_offsets, tile_entries, light_offsets, light_entries, floor_offsets, floor_entries, flashes, out,
+    tile_offsets, tile_entries, light_offsets, light_entries, floor_offsets, floor_entries, arena, flashes, out,
 ):  # fmt: skip
     """Draw every ``step``-th tile of a picture, from tile ``first`` on.
 
@@ -601,6 +634,8 @@ def draw_tiles(
         light_entries: See ``tile_entries``.
         floor_offsets: See ``tile_offsets``.
         floor_entries: See ``tile_entries``.
+        arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z, half the width of
+            the line around it [m]. Shape (6,).
         flashes: Place x, y [px], distance [m], size [px], age 0..1, power. Shape (H, 6), float32.
         out: The picture. Shape (height, width, 3), uint8.
     """
@@ -620,6 +655,7 @@ def draw_tiles(
                 cones[c, 3], cones[c, 4], cones[c, 5], cones[c, 6], cones[c, 7],
             )  # fmt: skip
         _lay_ground(buf, camera)
+        _lay_arena(buf, camera, arena)
         count = _gather(buf, listed, camera, owners, cones, points, ids, pixels)
         _find_sun(points, ids, count, light, light[9:14], shades, light_offsets, light_entries, stamps, near)
         _find_sky(points, ids, count, cones, neighbours, floor, F(floor[5]), floor_offsets, floor_entries, stamps, near)

@@ -64,6 +64,13 @@ class PoseSource(Protocol):
     def avatar_colours(self) -> Array:
         """Colour of each avatar instead of its team's: red, green, blue in 0..1, NaN for none. Shape (N, 3)."""
 
+    @property
+    def arena(self) -> Array:
+        """The arena: kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m].
+
+        Shape (5,).
+        """
+
     def ground(self, frames: Array) -> Array:
         """Return the ground transforms of all avatars at some frames; NaN while absent. Shape (n, N, 3)."""
 

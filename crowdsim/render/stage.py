@@ -19,7 +19,7 @@ from crowdsim.render.source import PoseSource
 
 Array = NDArray[Any]
 
-VERSION = 2
+VERSION = 3
 """Counts changes after which pictures differ."""
 _BETWEEN = 34
 """Grey of the line between cameras side by side."""
@@ -60,7 +60,7 @@ class Stage:
         width, height = self.size
         edges = [round(width * i / len(self.tracks)) for i in range(len(self.tracks) + 1)]
         parts = [
-            draw(capsules, track.view(frame), (right - left, height), track.sun, flashes, threads)
+            draw(capsules, track.view(frame), (right - left, height), track.sun, flashes, threads, self.source.arena)
             for track, left, right in zip(self.tracks, edges[:-1], edges[1:], strict=True)
         ]
         picture = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
@@ -98,7 +98,9 @@ def build_stage(source: PoseSource, size: tuple[int, int], camera: str | Keys = 
         named = [camera]
     crowd = watch(source)
     part = (max(1, size[0] // len(kinds)), size[1])
+    arena = np.asarray(source.arena, float).tolist()
     content = [VERSION, source.fingerprint, source.name, source.fps, source.frame_count, list(size), named, caption]
+    content.append(arena)
     return Stage(
         source=source,
         cast=build_cast(

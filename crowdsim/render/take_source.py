@@ -36,16 +36,24 @@ class TakeSource:
         fps: Frames a second.
         name: What it is called in captions; the scenario's name by default.
         threads: Threads that share the sampling of a block.
+        arena: The arena of the scenario, see ``PoseSource.arena``, which takes do not know; open ground by default.
 
     Raises:
         TakeError: The policies are not those that the take was recorded with.
     """
 
     def __init__(
-        self, take: Take, policies: Sequence[Policy], fps: float, name: str | None = None, threads: int = 1
+        self,
+        take: Take,
+        policies: Sequence[Policy],
+        fps: float,
+        name: str | None = None,
+        threads: int = 1,
+        arena: Array | None = None,
     ) -> None:
         self.take, self.fps, self.name = take, float(fps), name or take.scenario
-        self._arguments = (take, tuple(policies), fps, name, threads)
+        self._arguments = (take, tuple(policies), fps, name, threads, arena)
+        self.arena = np.zeros(5) if arena is None else np.asarray(arena, float)
         self._sampler = PoseSampler(take, policies, threads)
         self.frame_count = take.output_frames(fps)
         self.frame_limit = take.frame_limit(fps)

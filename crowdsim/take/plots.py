@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.figures import new_figure, save_figure
+from crowdsim.take.hits_plot import hit_figure
 from crowdsim.take.poses import PoseSampler
 from crowdsim.take.take import Take
 
@@ -35,33 +36,6 @@ def plot_take(sampler: PoseSampler, folder: Path) -> list[Path]:
         "actions.png": action_figure(take),
     }
     return [save_figure(figure, folder / name) for name, figure in figures.items()]
-
-
-def hit_figure(sampler: PoseSampler) -> Figure:
-    """Draw where strikes land on those whom they hit, seen from the front and from the side."""
-    take = sampler.take
-    events = take.events
-    chosen = np.flatnonzero(np.asarray(events.landed, bool) & (np.asarray(events.victim) >= 0))
-    frames = np.clip(np.round(np.asarray(events.frame)[chosen]).astype(np.int64), 0, take.frame_count - 1)
-    victims = np.asarray(events.victim)[chosen].astype(np.int64)
-    points = np.asarray(events.point, dtype=float)[chosen].reshape(-1, 3)
-    x, z, heading = (np.asarray(values[:])[frames, victims].astype(float) for values in (take.x, take.z, take.heading))
-    scale = np.asarray(take.cast.scales, dtype=float)[victims]
-    dx, dz = (points[:, 0] - x) / scale, (points[:, 2] - z) / scale
-    across, ahead = dx * np.cos(heading) - dz * np.sin(heading), dx * np.sin(heading) + dz * np.cos(heading)
-    figure = new_figure(9.0, 6.0)
-    axes = figure.subplots(1, 2, sharey=True)
-    edges = np.linspace(-0.6, 0.6, 49), np.linspace(0.4, 2.0, 65)
-    for axis, values, label in ((axes[0], -across, "to its right [m]"), (axes[1], ahead, "ahead of it [m]")):
-        image = axis.hist2d(values, points[:, 1] / scale, bins=edges, cmap="inferno", cmin=1)[3]
-        axis.set_xlabel(label)
-        axis.set_aspect("equal")
-        axis.set_facecolor("#f2f2f2")
-    axes[0].set_ylabel("height [m]")
-    if len(points):
-        figure.colorbar(image, ax=axes, label="strikes that landed", shrink=0.8)
-    figure.suptitle(f"{len(points)} strikes that landed, on the body they hit")
-    return figure
 
 
 def distance_figure(take: Take) -> Figure:
@@ -94,6 +68,8 @@ def distance_figure(take: Take) -> Figure:
 
 def action_figure(take: Take) -> Figure:
     """Draw how often actions are used, the most used first."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     action = np.asarray(take.action[:])
     phase = np.asarray(take.action_frame[:])
     begun = np.ones(action.shape, bool)
@@ -112,8 +88,12 @@ def action_figure(take: Take) -> Figure:
         told.append(f"{name}: {len(counts)} actions used, half of the time {half} of them")
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.set_xlabel("action, the most used first")
-    axes.set_ylabel("times used")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter("{x:,.0f}")
+        axis.set_minor_formatter(NullFormatter())
+    axes.set_xlabel("rank of the action, the most used first")
+    axes.set_ylabel("number of times used")
     axes.set_title("\n".join(told), fontsize=10)
     if told:
         axes.legend()

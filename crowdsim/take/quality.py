@@ -43,6 +43,7 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict
         ``opponent_changes`` of all avatars; ``transitions_per_second`` of an avatar; ``foot_slide_median`` and
         ``foot_slide_95``, speed over the floor of planted feet [m/s], those apart that make a step for a cut, and
         beside them the capture's own in the frames that are shown, and in all that there are;
+        ``thrown_per_minute_captured``, strikes in a minute of the capture of the mean avatar;
         ``transition_jump_ratio``, accelerations of joints near cuts over those of the captured frames shown there;
         ``fist_gap_median``, ``fist_gap_95`` and ``fist_gap_most``, how far fists are from the surface of the avatars
         that they land on [m], and ``fists_off_share``, the share of them that are further than ``TOUCH`` from it.
@@ -66,6 +67,7 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict
     told.update(_of_poses(sampler, progress))
     told.update(_of_fists(sampler))
     told["opponent_changes"] = int(np.count_nonzero(there & (opponent[1:] != opponent[:-1])))
+    told["thrown_per_minute_captured"] = _captured_strikes(sampler)
     told["transitions_per_second"] = _count_cuts(sampler) / (minutes * 60.0) if minutes else None
     return told
 
@@ -217,6 +219,16 @@ def _some_poses(sampler: PoseSampler, progress: Progress | None) -> Iterator[tup
                 yield poses, start, rate
         if progress is not None:
             progress("poses", min(low + at_once, len(avatars)), len(avatars))
+
+
+def _captured_strikes(sampler: PoseSampler) -> float | None:
+    """Strikes in a minute of the capture, played as fast as avatars play it; mean of all avatars."""
+    cast = sampler.take.cast
+    rates = np.zeros(len(sampler.policies))
+    for index, policy in enumerate(sampler.policies):
+        database = policy.database
+        rates[index] = 60.0 * len(database.strike_frames) * database.control_rate / database.frame_count
+    return float(np.mean(rates[cast.policies] * cast.speeds)) if len(cast.policies) else None
 
 
 def _count_cuts(sampler: PoseSampler) -> int:

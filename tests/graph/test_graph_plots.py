@@ -5,7 +5,7 @@ from PIL import Image
 
 from crowdsim.errors import OutputError
 from crowdsim.graph.motion_graph import build_graph
-from crowdsim.graph.plots import distance_figure, plot_graph
+from crowdsim.graph.plots import degree_figure, distance_figure, length_figure, plot_graph
 from crowdsim.graph.settings import GraphSettings
 
 SETTINGS = GraphSettings(threshold=0.3)
@@ -28,6 +28,19 @@ def test_three_pictures_are_written_and_nothing_else(database, graph, tmp_path):
     assert sorted((tmp_path / "plots").iterdir()) == sorted(paths)
     for path in paths:
         assert np.asarray(Image.open(path)).std() > 5
+
+
+def test_every_axis_of_a_graph_says_what_it_counts(database, graph):
+    (matrix, *scales), degrees = distance_figure(database, graph, SETTINGS).axes, degree_figure(graph).axes
+    (lengths,) = length_figure(graph, database.control_rate).axes
+    assert [matrix.get_xlabel(), matrix.get_ylabel()] == [
+        "control frame i [frames]", "control frame j [frames, by clip]",
+    ]  # fmt: skip
+    assert all(axes.get_xlabel().endswith("[m]") for axes in scales)
+    assert all(axes.get_xlabel().startswith("number of actions") for axes in degrees)
+    assert lengths.get_xlabel() == "length of an action [control frames, 15 per second]"
+    assert [axes.get_xlabel() for axes in lengths.child_axes] == ["length of an action [s]"]
+    assert {axes.get_ylabel() for axes in (*degrees, lengths)} == {"number of states", "number of actions"}
 
 
 def test_every_transition_is_a_dot_at_the_pair_of_frames_that_are_alike(database, graph):

@@ -16,9 +16,10 @@ from crowdsim.motion.bvh import write_bvh
 from crowdsim.motion.capture import load_capture
 from crowdsim.motion.contacts import runs
 from crowdsim.motion.performer import perform
-from crowdsim.motion.plots import plot_capture
+from crowdsim.motion.plots import path_figure, plot_capture, pose_figure, skeleton_figure, time_figure
 from crowdsim.motion.report import describe_capture, study_capture
 from crowdsim.motion.roles import find_roles
+from crowdsim.motion.strikes import REASONS, Rejection
 
 BY_NAME = {how.name: how for how in CONVENTIONS}
 KEYS = "joints frames fps seconds unit_scale up_axis height_m roles contacts strikes findings".split()
@@ -88,6 +89,59 @@ def test_what_is_unknown_is_null(tmp_path):
     assert told["roles"] == {}
     assert len(told["findings"]) == 4
     json.dumps(told, allow_nan=False)
+
+
+def test_swings_that_are_no_strikes_are_listed_with_time_hand_speed_and_reason(boxer, tmp_path):
+    capture = _capture(tmp_path, boxer[0])
+    study = study_capture(capture)
+    listed = describe_capture(capture, study)["rejected_list"]
+    assert len(listed) == len(study.strikes.rejected.peaks) > 3
+    first, peak = listed[0], int(study.strikes.rejected.peaks[0])
+    assert list(first) == ["seconds", "hand", "speed", "reason"]
+    assert first["seconds"] == pytest.approx(study.start + peak / 60.0, abs=1e-3)
+    assert {swing["reason"] for swing in listed} <= {reason.name.lower() for reason in Rejection}
+
+
+def _axes_of(capture, study):
+    figures = skeleton_figure(capture), path_figure(study), time_figure(study, 1.75), pose_figure(capture, study)
+    return [figure.axes for figure in figures]
+
+
+def test_every_axis_of_a_capture_has_a_unit_and_places_have_equal_scales(boxer, tmp_path):
+    capture = _capture(tmp_path, boxer[0])
+    skeleton, path, (strips, speeds), poses = _axes_of(capture, study_capture(capture))
+    for axes in (*skeleton, *path, *poses):
+        assert axes.get_aspect() == 1.0
+        assert axes.get_ylabel().endswith("[m]")
+        assert "-x" not in axes.get_xlabel()
+        assert not axes.xaxis_inverted()
+    assert [axes.get_xlabel() for axes in (*skeleton, *path)] == ["to its left [m]", "ahead [m]", "z [m]"]
+    assert path[0].get_ylabel() == "x [m]"
+    assert all(axes.get_xlabel().startswith("time in the file [s]") for axes in (speeds, *poses))
+    assert speeds.get_ylabel() == "fist speed relative to the pelvis [m/s]"
+    assert strips.get_ylabel() == ""
+
+
+def test_the_path_from_above_is_no_mirror_image(boxer, tmp_path):
+    study = study_capture(_capture(tmp_path, boxer[0]))
+    line = path_figure(study).axes[0].lines[0]
+    # From above, y towards the eye, x is a quarter turn anticlockwise from z.
+    np.testing.assert_allclose(line.get_xdata(), study.tracks.ground[:, 1])
+    np.testing.assert_allclose(line.get_ydata(), study.tracks.ground[:, 0])
+
+
+def test_rejected_swings_are_marked_on_the_speed_of_the_fist_with_their_reason(boxer, tmp_path):
+    study = study_capture(_capture(tmp_path, boxer[0]))
+    rejected = study.strikes.rejected
+    speeds = time_figure(study, 1.75).axes[1]
+    marks = np.concatenate([marked.get_offsets() for marked in speeds.collections])
+    marks = marks[np.lexsort(marks.T)]
+    wanted = np.stack([study.start + rejected.peaks / 60.0, rejected.speeds], axis=1)
+    np.testing.assert_allclose(marks, wanted[np.lexsort(wanted.T)], rtol=1e-6)
+    labels = [line.get_label() for line in speeds.lines]
+    for reason in Rejection:
+        count = int((rejected.reasons == reason).sum())
+        assert (f"no strike, {REASONS[reason]} ({count})" in labels) == (count > 0)
 
 
 def _draw(capture, folder):

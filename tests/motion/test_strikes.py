@@ -11,7 +11,7 @@ from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.measuring import measure_body
 from crowdsim.motion.performer import perform
 from crowdsim.motion.resampling import resample
-from crowdsim.motion.strikes import find_strikes
+from crowdsim.motion.strikes import REASONS, Rejection, find_strikes
 from crowdsim.motion.tracks import Tracks, build_tracks
 
 FPS = 60.0
@@ -92,6 +92,40 @@ def test_a_slow_reach_is_no_strike():
 
 def test_a_short_twitch_is_no_strike():
     assert len(find_strikes(_tracks(_reach(TIMES, 1.5, out=0.06, far=0.12), REST), 1.75, FPS).frames) == 0
+
+
+def _rejections(fist: np.ndarray) -> list[tuple[int, Rejection]]:
+    rejected = find_strikes(_tracks(fist, REST), 1.75, FPS).rejected
+    assert (rejected.speeds >= 2.3).all()
+    return [(int(peak), Rejection(reason)) for peak, reason in zip(rejected.peaks, rejected.reasons, strict=True)]
+
+
+def test_fast_swings_that_are_no_strikes_are_kept_with_the_reason():
+    way_back, twitch = _reach(TIMES, 1.5, out=0.8, back=0.1), _reach(TIMES, 1.5, out=0.06, back=0.8, far=0.12)
+    assert _rejections(way_back) == [(pytest.approx(93, abs=1), Rejection.NO_REACH)]
+    assert _rejections(twitch) == [(pytest.approx(88, abs=1), Rejection.SHORT)]
+    leaving = REST * [-1.0, 1.0, 1.0] + np.maximum(TIMES - 1.5, 0.0)[:, None] * [0.0, 0.0, 4.0]
+    leaving[:, 2] += 0.05 * np.sin(20.0 * TIMES) * (TIMES > 1.5)
+    assert {reason for _, reason in _rejections(leaving)} == {Rejection.NOT_ARRIVED}
+
+
+def test_of_two_swings_too_close_to_be_two_strikes_the_slower_is_rejected_as_repeated():
+    shares = np.interp(TIMES, [0.0, 1.3, 1.4, 1.42, 1.5, 2.2], [0.0, 0.0, 0.62, 0.6, 1.0, 0.0])
+    fist = np.array([0.1, 1.4, 0.1]) + shares[:, None] * np.array([0.0, 0.0, 0.7])
+    found = find_strikes(_tracks(fist, REST), 1.75, FPS)
+    assert len(found.frames) == 1
+    assert found.rejected.reasons.tolist() == [Rejection.REPEATED]
+    assert found.rejected.speeds[0] <= found.speeds[0]
+
+
+def test_every_candidate_is_a_strike_or_rejected_and_every_reason_has_words():
+    clip = perform(15.0, 8)[0].clip
+    found = find_strikes(build_tracks(measure_body(clip), *clip_kinematics(clip)), 1.75, clip.fps)
+    assert len(found.rejected.peaks) > 5
+    strikes = set(zip(found.hands.tolist(), found.peaks.tolist(), strict=True))
+    assert not strikes & set(zip(found.rejected.hands.tolist(), found.rejected.peaks.tolist(), strict=True))
+    assert (np.diff(found.rejected.peaks) >= 0).all()
+    assert set(REASONS) == set(Rejection)
 
 
 def test_a_one_two_is_two_strikes_in_order():

@@ -29,6 +29,7 @@ class Walkers:
     strikes: Any = field(default_factory=lambda: np.zeros((0, 4)))
     drawn: list[int] = field(default_factory=list)
     things: Any = None
+    arena: Any = field(default_factory=lambda: np.zeros(5))
 
     def __post_init__(self) -> None:
         self.frame_count, count = self.paths.shape[:2]

@@ -151,3 +151,60 @@ def test_unknown_cameras_and_avatars_are_refused(text, message):
     with pytest.raises(CrowdsimError) as caught:
         parse_camera(text, 5, tuple(f"walker_{i}" for i in range(5)))
     assert str(caught.value) == message
+
+
+def fills(track, ground, frames):
+    """Greatest share of the picture's width or height that a crowd at the places (F, N, 2) takes up, mean of frames."""
+    shares = []
+    for frame in frames:
+        points = np.concatenate([np.insert(ground[frame], 1, height, axis=1) for height in (0.0, 1.8)])
+        x, y, _ = project(track.view(frame), points)
+        shares.append(max(np.ptp(x), np.ptp(y)) / 2)
+    return float(np.mean(shares))
+
+
+def test_one_who_runs_off_does_not_make_a_large_crowd_small():
+    paths = random_walk(200, 80, 4)
+    alone = build_track(Walkers(paths), "auto", SIZE)
+    paths[:, 0, 0] += np.linspace(0.0, 120.0, 200)
+    track = build_track(Walkers(paths), "auto", SIZE)
+    frames, others = range(0, 200, 10), paths[:, 1:, :2]
+    assert fills(track, others, frames) > 0.8 * fills(alone, others, frames) > 0.5
+    for frame in frames:
+        points = np.concatenate([np.insert(others[frame], 1, height, axis=1) for height in (0.0, 1.8)])
+        x, y, _ = project(track.view(frame), points)
+        assert np.abs(x).max() < 1.0
+        assert np.abs(y).max() < 1.0
+
+
+def test_of_a_few_everybody_is_framed_however_far_away():
+    paths = random_walk(200, 12, 4)
+    paths[:, 0, 0] += np.linspace(0.0, 60.0, 200)
+    track = build_track(Walkers(paths), "auto", SIZE)
+    for frame in range(0, 200, 10):
+        x, y, _ = project(track.view(frame), np.insert(paths[frame, :, :2], 1, 1.0, axis=1))
+        assert np.abs(x).max() < 1.0
+        assert np.abs(y).max() < 1.0
+
+
+def line(count: int, deep: float) -> np.ndarray:
+    """Two ranks of avatars who face each other, 1 m apart along x and ``deep`` apart along z. Shape (60, N, 3)."""
+    x = np.repeat(np.arange(count // 2), 2) - count / 4
+    z = np.tile([-deep / 2, deep / 2], count // 2)
+    heading = np.tile([0.0, math.pi], count // 2)
+    return np.repeat(np.stack([x, z, heading], axis=1)[None], 60, axis=0)
+
+
+def test_a_line_of_fighters_is_seen_obliquely_so_that_it_fills_the_picture():
+    paths = line(40, 3.0)
+    track = build_track(Walkers(paths), "auto", SIZE)
+    points = np.concatenate([np.insert(paths[0, :, :2], 1, height, axis=1) for height in (0.0, 1.8)])
+    x, y, _ = project(track.view(30), points)
+    assert np.ptp(x) / 2 > 0.7
+    assert np.ptp(y) / 2 > 0.55
+
+
+def test_two_fighters_are_seen_from_the_side():
+    paths = line(2, 1.2)
+    ahead = build_track(Walkers(paths), "auto", SIZE).view(30).ahead
+    assert abs(ahead[0]) > 0.95

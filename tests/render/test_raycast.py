@@ -322,3 +322,47 @@ def test_capsules_that_show_thinner_than_a_pixel_cast_no_shadow_of_their_own():
             x, y = 128 + scale * float(point @ view.right), 128 - scale * float(point @ up)
             around = ratio[int(y) - 1 : int(y) + 2, int(x) - 1 : int(x) + 2]
             assert (around.min() < 0.93) == shaded
+
+
+ABOVE = View(np.array([1.0, 12.0, -2.0]), np.array([0.0, -1.0, 0.0]), np.array([-1.0, 0.0, 0.0]), haze=1e6)
+
+
+def floor_points(view, size):
+    """Where the middle of every pixel of a view from straight above lies on the floor: x and z."""
+    camera = view.pack(*size)
+    rows, columns = np.mgrid[: size[1], : size[0]] + 0.5
+    right, up = camera[3:6], camera[6:9]
+    across, along = (columns - camera[13]) / camera[12], -(rows - camera[14]) / camera[12]
+    way = across[..., None] * right + along[..., None] * up
+    return camera[0] + camera[1] * way[..., 0], camera[2] + camera[1] * way[..., 2]
+
+
+@pytest.mark.parametrize("kind", [1.0, 2.0])
+def test_a_white_line_surrounds_the_arena_and_the_floor_outside_is_darker(kind):
+    size = (320, 240)
+    arena = np.array([kind, 1.5, -1.5, 3.0, 3.0 if kind == 1.0 else 2.0])
+    plain = draw(capsules(), ABOVE, size, SUN).astype(int).sum(axis=-1)
+    picture = draw(capsules(), ABOVE, size, SUN, arena=arena).astype(int).sum(axis=-1)
+    x, z = floor_points(ABOVE, size)
+    beyond = naive.beyond_arena(x, z, arena)
+    pixel = 12.0 / ABOVE.pack(*size)[12]
+    edge = 0.04 + 1.5 * pixel
+    assert (picture[np.abs(beyond) < 0.01] > plain[np.abs(beyond) < 0.01] + 60).all()
+    np.testing.assert_array_equal(picture[beyond < -edge], plain[beyond < -edge])
+    outside = beyond > edge
+    assert outside.any()
+    assert (picture[outside] < plain[outside] - 20).all()
+
+
+def test_the_line_around_an_arena_is_seen_from_far_away_too():
+    far = look_at(np.array([0.0, 60.0, 90.0]), np.zeros(3), haze=1e6)
+    arena = np.array([1.0, 0.0, 0.0, 20.0, 20.0])
+    plain, picture = (draw(capsules(), far, (320, 180), SUN, arena=a).astype(int).sum(axis=-1) for a in (None, arena))
+    column = (picture - plain)[:, 160]
+    assert (column > 15).sum() >= 2
+    assert column.min() < -15
+
+
+def test_open_ground_has_no_line():
+    open_ground = draw(crowd(30), VIEW, (160, 96), SUN, arena=np.zeros(5))
+    assert digest(draw(crowd(30), VIEW, (160, 96), SUN)) == digest(open_ground)

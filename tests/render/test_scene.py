@@ -12,8 +12,10 @@ from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.performer import perform
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.render.figure import bone_capsules, dress
-from crowdsim.render.palette import avatar_paints
+from crowdsim.render.palette import EYES, avatar_paints
+from crowdsim.render.raycast import draw, sun_direction
 from crowdsim.render.scene import build_cast
+from crowdsim.render.view import look_at
 
 
 def spider() -> Skeleton:
@@ -98,15 +100,38 @@ def test_a_body_wears_a_guard_behind_its_face():
     body = build_body(clip.skeleton)
     dressed = dress(body)
     more = len(dressed.capsule_joints) - len(body.capsule_joints)
-    assert more == 3
-    guard, nose, waist = dressed.capsule_starts[-more:] - np.stack([body.head_offset, body.head_offset, np.zeros(3)])
+    assert more == 4
+    middle = 0.5 * (dressed.capsule_starts + dressed.capsule_ends)[-more:]
+    guard, nose, eyes, waist = middle - np.stack([*[body.head_offset] * 3, dressed.capsule_ends[-1] / 2])
     assert np.linalg.norm(waist) < 0.02
     ahead = (body.sole_offsets[:, 1] - body.sole_offsets[:, 0]).sum(axis=0)
-    assert guard @ ahead < 0 < nose @ ahead
-    assert dressed.capsule_joints[-more:].tolist() == [body.roles[role] for role in ("head", "head", "pelvis")]
+    assert guard @ ahead < 0 < eyes @ ahead
+    assert nose @ ahead > 0
+    assert dressed.capsule_joints[-more:].tolist() == [body.roles[role] for role in ("head", "head", "head", "pelvis")]
     assert bone_capsules(clip.skeleton) is not None
     plain = bone_capsules(clip.skeleton)
     assert dress(plain) is plain
+
+
+def test_a_head_shows_dark_eyes_where_it_faces_and_none_from_behind():
+    clip = perform(2.0, 1)[0].clip
+    body = build_body(clip.skeleton)
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (1, clip.skeleton.joint_count, 1))
+    positions, turns = forward_kinematics(clip.skeleton, np.array([[0.0, 1.0, 0.0]]), still)
+    placed = build_cast([body], [0], [0]).place([(positions, turns)])
+    head = positions[0, body.roles["head"]] + body.head_offset
+    dark, ahead = [], np.array([0.0, 0.0, 0.9])
+    for side in (1.0, -1.0):
+        picture = draw(placed, look_at(head + side * ahead, head), (96, 96), sun_direction(0.5))
+        dark.append(int((picture.max(axis=-1) < 70).sum()))
+    assert dark[0] > 40 > 5 > dark[1]
+
+
+def test_eyes_are_darker_than_any_skin():
+    paints = avatar_paints(np.arange(30))
+    assert paints.shape == (30, len(PARTS) + 1, 4)
+    brightness = paints[..., :3].sum(axis=-1)
+    assert brightness[:, EYES].max() < 0.3 * brightness[:, PARTS.index("head")].min()
 
 
 def hues(paints, part):

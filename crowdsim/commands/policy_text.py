@@ -1,0 +1,111 @@
+"""What ``crowdsim inspect BUNDLE`` prints: motion, graph, strikes and behaviours of a policy in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from crowdsim.commands.common import size_text
+from crowdsim.commands.figures_text import Row, count, length, number, percent, section, time
+
+Figures = Mapping[str, Any]
+
+_LOOKUPS = {"v": "values of states, with one step of look-ahead", "q": "values of actions"}
+
+
+def policy_lines(figures: Figures) -> list[str]:
+    """Return the figures of ``inspect_bundle`` as indented lines of text."""
+    lines = [
+        *section("Policy", _policy(figures)),
+        *section("Motion", _motion(figures["motion"])),
+        *section("Motion graph", _graph(figures["graph"], figures["motion"])),
+    ]
+    if "strikes" in figures:
+        lines += section("Region that strikes reach, 5th to 95th percentile", _strikes(figures["strikes"]))
+    for name, behaviour in figures["behaviours"].items():
+        lines += section(f"Behaviour {name}", _behaviour(behaviour))
+    return lines + section("Training", _training(figures["timings"]))
+
+
+def _policy(figures: Figures) -> list[Row]:
+    speed = figures.get("sustained_speed")
+    return [
+        ("name", figures["name"]),
+        ("fingerprint", figures["fingerprint"][:16]),
+        ("follows targets", None if speed is None else f"that flee at up to {number(speed)} m/s"),
+        *((("warning", warning)) for warning in figures.get("warnings", [])),
+    ]
+
+
+def _motion(motion: Figures) -> list[Row]:
+    mirrored = ", and their mirror images" if motion["mirrored"] else ""
+    rate = 60.0 * motion["strikes"] / motion["seconds"] if motion["seconds"] else 0.0
+    return [
+        ("capture", f"{count(motion['clips'], 'clip')} of {time(motion['seconds'])} together{mirrored}"),
+        ("strikes", f"{motion['strikes']:,}, {number(rate)} per minute"),
+    ]
+
+
+def _graph(graph: Figures, motion: Figures) -> list[Row]:
+    kept = motion["frames_kept_by_clip"]
+    whole = motion["frames"] * (2 if motion["mirrored"] else 1)
+    unused = [name for name, frames in kept.items() if frames == 0]
+    rate = motion["frames"] / motion["seconds"] if motion["seconds"] else math.nan
+    mean = graph["action_frames"] / rate
+    return [
+        ("frames kept", f"{graph['frames']:,} of {whole:,} control frames, {percent(graph['frames'] / whole)}"),
+        ("", f"{min(kept.values()):,} to {max(kept.values()):,} of a clip" if kept else None),
+        ("clips not used", ", ".join(unused) or None),
+        ("transitions", f"{graph['transitions']:,}, at a cost of {length(graph['cost_mean'])} (mean),"),
+        ("", f"{length(graph['cost_95'])} (95th percentile), {length(graph['threshold'])} (highest allowed)"),
+        ("states", f"{graph['states']:,}"),
+        ("actions", f"{graph['actions']:,}; {number(graph['branching'])} (mean) of a state"),
+        ("length of an action", f"{time(mean)} (mean), {time(graph['action_frames_most'] / rate)} (longest)"),
+        ("drawn at random", f"{number(graph['transitions_per_second'])} transitions per second, where the capture"),
+        ("", f"has none; captured motion runs on for {time(graph['uncut_seconds'])} (median)"),
+    ]
+
+
+def _strikes(strikes: Figures) -> list[Row]:
+    rows: list[Row] = []
+    for name, (low, high) in strikes["reach"].items():
+        text = _range(name, low, high)
+        if name in strikes["paper"]:
+            text += f"; the paper: {_range(name, *strikes['paper'][name])}"
+        rows.append((name.replace("_", " "), text))
+    return rows
+
+
+def _range(name: str, low: float, high: float) -> str:
+    if name == "bearing":
+        return f"{math.degrees(low):.0f} to {math.degrees(high):.0f} degrees"
+    return f"{low:.2f} to {high:.2f} m"
+
+
+def _behaviour(behaviour: Figures) -> list[Row]:
+    axes = [_axis(axis) for axis in behaviour["axes"]]
+    seconds, rate = behaviour["seconds"], behaviour["updates_per_second"]
+    solver = behaviour["solver"].replace("_", " ")
+    end = "converged" if behaviour["converged"] else "did not converge"
+    return [
+        ("environment", f"{behaviour['cells']:,} cells: {axes[0]}" + ("," if len(axes) > 1 else "")),
+        *((("", axis + ("," if axis is not axes[-1] else ""))) for axis in axes[1:]),
+        ("table", f"{size_text(behaviour['bytes'])}, {count(behaviour['entries'], 'entry', 'entries')}:"),
+        ("", _LOOKUPS[behaviour["lookup"]]),
+        ("solved by", f"{solver}, {count(behaviour['sweeps'], 'sweep')}, {end}, residual {behaviour['residual']:.1g}"),
+        ("took", None if seconds is None else time(seconds)),
+        ("", None if rate is None else f"{number(rate / 1e6)} million updates per second"),
+    ]
+
+
+def _axis(axis: Figures) -> str:
+    low, high = axis["minimum"], axis["maximum"]
+    if axis["wraps"]:
+        return f"{axis['name']} all around in steps of {math.degrees(high - low) / axis['count']:.0f} degrees"
+    finer = ", finer where it is small" if axis["stretch"] else ""
+    return f"{axis['name']} {_range(axis['name'], low, high)} at {axis['count']} grid points{finer}"
+
+
+def _training(timings: Figures) -> list[Row]:
+    return [(name, time(seconds)) for name, seconds in timings.items() if isinstance(seconds, int | float)]

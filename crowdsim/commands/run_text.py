@@ -1,0 +1,95 @@
+"""What ``crowdsim inspect RUN`` prints: the figures of a run in words, rated against the capture where it has them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from crowdsim.commands.figures_text import Row, count, length, number, percent, rating, section, speed, time
+from crowdsim.take.measures import AFTER, AIR, OUT_OF_REACH, STUCK
+from crowdsim.take.quality import TOUCH
+
+Figures = Mapping[str, Any]
+
+
+def run_lines(figures: Figures) -> list[str]:
+    """Return the figures of ``measure_take``, with the seconds that the run took, as indented lines of text."""
+    return [
+        *section("Run", _run(figures)),
+        *section("Strikes", _strikes(figures)),
+        *section(f"Opponents, from {AFTER:g} s on", _opponents(figures)),
+        *section("Motion, and the capture's in the same frames", _motion(figures)),
+    ]
+
+
+def _run(figures: Figures) -> list[Row]:
+    control, wall = figures.get("control_seconds"), figures.get("wall_seconds")
+    seconds = number(figures["seconds"], 3)
+    return [
+        ("avatars", f"{figures['avatars']:,}"),
+        ("length", f"{count(figures['control_frames'], 'control frame')}, {seconds} s"),
+        ("control took", None if control is None else time(control)),
+        ("the whole run took", None if wall is None else time(wall)),
+    ]
+
+
+def _strikes(figures: Figures) -> list[Row]:
+    thrown, landed = figures["thrown_per_minute"], figures["landed_per_minute"]
+    least, first = figures["least_landed_per_minute"], figures["first_landed_seconds"]
+    captured, share = figures["thrown_per_minute_captured"], figures["landed_share"]
+    rates = "" if thrown is None else f", {number(thrown)} per avatar per minute"
+    if thrown is not None and captured is not None:
+        rates += f": {rating(thrown, captured)}, {number(captured)}"
+    hits = "" if share is None else f", {percent(share)} of those thrown"
+    hits += "" if landed is None else f", {number(landed)} per avatar per minute"
+    air = figures["air_share"]
+    return [
+        ("thrown", f"{figures['strikes_thrown']:,}{rates}"),
+        ("landed", f"{figures['strikes_landed']:,}{hits}"),
+        ("", None if least is None else f"{number(least)} per minute by the avatar that lands least"),
+        ("first landed", "never" if first is None else f"after {time(first)}"),
+        ("thrown at the air", None if air is None else f"{percent(air)}, at opponents further away than {AIR:g} m"),
+    ]
+
+
+def _opponents(figures: Figures) -> list[Row]:
+    distance, out, away = (figures[key] for key in ("distance_median", "out_of_reach_share", "turned_away_share"))
+    stuck, changes = figures["stuck_avatars"], figures["opponent_changes"]
+    if distance is None:
+        return [("not measured", "no avatar has an opponent then, or the run ends before")]
+    return [
+        ("distance", f"{distance:.2f} m (median)"),
+        ("out of reach", f"{percent(out)} of the time, further away than {OUT_OF_REACH:g} m"),
+        ("stuck", None if stuck is None else f"{count(stuck, 'avatar')}, out of reach for longer than {STUCK:g} s"),
+        ("behind the avatar", f"{percent(away)} of the time"),
+        ("changed", f"{count(changes, 'time')}, in the whole run"),
+    ]
+
+
+def _motion(figures: Figures) -> list[Row]:
+    jump, cuts, overlap = (figures[k] for k in ("transition_jump_ratio", "transitions_per_second", "overlap_share"))
+    return [
+        ("planted feet slide", _slide(figures, "median", "median")),
+        ("", _slide(figures, "95", "95th percentile")),
+        ("joints accelerate", None if jump is None else f"{rating(jump, 1.0)}, around transitions"),
+        ("transitions", None if cuts is None else f"{number(cuts, 3)} per second and avatar; the capture has none"),
+        ("fists that land", _fists(figures)),
+        ("bodies overlap", None if overlap is None else f"{percent(overlap)} of the time"),
+    ]
+
+
+def _slide(figures: Figures, key: str, name: str) -> str | None:
+    ours, captured = figures[f"foot_slide_{key}"], figures[f"foot_slide_{key}_captured"]
+    if ours is None:
+        return None
+    beside = "" if captured is None else f": {rating(ours, captured)}, {speed(captured)}"
+    return f"at {speed(ours)} ({name}){beside}"
+
+
+def _fists(figures: Figures) -> str | None:
+    share, middle, most = (figures[key] for key in ("fists_off_share", "fist_gap_median", "fist_gap_most"))
+    if share is None:
+        return None
+    limit = f"{100.0 * TOUCH:g} cm"
+    off = f"all within {limit} of what they hit" if share == 0.0 else f"{percent(share)} further than {limit} from it"
+    return f"{off}; {length(middle)} (median), {length(most)} (furthest)"

@@ -1,0 +1,66 @@
+"""What actions do, in a word: strike, step, turn or stay, by which maps of best actions are coloured."""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from crowdsim.policy.actions import Actions
+
+Array = NDArray[Any]
+
+STILL, SMALL_TURN = 0.08, math.radians(15.0)
+"""An action that goes less far over the ground [m] and turns by less [rad] stays."""
+TURN_REACH = 0.5
+"""A turn counts as so much of a way for each radian [m]: the stronger of turn and way names the action."""
+
+
+class MotionKind(IntEnum):
+    """A kind of motion."""
+
+    STAY = 0
+    STEP_FORWARD = 1
+    STEP_BACK = 2
+    STEP_LEFT = 3
+    STEP_RIGHT = 4
+    TURN_LEFT = 5
+    TURN_RIGHT = 6
+    STRIKE_LEFT = 7
+    STRIKE_RIGHT = 8
+
+    @property
+    def words(self) -> str:
+        """The kind in words."""
+        return self.name.lower().replace("_", " ")
+
+
+def motion_kinds(actions: Actions, strike_hands: ArrayLike) -> Array:
+    """Return the kind of every action.
+
+    An action with a strike is one of its first strike's hand. Others are told by where they lead: ahead, back or to a
+    side, whichever of the four ways is nearest, unless they turn more than they go or do neither.
+
+    Args:
+        actions: The actions.
+        strike_hands: Hand of each strike of the database, 0 left, 1 right. Shape (S,).
+
+    Returns:
+        Values of ``MotionKind``. Shape (A,), uint8.
+    """
+    across, ahead, turn = np.asarray(actions.displacements, float).T
+    way = np.hypot(across, ahead)
+    kinds = np.where(across >= 0.0, MotionKind.STEP_LEFT, MotionKind.STEP_RIGHT)
+    straight = np.abs(ahead) >= np.abs(across)
+    kinds = np.where(straight, np.where(ahead >= 0.0, MotionKind.STEP_FORWARD, MotionKind.STEP_BACK), kinds)
+    turns = np.abs(turn) * TURN_REACH > way
+    kinds = np.where(turns, np.where(turn >= 0.0, MotionKind.TURN_LEFT, MotionKind.TURN_RIGHT), kinds)
+    kinds = np.where((way < STILL) & (np.abs(turn) < SMALL_TURN), MotionKind.STAY, kinds)
+    first, end = actions.strike_offsets[:-1], actions.strike_offsets[1:]
+    strikes = np.flatnonzero(end > first)
+    hands = np.asarray(strike_hands)[actions.strike_ids[first[strikes]]]
+    kinds[strikes] = np.where(hands == 0, MotionKind.STRIKE_LEFT, MotionKind.STRIKE_RIGHT)
+    return kinds.astype(np.uint8)

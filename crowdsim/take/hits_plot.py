@@ -1,0 +1,179 @@
+"""Where strikes land: on a silhouette of the body, from the front and from the side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.figures import new_figure
+from crowdsim.motion import ground, quaternion
+from crowdsim.motion.body import Body
+from crowdsim.motion.database import MotionDatabase
+from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.take.fists import body_points
+from crowdsim.take.poses import PoseSampler
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[Any]
+
+_MOST = 4000
+"""Strikes that are drawn at the most; of more, some evenly picked."""
+_HANDS = (("left fist", "tab:blue"), ("right fist", "tab:red"))
+_LIMBS, _TARGET = "#e4e4e4", "#bdbdbd"
+
+
+@dataclass(frozen=True)
+class Silhouette:
+    """A body in a stance, in its own ground frame.
+
+    Attributes:
+        starts: One end of each of its capsules [m]. Shape (K, 3).
+        ends: The other end [m]. Shape (K, 3).
+        radii: Radius at both [m]. Shape (K, 2).
+        head: Centre of the head [m]. Shape (3,).
+        neck: Upper end of the torso [m]. Shape (3,).
+        pelvis: Its lower end [m]. Shape (3,).
+        head_radius: Radius of the head [m].
+        torso_radius: Radius of the torso [m].
+    """
+
+    starts: Array
+    ends: Array
+    radii: Array
+    head: Array
+    neck: Array
+    pelvis: Array
+    head_radius: float
+    torso_radius: float
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Strikes that landed on avatars: where fists touch, moved from the body that each hit to the silhouette.
+
+    Attributes:
+        points: Where, in the silhouette's ground frame [m]. Shape (H, 3).
+        on_head: Whether the head was nearer than the torso. Shape (H,).
+        hands: 0 left, 1 right. Shape (H,).
+        count: Number of strikes that landed in the run; H is less where only some are drawn.
+    """
+
+    points: Array
+    on_head: Array
+    hands: Array
+    count: int
+
+
+def build_silhouette(database: MotionDatabase) -> Silhouette:
+    """Return the body of a database in the frame of the capture that is nearest to its median stance."""
+    features = np.concatenate(
+        [np.asarray(database.heads, float), *np.moveaxis(np.asarray(database.fists, float), 1, 0)], 1
+    )
+    frame = int(np.argmin(np.sum((features - np.median(features, axis=0)) ** 2, axis=1)))
+    body: Body = database.body
+    one = slice(frame, frame + 1)
+    places, turns = forward_kinematics(database.skeleton, database.root_positions[one], database.rotations[one])
+    stance = np.asarray(database.ground[frame], float)
+    joints = body.capsule_joints
+
+    def posed(offsets: Array) -> Array:
+        return ground.to_local(stance, places[0, joints] + quaternion.rotate(turns[0, joints], offsets))
+
+    head, neck, pelvis, _ = body_points(body, places, turns, np.ones(1))
+    head, neck, pelvis = (ground.to_local(stance, point[0]) for point in (head, neck, pelvis))
+    radii = np.asarray(body.capsule_radii, float)
+    starts, ends = posed(body.capsule_starts), posed(body.capsule_ends)
+    return Silhouette(starts, ends, radii, head, neck, pelvis, body.head_radius, body.torso_radius)
+
+
+def find_hits(sampler: PoseSampler, silhouette: Silhouette) -> Hits:
+    """Return where strikes landed on avatars, on the silhouette."""
+    take, events = sampler.take, sampler.take.events
+    landed = np.flatnonzero(np.asarray(events.landed, bool) & (np.asarray(events.victim) >= 0))
+    some = landed[np.unique(np.linspace(0, len(landed) - 1, min(len(landed), _MOST)).astype(np.int64))]
+    victims = np.asarray(events.victim)[some].astype(np.int64)
+    hands, frames = np.asarray(events.hand)[some].astype(np.int64), np.asarray(events.frame, dtype=float)[some]
+    times, hit = frames / take.control_rate, np.full((len(some), 3), np.nan)
+    for which, body, scales, places, turns in sampler.moments(np.asarray(events.attacker)[some].astype(int), times):
+        hit[which] = body_points(body, places, turns, scales)[3][np.arange(len(which)), hands[which]]
+    rows = np.clip(np.round(frames).astype(np.int64), 0, take.frame_count - 1)
+    headings = np.asarray(take.heading[:])[rows, victims].astype(float)
+    points, on_head = np.full((len(some), 3), np.nan), np.zeros(len(some), bool)
+    for which, body, scales, places, turns in sampler.moments(victims, times):
+        head, neck, pelvis, _ = body_points(body, places, turns, scales)
+        axis = pelvis - neck
+        share = np.sum((hit[which] - neck) * axis, axis=1) / np.maximum(np.sum(axis * axis, axis=1), 1e-12)
+        share = np.clip(share, 0.0, 1.0)[:, None]
+        from_head, from_torso = hit[which] - head, hit[which] - (neck + share * axis)
+        gaps = [np.linalg.norm(way, axis=1) for way in (from_head, from_torso)]
+        nearer = gaps[0] - body.head_radius * scales <= gaps[1] - body.torso_radius * scales
+        turned = np.zeros((len(which), 3))
+        turned[:, 2] = headings[which]
+        out = ground.to_local(turned, np.where(nearer[:, None], from_head, from_torso)) / scales[:, None]
+        middle = silhouette.neck + share * (silhouette.pelvis - silhouette.neck)
+        points[which] = np.where(nearer[:, None], silhouette.head, middle) + out
+        on_head[which] = nearer
+    known = np.isfinite(points).all(axis=1)
+    return Hits(points[known], on_head[known], hands[known], len(landed))
+
+
+def hit_figure(sampler: PoseSampler) -> Figure:
+    """Draw where strikes land, on a silhouette of the body that most of those who are hit have."""
+    take = sampler.take
+    victims = np.asarray(take.events.victim)[np.asarray(take.events.landed, bool)]
+    policies = take.cast.policies[victims[victims >= 0]]
+    most = int(np.argmax(np.bincount(policies))) if len(policies) else int(take.cast.policies[0])
+    silhouette = build_silhouette(sampler.policies[most].database)
+    hits = find_hits(sampler, silhouette)
+    figure = new_figure(9.0, 7.0)
+    views = figure.subplots(1, 2, sharey=True)
+    for axes, across, label in zip(views, (0, 2), ("to its left [m]", "ahead of it [m]"), strict=True):
+        _draw_silhouette(axes, silhouette, across)
+        size = float(np.clip(3000.0 / max(len(hits.points), 1), 4.0, 30.0))
+        for hand, (name, colour) in enumerate(_HANDS):
+            mine = hits.points[hits.hands == hand]
+            text = f"{name} ({len(mine)})"
+            axes.scatter(
+                mine[:, across], mine[:, 1], s=size, color=colour, alpha=0.7, linewidths=0, label=text, zorder=3
+            )
+        axes.set_xlabel(label)
+        axes.set_xlim(-0.75, 0.75)
+        axes.set_ylim(0.0, 1.9)
+        axes.set_aspect("equal")
+    views[0].set_ylabel("height [m]")
+    views[0].set_title("from the front", fontsize=10)
+    views[1].set_title("from its left side", fontsize=10)
+    figure.legend(*views[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    parts = ""
+    if len(hits.points):
+        share = float(hits.on_head.mean())
+        parts = f": {share:.0%} on the head, {1.0 - share:.0%} on the torso"
+    figure.suptitle(f"{hits.count} strikes that landed on avatars{parts}")
+    return figure
+
+
+def _draw_silhouette(axes: Axes, silhouette: Silhouette, across: int) -> None:
+    """Fill the outlines of limbs, and of head and torso, which strikes can land on, over them."""
+    for start, end, radii in zip(silhouette.starts, silhouette.ends, silhouette.radii, strict=True):
+        axes.fill(*_outline(start, end, radii, across).T, color=_LIMBS, linewidth=0, zorder=1)
+    torso, head = (silhouette.torso_radius,) * 2, (silhouette.head_radius,) * 2
+    for start, end, radii in ((silhouette.neck, silhouette.pelvis, torso), (silhouette.head, silhouette.head, head)):
+        outline = _outline(start, end, np.array(radii), across)
+        axes.fill(*outline.T, facecolor=_TARGET, edgecolor="0.35", linewidth=1.0, alpha=0.8, zorder=2)
+    axes.axhline(0.0, color="0.6", lw=0.8)
+
+
+def _outline(start: Array, end: Array, radii: Array, across: int) -> Array:
+    """The outline of a rounded cone as seen along the other level axis. Shape (n, 2)."""
+    from scipy.spatial import ConvexHull
+
+    angles = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    points = np.concatenate([end_[[across, 1]] + r * circle for end_, r in ((start, radii[0]), (end, radii[1]))])
+    return np.asarray(points[ConvexHull(points).vertices])

@@ -1,0 +1,141 @@
+"""What `inspect` prints for people: sentences and units, rounded figures, ratings against the capture."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from scenes import crowdsim, write_scene
+
+from crowdsim.commands.capture_text import capture_lines
+from crowdsim.commands.figures_text import count, length, number, percent, rating, section, speed, time
+from crowdsim.commands.policy_text import policy_lines
+from crowdsim.commands.run_text import run_lines
+from crowdsim.motion.strikes import REASONS, Rejection
+
+KEYS_OF_A_RUN = (
+    "avatars control_frames seconds strikes_thrown strikes_landed hits_per_minute_per_avatar overlap_share "
+    "foot_slide_median foot_slide_95 transition_jump_ratio opponent_changes transitions_per_second control_seconds "
+    "wall_seconds first_landed_seconds out_of_reach_share stuck_avatars thrown_per_minute landed_per_minute "
+    "least_landed_per_minute landed_share air_share turned_away_share distance_median"
+).split()
+
+
+def no_data(text: str) -> bool:
+    """Whether a text has no dict, list or other repr in it, and no number of more than four digits after a dot."""
+    return not re.search(r"[{}\[\]]|None|nan|True|False|\.\d{5}|array|\w_\w", text)
+
+
+def test_figures_are_rated_against_the_captures_own():
+    assert rating(0.0153, 0.0158) == "as the capture"
+    assert rating(1.4, 1.0) == "1.40 times the capture's"
+    assert rating(0.5, 1.0) == "0.50 times the capture's"
+    assert rating(30.0, 1.0) == "30 times the capture's"
+    assert rating(1.0, 0.0) == "the capture has none"
+    assert rating(0.0, 0.0) == "as the capture"
+
+
+def test_numbers_are_rounded_to_what_they_mean():
+    assert [number(value) for value in (0.0, 0.015293, 1.5432, 76.33, 1234.5)] == ["0", "0.015", "1.5", "76", "1,234"]
+    assert [length(0.00475), length(1.0412)] == ["0.5 cm", "1.04 m"]
+    assert [speed(0.015293), speed(2.5)] == ["0.015 m/s", "2.5 m/s"]
+    assert [time(value) for value in (0.0048, 0.68, 3.4, 44.3, 90.74)] == [
+        "4.8 ms", "0.68 s", "3.4 s", "44.3 s", "1 min 31 s",
+    ]  # fmt: skip
+    assert [percent(value) for value in (0.0, 0.0015, 0.0567, 1.0)] == ["none", "0.15 %", "5.7 %", "100.0 %"]
+    assert [count(1, "frame"), count(2000, "frame"), count(2, "entry", "entries")] == [
+        "1 frame", "2,000 frames", "2 entries",
+    ]  # fmt: skip
+
+
+def test_labels_of_a_section_are_aligned_and_figures_that_there_are_not_are_left_out():
+    assert section("Run", [("a", "1 m"), ("long", "2 m"), ("none", None)]) == [
+        "  Run",
+        "    a     1 m",
+        "    long  2 m",
+    ]
+    assert section("Run", [("none", None)]) == []
+
+
+@pytest.fixture
+def run(workplace: Path) -> Path:
+    write_scene(workplace / "four.yaml", duration=200)
+    assert crowdsim("run", "four.yaml", "--out", "run", "--quiet") == 0
+    return workplace / "run"
+
+
+def test_a_run_is_described_in_words_with_units_and_rated(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert crowdsim("inspect", "run", "--quiet") == 0
+    printed = capsys.readouterr().out
+    path, text = printed.split("\n", 1)
+    assert path == "run"
+    assert no_data(text)
+    assert "    length              200 control frames, 13.3 s\n" in text
+    rated = r"(as the capture|\d\.\d\d times the capture's)"
+    assert re.search(rf"planted feet slide  at 0\.\d{{3}} m/s \(median\): {rated}, 0\.\d{{3}} m/s", text)
+    assert re.search(rf"thrown +\d+, \d+(\.\d)? per avatar per minute: {rated}, \d+", text)
+    assert re.search(rf"joints accelerate   {rated}, around transitions", text)
+    assert crowdsim("inspect", "run", "--json") == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert set(KEYS_OF_A_RUN) <= set(figures)
+    assert figures["thrown_per_minute_captured"] > 0.0
+
+
+def test_a_run_of_which_little_can_be_measured_says_so() -> None:
+    figures = dict.fromkeys([*KEYS_OF_A_RUN, "thrown_per_minute_captured", "fists_off_share", "fist_gap_median"])
+    figures |= dict.fromkeys(["fist_gap_most", "foot_slide_median_captured", "foot_slide_95_captured"])
+    figures |= {"avatars": 1, "control_frames": 1, "seconds": 0.0, "strikes_thrown": 0, "strikes_landed": 0}
+    lines = run_lines(figures)
+    assert no_data("\n".join(lines))
+    assert "    first landed  never" in lines
+    assert "    not measured  no avatar has an opponent then, or the run ends before" in lines
+
+
+def test_fists_are_rated_by_the_distance_within_which_they_touch() -> None:
+    figures = dict.fromkeys([*KEYS_OF_A_RUN, "thrown_per_minute_captured", "foot_slide_median_captured"])
+    figures |= dict.fromkeys(["foot_slide_95_captured"])
+    figures |= {"avatars": 2, "control_frames": 9, "seconds": 1.0, "strikes_thrown": 2, "strikes_landed": 2}
+    figures |= {"fists_off_share": 0.0, "fist_gap_median": 0.001, "fist_gap_most": 0.018}
+    touching = "    fists that land  all within 2 cm of what they hit; 0.1 cm (median), 1.8 cm (furthest)"
+    assert touching in run_lines(figures)
+    figures |= {"fists_off_share": 0.031, "fist_gap_most": 0.05}
+    off = "    fists that land  3.1 % further than 2 cm from it; 0.1 cm (median), 5.0 cm (furthest)"
+    assert off in run_lines(figures)
+
+
+def test_a_policy_is_described_in_words_with_units(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert crowdsim("inspect", "tiny") == 0
+    printed = capsys.readouterr().out.split("\n", 1)[1]
+    assert no_data(printed)
+    for words in (
+        "control frames, ",
+        "transitions per second",
+        "degrees",
+        " m at ",
+        "grid points",
+        " kB, ",
+        " s (mean)",
+    ):
+        assert words in printed
+    assert crowdsim("inspect", "tiny", "--json") == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert "\n".join(policy_lines(figures)) == printed.rstrip("\n")
+    assert {"motion", "graph", "behaviours", "fingerprint", "fingerprints", "timings"} <= set(figures)
+
+
+def test_swings_that_are_no_strikes_are_counted_by_reason() -> None:
+    swing = {"seconds": 1.0, "hand": "left", "speed": 3.0, "reason": "short"}
+    figures = {
+        "joints": 22, "end_sites": 5, "channels": 69, "frames": 240, "fps": 60.0, "seconds": 4.0, "unit_scale": 0.01,
+        "up_axis": "y", "height_m": 1.75, "roles": {}, "lead_in_frames": 0, "floor_m": -0.031, "contacts": 3,
+        "contact_share": [0.5, 0.75], "strikes": 0, "highest_fist_speed": 3.2, "strike_list": [],
+        "rejected_list": [swing, swing, {**swing, "reason": "no_reach"}],
+    }  # fmt: skip
+    lines = capture_lines(figures)
+    assert f"    fast, but no strike  1 swing: {REASONS[Rejection.NO_REACH]}" in lines
+    assert f"                         2 swings: {REASONS[Rejection.SHORT]}" in lines
+    assert "    floor    at a height of -3.1 cm in the file" in lines
+    assert no_data("\n".join(lines))
