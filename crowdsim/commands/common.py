@@ -48,7 +48,8 @@ Search = Annotated[
 Mocap = Annotated[
     Path | None,
     typer.Option(
-        metavar="DIR", help="Folder of motion capture, for recipes that train from it.", envvar="CROWDSIM_MOCAP"
+        metavar="DIR",
+        help="Folder of motion capture, for recipes that train from it; the recipe's, else that of CROWDSIM_MOCAP.",
     ),
 ]
 
@@ -130,9 +131,9 @@ def print_json(document: Any) -> None:
     print(json.dumps(document, indent=2, allow_nan=False))
 
 
-def print_tree(told: Any, depth: int) -> None:
+def print_tree(document: Any, depth: int) -> None:
     """Print plain data as indented lines, numbers to four digits."""
-    for key, value in told.items():
+    for key, value in document.items():
         if isinstance(value, dict):
             print("  " * depth + f"{key}:")
             print_tree(value, depth + 1)
