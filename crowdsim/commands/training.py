@@ -51,15 +51,8 @@ def train(
     from crowdsim.policy.summary import summarise
     from crowdsim.policy.train import train_recipe
 
-    written = None
-    if name is not None:
-        if recipe is not None:
-            raise CrowdsimError(f"train {recipe} --name {name}: expected a recipe or --name, not both")
-        written = _write_recipe(name, mocap, behaviours)
-    elif recipe is None:
-        raise CrowdsimError("train: expected a recipe, or --mocap DIR and --name NAME for capture of your own")
-    elif behaviours is not None:
-        raise CrowdsimError("train --behaviours: expected --name too; a recipe says itself what is learned")
+    _check_options(recipe, name, behaviours)
+    written = None if name is None else _write_recipe(name, mocap, behaviours)
     chosen = str(written or recipe)
     try:
         with Bars() as bars, watch_compilation(bars.note) as compilation:
@@ -88,6 +81,16 @@ def train(
     say(f"{folder}: {'trained' if trained else 'up to date'}")
     if not talk.quiet:
         _print_summary(summary)
+
+
+def _check_options(recipe: str | None, name: str | None, behaviours: str | None) -> None:
+    """Refuse options that do not go together."""
+    if recipe is None and name is None:
+        raise CrowdsimError("train: expected a recipe, or --mocap DIR and --name NAME for capture of your own")
+    if recipe is not None and name is not None:
+        raise CrowdsimError(f"train {recipe} --name {name}: expected a recipe or --name, not both")
+    if name is None and behaviours is not None:
+        raise CrowdsimError("train --behaviours: expected --name too; a recipe says itself what is learned")
 
 
 def _write_recipe(name: str, mocap: Path | None, behaviours: str | None) -> Path:

@@ -146,29 +146,24 @@ def train_policy(
             "prune": time.perf_counter() - built,
             "behaviours": {},
         }
-        behaviours, solutions = [], {}
+        trained, solutions = [], {}
         for label, spec in recipe.behaviours.items():
             begun = time.perf_counter()
             behaviour, solution = train_behaviour(label, spec, database, actions, body, recipe.precision, progress)
-            behaviours.append(behaviour)
+            trained.append(behaviour)
             solutions[label] = solution
             timings["behaviours"][label] = {
                 "seconds": time.perf_counter() - begun,
                 "solver_seconds": solution.seconds,
                 "updates_per_second": solution.updates / max(solution.seconds, 1e-9),
             }
-        values = np.concatenate([behaviour.table for behaviour in behaviours])
-        ends = np.cumsum([len(behaviour.table) for behaviour in behaviours])
-        behaviours = [
-            Behaviour(**{**vars(behaviour), "table": values[end - len(behaviour.table) : end]})
-            for behaviour, end in zip(behaviours, ends, strict=True)
-        ]
+        behaviours, values = _join_tables(trained)
         policy = Policy(
             name=name,
             database=database,
             graph=graph,
             actions=actions,
-            behaviours=tuple(behaviours),
+            behaviours=behaviours,
             body=body,
             values=values,
             recipe=plain(recipe),
@@ -178,6 +173,14 @@ def train_policy(
         )
         statistics = policy_statistics(policy, solutions)
     return Policy(**{**vars(policy), "statistics": statistics}), timings
+
+
+def _join_tables(behaviours: list[Behaviour]) -> tuple[tuple[Behaviour, ...], Array]:
+    """Return behaviours whose tables are parts of one array, and that array."""
+    values = np.concatenate([behaviour.table for behaviour in behaviours])
+    ends = np.cumsum([len(behaviour.table) for behaviour in behaviours])
+    parts = [values[end - len(one.table) : end] for one, end in zip(behaviours, ends, strict=True)]
+    return tuple(replace(one, table=part) for one, part in zip(behaviours, parts, strict=True)), values
 
 
 def load_motion(recipe: Recipe, files: list[Path], progress: Progress | None = None) -> MotionDatabase:
