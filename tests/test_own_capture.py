@@ -110,7 +110,7 @@ def test_training_ends_with_a_summary_whose_json_says_the_same(inside, capsys):
     lines = [
         "me: up to date",
         f"  motion      1 clip, 8.0 s, {summary['motion']['frames_kept'] / summary['motion']['frames']:.0%} of it used",
-        f"  strikes     {strikes['count']}",
+        f"  strikes     {strikes['count']}, {strikes['used_share']:.0%} used\n",
         "    by kind   " + ", ".join(f"{count} {kind}" for kind, count in strikes["by_kind"].items()),
         f"    by hand   {strikes['by_hand']['left']} left, {strikes['by_hand']['right']} right",
         f"    aimed at  {strikes['by_height']['head']} head, {strikes['by_height']['body']} body",

@@ -120,7 +120,7 @@ def _print_summary(summary: dict[str, Any]) -> None:
     clips = f"{motion['clips']} clip{'s' * (motion['clips'] != 1)}"
     kept = motion["frames_kept"] / max(motion["frames"], 1)
     print(f"  motion      {clips}, {motion['seconds']:.1f} s, {kept:.0%} of it used{mirrored}")
-    print(f"  strikes     {strikes['count']}")
+    print(f"  strikes     {strikes['count']}" + (f", {strikes['used_share']:.0%} used" if strikes["count"] else ""))
     for key, words in (("by_kind", "by kind"), ("by_hand", "by hand"), ("by_height", "aimed at")):
         if key in strikes:
             counts = ", ".join(f"{count} {name}" for name, count in strikes[key].items())

@@ -51,7 +51,8 @@ def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict
         "behaviours": {},
     }
     if len(database.strike_frames):
-        told["strikes"] = {**_count_strikes(database, own[clip_of]), "paper": PAPER_REACH}
+        used = len(np.unique(policy.actions.strike_ids)) / len(database.strike_frames)
+        told["strikes"] = {**_count_strikes(database, own[clip_of]), "used_share": used, "paper": PAPER_REACH}
     for behaviour in policy.behaviours:
         solution = solutions[behaviour.name]
         entry_bytes = {"float32": 4, "float16": 2, "int16": 2, "int8": 1}[str(policy.recipe["precision"])]

@@ -22,12 +22,13 @@ def summarise(statistics: Mapping[str, Any], recipe: Path) -> dict[str, Any]:
 
     Returns:
         ``motion``: clips, seconds, mirrored, control frames, those that the graph keeps. ``strikes``: how many, by
-        hand, kind and height, mirror images left out. ``states`` and ``actions`` of the graph. ``reach``: distances
-        from which strikes reach a head, and heights of the fist [m]; None without strikes. ``sustained_speed`` [m/s].
-        ``success`` of each behaviour. ``weaknesses``: what, and what to do about it. ``next``: a command to type.
+        hand, kind and height, mirror images left out, and the share that the graph keeps. ``states`` and ``actions`` of
+        the graph. ``reach``: distances from which strikes reach a head, and heights of the fist [m]; None without
+        strikes. ``sustained_speed`` [m/s]. ``success`` of each behaviour. ``weaknesses``: what, and what to do about
+        it. ``next``: a command to type.
     """
     motion, graph, strikes = statistics["motion"], statistics["graph"], statistics.get("strikes")
-    counts = {key: strikes[key] for key in ("by_hand", "by_kind", "by_height")} if strikes else {}
+    counts = {key: strikes[key] for key in ("by_hand", "by_kind", "by_height", "used_share")} if strikes else {}
     reach = {"distance": strikes["striking_range"], "height": list(strikes["reach"]["height"])} if strikes else None
     return {
         "motion": {key: motion[key] for key in ("clips", "seconds", "mirrored", "frames", "frames_kept")},

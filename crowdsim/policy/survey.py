@@ -16,8 +16,8 @@ from crowdsim.policy.strikeless import Fists
 
 Progress = Callable[[str, int, int], None]
 
-LEAST_SECONDS = 2.0 / 15.0
-"""Least length of a clip that can be trained on: two control frames at the default rate [s]."""
+LEAST_SECONDS = 0.2
+"""Least length of a clip that can be trained on: two whole control frames at the default rate, and one to spare [s]."""
 _SHOWN = 4
 
 

@@ -9,7 +9,7 @@ from typing import Any
 LITTLE_MOTION = 60.0
 """Less motion than this [s] soon repeats itself."""
 KEPT = 0.7
-"""Share of the motion that the graph should keep."""
+"""Share of the motion, and of its strikes, that the graph should keep."""
 BRANCHING = 3.0
 """Actions of a state, in the mean, below which there is little to choose from."""
 FEW_STRIKES = 10
@@ -80,6 +80,11 @@ def _of_strikes(statistics: Mapping[str, Any]) -> Iterator[Weakness]:
     strikes = statistics["strikes"]
     if motion["strikes"] < FEW_STRIKES:
         yield Weakness(f"few strikes: {motion['strikes']}, which soon repeat themselves", "add clips with strikes")
+    if strikes["used_share"] < KEPT:
+        yield Weakness(
+            f"{1.0 - strikes['used_share']:.0%} of the strikes are not used, for want of transitions to them",
+            f"raise graph.threshold ({statistics['graph']['threshold']:g} m), or add clips that lead to them",
+        )
     for hand, count in strikes["by_hand"].items():
         if not count and not motion["mirrored"]:
             yield Weakness(f"no strikes with the {hand} hand", "set motion.mirror to true, or add clips with some")

@@ -51,6 +51,7 @@ def test_a_bundle_says_what_its_behaviours_succeed_in_and_how_its_strikes_are_di
         assert facts["success"]["share"] == measure_success(policy, policy.behaviour(name)).share
     for key in ("by_hand", "by_kind", "by_height"):
         assert sum(told["strikes"][key].values()) == told["motion"]["strikes"] > 0
+    assert 0.5 < told["strikes"]["used_share"] <= 1.0
     near, far = told["strikes"]["striking_range"]
     assert 0.3 < near < far < 1.3
     assert 0 < told["motion"]["frames_kept"] <= told["motion"]["frames"]

@@ -14,6 +14,7 @@ GOOD = {
     "graph": {"branching": 7.0, "threshold": 0.25},
     "strikes": {
         "reach": {"height": [1.0, 1.5]},
+        "used_share": 0.9,
         "by_hand": {"left": 20, "right": 20},
         "by_kind": {"straight": 20, "hook": 15, "uppercut": 5},
         "by_height": {"head": 30, "body": 10},
@@ -55,6 +56,7 @@ def test_a_good_policy_has_no_weakness():
         ("motion.frames_kept_by_clip", {"a": 1500, "b": 0},
          "1 clip is not used, for want of transitions to and from the others: b"),
         ("graph.branching", 2.1, "few transitions: 2.1 actions a state"),
+        ("strikes.used_share", 0.25, "75% of the strikes are not used, for want of transitions to them"),
         ("strikes.by_hand.left", 0, "no strikes with the left hand"),
         ("strikes.by_kind.straight", 39, "nearly all strikes are of one kind, straight"),
         ("strikes.by_height.head", 1, "2% of the strikes go to the head"),
