@@ -64,7 +64,8 @@ def test_a_changed_recipe_is_trained_again_from_its_own_folder(inside, tmp_path,
     printed = capsys.readouterr().out
     assert f"{tmp_path}/mine: trained\n  motion      1 clip, 8.0 s, " in printed
     assert "mirror images" not in printed
-    assert f"--set types.boxer.policy={tmp_path}/mine.yaml --out output/duel_mine\n" in printed
+    assert f"  next        crowdsim inspect {tmp_path}/mine.yaml\n    scenarios find policies by name: " in printed
+    assert crowdsim("inspect", tmp_path / "mine.yaml") == 0
 
 
 def test_names_that_are_taken_are_refused_before_anything_is_read(inside, capsys):

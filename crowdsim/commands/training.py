@@ -137,6 +137,8 @@ def _print_summary(summary: dict[str, Any]) -> None:
     for weakness in weaknesses:
         print(f"    {weakness['what']}: {weakness['advice']}")
     print(f"  next        {summary['next']}")
+    if not summary["named"]:
+        print("    scenarios find policies by name: keep the recipe in the folder policies/ to run it")
 
 
 def _success_text(success: dict[str, Any]) -> str:

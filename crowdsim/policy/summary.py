@@ -25,7 +25,7 @@ def summarise(statistics: Mapping[str, Any], recipe: Path) -> dict[str, Any]:
         hand, kind and height, mirror images left out, and the share that the graph keeps. ``states`` and ``actions`` of
         the graph. ``reach``: distances from which strikes reach a head, and heights of the fist [m]; None without
         strikes. ``sustained_speed`` [m/s]. ``success`` of each behaviour. ``weaknesses``: what, and what to do about
-        it. ``next``: a command to type.
+        it. ``named``: whether scenarios find the policy. ``next``: a command to type.
     """
     motion, graph, strikes = statistics["motion"], statistics["graph"], statistics.get("strikes")
     counts = {key: strikes[key] for key in ("by_hand", "by_kind", "by_height", "used_share")} if strikes else {}
@@ -39,16 +39,24 @@ def summarise(statistics: Mapping[str, Any], recipe: Path) -> dict[str, Any]:
         "sustained_speed": statistics["sustained_speed"],
         "success": {name: facts["success"] for name, facts in statistics["behaviours"].items()},
         "weaknesses": [asdict(weakness) for weakness in find_weaknesses(statistics)],
+        "named": is_named(recipe),
         "next": next_command(recipe),
     }
 
 
-def next_command(recipe: Path) -> str:
-    """Return a command that shows a policy, by the name or else the path of its recipe."""
-    name = recipe.stem
+def is_named(recipe: Path) -> bool:
+    """Return whether scenarios find a policy by its name from the working folder, as they must."""
     try:
-        known = assets.find_recipe(name).resolve() == recipe.resolve()
+        return assets.find_recipe(recipe.stem).resolve() == recipe.resolve()
     except RecipeError:
-        known = False
-    policy = f"types.boxer.policy={name if known else recipe}"
-    return shlex.join(["crowdsim", "run", "duel", "--set", policy, "--out", f"output/duel_{name}"])
+        return False
+
+
+def next_command(recipe: Path) -> str:
+    """Return a command that shows a policy: in a scenario, or by its figures where no scenario can find it."""
+    if not is_named(recipe):
+        return shlex.join(["crowdsim", "inspect", str(recipe)])
+    name = recipe.stem
+    return shlex.join(
+        ["crowdsim", "run", "duel", "--set", f"types.boxer.policy={name}", "--out", f"output/duel_{name}"]
+    )
