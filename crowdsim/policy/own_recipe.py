@@ -13,6 +13,7 @@ from crowdsim.errors import MotionError, OutputError, RecipeError
 from crowdsim.policy.strikeless import describe_fists
 from crowdsim.policy.survey import Survey
 from crowdsim.yaml_files import dump_yaml
+from crowdsim.yaml_tree import scalar
 
 TEMPLATE = "boxer_cmu"
 """The shipped recipe whose behaviours are taken."""
@@ -23,7 +24,7 @@ WITHOUT_STRIKES = ("approach",)
 STILL_DISTANCE = (0.7, 1.0)
 """Where a target is wanted that no strike is to reach [m]."""
 
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
 
 
 @dataclass(frozen=True)
@@ -70,8 +71,10 @@ def check_name(name: str) -> None:
     Raises:
         RecipeError: It is taken, or no name.
     """
-    if not _NAME.fullmatch(name):
-        raise RecipeError(f"--name {name}: expected letters, digits, _ and -, a letter first")
+    if not _NAME.fullmatch(name) or not isinstance(scalar(name), str):
+        raise RecipeError(
+            f"--name {name}: expected at most 64 letters, digits, _ and -, a letter first; not null or true"
+        )
     bundle = Path("policies") / name
     if bundle.exists() and name not in assets.policy_names():
         raise RecipeError(f"--name {name}: {bundle} is there already and is no policy; choose another name")

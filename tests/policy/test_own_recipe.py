@@ -98,8 +98,8 @@ def test_a_recipe_is_written_once(project):
     )
     with pytest.raises(RecipeError, match=r"--name boxer: .*boxer\.yaml is there already"):
         write_recipe("boxer", survey)
-    for name in ("a/b", "", "2", "../up"):
-        with pytest.raises(RecipeError, match="expected letters, digits, _ and -"):
+    for name in ("a/b", "", "2", "../up", "true", "a" * 65):
+        with pytest.raises(RecipeError, match="expected at most 64 letters, digits, _ and -"):
             write_recipe(name, survey)
     (project / "policies/taken").mkdir()
     with pytest.raises(RecipeError, match="is there already and is no policy"):
