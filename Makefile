@@ -1,12 +1,12 @@
-# crowdsim: `make demo` shows what it does, `make test` checks it.
-# PYTHON chooses the interpreter, VENV the environment that is made.
+# crowdsim: `make demo` runs the brawl of thirty boxers, `make test` the fast tests.
+# PYTHON chooses the interpreter, VENV the environment that is created.
 
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 SYSTEM_PACKAGES := libgl1 libegl1 libgomp1 libusb-1.0-0 libx11-6
 
-.PHONY: demo test test-slow bench docs-pictures docs-reference lint system clean
+.PHONY: demo test test-slow bench docs-tables docs-pictures docs-reference lint system clean
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
@@ -33,14 +33,14 @@ system:
 demo: system $(VENV)/.installed
 	$(BIN)/crowdsim run scenarios/brawl_30.yaml
 	@echo
-	@echo "Look at it:    $(BIN)/crowdsim render output/brawl_30 --contact-sheet 12 --mp4"
-	@echo "Look into it:  $(BIN)/crowdsim inspect output/brawl_30 --plots output/brawl_30_plots"
-	@echo "Again:         $(BIN)/crowdsim run scenarios/brawl_30.yaml --force"
+	@echo "Watch it:    $(BIN)/crowdsim render output/brawl_30 --contact-sheet 12 --mp4"
+	@echo "Measure it:  $(BIN)/crowdsim inspect output/brawl_30 --plots output/brawl_30_plots"
+	@echo "Run again:   $(BIN)/crowdsim run scenarios/brawl_30.yaml --force"
 
 test: system $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
 
-# Slow tests run every benchmark, so they need what those compare with.
+# Slow tests run every benchmark, so they need the packages that benchmarks compare with.
 test-slow: system $(VENV)/.installed-bench
 	$(BIN)/python -m pytest -m slow
 
@@ -48,9 +48,13 @@ $(VENV)/.installed-bench: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,bench]'
 	touch $@ $(VENV)/.installed-test $(VENV)/.installed
 
-# Writes benchmarks/results.json: figures, with commit, date and kind of machine.
+# Measures everything, writes benchmarks/results.json, and makes the tables of the documentation from it. A benchmark
+# that fails keeps its previous figures; the tables are made all the same. BENCHMARKS="scenes control" measures these.
 bench: system $(VENV)/.installed-bench
-	$(BIN)/python benchmarks/run_all.py
+	$(BIN)/python benchmarks/run_all.py $(BENCHMARKS); code=$$?; $(BIN)/python docs/make_tables.py && exit $$code
+
+docs-tables: $(VENV)/.installed
+	$(BIN)/python docs/make_tables.py
 
 docs-pictures: $(VENV)/.installed
 	$(BIN)/python docs/make_pictures.py

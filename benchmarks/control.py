@@ -5,7 +5,7 @@
 * brawl_30: 30 avatars in the shipped scene, 1000 control frames, beside what scipy's cKDTree alone takes to be built
   and queried for the same places every frame.
 * scale: nanoseconds an avatar and control frame for 10,000, 100,000 and 1,000,000 avatars of two teams, spread out,
-  clustered, and as two armies a kilometre apart, with the policy for large crowds. Recording stands beside it.
+  clustered, and as two armies a kilometre apart, with the policy for large crowds; by stage, recording included.
 * million: a control frame of a million avatars that are spread out, and memory an avatar.
 * jupedsim: agent-steps a second of its collision-free speed model with 100,000 agents, one thread, beside ours.
 * apart: control of ``brawl_30`` and ``armies_200``, beside what it costs where nobody keeps out of anybody's way.
@@ -94,7 +94,12 @@ def timed(crowd: Crowd, policy: Policy, frames: int, threads: int, skip: int = 0
     return np.concatenate(parts)[skip:], simulation
 
 
-def brawl(policy: Policy, repeats: int, frames: int) -> dict[str, float]:
+def by_stage(timings: np.ndarray, count: int) -> dict[str, float]:
+    """Return what each stage costs an avatar-frame [ns]."""
+    return dict(zip(STAGES, (timings.mean(axis=0) / count).tolist(), strict=True))
+
+
+def brawl(policy: Policy, repeats: int, frames: int) -> dict[str, Any]:
     scenario = load_scenario("brawl_30")
     crowd, script = cast_crowd(scenario, place_groups(scenario), [policy])
     chunks: list[Chunk] = []
@@ -122,6 +127,7 @@ def brawl(policy: Policy, repeats: int, frames: int) -> dict[str, float]:
         "ratio_to_ckdtree": control / ckdtree,
         "decisions": decisions,
         "decision_nanoseconds": float(timings[:, 1:3].sum()) / decisions,
+        "stage_ns": by_stage(timings, crowd.count),
     }
 
 
@@ -162,9 +168,8 @@ def scale(policy: Policy, threads: int, quick: bool) -> tuple[dict[str, Any], di
             control = best[:, : len(STAGES) - 1].sum() / frames / count
             result[kind][f"ns_per_avatar_frame_{name}"] = control
             result[kind][f"record_ns_{name}"] = best[:, -1].sum() / frames / count
-            stages = ", ".join(
-                f"{stage} {value / count:.0f}" for stage, value in zip(STAGES, best.mean(axis=0), strict=True)
-            )
+            result[kind][f"stage_ns_{name}"] = by_stage(best, count)
+            stages = ", ".join(f"{stage} {value:.0f}" for stage, value in by_stage(best, count).items())
             say(f"{kind} {name}: {control:.0f} ns an avatar-frame ({stages}), {memory:.0f} bytes an avatar")
             if kind == "spread" and name == "1m":
                 million = {

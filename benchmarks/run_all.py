@@ -2,9 +2,13 @@
 
     python benchmarks/run_all.py [NAME ...] [--quick] [--json] [--out benchmarks/results.json]
 
-The document says of what commit the figures are, when and on what kind of machine they were measured, and with which
-versions of the packages that they depend on. With ``--quick`` every benchmark runs for seconds at tiny sizes: then the
-figures only tell that it runs, and nothing is written unless ``--out`` is given.
+Each benchmark's entry states the commit, the date, the kind of machine, the versions of the packages that figures
+depend on, and whether it was a quick run. Entries are merged into the document, and written after each benchmark, so
+one benchmark can be measured again alone. A benchmark that fails is reported and keeps its previous entry.
+
+With ``--quick`` every benchmark runs for seconds at tiny sizes: the figures only show that it runs. Nothing is written
+then unless ``--out`` is given, and a quick entry never replaces a full one. ``docs/make_tables.py`` makes the tables of
+the documentation from the document.
 """
 
 from __future__ import annotations
@@ -12,12 +16,13 @@ from __future__ import annotations
 import argparse
 import importlib.metadata
 import json
+import math
 import os
 import platform
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -26,8 +31,11 @@ import psutil
 
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "results.json"
-FORMAT, VERSION = "crowdsim-benchmarks", 1
-SECONDS = 1800
+FORMAT, VERSION = "crowdsim-benchmarks", 2
+SECONDS = 3600
+"""Time that a benchmark may take [s]."""
+MEASURED = ("benchmarks", "crowdsim", "policies", "pyproject.toml", "scenarios", ":!benchmarks/results.json")
+"""What figures depend on in a checkout."""
 PACKAGES = ("numpy", "scipy", "numba", "open3d-cpu", "open3d", "zarr", "upc-pymotion", "pybvh", "bvhio", "polars",
             "quantecon", "scikit-learn", "jupedsim", "orjson")  # fmt: skip
 
@@ -54,22 +62,44 @@ def run(name: str, quick: bool = False) -> dict[str, Any]:
         return {"failed": f"not done in {SECONDS} s"}
     if done.returncode:
         lines = done.stderr.strip().splitlines()
-        return {"failed": lines[-1] if lines else f"exit {done.returncode}"}
-    return {"seconds": round(time.perf_counter() - started, 1), "results": json.loads(done.stdout)}
+        return {"failed": lines[-1] if lines else f"exit code {done.returncode}"}
+    try:
+        results = json.loads(done.stdout)
+    except ValueError:
+        return {"failed": "printed no JSON document"}
+    return {"seconds": round(time.perf_counter() - started, 1), "results": portable(results)}
+
+
+def portable(results: Any) -> Any:
+    """Return results with null for what is no finite number, and with file names for absolute paths."""
+    if isinstance(results, dict):
+        return {key: portable(value) for key, value in results.items()}
+    if isinstance(results, list):
+        return [portable(value) for value in results]
+    if isinstance(results, float) and not math.isfinite(results):
+        return None
+    if isinstance(results, str) and Path(results).is_absolute():
+        return Path(results).name
+    return results
 
 
 def commit() -> str | None:
-    """The commit that is measured, with ``-dirty`` where the checkout has changes; None outside of a checkout."""
+    """The commit that is measured, with ``-dirty`` where it has changes; None outside of a checkout.
+
+    Changes of the documentation and of the results themselves do not count.
+    """
     try:
-        done = subprocess.run(
-            ["git", "-C", str(HERE), "describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-    except OSError:
+        head = git("rev-parse", "HEAD")
+        changes = git("status", "--porcelain", "--untracked-files=no", "--", *MEASURED)
+    except (OSError, subprocess.CalledProcessError):
         return None
-    return done.stdout.strip() or None
+    return f"{head}-dirty" if changes else head
+
+
+def git(*words: str) -> str:
+    """Return what a git command prints for the checkout that this file is in."""
+    command = ["git", "-C", str(HERE.parent), *words]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
 def processor() -> str:
@@ -82,15 +112,11 @@ def processor() -> str:
     return models[0] if models else platform.processor() or platform.machine()
 
 
-def machine() -> dict[str, Any]:
-    """The kind of machine: nothing that names this one."""
-    return {
-        "processor": processor(),
-        "architecture": platform.machine(),
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
-        "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
-        "system": platform.system(),
-    }
+def machine() -> str:
+    """The kind of machine, such as ``2 cores, Intel(R) Xeon(R) Processor``: nothing that names this one."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    memory = round(psutil.virtual_memory().total / 2**30)
+    return f"{cores} core{'s' if cores != 1 else ''}, {processor()}, {memory} GiB, {platform.system()}"
 
 
 def versions() -> dict[str, str]:
@@ -104,22 +130,53 @@ def versions() -> dict[str, str]:
     return found
 
 
-def measure(chosen: Sequence[str], quick: bool) -> dict[str, Any]:
-    """Run benchmarks one after another and return the document."""
-    document: dict[str, Any] = {
-        "format": FORMAT,
-        "version": VERSION,
+def measure(chosen: Sequence[str], quick: bool, done: Callable[[str, dict[str, Any]], None]) -> dict[str, str]:
+    """Run benchmarks one after another, pass on each entry as it comes, and return why benchmarks failed, by name."""
+    known = {
         "commit": commit(),
         "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
         "machine": machine(),
         "versions": versions(),
         "quick": quick,
-        "benchmarks": {},
     }
+    failed = {}
     for name in chosen:
         print(f"{name} ...", file=sys.stderr, flush=True)
-        document["benchmarks"][name] = run(name, quick)
-    return document
+        outcome = run(name, quick)
+        if "failed" in outcome:
+            failed[name] = outcome["failed"]
+            print(f"{name} failed: {outcome['failed']}", file=sys.stderr, flush=True)
+        else:
+            done(name, {**known, **outcome})
+    return failed
+
+
+def empty() -> dict[str, Any]:
+    """Return a document without benchmarks."""
+    return {"format": FORMAT, "version": VERSION, "benchmarks": {}}
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Return the document in a file; an empty one where there is none or one of another version."""
+    if not path.exists():
+        return empty()
+    document = json.loads(path.read_text(encoding="utf-8"))
+    return document if (document.get("format"), document.get("version")) == (FORMAT, VERSION) else empty()
+
+
+def merge(document: dict[str, Any], name: str, entry: dict[str, Any]) -> dict[str, Any]:
+    """Return a document with one more entry, in the order of names; a quick entry does not replace a full one."""
+    kept = document["benchmarks"]
+    if entry["quick"] and name in kept and not kept[name]["quick"]:
+        return document
+    return {**document, "benchmarks": dict(sorted({**kept, name: entry}.items()))}
+
+
+def write(path: Path, document: dict[str, Any]) -> None:
+    """Write a document; a reader never sees half of it."""
+    partial = path.with_name(f"{path.name}.partial")
+    partial.write_text(f"{json.dumps(document, indent=2, allow_nan=False)}\n", encoding="utf-8")
+    partial.replace(path)
 
 
 def flat(results: Any, prefix: str = "") -> list[tuple[str, Any]]:
@@ -129,17 +186,14 @@ def flat(results: Any, prefix: str = "") -> list[tuple[str, Any]]:
     return [(prefix, results)]
 
 
-def table(document: dict[str, Any]) -> str:
+def table(document: dict[str, Any], failed: dict[str, str]) -> str:
     """The figures as a table."""
     lines = ["| benchmark | figure | value |", "|---|---|---|"]
-    for name, outcome in document["benchmarks"].items():
-        if "failed" in outcome:
-            lines.append(f"| {name} | failed | {outcome['failed']} |")
-            continue
-        for key, value in flat(outcome["results"]):
+    for name, entry in document["benchmarks"].items():
+        for key, value in flat(entry["results"]):
             if isinstance(value, int | float) and not isinstance(value, bool):
                 lines.append(f"| {name} | {key} | {value:.4g} |")
-    return "\n".join(lines)
+    return "\n".join([*lines, *(f"| {name} | failed | {why} |" for name, why in failed.items())])
 
 
 def main() -> None:
@@ -148,20 +202,25 @@ def main() -> None:
     parser.add_argument("names", nargs="*", help=f"of {', '.join(names())}; all by default")
     parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
     parser.add_argument("--quick", action="store_true", help="seconds each: tiny sizes, to see that all run")
-    parser.add_argument("--out", type=Path, help=f"file of the JSON document; {RESULTS.name} beside this file")
+    parser.add_argument("--out", type=Path, help=f"JSON document to merge into; {RESULTS.name} beside this file")
     options = parser.parse_args()
     unknown = [name for name in options.names if name not in names()]
     if unknown:
         parser.error(f"no benchmark {unknown[0]!r}, there are {', '.join(names())}")
-    document = measure(options.names or names(), options.quick)
-    text = json.dumps(document, indent=2)
-    whole = not options.names and not options.quick
-    out = options.out or (RESULTS if whole else None)
-    if out is not None:
-        out.write_text(f"{text}\n", encoding="utf-8")
-        print(f"{out} written", file=sys.stderr)
-    print(text if options.json else table(document))
-    if any("failed" in outcome for outcome in document["benchmarks"].values()):
+    out = options.out or (None if options.quick else RESULTS)
+    measured = empty()
+
+    def keep(name: str, entry: dict[str, Any]) -> None:
+        measured["benchmarks"][name] = entry
+        if out is not None:
+            write(out, merge(read(out), name, entry))
+
+    failed = measure(options.names or names(), options.quick, keep)
+    print(json.dumps({**measured, "failed": failed}, indent=2) if options.json else table(measured, failed))
+    if out is not None and measured["benchmarks"]:
+        print(f"{out}: {len(measured['benchmarks'])} benchmarks written", file=sys.stderr)
+    if failed:
+        print(f"failed, previous figures kept: {', '.join(failed)}", file=sys.stderr)
         sys.exit(1)
 
 

@@ -1,11 +1,16 @@
-"""Makes the pictures of the documentation: ``python docs/make_pictures.py``, or ``make docs-pictures``.
+"""Makes the pictures of the documentation.
 
-A contact sheet of the brawl, a thumbnail of every shipped scenario, and the moves of the embedded boxer. Scenarios of
-real capture need CROWDSIM_MOCAP and are left out without it; policies are trained where need be. It takes two minutes.
+    python docs/make_pictures.py [NAME ...]
+
+``animation`` is the animated picture of the brawl (``brawl_30.webp``), ``thumbnails`` a picture of every shipped
+scenario, ``performer`` the moves of the embedded boxer, ``scaling`` the cost of control by the number of avatars;
+without a name all are made. Scenarios of real capture need CROWDSIM_MOCAP and are left out without it; policies that
+are missing are trained.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import sys
@@ -23,6 +28,9 @@ OF_CAPTURE = ("cmu",)
 HUGE = ("crowd_1m",)
 MANY = "crowd_"
 """Crowds of which one moment is shown, whole and from behind a shoulder."""
+ANIMATION = DOCS / "brawl_30.webp"
+SECONDS, FPS, WIDTH, HEIGHT = (8, 14), 10, 480, 270
+MOST_BYTES = 1_500_000
 
 
 def crowdsim(*arguments: str) -> None:
@@ -40,8 +48,30 @@ def shrink(source: Path, target: Path, width: int) -> None:
         few.save(target, optimize=True)
 
 
-def main() -> None:
-    """Make all pictures."""
+def make_animation() -> None:
+    """Draw six seconds of the brawl at twice the size, and save them as an animated picture."""
+    with tempfile.TemporaryDirectory() as folder:
+        run, pictures = Path(folder) / "brawl_30", Path(folder) / "pictures"
+        without = [flag for kind in ("bvh", "ply") for flag in ("--set", f"outputs.{kind}=null")]
+        crowdsim("run", "brawl_30", "--out", str(run), "--frames", f"{SECONDS[1] + 1}s", *without)
+        frames = ("--frames", f"{SECONDS[0]}s:{SECONDS[1]}s", "--fps", str(FPS))
+        size = ("--size", f"{2 * WIDTH}x{2 * HEIGHT}", "--no-caption")
+        crowdsim("render", str(run), "--out", str(pictures), "--png", *frames, *size)
+        first, *others = [smaller(path) for path in sorted((pictures / "frames").glob("*.png"))]
+    first.save(ANIMATION, save_all=True, append_images=others, duration=1000 // FPS, loop=0, quality=75, method=6)
+    size_of_file = ANIMATION.stat().st_size
+    if size_of_file > MOST_BYTES:
+        raise SystemExit(f"{ANIMATION.name} has {size_of_file:,} bytes, expected at most {MOST_BYTES:,}")
+
+
+def smaller(path: Path) -> Image.Image:
+    """Return a picture at the size of the animation."""
+    with Image.open(path) as picture:
+        return picture.convert("RGB").resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS)
+
+
+def make_thumbnails() -> None:
+    """Draw a picture of every shipped scenario."""
     thumbnails = DOCS / "thumbnails"
     thumbnails.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
@@ -53,16 +83,44 @@ def main() -> None:
             frames = str(LENGTHS.get(name, MOST_FRAMES))
             without = [flag for kind in ("bvh", "ply", "pcd", "render") for flag in ("--set", f"outputs.{kind}=null")]
             crowdsim("run", name, "--out", str(run), "--frames", frames, *without)
-            sheet = "9" if name == "brawl_30" else "2"
-            how = ["--contact-sheet", sheet, "--size", "960x540"]
+            how = ["--contact-sheet", "2", "--size", "960x540"]
             if name.startswith(MANY):
                 how = ["--contact-sheet", "1", "--size", "1920x540", "--camera", "auto+follow:0"]
             crowdsim("render", str(run), "--out", str(pictures), *how)
             shrink(pictures / "contact_sheet.png", thumbnails / f"{name}.png", 640)
-            if name == "brawl_30":
-                shrink(pictures / "contact_sheet.png", DOCS / "brawl_30.png", 1440)
-    if (DOCS / "performer_sheet.py").exists():
-        subprocess.run([sys.executable, str(DOCS / "performer_sheet.py")], check=True, cwd=ROOT)
+
+
+def make_performer() -> None:
+    """Draw the moves of the embedded boxer."""
+    subprocess.run([sys.executable, str(DOCS / "performer_sheet.py")], check=True, cwd=ROOT)
+
+
+def make_scaling() -> None:
+    """Draw what control costs by the number of avatars."""
+    with tempfile.TemporaryDirectory() as folder:
+        numbers = ("--avatars", "30,100,1k,10k,100k,1m", "--threads", "1,2", "--frames", "60")
+        crowdsim("profile", "crowd_10k", *numbers, "--out", folder)
+        shrink(Path(folder) / "scaling.png", DOCS / "performance" / "scaling.png", 770)
+
+
+PICTURES = {
+    "animation": make_animation,
+    "thumbnails": make_thumbnails,
+    "performer": make_performer,
+    "scaling": make_scaling,
+}
+
+
+def main() -> None:
+    """Make the pictures that are asked for."""
+    parser = argparse.ArgumentParser(description="Makes the pictures of the documentation.")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(PICTURES)}; all by default")
+    options = parser.parse_args()
+    unknown = [name for name in options.names if name not in PICTURES]
+    if unknown:
+        parser.error(f"no picture {unknown[0]!r}, there are {', '.join(PICTURES)}")
+    for name in options.names or PICTURES:
+        PICTURES[name]()
 
 
 if __name__ == "__main__":

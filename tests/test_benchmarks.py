@@ -46,6 +46,8 @@ KEYS = {
 }  # fmt: skip
 
 
+MEASURED = {"commit": None, "date": "2026-01-02T03:04:05+00:00", "machine": "any"}
+
 # What a machine without a display, or a fight of seconds, cannot give.
 MAY_BE_NULL = {
     "open3d.fps_30",
@@ -59,6 +61,18 @@ def leaf(told: Any, dotted: str) -> Any:
         assert key in told, dotted
         told = told[key]
     return told
+
+
+def missing_in_tables(benchmark: str, told: dict[str, Any]) -> list[tuple[str, ...]]:
+    """Figures that tables of the documentation ask for and a quick run without capture does not have."""
+    sys.path.append(str(ROOT / "docs"))
+    make_tables = importlib.import_module("make_tables")
+    results = make_tables.Results({"benchmarks": {benchmark: {"results": told, "quick": False, **MEASURED}}})
+    for tables in make_tables.PAGES.values():
+        for table in tables.values():
+            table(results)
+    asked = [keys for keys in results.asked if keys[0] == benchmark and not results.has(*keys)]
+    return [keys for keys in asked if not set(keys) & {"boxer_cmu", "capture"}]
 
 
 def stem(path: Path) -> str:
@@ -81,6 +95,7 @@ def test_a_quick_benchmark_runs_and_has_its_keys(path: Path, tmp_path: Path) -> 
     assert told
     for dotted in KEYS.get(path.stem, []):
         assert leaf(told, dotted) is not None or dotted in MAY_BE_NULL
+    assert not missing_in_tables(path.stem, told)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -110,21 +125,40 @@ def call(run_all: ModuleType, monkeypatch: pytest.MonkeyPatch, *arguments: str) 
     run_all.main()
 
 
+def stand_in(run_all: ModuleType, monkeypatch: pytest.MonkeyPatch, outcome: dict[str, Any], path: Path) -> None:
+    """Let all benchmarks end at once, and results be written elsewhere."""
+    monkeypatch.setattr(run_all, "RESULTS", path)
+    monkeypatch.setattr(run_all, "run", lambda name, quick: outcome)
+
+
 def test_results_say_what_was_measured_when_and_on_what(
     run_all: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(run_all, "RESULTS", tmp_path / "results.json")
-    monkeypatch.setattr(run_all, "run", lambda name, quick: {"seconds": 1.0, "results": {"a": {"b": 2.5}}})
+    stand_in(run_all, monkeypatch, {"seconds": 1.0, "results": {"a": {"b": 2.5}}}, tmp_path / "results.json")
     call(run_all, monkeypatch)
     told = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
-    assert (told["format"], told["version"], told["quick"]) == ("crowdsim-benchmarks", 1, False)
-    assert told["commit"] is None or re.fullmatch(r"[0-9a-f]{40}(-dirty)?", told["commit"])
-    assert datetime.fromisoformat(told["date"]).tzinfo is not None
-    assert set(told["machine"]) == {"processor", "architecture", "cores", "memory_gib", "system"}
-    assert told["machine"]["cores"] >= 1
-    assert {"python", "numpy", "numba"} <= set(told["versions"])
+    assert (told["format"], told["version"]) == ("crowdsim-benchmarks", 2)
     assert list(told["benchmarks"]) == [path.stem for path in BENCHMARKS]
+    entry = told["benchmarks"]["control"]
+    assert (entry["quick"], entry["seconds"], entry["results"]) == (False, 1.0, {"a": {"b": 2.5}})
+    assert entry["commit"] is None or re.fullmatch(r"[0-9a-f]{40}(-dirty)?", entry["commit"])
+    assert datetime.fromisoformat(entry["date"]).tzinfo is not None
+    assert re.match(r"\d+ cores?, .+", entry["machine"])
+    assert {"python", "numpy", "numba"} <= set(entry["versions"])
     assert "| control | a.b | 2.5 |" in capsys.readouterr().out
+    assert [path.name for path in tmp_path.iterdir()] == ["results.json"]
+
+
+def test_one_benchmark_is_measured_again_and_the_others_stay(
+    run_all: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "results.json"
+    stand_in(run_all, monkeypatch, {"seconds": 1.0, "results": {"a": 1}}, path)
+    call(run_all, monkeypatch, "scenes", "bvh")
+    stand_in(run_all, monkeypatch, {"seconds": 1.0, "results": {"a": 2}}, path)
+    call(run_all, monkeypatch, "scenes", "control")
+    told = json.loads(path.read_text(encoding="utf-8"))["benchmarks"]
+    assert {name: entry["results"]["a"] for name, entry in told.items()} == {"bvh": 1, "control": 2, "scenes": 2}
 
 
 def test_only_full_results_are_written_unasked(
@@ -133,21 +167,43 @@ def test_only_full_results_are_written_unasked(
     monkeypatch.setattr(run_all, "RESULTS", tmp_path / "results.json")
     monkeypatch.setattr(run_all, "run", lambda name, quick: {"seconds": 1.0, "results": {"quick": quick}})
     call(run_all, monkeypatch, "--quick")
+    capsys.readouterr()
     call(run_all, monkeypatch, "bvh", "--json", "--quick")
     assert list(tmp_path.iterdir()) == []
-    out = capsys.readouterr().out
-    assert json.loads(out[out.index("{") :])["benchmarks"] == {"bvh": {"seconds": 1.0, "results": {"quick": True}}}
+    told = json.loads(capsys.readouterr().out)["benchmarks"]
+    assert {name: entry["results"] for name, entry in told.items()} == {"bvh": {"quick": True}}
     call(run_all, monkeypatch, "bvh", "--quick", "--out", str(tmp_path / "asked.json"))
     assert [path.name for path in tmp_path.iterdir()] == ["asked.json"]
 
 
-def test_a_benchmark_that_fails_is_reported_and_fails_the_run(
+def test_a_quick_result_does_not_replace_a_full_one(
+    run_all: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "results.json"
+    stand_in(run_all, monkeypatch, {"seconds": 1.0, "results": {}}, path)
+    call(run_all, monkeypatch, "bvh")
+    call(run_all, monkeypatch, "bvh", "export", "--quick", "--out", str(path))
+    told = json.loads(path.read_text(encoding="utf-8"))["benchmarks"]
+    assert {name: entry["quick"] for name, entry in told.items()} == {"bvh": False, "export": True}
+
+
+def test_a_benchmark_that_fails_is_reported_and_keeps_its_previous_entry(
     run_all: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(run_all, "RESULTS", tmp_path / "results.json")
-    monkeypatch.setattr(run_all, "run", lambda name, quick: {"failed": "ValueError: no"})
+    path = tmp_path / "results.json"
+    stand_in(run_all, monkeypatch, {"seconds": 1.0, "results": {"a": 1}}, path)
+    call(run_all, monkeypatch, "bvh")
+    before = path.read_text(encoding="utf-8")
+    stand_in(run_all, monkeypatch, {"failed": "ValueError: no"}, path)
     with pytest.raises(SystemExit) as caught:
         call(run_all, monkeypatch)
     assert caught.value.code == 1
-    assert "| bvh | failed | ValueError: no |" in capsys.readouterr().out
-    assert (tmp_path / "results.json").exists()
+    told = capsys.readouterr()
+    assert "| bvh | failed | ValueError: no |" in told.out
+    assert "bvh failed: ValueError: no" in told.err
+    assert path.read_text(encoding="utf-8") == before
+
+
+def test_results_hold_neither_paths_nor_what_is_no_number(run_all: ModuleType) -> None:
+    told = {"a": [float("nan"), 1.5], "b": {"folder": "/home/me/output/brawl_30", "name": "a/b"}}
+    assert run_all.portable(told) == {"a": [None, 1.5], "b": {"folder": "brawl_30", "name": "a/b"}}

@@ -43,8 +43,8 @@ def test_help_has_no_python_types_and_states_the_exit_codes(command, capsys) -> 
         assert "--verbose" in told
 
 
-def test_the_readme_states_the_exit_codes() -> None:
-    text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+def test_the_documentation_states_the_exit_codes() -> None:
+    text = (Path(__file__).parents[1] / "docs" / "commands.md").read_text(encoding="utf-8")
     for code, words in (
         (0, "done"),
         (1, "a run failed"),

@@ -1,4 +1,4 @@
-"""What the README says can be done can be done."""
+"""What README and the documentation say can be done can be done."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,13 @@ import pytest
 
 from crowdsim.crowd.scenario import load_scenario
 
-TEXT = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[1]
+TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def name(path: Path) -> str:
+    return path.name
 
 
 @pytest.mark.parametrize("block", re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL))
@@ -17,21 +23,33 @@ def test_scenarios_in_the_readme_are_valid(block: str, tmp_path: Path) -> None:
     assert load_scenario(path).avatar_count > 0
 
 
-def test_commands_in_the_readme_exist() -> None:
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_commands_in_the_documentation_exist(page: Path) -> None:
     from typer.main import get_command
 
     from crowdsim.cli import app
 
-    known = set(get_command(app).commands)
-    shell = "\n".join(re.findall(r"```sh\n(.*?)```", TEXT, re.DOTALL))
-    named = {*re.findall(r"^crowdsim (\w+)", shell, re.MULTILINE), *re.findall(r"`crowdsim (\w+)", TEXT)}
-    assert named
-    assert named <= known
+    text = page.read_text(encoding="utf-8")
+    shell = "\n".join(re.findall(r"```sh\n(.*?)```", text, re.DOTALL))
+    named = {*re.findall(r"^crowdsim (\w+)", shell, re.MULTILINE), *re.findall(r"`crowdsim (\w+)", text)}
+    assert named <= set(get_command(app).commands)
 
 
-def test_files_and_make_targets_in_the_readme_exist() -> None:
-    root = Path(__file__).parents[1]
-    for target in re.findall(r"`?make ([\w-]+)", TEXT):
-        assert re.search(rf"^{target}:", (root / "Makefile").read_text(encoding="utf-8"), re.MULTILINE), target
-    for name in re.findall(r"\]\(((?!http)[\w./-]+)\)", TEXT):
-        assert (root / name).exists(), name
+def test_every_command_is_documented() -> None:
+    from typer.main import get_command
+
+    from crowdsim.cli import app
+
+    text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    assert set(get_command(app).commands) <= set(re.findall(r"^\| `crowdsim (\w+)", text, re.MULTILINE))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_files_and_make_targets_in_the_documentation_exist(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    for target in re.findall(r"`make ([\w-]+)", text):
+        assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE), target
+    for link in re.findall(r"\]\(((?!http)[\w./-]+)\)", text):
+        assert (page.parent / link).exists(), link
+    for benchmark in re.findall(r"`benchmarks/(\w+\.py)`", text):
+        assert (ROOT / "benchmarks" / benchmark).exists(), benchmark

@@ -74,7 +74,7 @@ class Scenario(StrictModel):
         json_schema_extra=_allow_length_text,
     )
     fps: float = Field(
-        default=60.0, ge=1, le=1000, description="Frames a second of outputs that name no rate of their own."
+        default=60.0, ge=1, le=1000, description="Frames per second of outputs that name no rate of their own."
     )
     arena: Arena = Field(default_factory=lambda: NoArena(kind="none"), description="Where avatars turn back.")
     types: dict[Name, AvatarType] = Field(min_length=1, description="Types of avatars by name.")
@@ -83,15 +83,15 @@ class Scenario(StrictModel):
     )
     opponents: Opponents = Field(
         default_factory=lambda: AnyoneOpponents(kind="anyone"),
-        description="Whom avatars fight, unless their group says.",
+        description="Opponents of avatars whose group names none.",
     )
     keep_apart: bool = Field(
         default=True,
-        description="Whether avatars choose ways that keep out of one another; else they may walk through.",
+        description="Whether avatars avoid collisions; else they walk through one another.",
     )
-    reactions: bool = Field(default=True, description="Whether those whom a strike lands on give way to it.")
+    reactions: bool = Field(default=True, description="Whether avatars react to strikes that land on them.")
     targets: dict[Name, Target] = Field(default_factory=dict, description="Scripted targets by name.")
-    events: tuple[Event, ...] = Field(default=(), description="What happens on the way; each once.")
+    events: tuple[Event, ...] = Field(default=(), description="Changes during the run; each happens once.")
     outputs: Outputs = Field(default_factory=Outputs, description="What a run writes beside its take.")
 
     _folder: Path = PrivateAttr(default=Path())

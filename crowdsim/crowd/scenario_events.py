@@ -26,9 +26,9 @@ class SecondsCondition(StrictModel):
 
 
 class StrikesCondition(StrictModel):
-    """When so many strikes have landed."""
+    """When a number of strikes have landed."""
 
-    kind: Literal["strikes"] = Field(description="As soon as so many strikes have landed.")
+    kind: Literal["strikes"] = Field(description="As soon as this number of strikes have landed.")
     count: int = Field(ge=1, description="Number of strikes landed.")
     team: Name | None = Field(
         default=None, description="Team that must have landed them; without it all teams together."
@@ -71,7 +71,7 @@ class RetargetEvent(StrictModel):
     kind: Literal["retarget"] = Field(description="Gives a group other opponents.")
     when: Condition = Field(description="When it happens.")
     group: Name | None = Field(default=None, description="Group that it concerns; without it everyone.")
-    opponents: Opponents = Field(description="Whom they fight from then on.")
+    opponents: Opponents = Field(description="Their opponents from then on.")
 
 
 class AddEvent(StrictModel):

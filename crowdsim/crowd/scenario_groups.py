@@ -32,19 +32,19 @@ class GridPlacement(StrictModel):
 class RingPlacement(StrictModel):
     """A circle, evenly spaced."""
 
-    kind: Literal["ring"] = Field(description="On a circle, evenly spaced; avatars look at its centre.")
+    kind: Literal["ring"] = Field(description="On a circle, evenly spaced; avatars face its centre.")
     radius: float = Field(gt=0, le=100_000, description="Radius [m].")
     distance: Distance = Field(default=0.5, description="Least distance between neighbours [m].")
     centre: Point = Field(default=(0.0, 0.0), description="Centre, x and z [m].")
-    turn: Degrees = Field(default=0.0, description="Where the first avatar stands, as an angle from +z [degrees].")
+    turn: Degrees = Field(default=0.0, description="Position of the first avatar, as an angle from +z [degrees].")
 
 
 class LinePlacement(StrictModel):
     """A line, evenly spaced."""
 
     kind: Literal["line"] = Field(description="On a line, evenly spaced; avatars look across it.")
-    start: Point = Field(description="Where the first avatar stands, x and z [m].")
-    end: Point = Field(description="Where the last avatar stands, x and z [m].")
+    start: Point = Field(description="Position of the first avatar, x and z [m].")
+    end: Point = Field(description="Position of the last avatar, x and z [m].")
     distance: Distance = Field(default=0.5, description="Least distance between neighbours [m].")
 
 
@@ -52,9 +52,9 @@ class ArmyPlacement(StrictModel):
     """One of two armies that face each other."""
 
     kind: Literal["army"] = Field(description="One of two armies that face each other across a gap.")
-    side: Literal["left", "right"] = Field(description="`left` stands at x > 0, `right` at x < 0 of the centre.")
+    side: Literal["left", "right"] = Field(description="`left` is at x > 0, `right` at x < 0 of the centre.")
     gap: float = Field(default=4.0, ge=0.1, le=100_000, description="Distance between the two front ranks [m].")
-    ranks: int = Field(default=5, ge=1, le=100_000, description="How many ranks deep the army stands.")
+    ranks: int = Field(default=5, ge=1, le=100_000, description="Number of ranks of the army.")
     spacing: Distance = Field(default=1.2, description="Distance between neighbours [m].")
     centre: Point = Field(default=(0.0, 0.0), description="Middle of the gap, x and z [m].")
     turn: Degrees = Field(default=0.0, description="Turn of the whole about its centre [degrees].")
@@ -63,13 +63,11 @@ class ArmyPlacement(StrictModel):
 class DiscPlacement(StrictModel):
     """At random in a disc."""
 
-    kind: Literal["disc"] = Field(
-        description="At random in a disc, a least distance apart; avatars look at its centre."
-    )
+    kind: Literal["disc"] = Field(description="At random in a disc, a least distance apart; avatars face its centre.")
     radius: float = Field(gt=0, le=100_000, description="Radius [m].")
     distance: Distance = Field(
         default=0.8,
-        description="Least distance between avatars [m], also to those of groups that stand earlier in the file.",
+        description="Least distance between avatars [m], also to those of groups earlier in the file.",
     )
     centre: Point = Field(default=(0.0, 0.0), description="Centre, x and z [m].")
 
@@ -192,10 +190,12 @@ class PointsTarget(StrictModel):
     """A target that moves from point to point."""
 
     kind: Literal["points"] = Field(description="Moves from point to point on straight lines.")
-    points: tuple[Point, ...] = Field(min_length=1, description="Points, x and z each [m]; one alone stands still.")
+    points: tuple[Point, ...] = Field(
+        min_length=1, description="Points, x and z each [m]; with one point the target is still."
+    )
     speed: float = Field(default=0.5, ge=0, le=20, description="Speed along the lines [m/s].")
     loop: bool = Field(
-        default=True, description="Whether it goes on to the first point after the last one, or stays there."
+        default=True, description="Whether it returns to the first point after the last one, or stops there."
     )
     height: float = Field(default=1.6, gt=0, le=10, description="Height of the target, the centre of its head [m].")
 
@@ -213,13 +213,13 @@ class Group(StrictModel):
     type: Name | None = Field(default=None, description="Type of all avatars of the group.")
     mix: Weights | None = Field(default=None, description="Instead of `type`: types by weight, drawn for each avatar.")
     count: int = Field(ge=1, le=MAXIMUM_AVATARS, description="Number of avatars.")
-    placement: Placement = Field(description="Where they stand at the start.")
+    placement: Placement = Field(description="Positions at the start.")
     facing: Facing = Field(
         default="placement",
-        description="Where they look at the start: `placement` (as the placement says), `centre` or `outwards` (to or "
+        description="Headings at the start: `placement` (as the placement says), `centre` or `outwards` (to or "
         "from the placement's centre), `enemies` (to the middle of all other teams), `random`, or a heading [degrees].",
     )
-    opponents: Opponents | None = Field(default=None, description="Whom they fight; without it as the scenario says.")
+    opponents: Opponents | None = Field(default=None, description="Their opponents; without it those of the scenario.")
     waits: bool = Field(default=False, description="Whether the group stays away until an event adds it.")
 
     @model_validator(mode="after")

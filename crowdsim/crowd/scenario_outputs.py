@@ -15,7 +15,7 @@ from crowdsim.yaml_schema import Words
 Fps = Annotated[float, Field(ge=1, le=1000)]
 Avatars = tuple[Annotated[int, Field(ge=0)], ...]
 Frames = tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=1)]]
-_FPS = "Frames a second; without it the scenario's `fps`."
+_FPS = "Frames per second; without it the scenario's `fps`."
 _AVATARS = "Numbers of the avatars to write, from 0; without it all."
 _FRAMES = (
     "Output frames to write, the first and the one after the last; or as a mapping in `seconds`, or as text such as "
@@ -81,18 +81,18 @@ class TakeOutput(StrictModel):
 
 
 class BvhOutput(_Ranged):
-    """One BVH file an avatar."""
+    """One BVH file per avatar."""
 
     fps: Fps | None = Field(default=None, description=_FPS)
     avatars: Avatars | None = Field(default=None, description=_AVATARS)
 
 
 class CloudOutput(_Ranged):
-    """Point clouds, one file a frame."""
+    """Point clouds, one file per frame."""
 
     fps: Fps | None = Field(default=None, description=_FPS)
     every: int = Field(default=1, ge=1, le=1_000_000, description="Write every n-th output frame.")
-    points: int = Field(default=500, ge=1, le=100_000, description="Points an avatar.")
+    points: int = Field(default=500, ge=1, le=100_000, description="Points per avatar.")
     avatars: Avatars | None = Field(default=None, description=_AVATARS)
 
 
@@ -107,8 +107,8 @@ class CameraKey(StrictModel):
     """Where the camera is at a time."""
 
     seconds: float = Field(ge=0, description="Time from the start of the run [s].")
-    position: tuple[Metres, Metres, Metres] = Field(description="Place of the camera, x, y and z [m].")
-    look_at: tuple[Metres, Metres, Metres] = Field(description="What it looks at, x, y and z [m].")
+    position: tuple[Metres, Metres, Metres] = Field(description="Position of the camera, x, y and z [m].")
+    look_at: tuple[Metres, Metres, Metres] = Field(description="Point in the middle of the picture, x, y and z [m].")
 
 
 class KeyedCamera(StrictModel):
@@ -133,7 +133,7 @@ Pixels = Annotated[int, Field(ge=16, le=8192)]
 class RenderOutput(_Ranged):
     """Pictures and video."""
 
-    fps: Annotated[float, Field(ge=1, le=240)] = Field(default=30.0, description="Frames a second.")
+    fps: Annotated[float, Field(ge=1, le=240)] = Field(default=30.0, description="Frames per second.")
     size: tuple[Pixels, Pixels] = Field(
         default=(1280, 720), description="Width and height [pixels]; even numbers for video."
     )
@@ -143,7 +143,7 @@ class RenderOutput(_Ranged):
     mp4: bool = Field(default=True, description="Whether to write video.mp4.")
     png: bool = Field(default=False, description="Whether to write every frame as PNG.")
     contact_sheet: int | None = Field(default=None, ge=1, le=400, description="Number of moments on a contact sheet.")
-    caption: bool = Field(default=True, description="Whether a small caption stands in the picture.")
+    caption: bool = Field(default=True, description="Whether pictures have a small caption.")
 
     @model_validator(mode="after")
     def _check(self) -> RenderOutput:
@@ -157,7 +157,7 @@ class RenderOutput(_Ranged):
 class ProfileOutput(StrictModel):
     """What control cost."""
 
-    csv: bool = Field(default=True, description="Whether to write profile.csv, a row a control frame.")
+    csv: bool = Field(default=True, description="Whether to write profile.csv, one row per control frame.")
     plots: bool = Field(default=False, description="Whether to draw profile.png.")
 
 
@@ -165,8 +165,8 @@ class Outputs(StrictModel):
     """What a run writes; an output that is not named is not written, but the take always is."""
 
     take: TakeOutput = Field(default_factory=TakeOutput, description="The take, which every run writes.")
-    bvh: BvhOutput | None = Field(default=None, description="Motion as BVH, one file an avatar.")
-    ply: CloudOutput | None = Field(default=None, description="Point clouds as PLY, one file a frame.")
-    pcd: CloudOutput | None = Field(default=None, description="Point clouds as PCD, one file a frame.")
+    bvh: BvhOutput | None = Field(default=None, description="Motion as BVH, one file per avatar.")
+    ply: CloudOutput | None = Field(default=None, description="Point clouds as PLY, one file per frame.")
+    pcd: CloudOutput | None = Field(default=None, description="Point clouds as PCD, one file per frame.")
     render: RenderOutput | None = Field(default=None, description="Pictures and video.")
     profile: ProfileOutput | None = Field(default=None, description="What control cost, frame by frame.")

@@ -157,7 +157,7 @@ class AvatarType(StrictModel):
         default=60.0,
         ge=1,
         le=1000,
-        description="Strikes a minute that an avatar can go on throwing: it strikes in bursts and recovers from them; "
+        description="Strikes per minute that an avatar can sustain: it strikes in bursts and rests between them; "
         "null: it never tires.",
     )
     scale: Annotated[float, Field(ge=SCALES[0], le=SCALES[1])] | Spread = Field(

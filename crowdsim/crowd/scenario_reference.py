@@ -8,9 +8,9 @@ from crowdsim.yaml_reference import reference_page
 
 _HEAD = """# Scenario files
 
-Every key of a scenario, from the schema that checks it. Lengths are metres, times seconds or control frames as said,
-angles degrees; x points to the left and z ahead of an avatar with heading 0. A key without a default must be given.
-`crowdsim validate FILE` names everything that is wrong with a file; `--set groups[0].count=12` changes a key for a run.
+Every key of a scenario, from the schema that checks it. Lengths are in metres, times in seconds or control frames as
+stated, angles in degrees; x points to the left and z ahead of an avatar with heading 0. Required keys have no default.
+`crowdsim validate FILE` reports every error in a file; `--set groups[0].count=12` changes a key for one run.
 
 <!-- Written from the schema by crowdsim.crowd.scenario_reference; do not edit. -->
 """

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from crowdsim.motion import ground
 from crowdsim.motion.performer_defences import DEFENCES
 from crowdsim.motion.performer_plan import Choreographer
 from crowdsim.motion.performer_punches import PUNCHES
@@ -44,6 +45,8 @@ COMBINATIONS = (
     ("lead_hook", "rear_uppercut", "lead_hook", "straight"),
     ("jab", "straight", "jab", "straight", "lead_hook"),
 )
+_PRESSING = (("jab",), ("jab",), ("straight",), ("jab", "straight"), ("lead_hook",), ("jab", "jab"))
+"""Combinations that are thrown on the way."""
 _CLOSE = frozenset({"lead_hook", "rear_hook", "lead_uppercut", "rear_uppercut"})
 
 
@@ -60,6 +63,7 @@ class Theme:
         rest: Standing still in the guard.
         travel: Walks and jogs out of the guard and back.
         shuffling: Quick steps in the guard, any way.
+        pressing: Quick steps forward, with punches on the way.
         bouncing: Quick steps on the spot.
         pause: Longest pause between phrases [s].
     """
@@ -72,16 +76,17 @@ class Theme:
     rest: float
     travel: float
     shuffling: float
+    pressing: float
     bouncing: float
     pause: float
 
 
 THEMES = (
-    Theme(6.5, 0.3, 0.20, 0.9, 2.0, 0.10, travel=0.65, shuffling=0.6, bouncing=0.35, pause=0.18),
-    Theme(8.0, 0.2, 0.15, 0.5, 1.6, 0.08, travel=0.65, shuffling=0.6, bouncing=0.40, pause=0.18),
-    Theme(5.5, 0.4, 0.30, 0.7, 1.6, 0.10, travel=0.65, shuffling=1.2, bouncing=0.50, pause=0.18),
-    Theme(5.5, 0.2, 0.15, 1.1, 3.4, 0.10, travel=0.65, shuffling=0.6, bouncing=0.35, pause=0.18),
-    Theme(3.0, 0.2, 0.10, 0.4, 0.8, 0.05, travel=3.0, shuffling=1.0, bouncing=0.30, pause=0.16),
+    Theme(6.5, 0.3, 0.20, 0.9, 2.0, 0.10, travel=0.65, shuffling=0.6, pressing=0.9, bouncing=0.35, pause=0.18),
+    Theme(8.0, 0.2, 0.15, 0.5, 1.6, 0.08, travel=0.65, shuffling=0.6, pressing=0.9, bouncing=0.40, pause=0.18),
+    Theme(5.5, 0.4, 0.30, 0.7, 1.6, 0.10, travel=0.65, shuffling=1.2, pressing=0.7, bouncing=0.50, pause=0.18),
+    Theme(5.5, 0.2, 0.15, 1.1, 3.4, 0.10, travel=0.65, shuffling=0.6, pressing=0.7, bouncing=0.35, pause=0.18),
+    Theme(3.0, 0.2, 0.10, 0.4, 0.8, 0.05, travel=3.0, shuffling=1.0, pressing=1.2, bouncing=0.30, pause=0.16),
 )
 
 
@@ -227,6 +232,39 @@ class _Boxer:
             end = self.combination(end - rng.uniform(0.0, 0.25), kinds)
         return end
 
+    def press(self) -> float:
+        """Shuffle forward and punch on the way, as at an opponent who gives way; return when that is over [s]."""
+        rng, plan = self.rng, self.plan
+        far = float(rng.uniform(0.30, 0.42))
+        begin = feet = fists = max(self.now, plan.feet_free)
+        last = int(rng.integers(2, 7))
+        punching = int(rng.integers(0, 2))
+        for step in range(last + 1):
+            x, z, heading = plan.place
+            home = float(ground.wrap(np.arctan2(-x, -z) - heading)) if np.hypot(x, z) > 0.6 * ROOM else 0.0
+            turn = float(np.clip(home, -0.4, 0.4))
+            start, side = feet, float(rng.uniform(-0.03, 0.03))
+            feet = plan.move(start, plan.about(far, 0.05), side, turn, plan.about(1.0, 0.04), quick=True)
+            if step == punching and step < last:
+                kinds = _PRESSING[int(rng.integers(len(_PRESSING)))]
+                fists = self._punch_far(start + rng.uniform(-0.06, 0.04), kinds)
+                punching += int(rng.integers(2, 4))
+        plan.travelled("shuffle", begin, feet)
+        return max(feet, fists)
+
+    def _punch_far(self, onset: float, kinds: tuple[str, ...]) -> float:
+        """Throw punches near the end of their reach from ``onset`` on [s]; return when the last fist is back [s]."""
+        end = onset
+        for kind in kinds:
+            recipe = PUNCHES[kind]
+            least, most = recipe.distance
+            to_body = bool(self.rng.uniform() < 0.15)
+            distance = float(self.rng.uniform(0.6 * least + 0.4 * most, most))
+            speed = recipe.speed[0] + recipe.speed[1] * self.plan.normal(1.6, 2.4)
+            reach = self.plan.punch(kind, onset, to_body, distance=distance, speed=speed)
+            onset, end = reach.hit + 0.02 + abs(float(self.rng.normal(0.0, 0.05))), reach.end
+        return end
+
     def phrase(self) -> None:
         """Draw the next phrase and write it."""
         rng, theme = self.rng, self.theme
@@ -239,6 +277,7 @@ class _Boxer:
             (theme.rest, lambda: self.now + float(rng.uniform(0.5, 1.6))),
             (theme.travel, self.travel),
             (theme.shuffling, lambda: shuffle_any_way(self.plan, self.now)),
+            (theme.pressing, self.press),
             (theme.bouncing, lambda: bounce(self.plan, self.now, min(self.seconds - self.now - 0.9, 3.2))),
         )
         weights = np.array([weight for weight, _ in phrases])

@@ -1,0 +1,217 @@
+"""Tables of docs/quality.md: how well avatars fight, policies choose, and poses hold."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from _results import NOT_MEASURED, Format, Results, cell, fixed, number, percent, scaled, short
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
+from _scene_goals import GOALS, Goal
+
+FIGHTS = ("duel", "moving_target", "moving_target_fast", "armies_200", "brawl_30", "brawl_30_cmu")
+CROWDS = ("crowd_10k", "crowd_100k", "crowd_1m")
+FIGURES: dict[str, tuple[str, Format]] = {
+    "first_landed_seconds": ("first strike landed after [s]", number),
+    "within_share": ("time within 1.3 m of the opponent", percent),
+    "out_of_reach_share": ("time with the opponent out of reach", percent),
+    "stuck_avatars": ("avatars out of reach for 10 s", number),
+    "stuck_share": ("share of avatars out of reach for 10 s", percent),
+    "thrown_per_minute": ("strikes thrown per avatar per minute", number),
+    "landed_per_minute": ("strikes landed per avatar per minute", number),
+    "least_landed_per_minute": ("the same of the avatar that lands least", number),
+    "landed_share": ("share of strikes that land", percent),
+    "air_share": ("share of strikes thrown at the air", percent),
+    "turned_away_share": ("time with the opponent behind", percent),
+    "distance_median": ("median distance to the opponent [m]", number),
+    "overlap_share": ("time with overlapping bodies", percent),
+}
+RINGS = {f"ring_{radius}": f"{radius} m away" for radius in (2, 3, 4, 8, 12)}
+RING_FIGURES: dict[str, tuple[str, Format]] = {
+    "arrived_share": ("come within 1 m", percent),
+    "arrived_in_time_share": ("come within 1.3 m in time", percent),
+    "arrival_seconds": ("median time until within 1.3 m [s]", number),
+    "landed_per_minute": ("strikes landed per avatar per minute", number),
+}
+
+
+def goal_text(goal: Goal, shown: Format) -> str:
+    """Return a goal in the unit of its figure, such as ``at most 2 %``."""
+    low, high = goal.least != float("-inf"), goal.most != float("inf")
+    between = f"{shown(goal.least)} to {shown(goal.most)}" if low and high else ""
+    return between or (f"at least {shown(goal.least)}" if low else f"at most {shown(goal.most)}")
+
+
+def judged(results: Results, scene: str, key: str, goal: Goal) -> float | None:
+    """Return the figure that a goal is about: the mean of the seeds or the worst."""
+    return results.get("scenes", scene, *(("mean", key) if goal.mean else (key,)))
+
+
+def scene_cell(results: Results, scene: str, key: str) -> str:
+    """Return the worst of the seeds and their mean; in bold, with the goal in brackets, where the goal is missed."""
+    shown, goal = FIGURES[key][1], GOALS.get(scene, {}).get(key)
+    if not results.has("scenes", scene, key):
+        return "" if goal is None and results.has("scenes", scene) else results.cell(shown, "scenes", scene, key)
+    worst, mean = results.get("scenes", scene, key), results.get("scenes", scene, "mean", key)
+    text = cell(shown, worst) if worst == mean else f"{cell(shown, worst)} / {cell(shown, mean)}"
+    if goal is None or goal.met(judged(results, scene, key, goal)):
+        return text
+    return f"**{text}** ({goal_text(goal, shown)}{' in the mean' if goal.mean else ''})"
+
+
+def scene_table(results: Results, scenes: tuple[str, ...]) -> list[str]:
+    """Return figures of scenes, a column each; figures that none of them has are left out."""
+    rows = [[label, *(scene_cell(results, scene, key) for scene in scenes)] for key, (label, _) in FIGURES.items()]
+    header = ["worst of the seeds / mean", *(f"`{scene}`" for scene in scenes)]
+    return results.table(header, [row for row in rows if any(row[1:])], "scenes")
+
+
+def goals_line(results: Results) -> str:
+    """Return how many goals are missed, and which."""
+    goals = [(scene, key, goal) for scene, some in GOALS.items() for key, goal in some.items()]
+    known = [one for one in goals if results.has("scenes", *one[:2])]
+    missed = [f"`{scene}`, {FIGURES[key][0]}" for scene, key, goal in known
+              if not goal.met(judged(results, scene, key, goal))]  # fmt: skip
+    unknown = f", {len(goals) - len(known)} {NOT_MEASURED}" if len(known) < len(goals) else ""
+    return f"Goals missed: {len(missed)} of {len(goals)}{unknown}{': ' if missed else ''}{'; '.join(missed)}."
+
+
+def scenes(results: Results) -> list[str]:
+    """Return which goals are missed, and the figures of the small shipped scenes."""
+    return [goals_line(results), "", *scene_table(results, FIGHTS)]
+
+
+def crowds(results: Results) -> list[str]:
+    """Return the figures of the large crowds."""
+    return scene_table(results, CROWDS)
+
+
+def ring(results: Results) -> list[str]:
+    """Return how avatars approach a still target, the worst of the seeds."""
+    rows = [
+        [label, *(results.cell(shown, "scenes", name, key) for name in RINGS)]
+        for key, (label, shown) in RING_FIGURES.items()
+    ]
+    return results.table(["worst of the seeds", *RINGS.values()], rows, "scenes")
+
+
+def random_choice(results: Results) -> list[str]:
+    """Return strikes landed by the learned policies beside random actions."""
+    rows = [
+        [f"`{scene}`", *(results.cell(number, "fights", scene, how, key) for how in ("learned", "random")
+                         for key in ("thrown", "strict"))]
+        for scene in ("brawl_30", "brawl_30_cmu")
+    ]  # fmt: skip
+    header = ["per avatar per minute", "thrown", "landed", "thrown, random actions", "landed, random actions"]
+    return results.table(header, rows, "fights")
+
+
+def policies(results: Results) -> list[str]:
+    """Return how good policies are beside a finer grid with a search at run time."""
+    columns: list[tuple[str, Format, tuple[str, ...]]] = [
+        ("return over the reference's", scaled(1.0), ("return_ratio_to_reference",)),
+        ("the same above random actions", scaled(1.0), ("details", "decided_ratio")),
+        ("random actions, return over the reference's", scaled(1.0), ("random_return_ratio",)),
+        ("episodes that succeed", percent, ("success_share",)),
+        ("median time to success [s]", number, ("median_seconds",)),
+        ("time per decision over the search's", short, ("time_ratio_to_search",)),
+        ("table [MB]", number, ("details", "megabytes")),
+    ]
+    rows = []
+    for policy in ("boxer", "boxer_crowd", "boxer_cmu"):
+        for behaviour, label in (("approach", "`approach`"), ("punch", "`punch`"), ("composition", "default")):
+            cells = [results.cell(shown, "policy_quality", policy, behaviour, *keys) for _, shown, keys in columns]
+            rows.append([f"`{policy}`", label, *cells])
+    return results.table(["policy", "behaviour", *(name for name, _, _ in columns)], rows, "policy_quality")
+
+
+def transitions(results: Results) -> list[str]:
+    """Return how well a classifier distinguishes transitions from captured motion."""
+    groups = {"made": "made in a brawl", "apart": "0.5 s from others", "every": "of the whole graph"}
+    kinds = {
+        "ours": "as exported",
+        "crossfade": "cross-fade of 0.4 s",
+        "hard": "no blend",
+        "motions alone": "no blend, the moment itself left out",
+    }
+    policies = ("boxer", "boxer_cmu")
+    header = ["AUC, 0.5 is guessing", *(f"`{policy}`: {group}" for policy in policies for group in groups.values())]
+    rows = [
+        [label, *(results.cell(number, "motion_quality", policy, group, kind, "auc")
+                  for policy in policies for group in groups)]
+        for kind, label in kinds.items()
+    ]  # fmt: skip
+    return results.table(header, rows, "motion_quality")
+
+
+def poses(results: Results) -> list[str]:
+    """Return what an independent reader measures in exported BVH files."""
+    scenes = ("brawl_30", "brawl_30_cmu", "armies_200")
+    centimetres, millimetres = scaled(100.0, shown=fixed), scaled(1000.0, shown=fixed)
+    rows: list[tuple[str, Format, tuple[str, ...]]] = [
+        ("fist from what it hits, median [cm]", centimetres, ("fists", "gap", "median")),
+        ("the same, 95th percentile [cm]", centimetres, ("fists", "gap", "p95")),
+        ("the same, greatest [cm]", centimetres, ("fists", "gap", "greatest")),
+        ("fists further than 2 cm from what they hit", percent, ("fists", "beyond_2_cm")),
+        ("missed strikes whose fist is inside the body", percent, ("fists", "buried")),
+        ("time with overlapping bodies, discs of 0.2 m", percent, ("overlap", "discs")),
+        ("time with overlapping torsos", percent, ("overlap", "torsos")),
+        ("slide of planted feet, median [m/s]", number, ("feet", "slide", "median")),
+        ("the same in the captured motion [m/s]", number, ("feet", "slide_of_all_the_capture", "median")),
+        ("slide of planted feet, 95th percentile [m/s]", number, ("feet", "slide", "p95")),
+        ("the same in the captured motion [m/s]", number, ("feet", "slide_of_all_the_capture", "p95")),
+        ("lowest sole [mm]", millimetres, ("feet", "lowest_sole")),
+        ("time with knees past straight", percent, ("hinges", "knees", "past_straight")),
+        ("the same in the captured motion", percent, ("hinges", "knees", "past_straight_of_the_capture")),
+        ("time with elbows past straight", percent, ("hinges", "elbows", "past_straight")),
+        ("the same in the captured motion", percent, ("hinges", "elbows", "past_straight_of_the_capture")),
+        ("joints off the captured motion away from transitions and strikes [mm]", millimetres,
+         ("undisturbed", "greatest_gap")),
+        ("classifier of transitions against other decisions, AUC", number, ("cuts_told_apart", "auc")),
+        ("the same on the captured motion behind them, AUC", number, ("cuts_told_apart", "auc_of_content")),
+        ("transitions per second per avatar", number, ("cuts_per_second",)),
+    ]  # fmt: skip
+    cells = [[label, *(results.cell(shown, "exported", name, *keys) for name in scenes)] for label, shown, keys in rows]
+    return results.table(["", *(f"`{name}`" for name in scenes)], cells, "exported")
+
+
+def performer(results: Results) -> list[str]:
+    """Return the motion of the embedded performer beside a captured boxer; 2 and 4 are places in ``QUANTILES``."""
+    rows = []
+    for name in (
+        "fist speed, strikes [m/s]", "pelvis speed [m/s]", "step length [m]", "pelvis height [height]",
+        "trunk lean [rad]", "elbow fold [rad]", "elbow speed [rad/s]", "knee speed [rad/s]",
+    ):  # fmt: skip
+        cells = [results.cell(number, "performer", who, name, row) for who in ("performer", "capture") for row in "24"]
+        rows.append([name, *cells])
+    header = ["", "performer, median", "95th percentile", "captured boxer, median", "95th percentile"]
+    return results.table(header, rows, "performer")
+
+
+def detectors(results: Results) -> list[str]:
+    """Return how well contacts and strikes are found in performed motion, whose truth is known."""
+    rows = [
+        ["foot contacts, F1", results.cell(number, "performer", "detectors", "contacts_f1")],
+        ["strikes, precision", results.cell(number, "performer", "detectors", "strike_precision")],
+        ["strikes, recall", results.cell(number, "performer", "detectors", "strike_recall")],
+        ["cells of the paper's punch grid in which a strike lands",
+         results.cell(percent, "performer", "coverage", "at_the_strike")],
+        ["the same within half a second", results.cell(percent, "performer", "coverage", "half_a_second_before")],
+        ["strikes per minute of motion", results.cell(number, "performer", "strikes_per_minute")],
+    ]  # fmt: skip
+    return results.table(["", "measured"], rows, "performer")
+
+
+QUALITY_TABLES: dict[str, Callable[[Results], list[str]]] = {
+    "scenes": scenes,
+    "crowds": crowds,
+    "ring": ring,
+    "random": random_choice,
+    "policies": policies,
+    "transitions": transitions,
+    "poses": poses,
+    "performer": performer,
+    "detectors": detectors,
+}

@@ -1,0 +1,48 @@
+"""The table of README.md: the figures that matter to users."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from _results import Results, number, percent, scaled, whole
+
+MILLIONS = scaled(1e-6, " M")
+
+
+def figures(results: Results) -> list[str]:
+    """Return the short table of figures."""
+    get = results.cell
+    rows = [
+        ["`crowdsim run brawl_30`, BVH and point clouds included: the first run, later runs",
+         f"{get(scaled(1.0, ' s'), 'first_run', 'first', 'wall_seconds')}, "
+         f"{get(scaled(1.0, ' s'), 'first_run', 'again', 'wall_seconds')}", ""],
+        ["control of 30 boxers for 67 s", get(scaled(1.0, " ms"), "control", "brawl_30", "milliseconds"),
+         "the paper: 9 s"],
+        ["control of a million boxers, one frame", get(scaled(1.0, " ms"), "control", "million_frame_milliseconds"),
+         "real time: 67 ms"],
+        ["100,000 agents on one thread, agent-steps per second",
+         get(MILLIONS, "control", "jupedsim", "ours_per_second"),
+         f"JuPedSim: {get(MILLIONS, 'control', 'jupedsim', 'agent_steps_per_second')}"],
+        ["video at 1280x720 of 30 / 1,000 / 10,000 boxers, frames per second",
+         " / ".join(get(number, "render", "fps", count) for count in ("30", "1000", "10000")),
+         f"Open3D, 30 boxers: {get(number, 'render', 'open3d', 'fps_30')}"],
+        ["BVH read / written to a file, MB/s",
+         f"{get(whole, 'bvh', 'read_mb_per_s', 'crowdsim')} / "
+         f"{get(whole, 'bvh', 'write_mb_per_s', 'crowdsim, to a file')}",
+         f"pybvh: {get(whole, 'bvh', 'read_mb_per_s', 'pybvh')} / "
+         f"{get(whole, 'bvh', 'write_mb_per_s', 'pybvh, to a file')}"],
+        ["1000 PLY clouds of 15,000 labelled points", get(scaled(1.0, " s"), "export", "clouds", "ply"), ""],
+        ["strikes thrown / landed per avatar per minute in `brawl_30`",
+         " / ".join(get(number, "scenes", "brawl_30", "mean", f"{what}_per_minute") for what in ("thrown", "landed")),
+         ""],
+        ["fists further than 2 cm from what they hit",
+         get(percent, "exported", "brawl_30", "fists", "beyond_2_cm"), ""],
+        ["slide of planted feet, median", get(scaled(1.0, " m/s"), "exported", "brawl_30", "feet", "slide", "median"),
+         f"the captured motion: "
+         f"{get(scaled(1.0, ' m/s'), 'exported', 'brawl_30', 'feet', 'slide_of_all_the_capture', 'median')}"],
+    ]  # fmt: skip
+    benchmarks = ("first_run", "control", "render", "bvh", "export", "scenes", "exported")
+    return results.table(["", "crowdsim", "beside"], rows, *benchmarks)
+
+
+USER_TABLES: dict[str, Callable[[Results], list[str]]] = {"figures": figures}
