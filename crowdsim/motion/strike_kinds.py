@@ -21,7 +21,9 @@ _OUTWARD = 0.8
 
 The fist of a hook or an uppercut moves about the shoulder instead.
 """
-_UPWARD = 0.35
+_STRETCHED = 0.85
+"""Share of its length to which an arm is stretched at the furthest reach of a strike that is straight."""
+_UPWARD = 0.42
 """Share of the fist's way that is upward, from which a strike that is not straight is an uppercut."""
 _BEFORE = 0.05
 """Time before the fist's highest speed at which its way begins [s]."""
@@ -30,8 +32,9 @@ _BEFORE = 0.05
 def strike_kinds(database: MotionDatabase) -> Array:
     """Return the kind of each strike, as numbers of ``KINDS``. Shape (S,), uint8.
 
-    A strike is straight where the fist, at its highest speed, moves away from the shoulder. Else it is an uppercut
-    where the fist's way to its furthest reach climbs, and a hook where it does not. Motion is relative to the pelvis.
+    A strike is straight where the fist, at its highest speed, moves away from the shoulder, and the arm ends stretched.
+    Else it is an uppercut where the fist's way to its furthest reach climbs, and a hook where it does not. Motion is
+    relative to the pelvis.
     """
     rate = database.playback_rate
     frames, peaks = (np.asarray(one, dtype=np.int64) for one in (database.strike_frames, database.strike_peaks))
@@ -39,7 +42,7 @@ def strike_kinds(database: MotionDatabase) -> Array:
     clips = np.searchsorted(starts, frames, side="right") - 1
     first, last = starts[clips], starts[clips + 1] - 1
     step = max(1, round(rate / 60.0))
-    at_peak = _pose(database, peaks)
+    at_peak, _ = _pose(database, peaks)
     hands = np.asarray(database.strike_hands, dtype=np.int64)
     which = np.arange(len(frames)), hands
     velocity = _fists(database, np.minimum(peaks + step, last), hands)
@@ -47,7 +50,8 @@ def strike_kinds(database: MotionDatabase) -> Array:
     outward = _cosine(velocity, at_peak.fists[which] - at_peak.shoulders[which])
     way = _fists(database, frames, hands) - _fists(database, np.maximum(peaks - round(_BEFORE * rate), first), hands)
     upward = _cosine(way, np.array([0.0, 1.0, 0.0]))
-    kinds = np.where(outward > _OUTWARD, 0, np.where(upward > _UPWARD, 2, 1))
+    straight = (outward > _OUTWARD) & (_stretch(database, frames, hands) > _STRETCHED)
+    kinds = np.where(straight, 0, np.where(upward > _UPWARD, 2, 1))
     return kinds.astype(np.uint8)
 
 
@@ -57,17 +61,28 @@ def strike_heights(database: MotionDatabase) -> Array:
     return (np.asarray(database.strike_places)[:, 1] < necks).astype(np.uint8)
 
 
-def _pose(database: MotionDatabase, frames: Array) -> Tracks:
-    """Return the points of the body in some playback frames."""
+def _pose(database: MotionDatabase, frames: Array) -> tuple[Tracks, Array]:
+    """Return the points of the body in some playback frames, and positions of its joints [m]. Shape (S, J, 3)."""
     roots = np.asarray(database.root_positions, dtype=float)[frames]
     rotations = np.asarray(database.rotations, dtype=float)[frames]
-    return build_tracks(database.body, *forward_kinematics(database.skeleton, roots, rotations))
+    positions, turned = forward_kinematics(database.skeleton, roots, rotations)
+    return build_tracks(database.body, positions, turned), positions
 
 
 def _fists(database: MotionDatabase, frames: Array, hands: Array) -> Array:
     """Return the striking fists in some playback frames, relative to the pelvis [m]. Shape (S, 3)."""
-    tracks = _pose(database, frames)
+    tracks, _ = _pose(database, frames)
     return np.asarray(tracks.fists[np.arange(len(frames)), hands] - tracks.pelvises)
+
+
+def _stretch(database: MotionDatabase, frames: Array, hands: Array) -> Array:
+    """Return to what share of their length striking arms are stretched in some playback frames. Shape (S,)."""
+    tracks, positions = _pose(database, frames)
+    which, roles = np.arange(len(frames)), database.body.roles
+    elbows = positions[which, np.array([roles["left_elbow"], roles["right_elbow"]])[hands]]
+    fists, shoulders = tracks.fists[which, hands], tracks.shoulders[which, hands]
+    lengths = np.linalg.norm(elbows - shoulders, axis=-1) + np.linalg.norm(fists - elbows, axis=-1)
+    return np.asarray(np.linalg.norm(fists - shoulders, axis=-1) / np.maximum(lengths, 1e-9))
 
 
 def _cosine(a: Array, b: Array) -> Array:
