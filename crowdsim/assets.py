@@ -16,10 +16,19 @@ FileName = str | os.PathLike[str]
 
 def folders(kind: str) -> list[Path]:
     """Return the folders that are searched for ``kind``, ``"scenarios"`` or ``"policies"``, first things first."""
-    package = Path(__file__).resolve().parent
-    shipped = [package / kind, package.parent / kind]
-    found = [Path.cwd() / kind, *[folder for folder in shipped if folder.is_dir()][:1]]
+    found = [Path.cwd() / kind, *_shipped_folders(kind)]
     return [folder for i, folder in enumerate(found) if folder.is_dir() and folder not in found[:i]]
+
+
+def shipped(kind: str, name: str) -> Path:
+    """Return a file of ``kind`` that ships with the package, whatever the working folder holds."""
+    return _shipped_folders(kind)[0] / name
+
+
+def _shipped_folders(kind: str) -> list[Path]:
+    """Return the folder that ships with the package, beside its modules or beside itself; none where it is missing."""
+    package = Path(__file__).resolve().parent
+    return [folder for folder in (package / kind, package.parent / kind) if folder.is_dir()][:1]
 
 
 def scenario_names() -> list[str]:

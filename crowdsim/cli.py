@@ -16,10 +16,11 @@ from crowdsim import __version__
 from crowdsim.commands.checking import schema, status, validate, verify
 from crowdsim.commands.common import talk, with_talk
 from crowdsim.commands.inspecting import inspect
-from crowdsim.commands.motion import perform, train
+from crowdsim.commands.motion import perform
 from crowdsim.commands.profiling import profile
 from crowdsim.commands.rendering import render
 from crowdsim.commands.running import export, run
+from crowdsim.commands.training import train
 from crowdsim.errors import CrowdsimError
 
 EXIT_CODES = "Exit codes: 0 done, 1 a run failed, 2 invalid input, 130 interrupted, 143 terminated."

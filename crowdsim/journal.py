@@ -7,7 +7,6 @@ manifest lists everything.
 from __future__ import annotations
 
 import json
-import os
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from pathlib import Path
 
 from crowdsim.errors import OutputError
 from crowdsim.plain_files import is_inside, open_plain, walk
-from crowdsim.signed_json import checksum, signed_text
+from crowdsim.signed_json import checksum, write_signed
 
 NAME = ".crowdsim-journal.json"
 FORMAT = "crowdsim-journal"
@@ -81,19 +80,13 @@ def write_journal(folder: Path, journal: Journal) -> None:
     Raises:
         OutputError: It cannot be written.
     """
-    path, partial = folder / NAME, folder / f"{NAME}.part"
     document = {
         "format": FORMAT,
         "version": VERSION,
         "inputs": sorted(journal.inputs),
         "files": sorted(journal.files),
     }
-    try:
-        partial.write_text(signed_text(document), encoding="utf-8")
-        os.replace(partial, path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    write_signed(folder / NAME, folder / f"{NAME}.part", document)
 
 
 def remove_journal(folder: Path) -> None:

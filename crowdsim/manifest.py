@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from crowdsim import __version__
-from crowdsim.errors import OutputError, TakeError
+from crowdsim.errors import TakeError
 from crowdsim.journal import NAME as JOURNAL
 from crowdsim.journal import find_noted, read_journal
 from crowdsim.plain_files import NotPlainError, is_inside, open_plain, remove_plain, stat_plain, walk
-from crowdsim.signed_json import checksum, signed_text, text_of
+from crowdsim.signed_json import checksum, text_of, write_signed
 
 NAME = "manifest.json"
 FORMAT = "crowdsim-run"
@@ -154,13 +154,7 @@ def update_manifest(
 
 def _write(folder: Path, document: Mapping[str, Any]) -> Path:
     path = folder / NAME
-    partial = folder / f".{NAME}.part"
-    try:
-        partial.write_text(signed_text(document), encoding="utf-8")
-        os.replace(partial, path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    write_signed(path, folder / f".{NAME}.part", document)
     return path
 
 

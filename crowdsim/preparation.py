@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -53,7 +52,7 @@ def load_policies(
 
     Args:
         scenario: The scenario, resolved.
-        mocap: Folder of capture; by default that of the variable ``CROWDSIM_MOCAP``.
+        mocap: Folder of capture; by default that of the recipe, else of the variable ``CROWDSIM_MOCAP``.
         threads: Threads for training.
         progress: Called with stage, done and total.
 
@@ -64,9 +63,8 @@ def load_policies(
     from crowdsim.policy.train import ready_policy
 
     names = dict.fromkeys(kind.policy for name, kind in scenario.types.items() if name in scenario.used_types)
-    capture = mocap or os.environ.get("CROWDSIM_MOCAP") or None
     # A bundle goes by the name that the scenario calls it, wherever it was trained.
-    return [replace(ready_policy(name, capture, threads, progress), name=name) for name in names]
+    return [replace(ready_policy(name, mocap, threads, progress), name=name) for name in names]
 
 
 def prepare(scenario: Scenario, policies: Sequence[Policy], placed: Placed | None = None) -> Prepared:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
+
+from crowdsim.errors import OutputError
 
 
 def checksum(document: Mapping[str, Any]) -> str:
@@ -23,3 +27,17 @@ def signed_text(document: Mapping[str, Any]) -> str:
     """Return a document as it is written, with its checksum last."""
     rest = {key: value for key, value in document.items() if key != "checksum"}
     return text_of({**rest, "checksum": checksum(rest)})
+
+
+def write_signed(path: Path, partial: Path, document: Mapping[str, Any]) -> None:
+    """Write a document with its checksum to ``partial``, which is then renamed to ``path``.
+
+    Raises:
+        OutputError: It cannot be written; ``partial`` is removed.
+    """
+    try:
+        partial.write_text(signed_text(document), encoding="utf-8")
+        os.replace(partial, path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None

@@ -23,29 +23,31 @@ def validate(
     """Check scenarios and recipes; print every finding with its line and column."""
     from crowdsim.validation import find_checked_file, find_file_faults, find_file_warnings
 
-    told: dict[str, list[str]] = {}
+    findings_by_file: dict[str, list[str]] = {}
     for name in files:
         try:
             path = find_checked_file(name)
         except CrowdsimError as error:
-            told[name] = [str(error)]
+            findings_by_file[name] = [str(error)]
             continue
         detail(f"{name}: checking {path}")
-        told[str(path)] = find_file_faults(path)
-    found = any(told.values())
-    for findings in told.values():
+        findings_by_file[str(path)] = find_file_faults(path)
+    found = any(findings_by_file.values())
+    for findings in findings_by_file.values():
         for finding in findings:
             print(finding, file=sys.stderr)
     if as_json:
-        files_told = [{"file": path, "valid": not findings, "findings": findings} for path, findings in told.items()]
-        print_json({"valid": not found, "files": files_told})
+        checked = [
+            {"file": path, "valid": not findings, "findings": findings} for path, findings in findings_by_file.items()
+        ]
+        print_json({"valid": not found, "files": checked})
     if found:
         sys.exit(2)
-    warnings = [warning for path in told for warning in find_file_warnings(Path(path))]
+    warnings = [warning for path in findings_by_file for warning in find_file_warnings(Path(path))]
     for warning in warnings:
         note(warning)
     if not as_json:
-        say(f"{len(told)} file{'s' if len(told) > 1 else ''} without a finding")
+        say(f"{len(findings_by_file)} file{'s' if len(findings_by_file) > 1 else ''} without a finding")
 
 
 class Kind(str, Enum):
@@ -101,20 +103,20 @@ def status(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run folder, or a folder of several.")],
     as_json: Json = False,
 ) -> None:
-    """Tell which runs in a folder are done, interrupted or unfinished."""
+    """List which runs in a folder are done, interrupted or unfinished."""
     from crowdsim.run_folder import describe_run
 
     if not folder.is_dir():
         raise CrowdsimError(f"{folder}: no such folder, expected runs")
     runs = {str(path): describe_run(path) for path in [folder, *sorted(folder.iterdir())] if path.is_dir()}
-    runs = {path: told for path, told in runs.items() if told["state"] != "none"}
+    runs = {path: facts for path, facts in runs.items() if facts["state"] != "none"}
     if not runs:
         raise CrowdsimError(f"{folder}: holds no run")
     if as_json:
         print_json(runs)
         return
-    for path, told in runs.items():
-        more = f"  {told['why']}" if "why" in told else ""
-        if "avatars" in told:
-            more = f"  {told['avatars']:,} avatars, {told['control_frames']:,} control frames"
-        print(f"{told['state']:<12} {path}{more}")
+    for path, facts in runs.items():
+        more = f"  {facts['why']}" if "why" in facts else ""
+        if "avatars" in facts:
+            more = f"  {facts['avatars']:,} avatars, {facts['control_frames']:,} control frames"
+        print(f"{facts['state']:<12} {path}{more}")

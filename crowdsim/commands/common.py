@@ -48,7 +48,8 @@ Search = Annotated[
 Mocap = Annotated[
     Path | None,
     typer.Option(
-        metavar="DIR", help="Folder of motion capture, for recipes that train from it.", envvar="CROWDSIM_MOCAP"
+        metavar="DIR",
+        help="Folder of motion capture, for recipes that train from it; the recipe's, else that of CROWDSIM_MOCAP.",
     ),
 ]
 

@@ -1,4 +1,4 @@
-"""The commands ``perform`` and ``train``, which make what runs start from."""
+"""The command ``perform``."""
 
 from __future__ import annotations
 
@@ -7,18 +7,7 @@ from typing import Annotated
 
 import typer
 
-from crowdsim.commands.common import (
-    CORES,
-    Force,
-    Json,
-    Mocap,
-    Threads,
-    complete_recipe,
-    detail,
-    make_folder,
-    print_json,
-    say,
-)
+from crowdsim.commands.common import make_folder, say
 from crowdsim.commands.progress import Bars
 from crowdsim.errors import under_way
 
@@ -39,37 +28,3 @@ def perform(
     with Bars() as bars, under_way():
         paths = write_performance(out, seconds, seed, progress=bars)
     say(f"{len(paths)} clips in {out}")
-
-
-def train(
-    recipe: Annotated[
-        str, typer.Argument(metavar="RECIPE", help="A recipe's file, or its name.", autocompletion=complete_recipe)
-    ],
-    mocap: Mocap = None,
-    threads: Threads = CORES,
-    force: Force = False,
-    as_json: Json = False,
-) -> None:
-    """Train a policy from motion capture or from the embedded boxer."""
-    from crowdsim.compilation import watch_compilation
-    from crowdsim.policy.bundle import read_document, read_timings
-    from crowdsim.policy.train import train_recipe
-
-    with Bars() as bars, watch_compilation(bars.note) as compilation:
-        folder, trained = train_recipe(recipe, mocap, threads, force, bars)
-    document, timings = read_document(folder), read_timings(folder)
-    for name, told in (timings.get("behaviours") or {}).items():
-        detail(f"{folder}: {name} took {told['seconds']:.1f} s")
-    if as_json:
-        print_json(
-            {
-                "policy": document["name"],
-                "folder": str(folder),
-                "trained": trained,
-                "fingerprint": document["fingerprint"],
-                "compile_seconds": compilation.seconds,
-                "seconds": timings,
-            }
-        )
-        return
-    say(f"{folder}: {'trained' if trained else 'up to date'}")

@@ -31,11 +31,11 @@ def profile(
         Path | None, typer.Option(metavar="DIR", help="Folder for profile.csv, profile.png and scaling.png.")
     ] = None,
     trace: Annotated[bool, typer.Option("--trace", help="Write trace.json for Perfetto, too; needs --out.")] = False,
-    writing: Annotated[bool, typer.Option("--writing", help="Tell what writing the outputs costs, too.")] = False,
+    writing: Annotated[bool, typer.Option("--writing", help="Measure what writing the outputs costs, too.")] = False,
     override: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Another value.")] = None,
     mocap: Mocap = None,
 ) -> None:
-    """Tell what control costs a frame, by stage, for any number of avatars and threads."""
+    """Measure what control costs a frame, by stage, for any number of avatars and threads."""
     from crowdsim import profiling
     from crowdsim.compilation import watch_compilation
     from crowdsim.crowd.profile import draw_profile, draw_scaling, profile_table, write_csv
@@ -63,8 +63,8 @@ def profile(
             if trace:
                 profiling.write_trace(out / "trace.json", first)
     if as_json:
-        told: dict[str, Any] = {"scenario": loaded.name, "profiles": [profiling.describe(one) for one in profiles]}
-        print_json(told if seconds is None else {**told, "writing_seconds": seconds})
+        document: dict[str, Any] = {"scenario": loaded.name, "profiles": [profiling.describe(one) for one in profiles]}
+        print_json(document if seconds is None else {**document, "writing_seconds": seconds})
         return
     print("\n\n".join(profile_table(one) for one in profiles))
     if seconds is not None:

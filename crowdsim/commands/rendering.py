@@ -62,12 +62,12 @@ def render(
         source = TakeSource(take, policies, wanted.fps or 30.0, threads=threads, arena=read_arena(path))
         return source, tuple(notes)
 
-    told = {"size": size, "fps": fps, "frames": frames, "camera": camera, "caption": caption}
+    drawn = {"size": size, "fps": fps, "frames": frames, "camera": camera, "caption": caption}
 
     @contextmanager
     def record(folder: Path, planned: Sequence[Path]) -> Iterator[Callable[[Sequence[Path]], None]]:
         with record_files(folder, planned) as recorder:
-            yield lambda files: recorder.settle("pictures", files, told, threads=threads)
+            yield lambda files: recorder.settle("pictures", files, drawn, threads=threads)
 
     if out is not None and len(things) == 1:
         outs = [out]

@@ -61,7 +61,7 @@ def run(
     from crowdsim.runner import Interrupted, run_to
 
     length = None if frames is None else parse_length(frames)
-    told: list[dict[str, Any]] = []
+    documents: list[dict[str, Any]] = []
     command = shlex.join(["crowdsim", *sys.argv[1:]])
     several, failures = len(scenarios) > 1, []
     for name in scenarios:
@@ -75,7 +75,7 @@ def run(
             for line in report.notes:
                 note(line)
             if as_json:
-                told.append(_describe_report(scenario.name, report))
+                documents.append(_describe_report(scenario.name, report))
             elif not talk.quiet:
                 _print_report(report)
         except Interrupted as stop:
@@ -88,9 +88,9 @@ def run(
                 traceback.print_exc()
             print(error, file=sys.stderr)
             failures.append(name)
-            told.append({"scenario": name, "state": "failed", "error": str(error)})
+            documents.append({"scenario": name, "state": "failed", "error": str(error)})
     if as_json:
-        print_json({"runs": told})
+        print_json({"runs": documents})
     if failures:
         print(f"{len(failures)} of {len(scenarios)} runs failed: {', '.join(failures)}", file=sys.stderr)
         sys.exit(1)
@@ -101,15 +101,15 @@ def _print_report(report: Any) -> None:
     if report.done_before:
         print(f"{report.folder}: this run is done already; --force does it again")
         return
-    told, seconds = report.statistics, report.seconds
+    figures, seconds = report.statistics, report.seconds
     total = seconds["total"]
-    frame = 1000 * seconds["control"] / told.control_frames
+    frame = 1000 * seconds["control"] / figures.control_frames
     print(report.folder)
-    print(f"  avatars         {told.avatars:,}")
-    print(f"  control frames  {told.control_frames:,} ({told.seconds:.1f} s)")
-    print(f"  strikes         {told.strikes_thrown:,} thrown, {told.strikes_landed:,} landed")
-    print(f"  hits            {told.hits_per_minute_per_avatar:.1f} a minute and avatar")
-    print(f"  overlap         {told.overlap_share:.2%} of avatar-frames")
+    print(f"  avatars         {figures.avatars:,}")
+    print(f"  control frames  {figures.control_frames:,} ({figures.seconds:.1f} s)")
+    print(f"  strikes         {figures.strikes_thrown:,} thrown, {figures.strikes_landed:,} landed")
+    print(f"  hits            {figures.hits_per_minute_per_avatar:.1f} a minute and avatar")
+    print(f"  overlap         {figures.overlap_share:.2%} of avatar-frames")
     print(f"  control         {frame:.3f} ms a frame, {seconds['control'] / total:.2%} of the time")
     if report.compiled:
         print(f"  compilation     {seconds['compile']:.1f} s, no part of control; kernels are kept for later runs")
@@ -164,8 +164,8 @@ def export(
     from crowdsim.runner import open_run
 
     take, policies, notes = open_run(folder)
-    for told in notes:
-        note(told)
+    for line in notes:
+        note(line)
     kinds = [kind for kind, wanted in (("bvh", bvh), ("ply", ply), ("pcd", pcd)) if wanted]
     options = ExportOptions(kinds, avatars, frames, fps, every, points)
     with Bars() as bars:

@@ -37,6 +37,7 @@ from crowdsim.errors import RecipeError, ScenarioError, nearest
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
+    from crowdsim.policy.recipe import Recipe
 
 Array = NDArray[Any]
 
@@ -113,15 +114,8 @@ def learned_behaviours(policy: str) -> list[str]:
         RecipeError: Its recipe is invalid.
         PolicyError: There is no such policy, or its bundle is damaged.
     """
-    from crowdsim import assets
-    from crowdsim.policy.bundle import read_document
-    from crowdsim.policy.recipe import load_recipe
-
-    try:
-        recipe = assets.find_recipe(policy)
-    except RecipeError:
-        return [str(told["name"]) for told in read_document(assets.find_bundle(policy))["behaviours"]]
-    return list(load_recipe(recipe).behaviours)
+    recipe, document = _recipe_or_bundle(policy)
+    return list(recipe.behaviours) if recipe else [str(behaviour["name"]) for behaviour in document["behaviours"]]
 
 
 def control_rate_of(policy: str) -> float:
@@ -131,15 +125,21 @@ def control_rate_of(policy: str) -> float:
         RecipeError: Its recipe is invalid.
         PolicyError: There is no such policy, or its bundle is damaged.
     """
+    recipe, document = _recipe_or_bundle(policy)
+    return float(recipe.control_rate if recipe else document["database"]["control_rate"])
+
+
+def _recipe_or_bundle(policy: str) -> tuple[Recipe | None, Mapping[str, Any]]:
+    """Return the recipe of a policy, or None and what the bundle of a policy without a recipe says."""
     from crowdsim import assets
     from crowdsim.policy.bundle import read_document
     from crowdsim.policy.recipe import load_recipe
 
     try:
-        recipe = assets.find_recipe(policy)
+        path = assets.find_recipe(policy)
     except RecipeError:
-        return float(read_document(assets.find_bundle(policy))["database"]["control_rate"])
-    return float(load_recipe(recipe).control_rate)
+        return None, read_document(assets.find_bundle(policy))
+    return load_recipe(path), {}
 
 
 def check_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]]) -> None:

@@ -1,4 +1,4 @@
-"""A BVH file understood: unit, up axis, roles and body found, and everything that is odd about it told."""
+"""A BVH file understood: unit, up axis, roles and body found, and everything that is odd about it reported."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Capture:
     """A BVH file and what was found out about it.
 
     Attributes:
-        bvh: The file as it stands.
+        bvh: The file as it is.
         clip: Its motion, y up, in metres where the scale is known and in file units where it is not; all frames,
             lead-in included. Elbows that fold backward in the file fold forward in it. Without a frame when the file
             has none.
@@ -79,8 +79,8 @@ def load_capture(path: str | os.PathLike[str], unit: str | float | None = None, 
     scale = None if unit is None else units.parse_unit(unit)
     axis = None if up_axis is None else units.parse_up_axis(up_axis)
     bvh = read_bvh(path)
-    findings = [_without_path(finding, str(path)) for finding in bvh.findings]
-    faults = [_without_path(fault, str(path)) for fault in bvh.faults]
+    findings = [without_path(finding, str(path)) for finding in bvh.findings]
+    faults = [without_path(fault, str(path)) for fault in bvh.faults]
 
     def fault(what: str) -> None:
         findings.append(what)
@@ -94,7 +94,7 @@ def load_capture(path: str | os.PathLike[str], unit: str | float | None = None, 
     if axis is None:
         axis = _find_up_axis(raw.skeleton, roles, poses)
         if axis is None:
-            findings.append("up axis unknown, y is taken: the body neither stands nor keeps to a floor")
+            findings.append("up axis unknown, y is taken: the body is neither upright nor keeps to a floor")
     if scale is None and roles:
         height = standing_height(raw.skeleton, roles, poses[0] if len(poses) else None)
         scale = units.find_scale(height)
@@ -136,8 +136,8 @@ def usable_clip(capture: Capture, strict: bool = True) -> Clip:
     raise MotionError("\n".join(f"{source}: {fault}" for fault in capture.faults))
 
 
-def _without_path(finding: str, path: str) -> str:
-    """A finding of the file, ``PATH:LINE: what`` or ``PATH: what``, without its path."""
+def without_path(finding: str, path: str) -> str:
+    """Return a finding of the file, ``PATH:LINE: what`` or ``PATH: what``, without its path."""
     if not finding.startswith(path + ":"):
         return finding
     return re.sub(r"^(\d+): ", r"line \1: ", finding[len(path) + 1 :]).lstrip()
@@ -149,7 +149,7 @@ def _names(skeleton: Skeleton) -> str:
 
 
 def _find_up_axis(skeleton: Skeleton, roles: dict[str, int], poses: Array) -> str | None:
-    """The axis that is up in a file; None when nothing tells."""
+    """The axis that is up in a file; None when nothing shows it."""
     rest = skeleton.rest_positions()
     group = poses if len(poses) else rest[None]
     if roles:

@@ -11,6 +11,9 @@ from dataclasses import dataclass
 from crowdsim.motion.performer_score import Channel as C
 from crowdsim.motion.performer_score import Swing
 
+Parts = tuple[tuple[C, float], ...]
+Hand = tuple[float, float, float]
+
 GUARD_SWING = Swing()
 SHUFFLE_SWING = Swing(push=0.19, settle=0.24, ramps=(0.36, 0.36), toe_off=0.22, load=0.6)
 WALK_SWING = Swing(push=0.29, settle=0.27, ramps=(0.23, 0.24), toe_off=1.0, roll=0.26, toe_up=0.20, load=0.0)
@@ -44,16 +47,36 @@ class Gait:
     lift: float
     bob: float
     lowest: float
-    posture: tuple[tuple[C, float], ...]
-    swung: tuple[tuple[C, float], ...]
+    posture: Parts
+    swung: Parts
 
 
-_SQUARE: tuple[tuple[C, float], ...] = (
+_SQUARE: Parts = (
     (C.PELVIS_TURN, 0.50),
     (C.LEAD_HEEL, -0.08),
     (C.REAR_HEEL, -0.27),
 )
 """What takes a bladed guard square to the way."""
+
+_LEAD_HAND = (C.LEAD_HAND_X, C.LEAD_HAND_Y, C.LEAD_HAND_Z)
+_REAR_HAND = (C.REAR_HAND_X, C.REAR_HAND_Y, C.REAR_HAND_Z)
+
+
+def _posture(
+    height: float, shift: float, tilt: float, flex: float, nod: float, lead: Hand, rear: Hand, raised: float | None
+) -> Parts:
+    """Return a gait's posture: pelvis and trunk, where the hands are (x, y, z), and how shoulders are raised."""
+    trunk = ((C.HEIGHT, height), (C.SHIFT_Z, shift), (C.PELVIS_TILT, tilt), (C.FLEX, flex), (C.HEAD_NOD, nod))
+    hands = zip((*_LEAD_HAND, *_REAR_HAND), (*lead, *rear), strict=True)
+    raises = () if raised is None else ((C.LEAD_RAISE, raised), (C.REAR_RAISE, raised))
+    return (*_SQUARE, *trunk, *hands, *raises)
+
+
+def _swung(turn: float, twist: float, forth: float, up: float) -> Parts:
+    """Return what changes sides with the feet: pelvis against trunk, and each hand against the other."""
+    hands = ((C.LEAD_HAND_Z, -forth), (C.REAR_HAND_Z, forth), (C.LEAD_HAND_Y, -up), (C.REAR_HAND_Y, up))
+    return ((C.PELVIS_TURN, -turn), (C.TWIST, twist), *hands)
+
 
 WALK = Gait(
     name="walk",
@@ -65,30 +88,8 @@ WALK = Gait(
     lift=0.045,
     bob=0.032,
     lowest=0.05,
-    posture=(
-        *_SQUARE,
-        (C.HEIGHT, 0.038),
-        (C.SHIFT_Z, -0.055),
-        (C.PELVIS_TILT, -0.06),
-        (C.FLEX, -0.09),
-        (C.HEAD_NOD, -0.06),
-        (C.LEAD_HAND_X, 0.03),
-        (C.LEAD_HAND_Y, -0.20),
-        (C.LEAD_HAND_Z, -0.06),
-        (C.REAR_HAND_X, -0.10),
-        (C.REAR_HAND_Y, -0.20),
-        (C.REAR_HAND_Z, 0.05),
-        (C.LEAD_RAISE, -0.05),
-        (C.REAR_RAISE, -0.05),
-    ),
-    swung=(
-        (C.PELVIS_TURN, -0.08),
-        (C.TWIST, 0.15),
-        (C.LEAD_HAND_Z, -0.055),
-        (C.REAR_HAND_Z, 0.055),
-        (C.LEAD_HAND_Y, -0.015),
-        (C.REAR_HAND_Y, 0.015),
-    ),
+    posture=_posture(0.038, -0.055, -0.06, -0.09, -0.06, (0.03, -0.20, -0.06), (-0.10, -0.20, 0.05), -0.05),
+    swung=_swung(0.08, 0.15, 0.055, 0.015),
 )
 
 JOG = Gait(
@@ -101,28 +102,8 @@ JOG = Gait(
     lift=0.11,
     bob=0.065,
     lowest=0.36,
-    posture=(
-        *_SQUARE,
-        (C.HEIGHT, 0.045),
-        (C.SHIFT_Z, -0.03),
-        (C.PELVIS_TILT, 0.03),
-        (C.FLEX, -0.02),
-        (C.HEAD_NOD, -0.10),
-        (C.LEAD_HAND_X, 0.02),
-        (C.LEAD_HAND_Y, -0.16),
-        (C.LEAD_HAND_Z, -0.08),
-        (C.REAR_HAND_X, -0.09),
-        (C.REAR_HAND_Y, -0.16),
-        (C.REAR_HAND_Z, 0.04),
-    ),
-    swung=(
-        (C.PELVIS_TURN, -0.11),
-        (C.TWIST, 0.24),
-        (C.LEAD_HAND_Z, -0.07),
-        (C.REAR_HAND_Z, 0.07),
-        (C.LEAD_HAND_Y, -0.03),
-        (C.REAR_HAND_Y, 0.03),
-    ),
+    posture=_posture(0.045, -0.03, 0.03, -0.02, -0.10, (0.02, -0.16, -0.08), (-0.09, -0.16, 0.04), None),
+    swung=_swung(0.11, 0.24, 0.07, 0.03),
 )
 
 GAITS = {gait.name: gait for gait in (WALK, JOG)}

@@ -69,6 +69,15 @@ class Rejected:
     reasons: Array
 
 
+def describe_strikes_needed(height: float) -> str:
+    """Return in words what makes a movement of a fist a strike, for a body of a standing height [m]."""
+    size = height / HEIGHT
+    return (
+        f"a strike is a fist that moves at {MINIMUM_SPEED * size:.1f} m/s or more relative to the pelvis "
+        f"and then reaches {MINIMUM_GAIN * size:.2f} m or more further out"
+    )
+
+
 @dataclass(frozen=True)
 class Strikes:
     """Strikes of one clip, ordered by frame.

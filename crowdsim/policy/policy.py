@@ -39,7 +39,7 @@ class Behaviour:
             where the target is, plus gamma^T times V interpolated where the target will be.
         table: The values, flat. Shape (A * cells,) or (S * cells,), float32; or uint8 or uint16, whole numbers of
             steps.
-        scale: How much better the best action of a state is than the median one (``train.decisive_scale``). Values are
+        scale: How much better the best action of a state is than the median one (``scales.decisive_scale``). Values are
             divided by it before behaviours are added up. 0: the behaviour has no preference and counts for nothing.
         terms: The reward's terms.
         discount: gamma, a control frame.
@@ -102,7 +102,7 @@ class Policy:
         values: The tables of all behaviours one after another, of which each ``table`` is a part. Flat, float32 or
             uint8.
         recipe: The recipe as it was resolved, plain data.
-        statistics: What ``crowdsim inspect`` tells, plain data.
+        statistics: What ``crowdsim inspect`` reports, plain data.
         fingerprint: SHA-256 over recipe, capture and sources, in hexadecimal.
         fingerprints: The same for each of the three alone.
     """

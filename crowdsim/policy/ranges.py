@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError, RecipeError
 from crowdsim.motion.database import MotionDatabase
+from crowdsim.motion.strikes import describe_strikes_needed
 from crowdsim.policy.environment import Axis, Grid, build_grid
 from crowdsim.policy.recipe import BehaviourSpec
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, Term
@@ -39,7 +40,7 @@ def strike_reach(database: MotionDatabase) -> Reach:
     """Return the region that the strikes of a database reach.
 
     Raises:
-        MotionError: There are no strikes; the message tells the highest speeds of the fists.
+        MotionError: There are no strikes.
     """
     check_strikes(database)
     x, y, z = np.asarray(database.strike_places, dtype=float).T
@@ -55,14 +56,17 @@ def check_strikes(database: MotionDatabase) -> None:
     """
     if len(database.strike_frames):
         return
-    steps = np.linalg.norm(np.diff(np.asarray(database.fists, dtype=float), axis=0), axis=-1) * database.playback_rate
-    inside = np.ones(len(steps), bool)
-    inside[np.asarray(database.clip_starts[1:-1], dtype=np.int64) * database.stride - 1] = False
-    fastest = steps[inside].max(axis=0) if inside.any() else np.zeros(2)
     raise MotionError(
-        f"no strikes found in {database.seconds:.1f} s of motion, but a behaviour is rewarded for them: the fists move "
-        f"at up to {fastest[0]:.1f} m/s (left) and {fastest[1]:.1f} m/s (right) in the body's frame"
+        f"no strikes found in {own_seconds(database):.1f} s of motion, but a behaviour needs them; "
+        f"{describe_strikes_needed(database.body.height)}"
     )
+
+
+def own_seconds(database: MotionDatabase) -> float:
+    """Return the length of the clips, mirror images left out [s]."""
+    frames = np.diff(np.asarray(database.clip_starts))
+    mirrored = np.array([name.endswith("~mirror") for name in database.clip_names])
+    return float(frames[~mirrored].sum() / database.control_rate)
 
 
 def striking_range(database: MotionDatabase) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
@@ -11,7 +12,7 @@ from pydantic import Field, model_validator
 from crowdsim.errors import RecipeError, nearest
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.policy.environment import AXIS_KINDS
-from crowdsim.policy.rewards import AnyTerm, StrikeTerm
+from crowdsim.policy.rewards import AnyTerm, ProximityTerm, StrikeTerm
 from crowdsim.yaml_files import Fault, StrictModel, load_model
 
 FORMAT = 1
@@ -32,7 +33,12 @@ class CaptureSource(StrictModel):
 
     clips: list[str] = Field(
         min_length=1,
-        description="Files, or patterns with * for several, below the folder of --mocap or CROWDSIM_MOCAP.",
+        description="Files, or patterns with * for several, below the folder of capture.",
+    )
+    folder: str | None = Field(
+        default=None,
+        description="Folder of capture, seen from the recipe's; --mocap goes before it. Null: that of --mocap or "
+        "CROWDSIM_MOCAP.",
     )
     unit: str | float | None = Field(
         default=None, description="Unit of the files, by name or in metres; found when null."
@@ -178,6 +184,17 @@ class BehaviourSpec(StrictModel):
         """Whether a strike is rewarded."""
         return any(isinstance(term, StrikeTerm) for term in self.rewards)
 
+    @property
+    def measured_by_strikes(self) -> list[str]:
+        """What is left out of it in words, and so comes from the region that strikes reach."""
+        missing = []
+        if any(isinstance(term, ProximityTerm) and term.distance is None for term in self.rewards):
+            missing.append("a distance in its proximity rewards")
+        for name, axis in self.axes.given().items():
+            if axis.reach or (name == "distance" and axis.maximum is None):
+                missing.append(f"a minimum and a maximum of its {name} axis")
+        return missing
+
     @model_validator(mode="after")
     def _learns_what_it_says(self) -> BehaviourSpec:
         if self.axes.bearing is not None and self.axes.bearing.stretch is not None:
@@ -251,14 +268,22 @@ class Recipe(StrictModel):
 
 
 def load_recipe(path: str | os.PathLike[str], overrides: list[str] | tuple[str, ...] = ()) -> Recipe:
-    """Return the recipe of a YAML file.
+    """Return the recipe of a YAML file; its folder of capture is seen from the file's, and so is right from anywhere.
 
     Raises:
         RecipeError: With a line for everything that is wrong, its line and column, and what was expected.
     """
-    return load_model(path, Recipe, RecipeError, overrides)
+    recipe = load_model(path, Recipe, RecipeError, overrides)
+    capture = recipe.motion.capture
+    if capture is None or capture.folder is None:
+        return recipe
+    found = capture.model_copy(update={"folder": os.path.normpath(Path(path).parent / capture.folder)})
+    return recipe.model_copy(update={"motion": recipe.motion.model_copy(update={"capture": found})})
 
 
 def plain(recipe: Recipe) -> dict[str, Any]:
-    """Return a recipe as plain data, defaults included."""
-    return recipe.model_dump(mode="json")
+    """Return a recipe as plain data, defaults included; without the folder of its capture, which may be anywhere."""
+    document = recipe.model_dump(mode="json")
+    if document["motion"]["capture"] is not None:
+        document["motion"]["capture"]["folder"] = None
+    return document

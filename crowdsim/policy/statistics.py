@@ -1,4 +1,4 @@
-"""What ``crowdsim inspect`` tells of a policy: motion, graph, and what was learned."""
+"""What ``crowdsim inspect`` reports of a policy: motion, strikes, graph, and what was learned."""
 
 from __future__ import annotations
 
@@ -7,12 +7,21 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowdsim.graph.statistics import frames_kept_by_clip, graph_statistics
+from crowdsim.motion.database import MotionDatabase
+from crowdsim.motion.strike_kinds import HEIGHTS, KINDS, strike_heights, strike_kinds
 from crowdsim.policy.policy import Policy
 from crowdsim.policy.pursuit import sustained_speed
-from crowdsim.policy.ranges import strike_reach
+from crowdsim.policy.ranges import strike_reach, striking_range
 from crowdsim.policy.solution import Solution
+from crowdsim.policy.trials import measure_success
+from crowdsim.policy.weaknesses import find_weaknesses
+
+Array = NDArray[Any]
+
+HANDS = ("left", "right")
 
 PAPER_REACH = {"bearing": (-1.114, 1.317), "distance": (0.297, 1.293), "height": (1.266, 1.624)}
 """The region that the paper's strikes reach (section 6): [rad], [m], [m]."""
@@ -31,6 +40,7 @@ def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict
             "clips": int(own.sum()),
             "frames": int(frames[own].sum()),
             "seconds": float(frames[own].sum() / database.control_rate),
+            "frames_kept": int(kept[own].sum()),
             "mirrored": bool(mirrored.any()),
             "strikes": int(own[clip_of].sum()),
             "frames_kept_by_clip": {name: int(count) for name, count in zip(database.clip_names, kept, strict=True)},
@@ -41,7 +51,8 @@ def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict
         "behaviours": {},
     }
     if len(database.strike_frames):
-        told["strikes"] = {"reach": asdict(strike_reach(database)), "paper": PAPER_REACH}
+        used = len(np.unique(policy.actions.strike_ids)) / len(database.strike_frames)
+        told["strikes"] = {**_count_strikes(database, own[clip_of]), "used_share": used, "paper": PAPER_REACH}
     for behaviour in policy.behaviours:
         solution = solutions[behaviour.name]
         entry_bytes = {"float32": 4, "float16": 2, "int16": 2, "int8": 1}[str(policy.recipe["precision"])]
@@ -59,12 +70,28 @@ def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict
             "converged": solution.converged,
             "scale": behaviour.scale,
             "value_mean": float(np.mean(solution.values, dtype=np.float64)),
+            "success": asdict(measure_success(policy, behaviour)),
         }
     return told
 
 
+def _count_strikes(database: MotionDatabase, own: Array) -> dict[str, Any]:
+    """Return what strikes reach, and how many there are of each hand, kind and height, mirror images left out."""
+
+    def count(names: tuple[str, ...], numbers: Array) -> dict[str, int]:
+        return {name: int(np.sum(numbers[own] == number)) for number, name in enumerate(names)}
+
+    return {
+        "reach": asdict(strike_reach(database)),
+        "striking_range": list(striking_range(database)),
+        "by_hand": count(HANDS, np.asarray(database.strike_hands)),
+        "by_kind": count(KINDS, strike_kinds(database)),
+        "by_height": count(HEIGHTS, strike_heights(database)),
+    }
+
+
 def inspect_bundle(policy: Policy, timings: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Return what ``crowdsim inspect BUNDLE`` tells, plain data.
+    """Return what ``crowdsim inspect BUNDLE`` reports, plain data.
 
     Args:
         policy: The policy.
@@ -80,6 +107,7 @@ def inspect_bundle(policy: Policy, timings: Mapping[str, Any] | None = None) -> 
         }
         for name, facts in policy.statistics["behaviours"].items()
     }
+    told["weaknesses"] = [asdict(weakness) for weakness in find_weaknesses(policy.statistics)]
     told["fingerprints"] = dict(policy.fingerprints)
     told["timings"] = dict(timings or {})
     return told

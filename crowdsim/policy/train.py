@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import time
 from collections.abc import Iterator
@@ -24,6 +23,7 @@ from crowdsim.policy.fingerprint import capture_files, combine, fingerprints_of
 from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.recipe import BehaviourSpec, QLearningSpec, Recipe, load_recipe, plain
 from crowdsim.policy.rewards import TargetBody, target_body
+from crowdsim.policy.scales import SHOWN, advantages, decisive_scale
 from crowdsim.policy.solution import Progress, Solution, q_table
 
 Array = NDArray[Any]
@@ -41,7 +41,7 @@ def train_recipe(
 
     Args:
         name: The recipe's file, or its name.
-        mocap: Folder of motion capture.
+        mocap: Folder of motion capture (``fingerprint.capture_folder``).
         threads: Threads to use; the bundle has the same bytes for any number.
         force: Train even when the bundle is up to date.
         progress: Called with (stage, done, total).
@@ -91,7 +91,7 @@ def stale(folder: Path, recipe: Recipe, mocap: FileName | None = None) -> str:
     """Return why the bundle in a folder is not what the recipe would train now, or an empty string when it is.
 
     Raises:
-        PolicyError: A bundle stands there that is foreign or damaged.
+        PolicyError: The folder holds a bundle that is foreign or damaged.
     """
     if not (folder / "policy.json").is_file():
         return "there is none yet"
@@ -100,7 +100,7 @@ def stale(folder: Path, recipe: Recipe, mocap: FileName | None = None) -> str:
     except VersionError:
         return "it is of another format version"
     try:
-        files = capture_files(recipe, mocap) if recipe.motion.capture is not None and mocap else None
+        files = capture_files(recipe, mocap) if recipe.motion.capture is not None else None
     except PolicyError:
         files = None
     now = fingerprints_of(recipe, files)
@@ -119,11 +119,12 @@ def train_policy(
 
     Raises:
         PolicyError: Capture is missing.
-        MotionError: The motion cannot be used.
+        MotionError: The motion cannot be used, or holds no strikes where behaviours need them.
     """
     from crowdsim.graph.motion_graph import build_graph
     from crowdsim.policy.pruning import prune_graph
     from crowdsim.policy.statistics import policy_statistics
+    from crowdsim.policy.strikeless import require_no_strikes
 
     with _threads(threads):
         started = time.perf_counter()
@@ -131,10 +132,8 @@ def train_policy(
         prints = fingerprints_of(recipe, files)
         database = load_motion(recipe, files, progress)
         moved = time.perf_counter()
-        if any(spec.strikes for spec in recipe.behaviours.values()):
-            from crowdsim.policy.ranges import check_strikes
-
-            check_strikes(database)
+        if not len(database.strike_frames):
+            require_no_strikes(recipe, files)
         body = target_body(database)
         graph = build_graph(database, recipe.graph, progress)
         built = time.perf_counter()
@@ -147,29 +146,24 @@ def train_policy(
             "prune": time.perf_counter() - built,
             "behaviours": {},
         }
-        behaviours, told = [], {}
+        trained, solutions = [], {}
         for label, spec in recipe.behaviours.items():
             begun = time.perf_counter()
             behaviour, solution = train_behaviour(label, spec, database, actions, body, recipe.precision, progress)
-            behaviours.append(behaviour)
-            told[label] = solution
+            trained.append(behaviour)
+            solutions[label] = solution
             timings["behaviours"][label] = {
                 "seconds": time.perf_counter() - begun,
                 "solver_seconds": solution.seconds,
                 "updates_per_second": solution.updates / max(solution.seconds, 1e-9),
             }
-        values = np.concatenate([behaviour.table for behaviour in behaviours])
-        ends = np.cumsum([len(behaviour.table) for behaviour in behaviours])
-        behaviours = [
-            Behaviour(**{**vars(behaviour), "table": values[end - len(behaviour.table) : end]})
-            for behaviour, end in zip(behaviours, ends, strict=True)
-        ]
+        behaviours, values = _join_tables(trained)
         policy = Policy(
             name=name,
             database=database,
             graph=graph,
             actions=actions,
-            behaviours=tuple(behaviours),
+            behaviours=behaviours,
             body=body,
             values=values,
             recipe=plain(recipe),
@@ -177,8 +171,16 @@ def train_policy(
             fingerprint=combine(prints),
             fingerprints=prints,
         )
-        statistics = policy_statistics(policy, told)
+        statistics = policy_statistics(policy, solutions)
     return Policy(**{**vars(policy), "statistics": statistics}), timings
+
+
+def _join_tables(behaviours: list[Behaviour]) -> tuple[tuple[Behaviour, ...], Array]:
+    """Return behaviours whose tables are parts of one array, and that array."""
+    values = np.concatenate([behaviour.table for behaviour in behaviours])
+    ends = np.cumsum([len(behaviour.table) for behaviour in behaviours])
+    parts = [values[end - len(one.table) : end] for one, end in zip(behaviours, ends, strict=True)]
+    return tuple(replace(one, table=part) for one, part in zip(behaviours, parts, strict=True)), values
 
 
 def load_motion(recipe: Recipe, files: list[Path], progress: Progress | None = None) -> MotionDatabase:
@@ -263,51 +265,6 @@ def train_behaviour(
     stored, zero, step = bundle.encode(table, precision)
     scale = spread if spec.normalise else 1.0
     return replace(behaviour, table=stored, scale=scale, low=zero, step=step), solution
-
-
-SHOWN = 12.0
-"""How far below the best action others are told apart in a table of bytes, in parts of the behaviour's scale."""
-
-INDIFFERENT = 1e-4
-"""A behaviour whose decisions differ by less than this share of its values has no preference."""
-
-
-def decisive_scale(behaviour: Behaviour, actions: Actions, body: TargetBody, targets: Array, greatest: float) -> float:
-    """Return the scale on which a behaviour decides: how much better its best action is than the median one.
-
-    The mean over all states, and over the targets that the behaviour counts for. Decisions depend on the differences
-    between the actions of one state alone, so values of behaviours are divided by this before they are added up; how
-    much they differ from place to place says nothing about decisions.
-
-    Args:
-        behaviour: Its table not yet encoded.
-        actions: The graph's actions.
-        body: Sizes of the target.
-        targets: Where the target may be, and how it may move (``ranges.sample_targets``). Shape (N, 5).
-        greatest: Greatest size of the behaviour's values.
-
-    Returns:
-        The scale; 0 for a behaviour that is indifferent, which then counts for nothing.
-    """
-    from crowdsim.policy import kernels
-    from crowdsim.policy.policy import build_lookup_tables
-
-    tables = build_lookup_tables(actions, (behaviour,), body)
-    spreads = np.full((actions.state_count, len(targets)), np.nan)
-    kernels.action_spreads(tables, targets, spreads)
-    told = spreads[np.isfinite(spreads)]
-    scale = float(np.mean(told)) if len(told) else 0.0
-    return scale if scale > INDIFFERENT * greatest else 0.0
-
-
-def advantages(q: Array, actions: Actions, cells: int, shown: float) -> Array:
-    """Return Q less that of the state's best action in each cell, and -shown at least, in the layout of a Q-table."""
-    result = np.empty_like(q)
-    for first, end in itertools.pairwise(actions.offsets.tolist()):
-        rows = q[first * cells : end * cells].reshape(cells, end - first)
-        best = rows.max(axis=1, keepdims=True)
-        result[first * cells : end * cells] = np.maximum(rows - best, -shown).ravel()
-    return result
 
 
 @contextmanager

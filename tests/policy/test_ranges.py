@@ -56,8 +56,8 @@ def test_other_axes_go_all_round_and_a_step_past_what_strikes_reach(motion):
 
 def test_motion_without_strikes_has_no_reach(motion):
     still = SimpleNamespace(
-        **{**vars(motion), "strike_frames": np.zeros(0, int), "strike_places": np.zeros((0, 3))},
-        fists=np.zeros((60, 2, 3)), playback_rate=60.0, stride=4, seconds=1.0, clip_starts=np.array([0, 15]),
+        **{**vars(motion), "strike_frames": np.zeros(0, int), "body": SimpleNamespace(height=1.75)},
+        control_rate=15.0, clip_starts=np.array([0, 15, 30]), clip_names=("a", "a~mirror"),
     )  # fmt: skip
-    with pytest.raises(MotionError, match="no strikes found in"):
+    with pytest.raises(MotionError, match=r"no strikes found in 1\.0 s of motion, .* moves at 2\.3 m/s or more"):
         grid_of(still, distance={"reach": True})
