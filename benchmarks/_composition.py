@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.evaluation import Composition
 from crowdsim.policy.policy import Policy
-from crowdsim.policy.ranges import resolve_grid
-from crowdsim.policy.recipe import BehaviourSpec, Recipe
 from crowdsim.policy.rewards import TransitionTerm
+from crowdsim.training.evaluation import Composition
+from crowdsim.training.ranges import resolve_grid
+from crowdsim.training.recipe import BehaviourSpec, Recipe
 
 
 def composed(policy: Policy) -> Composition:

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from crowdsim.policy.evaluation import Episodes, random_starts, run_episodes
-from crowdsim.policy.fingerprint import capture_files
 from crowdsim.policy.policy import Behaviour, Policy
-from crowdsim.policy.ranges import strike_reach
-from crowdsim.policy.recipe import BehaviourSpec, Recipe, load_recipe
 from crowdsim.policy.rewards import ProximityTerm
-from crowdsim.policy.train import ready_policy, train_behaviour, train_policy
+from crowdsim.training.behaviours import train_behaviour
+from crowdsim.training.evaluation import Episodes, random_starts, run_episodes
+from crowdsim.training.fingerprint import capture_files
+from crowdsim.training.ranges import strike_reach
+from crowdsim.training.recipe import BehaviourSpec, Recipe, load_recipe
+from crowdsim.training.train import ready_policy, train_policy
 
 POLICIES = Path(__file__).resolve().parent.parent / "policies"
 NEAR_AND_FAR = (0.6, 4.0)

@@ -7,8 +7,8 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
-from crowdsim.crowd.scenario import Scenario
-from crowdsim.policy.recipe import Recipe, plain
+from crowdsim.scenario.scenario import Scenario
+from crowdsim.training.recipe import Recipe, plain
 
 Plain = dict[str, Any]
 

@@ -10,8 +10,8 @@ from _learning import POLICIES, Sizes, changed, play, starts_for, success, train
 
 from crowdsim.policy import bundle
 from crowdsim.policy.policy import Policy
-from crowdsim.policy.recipe import BehaviourSpec, load_recipe
 from crowdsim.policy.rewards import TransitionTerm
+from crowdsim.training.recipe import BehaviourSpec, load_recipe
 
 STARTS = Sizes().starts
 LARGEST = 500e6

@@ -27,8 +27,8 @@ import numpy as np
 import polars
 import pybvh
 
+from crowdsim.bvh.io import Bvh, format_bvh, format_motion, from_clip, read_bvh, write_bvh
 from crowdsim.motion import quaternion
-from crowdsim.motion.bvh import Bvh, format_bvh, format_motion, from_clip, read_bvh, write_bvh
 from crowdsim.motion.skeleton import Clip, Skeleton
 
 JOINTS = 31

@@ -34,12 +34,12 @@ from crowdsim.crowd.cast import cast_crowd
 from crowdsim.crowd.chunk import STAGES, Chunk
 from crowdsim.crowd.crowd import Crowd, build_crowd
 from crowdsim.crowd.placement import place_groups
-from crowdsim.crowd.scenario import load_scenario
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.motion import ground
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.policy.policy import Policy
-from crowdsim.policy.train import ready_policy
+from crowdsim.scenario.scenario import load_scenario
+from crowdsim.training.train import ready_policy
 
 LAYOUTS = ("spread", "clustered", "armies")
 COUNTS = {"10k": 10_000, "100k": 100_000, "1m": 1_000_000}

@@ -28,12 +28,12 @@ import open3d
 import orjson
 from numpy.typing import NDArray
 
+from crowdsim.bvh.clip import channel_motion, clip_channels
 from crowdsim.export.bvh import export_bvh
 from crowdsim.export.pointcloud import CloudSink, export_clouds
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import build_body
-from crowdsim.motion.bvh_clip import channel_motion, clip_channels
-from crowdsim.motion.performer import perform
+from crowdsim.performer.session import perform
 from crowdsim.take.poses import Poses
 
 AVATARS = 30

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from _quick import small_policies
 
-from crowdsim.crowd.scenario import load_scenario
-from crowdsim.runner import run
+from crowdsim.run.runner import run
+from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.take import Take
 
 SCENES = ("brawl_30", "brawl_30_cmu")

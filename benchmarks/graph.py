@@ -47,13 +47,13 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from crowdsim.bvh.io import read_bvh, to_clip
 from crowdsim.errors import MotionError
 from crowdsim.graph.motion_graph import MotionGraph, build_graph
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.graph.statistics import graph_statistics
-from crowdsim.motion.bvh import read_bvh, to_clip
 from crowdsim.motion.database import MotionDatabase, build_database
-from crowdsim.motion.performer import perform
+from crowdsim.performer.session import perform
 
 HORIZON = 2.0
 SPOT_DISTANCE, SPOT_RADIUS = 1.0, 0.3

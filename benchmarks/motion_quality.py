@@ -38,7 +38,6 @@ import numpy as np
 from _quick import small_policies
 from numpy.typing import NDArray
 
-from crowdsim.crowd.scenario import load_scenario
 from crowdsim.graph.motion_graph import MotionGraph
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.database import MotionDatabase
@@ -46,10 +45,11 @@ from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.policy.alignment import align_cuts
 from crowdsim.policy.policy import Policy
 from crowdsim.policy.rewards import target_body
-from crowdsim.policy.train import ready_policy
-from crowdsim.runner import run
+from crowdsim.run.runner import run
+from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.poses import PoseSampler
 from crowdsim.take.take import Cast, Events, Take
+from crowdsim.training.train import ready_policy
 
 Array = NDArray[Any]
 

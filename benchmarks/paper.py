@@ -39,10 +39,10 @@ from scenes import Scene, build_scene, play
 
 from crowdsim.crowd.simulation import simulate
 from crowdsim.policy.policy import Policy
-from crowdsim.policy.recipe import Recipe, load_recipe
 from crowdsim.policy.rewards import Term
-from crowdsim.policy.train import ready_policy, train_policy
-from crowdsim.preparation import prepare
+from crowdsim.run.preparation import prepare
+from crowdsim.training.recipe import Recipe, load_recipe
+from crowdsim.training.train import ready_policy, train_policy
 
 POLICIES = Path(__file__).resolve().parent.parent / "policies"
 SCENES = ("duel", "moving_target", "brawl_30")

@@ -31,18 +31,18 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial import KDTree
 
+from crowdsim.capture.loading import load_capture, usable_clip
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import HEIGHT, Body, build_body
-from crowdsim.motion.capture import load_capture, usable_clip
 from crowdsim.motion.cleaning import on_floor
 from crowdsim.motion.contacts import find_contacts, runs
 from crowdsim.motion.kinematics import clip_kinematics
-from crowdsim.motion.performer import Performance, perform, perform_solo
-from crowdsim.motion.performer_solo import FOOTWORK
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip
 from crowdsim.motion.strikes import find_strikes
 from crowdsim.motion.tracks import Tracks, build_tracks, speeds
+from crowdsim.performer.session import Performance, perform, perform_solo
+from crowdsim.performer.solo import FOOTWORK
 
 Array = NDArray[Any]
 

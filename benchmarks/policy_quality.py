@@ -43,9 +43,9 @@ from _learning import (
 )
 from _policy_tables import precisions, prices, resolutions
 
-from crowdsim.policy.evaluation import Composition, Episodes
 from crowdsim.policy.policy import Behaviour, Policy
-from crowdsim.policy.recipe import BehaviourSpec, Recipe, load_recipe
+from crowdsim.training.evaluation import Composition, Episodes
+from crowdsim.training.recipe import BehaviourSpec, Recipe, load_recipe
 
 SHIPPED = ("boxer", "boxer_crowd", "boxer_cmu")
 

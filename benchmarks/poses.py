@@ -27,7 +27,7 @@ from pymotion.ops.skeleton_np import fk_quat
 from crowdsim.graph.motion_graph import MotionGraph, build_graph
 from crowdsim.motion import ground
 from crowdsim.motion.database import MotionDatabase, build_database
-from crowdsim.motion.performer import perform
+from crowdsim.performer.session import perform
 from crowdsim.policy.alignment import align_actions
 from crowdsim.policy.rewards import target_body
 from crowdsim.take.poses import PoseSampler

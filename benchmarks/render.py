@@ -34,14 +34,14 @@ import numpy as np
 import psutil
 from _quick import small_policies
 
-from crowdsim.crowd.scenario import load_scenario
 from crowdsim.motion import quaternion
-from crowdsim.profiling import with_avatars
 from crowdsim.render.batch import render
 from crowdsim.render.stage import build_stage
 from crowdsim.render.take_source import TakeSource
 from crowdsim.render.video import encode, planes
-from crowdsim.runner import load_policies, run
+from crowdsim.run.profiling import with_avatars
+from crowdsim.run.runner import load_policies, run
+from crowdsim.scenario.scenario import load_scenario
 
 FPS, PAPER = 30.0, 4.0
 

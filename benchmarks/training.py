@@ -24,16 +24,16 @@ import numba
 import numpy as np
 import scipy.sparse
 
-from crowdsim.policy import solver_kernels
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Axis, Grid, build_grid
-from crowdsim.policy.evaluation import run_episodes
-from crowdsim.policy.model import Model, Movement, build_model, build_movement
 from crowdsim.policy.policy import Behaviour
-from crowdsim.policy.q_learning import q_learning
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, Term
-from crowdsim.policy.solution import Solution, sweep_model
-from crowdsim.policy.value_iteration import value_iteration
+from crowdsim.training import solver_kernels
+from crowdsim.training.evaluation import run_episodes
+from crowdsim.training.model import Model, Movement, build_model, build_movement
+from crowdsim.training.q_learning import q_learning
+from crowdsim.training.solution import Solution, sweep_model
+from crowdsim.training.value_iteration import value_iteration
 
 DISCOUNT = 0.97
 RATE = 15.0

@@ -18,7 +18,7 @@ Conventions, said here once; every module keeps them:
 from importlib import import_module
 from typing import Any
 
-from crowdsim.kernel_cache import choose_kernel_cache
+from crowdsim.jit import choose_kernel_cache
 
 __version__ = "0.1.0"
 
@@ -32,18 +32,18 @@ _LAZY = {
     "PoseSampler": "crowdsim.take.poses",
     "export_bvh": "crowdsim.export.bvh",
     "export_clouds": "crowdsim.export.pointcloud",
-    "load_policies": "crowdsim.runner",
-    "load_policy": "crowdsim.policy.policy",
-    "load_recipe": "crowdsim.policy.recipe",
-    "load_scenario": "crowdsim.crowd.scenario",
-    "open_run": "crowdsim.runner",
+    "load_policies": "crowdsim.run.runner",
+    "load_policy": "crowdsim.policy.bundle",
+    "load_recipe": "crowdsim.training.recipe",
+    "load_scenario": "crowdsim.scenario.scenario",
+    "open_run": "crowdsim.run.runner",
     "open_take": "crowdsim.take.store",
-    "read_bvh": "crowdsim.motion.bvh",
-    "run": "crowdsim.runner",
-    "run_to": "crowdsim.runner",
-    "to_clip": "crowdsim.motion.bvh",
-    "train_recipe": "crowdsim.policy.train",
-    "write_bvh": "crowdsim.motion.bvh",
+    "read_bvh": "crowdsim.bvh.io",
+    "run": "crowdsim.run.runner",
+    "run_to": "crowdsim.run.runner",
+    "to_clip": "crowdsim.bvh.io",
+    "train_recipe": "crowdsim.training.train",
+    "write_bvh": "crowdsim.bvh.io",
 }
 
 __all__ = ["__version__", *sorted(_LAZY)]

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from crowdsim.crowd.scenario import scenario_schema
-from crowdsim.crowd.scenario_reference import scenario_reference
-from crowdsim.policy.recipe_reference import recipe_reference
+from crowdsim.scenario.reference import scenario_reference
+from crowdsim.scenario.scenario import scenario_schema
+from crowdsim.training.recipe_reference import recipe_reference
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -17,10 +17,10 @@ from PIL import Image
 
 from crowdsim.motion.body import PARTS, build_body
 from crowdsim.motion.kinematics import clip_kinematics
-from crowdsim.motion.performer import Performance, perform_solo
-from crowdsim.motion.performer_defences import DEFENCES
-from crowdsim.motion.performer_punches import PUNCHES
-from crowdsim.motion.performer_solo import FOOTWORK
+from crowdsim.performer.defences import DEFENCES
+from crowdsim.performer.punches import PUNCHES
+from crowdsim.performer.session import Performance, perform_solo
+from crowdsim.performer.solo import FOOTWORK
 from crowdsim.render.caption import draw_caption
 from crowdsim.render.raycast import Capsules, draw, sun_direction
 from crowdsim.render.scene import build_cast

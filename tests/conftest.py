@@ -28,7 +28,7 @@ def mocap() -> Path:
 @pytest.fixture(scope="session")
 def tiny_policy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a small trained policy, its recipe ``tiny.yaml`` beside it; trained once for all test processes."""
-    from crowdsim.policy.train import train_recipe
+    from crowdsim.training.train import train_recipe
 
     base = tmp_path_factory.getbasetemp()
     shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "policies"

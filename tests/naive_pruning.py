@@ -3,9 +3,9 @@
 import numpy as np
 
 from crowdsim.policy.policy import Policy, action_values
-from crowdsim.policy.pruning import _coarse
-from crowdsim.policy.ranges import sample_targets
-from crowdsim.policy.train import train_behaviour
+from crowdsim.training.behaviours import train_behaviour
+from crowdsim.training.pruning import _coarse
+from crowdsim.training.ranges import sample_targets
 
 
 def value(policy, mood, state, target):

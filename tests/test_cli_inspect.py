@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from crowdsim.motion.performer import write_performance
+from crowdsim.performer.session import write_performance
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import pytest
 from crowdsim import PoseSampler, load_scenario, open_run, read_bvh, run_to, to_clip, write_bvh
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import clip_kinematics
-from crowdsim.motion.performer import perform_solo
+from crowdsim.performer.session import perform_solo
 
 SCENARIO = """version: 1
 name: two

@@ -12,8 +12,8 @@ import pytest
 from crowdsim import load_scenario
 from crowdsim.crowd.chunk import Chunk
 from crowdsim.crowd.events import Events
-from crowdsim.policy.recipe import Recipe, load_recipe
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TransitionTerm
+from crowdsim.training.recipe import Recipe, load_recipe
 
 ROOT = Path(__file__).parents[1]
 BOXER = ROOT / "policies" / "boxer.yaml"

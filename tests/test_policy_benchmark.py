@@ -11,9 +11,9 @@ from naive_policy import random_actions
 
 from crowdsim.policy.environment import build_grid
 from crowdsim.policy.policy import Behaviour, Policy
-from crowdsim.policy.ranges import resolve_grid
-from crowdsim.policy.recipe import Recipe
 from crowdsim.policy.rewards import TargetBody, TransitionTerm, action_reward
+from crowdsim.training.ranges import resolve_grid
+from crowdsim.training.recipe import Recipe
 
 ROOT = Path(__file__).parents[1]
 KEYS = {

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from crowdsim.crowd.scenario import load_scenario
+from crowdsim.scenario.scenario import load_scenario
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -21,7 +21,7 @@ def validate(
     as_json: Json = False,
 ) -> None:
     """Check scenarios and recipes; print every finding with its line and column."""
-    from crowdsim.validation import find_checked_file, find_file_faults, find_file_warnings
+    from crowdsim.run.validation import find_checked_file, find_file_faults, find_file_warnings
 
     findings_by_file: dict[str, list[str]] = {}
     for name in files:
@@ -61,15 +61,15 @@ def schema(
     kind: Annotated[Kind, typer.Argument(metavar="[scenario|recipe]", help="What it is of.")] = Kind.SCENARIO,
 ) -> None:
     """Print the JSON Schema of scenario or recipe files, for editors."""
-    from crowdsim.crowd.scenario import scenario_schema
-    from crowdsim.policy.recipe_reference import recipe_schema
+    from crowdsim.scenario.scenario import scenario_schema
+    from crowdsim.training.recipe_reference import recipe_schema
 
     print(scenario_schema() if kind is Kind.SCENARIO else recipe_schema(), end="")
 
 
 def verify(folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")], as_json: Json = False) -> None:
     """Hold every file of a run against the checksums in its manifest."""
-    from crowdsim.manifest import read_manifest, verify
+    from crowdsim.run.manifest import read_manifest, verify
 
     verdict = verify(folder, CORES)
     for finding in verdict.findings:
@@ -104,7 +104,7 @@ def status(
     as_json: Json = False,
 ) -> None:
     """List which runs in a folder are done, interrupted or unfinished."""
-    from crowdsim.run_folder import describe_run
+    from crowdsim.run.folder import describe_run
 
     if not folder.is_dir():
         raise CrowdsimError(f"{folder}: no such folder, expected runs")

@@ -43,14 +43,14 @@ def inspect(
 def _inspect_bundle(name: str, as_json: bool, plots: Path | None) -> None:
     from crowdsim import assets
     from crowdsim.commands.policy_text import policy_lines
-    from crowdsim.policy.bundle import read_bundle, read_timings
-    from crowdsim.policy.statistics import inspect_bundle
+    from crowdsim.policy.bundle import load_policy, read_timings
+    from crowdsim.training.statistics import inspect_bundle
 
     folder = assets.find_bundle(name)
-    policy = read_bundle(folder)
+    policy = load_policy(folder)
     told = inspect_bundle(policy, read_timings(folder))
     if plots is not None:
-        from crowdsim.policy.plots import plot_bundle
+        from crowdsim.training.plots import plot_bundle
 
         _draw(plots, lambda: plot_bundle(policy, plots))
     _print(folder, told, policy_lines, as_json)
@@ -58,8 +58,8 @@ def _inspect_bundle(name: str, as_json: bool, plots: Path | None) -> None:
 
 def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
     from crowdsim.commands.run_text import run_lines
-    from crowdsim.manifest import NAME, read_manifest
-    from crowdsim.runner import open_run
+    from crowdsim.run.manifest import NAME, read_manifest
+    from crowdsim.run.runner import open_run
     from crowdsim.take.poses import PoseSampler
     from crowdsim.take.quality import measure_take
 
@@ -100,15 +100,15 @@ def _print(
 
 
 def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None, up: str | None) -> None:
+    from crowdsim.capture.loading import load_capture
+    from crowdsim.capture.report import describe_capture, study_capture
     from crowdsim.commands.capture_text import capture_lines
-    from crowdsim.motion.capture import load_capture
-    from crowdsim.motion.report import describe_capture, study_capture
 
     capture = load_capture(path, unit, up)
     study = study_capture(capture)
     told = describe_capture(capture, study)
     if plots is not None:
-        from crowdsim.motion.plots import plot_capture
+        from crowdsim.capture.plots import plot_capture
 
         _draw(plots, lambda: plot_capture(capture, study, plots))
     _print(path, told, capture_lines, as_json)

@@ -22,7 +22,7 @@ def perform(
     ),
 ) -> None:
     """Write clips of the embedded boxer as BVH at 60 Hz."""
-    from crowdsim.motion.performer import write_performance
+    from crowdsim.performer.session import write_performance
 
     make_folder(out)
     with Bars() as bars, under_way():

@@ -36,12 +36,12 @@ def profile(
     mocap: Mocap = None,
 ) -> None:
     """Measure what control costs a frame, by stage, for any number of avatars and threads."""
-    from crowdsim import profiling
     from crowdsim.compilation import watch_compilation
     from crowdsim.crowd.profile import draw_profile, draw_scaling, profile_table, write_csv
-    from crowdsim.crowd.scenario import load_scenario
-    from crowdsim.frame_ranges import parse_length
-    from crowdsim.runner import load_policies
+    from crowdsim.run import profiling
+    from crowdsim.run.runner import load_policies
+    from crowdsim.scenario.frame_ranges import parse_length
+    from crowdsim.scenario.scenario import load_scenario
 
     counts = profiling.parse_counts(avatars, "--avatars") if avatars is not None else []
     numbers = profiling.parse_counts(threads, "--threads")

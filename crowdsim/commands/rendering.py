@@ -37,12 +37,12 @@ def render(
     jobs: Annotated[int, typer.Option(metavar="N", min=1, max=256, help="Processes that draw.")] = 1,
 ) -> None:
     """Render runs and BVH files to PNG, MP4 and contact sheets."""
-    from crowdsim.frame_ranges import parse_frames
-    from crowdsim.recorder import record_files
     from crowdsim.render.command import RenderOptions, parse_size, render_many
     from crowdsim.render.take_source import TakeSource
-    from crowdsim.run_arena import read_arena
-    from crowdsim.runner import open_run
+    from crowdsim.run.arena import read_arena
+    from crowdsim.run.recorder import record_files
+    from crowdsim.run.runner import open_run
+    from crowdsim.scenario.frame_ranges import parse_frames
 
     options = RenderOptions(
         size=parse_size(size),

@@ -55,10 +55,10 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Run scenarios: simulate, and write take and outputs."""
-    from crowdsim.crowd.scenario import load_scenario
-    from crowdsim.frame_ranges import parse_length
-    from crowdsim.kernel_cache import load_numba
-    from crowdsim.runner import Interrupted, run_to
+    from crowdsim.jit import load_numba
+    from crowdsim.run.runner import Interrupted, run_to
+    from crowdsim.scenario.frame_ranges import parse_length
+    from crowdsim.scenario.scenario import load_scenario
 
     length = None if frames is None else parse_length(frames)
     documents: list[dict[str, Any]] = []
@@ -122,7 +122,7 @@ def _print_report(report: Any) -> None:
 
 def _describe_report(name: str, report: Any) -> dict[str, Any]:
     """Return what a run did as plain data; of one that was done before as its manifest says."""
-    from crowdsim.manifest import read_manifest
+    from crowdsim.run.manifest import read_manifest
 
     manifest = read_manifest(report.folder)
     return {
@@ -160,8 +160,8 @@ def export(
     threads: Threads = CORES,
 ) -> None:
     """Export a run's take as BVH or point clouds, without simulating again; in the run's folder it replaces them."""
-    from crowdsim.outputs import ExportOptions, export_take
-    from crowdsim.runner import open_run
+    from crowdsim.run.outputs import ExportOptions, export_take
+    from crowdsim.run.runner import open_run
 
     take, policies, notes = open_run(folder)
     for line in notes:

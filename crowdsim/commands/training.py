@@ -48,8 +48,8 @@ def train(
     from crowdsim import assets
     from crowdsim.compilation import watch_compilation
     from crowdsim.policy.bundle import read_document, read_timings
-    from crowdsim.policy.summary import summarise
-    from crowdsim.policy.train import train_recipe
+    from crowdsim.training.summary import summarise
+    from crowdsim.training.train import train_recipe
 
     _check_options(recipe, name, behaviours)
     written = None if name is None else _write_recipe(name, mocap, behaviours)
@@ -95,8 +95,8 @@ def _check_options(recipe: str | None, name: str | None, behaviours: str | None)
 
 def _write_recipe(name: str, mocap: Path | None, behaviours: str | None) -> Path:
     """Write a recipe for a folder of capture, and note what was left out of it."""
-    from crowdsim.policy.own_recipe import BEHAVIOURS, check_name, write_recipe
-    from crowdsim.policy.survey import survey_capture
+    from crowdsim.training.own_recipe import BEHAVIOURS, check_name, write_recipe
+    from crowdsim.training.survey import survey_capture
 
     check_name(name)
     folder = mocap or os.environ.get("CROWDSIM_MOCAP")

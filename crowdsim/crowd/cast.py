@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from crowdsim.crowd.crowd import ANYONE, SCRIPTED, Crowd, Crowding
 from crowdsim.crowd.placement import Placed
-from crowdsim.crowd.scenario import Scenario
-from crowdsim.crowd.scenario_events import (
+from crowdsim.crowd.script import Change, CirclePath, LinePath, Script, TargetPath
+from crowdsim.errors import RecipeError, ScenarioError, nearest
+from crowdsim.scenario.events import (
     AddEvent,
     Condition,
     DistanceCondition,
@@ -22,7 +23,7 @@ from crowdsim.crowd.scenario_events import (
     StrikesCondition,
     WeightsEvent,
 )
-from crowdsim.crowd.scenario_groups import (
+from crowdsim.scenario.groups import (
     AnyoneOpponents,
     CircleTarget,
     FixedOpponents,
@@ -31,13 +32,12 @@ from crowdsim.crowd.scenario_groups import (
     Target,
     TargetOpponents,
 )
-from crowdsim.crowd.scenario_parts import Arena, CircleArena, RectangleArena
-from crowdsim.crowd.script import Change, CirclePath, LinePath, Script, TargetPath
-from crowdsim.errors import RecipeError, ScenarioError, nearest
+from crowdsim.scenario.parts import Arena, CircleArena, RectangleArena
+from crowdsim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
-    from crowdsim.policy.recipe import Recipe
+    from crowdsim.training.recipe import Recipe
 
 Array = NDArray[Any]
 
@@ -133,7 +133,7 @@ def _recipe_or_bundle(policy: str) -> tuple[Recipe | None, Mapping[str, Any]]:
     """Return the recipe of a policy, or None and what the bundle of a policy without a recipe says."""
     from crowdsim import assets
     from crowdsim.policy.bundle import read_document
-    from crowdsim.policy.recipe import load_recipe
+    from crowdsim.training.recipe import load_recipe
 
     try:
         path = assets.find_recipe(policy)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from crowdsim.crowd import placement_kernels as kernels
 from crowdsim.crowd.placement_points import read_points
 from crowdsim.crowd.random import Purpose, normal, stream, uniform
-from crowdsim.crowd.scenario import Scenario
-from crowdsim.crowd.scenario_groups import (
+from crowdsim.errors import ScenarioError
+from crowdsim.scenario.groups import (
     ArmyPlacement,
     DiscPlacement,
     GridPlacement,
@@ -21,8 +21,8 @@ from crowdsim.crowd.scenario_groups import (
     PointsPlacement,
     RingPlacement,
 )
-from crowdsim.crowd.scenario_parts import Arena, CircleArena, Distribution, RectangleArena, Uniform
-from crowdsim.errors import ScenarioError
+from crowdsim.scenario.parts import Arena, CircleArena, Distribution, RectangleArena, Uniform
+from crowdsim.scenario.scenario import Scenario
 
 Array = NDArray[Any]
 

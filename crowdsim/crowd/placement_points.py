@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd.scenario import Scenario
-from crowdsim.crowd.scenario_groups import PointsPlacement
 from crowdsim.errors import ScenarioError
+from crowdsim.scenario.groups import PointsPlacement
+from crowdsim.scenario.scenario import Scenario
 
 Array = NDArray[Any]
 

@@ -27,9 +27,9 @@ from crowdsim.figures import new_figure, save_figure
 if TYPE_CHECKING:
     from crowdsim.crowd.arrays import Model
     from crowdsim.crowd.crowd import Crowd
-    from crowdsim.crowd.scenario_outputs import ProfileOutput
     from crowdsim.crowd.script import Script
     from crowdsim.policy.policy import Policy
+    from crowdsim.scenario.outputs import ProfileOutput
 
 Array = NDArray[Any]
 Progress = Callable[[str, int, int], None]

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.bvh.io import BvhWriter
 from crowdsim.errors import OutputError
 from crowdsim.export.stream import Block, Progress, run_all, stream_poses
-from crowdsim.motion.bvh import BvhWriter
 from crowdsim.take.poses import Poses, PoseSampler
 
 Array = NDArray[Any]

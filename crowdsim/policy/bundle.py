@@ -104,7 +104,7 @@ def _write(folder: Path, policy: Policy, timings: Mapping[str, Any]) -> None:
     (folder / "timings.json").write_text(json.dumps(dict(timings), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def read_bundle(folder: str | os.PathLike[str]) -> Policy:
+def load_policy(folder: str | os.PathLike[str]) -> Policy:
     """Return the policy in a folder; its arrays are mapped into memory, where changes stay.
 
     Raises:

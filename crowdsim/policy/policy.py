@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -142,17 +141,6 @@ class Policy:
     def lookup_tables(self) -> LookupTables:
         """Return the policy as flat arrays for compiled code; the values are not copied."""
         return build_lookup_tables(self.actions, self.behaviours, self.body, self.values)
-
-
-def load_policy(folder: str | os.PathLike[str]) -> Policy:
-    """Return the trained policy in a bundle's folder, mapped into memory.
-
-    Raises:
-        PolicyError: There is none, or it is foreign, of another version or damaged: which file, and which check.
-    """
-    from crowdsim.policy.bundle import read_bundle
-
-    return read_bundle(folder)
 
 
 def build_lookup_tables(

@@ -31,9 +31,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from crowdsim.config.files import Fault
 from crowdsim.errors import RecipeError
 from crowdsim.motion import ground
-from crowdsim.yaml_files import Fault
 
 if TYPE_CHECKING:
     from crowdsim.motion.database import MotionDatabase

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.capture.loading import load_capture
 from crowdsim.errors import BvhError
-from crowdsim.motion.capture import load_capture
 from crowdsim.motion.cleaning import on_floor
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.resampling import resample

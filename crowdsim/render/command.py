@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from crowdsim.errors import CrowdsimError, OutputError
-from crowdsim.frame_ranges import FrameRange
 from crowdsim.render.batch import Progress, Record, Rendered, render
 from crowdsim.render.bvh_figure import BVH_CAMERA, bvh_source
 from crowdsim.render.camera import Keys, parse_camera
 from crowdsim.render.source import PoseSource
+from crowdsim.scenario.frame_ranges import FrameRange
 
 __all__ = [
     "Outcome",

@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 from crowdsim.errors import OutputError
-from crowdsim.plain_files import open_plain, remove_plain, walk
+from crowdsim.files import open_plain, remove_plain, walk
 from crowdsim.render.video import make_folder
 
 _MARK = "mark"

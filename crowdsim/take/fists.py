@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
 from crowdsim.policy.rewards import TargetBody, posed_distance
+from crowdsim.take.data import TakeData
 from crowdsim.take.feet import KNEE_LEAST
 from crowdsim.take.landed import LEAN, TOGETHER, Landed, by_column
 from crowdsim.take.leans import JOINTS, leaning_joints, plan_leans
 from crowdsim.take.limb_kernels import carry_fists
 from crowdsim.take.motion import PoseMotion
-from crowdsim.take.take import Take
 from crowdsim.take.window import Window
 from crowdsim.take.workers import share
 
@@ -134,7 +134,7 @@ def body_points(body: Body, positions: Array, turns: Array, scales: Array) -> tu
 
 
 def plan_landings(
-    take: Take, near: Landed, columns: Array, count: int, pose_at: PoseAt, struck_at: PoseAt, motion: PoseMotion
+    take: TakeData, near: Landed, columns: Array, count: int, pose_at: PoseAt, struck_at: PoseAt, motion: PoseMotion
 ) -> Landings:
     """Find how far fists have to be carried.
 
@@ -215,7 +215,9 @@ def reach_out(
     share(window.threads, len(columns), work)
 
 
-def _surfaces(take: Take, near: Landed, fists: Array, shoulders: Array, pose_at: PoseAt, target: TargetBody) -> Array:
+def _surfaces(
+    take: TakeData, near: Landed, fists: Array, shoulders: Array, pose_at: PoseAt, target: TargetBody
+) -> Array:
     """Nearest points on what is hit, scripted targets as large as control takes them for. Shape (E, 3)."""
     points = np.full((len(near.times), 3), np.nan)
     people = np.flatnonzero(near.victims >= 0)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.take.take import Take
+from crowdsim.take.data import TakeData
 
 Array = NDArray[Any]
 
@@ -78,7 +78,7 @@ class Landed:
         return Landed(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
 
-def find_landed(take: Take, buried: Array | None = None) -> Landed:
+def find_landed(take: TakeData, buried: Array | None = None) -> Landed:
     """Return a take's landed strikes and those that are ``buried`` (E,); of two of a hand at once, the first."""
     events = take.events
     told = np.asarray(events.landed, dtype=bool)

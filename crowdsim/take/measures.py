@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.crowd.chunk import Chunk
+from crowdsim.crowd.events import VARIABLES, Events
 from crowdsim.crowd.statistics import overlapping
-from crowdsim.take.take import VARIABLES, Events, Take
+from crowdsim.take.data import TakeData
 
 Array = NDArray[Any]
 
@@ -192,7 +193,7 @@ class FightCounter:
         )
 
 
-def measure_fights(take: Take, after: float = AFTER) -> FightMeasures:
+def measure_fights(take: TakeData, after: float = AFTER) -> FightMeasures:
     """Return how well avatars fight in a take, read a few frames at a time.
 
     Args:
@@ -229,7 +230,7 @@ def opponent_offsets(chunk: Chunk, rows: slice = slice(None)) -> tuple[Array, Ar
     return ox - x, oz - z, known
 
 
-def chunks_of(take: Take) -> Iterator[Chunk]:
+def chunks_of(take: TakeData) -> Iterator[Chunk]:
     """Yield a take's frames in chunks, each with the strikes thrown on the way to its frames."""
     rows = max(1, _READ_AVATAR_FRAMES // max(take.avatar_count, 1))
     strikes = {name: np.asarray(getattr(take.events, name)) for name in Events.__dataclass_fields__}

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.figures import new_figure, save_figure
+from crowdsim.take.data import TakeData
 from crowdsim.take.hits_plot import hit_figure
 from crowdsim.take.poses import PoseSampler
-from crowdsim.take.take import Take
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,7 +38,7 @@ def plot_take(sampler: PoseSampler, folder: Path) -> list[Path]:
     return [save_figure(figure, folder / name) for name, figure in figures.items()]
 
 
-def distance_figure(take: Take) -> Figure:
+def distance_figure(take: TakeData) -> Figure:
     """Draw the distance to the opponent over time: the median, and the middle half and nine tenths of avatars."""
     opponent = np.asarray(take.opponent[:])
     x, z = np.asarray(take.x[:], dtype=float), np.asarray(take.z[:], dtype=float)
@@ -66,7 +66,7 @@ def distance_figure(take: Take) -> Figure:
     return figure
 
 
-def action_figure(take: Take) -> Figure:
+def action_figure(take: TakeData) -> Figure:
     """Draw how often actions are used, the most used first."""
     from matplotlib.ticker import LogLocator, NullFormatter
 

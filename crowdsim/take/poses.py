@@ -19,13 +19,13 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.policy.rewards import posed_distance
+from crowdsim.take.data import TakeData
 from crowdsim.take.feet import hold_feet
 from crowdsim.take.fists import PoseAt, plan_landings, reach_out
 from crowdsim.take.landed import LEAN, find_landed
 from crowdsim.take.motion import PoseMotion, prepare_motion
 from crowdsim.take.pose_kernels import blend_poses
 from crowdsim.take.reactions import LENGTH, build_trunk, give_way, plan_blows
-from crowdsim.take.take import Take
 from crowdsim.take.window import BLEND, Cuts, Places, Window
 from crowdsim.take.workers import share
 
@@ -101,7 +101,9 @@ class PoseSampler:
         TakeError: The policies are not those that the take was recorded with.
     """
 
-    def __init__(self, take: Take, policies: Sequence[Policy], threads: int = 1, reactions: bool | None = None) -> None:
+    def __init__(
+        self, take: TakeData, policies: Sequence[Policy], threads: int = 1, reactions: bool | None = None
+    ) -> None:
         names = take.cast.policy_names
         if len(policies) != len(names):
             raise TakeError(f"{len(policies)} policies given, the take has {len(names)}: {', '.join(names)}")

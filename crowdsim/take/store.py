@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd.names import NAME, NAME_RULE, avatar_name_fault
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.plain_files import kind_of
+from crowdsim.files import kind_of
+from crowdsim.scenario.names import NAME, NAME_RULE, avatar_name_fault
 from crowdsim.take.take import VARIABLES, Cast, Events, Take
 
 Array = NDArray[Any]

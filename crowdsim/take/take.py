@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.crowd.events import VARIABLES, Events
 from crowdsim.errors import TakeError
-from crowdsim.frame_ranges import frame_limit, output_frames
+from crowdsim.take.data import Cast, TakeData
 
 if TYPE_CHECKING:
-    from crowdsim.policy.policy import Policy
     from crowdsim.take.poses import PoseSampler
 
 __all__ = ["STRIKE", "VARIABLES", "Cast", "Events", "Take"]
@@ -38,101 +37,8 @@ STRIKE = np.dtype(
 
 
 @dataclass(frozen=True)
-class Cast:
-    """What is constant for each avatar over a run; N avatars.
-
-    Attributes:
-        names: Name of each avatar. Shape (N,), str.
-        types: Index into ``type_names``. Shape (N,), int16.
-        teams: Index into ``team_names``. Shape (N,), int16.
-        policies: Index into ``policy_names``. Shape (N,), int16.
-        scales: Size of the body over its skeleton's. Shape (N,), float32.
-        speeds: Motion frames in a control frame. Shape (N,), float32.
-        type_names: Names of the avatar types.
-        team_names: Names of the teams.
-        policy_names: Names of the policies.
-        colours: Colour of each type, red, green, blue in 0..1; NaN where the scenario gives none. Shape (types, 3).
-    """
-
-    names: Array
-    types: Array
-    teams: Array
-    policies: Array
-    scales: Array
-    speeds: Array
-    type_names: tuple[str, ...]
-    team_names: tuple[str, ...]
-    policy_names: tuple[str, ...]
-    colours: Array
-
-
-@dataclass(frozen=True)
-class Take:
-    """A recorded run; F control frames, N avatars. Absent avatars have action -1.
-
-    The recorded variables may be numpy arrays or lazily read ones; slice them to get numpy.
-
-    Attributes:
-        action: Action that each avatar does, a number of its policy's graph. Shape (F, N), int32.
-        action_frame: Frames of that action done, in control frames from its state. Shape (F, N), float32.
-        x: Where the avatar stands [m]. Shape (F, N), float32.
-        z: Likewise [m].
-        heading: Where it looks [rad].
-        opponent: Avatar that it fights, ``-2 - k`` for scripted target k, -1 for nobody. Shape (F, N), int32.
-        cast: What is constant for each avatar.
-        targets: Places of scripted targets [m]. Shape (F, G, 3), float32.
-        target_names: Names of scripted targets. Length G.
-        events: Strikes.
-        control_rate: Control frames a second.
-        scenario: Name of the scenario.
-        seed: Seed of the run.
-        fingerprints: Fingerprint of each policy's bundle.
-        status: ``done`` or ``interrupted``.
-        reactions: Whether those whom a strike lands on give way to it.
-        policies: The policies, in the order of ``cast.policy_names``, where they are loaded: by ``crowdsim.run`` and
-            ``crowdsim.open_run``. Poses need them.
-    """
-
-    action: Any
-    action_frame: Any
-    x: Any
-    z: Any
-    heading: Any
-    opponent: Any
-    cast: Cast
-    targets: Any
-    target_names: tuple[str, ...]
-    events: Events
-    control_rate: float
-    scenario: str
-    seed: int
-    fingerprints: tuple[str, ...]
-    status: str
-    reactions: bool = True
-    policies: tuple[Policy, ...] = field(default=(), repr=False, compare=False)
-
-    @property
-    def frame_count(self) -> int:
-        """Number of control frames F."""
-        return int(self.action.shape[0])
-
-    @property
-    def avatar_count(self) -> int:
-        """Number of avatars N."""
-        return int(self.action.shape[1])
-
-    @property
-    def seconds(self) -> float:
-        """Time from the first control frame to the last [s]."""
-        return max(self.frame_count - 1, 0) / self.control_rate
-
-    def output_frames(self, fps: float) -> int:
-        """Return how many output frames at ``fps`` lie between the first control frame and the last, both included."""
-        return output_frames(self.frame_count, self.control_rate, fps)
-
-    def frame_limit(self, fps: float) -> int:
-        """Return how many output frames at ``fps`` the take lasts, its last control frame included."""
-        return frame_limit(self.frame_count, self.control_rate, fps)
+class Take(TakeData):
+    """A recorded run: ``TakeData``, its poses, and its strikes as a table."""
 
     @cached_property
     def sampler(self) -> PoseSampler:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.policy.alignment import HARDLY, SETTLED
+from crowdsim.take.data import TakeData
 from crowdsim.take.motion import PoseMotion
-from crowdsim.take.take import Take
 from crowdsim.take.window_kernels import find_stands, measure_cuts, place_avatars, plan_falls
 from crowdsim.take.workers import share
 
@@ -149,7 +149,9 @@ class Window:
         threads: Threads that share the work.
     """
 
-    def __init__(self, take: Take, motion: PoseMotion, avatars: Array, first: int, stop: int, threads: int = 1) -> None:
+    def __init__(
+        self, take: TakeData, motion: PoseMotion, avatars: Array, first: int, stop: int, threads: int = 1
+    ) -> None:
         whole = len(avatars) == take.avatar_count
 
         def read(array: Any) -> Array:

@@ -8,7 +8,7 @@ from synthetic_policy import policy
 
 from crowdsim.crowd.cast import cast_crowd
 from crowdsim.crowd.placement import place_groups
-from crowdsim.crowd.scenario import load_scenario
+from crowdsim.scenario.scenario import load_scenario
 
 SCENARIO = """\
 version: 1

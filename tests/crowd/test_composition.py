@@ -9,8 +9,8 @@ from synthetic_policy import policy
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.simulation import simulate
 from crowdsim.policy.policy import action_values
-from crowdsim.policy.recipe import BehaviourSpec
-from crowdsim.policy.train import train_behaviour
+from crowdsim.training.behaviours import train_behaviour
+from crowdsim.training.recipe import BehaviourSpec
 
 AXES = {"distance": {"minimum": 0.0, "maximum": 4.0, "count": 9}, "bearing": {"count": 8}}
 NEAR = {"kind": "proximity", "distance": [0.5, 0.9], "sigma": 0.5}

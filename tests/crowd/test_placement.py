@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 
 from crowdsim import assets
 from crowdsim.crowd.placement import place_groups
-from crowdsim.crowd.scenario import Scenario, load_scenario, resolve_scenario
 from crowdsim.errors import ScenarioError
+from crowdsim.scenario.scenario import Scenario, load_scenario, resolve_scenario
 
 
 def scenario_of(*groups, folder=".", seed=1, types=None, **more):

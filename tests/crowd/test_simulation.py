@@ -15,13 +15,13 @@ from crowdsim.crowd.events import VARIABLES
 from crowdsim.crowd.model import build_model, farthest
 from crowdsim.crowd.placement import place_groups
 from crowdsim.crowd.random import Purpose, stream, uniform
-from crowdsim.crowd.scenario import load_scenario
 from crowdsim.crowd.script import Change, CirclePath, LinePath, Script
 from crowdsim.crowd.simulation import Simulation, simulate
 from crowdsim.errors import RunError
 from crowdsim.policy.bundle import encode
 from crowdsim.policy.policy import action_values
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TransitionTerm
+from crowdsim.scenario.scenario import load_scenario
 
 STRIKES = StrikeTerm(kind="strike", tolerance=0.3)
 POLICIES = [policy(0, "v", name="one"), policy(1, "q", frames=50, stride=2, name="two")]

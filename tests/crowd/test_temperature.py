@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from crowdsim.crowd.crowd import Crowding, build_crowd
-from crowdsim.crowd.scenario_parts import AvatarType
 from crowdsim.crowd.script import CirclePath, Script
 from crowdsim.crowd.simulation import simulate
-from crowdsim.policy.policy import load_policy
+from crowdsim.policy.bundle import load_policy
+from crowdsim.scenario.parts import AvatarType
 
 COUNT = 600
 SECONDS = 20.0

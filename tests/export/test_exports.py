@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scenes import crowdsim, write_scene
 
-from crowdsim.crowd.scenario import load_scenario
 from crowdsim.export import stream
 from crowdsim.export.bvh import BvhSink, export_bvh
 from crowdsim.export.pointcloud import FIELDS, CloudSink, export_clouds
 from crowdsim.export.stream import stream_poses
-from crowdsim.runner import load_policies, run
+from crowdsim.run.runner import load_policies, run
+from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.poses import PoseSampler
 
 FPS = 30.0
@@ -185,7 +185,7 @@ def test_many_avatars_are_written_in_groups(sampler: PoseSampler, tmp_path: Path
 
 
 def test_a_range_has_the_bytes_of_the_whole(sampler: PoseSampler, tmp_path: Path) -> None:
-    from crowdsim.motion.bvh import read_bvh, to_clip
+    from crowdsim.bvh.io import read_bvh, to_clip
 
     (whole,), (part,) = (
         [to_clip(read_bvh(path)) for path in export_bvh(sampler, tmp_path / name, FPS, frames, [1])]
@@ -245,7 +245,7 @@ def test_the_command_exports_what_is_asked_for(workplace: Path, capsys) -> None:
 
 
 def test_scaled_avatars_have_scaled_skeletons(sampler: PoseSampler, tmp_path: Path) -> None:
-    from crowdsim.motion.bvh import read_bvh
+    from crowdsim.bvh.io import read_bvh
 
     small, large = (read_bvh(path) for path in export_bvh(sampler, tmp_path, FPS, avatars=[0, 2]))
     np.testing.assert_allclose(large.offsets[1:], small.offsets[1:] * 1.2, rtol=1e-5, atol=1e-6)

@@ -7,7 +7,7 @@ from crowdsim.export.cloud_kernels import place_points
 from crowdsim.export.surface import build_surface
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import build_body
-from crowdsim.motion.performer import perform
+from crowdsim.performer.session import perform
 
 
 @pytest.fixture(scope="module")

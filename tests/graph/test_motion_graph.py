@@ -8,13 +8,13 @@ import synthetic_motion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from crowdsim.bvh.io import read_bvh, to_clip
 from crowdsim.errors import MotionError
 from crowdsim.graph.motion_graph import build_graph
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.graph.states import graph_of_transitions
 from crowdsim.graph.statistics import frames_kept_by_clip, graph_statistics
 from crowdsim.graph.transitions import Transitions
-from crowdsim.motion.bvh import read_bvh, to_clip
 from crowdsim.motion.database import build_database
 
 

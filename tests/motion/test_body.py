@@ -9,17 +9,17 @@ import pytest
 from conventions import CONVENTIONS
 from exporters import Export, export_motion
 
+from crowdsim.bvh.io import to_clip
 from crowdsim.errors import MotionError
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import PARTS, ROLES, build_body, standing_height
-from crowdsim.motion.bvh import to_clip
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.measuring import measure_body, rests_like_a_body, sample_poses
-from crowdsim.motion.performer import perform
-from crowdsim.motion.performer_skeleton import build_skeleton
 from crowdsim.motion.roles import find_roles
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.motion.tracks import build_tracks
+from crowdsim.performer.session import perform
+from crowdsim.performer.skeleton import build_skeleton
 
 BY_NAME = {how.name: how for how in CONVENTIONS}
 

@@ -12,9 +12,9 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.cleaning import lead_in, on_floor
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.measuring import measure_body
-from crowdsim.motion.performer import perform
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip
+from crowdsim.performer.session import perform
 
 
 @pytest.fixture(scope="module")

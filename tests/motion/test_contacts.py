@@ -8,9 +8,9 @@ import pytest
 from crowdsim.motion.contacts import find_contacts, find_floor, runs
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.measuring import measure_body
-from crowdsim.motion.performer import perform
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.tracks import Tracks, build_tracks, speeds
+from crowdsim.performer.session import perform
 
 
 def _tracks(balls: np.ndarray) -> Tracks:

@@ -10,14 +10,14 @@ from conventions import CONVENTIONS
 from exporters import Export, export_motion
 from scipy.ndimage import maximum_filter1d
 
+from crowdsim.bvh.io import to_clip
 from crowdsim.errors import MotionError
 from crowdsim.motion import ground
-from crowdsim.motion.bvh import to_clip
 from crowdsim.motion.database import build_database
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.motion.performer import perform, perform_solo
 from crowdsim.motion.roles import find_roles
 from crowdsim.motion.tracks import build_tracks, speeds
+from crowdsim.performer.session import perform, perform_solo
 
 BY_NAME = {how.name: how for how in CONVENTIONS}
 

@@ -7,17 +7,17 @@ import pytest
 from conventions import CONVENTIONS
 from exporters import UPS, Export, export_motion
 
+from crowdsim.bvh.io import to_clip
 from crowdsim.errors import MotionError
 from crowdsim.motion import quaternion
-from crowdsim.motion.bvh import to_clip
 from crowdsim.motion.contacts import find_contacts
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.measuring import measure_body
 from crowdsim.motion.mirroring import mirror_partners, mirrored
-from crowdsim.motion.performer import perform
 from crowdsim.motion.roles import find_roles
 from crowdsim.motion.strikes import find_strikes
 from crowdsim.motion.tracks import build_tracks
+from crowdsim.performer.session import perform
 
 BY_NAME = {how.name: how for how in CONVENTIONS}
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from turns import about
 
 from crowdsim.motion import quaternion
-from crowdsim.motion.performer import perform
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip, Skeleton
+from crowdsim.performer.session import perform
 
 RATES = [24.0, 25.0, 30000 / 1001, 30.0, 50.0, 60.0, 100.0, 120.0, 240.0, 250.0]
 BONE = Skeleton(("a",), np.array([-1], np.int32), np.zeros((1, 3)))

@@ -8,13 +8,13 @@ from animals import ANIMALS, export_animal
 from conventions import CONVENTIONS
 from exporters import UPS, Export, export_motion
 
-from crowdsim.motion.bvh import to_clip
+from crowdsim.bvh.io import to_clip
 from crowdsim.motion.joint_names import split_name
 from crowdsim.motion.joint_tree import JointTree
 from crowdsim.motion.measuring import human_roles, sample_poses
-from crowdsim.motion.performer import perform
 from crowdsim.motion.roles import find_roles, misfit
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.performer.session import perform
 
 EXPORTS = {
     "t_pose": Export(),

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from crowdsim.motion.database import build_database
-from crowdsim.motion.performer import perform
 from crowdsim.motion.strike_kinds import HEIGHTS, KINDS, strike_heights, strike_kinds
+from crowdsim.performer.session import perform
 
 TRUE_KINDS = {"jab": "straight", "straight": "straight"}
 

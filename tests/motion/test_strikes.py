@@ -9,10 +9,10 @@ import pytest
 
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.measuring import measure_body
-from crowdsim.motion.performer import perform
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.strikes import REASONS, Rejection, find_strikes
 from crowdsim.motion.tracks import Tracks, build_tracks
+from crowdsim.performer.session import perform
 
 FPS = 60.0
 

@@ -9,11 +9,12 @@ import pytest
 
 from crowdsim.errors import MotionError, OutputError, PolicyError
 from crowdsim.policy import bundle, kernels
-from crowdsim.policy.policy import action_values, load_policy
-from crowdsim.policy.recipe import load_recipe
-from crowdsim.policy.scales import SHOWN, advantages
-from crowdsim.policy.statistics import inspect_bundle
-from crowdsim.policy.train import ready_policy, stale, train_policy, train_recipe
+from crowdsim.policy.bundle import load_policy
+from crowdsim.policy.policy import action_values
+from crowdsim.training.recipe import load_recipe
+from crowdsim.training.scales import SHOWN, advantages
+from crowdsim.training.statistics import inspect_bundle
+from crowdsim.training.train import ready_policy, stale, train_policy, train_recipe
 
 RECIPE = """\
 version: 1
@@ -260,7 +261,7 @@ def test_missing_capture_names_what_to_give(tmp_path, monkeypatch):
 def test_motion_without_strikes_is_refused_with_what_a_strike_is(trained):
     from dataclasses import replace
 
-    from crowdsim.policy.ranges import check_strikes
+    from crowdsim.training.ranges import check_strikes
 
     database = load_policy(trained / "small").database
     check_strikes(database)

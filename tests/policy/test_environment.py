@@ -10,8 +10,8 @@ from naive_policy import random_actions
 
 from crowdsim.errors import RecipeError
 from crowdsim.policy.environment import AXIS_KINDS, Axis, AxisKind, build_grid, corners, fade_factor, measure
-from crowdsim.policy.model import build_model
 from crowdsim.policy.rewards import ProximityTerm, TargetBody
+from crowdsim.training.model import build_model
 
 PUNCH = build_grid(
     [

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from crowdsim.crowd import kernels as control
-from crowdsim.crowd.scenario import Scenario, resolve_scenario
 from crowdsim.policy import kernels
-from crowdsim.policy.bundle import read_bundle
+from crowdsim.policy.bundle import load_policy
 from crowdsim.policy.pursuit import (
     BEGUN,
     DONE,
@@ -18,13 +17,14 @@ from crowdsim.policy.pursuit import (
     distances_behind,
     sustained_speed,
 )
-from crowdsim.policy.statistics import inspect_bundle
-from crowdsim.runner import run
+from crowdsim.run.runner import run
+from crowdsim.scenario.scenario import Scenario, resolve_scenario
+from crowdsim.training.statistics import inspect_bundle
 
 
 @pytest.fixture(scope="module")
 def policy(tiny_policy):
-    return read_bundle(tiny_policy)
+    return load_policy(tiny_policy)
 
 
 def test_candidates_are_drawn_as_a_crowd_draws_them():

@@ -13,7 +13,6 @@ from crowdsim.errors import RecipeError
 from crowdsim.policy import kernels, rewards
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Axis, build_grid
-from crowdsim.policy.model import build_model, build_movement
 from crowdsim.policy.rewards import (
     WASTED,
     AnyTerm,
@@ -28,6 +27,7 @@ from crowdsim.policy.rewards import (
     surface_distance,
 )
 from crowdsim.policy.rewards import lands as landing
+from crowdsim.training.model import build_model, build_movement
 
 BODY = TargetBody()
 TERMS = [

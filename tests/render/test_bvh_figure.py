@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from crowdsim.errors import BvhError
-from crowdsim.motion.performer import perform
+from crowdsim.performer.session import perform
 from crowdsim.render.bvh_figure import bvh_source, clip_source, show_rate
 from crowdsim.render.stage import build_stage
 

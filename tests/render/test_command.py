@@ -5,7 +5,6 @@ import pytest
 from render_sources import Walkers, random_walk
 from test_bvh_figure import SNAKE
 
-from crowdsim.crowd.scenario_outputs import RenderOutput
 from crowdsim.errors import CrowdsimError, TakeError
 from crowdsim.render.command import (
     RenderOptions,
@@ -15,6 +14,7 @@ from crowdsim.render.command import (
     render_source,
     scenario_options,
 )
+from crowdsim.scenario.outputs import RenderOutput
 
 SMALL = RenderOptions(size=(64, 48), threads=1)
 

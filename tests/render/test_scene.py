@@ -9,8 +9,8 @@ import pytest
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import PARTS, build_body
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.motion.performer import perform
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.performer.session import perform
 from crowdsim.render.figure import bone_capsules, dress
 from crowdsim.render.palette import EYES, avatar_paints
 from crowdsim.render.raycast import draw, sun_direction

@@ -9,7 +9,7 @@ from crowdsim.errors import TakeError
 from crowdsim.graph.motion_graph import build_graph
 from crowdsim.motion import ground
 from crowdsim.motion.database import build_database
-from crowdsim.motion.performer import perform
+from crowdsim.performer.session import perform
 from crowdsim.policy.rewards import target_body
 from crowdsim.render.stage import build_stage
 from crowdsim.render.take_source import TakeSource

@@ -8,7 +8,7 @@ import numpy as np
 
 from crowdsim.motion import ground
 from crowdsim.motion.database import MotionDatabase, build_database
-from crowdsim.motion.performer import perform
+from crowdsim.performer.session import perform
 from crowdsim.policy.rewards import target_body
 from crowdsim.take.poses import PoseSampler
 from crowdsim.take.take import Cast, Events, Take

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import xarray
 
-from crowdsim.crowd.names import avatar_name_fault
 from crowdsim.errors import OutputError, TakeError
+from crowdsim.scenario.names import avatar_name_fault
 from crowdsim.take.store import TakeWriter, open_take
 from crowdsim.take.take import VARIABLES, Cast, Events
 

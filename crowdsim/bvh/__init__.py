@@ -1,0 +1,1 @@
+"""BVH files: read, written, and turned into clips."""

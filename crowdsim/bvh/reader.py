@@ -1,0 +1,265 @@
+"""Reads BVH files: the hierarchy token by token, the motion in compiled code."""
+
+from __future__ import annotations
+
+import codecs
+import os
+import re
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.bvh.file import Bvh, quoted, snap_rate
+from crowdsim.bvh.hierarchy import Hierarchy, Scanner, read_hierarchy, read_number, show
+from crowdsim.bvh.kernels import count_by_line, parse_numbers
+from crowdsim.errors import BvhError
+
+Array = NDArray[Any]
+
+_FRAMES = re.compile(rb"\s*frames\s*(?::\s*)?([^\s]+)", re.IGNORECASE)
+_FRAME_TIME = re.compile(rb"\s*frame\s*time\s*(?::\s*)?([^\s]+)", re.IGNORECASE)
+_HARD_TOKENS = 4096
+_MOST_FINDINGS = 8
+
+
+def read_bvh(path: str | os.PathLike[str]) -> Bvh:
+    """Read a BVH file as it stands; what is odd but readable becomes a finding.
+
+    Raises:
+        BvhError: The file cannot be opened or is no BVH; says the line, the token and what was expected.
+    """
+    return parse_bvh(_load(path), os.fspath(path))
+
+
+def parse_bvh(data: bytes, path: str = "") -> Bvh:
+    """Read BVH text from memory, as ``read_bvh`` does; ``path`` is what messages and the result call it."""
+    data = _as_ascii_based(data, path)
+    scanner = Scanner(data, path)
+    tree = read_hierarchy(scanner)
+    encoding = _encoding_of(data[: scanner.at])
+    names = _unique_names(tree, encoding, scanner)
+    channels = tuple(own or () for own in tree.channels)
+    columns = sum(map(len, channels))
+    declared, frame_time, fps = _read_motion_head(scanner)
+    motion = _read_motion(scanner, columns, declared)
+    _check_tree(scanner, tree, names, columns)
+    bvh = Bvh(
+        names=names,
+        parents=np.array(tree.parents, np.int32),
+        offsets=np.array([offset or (0.0, 0.0, 0.0) for offset in tree.offsets], float).reshape(-1, 3),
+        channels=channels,
+        end_parents=np.array(tree.end_parents, np.int32),
+        end_offsets=np.array([offset or (0.0, 0.0, 0.0) for offset in tree.end_offsets], float).reshape(-1, 3),
+        end_names=tuple(name.decode(encoding) for name in tree.end_names),
+        motion=motion,
+        declared_frames=declared,
+        frame_time=frame_time,
+        fps=fps,
+        path=path,
+    )
+    if len(motion) != declared:
+        scanner.fault(f"{path}: {len(motion)} rows of motion, Frames: says {declared}")
+    for what in _bad_channels(bvh):
+        scanner.fault(f"{path}: {what}")
+    return replace(bvh, findings=tuple(scanner.findings), faults=tuple(scanner.faults))
+
+
+def _load(path: str | os.PathLike[str]) -> bytes:
+    """Return the bytes of a regular file."""
+    if Path(path).is_dir():
+        raise BvhError(f"{path}: is a folder, expected a BVH file")
+    try:
+        if Path(path).exists() and not Path(path).is_file():
+            raise BvhError(f"{path}: is no regular file, expected a BVH file")
+        return Path(path).read_bytes()
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise BvhError(f"{path}: cannot be read: {reason}") from error
+
+
+def _as_ascii_based(data: bytes, path: str) -> bytes:
+    """Return the text without a byte order mark, and as UTF-8 where it was UTF-16."""
+    if data.startswith(codecs.BOM_UTF8):
+        return data[len(codecs.BOM_UTF8) :]
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        try:
+            return data.decode("utf-16").encode()
+        except UnicodeError as error:
+            raise BvhError(f"{path}:1: broken UTF-16 text, expected a BVH file") from error
+    return data
+
+
+def _encoding_of(header: bytes) -> str:
+    """Return 'utf-8' where the header is that, else 'latin-1', which reads any byte."""
+    try:
+        header.decode()
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8"
+
+
+def _unique_names(tree: Hierarchy, encoding: str, scanner: Scanner) -> tuple[str, ...]:
+    """Return the names as text, and note those that more than one joint has."""
+    names = tuple(name.decode(encoding) for name in tree.names)
+    if len(set(names)) < len(names):
+        often, count = Counter(names).most_common(1)[0]
+        scanner.findings.append(f"{scanner.path}: {count} joints are called {quoted(often)}")
+    return names
+
+
+def _check_tree(scanner: Scanner, tree: Hierarchy, names: tuple[str, ...], columns: int) -> None:
+    """Note what is odd about the hierarchy as a whole."""
+    where = scanner.path
+    roots = [names[joint] for joint, parent in enumerate(tree.parents) if parent < 0]
+    if len(roots) > 1:
+        shown = ", ".join(map(quoted, roots[:4])) + (" ..." if len(roots) > 4 else "")
+        scanner.findings.append(f"{where}: {len(roots)} ROOTs ({shown}), only the first one's skeleton is used")
+    bare = [name for name, offset in zip(names, tree.offsets, strict=True) if offset is None]
+    if bare:
+        scanner.findings.append(f"{where}: joint {quoted(bare[0])} has no OFFSET, 0 taken ({len(bare)} such joints)")
+    scaled = [
+        name for name, own in zip(names, tree.channels, strict=True) if any(c.endswith("scale") for c in own or ())
+    ]
+    if scaled:
+        scanner.findings.append(f"{where}: joint {quoted(scaled[0])} has scale channels, which are not used")
+    if columns == 0:
+        scanner.fault(f"{where}: no joint has channels, so nothing moves")
+
+
+def _read_motion_head(scanner: Scanner) -> tuple[int, float, float]:
+    """Read MOTION, Frames: and Frame Time:; return the frames declared, the frame time [s] and the rate."""
+    if scanner.next() == b"":
+        scanner.find("the file ends after the hierarchy, without MOTION")
+        return 0, 0.0, snap_rate("", 0.0)
+    if scanner.data[scanner.start : scanner.at].lower() != b"motion":
+        raise scanner.error("'ROOT' or 'MOTION'")
+    declared: int | None = None
+    time_token: bytes | None = None
+    while declared is None or time_token is None:
+        if scanner.peek() == b"":
+            scanner.start = len(scanner.data)
+            scanner.find(f"the file ends before {'Frames' if declared is None else 'Frame Time'}:")
+            break
+        frames = _FRAMES.match(scanner.data, scanner.at) if declared is None else None
+        times = _FRAME_TIME.match(scanner.data, scanner.at) if time_token is None else None
+        if frames:
+            scanner.start, scanner.at = frames.start(1), frames.end()
+            declared = _whole_number(scanner, frames[1])
+        elif times:
+            scanner.start, scanner.at = times.start(1), times.end()
+            time_token = times[1]
+        else:
+            scanner.next()
+            raise scanner.error("'Frames:' and a number" if declared is None else "'Frame Time:' and a number")
+    if time_token is None:
+        return declared or 0, 0.0, snap_rate("", 0.0)
+    frame_time = read_number(time_token)
+    if frame_time is None:
+        raise scanner.error("a number of seconds")
+    fps = snap_rate(time_token.decode(), frame_time)
+    if not 1e-9 < frame_time < 1e9:
+        scanner.find(f"frame time is {show(time_token)}, {fps:g} frames a second taken")
+    elif not 1.0 <= fps <= 2000.0:
+        scanner.find(f"frame time {show(time_token)} means {fps:.6g} frames a second")
+    return declared or 0, frame_time, fps
+
+
+def _whole_number(scanner: Scanner, token: bytes) -> int:
+    """Return the number of frames that a token says."""
+    number = read_number(token)
+    if number is None or not 0 <= number < 1e18 or number != int(number):
+        raise scanner.error("a number of frames")
+    return int(token) if token.isdigit() else int(number)
+
+
+def _read_motion(scanner: Scanner, columns: int, declared: int) -> Array:
+    """Read the rows of numbers up to the end of the text, or to what is no number once all rows are there."""
+    data = np.frombuffer(scanner.data, np.uint8)
+    start, stop = scanner.at, len(scanner.data)
+    most = (stop - start + 1) // 2
+    wanted = min(declared * columns, most) if columns else 0
+    values = np.empty(wanted)
+    hard = np.empty((_HARD_TOKENS, 3), np.int64)
+    state = np.zeros(5, np.int64)
+    state[0] = start
+    while True:
+        parse_numbers(data, stop, columns, values, hard, state)
+        at, count, hards = int(state[0]), int(state[1]), int(state[2])
+        for number, first, last in hard[:hards].tolist():
+            value = read_number(scanner.data[first:last])
+            if value is None:
+                return _end_of_motion(scanner, values, number, first, columns, declared)
+            values[number] = value
+        if at >= stop:
+            break
+        if count >= len(values):
+            longer = np.empty(min(most, max(1024, 2 * len(values))))
+            longer[:count] = values[:count]
+            values = longer
+    if columns == 0:
+        if count:
+            raise scanner.error("no numbers, since no joint has channels", start)
+        return np.zeros((0, 0))
+    odd_lines = int(state[4]) + (int(state[3]) not in (0, columns))
+    if odd_lines:
+        return _odd_rows(scanner, data, start, stop, values[:count], columns)
+    return values[:count].reshape(-1, columns)
+
+
+def _end_of_motion(scanner: Scanner, values: Array, count: int, place: int, columns: int, declared: int) -> Array:
+    """Return the rows before a token that is no number, if they are as many as the file declares."""
+    rows = count // columns if columns else 0
+    if rows < declared or not rows:
+        raise scanner.error("a number", place)
+    rest = len(scanner.data) - place
+    token = show(scanner.data[place : place + 40].split()[0])
+    scanner.find(f"{rest} bytes from {token} on, after the last row, are no numbers and left out", place)
+    return values[: rows * columns].reshape(-1, columns)
+
+
+def _odd_rows(scanner: Scanner, data: Array, start: int, stop: int, values: Array, columns: int) -> Array:
+    """Make rows of numbers whose lines do not all hold one row.
+
+    Where most lines hold one row, lines are rows, and the odd ones are left out; else line ends mean nothing, and only
+    an incomplete last row is left out.
+    """
+    lines = np.empty((len(values), 2), np.int64)
+    lines = lines[: count_by_line(data, start, stop, lines)]
+    odd = lines[:, 1] != columns
+    if 2 * odd.sum() <= len(lines):
+        line, found = lines[odd][0]
+        place = scanner.line_of(start) + int(line)
+        more = f", and {odd.sum() - 1} more such rows" if odd.sum() > 1 else ""
+        scanner.fault(
+            f"{scanner.path}:{place}: row of {found} numbers, expected {columns}, one a channel; left out{more}"
+        )
+        first = np.cumsum(lines[:, 1]) - lines[:, 1]
+        return values[first[~odd][:, None] + np.arange(columns)]
+    rest = len(values) % columns
+    if rest:
+        last = scanner.line_of(start) + int(lines[-1, 0])
+        scanner.fault(
+            f"{scanner.path}:{last}: {len(values)} numbers are {rest} more than whole rows of {columns}; left out"
+        )
+    return values[: len(values) - rest].reshape(-1, columns)
+
+
+def _bad_channels(bvh: Bvh) -> list[str]:
+    """Return where the motion is not finite, by joint and channel, the first frame each."""
+    finite = np.isfinite(bvh.motion)
+    if finite.all():
+        return []
+    bad = ~finite
+    columns = np.flatnonzero(bad.any(axis=0))
+    found = []
+    for column in columns[:_MOST_FINDINGS]:
+        frame, count = int(np.argmax(bad[:, column])), int(bad[:, column].sum())
+        more = f" and in {count - 1} more frames" if count > 1 else ""
+        found.append(f"frame {frame}, {bvh.describe_column(int(column))} is {bvh.motion[frame, column]}{more}")
+    if len(columns) > _MOST_FINDINGS:
+        found.append(f"{len(columns) - _MOST_FINDINGS} more channels are not finite somewhere")
+    return found

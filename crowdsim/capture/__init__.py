@@ -1,0 +1,1 @@
+"""Motion capture of others: its units, axes, joints and faults."""

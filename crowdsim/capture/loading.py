@@ -1,0 +1,223 @@
+"""A BVH file understood: unit, up axis, roles and body found, and everything that is odd about it reported."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.bvh.io import Bvh, read_bvh, to_clip, turn_up
+from crowdsim.capture import units
+from crowdsim.capture.folding import backward_elbows, fold_forward
+from crowdsim.errors import MotionError
+from crowdsim.motion.body import Body, standing_height
+from crowdsim.motion.cleaning import lead_in
+from crowdsim.motion.joint_tree import JointTree
+from crowdsim.motion.measuring import finite_frames, human_roles, measure_body, rests_like_a_body, sample_poses
+from crowdsim.motion.skeleton import Clip, Skeleton
+
+Array = NDArray[Any]
+
+_FLIP = np.deg2rad(100.0)
+_FLIP_SPEED = 50.0
+"""A joint that turns further than this in one frame [rad], faster than this [rad/s], has flipped."""
+_MOST_FLIPS = 20
+_LOOSE = 0.03
+"""Share of the body's height by which a joint of a limb may move against its parent, as skin does."""
+
+
+@dataclass(frozen=True)
+class Capture:
+    """A BVH file and what was found out about it.
+
+    Attributes:
+        bvh: The file as it is.
+        clip: Its motion, y up, in metres where the scale is known and in file units where it is not; all frames,
+            lead-in included. Elbows that fold backward in the file fold forward in it. Without a frame when the file
+            has none.
+        body: The human body on its skeleton; None when there is none, or no scale for it.
+        roles: Joint of each role; empty when this is no human body.
+        unit_scale: Metres in a file unit; None when unknown.
+        up_axis: The axis that is up in the file; None when unknown (y is taken).
+        lead_in: Frames at the start that are a calibration pose and the jump out of it.
+        findings: What is odd, a line each.
+        faults: Those of the findings for which the file cannot be trained on.
+    """
+
+    bvh: Bvh
+    clip: Clip
+    body: Body | None
+    roles: dict[str, int]
+    unit_scale: float | None
+    up_axis: str | None
+    lead_in: int
+    findings: tuple[str, ...]
+    faults: tuple[str, ...] = ()
+
+    @property
+    def motion(self) -> Clip:
+        """The clip without its lead-in."""
+        return self.clip.sliced(self.lead_in, self.clip.frame_count)
+
+
+def load_capture(path: str | os.PathLike[str], unit: str | float | None = None, up_axis: str | None = None) -> Capture:
+    """Read a BVH file and find out what it is.
+
+    Args:
+        path: The file.
+        unit: Its unit, a name of ``crowdsim.capture.units.UNITS`` or metres; found when None.
+        up_axis: Its up axis, 'y' or '-z' say; found when None.
+
+    Raises:
+        BvhError: The file is no BVH.
+        MotionError: The given unit or axis is unknown.
+    """
+    scale = None if unit is None else units.parse_unit(unit)
+    axis = None if up_axis is None else units.parse_up_axis(up_axis)
+    bvh = read_bvh(path)
+    findings = [without_path(finding, str(path)) for finding in bvh.findings]
+    faults = [without_path(fault, str(path)) for fault in bvh.faults]
+
+    def fault(what: str) -> None:
+        findings.append(what)
+        faults.append(what)
+
+    raw = to_clip(bvh)
+    poses = sample_poses(raw)[0]
+    roles = human_roles(raw)
+    if not roles:
+        fault(f"no human body found in {raw.skeleton.joint_count} joints: {_names(raw.skeleton)}")
+    if axis is None:
+        axis = _find_up_axis(raw.skeleton, roles, poses)
+        if axis is None:
+            findings.append("up axis unknown, y is taken: the body is neither upright nor keeps to a floor")
+    if scale is None and roles:
+        height = standing_height(raw.skeleton, roles, poses[0] if len(poses) else None)
+        scale = units.find_scale(height)
+        if scale is None:
+            fault(units.describe_heights(height))
+    elif scale is None:
+        fault("unknown scale: without a human body there is nothing to measure it by")
+    clip = _in_metres(raw, scale or 1.0, axis or "y")
+    if roles and bool(finite_frames(clip).all()):
+        wrong = backward_elbows(clip, roles)
+        clip = fold_forward(clip, roles, wrong)
+        findings.extend(f"{role.replace('_', ' ')} folds backward, it is turned to fold forward" for role in wrong)
+    if clip.frame_count <= 1:
+        fault("no frames, expected motion" if clip.frame_count == 0 else "a single frame, expected motion")
+    body = measure_body(clip, roles) if roles and scale is not None else None
+    start = 0
+    if clip.frame_count > 1 and bool(finite_frames(clip).all()):
+        start = lead_in(clip, body) if body is not None else 0
+        for flip in _flips(clip, start):
+            fault(flip)
+        findings.extend(_moving_joints(clip, body))
+    return Capture(bvh, clip, body, roles, scale, axis, start, tuple(findings), tuple(faults))
+
+
+def usable_clip(capture: Capture, strict: bool = True) -> Clip:
+    """Return a capture's clip, lead-in included, if it can be trained on.
+
+    Args:
+        capture: The capture.
+        strict: Refuse wrong row counts and flips of joints too, not only what has no motion of a body of known size.
+
+    Raises:
+        MotionError: It cannot: the file and every reason, a line each.
+    """
+    whole = capture.body is not None and capture.clip.frame_count > 1 and bool(finite_frames(capture.clip).all())
+    if whole and not (strict and capture.faults):
+        return capture.clip
+    source = capture.clip.source
+    raise MotionError("\n".join(f"{source}: {fault}" for fault in capture.faults))
+
+
+def without_path(finding: str, path: str) -> str:
+    """Return a finding of the file, ``PATH:LINE: what`` or ``PATH: what``, without its path."""
+    if not finding.startswith(path + ":"):
+        return finding
+    return re.sub(r"^(\d+): ", r"line \1: ", finding[len(path) + 1 :]).lstrip()
+
+
+def _names(skeleton: Skeleton) -> str:
+    shown = ", ".join(skeleton.names[:6])
+    return shown + (" ..." if skeleton.joint_count > 6 else "")
+
+
+def _find_up_axis(skeleton: Skeleton, roles: dict[str, int], poses: Array) -> str | None:
+    """The axis that is up in a file; None when nothing shows it."""
+    rest = skeleton.rest_positions()
+    group = poses if len(poses) else rest[None]
+    if roles:
+        feet = [roles["left_foot"], roles["right_foot"]]
+        return units.find_up_axis(rest if rests_like_a_body(skeleton, roles) else None, group, [roles["head"]], feet)
+    # Of a body that is no human's, legs hang down from where they begin; arms and wings even out.
+    tree = JointTree(skeleton, group)
+    limbs = [limb for pair in tree.mirrored_pairs() for limb in pair]
+    tops, tips = [tree.parents[limb] for limb in limbs], [tree.main_chain(limb)[-1] for limb in limbs]
+    axis = units.find_up_axis(None, group, tops, tips)
+    # Files of other than humans have y or z up; limbs that point elsewhere are no legs.
+    return axis if axis in (None, "y", "z") else units.find_up_axis(None, group, [], [])
+
+
+def _in_metres(clip: Clip, scale: float, up_axis: str) -> Clip:
+    """The clip in metres and y up, as ``to_clip`` with this scale and axis makes it."""
+    if scale == 1.0 and up_axis == "y":
+        return clip
+    turn = up_axis != "y"
+
+    def move(places: Array) -> Array:
+        return np.asarray(turn_up(places * scale, up_axis) if turn else places * scale)
+
+    rotations = clip.rotations
+    if turn:
+        rotations = np.concatenate([rotations[..., :1], turn_up(rotations[..., 1:], up_axis)], axis=-1)
+    skeleton = replace(clip.skeleton, offsets=move(clip.skeleton.offsets), end_offsets=move(clip.skeleton.end_offsets))
+    return replace(
+        clip,
+        skeleton=skeleton,
+        root_positions=move(clip.root_positions),
+        rotations=rotations,
+        translations=None if clip.translations is None else move(clip.translations),
+    )
+
+
+def _flips(clip: Clip, start: int) -> list[str]:
+    """Joints that turn further in one frame than a body can."""
+    least = max(_FLIP, _FLIP_SPEED / clip.fps)
+    if least >= np.pi:
+        return []
+    dots = np.abs(np.einsum("fjc,fjc->fj", clip.rotations[start + 1 :], clip.rotations[start:-1]))
+    places = np.argwhere(dots < np.cos(0.5 * least))
+    found = []
+    for frame, joint in places[:_MOST_FLIPS]:
+        angle = np.rad2deg(2.0 * np.arccos(dots[frame, joint]))
+        found.append(
+            f"joint {clip.skeleton.names[joint]!r} flips by {angle:.0f} degrees "
+            f"between frames {start + frame} and {start + frame + 1}"
+        )
+    if len(places) > _MOST_FLIPS:
+        found.append(f"{len(places) - _MOST_FLIPS} more flips of joints")
+    return found
+
+
+def _moving_joints(clip: Clip, body: Body | None) -> list[str]:
+    """Joints of limbs and trunk that move against their parents by more than skin does."""
+    if clip.translations is None or body is None:
+        return []
+    tree = JointTree(clip.skeleton, None)
+    bones = {joint for end in body.roles.values() for joint in tree.path(end)}
+    bones -= set(tree.path(body.roles["pelvis"]))
+    bones -= set(tree.path(body.roles["spine"])[:-1])
+    chosen = np.array(sorted(bones))
+    span = np.ptp(clip.translations[:, chosen], axis=0).max(axis=-1, initial=0.0)
+    moving = np.flatnonzero(span > _LOOSE * body.height)
+    if not len(moving):
+        return []
+    worst = int(moving[np.argmax(span[moving])])
+    name = clip.skeleton.names[chosen[worst]]
+    return [f"{len(moving)} joints move against their parents, {name!r} by {span[worst]:.3f} m"]

@@ -1,0 +1,1 @@
+"""YAML files in, findings with line and column out."""

@@ -1,0 +1,1 @@
+"""The embedded performer: a parametric boxer whose motion ships with the package."""

@@ -1,0 +1,164 @@
+"""The paths of the fists: the guard, out of it to a target, back into it, and never through the head."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion import ground
+from crowdsim.motion import quaternion as quat
+from crowdsim.performer import skeleton as bones
+from crowdsim.performer.curves import pulse, soft_cap, soft_floor, step, window
+from crowdsim.performer.pose import Trunk
+from crowdsim.performer.score import BENDS, Channel, Reach, Score
+
+Array = NDArray[Any]
+
+_GUARD_FOLLOWS = 0.45
+"""How far the guard turns with the chest; the rest of it stays towards the opponent."""
+_HEAD_CLEARANCE = 0.165
+"""Least distance of the middle of a fist from the middle of the head [m]."""
+_LEAST_DEPTH, _LEAST_BESIDE = 0.20, 0.07
+"""Least distance of a fist before its shoulder, straight in front of it and beside it [m]."""
+_LEAST_AWAY = 0.235
+"""Least distance of a fist from its shoulder: a bent arm's flesh is in the way [m]."""
+_FULL_REACH = 0.975 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
+"""How far from the shoulder a punch is aimed at the most [m]."""
+_LEAST_REACH = 0.48
+"""How far from the middle between the shoulders a punch is aimed at the least [m]."""
+_SLOWEST, _FASTEST = 5.9, 11.0
+"""Speeds between which a punching fist peaks relative to the pelvis [m/s]."""
+_ATTEMPTS = 12
+_SHORTEST = 0.105
+"""Least time of a fist's way out [s]."""
+
+
+def hold_guard(score: Score, heading: Array, trunk: Trunk, channels: Array) -> tuple[Array, Array]:
+    """Return where the fists are held in the guard (F, 2, 3), and the frame that the guard turns in (F, 4)."""
+    style = score.style
+    stance = quat.about_y(heading)
+    rest = quat.about_y(style.blade + style.twist)
+    deviation = quat.multiply(quat.multiply(quat.conjugate(stance), trunk.chest_turn), quat.conjugate(rest))
+    part = quat.from_rotation_vector(_GUARD_FOLLOWS * quat.to_rotation_vector(deviation))
+    frame = quat.multiply(stance, part)
+    fists = np.stack(
+        [
+            trunk.chest + quat.rotate(frame, np.array(place) + channels[:, first : first + 3])
+            for place, first in (
+                (style.lead_fist, Channel.LEAD_HAND_X),
+                (style.rear_fist, Channel.REAR_HAND_X),
+            )
+        ],
+        axis=1,
+    )
+    return fists, frame
+
+
+def lead_fists(
+    score: Score, times: Array, heading: Array, trunk: Trunk, channels: Array, shoulders: Array
+) -> tuple[Array, tuple[Reach, ...]]:
+    """Take the fists out of the moving guard to their targets and back.
+
+    A fist that would be slower than a punch sets off later, and one that would be too fast sets off earlier.
+
+    Args:
+        score: What is performed.
+        times: Times of the frames [s], evenly spaced. Shape (F,).
+        heading: Heading of the stance [rad]. Shape (F,).
+        trunk: The trunk.
+        channels: Sums of the accents. Shape (F, channels).
+        shoulders: Shoulder joints, lead and rear [m]. Shape (F, 2, 3).
+
+    Returns:
+        Place of the fists [m], shape (F, 2, 3), and the reaches as they were carried out.
+    """
+    guards, frame = hold_guard(score, heading, trunk, channels)
+    centre = shoulders.mean(axis=1)
+    spacing = times[1] - times[0] if len(times) > 1 else 1.0
+    ahead = quat.rotate(trunk.chest_turn, np.array([0.0, 0.0, 1.0]))
+    fists, arcs = guards.copy(), np.zeros(guards.shape[:2])
+    done = []
+    for planned in score.reaches:
+        hand = planned.hand
+        at = min(int(np.rint((planned.hit - times[0]) / spacing)), len(times) - 1)
+        target = _target(planned, trunk.hips[at], float(heading[at]), shoulders[at, hand], centre[at]) - centre[at]
+        first = min([accent.start for accent in planned.path], default=planned.start)
+        last = max([accent.end for accent in planned.path], default=planned.end)
+        part = window(times, min(first, planned.start) - 0.1, max(last, planned.end))
+        swing, arc = _bends(planned, times[part])
+        swing = quat.rotate(frame[part], swing)
+        inside = at - part.start
+        out = (times[part] >= 0.4 * planned.start + 0.6 * planned.hit - spacing) & (
+            times[part] <= planned.hit - 0.5 * spacing
+        )
+        reach, size = planned, 1.0
+        for attempt in range(_ATTEMPTS):
+            turn = quat.about_y(arcs[part, hand] + size * arc)
+            aim = centre[at] + quat.rotate(quat.conjugate(turn[inside]), target) - size * swing[inside]
+            gone = _gone(reach, times[part])[:, None]
+            path = fists[part, hand] + size * swing + gone * (aim - guards[part, hand])
+            turned = centre[part] + quat.rotate(turn, path - centre[part])
+            relative = keep_ahead(turned, shoulders[part, hand], ahead[part])[out] - trunk.hips[part][out]
+            speed = float(np.linalg.norm(np.diff(relative, axis=0), axis=-1).max(initial=0.0)) / spacing
+            if _SLOWEST <= speed <= _FASTEST or attempt == _ATTEMPTS - 1:
+                break
+            later = min(max(speed / _SLOWEST, 0.8), 1.0) * min(max(speed / _FASTEST, 1.0), 1.25)
+            begin = max(reach.hit - 0.97 * later * (reach.hit - reach.start), planned.start - 0.1)
+            reach = replace(reach, start=min(begin, reach.hit - _SHORTEST))
+            size *= min(max(_SLOWEST / max(speed, 0.1), 1.0), 1.12) * min(max(_FASTEST / max(speed, 0.1), 0.85), 1.0)
+        fists[part, hand] = path
+        arcs[part, hand] += size * arc
+        done.append(reach)
+    fists = centre[:, None] + quat.rotate(quat.about_y(arcs), fists - centre[:, None])
+    return keep_ahead(fists, shoulders, ahead[:, None]), tuple(done)
+
+
+def _bends(reach: Reach, times: Array) -> tuple[Array, Array]:
+    """Return swing (F, 3) [m] and arc (F,) [rad] of the way of a fist."""
+    bends = np.zeros((len(times), 4))
+    for accent in reach.path:
+        column = BENDS[reach.hand].index(accent.channel)
+        bends[:, column] += accent.size * pulse(times, accent.start, accent.peak, accent.fall, accent.end)
+    return bends[:, :3], bends[:, 3]
+
+
+def _gone(reach: Reach, times: Array) -> Array:
+    """Share of the way to the target: 0 in the guard, 1 at the hit."""
+    return step(times, reach.start, reach.hit, reach.skew) * (1.0 - step(times, reach.fall, reach.end))
+
+
+def _target(reach: Reach, hips: Array, heading: float, shoulder: Array, centre: Array) -> Array:
+    """Return a target in the world [m], drawn in to where the arm reaches, or out to where a punch has a way to go."""
+    place = np.array([reach.distance * np.sin(reach.bearing), reach.height, reach.distance * np.cos(reach.bearing)])
+    target = ground.to_world(np.array([hips[0], hips[2], heading]), place)
+    target = centre + _lengthen(target - centre, _LEAST_REACH, 0.02)
+    gap = target - shoulder
+    far = float(np.linalg.norm(gap))
+    return np.asarray(shoulder + gap * (float(soft_cap(far, _FULL_REACH, 0.02)) / far))
+
+
+def keep_ahead(fists: Array, shoulders: Array, ahead: Array) -> Array:
+    """Return fists (..., 3) held in front of their shoulders (..., 3), as the chest faces (..., 3), and off them.
+
+    A fist beside its shoulder may be nearly level with it, so that the elbow does not go far behind the back.
+    """
+    gap = fists - shoulders
+    depth = np.sum(gap * ahead, axis=-1, keepdims=True)
+    aside = np.sum((gap - depth * ahead) ** 2, axis=-1, keepdims=True)
+    least = (_LEAST_DEPTH - _LEAST_BESIDE) * np.exp(-aside / 0.15**2) + _LEAST_BESIDE
+    gap = gap + ahead * (soft_floor(depth, least, 0.03) - depth)
+    return shoulders + _lengthen(gap, _LEAST_AWAY, 0.02)
+
+
+def clear_head(fists: Array, head: Array) -> Array:
+    """Return the fists (F, 2, 3) pushed out of the head (F, 3), smoothly."""
+    return head[:, None] + _lengthen(fists - head[:, None], _HEAD_CLEARANCE, 0.008)
+
+
+def _lengthen(gap: Array, least: float, softness: float) -> Array:
+    """Return vectors (..., 3) that are no shorter than ``least``."""
+    far = np.linalg.norm(gap, axis=-1, keepdims=True)
+    return np.asarray(gap * (soft_floor(far, least, softness) / np.maximum(far, 1e-6)))

@@ -1,0 +1,299 @@
+"""What a boxer does in a clip: phrases of steps, combinations and defences, by the theme of the clip."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from crowdsim.motion import ground
+from crowdsim.performer.defences import DEFENCES
+from crowdsim.performer.plan import Choreographer
+from crowdsim.performer.punches import PUNCHES
+from crowdsim.performer.roam import ROOM, bounce, in_and_out, run_up, shuffle_any_way
+from crowdsim.performer.score import Score
+
+COMBINATIONS = (
+    ("jab",),
+    ("straight",),
+    ("lead_hook",),
+    ("rear_hook",),
+    ("lead_uppercut",),
+    ("rear_uppercut",),
+    ("jab", "jab"),
+    ("jab", "straight"),
+    ("jab", "straight"),
+    ("straight", "lead_hook"),
+    ("lead_hook", "straight"),
+    ("jab", "rear_uppercut"),
+    ("jab", "rear_hook"),
+    ("lead_uppercut", "rear_hook"),
+    ("rear_uppercut", "lead_hook"),
+    ("lead_hook", "rear_uppercut"),
+    ("jab", "jab", "straight"),
+    ("jab", "straight", "lead_hook"),
+    ("jab", "straight", "lead_uppercut"),
+    ("straight", "lead_hook", "straight"),
+    ("lead_hook", "rear_hook", "lead_hook"),
+    ("lead_uppercut", "rear_uppercut", "lead_hook"),
+    ("rear_hook", "lead_hook"),
+    ("rear_uppercut", "lead_uppercut", "rear_hook"),
+    ("jab", "rear_hook", "lead_uppercut"),
+    ("jab", "straight", "lead_hook", "straight"),
+    ("jab", "straight", "lead_uppercut", "rear_hook"),
+    ("lead_hook", "rear_uppercut", "lead_hook", "straight"),
+    ("jab", "straight", "jab", "straight", "lead_hook"),
+)
+_PRESSING = (("jab",), ("jab",), ("straight",), ("jab", "straight"), ("lead_hook",), ("jab", "jab"))
+"""Combinations that are thrown on the way."""
+_CLOSE = frozenset({"lead_hook", "rear_hook", "lead_uppercut", "rear_uppercut"})
+
+
+@dataclass(frozen=True)
+class Theme:
+    """What a clip is about: weights of its phrases, and the longest pauses between them [s].
+
+    Attributes:
+        combination: Punches, with or without small steps.
+        stepping: Small steps.
+        turning: Turns on the spot.
+        defence: Defences.
+        counter: Defences, and punches out of them.
+        rest: Standing still in the guard.
+        travel: Walks and jogs out of the guard and back.
+        shuffling: Quick steps in the guard, any way.
+        pressing: Quick steps forward, with punches on the way.
+        bouncing: Quick steps on the spot.
+        pause: Longest pause between phrases [s].
+    """
+
+    combination: float
+    stepping: float
+    turning: float
+    defence: float
+    counter: float
+    rest: float
+    travel: float
+    shuffling: float
+    pressing: float
+    bouncing: float
+    pause: float
+
+
+THEMES = (
+    Theme(6.5, 0.3, 0.20, 0.9, 2.0, 0.10, travel=0.65, shuffling=0.6, pressing=0.9, bouncing=0.35, pause=0.18),
+    Theme(8.0, 0.2, 0.15, 0.5, 1.6, 0.08, travel=0.65, shuffling=0.6, pressing=0.9, bouncing=0.40, pause=0.18),
+    Theme(5.5, 0.4, 0.30, 0.7, 1.6, 0.10, travel=0.65, shuffling=1.2, pressing=0.7, bouncing=0.50, pause=0.18),
+    Theme(5.5, 0.2, 0.15, 1.1, 3.4, 0.10, travel=0.65, shuffling=0.6, pressing=0.7, bouncing=0.35, pause=0.18),
+    Theme(3.0, 0.2, 0.10, 0.4, 0.8, 0.05, travel=3.0, shuffling=1.0, pressing=1.2, bouncing=0.30, pause=0.16),
+)
+
+
+class _Boxer:
+    """Fills a clip phrase by phrase; ``now`` is when the next phrase may begin [s]."""
+
+    def __init__(self, seconds: float, theme: Theme, rng: np.random.Generator) -> None:
+        self.seconds, self.theme, self.rng = seconds, theme, rng
+        self.plan = Choreographer(rng)
+        self.now = rng.uniform(0.35, 0.7)
+
+    def way(self) -> tuple[float, float]:
+        """Draw a step (ahead, left) [m]: any direction, but back to the middle of the floor when far from it."""
+        rng = self.rng
+        x, z, heading = self.plan.place
+        away = float(np.hypot(x, z))
+        angle = rng.uniform(-np.pi, np.pi)
+        if away > 0.8 * ROOM or (away > 0.6 * 0.8 * ROOM and rng.uniform() < 0.5):
+            angle = np.arctan2(-x, -z) - heading + rng.normal(0.0, 0.35)
+        far = float(rng.uniform(0.07, 0.25))
+        return far * float(np.cos(angle)), far * float(np.sin(angle)) * 0.85
+
+    def combination(self, begin: float, kinds: tuple[str, ...], bearing: float = 0.0) -> float:
+        """Throw a combination, with or without steps; return when the last fist is back [s]."""
+        rng, plan = self.rng, self.plan
+        stepping = rng.uniform()
+        close = sum(kind in _CLOSE for kind in kinds)
+        if abs(bearing) > 0.3:
+            plan.move(begin - 0.12, rng.uniform(0.0, 0.15), 0.08 * np.sign(bearing), bearing, plan.about(1.25))
+            bearing = 0.0
+        elif stepping < 0.40:
+            plan.move(
+                begin - rng.uniform(0.0, 0.1), rng.uniform(0.06, 0.28), rng.uniform(-0.08, 0.08), 0.0, plan.about(1.2)
+            )
+        elif stepping < 0.46:
+            plan.move(begin - 0.05, -rng.uniform(0.1, 0.24), rng.uniform(-0.08, 0.08), 0.0, plan.about(1.2))
+        elif stepping < 0.55:
+            plan.move(
+                begin - 0.05,
+                rng.uniform(-0.05, 0.15),
+                rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.2),
+                0.0,
+                plan.about(1.2),
+            )
+        inside = close == len(kinds) and rng.uniform() < 0.62
+        tempo = rng.uniform(0.85, 1.12)
+        onset = begin + rng.uniform(0.0, 0.06)
+        previous = None
+        for kind in kinds:
+            recipe = PUNCHES[kind]
+            to_body = bool(rng.uniform() < 0.22)
+            least, most = recipe.distance
+            if inside:
+                distance = float(rng.uniform(recipe.inside, least))
+            else:
+                distance = float(rng.uniform(least, most if close < len(kinds) else 0.9 * most + 0.1 * least))
+            speed = tempo * (recipe.speed[0] + recipe.speed[1] * plan.normal(1.6, 2.4))
+            if previous is not None:
+                load = 0.10 if kind in _CLOSE else 0.02
+                onset = previous.hit + load + abs(float(rng.normal(0.0, 0.05)))
+            previous = plan.punch(kind, onset, to_body, bearing, distance, speed)
+        assert previous is not None
+        leaving = rng.uniform()
+        spare = self.seconds - previous.end - 1.0
+        if leaving < self.theme.travel * 0.08 and spare > 2.2:
+            return run_up(plan, previous.hit + rng.uniform(0.08, 0.2), spare, sharp=0.6)
+        leaving = rng.uniform()
+        if leaving < 0.06:
+            return in_and_out(plan, previous.hit + 0.08, ahead=False)
+        if leaving < 0.22:
+            plan.move(previous.hit + 0.08, -rng.uniform(0.08, 0.22), rng.uniform(-0.15, 0.15), 0.0, plan.about(1.15))
+        elif leaving < 0.34:
+            plan.pivot(previous.hit + 0.1, float(rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 0.9)), plan.about(1.1))
+        return previous.end
+
+    def strike(self) -> float:
+        """Throw a combination, sometimes at an opponent who is not straight ahead; return when it is over [s]."""
+        rng = self.rng
+        kinds = COMBINATIONS[int(rng.integers(len(COMBINATIONS)))]
+        bearing = float(rng.uniform(-1.1, 1.3)) if rng.uniform() < 0.16 else 0.0
+        return self.combination(self.now, kinds, bearing)
+
+    def turn(self) -> float:
+        """Turn by up to half a circle, in as many steps and pivots as that takes; return when it is done [s]."""
+        rng, plan = self.rng, self.plan
+        left = float(rng.choice([-1.0, 1.0])) * float(rng.triangular(0.3, 0.5, np.pi))
+        end = self.now
+        while abs(left) > 0.05:
+            part = float(np.sign(left)) * min(abs(left), float(rng.uniform(0.5, 0.95)))
+            if abs(left - part) < 0.2:
+                part = float(np.clip(left, -1.0, 1.0))
+            if rng.uniform() < 0.6:
+                end = plan.pivot(end, part, plan.about(1.15))
+            else:
+                ahead, side = rng.uniform(-0.1, 0.12), rng.uniform(-0.1, 0.1)
+                end = plan.move(end, ahead, side, part, plan.about(1.15))
+            left -= part
+        return end
+
+    def steps(self) -> float:
+        """Take one to three steps, in the pace of the moment; return when the last is done [s]."""
+        rng, plan = self.rng, self.plan
+        tempo = float(rng.uniform(0.8, 1.3))
+        end = self.now
+        if rng.uniform() < 0.3:
+            far = float(rng.uniform(0.1, 0.26))
+            end = plan.move(end, far, rng.uniform(-0.06, 0.06), 0.0, 1.1 * tempo)
+            return plan.move(
+                end + rng.uniform(0.0, 0.25), -far * rng.uniform(0.8, 1.1), rng.uniform(-0.1, 0.1), 0.0, 1.15 * tempo
+            )
+        ahead, left = self.way()
+        for _ in range(int(rng.integers(1, 4))):
+            end = plan.move(
+                end + rng.uniform(0.0, 0.12), plan.about(ahead), plan.about(left), float(rng.normal(0.0, 0.12)), tempo
+            )
+        return end
+
+    def defence(self, counter: bool) -> float:
+        """Defend once or twice, and perhaps hit back; return when that is over [s]."""
+        rng, plan = self.rng, self.plan
+        kinds = list(DEFENCES)
+        end = self.now
+        for _ in range(1 + int(rng.uniform() < 0.3)):
+            kind = kinds[int(rng.integers(len(kinds)))]
+            if kind == "lean_back" and rng.uniform() < 0.5:
+                plan.move(end - 0.05, -rng.uniform(0.08, 0.2), 0.0, 0.0, plan.about(1.2))
+            begin = end - (0.1 if end > self.now else 0.0)
+            end = plan.defend(kind, begin, tempo=rng.uniform(0.85, 1.2))
+        if counter:
+            kinds_back = COMBINATIONS[int(rng.integers(len(COMBINATIONS)))]
+            end = self.combination(end - rng.uniform(0.04, 0.2), kinds_back)
+        return end
+
+    def travel(self) -> float:
+        """Walk, jog or shuffle up to an opponent, and perhaps strike on arrival; return when that is over [s]."""
+        rng, plan = self.rng, self.plan
+        spare = self.seconds - self.now - 1.0
+        if spare < 2.2:
+            return self.steps()
+        end = run_up(plan, self.now, spare) if rng.uniform() < 0.85 else in_and_out(plan, self.now, ahead=True)
+        if rng.uniform() < 0.5 and end < self.seconds - 2.9:
+            kinds = COMBINATIONS[int(rng.integers(len(COMBINATIONS)))]
+            end = self.combination(end - rng.uniform(0.0, 0.25), kinds)
+        return end
+
+    def press(self) -> float:
+        """Shuffle forward and punch on the way, as at an opponent who gives way; return when that is over [s]."""
+        rng, plan = self.rng, self.plan
+        far = float(rng.uniform(0.30, 0.42))
+        begin = feet = fists = max(self.now, plan.feet_free)
+        last = int(rng.integers(2, 7))
+        punching = int(rng.integers(0, 2))
+        for step in range(last + 1):
+            x, z, heading = plan.place
+            home = float(ground.wrap(np.arctan2(-x, -z) - heading)) if np.hypot(x, z) > 0.6 * ROOM else 0.0
+            turn = float(np.clip(home, -0.4, 0.4))
+            start, side = feet, float(rng.uniform(-0.03, 0.03))
+            feet = plan.move(start, plan.about(far, 0.05), side, turn, plan.about(1.0, 0.04), quick=True)
+            if step == punching and step < last:
+                kinds = _PRESSING[int(rng.integers(len(_PRESSING)))]
+                fists = self._punch_far(start + rng.uniform(-0.06, 0.04), kinds)
+                punching += int(rng.integers(2, 4))
+        plan.travelled("shuffle", begin, feet)
+        return max(feet, fists)
+
+    def _punch_far(self, onset: float, kinds: tuple[str, ...]) -> float:
+        """Throw punches near the end of their reach from ``onset`` on [s]; return when the last fist is back [s]."""
+        end = onset
+        for kind in kinds:
+            recipe = PUNCHES[kind]
+            least, most = recipe.distance
+            to_body = bool(self.rng.uniform() < 0.15)
+            distance = float(self.rng.uniform(0.6 * least + 0.4 * most, most))
+            speed = recipe.speed[0] + recipe.speed[1] * self.plan.normal(1.6, 2.4)
+            reach = self.plan.punch(kind, onset, to_body, distance=distance, speed=speed)
+            onset, end = reach.hit + 0.02 + abs(float(self.rng.normal(0.0, 0.05))), reach.end
+        return end
+
+    def phrase(self) -> None:
+        """Draw the next phrase and write it."""
+        rng, theme = self.rng, self.theme
+        phrases: tuple[tuple[float, Callable[[], float]], ...] = (
+            (theme.combination, self.strike),
+            (theme.stepping, self.steps),
+            (theme.turning, self.turn),
+            (theme.defence, lambda: self.defence(counter=False)),
+            (theme.counter, lambda: self.defence(counter=True)),
+            (theme.rest, lambda: self.now + float(rng.uniform(0.5, 1.6))),
+            (theme.travel, self.travel),
+            (theme.shuffling, lambda: shuffle_any_way(self.plan, self.now)),
+            (theme.pressing, self.press),
+            (theme.bouncing, lambda: bounce(self.plan, self.now, min(self.seconds - self.now - 0.9, 3.2))),
+        )
+        weights = np.array([weight for weight, _ in phrases])
+        choice = int(np.searchsorted(np.cumsum(weights) / weights.sum(), rng.uniform()))
+        end = phrases[choice][1]()
+        self.now = max(end, self.plan.feet_free - 0.15) + float(rng.uniform(0.0, theme.pause))
+
+    def fill(self) -> Score:
+        """Write phrases until the clip is full, with the guard at both ends."""
+        while True:
+            before = self.now
+            if before > self.seconds - 2.9:
+                return self.plan.finish(self.seconds)
+            self.phrase()
+
+
+def write_score(seconds: float, theme: Theme, rng: np.random.Generator) -> Score:
+    """Plan a clip of a given length [s] on a theme."""
+    return _Boxer(seconds, theme, rng).fill()

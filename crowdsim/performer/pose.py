@@ -1,0 +1,208 @@
+"""From tracks of the body's parts to joint rotations: trunk by angles, legs and arms by two-bone inverse kinematics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion import quaternion as quat
+from crowdsim.motion.skeleton import Skeleton
+from crowdsim.performer import skeleton as bones
+from crowdsim.performer.curves import soft_cap, soft_floor
+
+Array = NDArray[Any]
+
+ARM_REACH = 0.982
+LEG_REACH = 0.988
+"""Share of a limb's length beyond which it does not stretch, so that elbows and knees stay bent."""
+
+_LEFT, _DOWN, _AHEAD = np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+_SPINE_SHARES = (0.28, 0.36, 0.36)
+_NECK_SHARE = 0.42
+
+
+@dataclass(frozen=True)
+class Trunk:
+    """The trunk over F frames, in the world.
+
+    Attributes:
+        hips: Place of the pelvis [m]. Shape (F, 3).
+        hips_turn: Rotation of the pelvis. Shape (F, 4).
+        spine: Local rotations of Spine, Spine1, Spine2. Shape (F, 3, 4).
+        chest: Place of Spine2 [m]. Shape (F, 3).
+        chest_turn: Its rotation. Shape (F, 4).
+    """
+
+    hips: Array
+    hips_turn: Array
+    spine: Array
+    chest: Array
+    chest_turn: Array
+
+
+def pose_trunk(skeleton: Skeleton, hips: Array, hips_turn: Array, twist: Array, flex: Array, bend: Array) -> Trunk:
+    """Bend the spine by angles (F,) [rad] that its three joints share."""
+    spine = np.stack(
+        [quat.from_euler(np.stack([twist, flex, -bend], axis=-1) * share, "YXZ") for share in _SPINE_SHARES], axis=1
+    )
+    place, turn = hips, hips_turn
+    for index, joint in enumerate((bones.SPINE, bones.SPINE1, bones.SPINE2)):
+        place = place + quat.rotate(turn, skeleton.offsets[joint])
+        turn = quat.multiply(turn, spine[:, index])
+    return Trunk(hips, hips_turn, spine, place, turn)
+
+
+def pose_head(chest_turn: Array, gaze: Array) -> Array:
+    """Return local rotations of Neck and Head (F, 2, 4) that look as ``gaze`` (F, 4) does, as far as a neck turns."""
+    turn = quat.to_rotation_vector(quat.multiply(quat.conjugate(chest_turn), gaze))
+    size = np.linalg.norm(turn, axis=-1, keepdims=True)
+    held = soft_cap(size, 1.25, 0.12) / np.maximum(size, 1e-9)
+    turn = np.where(size > 1e-9, turn * held, turn)
+    return np.stack([quat.from_rotation_vector(turn * share) for share in (_NECK_SHARE, 1.0 - _NECK_SHARE)], axis=1)
+
+
+def girdle(side: int, forth: Array, raised: Array) -> Array:
+    """Return the local rotation of a collar bone that takes the shoulder ``forth`` and up by angles (F,) [rad]."""
+    sign = 1.0 if side == 0 else -1.0
+    zero = np.zeros_like(forth)
+    return quat.from_euler(np.stack([-forth * sign, raised * sign, zero], axis=-1), "YZX")
+
+
+def frame_of(x: Array, y: Array, z: Array) -> Array:
+    """Return the rotations (F, 4) that take the axes to the given orthonormal directions (F, 3)."""
+    m00, m10, m20 = np.moveaxis(x, -1, 0)
+    m01, m11, m21 = np.moveaxis(y, -1, 0)
+    m02, m12, m22 = np.moveaxis(z, -1, 0)
+    squares = np.stack([1 + m00 + m11 + m22, 1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22], axis=-1)
+    rows = np.stack(
+        [
+            np.stack([squares[..., 0], m21 - m12, m02 - m20, m10 - m01], axis=-1),
+            np.stack([m21 - m12, squares[..., 1], m10 + m01, m02 + m20], axis=-1),
+            np.stack([m02 - m20, m10 + m01, squares[..., 2], m21 + m12], axis=-1),
+            np.stack([m10 - m01, m02 + m20, m21 + m12, squares[..., 3]], axis=-1),
+        ],
+        axis=-2,
+    )
+    best = np.argmax(squares, axis=-1)
+    return quat.normalise(np.take_along_axis(rows, best[..., None, None], axis=-2)[..., 0, :])
+
+
+def unit(v: Array) -> Array:
+    """Return directions (..., 3) of unit length."""
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def triangle(axis: Array, distance: Array, upper: float, lower: float, pole: Array) -> tuple[Array, Array, Array]:
+    """Solve a limb of two bones.
+
+    Args:
+        axis: Direction from the upper end to the lower one. Shape (F, 3).
+        distance: Between them [m], less than both bones. Shape (F,).
+        upper: Length of the upper bone [m].
+        lower: Length of the lower bone [m].
+        pole: Direction to which the middle joint points, at a right angle to ``axis``. Shape (F, 3).
+
+    Returns:
+        Direction of the upper bone (F, 3), the direction at a right angle to it, in the limb's plane, that points away
+        from where the lower bone folds (F, 3), and the fold of the middle joint (F,) [rad], 0 when straight.
+    """
+    cosine = (upper**2 + distance**2 - lower**2) / (2.0 * upper * distance)
+    cosine = np.clip(cosine, -1.0, 1.0)[:, None]
+    sine = np.sqrt(1.0 - cosine**2)
+    inner = (upper**2 + lower**2 - distance**2) / (2.0 * upper * lower)
+    fold = np.pi - np.arccos(np.clip(inner, -1.0, 1.0))
+    return cosine * axis + sine * pole, cosine * pole - sine * axis, fold
+
+
+def within_reach(fists: Array, shoulders: Array) -> Array:
+    """Return fists (..., 3) drawn to where arms from their shoulders (..., 3) reach, neither folded nor stretched."""
+    gap = fists - shoulders
+    far = np.linalg.norm(gap, axis=-1, keepdims=True)
+    length = bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD
+    held = soft_cap(soft_floor(far, 0.17, 0.01), ARM_REACH * length, 0.008)
+    return np.asarray(shoulders + gap * (held / np.maximum(far, 1e-9)))
+
+
+def pose_arm(
+    side: int, chest_turn: Array, collar: Array, shoulder: Array, fist: Array, swivel: Array, roll: Array
+) -> tuple[Array, Array, Array]:
+    """Bend an arm so that the fist is where it should be.
+
+    Args:
+        side: 0 for the left arm, 1 for the right.
+        chest_turn: Rotation of the chest. Shape (F, 4).
+        collar: Rotation of the collar bone in the world. Shape (F, 4).
+        shoulder: Place of the shoulder joint [m]. Shape (F, 3).
+        fist: Where the fist shall be [m], within reach. Shape (F, 3).
+        swivel: Turn of the elbow from hanging to the outside. Shape (F,) [rad].
+        roll: Pronation of the fist, from thumb up. Shape (F,) [rad].
+
+    Returns:
+        Local rotations of upper arm, forearm and hand, each (F, 4).
+    """
+    sign = 1.0 if side == 0 else -1.0
+    lower = bones.FOREARM + bones.FIST_AHEAD
+    gap = fist - shoulder
+    distance = np.linalg.norm(gap, axis=-1)
+    axis = gap / np.maximum(distance, 1e-9)[:, None]
+    # The elbow hangs when the arm points ahead; carried along the shortest turn from there, it is before the chest when
+    # the fist is up, and behind it when the fist is down, and only an arm that points back would leave it undefined.
+    carried = quat.multiply(quat.between(quat.rotate(chest_turn, _AHEAD), axis), chest_turn)
+    down, out = quat.rotate(carried, _DOWN), quat.rotate(carried, _LEFT) * sign
+    pole = np.cos(swivel)[:, None] * down + np.sin(swivel)[:, None] * out
+    bone, away, fold = triangle(axis, distance, bones.UPPER_ARM, lower, pole)
+    x, z = bone * sign, -away
+    upper_turn = frame_of(x, np.cross(z, x), z)
+    half = np.zeros_like(upper_turn)
+    half[:, 0], half[:, 2] = np.cos(0.5 * fold), -sign * np.sin(0.5 * fold)
+    forearm = quat.multiply(half, _about_x(0.6 * roll))
+    hand = _about_x(0.4 * roll)
+    return quat.multiply(quat.conjugate(collar), upper_turn), forearm, hand
+
+
+def _about_x(angle: Array) -> Array:
+    turn = np.zeros((*np.shape(angle), 4))
+    turn[..., 0], turn[..., 1] = np.cos(0.5 * angle), np.sin(0.5 * angle)
+    return turn
+
+
+def foot_turn(yaw: Array, heel: Array) -> Array:
+    """Return the rotation of a foot (F, 4) that looks along ``yaw`` with the heel up by ``heel`` (F,) [rad]."""
+    return quat.multiply(quat.about_y(yaw), _about_x(heel))
+
+
+def ankle_place(ball: Array, turn: Array) -> Array:
+    """Return where the ankle is [m] when the ball of the foot is at ``ball`` (F, 3) and the foot is turned so."""
+    return ball - quat.rotate(turn, np.array([0.0, bones.BALL_HEIGHT - bones.ANKLE_HEIGHT, bones.BALL_AHEAD]))
+
+
+def pose_leg(hips_turn: Array, hip: Array, ankle: Array, foot: Array, knee_yaw: Array) -> tuple[Array, Array, Array]:
+    """Bend a leg so that the ankle is where it should be and the knee points along ``knee_yaw`` (F,) [rad].
+
+    Returns:
+        Local rotations of thigh, shank and foot, each (F, 4).
+    """
+    gap = ankle - hip
+    distance = np.linalg.norm(gap, axis=-1)
+    axis = gap / distance[:, None]
+    ahead = np.stack([np.sin(knee_yaw), np.zeros_like(knee_yaw), np.cos(knee_yaw)], axis=-1)
+    pole = unit(ahead - axis * np.sum(axis * ahead, axis=-1, keepdims=True))
+    distance = np.minimum(distance, 0.9995 * (bones.THIGH + bones.SHANK))
+    bone, away, fold = triangle(axis, distance, bones.THIGH, bones.SHANK, pole)
+    y, z = -bone, away
+    thigh = frame_of(np.cross(y, z), y, z)
+    shank = _about_x(fold)
+    lower = quat.multiply(thigh, shank)
+    return (
+        quat.multiply(quat.conjugate(hips_turn), thigh),
+        shank,
+        quat.multiply(quat.conjugate(lower), foot),
+    )
+
+
+def level_toes(heel: Array, points: Array) -> Array:
+    """Return the local rotation of the toes (F, 4) that keeps them level while the heel is up."""
+    return _about_x(-heel * points)

@@ -1,0 +1,162 @@
+"""The embedded boxer: unlabelled clips like those of a capture session, and the ground truth that tests need.
+
+Motion capture cannot ship with the package, so this module performs: a deterministic, parametric boxer, drawn from a
+seed. ``perform`` gives clips with their ground truth, ``write_performance`` writes the clips alone as BVH files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import nearest
+from crowdsim.motion.skeleton import Clip
+from crowdsim.performer.defences import DEFENCES
+from crowdsim.performer.phrases import THEMES, write_score
+from crowdsim.performer.punches import PUNCHES
+from crowdsim.performer.score import Score
+from crowdsim.performer.skeleton import build_skeleton, mirror_joints
+from crowdsim.performer.solo import FOOTWORK, write_solo
+from crowdsim.performer.stage import stage
+from crowdsim.performer.truth import Truth, find_truth, mirror_truth
+
+Array = NDArray[Any]
+
+CLIP_SECONDS = 30.0
+"""About how long one clip is."""
+STANCES = ("orthodox", "southpaw")
+MOVES = (*PUNCHES, *DEFENCES, *FOOTWORK)
+"""What can be performed alone."""
+
+
+@dataclass(frozen=True)
+class Performance:
+    """A clip and what truly happens in it.
+
+    Attributes:
+        clip: The motion, as capture would give it.
+        truth: Contacts, strikes and defences; for tests only, training never sees it.
+    """
+
+    clip: Clip
+    truth: Truth
+
+
+def clip_lengths(seconds: float, fps: float, rng: np.random.Generator) -> list[int]:
+    """Split a session into clips of different lengths; return their frames, which add up to the whole session."""
+    total = max(round(seconds * fps), 2)
+    count = max(1, round(seconds / CLIP_SECONDS))
+    shares = rng.uniform(0.7, 1.3, count)
+    bounds = np.rint(np.cumsum(shares) / np.sum(shares) * total).astype(int)
+    return [int(n) for n in np.diff(bounds, prepend=0)]
+
+
+def perform(
+    seconds: float,
+    seed: int,
+    fps: float = 60.0,
+    stance: str = "orthodox",
+    progress: Callable[[str, int, int], None] | None = None,
+) -> list[Performance]:
+    """Perform a session of boxing: several clips, each from guard to guard.
+
+    Args:
+        seconds: Length of all clips together [s].
+        seed: The same seed gives the same bytes.
+        fps: Frames a second.
+        stance: "orthodox" (left side leads) or "southpaw", its mirror image.
+        progress: Called with ("perform", clips done, clips).
+
+    Raises:
+        ValueError: A length or rate is not positive, or the stance is unknown.
+    """
+    if not (seconds > 0.0 and fps > 0.0):
+        raise ValueError(f"seconds {seconds} and fps {fps}; expected both above 0")
+    _check_stance(stance)
+    root = np.random.SeedSequence(seed)
+    lengths = clip_lengths(seconds, fps, np.random.default_rng(root.spawn(1)[0]))
+    performances = []
+    for index, (frames, sequence) in enumerate(zip(lengths, root.spawn(len(lengths)), strict=True)):
+        plan, life = (np.random.default_rng(child) for child in sequence.spawn(2))
+        score = write_score(frames / fps, THEMES[index % len(THEMES)], plan)
+        performances.append(_perform_score(f"performer_{index:02d}", score, frames, fps, stance, life))
+        if progress is not None:
+            progress("perform", index + 1, len(lengths))
+    return performances
+
+
+def _check_stance(stance: str) -> None:
+    if stance not in STANCES:
+        raise ValueError(f"unknown stance {stance!r}; expected one of {', '.join(STANCES)}")
+
+
+def perform_solo(move: str, seed: int = 1, fps: float = 60.0, stance: str = "orthodox") -> Performance:
+    """Perform one move alone, out of the guard and back, facing heading 0.
+
+    Args:
+        move: A word of ``MOVES``.
+        seed: The same seed gives the same bytes.
+        fps: Frames a second.
+        stance: "orthodox" or "southpaw".
+
+    Raises:
+        ValueError: The move or the stance is unknown.
+    """
+    if move not in MOVES:
+        raise ValueError(f"unknown move {move!r}; expected one of {', '.join(MOVES)}{nearest(move, MOVES)}")
+    _check_stance(stance)
+    plan, life = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
+    score = write_solo(move, plan)
+    return _perform_score(move, score, round(score.seconds * fps), fps, stance, life)
+
+
+def _perform_score(
+    name: str, score: Score, frames: int, fps: float, stance: str, life: np.random.Generator
+) -> Performance:
+    times = np.arange(frames) / fps
+    skeleton = build_skeleton()
+    staged = stage(score, skeleton, times, life)
+    clip = Clip(name, skeleton, fps, staged.root_positions, staged.rotations)
+    truth = find_truth(score, staged, times)
+    if stance == "southpaw":
+        return Performance(mirror_performed(clip), mirror_truth(truth))
+    return Performance(clip, truth)
+
+
+def mirror_performed(clip: Clip) -> Clip:
+    """Return the boxer's mirror image in the plane x = 0: an orthodox one becomes a southpaw."""
+    order = mirror_joints()
+    return replace(
+        clip,
+        root_positions=clip.root_positions * np.array([-1.0, 1.0, 1.0]),
+        rotations=clip.rotations[:, order] * np.array([1.0, 1.0, -1.0, -1.0]),
+    )
+
+
+def write_performance(
+    folder: str | Path,
+    seconds: float,
+    seed: int,
+    fps: float = 60.0,
+    stance: str = "orthodox",
+    progress: Callable[[str, int, int], None] | None = None,
+) -> list[Path]:
+    """Perform a session and write its clips to ``performer_00.bvh`` and so on; return the files.
+
+    The folder is made when it is missing. Ground truth is not written.
+    """
+    from crowdsim.bvh.io import write_bvh
+
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for performance in perform(seconds, seed, fps, stance, progress):
+        path = folder / f"{performance.clip.name}.bvh"
+        write_bvh(path, performance.clip)
+        paths.append(path)
+    return paths

@@ -1,0 +1,80 @@
+"""Single moves of the embedded boxer, out of the guard and back, for tests and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from crowdsim.performer.defences import DEFENCES
+from crowdsim.performer.gait import JOG, WALK
+from crowdsim.performer.plan import Choreographer
+from crowdsim.performer.punches import PUNCHES
+from crowdsim.performer.roam import quick_turn
+from crowdsim.performer.score import Score
+from crowdsim.performer.steps import Stepper
+from crowdsim.performer.travel import Stride, shuffle, travel
+
+_Move = Callable[[Stepper, float], float]
+
+
+def _step(ahead: float, left: float) -> _Move:
+    return lambda plan, start: plan.move(start, ahead, left)
+
+
+def _shuffle(ahead: float, left: float) -> _Move:
+    return lambda plan, start: shuffle(plan, start, ahead, left, 6)
+
+
+def _travel(*strides: Stride) -> _Move:
+    return lambda plan, start: travel(plan, start, strides)
+
+
+def _turn(plan: Stepper, start: float) -> float:
+    for _ in range(4):
+        start = plan.pivot(start, np.pi / 4)
+    return start
+
+
+_WALK, _JOG = (Stride(WALK),), (Stride(JOG),)
+_OFF, _UP = (Stride(WALK, 0.85),), (Stride(JOG, 0.8),)
+
+FOOTWORK: dict[str, _Move] = {
+    "forward": _step(0.3, 0.0),
+    "back": _step(-0.3, 0.0),
+    "left": _step(0.0, 0.28),
+    "right": _step(0.0, -0.28),
+    "diagonal": _step(0.2, 0.2),
+    "turn": _turn,
+    "quick_turn": lambda plan, start: quick_turn(plan, start, np.pi),
+    "shuffle_forward": _shuffle(0.42, 0.0),
+    "shuffle_back": _shuffle(-0.42, 0.0),
+    "shuffle_left": _shuffle(0.0, 0.40),
+    "shuffle_right": _shuffle(0.0, -0.40),
+    "shuffle_forward_left": _shuffle(0.30, 0.28),
+    "shuffle_forward_right": _shuffle(0.30, -0.28),
+    "shuffle_back_left": _shuffle(-0.30, 0.28),
+    "shuffle_back_right": _shuffle(-0.30, -0.28),
+    "walk": _travel(*_OFF, *_WALK * 6),
+    "walk_curve": _travel(*_OFF, *(Stride(WALK, 0.95, 0.3),) * 6),
+    "walk_about_turn": _travel(*_OFF, *_WALK * 2, Stride(WALK, 0.6), *(Stride(WALK, 0.4, 0.8),) * 4, *_WALK * 3),
+    "turn_and_walk": _travel(*(Stride(WALK, 0.5, 0.8),) * 4, *_WALK * 3),
+    "jog": _travel(*_UP, *_JOG * 8, Stride(WALK)),
+    "jog_curve": _travel(*_UP, *(Stride(JOG, 0.95, 0.2),) * 8, Stride(WALK)),
+    "walk_to_jog_to_walk": _travel(*_OFF, *_WALK * 2, *_JOG * 4, *_WALK * 3),
+}
+"""Footwork by name; each writes its steps from a time on [s] and returns when the last foot is down [s]."""
+
+
+def write_solo(move: str, rng: np.random.Generator) -> Score:
+    """Plan a short clip of one move alone, facing heading 0: a punch, a defence, or a word of ``FOOTWORK``."""
+    plan = Choreographer(rng, facing=0.0)
+    start = 0.5
+    if move in PUNCHES:
+        recipe = PUNCHES[move]
+        end = plan.punch(move, start, distance=0.5 * sum(recipe.distance), speed=recipe.speed[0], height=1.45).end
+    elif move in DEFENCES:
+        end = plan.defend(move, start, depth=1.0)
+    else:
+        end = FOOTWORK[move](plan, start)
+    return plan.finish(end + 0.5)

@@ -1,0 +1,210 @@
+"""From a score to a clip: adds up the accents, carries the pelvis, leads the fists, and poses every joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion import ground
+from crowdsim.motion import quaternion as quat
+from crowdsim.motion.skeleton import Skeleton
+from crowdsim.performer import skeleton as bones
+from crowdsim.performer.curves import pulse, soft_cap, soft_floor, window
+from crowdsim.performer.fists import clear_head, lead_fists
+from crowdsim.performer.footwork import Footwork, trace_feet
+from crowdsim.performer.gait import GAITS
+from crowdsim.performer.life import add_life
+from crowdsim.performer.pose import (
+    LEG_REACH,
+    ankle_place,
+    foot_turn,
+    girdle,
+    level_toes,
+    pose_arm,
+    pose_head,
+    pose_leg,
+    pose_trunk,
+    within_reach,
+)
+from crowdsim.performer.score import Channel, Reach, Score
+
+Array = NDArray[Any]
+
+_LOWEST = 0.68
+"""Height of the pelvis in the deepest crouch [m]."""
+_MOST_FLEX, _MOST_BEND = (-0.58, 0.60), (-0.55, 0.55)
+"""How far the spine flexes and bends on top of the guard, where moves add up [rad]."""
+_HIGHEST_HEEL = 0.95
+"""Lift of a heel over the ball of the foot at the most, in the guard [rad]."""
+_STEEPEST_HEEL = 1.05
+"""The same of a foot that leaves the floor behind the body [rad]."""
+_SOLE = bones.BALL_AHEAD + 0.05
+"""From the heel to the ball of a foot [m]."""
+_GAZE_FOLLOWS = 0.25
+"""How far the head turns with the chest; the rest of it stays on the opponent."""
+
+
+@dataclass(frozen=True)
+class Staged:
+    """Motion of an orthodox boxer over F frames, with what the ground truth needs.
+
+    Attributes:
+        root_positions: Place of the pelvis [m]. Shape (F, 3).
+        rotations: Local rotations. Shape (F, 22, 4).
+        footwork: Tracks of the feet.
+        fists: Place of the fists, lead and rear [m]. Shape (F, 2, 3).
+        shoulders: Place of the shoulder joints [m]. Shape (F, 2, 3).
+        reaches: The punches as they were carried out.
+    """
+
+    root_positions: Array
+    rotations: Array
+    footwork: Footwork
+    fists: Array
+    shoulders: Array
+    reaches: tuple[Reach, ...]
+
+
+def add_accents(score: Score, times: Array) -> Array:
+    """Return the sum of all accents. Shape (F, channels)."""
+    channels = np.zeros((len(times), len(Channel)))
+    for accent in score.accents:
+        part = window(times, accent.start, accent.end)
+        shape = pulse(times[part], accent.start, accent.peak, accent.fall, accent.end)
+        channels[part, accent.channel] += accent.size * shape
+    return channels
+
+
+def _riding(score: Score, times: Array) -> Array:
+    """Return 1 where the boxer walks or jogs, 0 elsewhere, and what lies between on the way. Shape (F,)."""
+    riding = np.zeros(len(times))
+    for travel in score.travels:
+        if travel.gait in GAITS:
+            riding += pulse(times, travel.start - 0.2, travel.start + 0.2, travel.end - 0.2, travel.end + 0.2)
+    return np.minimum(riding, 1.0)
+
+
+def _carry_pelvis(score: Score, feet: Footwork, channels: Array, ankles: Array) -> tuple[Array, Array]:
+    """Return place and rotation of the pelvis, as high as both legs let it be. Shapes (F, 3) and (F, 4)."""
+    style = score.style
+    turn = quat.from_euler(
+        np.stack(
+            [
+                feet.heading + style.blade + channels[:, Channel.PELVIS_TURN],
+                0.45 * style.lean + channels[:, Channel.PELVIS_TILT],
+                -channels[:, Channel.PELVIS_BEND],
+            ],
+            axis=-1,
+        ),
+        "YXZ",
+    )
+    base = np.stack([feet.carried[:, 0], feet.carried[:, 1], feet.heading], axis=-1)
+    shift = np.stack([channels[:, Channel.SHIFT_X], np.zeros(len(base)), channels[:, Channel.SHIFT_Z]], axis=-1)
+    hips = ground.to_world(base, shift)
+    height = soft_floor(style.height + channels[:, Channel.HEIGHT], _LOWEST, 0.04)
+    reach = LEG_REACH * (bones.THIGH + bones.SHANK)
+    for foot in range(2):
+        drop = quat.rotate(turn, np.array([bones.HIP_HALF * (1 - 2 * foot), -bones.HIP_DROP, 0.0]))
+        flat = ankles[:, foot] - hips - drop
+        far = flat[:, 0] ** 2 + flat[:, 2] ** 2
+        top = ankles[:, foot, 1] + np.sqrt(np.maximum(reach**2 - far, 0.05)) - drop[:, 1]
+        height = soft_cap(height, top, 0.008)
+    hips[:, 1] = height
+    return hips, turn
+
+
+def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generator) -> Staged:
+    """Perform a score at the given times [s], evenly spaced from 0. Shape (F,)."""
+    feet = trace_feet(score, times)
+    style = score.style
+    channels = add_accents(score, times)
+    add_life(channels, score.style, times, feet.loads, _riding(score, times), rng)
+    for channel, (least, most) in ((Channel.FLEX, _MOST_FLEX), (Channel.BEND, _MOST_BEND)):
+        channels[:, channel] = soft_cap(soft_floor(channels[:, channel], least, 0.06), most, 0.06)
+    rotations = np.zeros((len(times), skeleton.joint_count, 4))
+    rotations[..., 0] = 1.0
+
+    ankles = np.empty((len(times), 2, 3))
+    foot_turns, heels, foot_yaws = [], [], []
+    for foot in range(2):
+        raised = style.heels[foot] + feet.heels[:, foot] + channels[:, Channel.LEAD_HEEL + foot]
+        heel = soft_cap(soft_floor(raised, 0.0, 0.025), _HIGHEST_HEEL, 0.08)
+        heel = soft_cap(heel + feet.rolls[:, foot], _STEEPEST_HEEL, 0.04)
+        yaw = feet.yaws[:, foot] + channels[:, Channel.LEAD_YAW + foot]
+        # A foot on its heel has its ball as high as the heel is low.
+        lift = feet.lifts[:, foot] + _SOLE * np.sin(feet.toes_up[:, foot])
+        ball = np.stack([feet.balls[:, foot, 0], bones.BALL_HEIGHT + lift, feet.balls[:, foot, 1]], axis=-1)
+        foot_turns.append(foot_turn(yaw, heel - feet.toes_up[:, foot]))
+        ankles[:, foot] = ankle_place(ball, foot_turns[foot])
+        rotations[:, bones.TOES[foot]] = level_toes(heel, feet.points[:, foot])
+        heels.append(heel)
+        foot_yaws.append(yaw)
+
+    hips, hips_turn = _carry_pelvis(score, feet, channels, ankles)
+    trunk = pose_trunk(
+        skeleton,
+        hips,
+        hips_turn,
+        style.twist + channels[:, Channel.TWIST],
+        0.55 * style.lean + channels[:, Channel.FLEX],
+        channels[:, Channel.BEND],
+    )
+    rotations[:, bones.HIPS] = hips_turn
+    rotations[:, bones.SPINE : bones.SPINE2 + 1] = trunk.spine
+
+    for foot in range(2):
+        sign = 1 - 2 * foot
+        hip = hips + quat.rotate(hips_turn, np.array([bones.HIP_HALF * sign, -bones.HIP_DROP, 0.0]))
+        thigh, shank, sole = pose_leg(hips_turn, hip, ankles[:, foot], foot_turns[foot], foot_yaws[foot])
+        rotations[:, bones.UP_LEGS[foot]] = thigh
+        rotations[:, bones.LEGS[foot]] = shank
+        rotations[:, bones.FEET[foot]] = sole
+
+    gaze = quat.from_euler(
+        np.stack(
+            [
+                feet.heading + channels[:, Channel.HEAD_TURN],
+                0.2 + channels[:, Channel.HEAD_NOD] + 0.35 * channels[:, Channel.FLEX],
+                -channels[:, Channel.HEAD_BEND] - 0.45 * channels[:, Channel.BEND],
+            ],
+            axis=-1,
+        ),
+        "YXZ",
+    )
+    facing = quat.multiply(trunk.chest_turn, quat.about_y(-style.blade - style.twist))
+    gaze = quat.slerp(gaze, facing, _GAZE_FOLLOWS)
+    rotations[:, [bones.NECK, bones.HEAD]] = pose_head(trunk.chest_turn, gaze)
+    neck = trunk.chest + quat.rotate(trunk.chest_turn, skeleton.offsets[bones.NECK])
+    neck_turn = quat.multiply(trunk.chest_turn, rotations[:, bones.NECK])
+    skull = neck + quat.rotate(neck_turn, skeleton.offsets[bones.HEAD])
+    head_turn = quat.multiply(neck_turn, rotations[:, bones.HEAD])
+    head = skull + quat.rotate(head_turn, np.array([0.0, bones.HEAD_CENTRE, 0.0]))
+
+    collars, shoulders = [], np.empty((len(times), 2, 3))
+    for side in range(2):
+        local = girdle(
+            side, 0.12 + channels[:, Channel.LEAD_FORTH + side], 0.08 + channels[:, Channel.LEAD_RAISE + side]
+        )
+        rotations[:, bones.SHOULDERS[side]] = local
+        collars.append(quat.multiply(trunk.chest_turn, local))
+        root = trunk.chest + quat.rotate(trunk.chest_turn, skeleton.offsets[bones.SHOULDERS[side]])
+        shoulders[:, side] = root + quat.rotate(collars[side], skeleton.offsets[bones.ARMS[side]])
+    reached, reaches = lead_fists(score, times, feet.heading, trunk, channels, shoulders)
+    fists = within_reach(clear_head(reached, head), shoulders)
+    for side in range(2):
+        upper, forearm, hand = pose_arm(
+            side,
+            trunk.chest_turn,
+            collars[side],
+            shoulders[:, side],
+            fists[:, side],
+            style.elbows[side] + channels[:, Channel.LEAD_ELBOW + side],
+            0.3 + channels[:, Channel.LEAD_ROLL + side],
+        )
+        rotations[:, bones.ARMS[side]] = upper
+        rotations[:, bones.FOREARMS[side]] = forearm
+        rotations[:, bones.HANDS[side]] = hand
+    return Staged(hips, quat.continuous(rotations), feet, fists, shoulders, reaches)

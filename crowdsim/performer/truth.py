@@ -1,0 +1,137 @@
+"""What truly happens in a performed clip: contacts, strikes and defences, for tests of the detectors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion import ground
+from crowdsim.performer.score import Score
+from crowdsim.performer.stage import Staged
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class TrueStrike:
+    """A punch that was thrown.
+
+    Attributes:
+        kind: jab, straight, lead_hook, rear_hook, lead_uppercut or rear_uppercut.
+        hand: 0 for the left hand, 1 for the right.
+        frame: Frame of the fist's furthest reach from the middle between the shoulders.
+        peak: Frame of the fist's highest speed relative to the pelvis on the way there.
+        speed: That speed [m/s].
+        place: The fist at ``frame``, in the stance's ground frame there (x, y, z) [m].
+        start: Time at which the fist sets off [s].
+        hit: Planned time of the hit [s].
+        end: Time at which it is back [s].
+    """
+
+    kind: str
+    hand: int
+    frame: int
+    peak: int
+    speed: float
+    place: tuple[float, float, float]
+    start: float
+    hit: float
+    end: float
+
+
+@dataclass(frozen=True)
+class TrueDefence:
+    """A defence of one kind over frames ``start`` to ``end``, half-open."""
+
+    kind: str
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class TrueTravel:
+    """Travel in one gait over frames ``start`` to ``end``, half-open: "shuffle", "walk" or "jog"."""
+
+    gait: str
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Ground truth of one clip.
+
+    Attributes:
+        contacts: Whether the ball of the left and right foot is planted. Shape (F, 2), bool.
+        strikes: Punches by time.
+        defences: Defences by time.
+        travels: Travel over the floor by time.
+        stance: Ground transform of the stance: pelvis over the floor, heading towards the opponent. Shape (F, 3).
+    """
+
+    contacts: Array
+    strikes: tuple[TrueStrike, ...]
+    defences: tuple[TrueDefence, ...]
+    travels: tuple[TrueTravel, ...]
+    stance: Array
+
+
+def find_truth(score: Score, staged: Staged, times: Array) -> Truth:
+    """Read the truth off a score and the motion that came of it."""
+    fps = 1.0 / (times[1] - times[0])
+    hips, fists = staged.root_positions, staged.fists
+    stance = np.stack([hips[:, 0], hips[:, 2], staged.footwork.heading], axis=-1)
+    relative = fists - hips[:, None]
+    speed = np.linalg.norm(np.gradient(relative, axis=0), axis=-1) * fps
+    far = np.linalg.norm(fists - staged.shoulders.mean(axis=1, keepdims=True), axis=-1)
+    strikes = []
+    for reach in sorted(staged.reaches, key=lambda reach: reach.hit):
+        hand = reach.hand
+        first = max(int(np.ceil((reach.hit - 0.05) * fps)), 0)
+        last = min(int((reach.hit + 0.07) * fps) + 1, len(times))
+        frame = first + int(np.argmax(far[first:last, hand]))
+        begin = max(int(reach.start * fps), 0)
+        peak = begin + int(np.argmax(speed[begin : frame + 1, hand]))
+        place = ground.to_local(stance[frame], fists[frame, hand])
+        strikes.append(
+            TrueStrike(
+                reach.kind,
+                hand,
+                frame,
+                peak,
+                float(speed[peak, hand]),
+                (float(place[0]), float(place[1]), float(place[2])),
+                float(reach.start),
+                float(reach.hit),
+                float(reach.end),
+            )
+        )
+    defences = tuple(
+        TrueDefence(d.kind, int(np.ceil(d.start * fps)), int(d.end * fps) + 1)
+        for d in sorted(score.defences, key=lambda d: d.start)
+    )
+    travels = tuple(
+        TrueTravel(t.gait, int(np.ceil(t.start * fps)), min(int(t.end * fps) + 1, len(times)))
+        for t in sorted(score.travels, key=lambda t: t.start)
+    )
+    return Truth(staged.footwork.planted.copy(), tuple(strikes), defences, travels, stance)
+
+
+_OTHER_SIDE = {"slip_left": "slip_right", "slip_right": "slip_left"}
+
+
+def mirror_truth(truth: Truth) -> Truth:
+    """Return the truth of the mirrored clip."""
+    return Truth(
+        contacts=truth.contacts[:, ::-1].copy(),
+        strikes=tuple(
+            replace(strike, hand=1 - strike.hand, place=(-strike.place[0], *strike.place[1:]))
+            for strike in truth.strikes
+        ),
+        defences=tuple(replace(d, kind=_OTHER_SIDE.get(d.kind, d.kind)) for d in truth.defences),
+        travels=truth.travels,
+        stance=truth.stance * np.array([-1.0, 1.0, -1.0]),
+    )

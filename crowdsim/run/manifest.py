@@ -1,0 +1,252 @@
+"""The manifest of a run: what was run, on what, how long it took, and a checksum of every file."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from crowdsim import __version__
+from crowdsim.errors import TakeError
+from crowdsim.files import NotPlainError, is_inside, open_plain, remove_plain, stat_plain, walk
+from crowdsim.run.journal import NAME as JOURNAL
+from crowdsim.run.journal import find_noted, read_journal
+from crowdsim.run.signed_json import checksum, text_of, write_signed
+
+NAME = "manifest.json"
+FORMAT = "crowdsim-run"
+VERSION = 1
+_TAKE = "take.zarr/"
+_PACKAGES = ("numpy", "scipy", "numba", "zarr", "pydantic", "open3d-cpu", "open3d", "imageio-ffmpeg")
+
+
+class ForeignManifestError(TakeError):
+    """A file of the manifest's name was written by another program."""
+
+
+def describe_machine() -> dict[str, Any]:
+    """Return what a run's figures depend on: processor, system, Python and packages."""
+    versions = {"crowdsim": __version__, "python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            versions[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return {
+        "versions": versions,
+        "machine": {
+            "system": platform.platform(),
+            "processor": _processor(),
+            "cores": os.cpu_count(),
+        },
+    }
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:
+            for line in file:
+                if line.startswith("model name"):
+                    return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def peak_memory() -> int | None:
+    """Return the most memory that this process has held [bytes]; None where the system does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return int(peak if sys.platform == "darwin" else peak * 1024)
+
+
+def available_memory() -> int | None:
+    """Return how much memory is free for programs [bytes]; None where the system does not tell."""
+    try:
+        with open("/proc/meminfo", encoding="utf-8") as file:
+            for line in file:
+                if line.startswith("MemAvailable:"):
+                    return int(line.split()[1]) * 1024
+    except (OSError, ValueError):
+        pass
+    return None
+
+
+def checksums(folder: Path, names: Iterable[str] | None = None, threads: int = 1) -> dict[str, dict[str, Any]]:
+    """Return size and SHA-256 of files of a run folder, by name; of all but the manifest when None is given.
+
+    Raises:
+        OSError: One is missing or no regular file, or cannot be read.
+    """
+    chosen = sorted(set(walk(folder) if names is None else names) - {NAME, JOURNAL})
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        hashes = list(pool.map(lambda name: _hash(folder, name), chosen))
+    return {name: {"bytes": size, "sha256": told} for name, (size, told) in zip(chosen, hashes, strict=True)}
+
+
+def _hash(folder: Path, name: str) -> tuple[int, str]:
+    """Return size and SHA-256 of a file."""
+    digest, size = hashlib.sha256(), 0
+    with open_plain(folder, name) as file:
+        for block in iter(lambda: file.read(1 << 20), b""):
+            digest.update(block)
+            size += len(block)
+    return size, digest.hexdigest()
+
+
+def write_manifest(folder: Path, told: Mapping[str, Any], files: Mapping[str, Mapping[str, Any]]) -> Path:
+    """Write a run's manifest, which is the only proof that it is done.
+
+    Args:
+        folder: The run folder.
+        told: What a reader should know of the run.
+        files: Its files, as ``checksums`` gives them.
+
+    Raises:
+        OutputError: It cannot be written.
+    """
+    return _write(folder, {"format": FORMAT, "version": VERSION, **told, **describe_machine(), "files": files})
+
+
+def update_manifest(
+    folder: Path, kind: str, written: Sequence[str], told: Mapping[str, Any], replaces: bool = True, threads: int = 1
+) -> list[str]:
+    """Note in a finished run's manifest that files of an output have been written anew.
+
+    Args:
+        folder: The run folder.
+        kind: Folder of the output in it, ``bvh`` say; ``pictures`` for those of the renderer.
+        written: Names of the files in the run folder.
+        told: What a reader should know of them.
+        replaces: Whether they are all files of that folder, so that others that the manifest lists there go.
+        threads: Threads that sum up files.
+
+    Returns:
+        Names of files that the manifest listed in that folder, were not written anew, and have been removed.
+
+    Raises:
+        TakeError: The manifest is damaged.
+        OSError: A file cannot be read, or not removed.
+        OutputError: The manifest cannot be written.
+    """
+    document = read_manifest(folder)
+    files = dict(document["files"])
+    stale = sorted({name for name in files if name.rpartition("/")[0] == kind} - set(written)) if replaces else []
+    remove_plain(folder, stale)
+    for name in stale:
+        del files[name]
+    files.update(checksums(folder, written, threads))
+    exports = {**document.get("exports", {}), kind: dict(told)}
+    _write(folder, {**document, "exports": exports, "files": dict(sorted(files.items()))})
+    return stale
+
+
+def _write(folder: Path, document: Mapping[str, Any]) -> Path:
+    path = folder / NAME
+    write_signed(path, folder / f".{NAME}.part", document)
+    return path
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Return a run's manifest; what it names lies inside its folder.
+
+    Raises:
+        ForeignManifestError: Another program has written it.
+        TakeError: There is none, or it is damaged or of another version, or it names what no run writes.
+    """
+    path = folder / NAME
+    try:
+        with open_plain(folder, NAME) as file:
+            document = json.loads(file.read().decode("utf-8"))
+    except FileNotFoundError:
+        raise TakeError(f"{folder}: no {NAME} here, so this is no finished run") from None
+    except NotPlainError as error:
+        raise TakeError(f"{path}: {error.strerror}") from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise TakeError(f"{path}: is damaged: {error}") from None
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise ForeignManifestError(f"{path}: is no manifest of a run")
+    if document.get("version") != VERSION:
+        raise TakeError(f"{path}: is of version {document.get('version')!r}, expected {VERSION}")
+    if document.get("checksum") != checksum(document):
+        raise TakeError(f"{path}: is damaged: its checksum does not fit what it says")
+    files = document.get("files")
+    if not isinstance(files, dict) or not all(isinstance(facts, dict) for facts in files.values()):
+        raise TakeError(f"{path}: is damaged: expected its files by name, each with its size and checksum")
+    for name in files:
+        if not is_inside(name) or name in (NAME, JOURNAL):
+            raise TakeError(f"{path}: names {name!r}, expected only files that a run writes inside {folder}")
+    return document
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a run folder differs from its manifest.
+
+    Attributes:
+        findings: What differs, a line each. A file that has come into the take differs too, since a take reads all
+            files in its folder.
+        unfinished: Names of files that an export or a rendering has begun and not finished.
+        foreign: Names of other files, which crowdsim has not written.
+    """
+
+    findings: tuple[str, ...] = ()
+    unfinished: tuple[str, ...] = ()
+    foreign: tuple[str, ...] = ()
+
+
+def verify(folder: Path, threads: int = 1) -> Verdict:
+    """Hold a run folder against its manifest.
+
+    Raises:
+        TakeError: There is no manifest to hold it against.
+        OSError: The folder cannot be read.
+    """
+    document = read_manifest(folder)
+    recorded = document["files"]
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        found = list(pool.map(lambda item: _differs(folder, *item), recorded.items()))
+    findings = [finding for finding in found if finding]
+    with open_plain(folder, NAME) as file:
+        if file.read() != text_of(document).encode("utf-8"):
+            findings.append(f"{folder / NAME}: has changed: it is not as it was written")
+    held = set(walk(folder)) - {NAME, JOURNAL}
+    journal = read_journal(folder)
+    begun = set() if journal is None else find_noted(folder, {*journal.inputs, *journal.files, NAME, JOURNAL}, held)
+    more = sorted(held - set(recorded))
+    findings.extend(f"{folder / name}: is not in {NAME}" for name in more if name.startswith(_TAKE))
+    more = [name for name in more if not name.startswith(_TAKE)]
+    return Verdict(
+        tuple(findings),
+        tuple(name for name in more if name in begun),
+        tuple(name for name in more if name not in begun),
+    )
+
+
+def _differs(folder: Path, name: str, told: Mapping[str, Any]) -> str:
+    """Say how a file differs from what was recorded of it; an empty text when it does not."""
+    path = folder / name
+    try:
+        size = stat_plain(folder, name).st_size
+        if size != told.get("bytes"):
+            return f"{path}: has {size} bytes, expected {told.get('bytes')}"
+        if _hash(folder, name)[1] != told.get("sha256"):
+            return f"{path}: has changed: its SHA-256 is not the one in {NAME}"
+    except FileNotFoundError:
+        return f"{path}: is missing"
+    except NotPlainError as error:
+        return f"{error.filename}: {error.strerror}"
+    except OSError as error:
+        return f"{path}: cannot be read: {error.strerror or error}"
+    return ""

@@ -1,0 +1,114 @@
+"""From a scenario to a crowd that is ready for its first frame: policies, places, and what is constant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.assets import FileName
+from crowdsim.errors import RunError
+from crowdsim.scenario.scenario import Scenario
+from crowdsim.take.take import Cast
+
+if TYPE_CHECKING:
+    from crowdsim.crowd.crowd import Crowd
+    from crowdsim.crowd.placement import Placed
+    from crowdsim.crowd.script import Script
+    from crowdsim.policy.policy import Policy
+
+Array = NDArray[Any]
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A scenario ready to be run.
+
+    Attributes:
+        policies: Its policies.
+        cast: What is constant for each avatar.
+        crowd: The crowd before its first frame.
+        script: What is planned.
+        frames: Control frames.
+        rate: Control frames a second.
+    """
+
+    policies: Sequence[Policy]
+    cast: Cast
+    crowd: Crowd
+    script: Script
+    frames: int
+    rate: float
+
+
+def load_policies(
+    scenario: Scenario, mocap: FileName | None = None, threads: int = 1, progress: Progress | None = None
+) -> list[Policy]:
+    """Return the policies that a scenario's types use, in the order of their types; trained when missing or stale.
+
+    Args:
+        scenario: The scenario, resolved.
+        mocap: Folder of capture; by default that of the recipe, else of the variable ``CROWDSIM_MOCAP``.
+        threads: Threads for training.
+        progress: Called with stage, done and total.
+
+    Raises:
+        RecipeError: A recipe is invalid.
+        PolicyError: A bundle is foreign or damaged, or capture for it is missing.
+    """
+    from crowdsim.training.train import ready_policy
+
+    names = dict.fromkeys(kind.policy for name, kind in scenario.types.items() if name in scenario.used_types)
+    # A bundle goes by the name that the scenario calls it, wherever it was trained.
+    return [replace(ready_policy(name, mocap, threads, progress), name=name) for name in names]
+
+
+def prepare(scenario: Scenario, policies: Sequence[Policy], placed: Placed | None = None) -> Prepared:
+    """Return a scenario with its policies, ready to be run.
+
+    Raises:
+        ScenarioError: Not all avatars fit, or a type weighs a behaviour that its policy has not learned.
+        RunError: The policies' control rates differ.
+    """
+    from crowdsim.crowd.cast import cast_crowd
+    from crowdsim.crowd.placement import place_groups
+
+    rates = {policy.name: float(policy.database.control_rate) for policy in policies}
+    if len(set(rates.values())) > 1:
+        told = ", ".join(f"{name} has {rate:g}" for name, rate in rates.items())
+        raise RunError(f"{scenario.name}: policies of one run need one control rate, but {told}")
+    placed = placed or place_groups(scenario)
+    crowd, script = cast_crowd(scenario, placed, policies)
+    rate = next(iter(rates.values()))
+    return Prepared(
+        policies, build_cast(scenario, placed, policies), crowd, script, scenario.control_frames(rate), rate
+    )
+
+
+def build_cast(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -> Cast:
+    """Return what is constant for each avatar."""
+    from crowdsim.crowd.cast import policies_of_types
+
+    kinds = list(scenario.types.values())
+    owner = policies_of_types(scenario, policies)
+    colours = [[np.nan] * 3 if kind.colour is None else _rgb(kind.colour) for kind in kinds]
+    return Cast(
+        names=np.array(scenario.avatar_names()),
+        types=placed.type.astype(np.int16),
+        teams=placed.team.astype(np.int16),
+        policies=owner[placed.type],
+        scales=placed.scale.astype(np.float32),
+        speeds=placed.speed.astype(np.float32),
+        type_names=tuple(placed.types),
+        team_names=tuple(placed.teams),
+        policy_names=tuple(policy.name for policy in policies),
+        colours=np.array(colours, float).reshape(-1, 3),
+    )
+
+
+def _rgb(colour: str) -> list[float]:
+    return [int(colour[place : place + 2], 16) / 255.0 for place in (1, 3, 5)]

@@ -1,0 +1,169 @@
+"""Files that exports and renderings write into a run's folder: noted before, recorded in its manifest after."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from crowdsim.errors import OutputError, TakeError
+from crowdsim.files import exists_plain, walk
+from crowdsim.run.folder import TAKE, hold_folder, refuse_others
+from crowdsim.run.journal import NAME as JOURNAL
+from crowdsim.run.journal import Journal, find_noted, read_journal, remove_journal, write_journal
+from crowdsim.run.manifest import NAME as MANIFEST
+from crowdsim.run.manifest import ForeignManifestError, read_manifest, update_manifest
+
+
+class Recorder:
+    """Records files that are written into a folder in the manifest of the run that the folder is in.
+
+    Args:
+        run: The run folder; None where the folder is in none, and nothing is recorded.
+        folder: The folder that is written into.
+    """
+
+    def __init__(self, run: Path | None, folder: Path) -> None:
+        self._run, self._folder = run, folder
+
+    def names(self, paths: Iterable[Path]) -> list[str]:
+        """Return the names of files, which lie in the folder, in the run's."""
+        if self._run is None:
+            return []
+        above = Path(os.path.realpath(self._folder)).relative_to(self._run)
+        return [(above / path.relative_to(self._folder)).as_posix() for path in paths]
+
+    def settle(
+        self, kind: str, written: Sequence[Path], told: Mapping[str, Any], replaces: bool = False, threads: int = 1
+    ) -> None:
+        """Record files that have been written; a run that has no manifest yet keeps them in its journal.
+
+        Args:
+            kind: Folder of these files in the folder, or another word for them.
+            written: The files.
+            told: What a reader should know of them.
+            replaces: Whether they are all files of their kind, so that others that the manifest lists go.
+            threads: Threads that sum up files.
+
+        Raises:
+            TakeError: The manifest is damaged.
+            OutputError: It cannot be written.
+        """
+        if self._run is None or not exists_plain(self._run, MANIFEST):
+            return
+        (name,) = self.names([self._folder / kind])
+        try:
+            with _alone(self._run):
+                update_manifest(self._run, name, self.names(written), told, replaces, threads)
+        except OSError as error:
+            raise OutputError(f"{error.filename or self._run}: cannot be recorded: {error.strerror or error}") from None
+
+
+@contextmanager
+def record_files(folder: Path, planned: Iterable[Path]) -> Iterator[Recorder]:
+    """Note files that are about to be written into a folder in the journal of the run that it is in, if it is in one.
+
+    Args:
+        folder: The folder that is written into.
+        planned: All files that may be written, in it or in folders in it.
+
+    Raises:
+        TakeError: The run's manifest is damaged.
+        OutputError: The run's folder is in use by a run, or holds other files where these go.
+    """
+    run = find_run(folder)
+    recorder = Recorder(run, folder)
+    if run is None:
+        yield recorder
+        return
+    names = set(recorder.names(planned))
+    with hold_folder(run, shared=True):
+        note_files(run, names)
+        try:
+            yield recorder
+        finally:
+            _forget(run, names)
+
+
+def find_run(folder: Path) -> Path | None:
+    """Return the run folder that a folder is, or is in, without links; None where there is none.
+
+    Raises:
+        TakeError: There is one whose manifest is damaged.
+    """
+    here = Path(os.path.realpath(folder))
+    for above in (here, *here.parents):
+        if exists_plain(above, MANIFEST):
+            try:
+                read_manifest(above)
+                return above
+            except ForeignManifestError:
+                continue
+            except TakeError:
+                # Further up it may be anybody's.
+                if above == here:
+                    raise
+        elif exists_plain(above, JOURNAL) and read_journal(above) is not None:
+            return above
+    return None
+
+
+def note_files(run: Path, names: Iterable[str]) -> None:
+    """Note names of files that are about to be written in a run's journal.
+
+    Raises:
+        TakeError: The run's manifest is damaged.
+        OutputError: The folder holds others in their place, or the journal cannot be written.
+    """
+    planned = frozenset(names)
+    with _alone(run):
+        journal = read_journal(run) or Journal()
+        noted = {*journal.inputs, *journal.files}
+        try:
+            held = set(walk(run))
+            own = find_noted(run, noted, held)
+        except OSError as error:
+            raise OutputError(f"{error.filename or run}: cannot be read: {error.strerror or error}") from None
+        if MANIFEST in held:
+            own |= held.intersection(read_manifest(run)["files"])
+        refuse_others(run, held, own, noted, planned)
+        write_journal(run, Journal(journal.inputs, journal.files | planned))
+
+
+def _forget(run: Path, names: set[str]) -> None:
+    """Take names of files out of a finished run's journal, unless some are there that the manifest does not list."""
+    if not exists_plain(run, MANIFEST):
+        return
+    with _alone(run):
+        journal = read_journal(run)
+        if journal is None:
+            return
+        recorded = read_manifest(run)["files"]
+        files = journal.files - names
+        if find_noted(run, names).difference(recorded):
+            files |= names.difference(recorded)
+        if files or journal.inputs:
+            write_journal(run, Journal(journal.inputs, files))
+        else:
+            remove_journal(run)
+
+
+@contextmanager
+def _alone(run: Path) -> Iterator[None]:
+    """Wait until no other process changes what is recorded of a run."""
+    try:
+        import fcntl
+
+        number = os.open(run / TAKE, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    except (ImportError, OSError):
+        yield
+        return
+    try:
+        # Some network file systems lock no folders.
+        with suppress(OSError):
+            fcntl.flock(number, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(number)

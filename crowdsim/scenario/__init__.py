@@ -1,0 +1,1 @@
+"""Scenarios in YAML: their keys, their checks, their reference."""

@@ -1,0 +1,152 @@
+"""The keys of a scenario."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, PrivateAttr
+
+from crowdsim.config.files import StrictModel, where
+from crowdsim.config.schema import Words
+from crowdsim.config.tree import key_path
+from crowdsim.scenario.events import Event
+from crowdsim.scenario.groups import AnyoneOpponents, Group, Opponents, PointsPlacement, Target
+from crowdsim.scenario.outputs import Outputs
+from crowdsim.scenario.parts import Arena, AvatarType, Name, NoArena
+
+MAXIMUM_SEED = 2**63 - 1
+
+_LENGTH = re.compile(r"\s*(\d+(?:\.\d+)?)\s*s\s*")
+
+
+class Seconds(StrictModel):
+    """A length of time."""
+
+    seconds: float = Field(gt=0, le=1_000_000, description="Length of time [s].")
+
+
+def _read_length(value: Any) -> Any:
+    """Return text such as ``20s`` as plain data; anything else as it is."""
+    match = _LENGTH.fullmatch(value) if isinstance(value, str) else None
+    return value if match is None else {"seconds": float(match[1])}
+
+
+def _allow_length_text(schema: dict[str, Any]) -> None:
+    schema["anyOf"].insert(1, {"type": "string", "pattern": f"^{_LENGTH.pattern}$"})
+
+
+class Description(StrictModel):
+    """What a scenario says: its keys, and what follows from them.
+
+    Lengths are metres, angles are degrees; x points to the left and z ahead of an avatar with heading 0.
+    """
+
+    version: Literal[1] = Field(description="Version of this format.")
+    name: Name = Field(description="Name of the scenario, and of the folder that a run writes.")
+    description: str = Field(default="", description="What the scenario shows, in words.")
+    seed: int = Field(default=0, ge=0, le=MAXIMUM_SEED, description="Seed of everything random.")
+    duration: Annotated[
+        Annotated[int, Field(ge=1, le=100_000_000)] | Seconds,
+        BeforeValidator(_read_length),
+        Words("text such as 20s", besides=True),
+    ] = Field(
+        description="Length in control frames, or in seconds: text such as `20s`, or a mapping with `seconds`.",
+        json_schema_extra=_allow_length_text,
+    )
+    fps: float = Field(
+        default=60.0, ge=1, le=1000, description="Frames per second of outputs that name no rate of their own."
+    )
+    arena: Arena = Field(default_factory=lambda: NoArena(kind="none"), description="Where avatars turn back.")
+    types: dict[Name, AvatarType] = Field(min_length=1, description="Types of avatars by name.")
+    groups: tuple[Group, ...] = Field(
+        min_length=1, description="Groups of avatars; avatars are numbered in this order."
+    )
+    opponents: Opponents = Field(
+        default_factory=lambda: AnyoneOpponents(kind="anyone"),
+        description="Opponents of avatars whose group names none.",
+    )
+    keep_apart: bool = Field(
+        default=True,
+        description="Whether avatars avoid collisions; else they walk through one another.",
+    )
+    reactions: bool = Field(default=True, description="Whether avatars react to strikes that land on them.")
+    targets: dict[Name, Target] = Field(default_factory=dict, description="Scripted targets by name.")
+    events: tuple[Event, ...] = Field(default=(), description="Changes during the run; each happens once.")
+    outputs: Outputs = Field(default_factory=Outputs, description="What a run writes beside its take.")
+
+    _folder: Path = PrivateAttr(default=Path())
+    _source: Path | None = PrivateAttr(default=None)
+    _written_types: dict[str, AvatarType] = PrivateAttr(default_factory=dict)
+
+    def __eq__(self, other: object) -> bool:
+        """Scenarios are equal when they say the same, wherever they lie."""
+        return isinstance(other, Description) and self.model_dump() == other.model_dump()
+
+    @property
+    def folder(self) -> Path:
+        """Folder that files named in the scenario lie in."""
+        return self._folder
+
+    @property
+    def avatar_count(self) -> int:
+        """Number of avatars N, waiting groups included."""
+        return sum(group.count for group in self.groups)
+
+    @property
+    def teams(self) -> tuple[str, ...]:
+        """Names of the teams in the order in which groups name them."""
+        return tuple(dict.fromkeys(group.team for group in self.groups))
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Files that the scenario reads, as paths in its folder; a copy of the scenario needs them beside it."""
+        named = [group.placement.file for group in self.groups if isinstance(group.placement, PointsPlacement)]
+        return tuple(dict.fromkeys(file for file in named if file is not None))
+
+    @property
+    def used_types(self) -> set[str]:
+        """Names of the types that avatars have."""
+        return {
+            name
+            for group in self.groups
+            for name in (
+                [group.type] if group.type is not None else [one for one, share in (group.mix or {}).items() if share]
+            )
+        }
+
+    def where(self, *key: str | int) -> str:
+        """Return where a key stands, for messages: file, line, column and key path, or the scenario's name and key."""
+        return where(self._source, key) if self._source else f"{self.name}: {key_path(key)}"
+
+    def inherited_behaviours(self, name: str) -> list[str]:
+        """Return behaviours that a resolved type of the same policy as the one it extends only takes over from that."""
+        written = self._written_types.get(name)
+        if written is None or written.extends is None or self.types[written.extends].policy != self.types[name].policy:
+            return []
+        return [
+            behaviour for behaviour in self.types[written.extends].behaviours if behaviour not in written.behaviours
+        ]
+
+    def control_frames(self, rate: float) -> int:
+        """Return the length in control frames at ``rate`` control frames a second; at least 1."""
+        if isinstance(self.duration, int):
+            return self.duration
+        return max(1, round(self.duration.seconds * rate))
+
+    def avatar_names(self) -> list[str]:
+        """Return the name of every avatar, its group's and a number that grows from 0: ``red_07``."""
+        return [
+            f"{group.name or f'group{i + 1}'}_{number:0{len(str(group.count - 1))}d}"
+            for i, group in enumerate(self.groups)
+            for number in range(group.count)
+        ]
+
+    def avatar_name(self, avatar: int) -> str:
+        """Return the name of an avatar, its group's and a number that grows from 0: ``red_07``."""
+        for i, group in enumerate(self.groups):
+            if avatar < group.count:
+                return f"{group.name or f'group{i + 1}'}_{avatar:0{len(str(group.count - 1))}d}"
+            avatar -= group.count
+        raise IndexError(f"there are {self.avatar_count} avatars")

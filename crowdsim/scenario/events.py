@@ -1,0 +1,93 @@
+"""Events of a scenario: what happens once, at a time or on a condition."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from crowdsim.config.files import Fault, StrictModel
+from crowdsim.scenario.groups import Opponents
+from crowdsim.scenario.parts import Name, Weights
+
+
+class FrameCondition(StrictModel):
+    """At a control frame."""
+
+    kind: Literal["frame"] = Field(description="At a control frame.")
+    frame: int = Field(ge=0, description="Control frame, from 0.")
+
+
+class SecondsCondition(StrictModel):
+    """At a time."""
+
+    kind: Literal["seconds"] = Field(description="At a time.")
+    seconds: float = Field(ge=0, description="Time from the start of the run [s].")
+
+
+class StrikesCondition(StrictModel):
+    """When a number of strikes have landed."""
+
+    kind: Literal["strikes"] = Field(description="As soon as this number of strikes have landed.")
+    count: int = Field(ge=1, description="Number of strikes landed.")
+    team: Name | None = Field(
+        default=None, description="Team that must have landed them; without it all teams together."
+    )
+
+
+class DistanceCondition(StrictModel):
+    """When two groups come near each other."""
+
+    kind: Literal["distance"] = Field(description="As soon as avatars of two groups are this near to each other.")
+    group: Name = Field(description="One group.")
+    to: Name = Field(description="The other group.")
+    below: float = Field(gt=0, description="Distance [m].")
+
+
+Condition = Annotated[
+    FrameCondition | SecondsCondition | StrikesCondition | DistanceCondition, Field(discriminator="kind")
+]
+
+
+class WeightsEvent(StrictModel):
+    """Other weights for behaviours."""
+
+    kind: Literal["weights"] = Field(description="Gives behaviours of a group other weights, or another temperature.")
+    when: Condition = Field(description="When it happens.")
+    group: Name | None = Field(default=None, description="Group that it concerns; without it everyone.")
+    behaviours: Weights = Field(default_factory=dict, description="New weights; those not named stay as they are.")
+    temperature: float | None = Field(default=None, ge=0, le=100, description="New temperature.")
+
+    @model_validator(mode="after")
+    def _check(self) -> WeightsEvent:
+        if not self.behaviours and self.temperature is None:
+            raise Fault("changes nothing, expected 'behaviours' or 'temperature'")
+        return self
+
+
+class RetargetEvent(StrictModel):
+    """Other opponents."""
+
+    kind: Literal["retarget"] = Field(description="Gives a group other opponents.")
+    when: Condition = Field(description="When it happens.")
+    group: Name | None = Field(default=None, description="Group that it concerns; without it everyone.")
+    opponents: Opponents = Field(description="Their opponents from then on.")
+
+
+class AddEvent(StrictModel):
+    """A waiting group enters."""
+
+    kind: Literal["add"] = Field(description="Lets a group with `waits: true` enter at its placement.")
+    when: Condition = Field(description="When it happens.")
+    group: Name = Field(description="Group that enters.")
+
+
+class RemoveEvent(StrictModel):
+    """A group leaves."""
+
+    kind: Literal["remove"] = Field(description="Takes a group out of the scene.")
+    when: Condition = Field(description="When it happens.")
+    group: Name = Field(description="Group that leaves.")
+
+
+Event = Annotated[WeightsEvent | RetargetEvent | AddEvent | RemoveEvent, Field(discriminator="kind")]

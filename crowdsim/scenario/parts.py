@@ -1,0 +1,187 @@
+"""Words and quantities that all parts of a scenario are made of, the arena, and the types of avatars."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, model_validator
+
+from crowdsim.config.files import Fault, Faults, StrictModel
+from crowdsim.config.schema import Words, join
+from crowdsim.errors import nearest
+from crowdsim.policy.pursuit import MARGIN, MOST, TEMPERATURE
+from crowdsim.scenario.names import NAME, NAME_RULE
+
+_COLOUR = r"#[0-9a-fA-F]{6}"
+
+SCALES = (0.5, 2.0)
+SPEEDS = (0.25, 4.0)
+
+
+def _name(text: str) -> str:
+    if not re.fullmatch(NAME, text):
+        raise ValueError(f"expected a name of {NAME_RULE}")
+    return text
+
+
+def _colour(text: str) -> str:
+    if not re.fullmatch(_COLOUR, text):
+        raise ValueError("expected a colour as '#rrggbb' in quotes, such as '#c8553d'")
+    return text
+
+
+def _policy(text: str, info: ValidationInfo) -> str:
+    known: list[str] | None = (info.context or {}).get("policies")
+    if known is not None and text not in known:
+        choice = (
+            f"expected {join(known)}{nearest(text, known)}" if known else "and there are no policies to choose from"
+        )
+        raise ValueError(f"no known policy, {choice}")
+    return text
+
+
+Name = Annotated[str, AfterValidator(_name), WithJsonSchema({"type": "string", "pattern": f"^{NAME}$"})]
+PolicyName = Annotated[Name, AfterValidator(_policy)]
+Colour = Annotated[str, AfterValidator(_colour), WithJsonSchema({"type": "string", "pattern": f"^{_COLOUR}$"})]
+Metres = Annotated[float, Field(ge=-100_000, le=100_000)]
+Point = Annotated[tuple[Metres, Metres], Words("a list of two numbers, x and z [m]")]
+Weight = Annotated[float, Field(ge=0, le=1000)]
+Weights = dict[Name, Weight]
+
+
+class NoArena(StrictModel):
+    """Open ground without a border."""
+
+    kind: Literal["none"] = Field(description="Open ground without a border.")
+
+
+class CircleArena(StrictModel):
+    """A round arena; avatars turn back at its border."""
+
+    kind: Literal["circle"] = Field(description="A round arena; avatars turn back at its border.")
+    radius: float = Field(gt=0, le=100_000, description="Radius [m].")
+    centre: Point = Field(default=(0.0, 0.0), description="Centre, x and z [m].")
+
+
+class RectangleArena(StrictModel):
+    """A rectangular arena; avatars turn back at its border."""
+
+    kind: Literal["rectangle"] = Field(description="A rectangular arena; avatars turn back at its border.")
+    size: tuple[Annotated[float, Field(gt=0, le=200_000)], Annotated[float, Field(gt=0, le=200_000)]] = Field(
+        description="Width along x and depth along z [m]."
+    )
+    centre: Point = Field(default=(0.0, 0.0), description="Centre, x and z [m].")
+
+
+Arena = Annotated[NoArena | CircleArena | RectangleArena, Field(discriminator="kind")]
+
+
+class Uniform(StrictModel):
+    """A factor spread evenly over a range."""
+
+    kind: Literal["uniform"] = Field(description="Spread evenly from `minimum` to `maximum`.")
+    minimum: float = Field(gt=0, description="Least factor.")
+    maximum: float = Field(gt=0, description="Greatest factor.")
+
+    @model_validator(mode="after")
+    def _check(self) -> Uniform:
+        if self.minimum > self.maximum:
+            raise Fault(f"is {self.minimum}, expected at most the maximum, {self.maximum}", "minimum")
+        return self
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Least and greatest factor that can be drawn."""
+        return self.minimum, self.maximum
+
+
+class Normal(StrictModel):
+    """A factor of the normal distribution, cut off at two deviations."""
+
+    kind: Literal["normal"] = Field(description="Normally distributed, cut off at two deviations.")
+    mean: float = Field(default=1.0, gt=0, description="Mean factor.")
+    deviation: float = Field(ge=0, description="Standard deviation.")
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Least and greatest factor that can be drawn."""
+        return self.mean - 2 * self.deviation, self.mean + 2 * self.deviation
+
+
+Spread = Annotated[Uniform | Normal, Field(discriminator="kind")]
+Distribution = float | Uniform | Normal
+
+
+def limits(distribution: Distribution) -> tuple[float, float]:
+    """Return the least and the greatest factor of a distribution; a number alone is both."""
+    return (distribution, distribution) if isinstance(distribution, float | int) else distribution.limits
+
+
+class Candidates(StrictModel):
+    """Which actions an avatar draws among."""
+
+    margin: float = Field(
+        default=MARGIN,
+        ge=0,
+        le=100,
+        description="How far below the best value a candidate may lie, in normalised values.",
+    )
+    maximum: int = Field(
+        default=MOST, ge=1, le=64, description="How many candidates there are at most; 1 always takes the best."
+    )
+
+
+class AvatarType(StrictModel):
+    """What avatars of one type have in common."""
+
+    extends: Name | None = Field(
+        default=None, description="Another type of this scenario whose settings hold where this one says nothing."
+    )
+    policy: PolicyName = Field(
+        default="boxer", description="Name of the policy (its recipe's file name without .yaml)."
+    )
+    behaviours: Weights = Field(
+        default_factory=dict,
+        description="Weight of each behaviour of the policy; 0 for those that are not named. Where none is named, the "
+        "weights of the policy's recipe.",
+    )
+    candidates: Candidates = Field(default_factory=Candidates, description="Which actions an avatar draws among.")
+    temperature: float = Field(
+        default=TEMPERATURE,
+        ge=0,
+        le=100,
+        description="Randomness of the draw, in normalised values; 0 always takes the best action.",
+    )
+    tempo: float | None = Field(
+        default=60.0,
+        ge=1,
+        le=1000,
+        description="Strikes per minute that an avatar can sustain: it strikes in bursts and rests between them; "
+        "null: it never tires.",
+    )
+    scale: Annotated[float, Field(ge=SCALES[0], le=SCALES[1])] | Spread = Field(
+        default=1.0,
+        description=f"Size of the body, as a factor from {SCALES[0]:g} to {SCALES[1]:g}: a number, or a distribution "
+        "within these limits.",
+    )
+    speed: Annotated[float, Field(ge=SPEEDS[0], le=SPEEDS[1])] | Spread = Field(
+        default=1.0,
+        description=f"Speed of the motion, as a factor from {SPEEDS[0]:g} to {SPEEDS[1]:g}: a number, or a "
+        "distribution within these limits.",
+    )
+    colour: Colour | None = Field(
+        default=None, description="Colour in pictures as '#rrggbb'; without it the team's colour."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> AvatarType:
+        faults = []
+        for key, value, (least, most) in (("scale", self.scale, SCALES), ("speed", self.speed, SPEEDS)):
+            low, high = limits(value)
+            if low < least or high > most:
+                reach = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+                faults.append(Fault(f"is {reach}, expected factors from {least:g} to {most:g}", key))
+        if faults:
+            raise Faults(faults)
+        return self

@@ -1,0 +1,23 @@
+"""The reference page of scenario files."""
+
+from __future__ import annotations
+
+import json
+
+from crowdsim.config.reference import reference_page
+
+_HEAD = """# Scenario files
+
+Every key of a scenario, from the schema that checks it. Lengths are in metres, times in seconds or control frames as
+stated, angles in degrees; x points to the left and z ahead of an avatar with heading 0. Required keys have no default.
+`crowdsim validate FILE` reports every error in a file; `--set groups[0].count=12` changes a key for one run.
+
+<!-- Written from the schema by crowdsim.scenario.reference; do not edit. -->
+"""
+
+
+def scenario_reference() -> str:
+    """Return docs/scenarios.md: every key of a scenario with its type, its default and its meaning."""
+    from crowdsim.scenario.scenario import scenario_schema
+
+    return reference_page(json.loads(scenario_schema()), _HEAD)

@@ -1,0 +1,198 @@
+"""Scenarios: YAML files that say who fights whom, where, how long, and what a run writes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any, cast
+
+from pydantic import ValidationError, ValidationInfo, model_validator
+
+from crowdsim import assets
+from crowdsim.config.files import Fault, Faults, Finding, dump_yaml, find_faults, load_model
+from crowdsim.config.schema import join, spot_of
+from crowdsim.errors import ScenarioError, nearest
+from crowdsim.scenario.checks import name_faults, sense_faults
+from crowdsim.scenario.description import MAXIMUM_SEED, Description
+from crowdsim.scenario.groups import (
+    PointsPlacement,
+    Search,
+    checksum,
+)
+from crowdsim.scenario.parts import AvatarType
+
+VERSION = 1
+
+FileName = str | PathLike[str]
+
+
+class Scenario(Description):
+    """A scenario: who fights whom, where, how long, and what a run writes.
+
+    Lengths are metres, angles are degrees; x points to the left and z ahead of an avatar with heading 0.
+    """
+
+    @model_validator(mode="after")
+    def _check(self, info: ValidationInfo) -> Scenario:
+        faults = [*self.faults_in(self.model_dump()), *sense_faults(self)]
+        if faults:
+            raise Faults(faults)
+        return self
+
+    @classmethod
+    def faults_in(cls, data: Any) -> list[Fault]:
+        """Return names that refer to nothing in the plain data of a scenario, be it valid otherwise or not."""
+        return name_faults(data)
+
+
+def load_scenario(
+    path: FileName,
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    frames: int | tuple[float, bool] | None = None,
+    fraction: float | None = None,
+    search: str | None = None,
+) -> Scenario:
+    """Return the scenario of a file, resolved: types merged with those they extend, and every default written out.
+
+    Args:
+        path: The file, or the name of a scenario that ships or lies in the working folder's ``scenarios/``.
+        overrides: ``KEY=VALUE`` each, laid over the file, such as ``groups[0].count=12``.
+        seed: Another seed.
+        frames: Another duration [control frames]; or a length, and whether it is in seconds.
+        fraction: Share of each group's avatars to keep, above 0 and up to 1; at least one avatar of each stays.
+        search: Another index for nearest opponents.
+
+    Raises:
+        ScenarioError: With every finding in a line of its own, and as the tuple ``findings``.
+    """
+    file = assets.find_scenario(path)
+    scenario = load_model(file, Scenario, ScenarioError, overrides, _context(file))
+    changes: dict[str, Any] = {}
+    if seed is not None:
+        if not 0 <= seed <= MAXIMUM_SEED:
+            raise ScenarioError(f"the seed is {seed}, expected a whole number from 0 to {MAXIMUM_SEED}")
+        changes["seed"] = seed
+    if frames is not None:
+        length, in_seconds = frames if isinstance(frames, tuple) else (frames, False)
+        if in_seconds and not 0 < length <= 1_000_000:
+            raise ScenarioError(f"the length is {length:g} s, expected seconds above 0 and up to 1000000")
+        if not in_seconds and not 1 <= length <= 100_000_000:
+            raise ScenarioError(f"the number of control frames is {length:.0f}, expected one from 1 to 100000000")
+        changes["duration"] = {"seconds": length} if in_seconds else int(length)
+    if fraction is not None:
+        if not 0 < fraction <= 1:
+            raise ScenarioError(f"the fraction is {fraction}, expected a number above 0 and up to 1")
+        changes["groups"] = [
+            {**group.model_dump(), "count": max(1, round(group.count * fraction))} for group in scenario.groups
+        ]
+    if changes:
+        try:
+            changed = Scenario.model_validate({**scenario.model_dump(), **changes})
+        except ValidationError as error:
+            reasons = [str(detail.get("ctx", {}).get("error", detail["msg"])) for detail in error.errors()]
+            raise ScenarioError(f"{file}: with fraction {fraction}: {'; '.join(reasons)}") from None
+        # A validated copy counts every key as set; types must still know what their file says to be merged.
+        scenario = scenario.model_copy(update={key: getattr(changed, key) for key in changes})
+    if search is not None:
+        choices = spot_of(Search).words
+        if search not in choices:
+            raise ScenarioError(
+                f"the search is {search!r}, expected {join([repr(word) for word in choices])}{nearest(search, choices)}"
+            )
+        scenario = with_search(scenario, search)
+    resolved = resolve_scenario(scenario, file.parent)
+    resolved._source = file
+    return resolved
+
+
+def find_scenario_faults(path: FileName, overrides: Sequence[str] = ()) -> list[Finding]:
+    """Return everything that is wrong with a scenario file, in the order of its lines."""
+    return find_faults(path, Scenario, overrides, _context(Path(path)))
+
+
+def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:
+    """Return the scenario with types merged with those they extend, groups named, and every default written out.
+
+    Args:
+        scenario: A valid scenario.
+        folder: Folder that files named in the scenario lie in.
+    """
+    folder = Path(folder)
+    groups = []
+    for i, group in enumerate(scenario.groups):
+        placement = group.placement
+        if isinstance(placement, PointsPlacement) and placement.file is not None:
+            placement = placement.model_copy(update={"sha256": checksum(folder / placement.file)})
+        groups.append(
+            group.model_copy(
+                update={
+                    "name": group.name or f"group{i + 1}",
+                    "opponents": group.opponents or scenario.opponents,
+                    "placement": placement,
+                }
+            )
+        )
+    outputs: dict[str, Any] = {}
+    for key in ("bvh", "ply", "pcd"):
+        output = getattr(scenario.outputs, key)
+        if output is not None:
+            fps = output.fps or scenario.fps
+            outputs[key] = output.model_copy(update={"fps": fps, "frames": output.frames_at(fps)})
+    render = scenario.outputs.render
+    if render is not None:
+        outputs["render"] = render.model_copy(update={"frames": render.frames_at(render.fps)})
+    resolved = scenario.model_copy(
+        update={
+            "types": {name: _merged_type(scenario, name) for name in scenario.types},
+            "groups": tuple(groups),
+            "outputs": scenario.outputs.model_copy(update=outputs),
+        }
+    )
+    resolved = with_search(resolved, scenario.opponents.search)
+    resolved._folder = folder
+    resolved._written_types = dict(scenario.types)
+    return resolved
+
+
+def with_search(scenario: Scenario, search: str) -> Scenario:
+    """Return the scenario with another index for nearest opponents, wherever it names one."""
+
+    def searched(thing: Any) -> Any:
+        found = getattr(thing, "opponents", None)
+        if found is None:
+            return thing
+        return thing.model_copy(update={"opponents": found.model_copy(update={"search": search})})
+
+    changed = searched(scenario)
+    things = {key: tuple(map(searched, getattr(scenario, key))) for key in ("groups", "events")}
+    return cast(Scenario, changed.model_copy(update=things))
+
+
+def dump_scenario(scenario: Scenario) -> str:
+    """Return a scenario as YAML; a resolved one, with its ``files`` beside it, loads again to an equal scenario."""
+    return dump_yaml(scenario.model_dump(mode="json", exclude_none=True))
+
+
+def scenario_schema() -> str:
+    """Return the JSON Schema of scenario files as text; editors complete and check scenarios by it."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+
+
+def _context(file: Path) -> dict[str, Any]:
+    return {"folder": file.parent, "policies": assets.policy_names()}
+
+
+def _merged_type(scenario: Scenario, name: str) -> AvatarType:
+    """Return a type with what it says itself over what the types say that it extends, mappings key by key."""
+    own = scenario.types[name]
+    said = own.model_dump(exclude_unset=True)
+    if own.extends is not None:
+        base = _merged_type(scenario, own.extends).model_dump()
+        for key in ("behaviours", "candidates"):
+            said[key] = {**base[key], **said.get(key, {})}
+        said = {**base, **said}
+    return AvatarType.model_validate({**said, "extends": None})

@@ -1,0 +1,72 @@
+"""What a valid scenario asks for that its policies cannot do: targets that get away from those who follow them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from crowdsim.scenario.groups import CircleTarget, Opponents, Target, TargetOpponents
+from crowdsim.scenario.parts import AvatarType, limits
+
+if TYPE_CHECKING:
+    from crowdsim.scenario.scenario import Scenario
+
+
+def speed_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return a line for each scripted target and type of avatars that follows it, but cannot keep up.
+
+    Who stays on the inside of a target's path needs less than the target's speed, and nothing where it never leaves
+    the reach of strikes. Types with weights of their own are passed over: what is known is how fast the policy is with
+    those of its recipe.
+
+    Args:
+        scenario: The scenario, resolved.
+        statistics: Statistics of each policy by its name; types of other policies are passed over.
+    """
+    lines = []
+    for name, target in scenario.targets.items():
+        for follower in _followers(scenario, name):
+            kind = scenario.types[follower]
+            told = statistics.get(kind.policy, {})
+            if kind.behaviours or "sustained_speed" not in told:
+                continue
+            most, fastest = _speed_to_keep_up(target, kind, told), abs(target.speed)
+            if fastest > most:
+                what = (
+                    f"is {target.speed:g}, too fast for type {follower!r}, whose policy {kind.policy!r} sustains "
+                    f"{told['sustained_speed']:.2g} m/s; expected at most {_rounded_down(most)}"
+                )
+                lines.append(f"{scenario.where('targets', name, 'speed')}: {what}")
+    return lines
+
+
+def _followers(scenario: Scenario, target: str) -> list[str]:
+    """Return the types of avatars that follow a target at first, or once an event says so."""
+    found: dict[str, None] = {}
+    for group in scenario.groups:
+        given: list[Opponents] = [group.opponents or scenario.opponents]
+        given += [e.opponents for e in scenario.events if e.kind == "retarget" and e.group in (None, group.name)]
+        if any(isinstance(one, TargetOpponents) and one.target == target for one in given):
+            names = [group.type] if group.type is not None else [name for name, w in (group.mix or {}).items() if w]
+            found.update(dict.fromkeys(names))
+    return list(found)
+
+
+def _speed_to_keep_up(target: Target, kind: AvatarType, told: Mapping[str, Any]) -> float:
+    """Return the highest speed of a target at which the slowest avatar of a type keeps up with it [m/s]."""
+    size = limits(kind.scale)[0]
+    speed = told["sustained_speed"] * size * limits(kind.speed)[0]
+    reach = told["strikes"]["reach"]["distance"][1] * size if "strikes" in told else 0.0
+    if isinstance(target, CircleTarget):
+        radius = target.radius
+    else:
+        points = np.asarray(target.points, dtype=float)
+        radius = float(np.hypot(*(points - 0.5 * (points.min(axis=0) + points.max(axis=0))).T).max())
+    return speed / (1.0 - reach / radius) if radius > reach else math.inf
+
+
+def _rounded_down(speed: float) -> str:
+    return f"{math.floor(100.0 * speed) / 100.0:g}"

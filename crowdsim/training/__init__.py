@@ -1,0 +1,1 @@
+"""What makes a policy: recipes, models, solvers, pruning, statistics."""

@@ -1,0 +1,210 @@
+"""A recipe for a folder of capture in any layout: the shipped one for capture, fitted to how much motion there is."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from crowdsim import assets
+from crowdsim.config.files import dump_yaml
+from crowdsim.config.tree import scalar
+from crowdsim.errors import MotionError, OutputError, RecipeError
+from crowdsim.training.strikeless import describe_fists
+from crowdsim.training.survey import Survey
+
+TEMPLATE = "boxer_cmu"
+"""The shipped recipe whose behaviours are taken."""
+
+BEHAVIOURS = ("approach", "punch", "fight")
+WITHOUT_STRIKES = ("approach",)
+"""Behaviours that can be learned without strikes; where their targets are wanted is then ``STILL_DISTANCE``."""
+STILL_DISTANCE = (0.7, 1.0)
+"""Where a target is wanted that no strike is to reach [m]."""
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Settings for an amount of motion.
+
+    Attributes:
+        seconds: Up to how much motion [s].
+        spacing: Least time between decisions [s].
+        threshold: Highest cost of a transition [m]; None: the default.
+        counts: Points of each axis by behaviour; those of the template where there is none.
+    """
+
+    seconds: float
+    spacing: float
+    threshold: float | None
+    counts: dict[str, dict[str, int]]
+
+
+FITS = (
+    Fit(120.0, 0.33, 0.3, {}),
+    Fit(300.0, 0.33, None, {}),
+    Fit(900.0, 0.55, None, {"punch": {"distance": 36, "bearing": 72, "height": 4}, "fight": {"height": 4}}),
+    Fit(
+        float("inf"),
+        0.66,
+        None,
+        {
+            "punch": {"distance": 24, "bearing": 36, "height": 3},
+            "fight": {"distance": 40, "bearing": 36, "height": 3},
+        },
+    ),
+)
+"""Training time and memory grow with decisions and grid points: more motion has fewer of them a second. Little motion
+has few transitions, so that dearer ones are allowed.
+"""
+MIRRORED = 3600.0
+"""More motion than this [s] has variety enough without mirror images, if both hands strike."""
+
+
+def check_name(name: str) -> None:
+    """Refuse a name for a recipe that is none, or that a recipe or a policy has.
+
+    Raises:
+        RecipeError: It is taken, or no name.
+    """
+    if not _NAME.fullmatch(name) or not isinstance(scalar(name), str):
+        raise RecipeError(
+            f"--name {name}: expected at most 64 letters, digits, _ and -, a letter first; not null or true"
+        )
+    bundle = Path("policies") / name
+    if bundle.exists() and name not in assets.policy_names():
+        raise RecipeError(f"--name {name}: {bundle} is there already and is no policy; choose another name")
+    if name in assets.policy_names():
+        try:
+            found = assets.find_recipe(name)
+        except RecipeError:
+            found = assets.find_bundle(name)
+        raise RecipeError(
+            f"--name {name}: {found} is there already and is not overwritten; "
+            f"train it as it is with: crowdsim train {name}; or choose another name"
+        )
+
+
+def write_recipe(name: str, survey: Survey, behaviours: Sequence[str] = BEHAVIOURS) -> Path:
+    """Write a recipe for a folder of capture to ``policies/`` in the working folder, and return its path.
+
+    Args:
+        name: What the recipe and its policy are called.
+        survey: What is in the folder.
+        behaviours: Those of ``BEHAVIOURS`` that are to be learned.
+
+    Raises:
+        RecipeError: The name is taken, or a behaviour is unknown.
+        MotionError: The capture has no strikes, and a behaviour needs them.
+        OutputError: The recipe cannot be written.
+    """
+    check_name(name)
+    text = recipe_text(survey, behaviours, Path.cwd() / "policies")
+    path = Path("policies") / f"{name}.yaml"
+    try:
+        path.parent.mkdir(exist_ok=True)
+        with open(path, "x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    return path
+
+
+def recipe_text(survey: Survey, behaviours: Sequence[str], place: Path) -> str:
+    """Return the text of a recipe for a folder of capture.
+
+    Args:
+        survey: What is in the folder.
+        behaviours: Those of ``BEHAVIOURS`` that are to be learned.
+        place: Folder that the recipe will lie in.
+
+    Raises:
+        RecipeError: A behaviour is unknown.
+        MotionError: The capture has no strikes, and a behaviour needs them.
+    """
+    for behaviour in behaviours:
+        if behaviour not in BEHAVIOURS:
+            raise RecipeError(f"behaviour {behaviour!r} is unknown, expected some of {', '.join(BEHAVIOURS)}")
+    chosen = [behaviour for behaviour in BEHAVIOURS if behaviour in behaviours]
+    struck = sum(survey.strikes) > 0
+    if not struck and set(chosen) - set(WITHOUT_STRIKES):
+        fists = [file.fists for file in survey.used if file.fists is not None]
+        raise MotionError(
+            f"{survey.folder}: {', '.join(chosen)} need strikes, and {describe_fists(fists)}; "
+            f"or train without strikes, by: --behaviours {','.join(WITHOUT_STRIKES)}"
+        )
+    fit = next(one for one in FITS if survey.seconds <= one.seconds)
+    mirror = survey.seconds <= MIRRORED or min(survey.strikes) < 0.2 * sum(survey.strikes)
+    settings, blocks = _template()
+    settings = re.sub(r"(?<=\n  spacing: )\S+", f"{fit.spacing:g}", settings)
+    if fit.threshold is not None:
+        settings = settings.replace("graph:\n", f"graph:\n  threshold: {fit.threshold:g}\n", 1)
+    if "fight" not in chosen:
+        settings = re.sub(r"\nweights:\n  fight: 1", "", settings)
+    learned = [_fitted(blocks[name], fit.counts.get(name, {}), struck) for name in chosen]
+    return _head(survey, mirror, place) + settings + "behaviours:\n" + "".join(learned)
+
+
+def _head(survey: Survey, mirror: bool, place: Path) -> str:
+    """Return the first part of a recipe: what it was made from, and the motion."""
+    left, right = survey.strikes
+    count = len(survey.used)
+    lines = [
+        f"# Written by crowdsim train --mocap from {count} BVH file{'s' * (count > 1)}, {survey.seconds:.0f} s with "
+        f"{left + right} strikes: {left} left, {right} right.",
+        "# Change what you like, and train it again with: crowdsim train FILE. docs/recipes.md names every key.",
+        "version: 1",
+        f"description: Capture of {_scalar(survey.folder.resolve().name)}",
+        "motion:",
+        "  capture:",
+        f"    folder: {_scalar(_seen_from(survey.folder, place))} # --mocap DIR goes before it",
+        "    clips:",
+    ]
+    for file in survey.used:
+        struck = sum(file.strikes)
+        lines.append(f"      - {_scalar(file.name)} # {file.seconds:.1f} s, {struck} strike{'s' * (struck != 1)}")
+    lines += [f"      # left out: {_comment(f'{file.name}: {file.reason}')}" for file in survey.left_out]
+    lines.append(f"  mirror: {str(mirror).lower()} # add the mirror image of every clip")
+    return "\n".join(lines) + "\n"
+
+
+def _template() -> tuple[str, dict[str, str]]:
+    """Return the shipped recipe from its graph on, up to its behaviours, and these by name; comments included."""
+    text = assets.shipped("policies", f"{TEMPLATE}.yaml").read_text(encoding="utf-8")
+    settings, _, behaviours = text[text.index("graph:\n") :].partition("behaviours:\n")
+    parts = re.split(r"(?m)^(?=  #)", behaviours)
+    blocks = {match[1]: part for part in parts if (match := re.search(r"(?m)^  (\w+):$", part))}
+    return settings, blocks
+
+
+def _fitted(block: str, counts: dict[str, int], struck: bool) -> str:
+    """Return a behaviour with other numbers of grid points, and without strikes with a distance of its own."""
+    for axis, count in counts.items():
+        block = re.sub(rf"(\n      {axis}:\n(?:        (?!count).*\n)*        count: )\d+", rf"\g<1>{count}", block)
+    if not struck:
+        near, far = STILL_DISTANCE
+        lines = f"      - kind: proximity\\1\n        distance:\n          - {near:g}\n          - {far:g}\n"
+        block = re.sub(r"      - kind: proximity(.*)\n", lines, block)
+    return block
+
+
+def _scalar(text: str) -> str:
+    """Return a text as a YAML scalar."""
+    return dump_yaml([text])[2:].rstrip("\n")
+
+
+def _comment(text: str) -> str:
+    """Return a text on one line, as a comment can hold it."""
+    return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
+
+
+def _seen_from(folder: Path, place: Path) -> str:
+    """Return a folder as seen from another where both are in the same project, else its full path."""
+    folder, project = folder.resolve(), place.resolve().parent
+    if folder.is_relative_to(project):
+        return Path(os.path.relpath(folder, place.resolve())).as_posix()
+    return str(folder)

@@ -1,0 +1,157 @@
+"""Pruning: of many ways out of a frame those are kept that the behaviours are better off with.
+
+The cheapest transitions are not the most useful ones: most of a guard's look-alikes lead to the same few moves. So a
+wide graph is learned on coarse grids first. Of each state's ways out that set is kept whose best one is worth most, on
+the average over targets all around and over behaviours, alone and together; it is grown one by one, always by the way
+that adds most. Of decisions too near to one another those stay that add most, and no way out may land just before
+one: cuts that follow at once are seen most. Among the rest ways out are then chosen once more. The graph of what is
+left has fewer decisions, each among fewer actions, and hardly earns less (``benchmarks/policy_quality.py``).
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.graph.states import MotionGraph, graph_of_transitions
+from crowdsim.graph.transitions import Transitions, decision_frames
+from crowdsim.policy.actions import Actions, build_actions
+from crowdsim.policy.rewards import TargetBody
+from crowdsim.training.recipe import BehaviourSpec, PruningSpec, ValueIterationSpec
+from crowdsim.training.solution import Progress
+
+if TYPE_CHECKING:
+    from crowdsim.motion.database import MotionDatabase
+
+Array = NDArray[Any]
+
+COARSE = {"distance": 11, "bearing": 16, "height": 3}
+"""Most points of each axis on which the wide graph is learned."""
+
+_BLOCK = 64
+"""States that one thread judges at a time."""
+
+
+def prune_graph(
+    database: MotionDatabase,
+    graph: MotionGraph,
+    specs: dict[str, BehaviourSpec],
+    body: TargetBody,
+    settings: PruningSpec,
+    progress: Progress | None = None,
+) -> MotionGraph:
+    """Return the graph of the transitions that are worth most to the behaviours.
+
+    Args:
+        database: The motion.
+        graph: The wide graph.
+        specs: What is to be learned, by name.
+        body: Sizes of the target.
+        settings: How much is kept.
+        progress: Called with (stage, done, total).
+
+    Raises:
+        MotionError: What is left has no cycle.
+    """
+    actions = build_actions(database, graph)
+    keep, gains = judge_ways(database, graph, actions, specs, body, settings.ways, progress)
+    ways = _ways(graph, graph.action_cuts)
+    worth = np.zeros(len(ways))
+    chosen = keep[graph.action_cuts]
+    # What adds nothing is worth a little more than nothing, so that no frame loses all its ways for that.
+    worth[chosen] = gains[graph.action_cuts][chosen] + 1e-9
+    spacing = _frames(settings.spacing, database)
+    decisions = decision_frames(ways.chosen(chosen), worth[chosen], database.clip_starts, spacing)
+    landing = _frames(settings.landing, database)
+    if landing > 1:
+        fits = decisions[ways.sources] & (_uncut(ways, decisions, database) >= landing)
+        graph = graph_of_transitions(ways.chosen(fits), database.clip_starts, graph.threshold, database.clip_names)
+        actions = build_actions(database, graph)
+        keep, _ = judge_ways(database, graph, actions, specs, body, settings.ways, progress)
+        left = _ways(graph, graph.action_cuts & keep)
+    else:
+        left = ways.chosen(chosen & decisions[ways.sources])
+    return graph_of_transitions(left, database.clip_starts, graph.threshold, database.clip_names)
+
+
+def _frames(seconds: float, database: MotionDatabase) -> int:
+    return max(1, round(seconds * database.control_rate))
+
+
+def _ways(graph: MotionGraph, which: Array) -> Transitions:
+    """Return the transitions into some actions, in the order of (source, target); a graph's actions lie so."""
+    chosen = np.flatnonzero(which)
+    sources = graph.state_frames[graph.action_states[chosen]]
+    return Transitions(sources, graph.action_first[chosen], graph.action_costs[chosen])
+
+
+def _uncut(ways: Transitions, decisions: Array, database: MotionDatabase) -> Array:
+    """Return how many frames each transition shows up to the next decision of the clip, or its end. Shape (T,)."""
+    stops = np.flatnonzero(decisions | np.isin(np.arange(database.frame_count), np.asarray(database.clip_starts) - 1))
+    following = np.searchsorted(stops, ways.targets)
+    result: Array = stops[np.minimum(following, len(stops) - 1)] - ways.targets + 1
+    return result
+
+
+def judge_ways(
+    database: MotionDatabase,
+    graph: MotionGraph,
+    actions: Actions,
+    specs: dict[str, BehaviourSpec],
+    body: TargetBody,
+    ways: int,
+    progress: Progress | None = None,
+) -> tuple[Array, Array]:
+    """Return which actions of a graph are kept, and what each adds to those kept before it.
+
+    Returns:
+        Whether each action is kept, shape (A,), bool; where captured motion runs on, it always is. What each of the
+        others adds to what its state is worth, in parts of the behaviours' scales, shape (A,), float64.
+    """
+    import numba
+
+    from crowdsim.policy import kernels
+    from crowdsim.policy.policy import build_lookup_tables
+    from crowdsim.training.behaviours import train_behaviour
+    from crowdsim.training.ranges import sample_targets
+
+    coarse = []
+    for name, spec in specs.items():
+        label = f"prune, {name}"
+        coarse.append(train_behaviour(label, _coarse(spec), database, actions, body, progress=progress)[0])
+    tables = build_lookup_tables(actions, tuple(coarse), body)
+    count = len(coarse)
+    moods = np.concatenate([np.eye(count), np.ones((1 if count > 1 else 0, count))])
+    keep = np.zeros(actions.action_count, np.uint8)
+    gains = np.zeros(actions.action_count)
+    targets, cuts, states = sample_targets(database), graph.action_cuts, actions.state_count
+
+    def judge(first: int) -> int:
+        last = min(first + _BLOCK, states)
+        kernels.judge_ways(tables, moods, targets, cuts, ways, first, last, keep, gains)
+        return last
+
+    with ThreadPoolExecutor(numba.get_num_threads()) as pool:
+        for last in pool.map(judge, range(0, states, _BLOCK)):
+            if progress is not None:
+                progress("prune, ways out", last, states)
+    return keep.astype(bool), gains
+
+
+def _coarse(spec: BehaviourSpec) -> BehaviourSpec:
+    """Return a behaviour on a grid of few points, solved roughly."""
+    axes = {
+        name: axis.model_copy(update={"count": min(axis.count, COARSE[name])})
+        for name, axis in spec.axes.given().items()
+    }
+    changes = {
+        "axes": spec.axes.model_copy(update=axes),
+        "lookup": "v",
+        "backup": "interpolation_of_max",
+        "solver": ValueIterationSpec(tolerance=1e-2),
+        "finer": 1,
+    }
+    return spec.model_copy(update=changes)

@@ -1,0 +1,178 @@
+"""Ranges of grids from the data: where strikes reach, and how high heads are."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import MotionError, RecipeError
+from crowdsim.motion.database import MotionDatabase
+from crowdsim.motion.strikes import describe_strikes_needed
+from crowdsim.policy.environment import Axis, Grid, build_grid
+from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, Term
+from crowdsim.training.recipe import BehaviourSpec
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Reach:
+    """The region that strikes reach, in the ground frame at the strike: 5th to 95th percentiles (paper, section 6).
+
+    Attributes:
+        distance: Of the fist over the ground [m].
+        bearing: Of the fist [rad].
+        height: Of the fist [m].
+        head_height: Of heads, at all times [m].
+    """
+
+    distance: tuple[float, float]
+    bearing: tuple[float, float]
+    height: tuple[float, float]
+    head_height: tuple[float, float]
+
+
+def strike_reach(database: MotionDatabase) -> Reach:
+    """Return the region that the strikes of a database reach.
+
+    Raises:
+        MotionError: There are no strikes.
+    """
+    check_strikes(database)
+    x, y, z = np.asarray(database.strike_places, dtype=float).T
+    heads = np.asarray(database.heads[:, 1], dtype=float)
+    return Reach(_range(np.hypot(x, z)), _range(np.arctan2(x, z)), _range(y), _range(heads))
+
+
+def check_strikes(database: MotionDatabase) -> None:
+    """Refuse motion without strikes.
+
+    Raises:
+        MotionError: There are none.
+    """
+    if len(database.strike_frames):
+        return
+    raise MotionError(
+        f"no strikes found in {own_seconds(database):.1f} s of motion, but a behaviour needs them; "
+        f"{describe_strikes_needed(database.body.height)}"
+    )
+
+
+def own_seconds(database: MotionDatabase) -> float:
+    """Return the length of the clips, mirror images left out [s]."""
+    frames = np.diff(np.asarray(database.clip_starts))
+    mirrored = np.array([name.endswith("~mirror") for name in database.clip_names])
+    return float(frames[~mirrored].sum() / database.control_rate)
+
+
+def striking_range(database: MotionDatabase) -> tuple[float, float]:
+    """Return the distances from which strikes reach a head: from the lower to the upper quartile of strikes [m].
+
+    Over the ground, from the avatar's ground frame to the centre of the head that the fist touches.
+
+    Raises:
+        MotionError: There are no strikes.
+    """
+    check_strikes(database)
+    x, _, z = np.asarray(database.strike_places, dtype=float).T
+    near, far = np.percentile(np.hypot(x, z), [25.0, 75.0]) + float(database.body.head_radius)
+    return round(float(near), 3), round(float(far), 3)
+
+
+def resolve_terms(spec: BehaviourSpec, database: MotionDatabase) -> tuple[Term, ...]:
+    """Return the reward terms of a behaviour; a distance that its recipe leaves out is where strikes reach.
+
+    Raises:
+        MotionError: A distance is left out, and there are no strikes.
+    """
+    terms: list[Term] = []
+    for term in spec.rewards:
+        if isinstance(term, ProximityTerm) and term.distance is None:
+            term = term.model_copy(update={"distance": striking_range(database)})
+        terms.append(term)
+    return tuple(terms)
+
+
+TARGETS = 96
+"""Places of the target over which actions are compared, half of them in the region that strikes reach."""
+
+FAR = 4.0
+"""The other half lie up to this far away [m]."""
+
+PACE = 1.0
+"""Speed of the fastest of them [m/s]."""
+
+_PACES = (0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 1.0, 0.5)
+_GOLDEN = 0.6180339887498949
+
+_SPREAD = (0.8191725133961645, 0.6710436067037893, 0.5497004779019703)
+"""Steps of a sequence that fills a cube evenly (the plastic number's, in three dimensions)."""
+
+
+def sample_targets(database: MotionDatabase, count: int = TARGETS) -> Array:
+    """Return where a target may be, all around an avatar and half of them within reach, and how it may move.
+
+    Returns:
+        The head's place in the ground frame [m], and how far it moves in a control frame along x and z [m]: half of
+        the targets stand still, the others move at up to ``PACE`` in any direction. Shape (count, 5).
+    """
+    near, high = (0.3, 1.3), np.percentile(np.asarray(database.heads[:, 1], dtype=float), [5.0, 95.0])
+    if len(database.strike_frames):
+        near = strike_reach(database).distance
+    shares = (0.5 + np.outer(np.arange(count), _SPREAD)) % 1.0
+    ends = np.where((np.arange(count) % 2 == 0)[:, None], near, (near[0], FAR))
+    distance = ends[:, 0] + shares[:, 0] * (ends[:, 1] - ends[:, 0])
+    bearing = math.pi * (2.0 * shares[:, 1] - 1.0)
+    height = high[0] + shares[:, 2] * (high[1] - high[0])
+    pace = np.resize(_PACES, count) * PACE / database.control_rate
+    way = 2.0 * math.pi * ((0.5 + np.arange(count) * _GOLDEN) % 1.0)
+    columns = distance * np.sin(bearing), height, distance * np.cos(bearing), pace * np.sin(way), pace * np.cos(way)
+    return np.stack(columns, axis=-1)
+
+
+def resolve_grid(spec: BehaviourSpec, database: MotionDatabase) -> Grid:
+    """Return the grid of a behaviour; ranges that its recipe leaves out come from the motion.
+
+    Raises:
+        MotionError: A range is where strikes reach, and there are no strikes.
+        RecipeError: A range is empty.
+    """
+    axes = []
+    for name, axis in spec.axes.given().items():
+        low, high = axis.minimum, axis.maximum
+        if axis.reach:
+            least, greatest = getattr(strike_reach(database), name)
+            low, high = (round(least, 3) if low is None else low), (round(greatest, 3) if high is None else high)
+        wraps = name == "bearing" and low is None and high is None and axis.count > 1
+        if name == "bearing":
+            low, high = -math.pi if low is None else low, math.pi if high is None else high
+        elif name == "distance":
+            low = 0.0 if low is None else low
+            high = _far(spec, database) if high is None else high
+        elif name == "height":
+            heads = np.percentile(np.asarray(database.heads[:, 1], dtype=float), [1.0, 99.0])
+            low = round(float(heads[0]), 3) if low is None else low
+            high = round(float(heads[1]), 3) if high is None else high
+        if low is None or high is None:
+            raise RecipeError(f"axis {name!r} has no range in the motion, expected a minimum and a maximum")
+        axes.append(Axis(name, low, high, axis.count, wraps, axis.fade, axis.stretch or 0.0))
+    return build_grid(axes)
+
+
+def _far(spec: BehaviourSpec, database: MotionDatabase) -> float:
+    """Return how far away a target is worth seeing: what strikes reach, and a step."""
+    if not len(database.strike_places):
+        check_strikes(database)
+    places = np.asarray(database.strike_places, dtype=float)
+    reach = float(np.percentile(np.hypot(places[:, 0], places[:, 2]), 98.0))
+    tolerance = max((term.tolerance for term in spec.rewards if isinstance(term, StrikeTerm)), default=0.0)
+    return round(reach + database.body.torso_radius + tolerance + spec.beyond, 3)
+
+
+def _range(values: Array) -> tuple[float, float]:
+    low, high = np.percentile(values, [5.0, 95.0])
+    return float(low), float(high)

@@ -1,0 +1,289 @@
+"""Training recipes: what a YAML file says about motion, graph and behaviours; every default of training lives here."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from crowdsim.config.files import Fault, StrictModel, load_model
+from crowdsim.errors import RecipeError, nearest
+from crowdsim.graph.settings import GraphSettings
+from crowdsim.policy.environment import AXIS_KINDS
+from crowdsim.policy.rewards import AnyTerm, ProximityTerm, StrikeTerm
+
+FORMAT = 1
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+
+
+class PerformerSource(StrictModel):
+    """The embedded boxer performs."""
+
+    seconds: float = Field(default=420.0, ge=5.0, le=36000.0, description="Length of the session [s].")
+    seed: int = Field(default=1, ge=0, description="Seed of the session.")
+    stance: Literal["orthodox", "southpaw"] = Field(default="orthodox", description="Which side leads.")
+
+
+class CaptureSource(StrictModel):
+    """Motion capture in BVH files."""
+
+    clips: list[str] = Field(
+        min_length=1,
+        description="Files, or patterns with * for several, below the folder of capture.",
+    )
+    folder: str | None = Field(
+        default=None,
+        description="Folder of capture, seen from the recipe's; --mocap goes before it. Null: that of --mocap or "
+        "CROWDSIM_MOCAP.",
+    )
+    unit: str | float | None = Field(
+        default=None, description="Unit of the files, by name or in metres; found when null."
+    )
+    up_axis: str | None = Field(default=None, description="Axis that is up in the files, y or -z say; found when null.")
+    strict: bool = Field(default=True, description="Refuse files with wrong row counts or joints that flip.")
+
+
+class Motion(StrictModel):
+    """Where motion comes from and how it is prepared."""
+
+    performer: PerformerSource | None = Field(default=None, description="Motion of the embedded boxer.")
+    capture: CaptureSource | None = Field(default=None, description="Motion of BVH files.")
+    mirror: bool = Field(default=True, description="Add the mirror image of every clip.")
+    trim: bool = Field(default=True, description="Cut off calibration poses at the start of a clip.")
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Motion:
+        if (self.performer is None) == (self.capture is None):
+            raise Fault(
+                "names both performer and capture, expected one"
+                if self.performer
+                else "names no motion, expected performer or capture"
+            )
+        return self
+
+
+class AxisSpec(StrictModel):
+    """One axis of a behaviour's grid; ranges that are left out come from the data."""
+
+    count: int = Field(ge=1, le=1000, description="Number of grid points.")
+    minimum: float | None = Field(
+        default=None,
+        description="First grid point; null: 0 for a distance, the full circle "
+        "for a bearing, the lowest heads of the motion for a height.",
+    )
+    maximum: float | None = Field(
+        default=None,
+        description="Last grid point; null: a step past what strikes reach for a "
+        "distance, the full circle for a bearing, the highest heads of the motion for a height.",
+    )
+    fade: float = Field(
+        default=0.0, ge=0.0, description="How far beyond the range the behaviour stops counting; 0: never."
+    )
+    reach: bool = Field(
+        default=False,
+        description="Whether ends that are left out are those of the region that strikes reach, from the 5th to the "
+        "95th percentile of the motion's strikes.",
+    )
+    stretch: float | None = Field(
+        default=None,
+        gt=0.0,
+        allow_inf_nan=False,
+        description="Where steps between grid points are four times as long as at 0, so that a grid is fine near and "
+        "coarse far, of a distance or height [m]; null: all are equal.",
+    )
+
+    @model_validator(mode="after")
+    def _upwards(self) -> AxisSpec:
+        if self.minimum is not None and self.maximum is not None and not self.minimum < self.maximum:
+            raise Fault(f"is {self.maximum:g}, expected more than the minimum {self.minimum:g}", "maximum")
+        return self
+
+
+class Axes(StrictModel):
+    """The axes of a behaviour's grid."""
+
+    distance: AxisSpec = Field(description="How far away the target is over the ground [m].")
+    bearing: AxisSpec | None = Field(
+        default=None, description="In which direction it is; 0 ahead, to the left is positive [rad]."
+    )
+    height: AxisSpec | None = Field(default=None, description="How high its head is [m].")
+
+    def given(self) -> dict[str, AxisSpec]:
+        """Return the axes that there are, in the order of ``AXIS_KINDS``."""
+        return {name: axis for name in AXIS_KINDS if (axis := getattr(self, name, None)) is not None}
+
+
+class TargetMovement(StrictModel):
+    """How the target moves in training, drawn anew for every action."""
+
+    speed: float = Field(default=0.0, ge=0.0, le=10.0, description="Its speed when it moves [m/s]; 0: it stands still.")
+    directions: int = Field(default=4, ge=1, le=64, description="Directions in which it may move.")
+    still: float = Field(default=0.5, ge=0.0, le=1.0, description="Probability that it does not.")
+
+
+class ValueIterationSpec(StrictModel):
+    """Solve by value iteration."""
+
+    kind: Literal["value_iteration"] = "value_iteration"
+    tolerance: float = Field(
+        default=1e-3, gt=0.0, description="Greatest change of a value at the end, over the spread of values."
+    )
+    max_sweeps: int = Field(default=2000, ge=1, description="Most sweeps.")
+
+
+class QLearningSpec(StrictModel):
+    """Solve by Q-learning, the paper's trial and error."""
+
+    kind: Literal["q_learning"]
+    tolerance: float = Field(default=1e-2, gt=0.0, description="Mean error of a trial at the end, over the mean value.")
+    max_sweeps: int = Field(default=30, ge=1, description="Most rounds of exploration.")
+    omega: float = Field(default=0.75, gt=0.5, le=1.0, description="How fast step sizes fall with visits.")
+    settle: float = Field(default=60.0, gt=0.0, description="Visits before they fall.")
+    exploitations: int = Field(default=8, ge=0, description="Rounds of exploitation after each of exploration.")
+    tries: int = Field(default=4, ge=1, description="Trials of an entry in each, where the target moves.")
+    seed: int = Field(default=0, ge=0, description="Seed of the draws.")
+
+
+class BehaviourSpec(StrictModel):
+    """One thing that an avatar learns to do to its target."""
+
+    axes: Axes = Field(description="The grid on which it sees the target.")
+    rewards: list[AnyTerm] = Field(min_length=1, description="The terms of its reward, which add up.")
+    discount: float = Field(default=0.97, gt=0.0, lt=1.0, description="What a reward is worth a control frame later.")
+    beyond: float = Field(
+        default=0.75, ge=0.0, description="A step: how far a distance from the data reaches past strikes [m]."
+    )
+    lookup: Literal["q", "v"] = Field(
+        default="v", description="Table of Q(action, cell), or of V(state, cell) with a step of look-ahead."
+    )
+    backup: Literal["interpolation_of_max", "max_of_interpolated"] = Field(
+        default="interpolation_of_max", description="What is interpolated in training: V, or as in the paper Q."
+    )
+    solver: Annotated[ValueIterationSpec | QLearningSpec, Field(discriminator="kind")] = Field(
+        default_factory=ValueIterationSpec, description="How it is solved."
+    )
+    finer: int = Field(
+        default=1,
+        ge=1,
+        le=4,
+        description="The table is fitted to values on a grid this many times finer on each axis; 1: to none.",
+    )
+    target: TargetMovement = Field(default_factory=TargetMovement, description="How the target moves in training.")
+    normalise: bool = Field(
+        default=True,
+        description="Whether values are divided by how much the actions of a state differ in them, before behaviours "
+        "are added up; false: they are added as they are.",
+    )
+
+    @property
+    def strikes(self) -> bool:
+        """Whether a strike is rewarded."""
+        return any(isinstance(term, StrikeTerm) for term in self.rewards)
+
+    @property
+    def measured_by_strikes(self) -> list[str]:
+        """What is left out of it in words, and so comes from the region that strikes reach."""
+        missing = []
+        if any(isinstance(term, ProximityTerm) and term.distance is None for term in self.rewards):
+            missing.append("a distance in its proximity rewards")
+        for name, axis in self.axes.given().items():
+            if axis.reach or (name == "distance" and axis.maximum is None):
+                missing.append(f"a minimum and a maximum of its {name} axis")
+        return missing
+
+    @model_validator(mode="after")
+    def _learns_what_it_says(self) -> BehaviourSpec:
+        if self.axes.bearing is not None and self.axes.bearing.stretch is not None:
+            raise Fault("is stretched, expected even steps of a bearing", "axes", "bearing", "stretch")
+        if isinstance(self.solver, QLearningSpec) and self.backup != "max_of_interpolated":
+            raise Fault("is interpolation_of_max, expected max_of_interpolated with q_learning", "backup")
+        if self.finer > 1 and self.backup == "max_of_interpolated":
+            raise Fault(f"is {self.finer}, expected 1 with the backup max_of_interpolated", "finer")
+        return self
+
+
+class PruningSpec(StrictModel):
+    """Which ways out of a wide graph are kept: those that the behaviours are better off with (``pruning.py``)."""
+
+    ways: int = Field(default=8, ge=1, le=1000, description="Most ways out of a frame, beside the captured one.")
+    spacing: float = Field(
+        default=0.33,
+        ge=0.0,
+        allow_inf_nan=False,
+        description="Least time between decisions of a clip [s]; 0 keeps them all.",
+    )
+    landing: float = Field(
+        default=0.25,
+        ge=0.0,
+        allow_inf_nan=False,
+        description="Least time from a cut to the next decision, and so to the next cut [s].",
+    )
+
+
+class Recipe(StrictModel):
+    """A training recipe."""
+
+    version: Literal[1] = Field(description="Version of the recipe format.")
+    description: str = Field(default="", description="What it is for.")
+    motion: Motion = Field(description="Where motion comes from.")
+    control_rate: float = Field(
+        default=15.0, ge=1.0, le=120.0, description="Decisions can fall on this many frames a second."
+    )
+    playback_rate: float = Field(
+        default=60.0, ge=1.0, le=480.0, description="Poses are kept at this rate, a multiple of it."
+    )
+    graph: GraphSettings = Field(default_factory=GraphSettings, description="Which frame may follow which.")
+    prune: PruningSpec | None = Field(
+        default=None, description="Which ways out of the graph are kept, by what they are worth; null: all."
+    )
+    behaviours: dict[Name, BehaviourSpec] = Field(min_length=1, description="What is learned, by name.")
+    weights: dict[Name, Annotated[float, Field(ge=0.0, le=1000.0)]] | None = Field(
+        default=None,
+        description="Weights of the behaviours that avatars use where their scenario names none; null: 1 each.",
+    )
+    precision: Literal["float32", "float16", "int16", "int8"] = Field(
+        default="float32", description="How values are stored."
+    )
+
+    @model_validator(mode="after")
+    def _weighs_what_is_learned(self) -> Recipe:
+        for name in self.weights or {}:
+            if name not in self.behaviours:
+                raise Fault(f"is no behaviour of the recipe{nearest(name, self.behaviours)}", "weights", name)
+        return self
+
+    @model_validator(mode="after")
+    def _whole_multiple(self) -> Recipe:
+        stride = self.playback_rate / self.control_rate
+        if stride < 1.0 or not math.isclose(stride, round(stride)):
+            raise Fault(
+                f"is {self.playback_rate:g}, expected a whole multiple of the control rate {self.control_rate:g}",
+                "playback_rate",
+            )
+        return self
+
+
+def load_recipe(path: str | os.PathLike[str], overrides: list[str] | tuple[str, ...] = ()) -> Recipe:
+    """Return the recipe of a YAML file; its folder of capture is seen from the file's, and so is right from anywhere.
+
+    Raises:
+        RecipeError: With a line for everything that is wrong, its line and column, and what was expected.
+    """
+    recipe = load_model(path, Recipe, RecipeError, overrides)
+    capture = recipe.motion.capture
+    if capture is None or capture.folder is None:
+        return recipe
+    found = capture.model_copy(update={"folder": os.path.normpath(Path(path).parent / capture.folder)})
+    return recipe.model_copy(update={"motion": recipe.motion.model_copy(update={"capture": found})})
+
+
+def plain(recipe: Recipe) -> dict[str, Any]:
+    """Return a recipe as plain data, defaults included; without the folder of its capture, which may be anywhere."""
+    document = recipe.model_dump(mode="json")
+    if document["motion"]["capture"] is not None:
+        document["motion"]["capture"]["folder"] = None
+    return document

@@ -1,0 +1,29 @@
+"""The JSON Schema of recipe files and their reference page."""
+
+from __future__ import annotations
+
+import json
+
+from crowdsim.config.reference import reference_page
+from crowdsim.training.recipe import Recipe
+
+_HEAD = """# Recipe files
+
+Every key of a training recipe, from the schema that checks it. Lengths are metres, times seconds, angles radians. A key
+without a default must be given. `crowdsim validate FILE` names everything that is wrong with a recipe, and
+`crowdsim train FILE` trains it. The shipped recipes are examples: `boxer.yaml` of the embedded boxer, `boxer_cmu.yaml`
+of capture, `boxer_paper.yaml` of the paper's method.
+
+<!-- Written from the schema by crowdsim.training.recipe_reference; do not edit. -->
+"""
+
+
+def recipe_schema() -> str:
+    """Return the JSON Schema of recipe files as text; editors complete and check recipes by it."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Recipe.model_json_schema()}
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+
+
+def recipe_reference() -> str:
+    """Return docs/recipes.md: every key of a recipe with its type, its default and its meaning."""
+    return reference_page(json.loads(recipe_schema()), _HEAD)

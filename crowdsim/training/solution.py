@@ -1,0 +1,95 @@
+"""What a solver returns, and what both solvers take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from crowdsim.training.model import Model
+
+Array = NDArray[Any]
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Values that a solver has found.
+
+    Attributes:
+        values: V(s, c), what the best action of each state is worth in each cell. Shape (S, C).
+        q: Q(a, c) flat as a Q-table lies (``policy.Behaviour``), where the solver worked with one, else None.
+        solver: ``value_iteration`` or ``q_learning``.
+        backup: One of ``model.BACKUPS``.
+        sweeps: Times that every action of every state was backed up or tried in every cell.
+        updates: Single backups or trials, those of policy evaluation included.
+        residuals: By how much the values changed, a number for each sweep. Value iteration: the greatest change over
+            ``value_spread``; its last is the Bellman residual. Q-learning: the mean size of the temporal-difference
+            error.
+        seconds: Time that the solver took [s], compilation left out as far as it lies in a cache.
+        converged: Whether the last residual is within the tolerance.
+    """
+
+    values: Array
+    q: Array | None
+    solver: str
+    backup: str
+    sweeps: int
+    updates: int
+    residuals: tuple[float, ...]
+    seconds: float
+    converged: bool
+
+
+def value_spread(values: Array) -> float:
+    """Return the spread of values, from their 5th to their 95th percentile; a thousandth of their size at least."""
+    some = values.ravel()[:: max(1, values.size // 100_000)]
+    low, high = np.percentile(some, [5.0, 95.0])
+    return max(float(high - low), 1e-3 * float(np.abs(some).max())) or 1.0
+
+
+class SweepModel(NamedTuple):
+    """The arrays of a model that sweeps read (``Model``)."""
+
+    offsets: Array
+    next: Array
+    discounts: Array
+    lowers: Array
+    shares: Array
+    steps: Array
+    probabilities: Array
+    near: Array
+    landed: Array
+    landed_cells: Array
+    landed_rewards: Array
+
+
+def sweep_model(model: Model) -> SweepModel:
+    """Return the model's arrays for compiled code."""
+    return SweepModel(
+        model.offsets,
+        model.next,
+        model.discounts,
+        model.lowers,
+        model.shares,
+        model.steps,
+        model.probabilities,
+        model.near,
+        model.landed,
+        model.landed_cells,
+        model.landed_rewards,
+    )
+
+
+def q_table(model: Model, values: Array) -> Array:
+    """Return Q(a, c) by one more backup of interpolated V, flat as a Q-table lies, in the type of ``values``."""
+    from crowdsim.training import solver_kernels
+
+    q = np.empty(model.action_count * model.grid.cells, values.dtype)
+    packed = sweep_model(model)
+    solver_kernels.q_from_values(packed, model.grid.layers, np.ascontiguousarray(values).ravel(), q)
+    return q

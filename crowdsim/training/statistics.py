@@ -1,0 +1,113 @@
+"""What ``crowdsim inspect`` reports of a policy: motion, strikes, graph, and what was learned."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.graph.statistics import frames_kept_by_clip, graph_statistics
+from crowdsim.motion.database import MotionDatabase
+from crowdsim.motion.strike_kinds import HEIGHTS, KINDS, strike_heights, strike_kinds
+from crowdsim.policy.policy import Policy
+from crowdsim.policy.pursuit import sustained_speed
+from crowdsim.training.ranges import strike_reach, striking_range
+from crowdsim.training.solution import Solution
+from crowdsim.training.trials import measure_success
+from crowdsim.training.weaknesses import find_weaknesses
+
+Array = NDArray[Any]
+
+HANDS = ("left", "right")
+
+PAPER_REACH = {"bearing": (-1.114, 1.317), "distance": (0.297, 1.293), "height": (1.266, 1.624)}
+"""The region that the paper's strikes reach (section 6): [rad], [m], [m]."""
+
+
+def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict[str, Any]:
+    """Return the numbers of a policy as plain data; nothing in it depends on time or machine."""
+    database, graph = policy.database, policy.graph
+    mirrored = np.array([name.endswith("~mirror") for name in database.clip_names])
+    own = ~mirrored if mirrored.any() else np.ones(len(mirrored), bool)
+    clip_of = np.searchsorted(database.clip_starts * database.stride, database.strike_frames, side="right") - 1
+    kept = frames_kept_by_clip(graph, database.clip_starts)
+    frames = np.diff(database.clip_starts)
+    told: dict[str, Any] = {
+        "motion": {
+            "clips": int(own.sum()),
+            "frames": int(frames[own].sum()),
+            "seconds": float(frames[own].sum() / database.control_rate),
+            "frames_kept": int(kept[own].sum()),
+            "mirrored": bool(mirrored.any()),
+            "strikes": int(own[clip_of].sum()),
+            "frames_kept_by_clip": {name: int(count) for name, count in zip(database.clip_names, kept, strict=True)},
+        },
+        "graph": asdict(graph_statistics(graph, database.control_rate)),
+        "sustained_speed": sustained_speed(policy),
+        "warnings": list(graph.warnings),
+        "behaviours": {},
+    }
+    if len(database.strike_frames):
+        used = len(np.unique(policy.actions.strike_ids)) / len(database.strike_frames)
+        told["strikes"] = {**_count_strikes(database, own[clip_of]), "used_share": used, "paper": PAPER_REACH}
+    for behaviour in policy.behaviours:
+        solution = solutions[behaviour.name]
+        entry_bytes = {"float32": 4, "float16": 2, "int16": 2, "int8": 1}[str(policy.recipe["precision"])]
+        told["behaviours"][behaviour.name] = {
+            "axes": [asdict(axis) for axis in behaviour.grid.axes],
+            "cells": behaviour.grid.cells,
+            "entries": len(behaviour.table),
+            "bytes": len(behaviour.table) * entry_bytes,
+            "lookup": behaviour.lookup,
+            "solver": solution.solver,
+            "backup": solution.backup,
+            "sweeps": solution.sweeps,
+            "updates": solution.updates,
+            "residual": float(solution.residuals[-1]),
+            "converged": solution.converged,
+            "scale": behaviour.scale,
+            "value_mean": float(np.mean(solution.values, dtype=np.float64)),
+            "success": asdict(measure_success(policy, behaviour)),
+        }
+    return told
+
+
+def _count_strikes(database: MotionDatabase, own: Array) -> dict[str, Any]:
+    """Return what strikes reach, and how many there are of each hand, kind and height, mirror images left out."""
+
+    def count(names: tuple[str, ...], numbers: Array) -> dict[str, int]:
+        return {name: int(np.sum(numbers[own] == number)) for number, name in enumerate(names)}
+
+    return {
+        "reach": asdict(strike_reach(database)),
+        "striking_range": list(striking_range(database)),
+        "by_hand": count(HANDS, np.asarray(database.strike_hands)),
+        "by_kind": count(KINDS, strike_kinds(database)),
+        "by_height": count(HEIGHTS, strike_heights(database)),
+    }
+
+
+def inspect_bundle(policy: Policy, timings: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Return what ``crowdsim inspect BUNDLE`` reports, plain data.
+
+    Args:
+        policy: The policy.
+        timings: What ``bundle.read_timings`` returned; without it the seconds are null.
+    """
+    by_name = (timings or {}).get("behaviours", {})
+    told = {"name": policy.name, **policy.statistics, "fingerprint": policy.fingerprint}
+    told["behaviours"] = {
+        name: {
+            **facts,
+            "seconds": by_name.get(name, {}).get("seconds"),
+            "updates_per_second": by_name.get(name, {}).get("updates_per_second"),
+        }
+        for name, facts in policy.statistics["behaviours"].items()
+    }
+    told["weaknesses"] = [asdict(weakness) for weakness in find_weaknesses(policy.statistics)]
+    told["fingerprints"] = dict(policy.fingerprints)
+    told["timings"] = dict(timings or {})
+    return told

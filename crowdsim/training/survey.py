@@ -1,0 +1,163 @@
+"""What a folder of capture holds: the BVH files that can be trained on together, and why others cannot."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from crowdsim.capture.loading import load_capture, usable_clip, without_path
+from crowdsim.capture.report import study_capture
+from crowdsim.errors import BvhError, MotionError, PolicyError
+from crowdsim.motion.skeleton import Skeleton
+from crowdsim.training.fingerprint import bvh_files
+from crowdsim.training.strikeless import Fists
+
+Progress = Callable[[str, int, int], None]
+
+LEAST_SECONDS = 0.2
+"""Least length of a clip that can be trained on: two whole control frames at the default rate, and one to spare [s]."""
+_SHOWN = 4
+
+
+@dataclass(frozen=True)
+class SurveyedFile:
+    """A BVH file of a folder.
+
+    Attributes:
+        name: Its path below the folder, with forward slashes.
+        reason: Why it cannot be trained on; empty when it can.
+        seconds: Its motion without the lead-in [s].
+        strikes: Strikes found in it by hand, left and right.
+        fists: How fast its fists are; None where that is not known.
+        skeleton: Its skeleton; None where it cannot be trained on.
+    """
+
+    name: str
+    reason: str
+    seconds: float = 0.0
+    strikes: tuple[int, int] = (0, 0)
+    fists: Fists | None = None
+    skeleton: Skeleton | None = None
+
+
+@dataclass(frozen=True)
+class Survey:
+    """A folder of capture.
+
+    Attributes:
+        folder: The folder.
+        used: The files that can be trained on together, by name.
+        left_out: The others, by name, each with its reason.
+    """
+
+    folder: Path
+    used: tuple[SurveyedFile, ...]
+    left_out: tuple[SurveyedFile, ...]
+
+    @property
+    def seconds(self) -> float:
+        """Motion of the files that can be trained on [s]."""
+        return sum(file.seconds for file in self.used)
+
+    @property
+    def strikes(self) -> tuple[int, int]:
+        """Strikes found in them, left and right."""
+        return sum(file.strikes[0] for file in self.used), sum(file.strikes[1] for file in self.used)
+
+
+def survey_capture(folder: str | os.PathLike[str], progress: Progress | None = None) -> Survey:
+    """Return which BVH files of a folder, and of all folders in it, can be trained on together.
+
+    Where skeletons differ, those are taken that more than half of the usable files have.
+
+    Args:
+        folder: The folder.
+        progress: Called with (stage, files done, files).
+
+    Raises:
+        PolicyError: There is no such folder, or no BVH file in it.
+        MotionError: No file can be used: each with its reason; or no skeleton is that of most files.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise PolicyError(f"{folder}: no such folder, expected motion capture (--mocap DIR or CROWDSIM_MOCAP)")
+    paths = bvh_files(folder)
+    if not paths:
+        raise PolicyError(f"{folder}: holds no BVH file, nor does a folder in it")
+    files = []
+    for path in paths:
+        files.append(_survey_file(path, path.relative_to(folder).as_posix()))
+        if progress is not None:
+            progress("survey capture", len(files), len(paths))
+    groups = group_by_skeleton([file for file in files if not file.reason])
+    if not groups:
+        lines = "\n".join(f"  {file.name}: {file.reason}" for file in files)
+        raise MotionError(f"{folder}: none of its BVH files can be trained on\n{lines}")
+    most = max(groups, key=len)
+    if 2 * len(most) <= sum(map(len, groups)):
+        raise MotionError(_describe_groups(folder, groups))
+    names = {file.name for file in most}
+    left_out = [file if file.reason else _of_another(file, most[0]) for file in files if file.name not in names]
+    return Survey(folder, tuple(most), tuple(left_out))
+
+
+def group_by_skeleton(files: Sequence[SurveyedFile]) -> list[list[SurveyedFile]]:
+    """Return usable files in groups of one skeleton, in the order of their first files."""
+    groups: list[list[SurveyedFile]] = []
+    for file in files:
+        for group in groups:
+            if not _difference(group[0], file):
+                group.append(file)
+                break
+        else:
+            groups.append([file])
+    return groups
+
+
+def _survey_file(path: Path, name: str) -> SurveyedFile:
+    try:
+        capture = load_capture(path)
+        clip = usable_clip(capture)
+    except (BvhError, MotionError) as error:
+        return SurveyedFile(name, _first_line(str(error), path))
+    motion = capture.motion
+    if motion.seconds < LEAST_SECONDS:
+        return SurveyedFile(name, f"{motion.seconds:.2f} s after the lead-in, expected {LEAST_SECONDS:.2f} s or more")
+    study = study_capture(capture)
+    if study is None or capture.unit_scale is None or capture.body is None:
+        return SurveyedFile(name, "no motion of a body")
+    hands = study.strikes.hands
+    seconds = capture.bvh.frame_count / capture.bvh.fps
+    fists = Fists(name, seconds, study.strikes.highest_speed, capture.unit_scale, capture.body.height)
+    strikes = int((hands == 0).sum()), int((hands == 1).sum())
+    return SurveyedFile(name, "", motion.seconds, strikes, fists, clip.skeleton)
+
+
+def _first_line(message: str, path: Path) -> str:
+    """Return the first of an error's lines without its path, and how many more there are."""
+    lines = message.splitlines()
+    more = f" (and {len(lines) - 1} more findings)" if len(lines) > 2 else " (and 1 more finding)" * (len(lines) - 1)
+    return without_path(lines[0], str(path)) + more
+
+
+def _difference(first: SurveyedFile, other: SurveyedFile) -> str:
+    assert first.skeleton is not None
+    assert other.skeleton is not None
+    return first.skeleton.difference(other.skeleton)
+
+
+def _of_another(file: SurveyedFile, first: SurveyedFile) -> SurveyedFile:
+    return replace(file, reason=f"another skeleton than {first.name}: {_difference(first, file)}")
+
+
+def _describe_groups(folder: Path, groups: list[list[SurveyedFile]]) -> str:
+    """Return in words that no skeleton is that of most files, and which there are."""
+    lines = [f"{folder}: its files have {len(groups)} skeletons, none of them that of most files; expected one"]
+    for group in sorted(groups, key=lambda group: -len(group)):
+        names = ", ".join(file.name for file in group[:_SHOWN]) + (", ..." if len(group) > _SHOWN else "")
+        files = "1 file" if len(group) == 1 else f"{len(group)} files"
+        lines.append(f"  {files}, {sum(file.seconds for file in group):.1f} s: {names}")
+    lines.append("  put the files of one skeleton into a folder of their own, and give that by --mocap DIR")
+    return "\n".join(lines)

@@ -1,0 +1,166 @@
+"""How often each behaviour of a policy does what it is for: short trials with a still target.
+
+Starts and times are those of ``benchmarks/policy_quality.py``, which judges policies at length. Trials call the kernel
+that decides and do the rest in numpy, so that nothing is compiled for them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion import ground
+from crowdsim.policy.environment import Grid
+from crowdsim.policy.policy import Behaviour, LookupTables, Policy, build_lookup_tables
+from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, lands, surface_distance
+from crowdsim.training.evaluation import random_starts
+from crowdsim.training.ranges import strike_reach
+
+Array = NDArray[Any]
+
+STARTS = 200
+"""Random starts of each behaviour."""
+
+NEAR_AND_FAR = (0.6, 4.0)
+"""How far away targets are that avatars must walk to [m]."""
+
+CLOSE = 0.1
+"""How much further away than wanted a target may be that an avatar has come to [m]."""
+
+ARRIVED_WITHIN, LANDED_WITHIN, WALKED_AND_LANDED_WITHIN = 10.0, 3.0, 6.0
+"""By when a trial has succeeded [s]: by arrival, by a landed strike, and by one with a walk before it."""
+
+_UNSEEN = (0.3, 1.3)
+"""How far away near targets are where there are no strikes to reach them [m]."""
+
+
+@dataclass(frozen=True)
+class Success:
+    """How often a behaviour does what it is for.
+
+    Attributes:
+        task: ``arrive`` or ``strike``.
+        seconds: By when a trial has succeeded [s].
+        share: Share of the trials that succeed.
+        median_seconds: Median time of those that do [s]; None where none does.
+        share_behind: Share of success where the target is behind at first; None where targets are only ahead.
+    """
+
+    task: str
+    seconds: float
+    share: float
+    median_seconds: float | None
+    share_behind: float | None
+
+
+def measure_success(policy: Policy, behaviour: Behaviour, starts: int = STARTS) -> Success:
+    """Return how often a behaviour does what it is for.
+
+    One that is rewarded for strikes has succeeded when one lands, any other when it comes to where the target is
+    wanted. Targets of one that is rewarded for strikes alone are where strikes reach; of one that is rewarded for being
+    near they are further away and all around; of one that is rewarded for both they are half and half.
+
+    Args:
+        policy: Its actions, and the motion that says what strikes reach.
+        behaviour: The behaviour; it alone decides.
+        starts: How many trials there are; the same number gives the same trials.
+    """
+    strikes = [term.tolerance for term in behaviour.terms if isinstance(term, StrikeTerm)]
+    wanted = [term.between[1] for term in behaviour.terms if isinstance(term, ProximityTerm)]
+    states, targets = _starts(policy, bool(strikes), bool(wanted), starts)
+    if strikes:
+        seconds = WALKED_AND_LANDED_WITHIN if wanted else LANDED_WITHIN
+        goal = _Goal(tolerance=max(strikes))
+    else:
+        seconds, goal = ARRIVED_WITHIN, _Goal(within=max(wanted, default=0.5) + CLOSE)
+    times = _run_trials(policy, behaviour, states, targets, round(seconds * policy.database.control_rate), goal)
+    times /= policy.database.control_rate
+    done = np.isfinite(times)
+    behind = targets[:, 2] < 0.0
+    return Success(
+        task="strike" if strikes else "arrive",
+        seconds=seconds,
+        share=float(done.mean()),
+        median_seconds=float(np.median(times[done])) if done.any() else None,
+        share_behind=float(done[behind].mean()) if behind.mean() > 0.1 else None,
+    )
+
+
+@dataclass(frozen=True)
+class _Goal:
+    """What ends a trial: being so near [m], or a strike that lands by a tolerance [m]."""
+
+    within: float | None = None
+    tolerance: float | None = None
+
+
+def _starts(policy: Policy, strikes: bool, walks: bool, count: int) -> tuple[Array, Array]:
+    """Return states (N,) and targets (N, 3) at the start of each trial."""
+    database = policy.database
+    heads = np.asarray(database.heads[:, 1], dtype=float)
+    low, high = np.percentile(heads, [5.0, 95.0])
+    around, height = (-math.pi, math.pi), (float(low), float(high))
+    distance, bearing = _UNSEEN, around
+    if len(database.strike_frames):
+        reach = strike_reach(database)
+        distance, bearing = reach.distance, reach.bearing
+    near = random_starts(policy, count, distance, bearing, height)
+    far = random_starts(policy, count, NEAR_AND_FAR, around, height)
+    if not walks:
+        return near
+    if not strikes:
+        return far
+    odd = np.arange(count) % 2 == 1
+    return np.where(odd, far[0], near[0]), np.where(odd[:, None], far[1], near[1])
+
+
+def _run_trials(
+    policy: Policy, behaviour: Behaviour, states: Array, targets: Array, horizon: int, goal: _Goal
+) -> Array:
+    """Return in which control frame each trial reaches its goal, NaN where it does not in time. Shape (N,)."""
+    from crowdsim.policy import kernels
+
+    tables = _tables_of(policy, behaviour)
+    actions = policy.actions
+    most = int(np.diff(actions.offsets).max())
+    cells, shares, values = np.empty(64, np.int64), np.empty(64), np.empty(most)
+    weights = np.ones(1)
+    times = np.full(len(states), np.nan)
+    for i in range(len(states)):
+        state, target, frame = np.int32(states[i]), np.asarray(targets[i], dtype=float), 0
+        while frame < horizon:
+            count = kernels.evaluate_actions(tables, weights, state, *target, 0.0, 0.0, cells, shares, values)
+            action = int(actions.offsets[state]) + int(np.argmax(values[:count]))
+            reached = frame + _time_in_action(policy, action, target, goal)
+            if reached <= horizon:
+                times[i] = reached
+                break
+            frame += int(actions.lengths[action])
+            target = ground.to_local(actions.paths[actions.path_offsets[action + 1] - 1], target)
+            state = actions.next[action]
+    return times
+
+
+def _time_in_action(policy: Policy, action: int, target: Array, goal: _Goal) -> float:
+    """Return when within an action its goal is reached [control frames]; infinity where it is not."""
+    actions = policy.actions
+    if goal.within is not None:
+        path = np.asarray(actions.paths[actions.path_offsets[action] : actions.path_offsets[action + 1]], dtype=float)
+        near = np.flatnonzero(np.hypot(target[0] - path[:, 0], target[2] - path[:, 1]) <= goal.within)
+        return float(near[0]) + 1.0 if len(near) else math.inf
+    for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
+        if lands(surface_distance(actions.strike_places[strike], target, policy.body), goal.tolerance or 0.0):
+            return float(actions.strike_times[strike])
+    return math.inf
+
+
+def _tables_of(policy: Policy, behaviour: Behaviour) -> LookupTables:
+    """Return a behaviour that counts fully wherever the target is; float32, as training has compiled it."""
+    axes = tuple(replace(axis, fade=0.0) for axis in behaviour.grid.axes)
+    table = behaviour.values().astype(np.float32)
+    alone = replace(behaviour, grid=Grid(axes), scale=1.0, table=table, low=0.0, step=1.0)
+    return build_lookup_tables(policy.actions, (alone,), policy.body)

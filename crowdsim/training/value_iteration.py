@@ -1,0 +1,181 @@
+"""Value iteration: sweeps of Bellman backups over the whole model until the values settle.
+
+The backup ``interpolation_of_max`` works on V alone, ``max_of_interpolated`` on Q. Both are modified policy iteration:
+a sweep that looks for the best action is followed by sweeps that only back up the best one, where those are cheaper.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from crowdsim.training import solver_kernels
+from crowdsim.training.model import BACKUPS, Model
+from crowdsim.training.solution import Progress, Solution, sweep_model, value_spread
+
+Array = NDArray[Any]
+
+EVALUATION_WORTH = 24.0
+"""Actions a state from which evaluating the best of them costs clearly less than backing up all (measured)."""
+
+MOST_SHIFTS = 10
+"""How often all values may be moved at once; a few times help, and at last plain sweeps must settle them."""
+
+
+def value_iteration(
+    model: Model,
+    backup: str = "interpolation_of_max",
+    tolerance: float = 1e-3,
+    max_sweeps: int = 2000,
+    precision: DTypeLike = np.float32,
+    evaluations: int | None = None,
+    progress: Progress | None = None,
+    start: Array | None = None,
+) -> Solution:
+    """Return the values of a model, found by value iteration.
+
+    Args:
+        model: The model.
+        backup: One of ``model.BACKUPS``.
+        tolerance: The sweeps end when no value changes by more than this share of the spread of values.
+        max_sweeps: They also end after this many.
+        precision: Type of the values.
+        evaluations: Sweeps of policy evaluation after each sweep; by default as many as pay.
+        progress: Called with ("value iteration", sweeps done, sweeps expected).
+        start: Values to start from, for the backup ``interpolation_of_max``; by default 0. Shape (S, C).
+
+    Raises:
+        ValueError: The backup has another name.
+    """
+    if backup not in BACKUPS:
+        raise ValueError(f"backup is {backup!r}, expected one of {', '.join(BACKUPS)}")
+    if evaluations is None:
+        costly = backup == "max_of_interpolated" or model.action_count >= EVALUATION_WORTH * model.state_count
+        evaluations = 10 if costly else 0
+    started = time.perf_counter()
+    residuals: list[float] = []
+    if backup == "interpolation_of_max":
+        first = np.zeros(model.state_count * model.grid.cells) if start is None else start.ravel()
+        values, updates = _iterate_v(
+            model, tolerance, max_sweeps, first.astype(precision), evaluations, residuals, progress
+        )
+        q = None
+    else:
+        values, q, updates = _iterate_q(model, tolerance, max_sweeps, precision, evaluations, residuals, progress)
+    return Solution(
+        values=values.reshape(model.state_count, model.grid.cells),
+        q=q,
+        solver="value_iteration",
+        backup=backup,
+        sweeps=len(residuals),
+        updates=updates,
+        residuals=tuple(residuals),
+        seconds=time.perf_counter() - started,
+        converged=bool(residuals and residuals[-1] <= tolerance),
+    )
+
+
+def _report(progress: Progress | None, residuals: list[float], tolerance: float, limit: int) -> None:
+    """Tell how far the sweeps are, judged by how fast the residual falls."""
+    if progress is None:
+        return
+    expected = limit
+    if len(residuals) > 2 and 0.0 < residuals[-1] < residuals[0]:
+        rate = np.log(residuals[0] / residuals[-1]) / (len(residuals) - 1)
+        expected = len(residuals) + max(0, int(np.log(max(residuals[-1] / tolerance, 1.0)) / rate))
+    progress("value iteration", len(residuals), max(len(residuals), min(expected, limit)))
+
+
+def _iterate_v(
+    model: Model,
+    tolerance: float,
+    max_sweeps: int,
+    values: Array,
+    evaluations: int,
+    residuals: list[float],
+    progress: Progress | None,
+) -> tuple[Array, int]:
+    size, precision = len(values), values.dtype
+    packed, layers = sweep_model(model), model.grid.layers
+    other = np.empty_like(values)
+    best = np.zeros(size, np.uint16) if evaluations else None
+    changes = np.empty(model.state_count)
+    lanes = (0,) * layers
+    updates = 0
+    width = len(model.probabilities) * model.steps.shape[1] if evaluations else 0
+    earned, weights = np.empty(size if evaluations else 0, precision), np.empty((size, width), precision)
+    entries = np.empty((size, width), np.int32 if size < 2**31 else np.int64)
+    gains: list[float] = []
+    before, shifts = float(np.mean(values, dtype=np.float64)), 0
+    while len(residuals) < max_sweeps:
+        solver_kernels.improve(packed, lanes, values, other, best, changes)
+        values, other = other, values
+        residuals.append(float(changes.max()) / value_spread(values))
+        updates += model.action_count * model.grid.cells
+        _report(progress, residuals, tolerance, max_sweeps)
+        if residuals[-1] <= tolerance:
+            break
+        if not evaluations:
+            mean = float(np.mean(values, dtype=np.float64))
+            gains.append(mean - before)
+            shift = _shift(gains) if shifts < MOST_SHIFTS else 0.0
+            if shift:
+                shifts += 1
+                values += values.dtype.type(shift)
+                gains.clear()
+            before = mean + shift
+        if evaluations:
+            solver_kernels.gather_best(packed, layers, best, earned, entries, weights)
+        for _ in range(evaluations):
+            solver_kernels.follow(earned, entries, weights, values, other)
+            values, other = other, values
+            updates += size
+    return values, updates
+
+
+def _shift(gains: list[float]) -> float:
+    """Return by how much all values will still rise, judged by the last gains of their mean; 0 when that is not clear.
+
+    What is slowest to settle is the part that all values share, because every state is reached from every other. Once
+    its gains fall by a steady factor, their sum is known. The residual decides all the same.
+    """
+    if len(gains) < 3 or not gains[-2] or not gains[-3]:
+        return 0.0
+    factor, factor_before = gains[-1] / gains[-2], gains[-2] / gains[-3]
+    steady = 0.0 < factor < 0.98 and abs(factor - factor_before) < 0.3 * (1.0 - factor)
+    return gains[-1] * factor / (1.0 - factor) if steady else 0.0
+
+
+def _iterate_q(
+    model: Model,
+    tolerance: float,
+    max_sweeps: int,
+    precision: DTypeLike,
+    evaluations: int,
+    residuals: list[float],
+    progress: Progress | None,
+) -> tuple[Array, Array, int]:
+    cells, layers = model.grid.cells, model.grid.layers
+    packed = sweep_model(model)
+    q, other = (np.zeros(model.action_count * cells, precision) for _ in range(2))
+    changes = np.empty(model.state_count)
+    entries = np.empty(model.state_count * cells, np.int64)
+    values = np.empty(model.state_count * cells, precision)
+    updates = 0
+    while len(residuals) < max_sweeps:
+        solver_kernels.improve_q(packed, layers, q, other, changes)
+        q, other = other, q
+        residuals.append(float(changes.max()) / value_spread(q))
+        updates += len(q)
+        _report(progress, residuals, tolerance, max_sweeps)
+        if residuals[-1] <= tolerance:
+            break
+        for _ in range(evaluations):
+            solver_kernels.improve_best_q(packed, layers, q, entries, values)
+            solver_kernels.put(q, entries, values)
+            updates += len(values)
+    solver_kernels.values_from_q(model.offsets, cells, q, values)
+    return values, q, updates

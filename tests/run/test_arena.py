@@ -1,0 +1,43 @@
+"""Pictures of a run know the arena of its scenario."""
+
+from pathlib import Path
+
+import pytest
+from scenes import crowdsim, write_scene
+
+from crowdsim.run.arena import read_arena
+
+
+@pytest.mark.parametrize(
+    ("arena", "numbers"),
+    [
+        ({"kind": "circle", "radius": 8, "centre": [1, -2]}, [1, 1, -2, 8, 8]),
+        ({"kind": "rectangle", "size": [6, 10]}, [2, 0, 0, 3, 5]),
+        ({"kind": "none"}, [0, 0, 0, 0, 0]),
+    ],
+)
+def test_the_arena_is_that_of_the_scenario_that_was_run(workplace: Path, arena: dict, numbers: list[float]) -> None:
+    write_scene(workplace / "four.yaml", arena=arena, duration=3)
+    assert crowdsim("run", "four.yaml", "--out", "run", "--quiet") == 0
+    assert read_arena(workplace / "run").tolist() == numbers
+
+
+@pytest.mark.parametrize("text", [None, "", "arena: [", "arena: {kind: moon}", "name: four"])
+def test_without_a_readable_scenario_ground_is_open(tmp_path: Path, text: str | None) -> None:
+    if text is not None:
+        (tmp_path / "scenario.resolved.yaml").write_text(text)
+    assert not read_arena(tmp_path).any()
+
+
+def test_the_border_is_in_the_pictures_of_render_and_of_run_alike(workplace: Path) -> None:
+    pictures = {"png": True, "mp4": False, "fps": 15, "size": [160, 96], "frames": [0, 1]}
+    for name, arena in (("ring", {"kind": "circle", "radius": 1.5}), ("open", {"kind": "none"})):
+        write_scene(workplace / f"{name}.yaml", name="four", arena=arena, duration=3, outputs={"render": pictures})
+        assert crowdsim("run", f"{name}.yaml", "--out", name, "--quiet") == 0
+        size = ["--size", "160x96", "--fps", "15", "--frames", "0:1"]
+        assert crowdsim("render", name, "--png", *size, "--out", f"{name}_again", "--quiet") == 0
+    ring, again, free = (
+        (workplace / name / "frames" / "000000.png").read_bytes() for name in ("ring", "ring_again", "open")
+    )
+    assert ring == again
+    assert ring != free

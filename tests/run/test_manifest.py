@@ -1,0 +1,151 @@
+"""Manifests: every changed bit is found."""
+
+import hashlib
+import json
+import os
+from contextlib import nullcontext
+from pathlib import Path
+
+import pytest
+
+from crowdsim.errors import TakeError
+from crowdsim.run.manifest import Verdict, checksums, read_manifest, update_manifest, verify, write_manifest
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "bvh").mkdir()
+    (tmp_path / "bvh" / "a.bvh").write_bytes(b"HIERARCHY\n" * 100)
+    (tmp_path / "scenario.resolved.yaml").write_text("version: 1\n")
+    write_manifest(tmp_path, {"status": "done", "seed": 4}, checksums(tmp_path))
+    return tmp_path
+
+
+def test_an_untouched_run_has_no_finding(folder: Path) -> None:
+    assert verify(folder) == Verdict()
+    told = read_manifest(folder)
+    assert told["seed"] == 4
+    assert set(told["files"]) == {"bvh/a.bvh", "scenario.resolved.yaml"}
+    assert "numpy" in told["versions"]
+
+
+def test_a_changed_bit_a_lost_file_and_a_new_one_are_found(folder: Path) -> None:
+    path = folder / "bvh" / "a.bvh"
+    data = bytearray(path.read_bytes())
+    data[500] ^= 1
+    path.write_bytes(data)
+    (folder / "scenario.resolved.yaml").unlink()
+    (folder / "more.txt").write_text("x")
+    (folder / "take.zarr").mkdir()
+    (folder / "take.zarr" / "0").write_text("x")
+    assert verify(folder, 2) == Verdict(
+        (
+            f"{path}: has changed: its SHA-256 is not the one in manifest.json",
+            f"{folder / 'scenario.resolved.yaml'}: is missing",
+            f"{folder / 'take.zarr' / '0'}: is not in manifest.json",
+        ),
+        foreign=("more.txt",),
+    )
+    path.write_bytes(data[:-1])
+    assert verify(folder).findings[0] == f"{path}: has 999 bytes, expected 1000"
+
+
+def test_what_is_no_manifest_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TakeError, match=r"no manifest\.json here, so this is no finished run"):
+        verify(tmp_path)
+    (tmp_path / "manifest.json").write_text("{")
+    with pytest.raises(TakeError, match="is damaged"):
+        verify(tmp_path)
+    (tmp_path / "manifest.json").write_text(json.dumps({"format": "other"}))
+    with pytest.raises(TakeError, match="is no manifest of a run"):
+        verify(tmp_path)
+    (tmp_path / "manifest.json").write_text(json.dumps({"format": "crowdsim-run", "version": 7}))
+    with pytest.raises(TakeError, match="is of version 7, expected 1"):
+        verify(tmp_path)
+
+
+def _is_damaged(folder: Path) -> bool:
+    try:
+        read_manifest(folder)
+    except TakeError:
+        return True
+    return False
+
+
+def test_any_changed_bit_of_a_manifest_is_found(folder: Path) -> None:
+    path = folder / "manifest.json"
+    whole = path.read_bytes()
+    for place in range(0, len(whole), 7):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+        with pytest.raises(TakeError) if _is_damaged(folder) else nullcontext():
+            assert verify(folder).findings, place
+    path.write_bytes(whole)
+    assert verify(folder) == Verdict()
+
+
+def test_exports_written_anew_take_the_place_of_those_before(folder: Path) -> None:
+    (folder / "bvh" / "b.bvh").write_text("new")
+    stale = update_manifest(folder, "bvh", ["bvh/b.bvh"], {"fps": 30.0})
+    assert stale == ["bvh/a.bvh"]
+    assert not (folder / "bvh" / "a.bvh").exists()
+    assert verify(folder) == Verdict()
+    told = read_manifest(folder)
+    assert set(told["files"]) == {"bvh/b.bvh", "scenario.resolved.yaml"}
+    assert told["exports"] == {"bvh": {"fps": 30.0}}
+    assert told["seed"] == 4
+
+
+def sign(folder: Path, **files: dict) -> None:
+    """Write the manifest again with more files in it, as anyone can."""
+    told = read_manifest(folder)
+    write_manifest(folder, {"status": "done"}, {**told["files"], **files})
+
+
+@pytest.mark.parametrize(
+    "name", ["../victim", "bvh/../../victim", "/etc/hostname", "", "bvh//a.bvh", "./bvh/a.bvh", "manifest.json", "a\0b"]
+)
+def test_a_manifest_names_only_files_inside_its_folder(folder: Path, name: str) -> None:
+    sign(folder, **{name: {"bytes": 0, "sha256": ""}})
+    for use in (read_manifest, verify, lambda folder: update_manifest(folder, "bvh", [], {})):
+        with pytest.raises(TakeError, match="expected only files that a run writes inside"):
+            use(folder)
+    assert (folder / "bvh" / "a.bvh").exists()
+
+
+def test_links_pipes_and_devices_are_findings_and_are_not_opened(folder: Path, tmp_path_factory) -> None:
+    outside = tmp_path_factory.mktemp("outside")
+    (outside / "b.bvh").write_text("secret")
+    (folder / "link").symlink_to(outside / "b.bvh")
+    (folder / "linked").symlink_to(outside)
+    os.mkfifo(folder / "pipe")
+    facts = {"bytes": 6, "sha256": hashlib.sha256(b"secret").hexdigest()}
+    sign(folder, **{name: facts for name in ("link", "linked/b.bvh", "pipe", "bvh")})
+    assert verify(folder).findings == (
+        f"{folder / 'link'}: is a symbolic link, expected a regular file; links are not followed",
+        f"{folder / 'linked'}: is a symbolic link, expected a folder; links are not followed",
+        f"{folder / 'pipe'}: is a named pipe, expected a regular file; links are not followed",
+        f"{folder / 'bvh'}: is a folder, expected a regular file; links are not followed",
+    )
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")])
+def test_a_manifest_that_is_no_regular_file_is_refused_and_not_opened(tmp_path: Path, make) -> None:
+    make(tmp_path / "manifest.json")
+    with pytest.raises(TakeError, match=r"manifest\.json: is a (named pipe|symbolic link), expected a regular file"):
+        verify(tmp_path)
+
+
+def test_an_export_removes_nothing_behind_a_link(folder: Path, tmp_path_factory) -> None:
+    outside = tmp_path_factory.mktemp("outside")
+    (folder / "bvh").rename(outside / "bvh")
+    (folder / "bvh").symlink_to(outside / "bvh")
+    with pytest.raises(OSError, match="is a symbolic link, expected a folder"):
+        update_manifest(folder, "bvh", [], {})
+    assert (outside / "bvh" / "a.bvh").exists()
+
+
+def test_a_manifest_without_sizes_and_checksums_is_damaged(folder: Path) -> None:
+    for files in (["a"], {"a": 3}, None):
+        write_manifest(folder, {}, files)
+        with pytest.raises(TakeError, match="is damaged: expected its files by name"):
+            read_manifest(folder)

@@ -1,0 +1,192 @@
+"""Pruning: of many ways out those stay that the behaviours are better off with, and nothing else changes."""
+
+import numpy as np
+import pytest
+from naive_pruning import ways_worth_keeping
+
+from crowdsim.errors import RecipeError
+from crowdsim.graph.motion_graph import build_graph
+from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.policy.actions import STEP, STILLEST, build_actions, joint_speeds, stillness
+from crowdsim.policy.alignment import align_actions
+from crowdsim.policy.rewards import target_body
+from crowdsim.training.behaviours import train_behaviour
+from crowdsim.training.evaluation import run_episodes
+from crowdsim.training.pruning import judge_ways, prune_graph
+from crowdsim.training.ranges import FAR, sample_targets, strike_reach
+from crowdsim.training.recipe import PruningSpec, load_recipe
+from crowdsim.training.train import load_motion, train_policy
+
+RECIPE = """\
+version: 1
+motion:
+  performer:
+    seconds: 20
+    seed: 3
+graph:
+  branching: 16
+behaviours:
+  approach:
+    axes:
+      distance:
+        minimum: 0
+        maximum: 5
+        count: 11
+      bearing:
+        count: 16
+    rewards:
+      - kind: proximity
+      - kind: transition
+        weight: 0.3
+  punch:
+    axes:
+      distance:
+        count: 8
+        fade: 0.5
+      bearing:
+        count: 12
+    rewards:
+      - kind: strike
+      - kind: transition
+        weight: 0.3
+"""
+
+
+@pytest.fixture(scope="module")
+def recipe(tmp_path_factory):
+    path = tmp_path_factory.mktemp("pruning") / "wide.yaml"
+    path.write_text(RECIPE)
+    return load_recipe(path)
+
+
+@pytest.fixture(scope="module")
+def motion(recipe):
+    return load_motion(recipe, [])
+
+
+@pytest.fixture(scope="module")
+def wide(recipe, motion):
+    return build_graph(motion, recipe.graph)
+
+
+def prune(motion, wide, recipe, **settings):
+    return prune_graph(motion, wide, recipe.behaviours, target_body(motion), PruningSpec(**settings))
+
+
+def test_every_way_kept_was_one_before_and_no_frame_has_more_than_was_asked_for(motion, wide, recipe):
+    graph = prune(motion, wide, recipe, ways=3, spacing=0.0, landing=0.0)
+    before = set(zip(wide.transition_from.tolist(), wide.transition_to.tolist(), strict=True))
+    after = set(zip(graph.transition_from.tolist(), graph.transition_to.tolist(), strict=True))
+    assert after < before
+    assert np.bincount(graph.transition_from).max() == 3
+    assert np.bincount(wide.transition_from).max() > 3
+    assert graph.frames_kept.sum() > 0.9 * wide.frames_kept.sum()
+
+
+def test_decisions_lie_apart(motion, wide, recipe):
+    graph = prune(motion, wide, recipe, ways=4, spacing=0.5)
+    sources = np.unique(graph.transition_from)
+    clips = np.searchsorted(motion.clip_starts, sources, side="right")
+    apart = np.diff(sources)[np.diff(clips) == 0]
+    assert apart.min() >= round(0.5 * motion.control_rate)
+    assert graph.action_lengths.mean() > 1.5 * wide.action_lengths.mean()
+
+
+def test_nobody_lands_just_before_the_next_decision(motion, wide, recipe):
+    near, clear = (prune(motion, wide, recipe, ways=4, spacing=0.4, landing=landing) for landing in (0.0, 0.33))
+    shortest = [graph.action_lengths[graph.action_cuts].min() for graph in (near, clear)]
+    assert shortest[0] == 1
+    assert shortest[1] >= round(0.33 * motion.control_rate)
+    assert np.bincount(clear.transition_from).max() == 4
+
+
+def test_what_is_kept_is_what_an_obvious_search_keeps(motion, wide, recipe):
+    actions, body = build_actions(motion, wide), target_body(motion)
+    keep, gains = judge_ways(motion, wide, actions, recipe.behaviours, body, ways=3)
+    expected_keep, expected_gains = ways_worth_keeping(motion, wide, actions, recipe.behaviours, body, ways=3)
+    states = np.arange(0, wide.state_count, 7)
+    some = np.concatenate([np.arange(*wide.action_offsets[s : s + 2]) for s in states])
+    np.testing.assert_array_equal(keep[some], expected_keep[some])
+    np.testing.assert_allclose(gains[some], expected_gains[some], rtol=1e-4, atol=1e-7)
+
+
+@pytest.mark.parametrize(("name", "far"), [("approach", (0.6, 4.0)), ("punch", (0.3, 1.6))])
+def test_an_avatar_earns_more_by_the_ways_of_worth_than_by_as_many_that_are_cheap(motion, wide, recipe, name, far):
+    cheap = build_graph(motion, recipe.graph.model_copy(update={"branching": 5}))
+    worthy = prune(motion, wide, recipe, ways=5, spacing=0.0, landing=0.0)
+    earned = []
+    for graph in (cheap, worthy, wide):
+        actions, body = build_actions(motion, graph), target_body(motion)
+        behaviour, _ = train_behaviour(name, recipe.behaviours[name], motion, actions, body)
+        draw = np.random.default_rng(1)
+        states = draw.integers(0, actions.state_count, 400).astype(np.int32)
+        distance, bearing = draw.uniform(*far, 400), draw.uniform(-np.pi, np.pi, 400)
+        targets = np.stack([distance * np.sin(bearing), np.full(400, 1.5), distance * np.cos(bearing)], axis=-1)
+        earned.append(run_episodes(actions, behaviour, body, motion.control_rate, states, targets).returns.mean())
+    assert worthy.action_count < 0.5 * wide.action_count
+    assert earned[1] > 1.03 * earned[0]
+    # Half of the targets that ways are judged by move; here all stand still.
+    assert earned[1] > 0.7 * earned[2]
+
+
+def test_targets_lie_all_around_and_half_of_them_within_reach(motion):
+    targets = sample_targets(motion)
+    distance, bearing = np.hypot(targets[:, 0], targets[:, 2]), np.arctan2(targets[:, 0], targets[:, 2])
+    low, high = strike_reach(motion).distance
+    assert np.count_nonzero((distance >= low) & (distance <= high)) >= len(targets) // 2
+    assert distance.max() <= FAR
+    assert np.histogram(bearing, 4, (-np.pi, np.pi))[0].min() > len(targets) // 8
+    assert distance.max() > 0.9 * FAR
+
+
+def test_training_prunes_the_same_way_on_two_threads_and_says_so(recipe):
+    pruned = recipe.model_copy(update={"prune": PruningSpec(ways=4)})
+    stages = []
+    one, timings = train_policy(pruned, "wide", progress=lambda stage, done, total: stages.append(stage))
+    two, _ = train_policy(pruned, "wide", threads=2)
+    whole, _ = train_policy(recipe, "wide")
+    assert one.graph.action_count < 0.6 * whole.graph.action_count
+    assert one.values.tobytes() == two.values.tobytes()
+    assert one.graph.action_first.tobytes() == two.graph.action_first.tobytes()
+    assert one.fingerprint != whole.fingerprint
+    assert timings["prune"] > 0.0
+    assert "prune, ways out" in stages
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("prune: {way: 3}", r"prune\.way: unknown key.*did you mean 'ways'"),
+        ("prune: {ways: 0}", r"prune\.ways: is 0, expected a whole number from 1 to 1000"),
+        ("prune: {landing: soon}", r"prune\.landing: is 'soon', expected a number"),
+        ("prune: {spacing: -1}", r"prune\.spacing: is -1, expected a number of at least 0"),
+    ],
+)
+def test_wrong_settings_are_told_with_their_place(tmp_path, line, message):
+    (tmp_path / "bad.yaml").write_text(RECIPE + line + "\n")
+    with pytest.raises(RecipeError, match=message):
+        load_recipe(tmp_path / "bad.yaml")
+
+
+def test_a_cut_in_stillness_shows_more_than_the_same_in_motion(motion, wide):
+    speeds = joint_speeds(motion)
+    assert speeds.shape == (motion.frame_count,)
+    factors = stillness(motion, wide)
+    before = wide.state_frames[wide.action_states]
+    slow = np.minimum(speeds[before], speeds[wide.action_first - 1])
+    assert np.all(np.diff(factors[np.argsort(slow)]) <= 0.0)
+    assert factors.max() <= STILLEST
+    actions, steps = build_actions(motion, wide), align_actions(motion, wide).steps
+    expected = wide.action_costs / wide.threshold * factors + STEP * steps
+    np.testing.assert_allclose(actions.costs, expected, rtol=1e-6)
+    assert np.all((actions.costs > 0.0) == wide.action_cuts)
+
+
+def test_speeds_of_joints_are_those_of_their_places(motion):
+    frame, reach = 40, 3
+    steps = []
+    for row in (frame + np.arange(-reach, reach + 1)) * motion.stride:
+        rows = slice(row, row + 2)
+        places, _ = forward_kinematics(motion.skeleton, motion.root_positions[rows], motion.rotations[rows])
+        steps.append(np.linalg.norm(np.diff(places.astype(float), axis=0)[0], axis=-1) * motion.playback_rate)
+    assert joint_speeds(motion)[frame] == pytest.approx(np.sqrt(np.mean(np.square(steps))), rel=1e-6)

@@ -1,0 +1,63 @@
+"""Ranges of grids: those of a recipe, and those that come from the motion."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from crowdsim.errors import MotionError
+from crowdsim.training.ranges import resolve_grid, strike_reach
+from crowdsim.training.recipe import BehaviourSpec
+
+
+@pytest.fixture
+def motion():
+    """Strikes all over a region, and heads between 1.4 and 1.6 m, of a database that has nothing else."""
+    draw = np.random.default_rng(1)
+    bearing, distance = draw.uniform(-0.4, 0.9, 500), draw.uniform(0.5, 1.0, 500)
+    places = np.stack([distance * np.sin(bearing), draw.uniform(1.1, 1.7, 500), distance * np.cos(bearing)], axis=-1)
+    heads = np.stack([np.zeros(900), draw.uniform(1.4, 1.6, 900), np.zeros(900)], axis=-1)
+    return SimpleNamespace(
+        strike_frames=np.arange(500), strike_places=places, heads=heads, body=SimpleNamespace(torso_radius=0.15)
+    )
+
+
+def grid_of(motion, **axes):
+    told = {name: {"count": 4, **axis} for name, axis in axes.items()}
+    spec = BehaviourSpec.model_validate({"axes": told, "rewards": [{"kind": "strike", "tolerance": 0.1}]})
+    return {axis.name: axis for axis in resolve_grid(spec, motion).axes}
+
+
+def test_axes_end_where_strikes_reach_if_the_recipe_says_so(motion):
+    found = grid_of(motion, distance={"reach": True}, bearing={"reach": True}, height={"reach": True})
+    reach = strike_reach(motion)
+    for name, axis in found.items():
+        assert (axis.minimum, axis.maximum) == pytest.approx(getattr(reach, name), abs=5e-4)
+        assert not axis.wraps
+    assert found["bearing"].minimum == pytest.approx(-0.335, abs=0.03)
+    assert found["bearing"].maximum == pytest.approx(0.835, abs=0.03)
+
+
+def test_an_end_of_the_recipe_goes_before_where_strikes_reach(motion):
+    found = grid_of(motion, distance={"reach": True, "minimum": 0.0}, bearing={"reach": True, "maximum": 3.0})
+    assert (found["distance"].minimum, found["bearing"].maximum) == (0.0, 3.0)
+    assert found["distance"].maximum == pytest.approx(strike_reach(motion).distance[1], abs=5e-4)
+
+
+def test_other_axes_go_all_round_and_a_step_past_what_strikes_reach(motion):
+    found = grid_of(motion, distance={}, bearing={}, height={})
+    assert found["bearing"].wraps
+    assert (found["bearing"].minimum, found["bearing"].maximum) == (-math.pi, math.pi)
+    assert found["distance"].minimum == 0.0
+    assert found["distance"].maximum > strike_reach(motion).distance[1] + 0.75
+    assert 1.4 <= found["height"].minimum < found["height"].maximum <= 1.6
+
+
+def test_motion_without_strikes_has_no_reach(motion):
+    still = SimpleNamespace(
+        **{**vars(motion), "strike_frames": np.zeros(0, int), "body": SimpleNamespace(height=1.75)},
+        control_rate=15.0, clip_starts=np.array([0, 15, 30]), clip_names=("a", "a~mirror"),
+    )  # fmt: skip
+    with pytest.raises(MotionError, match=r"no strikes found in 1\.0 s of motion, .* moves at 2\.3 m/s or more"):
+        grid_of(still, distance={"reach": True})

@@ -1,0 +1,209 @@
+"""Recipes: what they default to, and every mistake with its line, its column and what was expected."""
+
+import contextlib
+import json
+from pathlib import Path
+
+import pytest
+
+from crowdsim.cli import main
+from crowdsim.errors import RecipeError
+from crowdsim.policy.environment import AXIS_KINDS
+from crowdsim.policy.rewards import TERMS
+from crowdsim.training.recipe import Axes, load_recipe
+from crowdsim.training.recipe_reference import recipe_reference, recipe_schema
+
+RECIPE = """\
+version: 1
+motion:
+  performer:
+    seconds: 60
+behaviours:
+  punch:
+    axes:
+      distance:
+        count: 8
+      bearing:
+        count: 12
+    rewards:
+      - kind: strike
+        tolerance: 0.1
+"""
+
+POLICIES = Path(__file__).parents[2] / "policies"
+
+
+def faults(tmp_path, text):
+    path = tmp_path / "r.yaml"
+    path.write_text(text)
+    with pytest.raises(RecipeError) as error:
+        load_recipe(path)
+    return str(error.value).replace(f"{path}:", "").splitlines()
+
+
+def changed(old, new):
+    assert old in RECIPE
+    return RECIPE.replace(old, new)
+
+
+@pytest.mark.parametrize("name", ["boxer", "boxer_cmu", "boxer_crowd"])
+def test_every_shipped_recipe_is_valid_and_learns_to_fight_beside_both_behaviours(name):
+    recipe = load_recipe(POLICIES / f"{name}.yaml")
+    assert list(recipe.behaviours) == ["approach", "punch", "fight"]
+    assert recipe.weights == {"fight": 1.0}
+
+
+def test_the_papers_recipe_has_the_papers_grids_its_table_and_its_method():
+    recipe = load_recipe(POLICIES / "boxer_paper.yaml")
+    behaviours = recipe.behaviours.values()
+    shapes = {
+        name: tuple(axis.count for axis in spec.axes.given().values()) for name, spec in recipe.behaviours.items()
+    }
+    assert shapes == {"approach": (5, 13), "punch": (10, 10, 4)}
+    assert all(axis.reach for axis in recipe.behaviours["punch"].axes.given().values())
+    assert {spec.lookup for spec in behaviours} == {"q"}
+    assert {spec.backup for spec in behaviours} == {"max_of_interpolated"}
+    assert {spec.solver.kind for spec in behaviours} == {"q_learning"}
+    assert {spec.discount for spec in behaviours} == {0.97}
+    assert {term.form for spec in behaviours for term in spec.rewards} == {"max"}
+    assert all(spec.target.speed > 0.0 and spec.target.still == 0.0 for spec in behaviours)
+    assert not any(spec.normalise for spec in behaviours)
+    assert (recipe.graph.actions, recipe.prune, recipe.motion.mirror) == (27072, None, False)
+    assert (recipe.control_rate, recipe.playback_rate) == (15.0, 15.0)
+    assert recipe.weights == {"approach": 1.0, "punch": 1.0}
+
+
+def test_a_short_recipe_gets_the_defaults(tmp_path):
+    path = tmp_path / "r.yaml"
+    path.write_text(RECIPE)
+    recipe = load_recipe(path)
+    punch = recipe.behaviours["punch"]
+    assert (recipe.control_rate, recipe.playback_rate, recipe.precision) == (15.0, 60.0, "float32")
+    assert (punch.discount, punch.lookup, punch.backup) == (0.97, "v", "interpolation_of_max")
+    assert punch.solver.kind == "value_iteration"
+    assert recipe.motion.mirror
+
+
+def test_every_axis_and_every_reward_can_be_written_in_a_recipe():
+    assert set(Axes.model_fields) == set(AXIS_KINDS)
+    assert all(term.model_fields["kind"].annotation.__args__ == (name,) for name, term in TERMS.items())
+
+
+def test_an_unknown_axis_names_the_nearest_one(tmp_path):
+    [line] = faults(tmp_path, changed("      bearing:", "      baering:"))
+    assert line.startswith("10:7: behaviours.punch.axes.baering: unknown key, expected ")
+    assert line.endswith("(did you mean 'bearing'?)")
+
+
+def test_an_unknown_reward_names_the_nearest_one(tmp_path):
+    [line] = faults(tmp_path, changed("kind: strike", "kind: strik"))
+    assert line.startswith("13:15: behaviours.punch.rewards[0].kind: is 'strik', expected ")
+    assert line.endswith("(did you mean 'strike'?)")
+
+
+def test_an_unknown_key_of_a_reward_names_the_nearest_one(tmp_path):
+    [line] = faults(tmp_path, changed("tolerance: 0.1", "tolerence: 0.1"))
+    assert line.startswith("14:9: behaviours.punch.rewards[0].tolerence: unknown key, expected ")
+    assert line.endswith("(did you mean 'tolerance'?)")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "    seconds: 60\n",
+            "    seconds: 60\n  capture:\n    clips: [a.bvh]\n",
+            "3:3: motion: names both performer and capture, expected one",
+        ),
+        (
+            "  performer:\n    seconds: 60\n",
+            "  mirror: true\n",
+            "3:3: motion: names no motion, expected performer or capture",
+        ),
+        (
+            "behaviours:",
+            "playback_rate: 50\nbehaviours:",
+            "5:1: playback_rate: is 50, expected a whole multiple of the control rate 15",
+        ),
+        (
+            "        count: 8\n",
+            "        count: 8\n        minimum: 2\n        maximum: 1\n",
+            "11:9: behaviours.punch.axes.distance.maximum: is 1, expected more than the minimum 2",
+        ),
+        (
+            "    rewards:",
+            "    solver:\n      kind: q_learning\n    rewards:",
+            "7:5: behaviours.punch.backup: is interpolation_of_max, expected max_of_interpolated with q_learning",
+        ),
+    ],
+)
+def test_what_does_not_go_together_is_told_with_its_place(tmp_path, old, new, message):
+    [line] = faults(tmp_path, changed(old, new))
+    place, rest = message.split(": ", 1)
+    assert line.split(": ", 1)[1] == rest
+    assert line.split(":")[0] == place.split(":")[0]
+
+
+def test_a_range_that_is_too_wide_is_told(tmp_path):
+    [line] = faults(tmp_path, changed("tolerance: 0.1", "tolerance: -0.1"))
+    assert line.startswith("14:20: behaviours.punch.rewards[0].tolerance: is -0.1, expected ")
+
+
+def test_default_weights_are_those_of_behaviours_that_the_recipe_learns(tmp_path):
+    path = tmp_path / "r.yaml"
+    path.write_text(RECIPE + "weights:\n  punch: 0.5\n")
+    assert load_recipe(path).weights == {"punch": 0.5}
+    path.write_text(RECIPE)
+    assert load_recipe(path).weights is None
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ("  pumch: 1\n", "16:10: weights.pumch: is no behaviour of the recipe (did you mean 'punch'?)"),
+        ("  punch: 1\n  fight: 2\n", "17:10: weights.fight: is no behaviour of the recipe"),
+        ("  punch: -1\n", "16:10: weights.punch: is -1, expected a number from 0.0 to 1000.0"),
+    ],
+)
+def test_a_weight_of_what_is_not_learned_is_told_with_its_line(tmp_path, lines, expected):
+    assert faults(tmp_path, RECIPE + "weights:\n" + lines) == [expected]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "        count: 12\n",
+            "        count: 12\n        stretch: 1\n",
+            "is stretched, expected even steps of a bearing",
+        ),
+        ("        count: 8\n", "        count: 8\n        stretch: 0\n", "is 0, expected a number above 0"),
+        (
+            "      - kind: strike\n",
+            "      - kind: proximity\n        distance: [0.9, 0.4]\n      - kind: strike\n",
+            "is [0.9, 0.4], expected the nearer distance first",
+        ),
+    ],
+)
+def test_an_impossible_stretch_or_band_is_told(tmp_path, old, new, message):
+    [line] = faults(tmp_path, changed(old, new))
+    assert line.split(": ", 2)[2].startswith(message)
+
+
+def test_the_committed_reference_page_of_recipes_is_current():
+    page = (Path(__file__).parents[2] / "docs/recipes.md").read_text(encoding="utf-8")
+    assert page == recipe_reference()
+
+
+def test_every_key_of_the_recipe_schema_has_a_meaning():
+    schema = json.loads(recipe_schema())
+    for name, part in {"Recipe": schema, **schema["$defs"]}.items():
+        for key, value in part["properties"].items():
+            assert value.get("description") or "$ref" in value or "const" in value, f"{name}.{key}"
+
+
+def test_the_command_prints_the_schema_of_recipes(capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["crowdsim", "schema", "recipe"])
+    with contextlib.suppress(SystemExit):
+        main()
+    assert json.loads(capsys.readouterr().out) == json.loads(recipe_schema())

@@ -1,0 +1,58 @@
+"""Trials of behaviours: they are the episodes of the evaluation, and say how often a behaviour does what it is for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crowdsim.policy.bundle import load_policy
+from crowdsim.training.evaluation import run_episodes
+from crowdsim.training.statistics import inspect_bundle
+from crowdsim.training.trials import ARRIVED_WITHIN, CLOSE, LANDED_WITHIN, _Goal, _run_trials, _starts, measure_success
+
+
+@pytest.fixture(scope="module")
+def policy(tiny_policy):
+    return load_policy(tiny_policy)
+
+
+def test_trials_end_when_the_compiled_episodes_do(policy):
+    rate = policy.database.control_rate
+    for name, seconds, within in (("approach", ARRIVED_WITHIN, 0.6 + CLOSE), ("punch", LANDED_WITHIN, 0.5)):
+        behaviour = policy.behaviour(name)
+        states, targets = _starts(policy, name == "punch", name == "approach", 40)
+        expected = run_episodes(policy.actions, behaviour, policy.body, rate, states, targets, seconds, within=within)
+        goal = _Goal(tolerance=behaviour.terms[0].tolerance) if name == "punch" else _Goal(within=within)
+        times = _run_trials(policy, behaviour, states, targets, round(seconds * rate), goal) / rate
+        wanted = expected.landings if name == "punch" else expected.arrivals
+        assert np.isfinite(wanted).sum() > 20
+        np.testing.assert_allclose(times, wanted, rtol=1e-6)
+
+
+def test_success_says_what_is_done_how_often_and_how_soon(policy):
+    found = {one.name: measure_success(policy, one) for one in policy.behaviours}
+    assert (found["approach"].task, found["approach"].seconds) == ("arrive", ARRIVED_WITHIN)
+    assert (found["punch"].task, found["punch"].seconds) == ("strike", LANDED_WITHIN)
+    for success in found.values():
+        assert success.share > 0.8
+        assert 0.0 < success.median_seconds < success.seconds
+    assert 0.0 <= found["approach"].share_behind <= 1.0
+
+
+def test_a_behaviour_that_wants_to_be_elsewhere_does_not_succeed(policy):
+    approach = policy.behaviour("approach")
+    worst = replace(approach, table=-approach.table)
+    assert measure_success(policy, worst).share < 0.5 * measure_success(policy, approach).share
+
+
+def test_a_bundle_says_what_its_behaviours_succeed_in_and_how_its_strikes_are_distributed(policy):
+    told = inspect_bundle(policy)
+    for name, facts in told["behaviours"].items():
+        assert facts["success"]["share"] == measure_success(policy, policy.behaviour(name)).share
+    for key in ("by_hand", "by_kind", "by_height"):
+        assert sum(told["strikes"][key].values()) == told["motion"]["strikes"] > 0
+    assert 0.5 < told["strikes"]["used_share"] <= 1.0
+    near, far = told["strikes"]["striking_range"]
+    assert 0.3 < near < far < 1.3
+    assert 0 < told["motion"]["frames_kept"] <= told["motion"]["frames"]
+    assert any(weakness["what"].startswith("little motion: 24 s") for weakness in told["weaknesses"])
