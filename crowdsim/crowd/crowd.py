@@ -35,8 +35,8 @@ class Crowding:
         most: How many neighbours count, the nearest ones.
     """
 
-    end: float = 20.0
-    path: float = 5.0
+    end: float = 12.0
+    path: float = 2.0
     radius: float = 0.2
     gap: float = 0.23
     outside: float = 10.0
