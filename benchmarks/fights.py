@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from _quick import small_policies
 
-from crowdsim.run.runner import run
+from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.take import Take
 

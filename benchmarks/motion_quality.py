@@ -45,7 +45,7 @@ from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.policy.alignment import align_cuts
 from crowdsim.policy.policy import Policy
 from crowdsim.policy.rewards import target_body
-from crowdsim.run.runner import run
+from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.poses import PoseSampler
 from crowdsim.take.take import Cast, Events, Take

@@ -40,7 +40,7 @@ from scenes import Scene, build_scene, play
 from crowdsim.crowd.simulation import simulate
 from crowdsim.policy.policy import Policy
 from crowdsim.policy.rewards import Term
-from crowdsim.run.preparation import prepare
+from crowdsim.runs.preparation import prepare
 from crowdsim.training.recipe import Recipe, load_recipe
 from crowdsim.training.train import ready_policy, train_policy
 

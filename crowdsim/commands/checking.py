@@ -21,7 +21,7 @@ def validate(
     as_json: Json = False,
 ) -> None:
     """Check scenarios and recipes; print every finding with its line and column."""
-    from crowdsim.run.validation import find_checked_file, find_file_faults, find_file_warnings
+    from crowdsim.runs.validation import find_checked_file, find_file_faults, find_file_warnings
 
     findings_by_file: dict[str, list[str]] = {}
     for name in files:
@@ -69,7 +69,7 @@ def schema(
 
 def verify(folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")], as_json: Json = False) -> None:
     """Hold every file of a run against the checksums in its manifest."""
-    from crowdsim.run.manifest import read_manifest, verify
+    from crowdsim.runs.manifest import read_manifest, verify
 
     verdict = verify(folder, CORES)
     for finding in verdict.findings:
@@ -104,7 +104,7 @@ def status(
     as_json: Json = False,
 ) -> None:
     """List which runs in a folder are done, interrupted or unfinished."""
-    from crowdsim.run.folder import describe_run
+    from crowdsim.runs.folder import describe_run
 
     if not folder.is_dir():
         raise CrowdsimError(f"{folder}: no such folder, expected runs")

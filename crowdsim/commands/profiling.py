@@ -38,8 +38,8 @@ def profile(
     """Measure what control costs a frame, by stage, for any number of avatars and threads."""
     from crowdsim.compilation import watch_compilation
     from crowdsim.crowd.profile import draw_profile, draw_scaling, profile_table, write_csv
-    from crowdsim.run import profiling
-    from crowdsim.run.runner import load_policies
+    from crowdsim.runs import profiling
+    from crowdsim.runs.runner import load_policies
     from crowdsim.scenario.frame_ranges import parse_length
     from crowdsim.scenario.scenario import load_scenario
 

@@ -39,9 +39,9 @@ def render(
     """Render runs and BVH files to PNG, MP4 and contact sheets."""
     from crowdsim.render.command import RenderOptions, parse_size, render_many
     from crowdsim.render.take_source import TakeSource
-    from crowdsim.run.arena import read_arena
-    from crowdsim.run.recorder import record_files
-    from crowdsim.run.runner import open_run
+    from crowdsim.runs.arena import read_arena
+    from crowdsim.runs.recorder import record_files
+    from crowdsim.runs.runner import open_run
     from crowdsim.scenario.frame_ranges import parse_frames
 
     options = RenderOptions(

@@ -56,7 +56,7 @@ def run(
 ) -> None:
     """Run scenarios: simulate, and write take and outputs."""
     from crowdsim.jit import load_numba
-    from crowdsim.run.runner import Interrupted, run_to
+    from crowdsim.runs.runner import Interrupted, run_to
     from crowdsim.scenario.frame_ranges import parse_length
     from crowdsim.scenario.scenario import load_scenario
 
@@ -122,7 +122,7 @@ def _print_report(report: Any) -> None:
 
 def _describe_report(name: str, report: Any) -> dict[str, Any]:
     """Return what a run did as plain data; of one that was done before as its manifest says."""
-    from crowdsim.run.manifest import read_manifest
+    from crowdsim.runs.manifest import read_manifest
 
     manifest = read_manifest(report.folder)
     return {
@@ -160,8 +160,8 @@ def export(
     threads: Threads = CORES,
 ) -> None:
     """Export a run's take as BVH or point clouds, without simulating again; in the run's folder it replaces them."""
-    from crowdsim.run.outputs import ExportOptions, export_take
-    from crowdsim.run.runner import open_run
+    from crowdsim.runs.outputs import ExportOptions, export_take
+    from crowdsim.runs.runner import open_run
 
     take, policies, notes = open_run(folder)
     for line in notes:

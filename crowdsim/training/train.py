@@ -54,9 +54,9 @@ def train_recipe(
     path = assets.find_recipe(name)
     recipe = load_recipe(path)
     folder = assets.bundle_folder(path)
-    if not force and not stale(folder, recipe, mocap):
-        return folder, False
     with _naming(path):
+        if not force and not stale(folder, recipe, mocap):
+            return folder, False
         policy, timings = train_policy(recipe, path.stem, mocap, threads, progress)
     bundle.write_bundle(folder, policy, timings)
     return folder, True
@@ -90,7 +90,7 @@ def stale(folder: Path, recipe: Recipe, mocap: FileName | None = None) -> str:
     """Return why the bundle in a folder is not what the recipe would train now, or an empty string when it is.
 
     Raises:
-        PolicyError: The folder holds a bundle that is foreign or damaged.
+        PolicyError: The folder holds a bundle that is foreign or damaged, or capture is not in the folder given for it.
     """
     if not (folder / "policy.json").is_file():
         return "there is none yet"
@@ -101,6 +101,8 @@ def stale(folder: Path, recipe: Recipe, mocap: FileName | None = None) -> str:
     try:
         files = capture_files(recipe, mocap) if recipe.motion.capture is not None else None
     except PolicyError:
+        if mocap is not None:
+            raise
         files = None
     now = fingerprints_of(recipe, files)
     changed = [part for part, value in now.items() if document["fingerprints"].get(part) != value]

@@ -7,7 +7,7 @@ from synthetic_policy import policy
 from crowdsim.crowd import limits_kernels
 from crowdsim.crowd.crowd import build_crowd
 from crowdsim.crowd.profile import machine_limits, profile_crowd, profile_table
-from crowdsim.run import profiling
+from crowdsim.runs import profiling
 
 
 def test_limits_of_the_machine_are_times_of_memory():

@@ -17,7 +17,7 @@ from crowdsim.policy.pursuit import (
     distances_behind,
     sustained_speed,
 )
-from crowdsim.run.runner import run
+from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import Scenario, resolve_scenario
 from crowdsim.training.statistics import inspect_bundle
 

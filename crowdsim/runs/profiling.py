@@ -132,7 +132,7 @@ def time_writing(
     scenario: Scenario, policies: Sequence[Policy], threads: int, frames: int | None = None
 ) -> dict[str, float]:
     """Return what a run of the scenario spends on control and on each thing that it writes [s]; nothing is kept."""
-    from crowdsim.run.runner import run_to
+    from crowdsim.runs.runner import run_to
 
     changed = scenario if frames is None else scenario.model_copy(update={"duration": frames})
     with tempfile.TemporaryDirectory() as folder:
@@ -164,7 +164,7 @@ def describe(profile: Profile) -> dict[str, Any]:
 def write_trace(path: Path, profile: Profile) -> None:
     """Write stages of frames as a trace that Perfetto and chrome://tracing open."""
     from crowdsim.crowd.chunk import STAGES
-    from crowdsim.run.folder import write_text
+    from crowdsim.runs.folder import write_text
 
     events: list[dict[str, Any]] = []
     clock = 0.0

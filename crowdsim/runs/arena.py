@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from crowdsim.crowd.cast import pack_arena
 from crowdsim.files import open_plain
-from crowdsim.run.folder import RESOLVED
+from crowdsim.runs.folder import RESOLVED
 from crowdsim.scenario.parts import Arena
 
 Array = NDArray[Any]

@@ -12,10 +12,10 @@ from typing import Any
 
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.files import open_plain, remove_empty, remove_plain, stat_plain, walk
-from crowdsim.run.journal import NAME as JOURNAL
-from crowdsim.run.journal import Journal, Noted, find_noted, read_journal, write_journal
-from crowdsim.run.manifest import NAME as MANIFEST
-from crowdsim.run.manifest import read_manifest
+from crowdsim.runs.journal import NAME as JOURNAL
+from crowdsim.runs.journal import Journal, Noted, find_noted, read_journal, write_journal
+from crowdsim.runs.manifest import NAME as MANIFEST
+from crowdsim.runs.manifest import read_manifest
 
 RESOLVED = "scenario.resolved.yaml"
 TAKE = "take.zarr"

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from crowdsim.errors import OutputError
 from crowdsim.files import is_inside, open_plain, walk
-from crowdsim.run.signed_json import checksum, write_signed
+from crowdsim.runs.signed_json import checksum, write_signed
 
 NAME = ".crowdsim-journal.json"
 FORMAT = "crowdsim-journal"

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from crowdsim.errors import TakeError
-from crowdsim.run.manifest import Verdict, checksums, read_manifest, update_manifest, verify, write_manifest
+from crowdsim.runs.manifest import Verdict, checksums, read_manifest, update_manifest, verify, write_manifest
 
 
 @pytest.fixture

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.run.folder import TAKE
-from crowdsim.run.manifest import available_memory
-from crowdsim.run.preparation import Prepared
+from crowdsim.runs.folder import TAKE
+from crowdsim.runs.manifest import available_memory
+from crowdsim.runs.preparation import Prepared
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.take.take import Take
 

@@ -18,10 +18,10 @@ from scenes import crowdsim, write_scene
 
 import crowdsim as package
 from crowdsim.errors import RunError
-from crowdsim.run import recording, runner
-from crowdsim.run.journal import Noted, read_journal
-from crowdsim.run.manifest import Verdict, read_manifest, verify, write_manifest
-from crowdsim.run.runner import load_policies, prepare, run, run_to
+from crowdsim.runs import recording, runner
+from crowdsim.runs.journal import Noted, read_journal
+from crowdsim.runs.manifest import Verdict, read_manifest, verify, write_manifest
+from crowdsim.runs.runner import load_policies, prepare, run, run_to
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.store import open_take
 from crowdsim.take.take import VARIABLES
@@ -651,7 +651,7 @@ def test_a_full_disk_is_an_error_that_leaves_nothing_half_written(workplace: Pat
     program = (
         "import resource, sys\n"
         "from crowdsim.scenario.scenario import load_scenario\n"
-        "from crowdsim.run.runner import run_to\n"
+        "from crowdsim.runs.runner import run_to\n"
         "from pathlib import Path\n"
         "run_to(Path('warm'), load_scenario('four.yaml'), force=True)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv.pop(1)),) * 2)\n"

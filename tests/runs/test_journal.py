@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from crowdsim.run.journal import NAME, Journal, Noted, find_noted, read_journal, series_name, write_journal
+from crowdsim.runs.journal import NAME, Journal, Noted, find_noted, read_journal, series_name, write_journal
 
 
 @pytest.mark.parametrize(

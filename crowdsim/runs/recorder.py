@@ -10,11 +10,11 @@ from typing import Any
 
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.files import exists_plain, walk
-from crowdsim.run.folder import TAKE, hold_folder, refuse_others
-from crowdsim.run.journal import NAME as JOURNAL
-from crowdsim.run.journal import Journal, find_noted, read_journal, remove_journal, write_journal
-from crowdsim.run.manifest import NAME as MANIFEST
-from crowdsim.run.manifest import ForeignManifestError, read_manifest, update_manifest
+from crowdsim.runs.folder import TAKE, hold_folder, refuse_others
+from crowdsim.runs.journal import NAME as JOURNAL
+from crowdsim.runs.journal import Journal, find_noted, read_journal, remove_journal, write_journal
+from crowdsim.runs.manifest import NAME as MANIFEST
+from crowdsim.runs.manifest import ForeignManifestError, read_manifest, update_manifest
 
 
 class Recorder:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from crowdsim.errors import CrowdsimError, under_way
-from crowdsim.run.journal import series_name
+from crowdsim.runs.journal import series_name
 from crowdsim.scenario.frame_ranges import output_frames, parse_frames
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def write_outputs(
 @contextmanager
 def _note(folder: Path, planned: Sequence[Path]) -> Iterator[Callable[[Sequence[Path]], None]]:
     """Note pictures of a run that is going on in its journal."""
-    from crowdsim.run.recorder import note_files
+    from crowdsim.runs.recorder import note_files
 
     note_files(folder, [path.relative_to(folder).as_posix() for path in planned])
     yield lambda files: None
@@ -206,7 +206,7 @@ def export_take(
     from crowdsim.export.bvh import BvhSink, bvh_name
     from crowdsim.export.select import parse_avatars
     from crowdsim.export.stream import stream_poses
-    from crowdsim.run.recorder import record_files
+    from crowdsim.runs.recorder import record_files
     from crowdsim.take.poses import PoseSampler
 
     if not options.kinds:

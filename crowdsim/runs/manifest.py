@@ -17,9 +17,9 @@ from typing import Any
 from crowdsim import __version__
 from crowdsim.errors import TakeError
 from crowdsim.files import NotPlainError, is_inside, open_plain, remove_plain, stat_plain, walk
-from crowdsim.run.journal import NAME as JOURNAL
-from crowdsim.run.journal import find_noted, read_journal
-from crowdsim.run.signed_json import checksum, text_of, write_signed
+from crowdsim.runs.journal import NAME as JOURNAL
+from crowdsim.runs.journal import find_noted, read_journal
+from crowdsim.runs.signed_json import checksum, text_of, write_signed
 
 NAME = "manifest.json"
 FORMAT = "crowdsim-run"

@@ -16,14 +16,14 @@ from crowdsim.assets import FileName
 from crowdsim.compilation import watch_compilation
 from crowdsim.errors import CrowdsimError, RunError, ScenarioError, under_way
 from crowdsim.files import walk
-from crowdsim.run.folder import RESOLVED, TAKE, check_folder, claim_folder, copy_file, hold_folder, write_text
-from crowdsim.run.journal import remove_journal
-from crowdsim.run.manifest import NAME as MANIFEST
-from crowdsim.run.manifest import checksums, peak_memory, read_manifest, write_manifest
-from crowdsim.run.outputs import expect_outputs, plan_outputs, write_outputs
-from crowdsim.run.preparation import Prepared, load_policies, prepare
-from crowdsim.run.recording import CHOICES, LARGE, Clock, Interrupted, Report, needs, record, stop_signals
-from crowdsim.run.validation import check_scenario, late_events
+from crowdsim.runs.folder import RESOLVED, TAKE, check_folder, claim_folder, copy_file, hold_folder, write_text
+from crowdsim.runs.journal import remove_journal
+from crowdsim.runs.manifest import NAME as MANIFEST
+from crowdsim.runs.manifest import checksums, peak_memory, read_manifest, write_manifest
+from crowdsim.runs.outputs import expect_outputs, plan_outputs, write_outputs
+from crowdsim.runs.preparation import Prepared, load_policies, prepare
+from crowdsim.runs.recording import CHOICES, LARGE, Clock, Interrupted, Report, needs, record, stop_signals
+from crowdsim.runs.validation import check_scenario, late_events
 from crowdsim.scenario.scenario import Scenario, dump_scenario
 from crowdsim.scenario.warnings import speed_warnings
 from crowdsim.take.take import VARIABLES, Events, Take
