@@ -57,11 +57,11 @@ def joint_behaviour(recipe: Recipe, policy: Policy, composition: Composition) ->
         for term in behaviour.terms:
             if not isinstance(term, TransitionTerm):
                 rewards.append({**term.model_dump(mode="json"), "weight": factor * term.weight})
-    told: dict[str, Any] = {"axes": _joint_axes(specs, policy), "rewards": rewards, "discount": discounts[0]}
+    outcome: dict[str, Any] = {"axes": _joint_axes(specs, policy), "rewards": rewards, "discount": discounts[0]}
     solvers = [spec.solver for spec in specs if spec.solver.kind == "value_iteration"]
     if solvers:
-        told["solver"] = min(solvers, key=lambda solver: solver.tolerance).model_dump(mode="json")
-    return BehaviourSpec.model_validate(told)
+        outcome["solver"] = min(solvers, key=lambda solver: solver.tolerance).model_dump(mode="json")
+    return BehaviourSpec.model_validate(outcome)
 
 
 def _factors(composition: Composition) -> list[float]:

@@ -48,7 +48,7 @@ def _area(features: Array, labels: Array, halves: list[Array]) -> float | None:
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import StandardScaler
 
-    told: list[tuple[float, float]] = []
+    outcome: list[tuple[float, float]] = []
     for split, half in enumerate(halves):
         train, test = half == 1, half == 0
         if min(len(np.unique(labels[train])), len(np.unique(labels[test]))) < 2:
@@ -61,8 +61,8 @@ def _area(features: Array, labels: Array, halves: list[Array]) -> float | None:
         for model in models:
             model.fit(features[train], labels[train])
             areas.append(float(roc_auc_score(labels[test], model.predict_proba(features[test])[:, 1])))
-        told.append((areas[0], areas[1]))
-    return float(np.mean(told, axis=0).max()) if told else None
+        outcome.append((areas[0], areas[1]))
+    return float(np.mean(outcome, axis=0).max()) if outcome else None
 
 
 def told_apart(stage: Stage, seconds: float) -> dict[str, Any]:
@@ -75,8 +75,8 @@ def told_apart(stage: Stage, seconds: float) -> dict[str, Any]:
     half = round(0.5 * seconds * stage.fps) + 1
     count = len(stage.figures[0].head)
     rows: list[tuple[int, int, int, int, bool]] = []
-    for avatar, told in enumerate(stage.decisions):
-        times, left, entered = told[:, 0], told[:, 1].astype(int), told[:, 2].astype(int)
+    for avatar, outcome in enumerate(stage.decisions):
+        times, left, entered = outcome[:, 0], outcome[:, 1].astype(int), outcome[:, 2].astype(int)
         cut = left != entered
         for k, time in enumerate(times):
             frame = round(time * stage.fps)

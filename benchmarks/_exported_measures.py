@@ -108,11 +108,11 @@ def hinges(stage: Stage) -> dict[str, Any]:
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     captured = flexions(source.figure, axes)
     shown = np.stack([flexions(figure, axes) for figure in stage.figures])
-    told: dict[str, Any] = {}
+    outcome: dict[str, Any] = {}
     for name, part in (("knees", slice(0, 2)), ("elbows", slice(2, 4))):
         own, theirs = shown[..., part], captured[:, part]
         at = np.unravel_index(np.argmin(own), own.shape)
-        told[name] = {
+        outcome[name] = {
             "least": float(own.min()),
             "greatest": float(own.max()),
             "least_of_the_capture": float(theirs.min()),
@@ -121,8 +121,8 @@ def hinges(stage: Stage) -> dict[str, Any]:
             "past_straight_of_the_capture": float(np.mean((theirs < 0.0).any(axis=-1))),
             "worst": {"avatar": int(at[0]), "frame": int(at[1]), "joint": HINGES[part][int(at[2])]},
         }
-    told["clips_with_backward_hinges"] = [{"clip": clip, "joint": joint} for clip, joint in source.backward]
-    return told
+    outcome["clips_with_backward_hinges"] = [{"clip": clip, "joint": joint} for clip, joint in source.backward]
+    return outcome
 
 
 def _points(figure: Figure) -> Array:
@@ -141,7 +141,7 @@ def peaks(stage: Stage) -> dict[str, Any]:
         "arms": [k for k, name in enumerate(POINTS) if name.split("_")[-1] in ("shoulder", "elbow", "hand", "fist")],
         "legs": [k for k, name in enumerate(POINTS) if name.split("_")[-1] in ("hip", "knee", "foot")],
     }
-    told: dict[str, Any] = {}
+    outcome: dict[str, Any] = {}
     for order, kind in ((1, "speed"), (2, "acceleration")):
 
         def sizes_of(points: Array, unit: float, order: int = order) -> Array:
@@ -156,12 +156,12 @@ def peaks(stage: Stage) -> dict[str, Any]:
             ]
         )
         most = captured.max(axis=0)
-        told[kind] = {}
+        outcome[kind] = {}
         for part, joints in parts.items():
             own = shown[..., joints] / most[joints]
             at = np.unravel_index(np.argmax(own), own.shape)
             joint = joints[int(at[2])]
-            told[kind][part] = {
+            outcome[kind][part] = {
                 "p9999": float(np.percentile(shown[..., joints], 99.99)),
                 "p9999_of_the_capture": float(np.percentile(captured[:, joints], 99.99)),
                 "ratio": float(own.max()),
@@ -174,7 +174,7 @@ def peaks(stage: Stage) -> dict[str, Any]:
                     "most_of_the_capture": float(most[joint]),
                 },
             }
-    return told
+    return outcome
 
 
 def _at(path: Array, frame: float) -> Array:
@@ -267,7 +267,7 @@ def overlap(stage: Stage) -> dict[str, Any]:
             at = int(np.argmin(torsos))
             deepest = min(deepest, (float(torsos[at]), i, j, int(near[at])))
     return {
-        **{name: float(told.mean()) for name, told in inside.items()},
+        **{name: float(outcome.mean()) for name, outcome in inside.items()},
         "worst": {"avatar": deepest[1], "other": deepest[2], "frame": deepest[3], "depth": -deepest[0]},
     }
 
@@ -281,9 +281,9 @@ def undisturbed(stage: Stage) -> dict[str, Any]:
     events, gaps = stage.events, [np.zeros(0)]
     seconds = np.arange(len(stage.figures[0].head)) / stage.fps
     for avatar, figure in enumerate(stage.figures):
-        told, frames = stage.decisions[avatar], stage.frames[avatar]
+        outcome, frames = stage.decisions[avatar], stage.frames[avatar]
         free = np.abs(frames - np.round(frames)) < 1e-3
-        for time in told[told[:, 1] != told[:, 2], 0]:
+        for time in outcome[outcome[:, 1] != outcome[:, 2], 0]:
             free &= np.abs(seconds - time) > 1.0
         landed = events["landed"].astype(bool)
         for time in events["seconds"][events["attacker"] == avatar]:

@@ -65,18 +65,18 @@ def quickly_trained(stem: str, mocap: str | None, threads: int) -> tuple[Recipe,
     It has little motion, one file of capture, a narrow graph and coarse grids.
     """
     recipe = load_recipe(POLICIES / f"{stem}.yaml")
-    told = recipe.model_dump(mode="json")
+    outcome = recipe.model_dump(mode="json")
     if recipe.motion.capture is not None and mocap is not None:
-        told["motion"]["capture"]["clips"] = [str(capture_files(recipe, mocap)[0].relative_to(mocap))]
+        outcome["motion"]["capture"]["clips"] = [str(capture_files(recipe, mocap)[0].relative_to(mocap))]
     else:
-        told["motion"]["performer"]["seconds"] = 24.0
-    told["graph"]["branching"] = 6
-    for spec in told["behaviours"].values():
+        outcome["motion"]["performer"]["seconds"] = 24.0
+    outcome["graph"]["branching"] = 6
+    for spec in outcome["behaviours"].values():
         spec["solver"]["tolerance"] = 0.05
         for name, axis in spec["axes"].items():
             if axis is not None:
                 axis["count"] = min(axis["count"], QUICK[name])
-    recipe = Recipe.model_validate(told)
+    recipe = Recipe.model_validate(outcome)
     return recipe, train_policy(recipe, stem, mocap, threads)[0]
 
 
@@ -87,10 +87,10 @@ def train(policy: Policy, name: str, spec: BehaviourSpec, precision: str = "floa
 
 def changed(spec: BehaviourSpec, counts: dict[str, int], **more: Any) -> BehaviourSpec:
     """Return a behaviour with other numbers of grid points and other settings."""
-    told = spec.model_dump(mode="json")
+    outcome = spec.model_dump(mode="json")
     for axis, count in counts.items():
-        told["axes"][axis]["count"] = count
-    return BehaviourSpec.model_validate({**told, **more})
+        outcome["axes"][axis]["count"] = count
+    return BehaviourSpec.model_validate({**outcome, **more})
 
 
 def reference(policy: Policy, name: str, spec: BehaviourSpec) -> Behaviour:

@@ -51,26 +51,28 @@ def smaller(recipe: Recipe, quick: bool, weighted: bool = False) -> Plain:
         quick: Whether seconds must do.
         weighted: Whether the behaviours are approach and punch with a weight of 1 each.
     """
-    told = plain(recipe)
-    weights = {"approach": 1.0, "punch": 1.0} if weighted else told["weights"] or dict.fromkeys(told["behaviours"], 1.0)
-    told["weights"] = {name: weight for name, weight in weights.items() if weight > 0.0}
-    told["behaviours"] = {name: told["behaviours"][name] for name in told["weights"]}
-    told["motion"]["performer"]["seconds"] = min(told["motion"]["performer"]["seconds"], SECONDS[quick])
-    for spec in told["behaviours"].values():
+    outcome = plain(recipe)
+    weights = (
+        {"approach": 1.0, "punch": 1.0} if weighted else outcome["weights"] or dict.fromkeys(outcome["behaviours"], 1.0)
+    )
+    outcome["weights"] = {name: weight for name, weight in weights.items() if weight > 0.0}
+    outcome["behaviours"] = {name: outcome["behaviours"][name] for name in outcome["weights"]}
+    outcome["motion"]["performer"]["seconds"] = min(outcome["motion"]["performer"]["seconds"], SECONDS[quick])
+    for spec in outcome["behaviours"].values():
         spec["finer"] = 1
         for name, axis in spec["axes"].items():
             if axis is not None:
                 axis["count"] = min(axis["count"], COUNTS[quick][name])
-    return told
+    return outcome
 
 
 def quicker(recipe: Recipe) -> Recipe:
     """Return the paper's recipe with little motion, few actions and coarse grids."""
-    told = smaller(recipe, True)
-    told["graph"].update(actions=300, threshold=None)
-    for spec in told["behaviours"].values():
+    outcome = smaller(recipe, True)
+    outcome["graph"].update(actions=300, threshold=None)
+    for spec in outcome["behaviours"].values():
         spec["solver"]["max_sweeps"] = SWEEPS[True]
-    return Recipe.model_validate(told)
+    return Recipe.model_validate(outcome)
 
 
 def _terms(recipe: Plain, kind: str) -> list[Plain]:

@@ -79,8 +79,8 @@ def prices(policy: Policy, name: str, spec: BehaviourSpec, threads: int) -> Iter
         return
     yield f"  {'price':>7}{'earned':>9}{'success':>9}{'cuts/s':>8}{'uncut s':>9}"
     for factor in (0.0, 0.25, 0.5, 1.0, 2.0):
-        told = {"kind": "transition", "weight": price.weight * factor, "each": price.each * factor}
-        learned = train(policy, name, changed(spec, {}, rewards=[*rewards, told]))
+        outcome = {"kind": "transition", "weight": price.weight * factor, "each": price.each * factor}
+        learned = train(policy, name, changed(spec, {}, rewards=[*rewards, outcome]))
         episodes = play(policy, learned, states, targets, threads=threads)
         share, _ = success(spec, episodes)
         yield (

@@ -48,9 +48,9 @@ def small_policies(seconds: float = 24.0) -> Iterator[None]:
         folder = Path(name).resolve()
         (folder / "policies").mkdir()
         for path in sorted((ROOT / "policies").glob("*.yaml")):
-            told = smaller(yaml.safe_load(path.read_text(encoding="utf-8")), seconds)
-            told.pop("prune", None)
-            (folder / "policies" / path.name).write_text(yaml.safe_dump(told, sort_keys=False), encoding="utf-8")
+            outcome = smaller(yaml.safe_load(path.read_text(encoding="utf-8")), seconds)
+            outcome.pop("prune", None)
+            (folder / "policies" / path.name).write_text(yaml.safe_dump(outcome, sort_keys=False), encoding="utf-8")
         os.chdir(folder)
         try:
             yield

@@ -83,26 +83,26 @@ class Sizes:
 
 def read_sizes(bundle: Path) -> Sizes:
     """Read the numbers of a bundle."""
-    told = json.loads((bundle / "policy.json").read_text())
+    outcome = json.loads((bundle / "policy.json").read_text())
 
     def numbers(name: str) -> Array:
         return np.load(bundle / f"{name}.npy")
 
-    stride = round(told["database"]["playback_rate"] / told["database"]["control_rate"])
+    stride = round(outcome["database"]["playback_rate"] / outcome["database"]["control_rate"])
     return Sizes(
-        names=tuple(told["skeleton"]["names"]),
+        names=tuple(outcome["skeleton"]["names"]),
         parents=numbers("skeleton_parents"),
-        roles=told["body"]["roles"],
+        roles=outcome["body"]["roles"],
         offsets=numbers("skeleton_offsets"),
         fists=numbers("body_fist_offsets"),
         head=numbers("body_head_offset"),
         soles=numbers("body_sole_offsets"),
-        head_radius=told["body"]["head_radius"],
-        torso_radius=told["body"]["torso_radius"],
-        height=told["body"]["height"],
+        head_radius=outcome["body"]["head_radius"],
+        torso_radius=outcome["body"]["torso_radius"],
+        height=outcome["body"]["height"],
         stride=stride,
-        rate=told["database"]["playback_rate"],
-        clip_names=tuple(told["database"]["clip_names"]),
+        rate=outcome["database"]["playback_rate"],
+        clip_names=tuple(outcome["database"]["clip_names"]),
         clip_starts=numbers("database_clip_starts").astype(int),
         roots=numbers("database_root_positions"),
         first=(numbers("graph_action_first").astype(int) - 1) * stride,
@@ -222,13 +222,13 @@ def folds(figure: Figure, sizes: Sizes) -> Array:
     rest = sizes.rest()
     across = rest[sizes.roles["left_hip"]] - rest[sizes.roles["right_hip"]]
     forward = np.cross(across, [0.0, 1.0, 0.0])
-    told = []
+    outcome = []
     for hinge, axis in zip(HINGES, hinge_axes(figure), strict=True):
         side, what = hinge.split("_")
         upper = rest[sizes.roles[f"{side}_{'hip' if what == 'knee' else 'shoulder'}"]]
         way = np.cross(axis, rest[sizes.roles[hinge]] - upper)
-        told.append((-1.0 if what == "knee" else 1.0) * float(np.dot(way, forward)) / np.linalg.norm(way))
-    return np.array(told) / np.linalg.norm(forward)
+        outcome.append((-1.0 if what == "knee" else 1.0) * float(np.dot(way, forward)) / np.linalg.norm(way))
+    return np.array(outcome) / np.linalg.norm(forward)
 
 
 def ground(figure: Figure, fps: float) -> float:

@@ -243,15 +243,15 @@ def features(policy: Policy) -> np.ndarray:
         columns += list(ground.to_local(still, (positions[following, joint] - positions[:, joint]) * rate).T)
     hip = roles["pelvis"]
     columns += list(ground.to_local(still, (positions[following, hip] - positions[:, hip]) * rate).T)
-    told = np.stack(columns, axis=-1)
-    return np.ascontiguousarray((told - told.mean(axis=0)) / (told.std(axis=0) + 1e-9))
+    outcome = np.stack(columns, axis=-1)
+    return np.ascontiguousarray((outcome - outcome.mean(axis=0)) / (outcome.std(axis=0) + 1e-9))
 
 
 def matching(policy: Policy, decision: float, repeats: int, count: int) -> dict[str, float]:
     rng = np.random.default_rng(0)
-    told = features(policy)
+    outcome = features(policy)
     result: dict[str, float] = {"decision_nanoseconds": decision}
-    for name, rows in (("control", told[:: policy.database.stride]), ("playback", told)):
+    for name, rows in (("control", outcome[:: policy.database.stride]), ("playback", outcome)):
         tree = cKDTree(rows)
         queries = rows[rng.integers(len(rows), size=count)] + rng.normal(0, 0.3, (count, rows.shape[1]))
         best = np.inf

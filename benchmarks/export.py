@@ -104,8 +104,8 @@ def measure(frames: int, clouds: int, threads: int, repeats: int) -> dict[str, A
         folder = Path(name)
         export_bvh(sampler, folder / "warm", FPS, (0, 4), threads=threads)
         export_clouds(sampler, folder / "warm", "ply", FPS, POINTS, (0, 4))
-        told: dict[str, Any] = {"bvh": {}, "clouds": {}}
-        bvh, cloud = told["bvh"], told["clouds"]
+        outcome: dict[str, Any] = {"bvh": {}, "clouds": {}}
+        bvh, cloud = outcome["bvh"], outcome["clouds"]
         bvh["crowdsim"] = best_seconds(lambda: export_bvh(sampler, folder / "bvh", FPS, threads=threads), repeats)
         bvh["megabytes"] = sum(path.stat().st_size for path in (folder / "bvh").iterdir()) / 1e6
         rows = [sampler.rows(avatar) for avatar in range(AVATARS)]
@@ -139,7 +139,7 @@ def measure(frames: int, clouds: int, threads: int, repeats: int) -> dict[str, A
                 open3d.io.write_point_cloud(folder / f"{number}.ply", points)
 
         cloud["open3d legacy"] = clouds / 50 * best_seconds(legacy, repeats)
-    return told
+    return outcome
 
 
 def main() -> None:
@@ -153,16 +153,16 @@ def main() -> None:
     chosen = parser.parse_args()
     if chosen.quick:
         chosen.frames, chosen.clouds, chosen.repeats = min(chosen.frames, 60), min(chosen.clouds, 4), 1
-    told = measure(chosen.frames, chosen.clouds, chosen.threads, chosen.repeats)
+    outcome = measure(chosen.frames, chosen.clouds, chosen.threads, chosen.repeats)
     if chosen.json:
-        print(json.dumps({**vars(chosen), **told}, indent=2))
+        print(json.dumps({**vars(chosen), **outcome}, indent=2))
         return
     for what, title in (
         ("bvh", f"BVH, {AVATARS} avatars x {chosen.frames} frames"),
         ("clouds", f"{chosen.clouds} clouds of {AVATARS * POINTS:,} points"),
     ):
-        print(f"{title}, {told[what]['megabytes']:.0f} MB, {chosen.threads} threads")
-        for name, seconds in told[what].items():
+        print(f"{title}, {outcome[what]['megabytes']:.0f} MB, {chosen.threads} threads")
+        for name, seconds in outcome[what].items():
             if name != "megabytes":
                 print(f"  {name:<16}{seconds:>8.2f} s")
 

@@ -134,8 +134,8 @@ def read_stage(run: Path, policies: Path | None, folder: Path, mocap: Path | Non
         sys.exit(f"{run}: has {len(names)} policies, expected one")
     bundle = find_bundle(names[0]) if policies is None else policies / names[0]
     control = float(group.attrs["control_rate"])
-    told = json.loads((bundle / "policy.json").read_text())["fingerprint"]
-    if told != group.attrs["policy_fingerprints"][0]:
+    outcome = json.loads((bundle / "policy.json").read_text())["fingerprint"]
+    if outcome != group.attrs["policy_fingerprints"][0]:
         sys.exit(f"{run}: {bundle} is not the bundle that it was run with")
     sizes = read_sizes(bundle)
     action, phase = np.asarray(group["action"][:]).astype(int), np.asarray(group["action_frame"][:]).astype(float)
@@ -163,7 +163,7 @@ def read_stage(run: Path, policies: Path | None, folder: Path, mocap: Path | Non
 
 def judge(run: Path, stage: Stage, seconds: float) -> dict[str, Any]:
     """All figures of a run, with what ``crowdsim inspect`` says of it."""
-    cuts = sum(int(np.sum(told[:, 1] != told[:, 2])) for told in stage.decisions)
+    cuts = sum(int(np.sum(outcome[:, 1] != outcome[:, 2])) for outcome in stage.decisions)
     return {
         "avatars": len(stage.figures),
         "frames": len(stage.figures[0].head),
@@ -181,7 +181,7 @@ def judge(run: Path, stage: Stage, seconds: float) -> dict[str, Any]:
     }
 
 
-def _rows(told: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
+def _rows(outcome: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
     """Lines of the table: figure, from the files, of the capture, as inspect says, where the worst is."""
 
     def place(worst: dict[str, Any]) -> str:
@@ -189,9 +189,9 @@ def _rows(told: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
             f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}" for key, value in worst.items()
         )
 
-    own, feet_, bends = told["inspect"], told["feet"], told["hinges"]
+    own, feet_, bends = outcome["inspect"], outcome["feet"], outcome["hinges"]
     rows = []
-    calm = told["undisturbed"]
+    calm = outcome["undisturbed"]
     if calm["frames"]:
         gap = f"{1000 * calm['greatest_gap']:.2f}"
         rows.append((f"joints off the capture in {calm['frames']} calm frames [mm]", gap, "", "", ""))
@@ -215,13 +215,13 @@ def _rows(told: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
                      place(bend["worst"])))  # fmt: skip
         rows.append((f"{name} past straight, of frames", f"{bend['past_straight']:.2%}",
                      f"{bend['past_straight_of_the_capture']:.2%}", "", ""))  # fmt: skip
-    for kind, parts in told["peaks"].items():
+    for kind, parts in outcome["peaks"].items():
         for part, peak in parts.items():
             rows.append((f"greatest {kind} of {part} over the capture's", f"{peak['ratio']:.2f}", "1.00", "",
                          place(peak["worst"])))  # fmt: skip
             rows.append(("  99.99 %; frames beyond it by 10 %", f"{peak['p9999']:.3g}; {peak['frames_beyond']:.3%}",
                          f"{peak['p9999_of_the_capture']:.3g}", "", ""))  # fmt: skip
-    hits, bodies, apart = told["fists"], told["overlap"], told["cuts_told_apart"]
+    hits, bodies, apart = outcome["fists"], outcome["overlap"], outcome["cuts_told_apart"]
     rows.append(("strikes landed", f"{hits['landed']}", "", f"{own['strikes_landed']}", ""))
     if hits["landed"]:
         off = hits["gap"]
@@ -233,7 +233,7 @@ def _rows(told: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
     rows.append(("bodies overlap: discs", f"{bodies['discs']:.3%}", "", f"{own['overlap_share']:.3%}", ""))
     rows.append(("  torsos", f"{bodies['torsos']:.3%}", "", "", place(bodies["worst"])))
     rows.append(("  heads", f"{bodies['heads']:.3%}", "", "", ""))
-    rows.append(("cuts a second and avatar", f"{told['cuts_per_second']:.2f}", "",
+    rows.append(("cuts a second and avatar", f"{outcome['cuts_per_second']:.2f}", "",
                  f"{own['transitions_per_second']:.2f}", ""))  # fmt: skip
     if apart["auc"] is not None and apart["auc_of_content"] is not None:
         rows.append((f"AUC of {apart['cuts']} cuts against {apart['others']} others", f"{apart['auc']:.3f}",
@@ -274,12 +274,12 @@ def main() -> None:
     if options.json:
         print(json.dumps(result, indent=2))
         return
-    for name, told in result.items():
-        print(f"{name}: {told['avatars']} avatars, {told['frames']} frames")
+    for name, outcome in result.items():
+        print(f"{name}: {outcome['avatars']} avatars, {outcome['frames']} frames")
         print(f"  {'':48} {'files':>18} {'capture':>10} {'inspect':>16}  worst")
-        for figure, shown, captured, said, worst in _rows(told):
+        for figure, shown, captured, said, worst in _rows(outcome):
             print(f"  {figure:48} {shown:>18} {captured:>10} {said:>16}  {worst}")
-        for odd in told["hinges"]["clips_with_backward_hinges"]:
+        for odd in outcome["hinges"]["clips_with_backward_hinges"]:
             print(f"  the capture's {odd['joint'].replace('_', ' ')} folds the wrong way in {odd['clip']}")
 
 

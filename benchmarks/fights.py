@@ -62,7 +62,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
     parser.add_argument("--quick", action="store_true", help="seconds: six avatars, 8 s, small policies")
     options = parser.parse_args()
-    told: dict[str, Any] = {}
+    outcome: dict[str, Any] = {}
     changes = QUICK if options.quick else {}
     with ExitStack() as stack:
         if options.quick:
@@ -71,15 +71,15 @@ def main() -> None:
             if name.endswith("cmu") and options.mocap is None and not options.quick:
                 print(f"{name}: left out, it needs --mocap or CROWDSIM_MOCAP", file=sys.stderr)
                 continue
-            told[name] = {
+            outcome[name] = {
                 how: judge(run(load_scenario(name, overrides, **changes), mocap=options.mocap))
                 for how, overrides in (("learned", ()), ("random", DRAWN))
             }
     if options.json:
-        print(json.dumps(told, indent=2))
+        print(json.dumps(outcome, indent=2))
         return
     print(f"{'a minute and avatar':<30}{'thrown':>9}{'strict':>9}{'generous':>10}")
-    for name, found in told.items():
+    for name, found in outcome.items():
         for how, numbers in found.items():
             print(f"{name + ', ' + how:<30}{numbers['thrown']:9.1f}{numbers['strict']:9.1f}{numbers['generous']:10.1f}")
 

@@ -85,15 +85,15 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
     parser.add_argument("--quick", action="store_true", help="seconds: six avatars, 4 s, a small policy")
     options = parser.parse_args()
-    told = measure(options.threads, options.quick)
+    outcome = measure(options.threads, options.quick)
     if options.json:
-        print(json.dumps(told, indent=2))
+        print(json.dumps(outcome, indent=2))
         return
-    print(f"brawl_30, {told['avatars']} avatars, {told['control_frames']} control frames [s]")
+    print(f"brawl_30, {outcome['avatars']} avatars, {outcome['control_frames']} control frames [s]")
     print(f"{'':<16}{'first':>9}{'again':>9}")
-    for stage, seconds in told["first"].items():
-        print(f"{stage:<16}{seconds:9.2f}{told['again'].get(stage, 0.0):9.2f}")
-    for name, one in told["outputs"].items():
+    for stage, seconds in outcome["first"].items():
+        print(f"{stage:<16}{seconds:9.2f}{outcome['again'].get(stage, 0.0):9.2f}")
+    for name, one in outcome["outputs"].items():
         print(f"{name}: {one['files']} files, {one['megabytes']:.1f} MB")
 
 

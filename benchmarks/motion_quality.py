@@ -242,7 +242,7 @@ def areas(database: MotionDatabase, cuts: dict[str, Array], leave: Array, enter:
         for key, places in ((kind, shown), ("left", cuts["left"]), ("entered", cuts["entered"]))
     }
     half = np.arange(len(leave)) % 2 == 0
-    told: dict[str, list[float]] = {"logistic": [], "trees": []}
+    outcome: dict[str, list[float]] = {"logistic": [], "trees": []}
     for split in range(4):
         chosen = np.random.default_rng(split).permutation(len(unique))[: len(unique) // 2]
         sides = np.isin(left, chosen).astype(int) + np.isin(entered, chosen)
@@ -269,8 +269,8 @@ def areas(database: MotionDatabase, cuts: dict[str, Array], leave: Array, enter:
         }
         for name, (model, known, asked) in models.items():
             model.fit(known, labels)
-            told[name].append(float(roc_auc_score(truth, model.predict_proba(asked)[:, 1])))
-    return {name: float(np.mean(values)) if values else float("nan") for name, values in told.items()}
+            outcome[name].append(float(roc_auc_score(truth, model.predict_proba(asked)[:, 1])))
+    return {name: float(np.mean(values)) if values else float("nan") for name, values in outcome.items()}
 
 
 def judge(
@@ -285,31 +285,34 @@ def judge(
     cuts = {**ways(database, leave, enter, ours.shape[1] // 2 - 1), "ours": ours}
     rng = np.random.default_rng(0)
     cuts = {key: places + noise * rng.standard_normal(places.shape) for key, places in cuts.items()}
-    told: dict[str, Any] = {"cuts": len(leave), "of_them_different": len(np.unique(np.stack([leave, enter]), axis=1).T)}
+    outcome: dict[str, Any] = {
+        "cuts": len(leave),
+        "of_them_different": len(np.unique(np.stack([leave, enter]), axis=1).T),
+    }
     for kind in ("ours", *kinds):
         by = areas(database, cuts, leave, enter, kind)
-        told[kind] = {"auc": max(by.values()), **by}
-    return told
+        outcome[kind] = {"auc": max(by.values()), **by}
+    return outcome
 
 
-def mean_of(told: list[dict[str, Any]]) -> dict[str, Any]:
+def mean_of(outcome: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the means of like tables of numbers."""
-    first = told[0]
+    first = outcome[0]
     return {
-        key: mean_of([one[key] for one in told])
+        key: mean_of([one[key] for one in outcome])
         if isinstance(value, dict)
-        else float(np.mean([one[key] for one in told]))
+        else float(np.mean([one[key] for one in outcome]))
         for key, value in first.items()
     }
 
 
-def _plain(told: Any) -> Any:
+def _plain(outcome: Any) -> Any:
     """Return plain data with null for what is no number: too few cuts to tell."""
-    if isinstance(told, dict):
-        return {key: _plain(value) for key, value in told.items()}
-    if isinstance(told, list):
-        return [_plain(value) for value in told]
-    return None if isinstance(told, float) and not np.isfinite(told) else told
+    if isinstance(outcome, dict):
+        return {key: _plain(value) for key, value in outcome.items()}
+    if isinstance(outcome, list):
+        return [_plain(value) for value in outcome]
+    return None if isinstance(outcome, float) and not np.isfinite(outcome) else outcome
 
 
 def measure(options: argparse.Namespace) -> dict[str, Any]:
@@ -371,11 +374,11 @@ def main() -> None:
     if options.json:
         print(json.dumps(_plain(result), indent=2, allow_nan=False))
         return
-    for name, told in result.items():
-        each = ", ".join(f"{area:.3f}" for area in told["made_in_each"])
-        print(f"{name}: {told['cuts_per_second']:.2f} cuts a second and avatar; AUC of ours in each brawl: {each}")
+    for name, outcome in result.items():
+        each = ", ".join(f"{area:.3f}" for area in outcome["made_in_each"])
+        print(f"{name}: {outcome['cuts_per_second']:.2f} cuts a second and avatar; AUC of ours in each brawl: {each}")
         for group in ("made", "apart", "every"):
-            rows = told[group]
+            rows = outcome[group]
             print(f"  {group} ({rows['cuts']:.0f} cuts, {rows['of_them_different']:.0f} different)")
             print(f"    {'':24} {'AUC':>7} {'logistic':>8} {'trees':>6}")
             for kind in ("ours", "crossfade", "hard", "motions alone"):

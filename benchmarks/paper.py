@@ -91,8 +91,8 @@ def brawl(
     for seed in range(1, scene.seeds + 1):
         scales = prepare(scene.scenario.model_copy(update={"seed": seed}), [policy]).cast.scales
         counter = RewardCounter(terms, policy, scales)
-        told = play(scene, seed, [policy], options.threads, counter.add)
-        landed.append(told["landed_per_minute"] or 0.0)
+        outcome = play(scene, seed, [policy], options.threads, counter.add)
+        landed.append(outcome["landed_per_minute"] or 0.0)
         earned.append(counter.mean())
     return landed, fmean(earned)
 
@@ -123,7 +123,7 @@ def carried_out(ours: Policy, options: argparse.Namespace) -> dict[str, Any]:
         "states": policy.actions.state_count,
         "table_bytes": sum(behaviour.table.nbytes for behaviour in policy.behaviours),
         "training_seconds": seconds,
-        "converged": {name: told["converged"] for name, told in policy.statistics["behaviours"].items()},
+        "converged": {name: outcome["converged"] for name, outcome in policy.statistics["behaviours"].items()},
         "control_seconds": control_seconds(scene_of(BRAWL, policy, options), policy),
         "landed_per_minute": scenes[BRAWL]["boxer_paper"]["landed_per_minute"],
         "scenes": scenes,
@@ -150,9 +150,9 @@ def ablated(recipe: Recipe, base: Policy, base_seconds: float, options: argparse
         print(f"{name} ...", file=sys.stderr, flush=True)
         policy, seconds = base, 0.0
         if difference.recipe is not None:
-            told = smaller(recipe, options.quick, difference.weighted)
-            difference.recipe(told)
-            policy, seconds = trained(Recipe.model_validate(told), "boxer", options.threads)
+            outcome = smaller(recipe, options.quick, difference.weighted)
+            difference.recipe(outcome)
+            policy, seconds = trained(Recipe.model_validate(outcome), "boxer", options.threads)
         landed, earned = brawl(policy, terms, difference, options)
         results[name] = {
             "says": difference.says,
@@ -174,9 +174,9 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     return {"boxer_paper": carried_out(ours, options), "differences": ablated(recipe, base, seconds, options)}
 
 
-def show(told: dict[str, Any]) -> None:
+def show(outcome: dict[str, Any]) -> None:
     """Print the tables."""
-    found = told["boxer_paper"]
+    found = outcome["boxer_paper"]
     print(f"{'':<44}{'the paper':>14}{'boxer_paper':>14}")
     for key, label in (
         ("motion_seconds", "motion [s]"),
@@ -199,7 +199,7 @@ def show(told: dict[str, Any]) -> None:
             print(f"{name + ': ' + policy:<44}{row}")
     print()
     print(f"{'ours, with one thing as in the paper':<36}{'landed':>8}{'return':>8}{'actions':>9}{'training':>10}")
-    for name, one in told["differences"].items():
+    for name, one in outcome["differences"].items():
         row = f"{one['landed_per_minute']:8.1f}{one['return_ratio']:8.2f}{one['actions']:9d}"
         spent = f"{one['training_seconds']:8.1f} s" if one["training_seconds"] else f"{'':>10}"
         print(f"{name:<36}{row}{spent}  {one['says']}")
@@ -218,11 +218,11 @@ def main() -> None:
         parser.error(f"no difference {unknown[0]!r}, there are {', '.join(differences(options.quick))}")
     if options.seeds < 1:
         parser.error(f"the number of seeds is {options.seeds}, expected 1 or more")
-    told = measure(options)
+    outcome = measure(options)
     if options.json:
-        print(json.dumps(told, indent=2))
+        print(json.dumps(outcome, indent=2))
     else:
-        show(told)
+        show(outcome)
 
 
 if __name__ == "__main__":

@@ -147,15 +147,15 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="seconds: little motion, coarse grids, few starts")
     options = parser.parse_args()
     numba.set_num_threads(options.threads)
-    told: dict[str, Any] = {}
+    outcome: dict[str, Any] = {}
     for stem in options.policy or SHIPPED:
         if load_recipe(POLICIES / f"{stem}.yaml").motion.capture is not None and not options.mocap:
             print(f"{stem}: left out, it needs --mocap or CROWDSIM_MOCAP", file=sys.stderr)
             continue
         recipe, policy = (quickly_trained if options.quick else trained)(stem, options.mocap, options.threads)
-        told[stem] = {}
+        outcome[stem] = {}
         for name, figures in judged(policy, recipe, TINY if options.quick else Sizes(), options.threads):
-            told[stem][name] = figures
+            outcome[stem][name] = figures
             if options.json:
                 continue
             print(f"{stem} {name}: {policy.actions.action_count} actions of {policy.actions.state_count} states")
@@ -165,7 +165,7 @@ def main() -> None:
             if name in recipe.behaviours and not options.quick:
                 details(policy, name, recipe.behaviours[name], options.threads)
     if options.json:
-        json.dump(told, sys.stdout, indent=2)
+        json.dump(outcome, sys.stdout, indent=2)
         print()
 
 

@@ -147,9 +147,9 @@ def measure(
         "poses_per_s": 8 * crowded / clock,
         "poses_per_processor_s": 8 * crowded / processor,
     }
-    told = PoseSampler(take, [policy]).sample(0, 64, 60)[0]
-    rotations = told.rotations.reshape(-1, *told.rotations.shape[2:])
-    roots = told.root_positions.reshape(-1, 3)
+    outcome = PoseSampler(take, [policy]).sample(0, 64, 60)[0]
+    rotations = outcome.rotations.reshape(-1, *outcome.rotations.shape[2:])
+    roots = outcome.root_positions.reshape(-1, 3)
     skeleton = database.skeleton
     clock, processor = best(lambda: fk_quat(rotations, roots, skeleton.offsets, skeleton.parents), repeats)
     result["pymotion_forward_kinematics"] = {
@@ -178,9 +178,11 @@ def main() -> None:
         return
     print(f"{result['joints']} joints, {result['avatars']} avatars, {result['frames']} frames")
     print(f"{'':40} {'poses/s':>12} {'per s of processor':>20}")
-    for name, told in result.items():
-        if isinstance(told, dict):
-            print(f"{name.replace('_', ' '):40} {told['poses_per_s']:12,.0f} {told['poses_per_processor_s']:20,.0f}")
+    for name, outcome in result.items():
+        if isinstance(outcome, dict):
+            print(
+                f"{name.replace('_', ' '):40} {outcome['poses_per_s']:12,.0f} {outcome['poses_per_processor_s']:20,.0f}"
+            )
     print(f"{result['share_of_goal']:.2f} of the goal of {GOAL:,} poses a second on two threads")
 
 

@@ -189,15 +189,15 @@ def open3d_apart(quick: bool) -> float | None:
 def measure(sizes: Sizes, quick: bool) -> dict[str, Any]:
     """Return all figures."""
     size = sizes.picture
-    told: dict[str, Any] = {"size": list(size), "processors": THREADS, "fps": {}, "cpu_milliseconds": {}}
+    outcome: dict[str, Any] = {"size": list(size), "processors": THREADS, "fps": {}, "cpu_milliseconds": {}}
     for (name, count), frames in zip(sizes.boxers.items(), sizes.frames, strict=True):
-        told["fps"][name], told["cpu_milliseconds"][name] = frames_a_second(
+        outcome["fps"][name], outcome["cpu_milliseconds"][name] = frames_a_second(
             boxers(count, frames / FPS), size, frames, 2
         )
-    told["open3d"] = {"fps_30": open3d_apart(quick)}
-    told["paper"] = {"fps_30": PAPER}
-    told["memory"] = memory(boxers(sizes.boxers["30"], sizes.memory / FPS), size, sizes.memory)
-    return told
+    outcome["open3d"] = {"fps_30": open3d_apart(quick)}
+    outcome["paper"] = {"fps_30": PAPER}
+    outcome["memory"] = memory(boxers(sizes.boxers["30"], sizes.memory / FPS), size, sizes.memory)
+    return outcome
 
 
 def main() -> None:
@@ -215,17 +215,17 @@ def main() -> None:
     with ExitStack() as stack:
         if chosen.quick:
             stack.enter_context(small_policies())
-        told = measure(sizes, chosen.quick)
+        outcome = measure(sizes, chosen.quick)
     if chosen.json:
-        print(json.dumps(told, indent=2))
+        print(json.dumps(outcome, indent=2))
         return
     print(f"{'boxers':>8}  {'frames/s':>8}  {'CPU ms':>8}")
-    for count, rate in told["fps"].items():
-        print(f"{count:>8}  {rate:8.1f}  {told['cpu_milliseconds'][count]:8.1f}")
-    theirs = told["open3d"]["fps_30"]
+    for count, rate in outcome["fps"].items():
+        print(f"{count:>8}  {rate:8.1f}  {outcome['cpu_milliseconds'][count]:8.1f}")
+    theirs = outcome["open3d"]["fps_30"]
     print(f"Open3D, 30 boxers, no shadows: {'does not start' if theirs is None else f'{theirs:.1f} frames/s'}")
     print(f"the paper, 30 boxers: {PAPER:.0f} frames/s")
-    held = told["memory"]
+    held = outcome["memory"]
     print(f"memory over {sizes.memory} frames: {held['growth_mib']:+.1f} MiB of {held['most_mib']:.0f}")
 
 

@@ -149,14 +149,14 @@ def play(
         if near:
             dx, dz, known = opponent_offsets(chunk)
             distances.append(np.where(known, np.hypot(dx, dz), np.inf))
-    told: dict[str, float | None] = {"seed": seed, **asdict(counter.finish())}
+    outcome: dict[str, float | None] = {"seed": seed, **asdict(counter.finish())}
     if scene.radius:
-        told.update(arrivals(np.concatenate(distances), rate, scene.radius))
+        outcome.update(arrivals(np.concatenate(distances), rate, scene.radius))
     elif near:
         # A quick run is over before 8 s.
         late = np.concatenate(distances)[math.ceil(min(WITHIN_AFTER, scene.after) * rate) :]
-        told["within_share"] = float((late <= WITHIN).mean()) if late.size else None
-    return told
+        outcome["within_share"] = float((late <= WITHIN).mean()) if late.size else None
+    return outcome
 
 
 def arrivals(distances: np.ndarray, rate: float, radius: float) -> dict[str, float | None]:
@@ -171,17 +171,17 @@ def arrivals(distances: np.ndarray, rate: float, radius: float) -> dict[str, flo
     }
 
 
-def table(scene: Scene, told: dict[str, Any]) -> Iterator[str]:
+def table(scene: Scene, outcome: dict[str, Any]) -> Iterator[str]:
     """Yield the figures of a scene, a line each."""
     yield (
-        f"{scene.name}: {told['avatars']:,} avatars, {told['control_frames']} control frames, "
-        f"{told['seed_count']} seeds, positions from {scene.after:g} s on; took {told['wall_seconds']:.1f} s"
+        f"{scene.name}: {outcome['avatars']:,} avatars, {outcome['control_frames']} control frames, "
+        f"{outcome['seed_count']} seeds, positions from {scene.after:g} s on; took {outcome['wall_seconds']:.1f} s"
     )
     yield f"  {'':<26}{'worst':>10}{'mean':>10}   goal"
     goals = GOALS.get(scene.name, {})
-    for key, mean in told["mean"].items():
-        values = ("none" if value is None else f"{value:.4g}" for value in (told[key], mean))
-        verdict = "" if key not in goals else f"{goals[key]!s}{'   MISSED' if key in told['missed'] else ''}"
+    for key, mean in outcome["mean"].items():
+        values = ("none" if value is None else f"{value:.4g}" for value in (outcome[key], mean))
+        verdict = "" if key not in goals else f"{goals[key]!s}{'   MISSED' if key in outcome['missed'] else ''}"
         yield f"  {key:<26}{next(values):>10}{next(values):>10}   {verdict}".rstrip()
 
 

@@ -214,9 +214,9 @@ def _told(solution: Solution) -> dict[str, Any]:
     }
 
 
-def summary(told: dict[str, Any]) -> dict[str, Any]:
+def summary(outcome: dict[str, Any]) -> dict[str, Any]:
     """Return the numbers under the names that checks rely on."""
-    sweeps, vi, ql = told["sweeps"], told["value_iteration"], told["q_learning"]
+    sweeps, vi, ql = outcome["sweeps"], outcome["value_iteration"], outcome["q_learning"]
     return {
         "value_iteration": {
             "ratio_to_quantecon_1t": sweeps["quantecon"] / sweeps["ours_1t"],
@@ -236,25 +236,25 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=7, help="sweeps timed of each kind")
     parser.add_argument("--quick", action="store_true", help="a small model, to see that all runs")
     options = parser.parse_args()
-    told = measure(2 if options.quick else options.repeats, quick=options.quick)
+    outcome = measure(2 if options.quick else options.repeats, quick=options.quick)
     if options.json:
-        json.dump(summary(told), sys.stdout, indent=2)
+        json.dump(summary(outcome), sys.stdout, indent=2)
         print()
         return
-    short = summary(told)
-    print(f"One Bellman sweep, punch, {told['pairs'] / 1e6:.1f} M pairs [ms]")
-    for name, seconds in told["sweeps"].items():
-        ratio = told["sweeps"]["quantecon"] / seconds
+    short = summary(outcome)
+    print(f"One Bellman sweep, punch, {outcome['pairs'] / 1e6:.1f} M pairs [ms]")
+    for name, seconds in outcome["sweeps"].items():
+        ratio = outcome["sweeps"]["quantecon"] / seconds
         print(f"  {name:<12}{seconds * 1e3:9.1f}{ratio:8.1f} x")
-    print(f"Building both models: {told['build_seconds']:.2f} s")
+    print(f"Building both models: {outcome['build_seconds']:.2f} s")
     print(f"{'':<28}{'seconds':>9}{'sweeps':>8}{'residual':>10}{'M updates/s':>13}{'paper':>10}")
     for solver in ("value_iteration", "q_learning"):
-        for name, one in told[solver].items():
+        for name, one in outcome[solver].items():
             print(
                 f"{solver + ' ' + name:<28}{one['seconds']:9.2f}{one['sweeps']:8d}{one['residual']:10.4f}"
                 f"{one['updates_per_second'] / 1e6:13.0f}{PAPER[name]:9.0f}s"
             )
-    for name, one in told["q_learning"].items():
+    for name, one in outcome["q_learning"].items():
         print(f"q_learning {name}: {one['return_ratio']:.3f} of the return, {one['value_ratio']:.3f} of the mean value")
     print(f"Both tables: {short['value_iteration']['seconds_both_tables']:.2f} s by value iteration, ", end="")
     print(f"{short['q_learning']['seconds_both_tables']:.1f} s by Q-learning")
