@@ -66,13 +66,22 @@ def test_the_package_has_few_modules_of_its_own() -> None:
     assert len(list(PACKAGE.glob("*.py"))) <= 8
 
 
-@pytest.mark.parametrize("path", [path for path in MODULES if path.stem.endswith("kernels")], ids=relative)
-def test_kernels_import_only_numpy_numba_and_math(path: Path) -> None:
-    roots = {name.split(".")[0] for name in imports(path)}
-    assert roots <= {"numpy", "numba", "math", "__future__"}
+def holds_kernels(path: Path) -> bool:
+    """Kernels are in files that end so, in packages of that name, and in core."""
+    return path.stem.endswith("kernels") or path.parent.name in ("kernels", "core")
 
 
-@pytest.mark.parametrize("path", [path for path in MODULES if not path.stem.endswith("kernels")], ids=relative)
+@pytest.mark.parametrize("path", [path for path in MODULES if holds_kernels(path)], ids=relative)
+def test_kernels_import_only_kernels_core_jit_and_what_numba_compiles(path: Path) -> None:
+    names = {name for name in imports(path) if not name.startswith("crowdsim.")}
+    assert {name.split(".")[0] for name in names} <= {"collections", "numpy", "numba", "math", "typing", "__future__"}
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("crowdsim."):
+            source = ROOT.joinpath(*node.module.split(".")).with_suffix(".py")
+            assert source == PACKAGE / "jit.py" or holds_kernels(source), node.module
+
+
+@pytest.mark.parametrize("path", [path for path in MODULES if not holds_kernels(path)], ids=relative)
 def test_only_kernels_are_compiled(path: Path) -> None:
     tree = ast.parse(path.read_text(encoding="utf-8"))
     decorators = [
@@ -81,7 +90,7 @@ def test_only_kernels_are_compiled(path: Path) -> None:
         if isinstance(node, ast.FunctionDef)
         for item in node.decorator_list
     ]
-    assert not [text for text in decorators if "njit" in text or "jit(" in text]
+    assert not [text for text in decorators if text.split("(")[0] == "kernel" or "jit" in text]
 
 
 @pytest.mark.parametrize("path", MODULES, ids=relative)

@@ -2,11 +2,12 @@
 
 import math
 
-import numba as nb
 import numpy as np
 
+from crowdsim.jit import kernel
 
-@nb.njit(cache=True, nogil=True)
+
+@kernel
 def channels_to_quaternions(motion, first, columns, axes, out):
     """Turn Euler channels [deg] into quaternions, each on the side of the sphere of the frame before.
 
@@ -33,7 +34,7 @@ def channels_to_quaternions(motion, first, columns, axes, out):
             out[f, j, 0], out[f, j, 1], out[f, j, 2], out[f, j, 3] = w, x, y, z
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def quaternions_to_channels(rotations, orders, columns, previous, continued, out):
     """Write Euler channels [deg] of quaternions (F, J, 4), in each frame the triple nearest to the frame before.
 

@@ -1,7 +1,8 @@
 """Compiled number work of BVH files: text to numbers and numbers to text."""
 
-import numba as nb
 import numpy as np
+
+from crowdsim.jit import kernel
 
 _POWER_LIMIT = 270
 
@@ -26,7 +27,7 @@ _LEFT = np.array([[*(48 + int(digit) for digit in f"{n:<3}".replace(" ", "0")), 
 _LEFT = _LEFT.astype(np.uint8).reshape(-1)
 
 
-@nb.njit(cache=True)
+@kernel
 def _scale_decimal(mantissa, exponent, truncated):
     """Return mantissa * 10**exponent rounded once, and whether that rounding is certain."""
     if mantissa <= 9007199254740992 and not truncated:
@@ -57,7 +58,7 @@ def _scale_decimal(mantissa, exponent, truncated):
     return value, value + (rest + doubt) == value and value + (rest - doubt) == value
 
 
-@nb.njit(cache=True)
+@kernel
 def _read_long(data, start, stop):
     """Return the first 18 digits of a number, the power of ten behind them, and whether others were lost."""
     mantissa = np.int64(0)
@@ -80,7 +81,7 @@ def _read_long(data, start, stop):
     return mantissa, exponent, lost
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def parse_numbers(data, stop, columns, out, hard, state):
     """Read decimal numbers of ``data`` (uint8) up to ``stop`` into ``out``, which ends it when full.
 
@@ -167,7 +168,7 @@ def parse_numbers(data, stop, columns, out, hard, state):
     state[0], state[1], state[2], state[3], state[4] = at, count, hards, on_line, odd_lines
 
 
-@nb.njit(cache=True)
+@kernel
 def count_by_line(data, start, stop, out):
     """Write (line from ``start`` on, numbers on it) of every line that is not blank; return how many there are."""
     lines = 0
@@ -195,7 +196,7 @@ def count_by_line(data, start, stop, out):
     return lines
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def format_numbers(motion, start, stop, decimals, out):
     """Write rows ``start`` to ``stop`` as text with fixed decimals, one blank between numbers and a line feed a row.
 

@@ -8,11 +8,12 @@ rounding is monotonic: pruning with ``>`` therefore loses no candidate at the be
 
 import math
 
-import numba as nb
 import numpy as np
 
+from crowdsim.jit import kernel
+
 # Kernels that allocate nothing do without numba's counting of references, which would cost more than their work.
-_kernel = nb.njit(cache=True, nogil=True, _nrt=False)  # type: ignore[call-overload]
+_kernel = kernel(allocates=False)
 
 ABOVE = 3  # levels up from a leaf to the node whose leaves share a list of the leaves around them
 
@@ -44,7 +45,7 @@ def _select(keys, others, order, low, high, middle):
             return
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def sort_points(xs, zs, order, depth, top, bottom):
     """Bring the points below node ``top`` into the order of leaves, down to nodes of level ``bottom``.
 
@@ -227,7 +228,7 @@ def _gather(
     return held_now
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def query_nearest(
     xs, zs, number, team, depth, boxes, box_teams, at_x, at_z, at_own, at_team, first, last, out_found, out_distance
 ):
@@ -245,7 +246,7 @@ def query_nearest(
         )  # fmt: skip
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def query_neighbours(
     xs, zs, number, depth, boxes, at_x, at_z, at_own, reach, first, last, out_counts, out_points, out_distances
 ):
@@ -317,7 +318,7 @@ def _copy_near(xs, zs, depth, boxes, leaf, reach, leaves, listed, out_points, ou
     return held
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def observe(
     xs, zs, number, team, depth, boxes, box_teams, due, skipped, opponent, slot_of, reach, first, last, out_opponents,
     out_counts, out_neighbours,

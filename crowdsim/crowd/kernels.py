@@ -7,20 +7,21 @@ rewards mean what ``policy.action_values`` says, draws what ``random.uniform`` s
 
 import math
 
-import numba as nb
 import numpy as np
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
+from crowdsim.jit import kernel
+
 # Kernels that allocate nothing do without numba's counting of references, which would cost more than their work: two
 # atomic operations for every array that is handed to a function, or looked up in a named tuple.
-_kernel = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)  # type: ignore[call-overload]
+_kernel = kernel(allocates=False)
 
 # Parts of kernels: handing over arrays, of which a model has fifteen and scratch space as many, would take longer than
 # what they do for a small crowd. Stages of a frame are parts too: all of them are one function in ``run_frames``.
-_part = nb.njit(cache=True, nogil=True, error_model="numpy", _nrt=False, forceinline=True)  # type: ignore[call-overload]
+_part = kernel(inline=True)
 
 # Rows of ``Avatars.whole`` and ``Avatars.real``, a column for each slot.
 (
@@ -1369,7 +1370,7 @@ def write_record(model, avatars, record, row, first, last):
         record.whole[1, row, n] = whole[OPPONENT, i]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def run_frames(
     model, avatars, world, present, frame, count, fresh, reach, most_near, scratch, record, strikes, timings, fault
 ):

@@ -1,9 +1,9 @@
 """Compiled measures of what the machine can do at best."""
 
-from numba import njit
+from crowdsim.jit import kernel
 
 
-@njit(cache=True)
+@kernel
 def walk(following, place, steps):
     """Return where so many steps lead from a place, each to what ``following`` says of the place before."""
     for _ in range(steps):

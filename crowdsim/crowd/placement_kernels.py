@@ -2,11 +2,12 @@
 
 import math
 
-import numba as nb
 import numpy as np
 
+from crowdsim.jit import kernel
 
-@nb.njit(cache=True, inline="always")
+
+@kernel(inline=True)
 def mix(bits):
     """Scramble 64 bits (SplitMix64's finaliser)."""
     bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -14,7 +15,7 @@ def mix(bits):
     return bits ^ (bits >> np.uint64(31))
 
 
-@nb.njit(cache=True, inline="always")
+@kernel(inline=True)
 def uniform(stream, avatar, draw):
     """Return the number in [0, 1) of ``random.uniform``; ``stream`` is uint64."""
     golden = np.uint64(0x9E3779B97F4A7C15)
@@ -23,13 +24,13 @@ def uniform(stream, avatar, draw):
     return np.float64(bits >> np.uint64(11)) * 2.0**-53
 
 
-@nb.njit(cache=True, inline="always")
+@kernel(inline=True)
 def bucket_of(column, row, mask):
     """Return the bucket of a square of the hash grid; neighbours in a row are neighbours in memory."""
     return np.int64((mix(np.uint64(row)) + np.uint64(column)) & mask)
 
 
-@nb.njit(cache=True, inline="always")
+@kernel(inline=True)
 def enter(i, x, z, size, mask, heads, following):
     """Enter point ``i`` into the hash grid, whose squares are ``size`` wide."""
     bucket = bucket_of(np.int64(math.floor(x / size)), np.int64(math.floor(z / size)), mask)
@@ -37,7 +38,7 @@ def enter(i, x, z, size, mask, heads, following):
     heads[bucket] = i
 
 
-@nb.njit(cache=True)
+@kernel
 def is_free(x, z, least, mask, heads, following, xs, zs):
     """Return whether no point of the hash grid lies nearer than ``least``, the width of its squares."""
     column, row = np.int64(math.floor(x / least)), np.int64(math.floor(z / least))
@@ -53,7 +54,7 @@ def is_free(x, z, least, mask, heads, following, xs, zs):
     return True
 
 
-@nb.njit(cache=True)
+@kernel
 def insert_points(start, stop, size, heads, following, xs, zs):
     """Enter points ``start`` to ``stop`` into the hash grid; ``heads`` has a power of two of buckets, -1 when empty."""
     mask = np.uint64(heads.shape[0] - 1)
@@ -61,7 +62,7 @@ def insert_points(start, stop, size, heads, following, xs, zs):
         enter(i, xs[i], zs[i], size, mask, heads, following)
 
 
-@nb.njit(cache=True)
+@kernel
 def stride_through(count):
     """Return a stride near the golden section that visits all of ``count`` places before any twice."""
     stride = max(np.int64(1), np.int64(0.6180339887498949 * count))
@@ -74,7 +75,7 @@ def stride_through(count):
         stride += 1
 
 
-@nb.njit(cache=True)
+@kernel
 def throw_darts(stream, start, stop, centre_x, centre_z, radius, least, tries, heads, following, xs, zs):
     """Place avatars ``start`` to ``stop`` at the first of their ``tries`` darts that is free; return where it stops.
 
@@ -112,7 +113,7 @@ def throw_darts(stream, start, stop, centre_x, centre_z, radius, least, tries, h
     return stop
 
 
-@nb.njit(cache=True)
+@kernel
 def first_conflict(least, heads, following, xs, zs):
     """Return the first point with an earlier one nearer than ``least``, or -1; enters all points before it."""
     mask = np.uint64(heads.shape[0] - 1)

@@ -1,10 +1,11 @@
 """The draws of ``random.py`` in compiled form; kernels that draw repeat ``mix`` and ``uniform`` in their own file."""
 
-import numba as nb
 import numpy as np
 
+from crowdsim.jit import kernel
 
-@nb.njit(cache=True, inline="always")
+
+@kernel(inline=True)
 def mix(bits):
     """Scramble 64 bits (SplitMix64's finaliser)."""
     bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -12,7 +13,7 @@ def mix(bits):
     return bits ^ (bits >> np.uint64(31))
 
 
-@nb.njit(cache=True, inline="always")
+@kernel(inline=True)
 def uniform(stream, avatar, draw):
     """Return a number in [0, 1); ``stream`` is uint64, from ``random.stream``, the others are integers of any type."""
     golden = np.uint64(0x9E3779B97F4A7C15)

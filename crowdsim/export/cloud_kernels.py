@@ -2,10 +2,10 @@
 
 import math
 
-import numba as nb
+from crowdsim.jit import kernel
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _turn(rotation, a, b, c):
     """Return a vector of a joint's frame in the world."""
     w, x, y, z = rotation[0], rotation[1], rotation[2], rotation[3]
@@ -13,7 +13,7 @@ def _turn(rotation, a, b, c):
     return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def place_points(
     positions, rotations, before, frame, after, seconds, columns, scales, joints, places, normals,
     first, out_places, out_normals, out_velocities,

@@ -3,10 +3,12 @@
 import numba as nb
 import numpy as np
 
+from crowdsim.jit import kernel
+
 _DEPTH = 12
 
 
-@nb.njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
+@kernel(parallel=True, fastmath={"contract"})
 def square_distances(features, tiles, start, stop, limit, out):
     """Write squared distances of frames ``start``..``stop`` to themselves and all later frames.
 
@@ -56,7 +58,7 @@ def square_distances(features, tiles, start, stop, limit, out):
                 lower[c] = below_sums[c]
 
 
-@nb.njit(cache=True, inline="always")
+@kernel(inline=True)
 def _lot(i, k):
     """Return a number that decides between equal costs, so that a plateau yields scattered minima and not all of it."""
     h = np.uint64(i) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(k) * np.uint64(0xC2B2AE3D27D4EB4F)
@@ -66,7 +68,7 @@ def _lot(i, k):
     return h
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def _is_lowest(squares, row, i, k, clips):
     """Return whether (i, k), i < k, is lower than its eight neighbours, as far as they lie in the same two clips."""
     frames = clips.shape[0]
@@ -87,7 +89,7 @@ def _is_lowest(squares, row, i, k, clips):
     return True
 
 
-@nb.njit(cache=True, parallel=True, error_model="numpy")
+@kernel(parallel=True)
 def local_minima(squares, first, start, stop, clips, contacts, near, limit, out_columns, out_squares, out_counts):
     """Collect the local minima (i, k), i < k, of rows ``start``..``stop`` that may be transitions.
 
@@ -126,7 +128,7 @@ def local_minima(squares, first, start, stop, clips, contacts, near, limit, out_
         out_counts[r] = count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def keep_cheapest(start, rows, columns, squares, counts, last, best_frames, best_squares):
     """Keep for every frame the pairs that cost least, the cheapest first and the earlier of equal ones.
 

@@ -2,8 +2,10 @@
 
 import numba as nb
 
+from crowdsim.jit import kernel
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
+
+@kernel(fastmath={"contract", "nsz"})
 def pose_joints(parents, offsets, root_positions, rotations, translations, start, stop, out_positions, out_rotations):
     """Compose frames ``start`` to ``stop`` from the root outwards; an empty ``translations`` means fixed offsets."""
     joints = parents.shape[0]
@@ -37,7 +39,7 @@ def pose_joints(parents, offsets, root_positions, rotations, translations, start
             out_rotations[f, j, 3] = w * d + x * c - y * b + z * a
 
 
-@nb.njit(cache=True, parallel=True, error_model="numpy")
+@kernel(parallel=True)
 def pose_joints_parallel(parents, offsets, root_positions, rotations, translations, out_positions, out_rotations):
     """Do the same with every thread, a block of frames each."""
     frames = root_positions.shape[0]

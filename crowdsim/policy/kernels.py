@@ -6,10 +6,12 @@
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
+
+from crowdsim.jit import kernel
 
 
-@njit(cache=True)
+@kernel
 def measure(kind, x, y, z):
     """Return what an axis of this kind measures of a target (``environment.measure``).
 
@@ -22,7 +24,7 @@ def measure(kind, x, y, z):
     return y
 
 
-@njit(cache=True)
+@kernel
 def place_on_axis(axes, row, x, y, z):
     """Return the grid point below a target on one axis, the one above, the share of the latter, and the fade."""
     first, step, count = axes[row, 1], axes[row, 2], int(axes[row, 3])
@@ -44,7 +46,7 @@ def place_on_axis(axes, row, x, y, z):
     return lower, upper, place - lower, fade
 
 
-@njit(cache=True)
+@kernel
 def find_corners(axes, first, end, x, y, z, cells, weights):
     """Write the cells around a target and their weights; return how many there are, and the fade."""
     count = 1
@@ -64,7 +66,7 @@ def find_corners(axes, first, end, x, y, z, cells, weights):
     return count, fade
 
 
-@njit(cache=True)
+@kernel
 def strike_lands(px, py, pz, x, y, z, terms, row):
     """Return whether a fist at (px, py, pz) lands on a target whose head is at (x, y, z) (``rewards.lands``)."""
     tolerance = terms[row, 2]
@@ -80,14 +82,14 @@ def strike_lands(px, py, pz, x, y, z, terms, row):
     return -tolerance <= distance <= tolerance
 
 
-@njit(cache=True)
+@kernel
 def spent_on_strike(px, pz, x, z, terms, row):
     """Return what a strike costs whose fist ends over (px, pz) when the target is over (x, z)."""
     far = (px - x) ** 2 + (pz - z) ** 2 > terms[row, 12] * terms[row, 12]
     return terms[row, 9] + (terms[row, 10] if far else 0.0)
 
 
-@njit(cache=True)
+@kernel
 def strike_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount):
     """Return the strike term of one action for a target that moves by (vx, vz) a frame."""
     best, total, spent = 0.0, 0.0, 0.0
@@ -104,7 +106,7 @@ def strike_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount):
     return terms[row, 1] * ((best if terms[row, 11] != 0.0 else total) - spent)
 
 
-@njit(cache=True)
+@kernel
 def proximity_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount):
     """Return the proximity term of one action for a target that moves by (vx, vz) a frame."""
     total = 0.0
@@ -131,7 +133,7 @@ def proximity_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount)
     return terms[row, 1] * (best if terms[row, 4] != 0.0 else total)
 
 
-@njit(cache=True)
+@kernel
 def term_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount):
     """Return what one term says of an action, for a target that moves by (vx, vz) a frame.
 
@@ -148,7 +150,7 @@ def term_reward(actions, action, x, y, z, vx, vz, terms, row, log_discount):
     return math.nan
 
 
-@njit(cache=True)
+@kernel
 def reward(actions, action, x, y, z, vx, vz, terms, first, end, log_discount):
     """Return r(e, a): rows ``first`` to ``end`` of the terms, for a target that moves by (vx, vz) a frame."""
     total = 0.0
@@ -157,7 +159,7 @@ def reward(actions, action, x, y, z, vx, vz, terms, first, end, log_discount):
     return total
 
 
-@njit(cache=True)
+@kernel
 def after_action(actions, action, x, z):
     """Return where a target at (x, z) is seen once the action has been done."""
     last = actions.path_offsets[action + 1] - 1
@@ -167,7 +169,7 @@ def after_action(actions, action, x, z):
     return dx * cos - dz * sin, dx * sin + dz * cos
 
 
-@njit(cache=True)
+@kernel
 def behaviour_values(tables, behaviour, state, x, y, z, vx, vz, factor, cells, weights, out):
     """Add ``factor`` times Q(e, a) of one behaviour to ``out`` for every action a of the state."""
     actions = tables.actions
@@ -204,7 +206,7 @@ def behaviour_values(tables, behaviour, state, x, y, z, vx, vz, factor, cells, w
         out[k] += factor * (value + math.exp(log_discount * actions.lengths[a]) * later)
 
 
-@njit(cache=True)
+@kernel
 def fade_of(tables, behaviour, x, y, z):
     """Return how much a behaviour counts for a target (``environment.fade_factor``)."""
     fade = 1.0
@@ -213,7 +215,7 @@ def fade_of(tables, behaviour, x, y, z):
     return fade
 
 
-@njit(cache=True)
+@kernel
 def count_price_once(tables, behaviour_weights, state, x, y, z, out):
     """Let a transition cost what it costs the behaviour that it costs most, where each has counted its own price."""
     first = tables.actions.offsets[state]
@@ -236,7 +238,7 @@ def count_price_once(tables, behaviour_weights, state, x, y, z, out):
         out[k] += total - most
 
 
-@njit(cache=True)
+@kernel
 def evaluate_actions(tables, behaviour_weights, state, x, y, z, vx, vz, cells, corner_weights, out):
     """Write what each action of a state is worth (``policy.action_values``); return how many there are.
 
@@ -270,7 +272,7 @@ def evaluate_actions(tables, behaviour_weights, state, x, y, z, vx, vz, cells, c
     return n
 
 
-@njit(cache=True)
+@kernel
 def action_spreads(tables, targets, out):
     """Write by how much the best action of each state is better than the median one, by the first behaviour.
 
@@ -291,7 +293,7 @@ def action_spreads(tables, targets, out):
                     out[s, m] = values[:n].max() - np.median(values[:n])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def judge_ways(tables, moods, targets, cuts, most, first_state, last_state, keep, gains):
     """Mark the actions of each state that are worth keeping, and write what each adds (``pruning.judge_ways``).
 
@@ -343,7 +345,7 @@ def judge_ways(tables, moods, targets, cuts, most, first_state, last_state, keep
             held += 1
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def fill_successors(actions, axes, targets, velocities, lowers, shares):
     """Write where each moving cell of a grid is seen after each action: the lower corner, and the share of the upper.
 
@@ -373,7 +375,7 @@ def fill_successors(actions, axes, targets, velocities, lowers, shares):
                 lowers[outcome, a, m] = cell
 
 
-@njit(cache=True)
+@kernel
 def exponential(value):
     """Return the exponential of a number up to 0, to 1e-9 of it; what lies below -32 counts as -32.
 
@@ -389,7 +391,7 @@ def exponential(value):
     return v
 
 
-@njit(cache=True)
+@kernel
 def add_proximity(path, xs, zs, vx, vz, terms, row, log_discount, best, total):
     """Add what ``proximity_reward`` says of one action's path to the total of many targets over (xs, zs)."""
     weight, least, shrink = terms[row, 1], terms[row, 2], -1.0 / terms[row, 3]
@@ -410,7 +412,7 @@ def add_proximity(path, xs, zs, vx, vz, terms, row, log_discount, best, total):
         total[m] += best[m]
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def fill_near(actions, xs, zs, velocities, terms, log_discount, out):
     """Write what each action earns for targets over (xs, zs) but for strikes that land. Shape (O, A, M), or (O, A, 1).
 
@@ -440,7 +442,7 @@ def fill_near(actions, xs, zs, velocities, terms, log_discount, out):
             out[outcome, action] = total
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def fill_landed(actions, targets, layers, velocities, terms, log_discount, offsets, cells, rewards):
     """Write the cells in which strikes of each action land and what the best one earns there (``model.Model``).
 
@@ -481,7 +483,7 @@ def fill_landed(actions, targets, layers, velocities, terms, log_discount, offse
                 offsets[outcome * count + action + 1] = held
 
 
-@njit(cache=True)
+@kernel
 def table_value(tables, behaviour, state, x, y, z, cells, weights):
     """Return V(s, e) by a behaviour's table of the look-up v."""
     numbers = tables.behaviours[behaviour]
@@ -493,7 +495,7 @@ def table_value(tables, behaviour, state, x, y, z, cells, weights):
     return numbers[9] + numbers[10] * value
 
 
-@njit(cache=True)
+@kernel
 def best_by_search(tables, behaviour, state, x, y, z, width, depth, scratch):
     """Return the best action of a state by beam search: exact rewards, and V behind the leaves.
 
@@ -541,7 +543,7 @@ def best_by_search(tables, behaviour, state, x, y, z, width, depth, scratch):
     return int(now[0, 0])
 
 
-@njit(cache=True)
+@kernel
 def lot(seed, index):
     """Return a number in 0..1 that depends on two whole numbers alone (splitmix64's finisher)."""
     mixed = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(index) * np.uint64(0x8CB92BA72F3D8DD7)
@@ -552,7 +554,7 @@ def lot(seed, index):
     return float(mixed >> np.uint64(11)) / 9007199254740992.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def run_episodes(
     tables, weights, judge, choice, states, targets, velocity, horizon, width, depth, within, seed, numbers, out, used
 ):
@@ -642,7 +644,7 @@ def run_episodes(
         out[i, 5] = frame
 
 
-@njit(cache=True)
+@kernel
 def draw_candidate(values, count, margin, most, temperature, number, chances):
     """Return which action is drawn by a number in [0, 1) (``pursuit.draw_candidate``); ``chances`` is scratch."""
     chances[:count] = 0.0
@@ -668,7 +670,7 @@ def draw_candidate(values, count, margin, most, temperature, number, chances):
     return last
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def pursue(tables, weights, states, bearings, height, lead, velocity, begun, done, rules, out):
     """Let one avatar after another follow a target that flees straight away from it; write how far behind it is.
 

@@ -6,12 +6,12 @@ segment runs from (ax, ay) to (bx, by) with radii ra and rb, all in cells; a neg
 
 import math
 
-import numba as nb
+from crowdsim.jit import kernel
 
 HALF_DIAGONAL = 0.7072
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _span(segment, columns, rows):
     """Return the first and last column and row that a segment may touch; the last is below the first outside."""
     ax, ay, bx, by, ra, rb = segment[0], segment[1], segment[2], segment[3], segment[4], segment[5]
@@ -27,7 +27,7 @@ def _span(segment, columns, rows):
     )
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _touches(segment, column, row):
     """Whether a segment comes within half a cell's diagonal of its middle, so that it may touch the cell."""
     ax, ay, ra = segment[0], segment[1], segment[4]
@@ -39,7 +39,7 @@ def _touches(segment, column, row):
     return dx * dx + dy * dy <= reach * reach
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def count_entries(segments, columns, rows, offsets):
     """Count the segments of each cell and write the CSR ``offsets``, shape (columns * rows + 1,), int32."""
     for cell in range(offsets.shape[0]):
@@ -55,7 +55,7 @@ def count_entries(segments, columns, rows, offsets):
         offsets[cell] += offsets[cell - 1]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def fill_entries(segments, columns, rows, offsets, entries):
     """Write the segments of each cell, ascending, into ``entries``; ``offsets`` comes back as it was."""
     for index in range(segments.shape[0]):

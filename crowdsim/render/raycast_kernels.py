@@ -17,8 +17,9 @@ distance between its rows, so that the compiler can use vector instructions.
 
 import math
 
-import numba as nb
 import numpy as np
+
+from crowdsim.jit import kernel
 
 F = np.float32
 # Unsigned numbers tell the compiler that an index is never negative, without which it uses no vector instructions.
@@ -54,7 +55,7 @@ NEAR = F(0.05)
 FLAGS = {"contract", "nsz", "arcp", "reassoc", "nnan"}
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _start_tile(buf, x0, y0, camera):
     """Write the ray of every pixel, and empty the lists of what they meet."""
     inverse = F(1.0 / camera[12])
@@ -79,7 +80,7 @@ def _start_tile(buf, x0, y0, camera):
         buf[EDGE_T + i] = FAR
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _meet(buf, start, stop, index, mx, my, mz, hx, hy, hz, r, k):
     """Let the rays of pixels ``start`` to ``stop`` of a tile meet one rounded cone, and sort that in by distance.
 
@@ -158,7 +159,7 @@ def _meet(buf, start, stop, index, mx, my, mz, hx, hy, hz, r, k):
             edge_i = old_i if nearer else edge_i
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _lay_ground(buf, camera):
     """Write where every ray meets the floor, relative to the eye, and how wide the pixel lies there."""
     height = F(camera[1])
@@ -177,21 +178,21 @@ def _lay_ground(buf, camera):
         buf[WIDTH_Z + i] = max(wide * ax + long * az, F(1e-6))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _rise(x):
     """Integral of a square wave that is +1 and -1 on alternate units."""
     half = x * HALF
     return ONE - abs((half - np.floor(half)) * TWO - ONE)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _checks(x, w):
     """Mean of that square wave over a window of width ``w``, faded out where the window holds several units."""
     mean = (_rise(x + HALF * w) - _rise(x - HALF * w)) / w
     return mean * min(max(F(1.6) - F(0.8) * w, ZERO), ONE)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _stripes(x, w, thick):
     """Share of a window of width ``w`` that lies on a line of width ``thick`` about every whole number."""
     low, high = x - HALF * w + HALF * thick, x + HALF * w + HALF * thick
@@ -199,7 +200,7 @@ def _stripes(x, w, thick):
     return ((above - below) * thick + min(high - above, thick) - min(low - below, thick)) / w
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _add_point(points, ids, pixels, count, buf, i, c, t, s, share, cones):
     """Note that pixel ``i`` shows cone ``c`` at ``t``, where the normal points away from c(s)."""
     dx, dy, dz = buf[DX + i], buf[DY + i], buf[DZ + i]
@@ -212,7 +213,7 @@ def _add_point(points, ids, pixels, count, buf, i, c, t, s, share, cones):
     ids[count], pixels[count] = c, i
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _gather(buf, listed, camera, owners, cones, points, ids, pixels):
     """List the points that a tile shows, each with its share of the pixel; return how many.
 
@@ -275,7 +276,7 @@ def _gather(buf, listed, camera, owners, cones, points, ids, pixels):
     return count
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _cell(u, v, grid):
     """Return the number of the cell of a grid that a place lies in, -1 outside."""
     column, row = np.floor((u - F(grid[0])) * F(grid[2])), np.floor((v - F(grid[1])) * F(grid[2]))
@@ -284,7 +285,7 @@ def _cell(u, v, grid):
     return -1
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _collect(points, start, stop, ax, ay, az, bx, by, bz, grid, offsets, entries, stamps, near, most):
     """List every cone of the cells of a grid that some points may lie in, each once.
 
@@ -327,7 +328,7 @@ def _collect(points, start, stop, ax, ay, az, bx, by, bz, grid, offsets, entries
     return count
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _cast_shadow(points, ids, start, stop, c, shades, lx, ly, lz, ux, uy, uz, vx, vy, vz, softness, widest):
     """Take from some points the share of the sun that cone ``c`` hides from them, save from its own.
 
@@ -353,7 +354,7 @@ def _cast_shadow(points, ids, start, stop, c, shades, lx, ly, lz, ux, uy, uz, vx
         points[AT_SUN + p] = min(points[AT_SUN + p], ONE - dark)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _cast_shadows(points, ids, start, stop, listed, shades, light):
     """Take from some points the share of the sun that each of some cones hides."""
     lx, ly, lz = F(light[0]), F(light[1]), F(light[2])
@@ -365,7 +366,7 @@ def _cast_shadows(points, ids, start, stop, listed, shades, light):
         )
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _find_sun(points, ids, count, light, grid, shades, offsets, entries, stamps, near):
     """Write the share of the sun that every point sees past all cones but its own."""
     ux, uy, uz, vx, vy, vz = F(light[3]), F(light[4]), F(light[5]), F(light[6]), F(light[7]), F(light[8])
@@ -398,7 +399,7 @@ def _find_sun(points, ids, count, light, grid, shades, offsets, entries, stamps,
                     _cast_shadows(points, ids, p, p + 1, entries[offsets[cell] : offsets[cell + 1]], shades, light)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _cover_sky(points, ids, start, stop, only, c, cones, strength, reach):
     """Take from the points of cone ``only`` the share of their sky that cone ``c`` hides, none beyond ``reach``."""
     mx, my, mz, r, k = cones[c, 0], cones[c, 1], cones[c, 2], cones[c, 6], cones[c, 7]
@@ -420,7 +421,7 @@ def _cover_sky(points, ids, start, stop, only, c, cones, strength, reach):
         points[AT_SKY + p] = free * (ONE - strength * share) if ids[p] == only else free
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _find_sky(points, ids, count, cones, neighbours, grid, reach, offsets, entries, stamps, near):
     """Write the share of the sky that every point sees past what is near it: feet on the floor, limbs on a body."""
     start, stop, floor = np.int64(0), np.int64(N), np.int32(FLOOR)
@@ -449,7 +450,7 @@ def _find_sky(points, ids, count, cones, neighbours, grid, reach, offsets, entri
                 _cover_sky(points, ids, first, count, c, neighbours[c, slot], cones, F(0.75), F(0.15))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _paint_points(buf, points, ids, pixels, count, camera, light, paints):
     """Add the colour of every point to its pixel: sun, sky, light from the floor, gloss and haze."""
     lx, ly, lz = F(light[0]), F(light[1]), F(light[2])
@@ -491,7 +492,7 @@ def _paint_points(buf, points, ids, pixels, count, camera, light, paints):
         buf[BLUE + i] += clear * blue + share * F(0.81)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _lay_arena(buf, camera, arena):
     """Write which share of every pixel lies on the line around the arena, and which outside it."""
     for i in range(N):
@@ -519,7 +520,7 @@ def _lay_arena(buf, camera, arena):
         buf[OUTSIDE + i] = min(max(beyond / w + HALF, ZERO), ONE)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _paint_background(buf, points, camera, light):
     """Write the colour of floor and sky: squares of 1 m, lines every 5 m, fine ones every 0.1 m near the eye.
 
@@ -557,7 +558,7 @@ def _paint_background(buf, points, camera, light):
         buf[BLUE + i] = clear * albedo * (F(1.11) * direct + F(0.50) * sky) + fog * (F(0.81) - F(0.20) * up)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _flash(buf, x0, y0, flashes):
     """Add a star and a ring of light for every flash whose square touches the tile."""
     for f in range(flashes.shape[0]):
@@ -585,7 +586,7 @@ def _flash(buf, x0, y0, flashes):
             buf[BLUE + i] += F(0.55 * glow)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _develop(buf, packed, x0, y0, out):
     """Write a tile's linear colours as bytes."""
     for i in range(3 * N):
@@ -604,7 +605,7 @@ def _develop(buf, packed, x0, y0, out):
             out[y0 + y, x0 + x, 2] = colour >> 16
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def draw_tiles(
     first, step, camera, light, floor, cones, spans, shades, paints, owners, neighbours,
     tile_offsets, tile_entries, light_offsets, light_entries, floor_offsets, floor_entries, arena, flashes, out,

@@ -1,10 +1,11 @@
 """Compiled conversion of pictures into what video encoders take."""
 
-import numba as nb
 import numpy as np
 
+from crowdsim.jit import kernel
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+
+@kernel
 def to_yuv420(picture, out):
     """Write a picture (height, width, 3) as planes Y, U, V of H.264: BT.709, limited range, both sizes even."""
     height, width = picture.shape[0], picture.shape[1]

@@ -2,13 +2,13 @@
 
 import math
 
-import numba as nb
+from crowdsim.jit import kernel
 
 NEAR = 0.05
 NEIGHBOUR_GAP = 0.15
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def place_capsules(positions, rotations, scales, joints, starts, ends, radii, out_places):
     """Write the capsules of bodies in the world: both ends (3, 3) and both radii. Shape (n * K, 8), float32."""
     count = joints.shape[0]
@@ -29,7 +29,7 @@ def place_capsules(positions, rotations, scales, joints, starts, ends, radii, ou
                 out_places[row, 6 + end] = scale * radii[k, end]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def choose_capsules(places, camera, width, height, margin, smallest, out_chosen):
     """Write the capsules that show, or whose shadow may, ascending, and return how many.
 
@@ -61,7 +61,7 @@ def choose_capsules(places, camera, width, height, margin, smallest, out_chosen)
     return count
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def view_capsules(places, chosen, camera, light, out_cones, out_shades, out_segments, out_spans):
     """Write the chosen capsules as ``draw_tiles`` wants them, and as segments of the screen in tiles."""
     for n in range(chosen.shape[0]):
@@ -100,7 +100,7 @@ def view_capsules(places, chosen, camera, light, out_cones, out_shades, out_segm
         out_spans[n, 0], out_spans[n, 1] = math.floor(low), math.floor(high)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _project(x, y, z, radius, camera, segment, end):
     """Write a circle in tiles of 8 pixels that encloses the picture of a sphere, and a pixel more."""
     u = x * camera[3] + y * camera[4] + z * camera[5]
@@ -113,7 +113,7 @@ def _project(x, y, z, radius, camera, segment, end):
     segment[4 + end] = (across + 1.0) / 8.0
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def shadow_bounds(shades, out):
     """Write the least and greatest u and v that the capsules reach in light space. Shape (4,)."""
     out[0], out[1], out[2], out[3] = 1e30, 1e30, -1e30, -1e30
@@ -126,7 +126,7 @@ def shadow_bounds(shades, out):
                 out[2 + axis] = max(out[2 + axis], place + radius)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def shadow_segments(shades, cones, camera, light, thinnest, out):
     """Write the capsules as segments of the grid of shadows, widened by the softest edge that they can cast.
 
@@ -145,7 +145,7 @@ def shadow_segments(shades, cones, camera, light, thinnest, out):
             out[c, 4 + end] = (shades[c, 6] + end * shades[c, 7] + pad) * light[11]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def contact_segments(cones, camera, floor, out):
     """Write the capsules within ``floor[5]`` [m] of the floor as segments of the grid of contacts."""
     reach = floor[5]
@@ -161,7 +161,7 @@ def contact_segments(cones, camera, floor, out):
             out[c, 4 + end] = (cones[c, 6] + sign * cones[c, 7] + reach) * floor[2]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _axis_distance(p, q):
     """Return the distance between the axes of two cones."""
     # With x = p + s hp and y = q + t hq, s and t in -1..1: solve for s, clamp, solve for t, clamp, solve for s again.
@@ -178,7 +178,7 @@ def _axis_distance(p, q):
     return math.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def near_capsules(cones, owners, camera, smallest, out):
     """Write for each capsule those of the same avatar whose surface is near, ascending, then -1.
 

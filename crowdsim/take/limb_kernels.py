@@ -15,8 +15,9 @@ give, the trunk leans by a longer one. A blow turns spine, neck and head along i
 
 import math
 
-import numba as nb
 import numpy as np
+
+from crowdsim.jit import kernel
 
 MOST = math.radians(150.0)
 """Flexion beyond which no knee or elbow is bent [rad]."""
@@ -26,7 +27,7 @@ FOLDED = math.radians(145.0)
 """Flexion towards which elbows go at the most to bring a fist near [rad]."""
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _ease(s):
     """A step from 0 to 1 with no speed and no acceleration at its ends."""
     if s <= 0.0:
@@ -36,7 +37,7 @@ def _ease(s):
     return s * s * s * (10.0 - s * (15.0 - 6.0 * s))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _soft(x):
     """A bend from 0 to x, without a corner."""
     if abs(x) > 30.0:
@@ -44,7 +45,7 @@ def _soft(x):
     return x + math.log1p(math.exp(-x)) if x > 0.0 else math.log1p(math.exp(x))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _share(cuts, falls, cut, foot, time, begin, end):
     """How far a foot has gone over a cut in a stand, from 0 to 1, and how high it is."""
     at = cuts.times[cut]
@@ -58,7 +59,7 @@ def _share(cuts, falls, cut, foot, time, begin, end):
     return _ease(part), 64.0 * rise * rise * rise * falls.moves[cut, foot, 2]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _add_shift(m, cuts, falls, first, stop, foot, rate, pace, scale, time, begin, end, weight, shift, turn, toes, way):
     """Add, times a weight, how far a foot belongs from the motion's own place in a stand, and turn it and its toes.
 
@@ -107,7 +108,7 @@ def _add_shift(m, cuts, falls, first, stop, foot, rate, pace, scale, time, begin
         shift[1] += weight * lift
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _goes_on(m, foot, start, steps, cos, sin, scale, stands, share, way):
     """Add a share of what a foot does from a frame on: its way, its turn, that of its toes.
 
@@ -138,7 +139,7 @@ def _goes_on(m, foot, start, steps, cos, sin, scale, stands, share, way):
     way[8] += share * z
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _turn_since(p, q, r, at, rest, part):
     """Nearly the rotation vector from one quaternion to another between two, for turns that are not large.
 
@@ -155,7 +156,7 @@ def _turn_since(p, q, r, at, rest, part):
     )
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _turn_by(q, x, y, z):
     """Turn a quaternion by a rotation vector of the frame that it is given in, in place."""
     angle = math.sqrt(x * x + y * y + z * z)
@@ -170,7 +171,7 @@ def _turn_by(q, x, y, z):
     q[3] = c * e + x * d - y * b + z * a
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _stand_weights(stands, n, foot, at, time, swing, near):
     """The stands before and after a time: their numbers and weights, and the first that is not yet over.
 
@@ -194,7 +195,7 @@ def _stand_weights(stands, n, foot, at, time, swing, near):
     return one, before, other, after, at
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _rotate(q, x, y, z):
     """Turn a vector by a quaternion."""
     tx = 2.0 * (q[2] * z - q[3] * y)
@@ -207,7 +208,7 @@ def _rotate(q, x, y, z):
     )
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _multiply(a, b, out):
     """Write the product of two quaternions; out may be one of them."""
     w = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
@@ -217,7 +218,7 @@ def _multiply(a, b, out):
     out[0], out[1], out[2], out[3] = w, x, y, z
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _pose_chain(limbs, scale, root, rotations, places, turns):
     """Places and turns in the world of the joints of a chain."""
     for at in range(limbs.chain.shape[0]):
@@ -240,21 +241,21 @@ def _pose_chain(limbs, scale, root, rotations, places, turns):
             turns[j, 3] = a * h + b * g - c * f + d * e
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _beyond(now, wanted, longest, width):
     """How far a limb that is ``now`` long is asked beyond its length; it begins a little before, without a corner."""
     edge = longest - 1.5 * width
     return width * (_soft((wanted - edge) / width) - _soft((now - edge) / width))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _flexion(a, b, distance):
     """Flexion at which two bones have their ends so far apart."""
     cosine = (distance * distance - a * a - b * b) / (2.0 * a * b)
     return math.acos(min(max(cosine, -1.0), 1.0))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def bend_limb(limbs, side, rotations, places, turns, tx, ty, tz, distance, bend, swing, spare):
     """Bend a limb until its end is ``distance`` from its upper joint, and swing it to point at a target.
 
@@ -331,7 +332,7 @@ def bend_limb(limbs, side, rotations, places, turns, tx, ty, tz, distance, bend,
     _into_parent(limbs, turns, end, spare, bend, rotations, True)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _into_parent(limbs, turns, joint, after, before, rotations, moved):
     """Write a joint's local rotation: it turns by ``after`` in the world, its parent, if ``moved``, by ``before``."""
     p = turns[limbs.parents[joint]]
@@ -360,7 +361,7 @@ def _into_parent(limbs, turns, joint, after, before, rotations, moved):
     out[0], out[1], out[2], out[3] = w * size, x * size, y * size, z * size
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _mix(a, b, share, out):
     """Write a quaternion between two."""
     dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
@@ -375,7 +376,7 @@ def _mix(a, b, share, out):
     out[0], out[1], out[2], out[3] = w * size, x * size, y * size, z * size
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def plant_feet(
     first,
     stop,
@@ -538,14 +539,14 @@ def plant_feet(
                 bend_limb(legs, f, pose, places, turns, x, y, z, distance, bend, turn, spare)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _turn_in_world(limbs, turns, joint, x, y, z, rotations):
     """Turn a joint by a rotation vector of the world, in its local rotation."""
     x, y, z = _unrotate(turns[limbs.parents[joint]], x, y, z)
     _turn_by(rotations[joint], x, y, z)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _unrotate(q, x, y, z):
     """Turn a vector back by a quaternion."""
     tx = 2.0 * (q[3] * y - q[2] * z)
@@ -558,7 +559,7 @@ def _unrotate(q, x, y, z):
     )
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _lean_at(landings, n, time, within, lean):
     """Write how a trunk leans at a time into ``lean``: four turns and the way of the pelvis; whether it does at all.
 
@@ -588,7 +589,7 @@ def _lean_at(landings, n, time, within, lean):
     return True
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _move_pelvis(legs, scale, lean, least, root, pose, places, turns, ankles, bend, turn, spare):
     """Move the root by ``lean[4]`` over feet that stay where they are."""
     _pose_chain(legs, scale, root, pose, places, turns)
@@ -612,7 +613,7 @@ def _move_pelvis(legs, scale, lean, least, root, pose, places, turns, ankles, be
         bend_limb(legs, f, pose, places, turns, x, y, z, distance, bend, turn, spare)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def carry_fists(first, stop, columns, times, landings, scales, arms, legs, leaning, least, within, roots, rotations):
     """Carry fists of avatars ``first`` to ``stop`` of ``columns`` onto what they hit, in place.
 
@@ -695,7 +696,7 @@ def carry_fists(first, stop, columns, times, landings, scales, arms, legs, leani
                 bend_limb(arms, hand, pose, places, turns, x, y, z, distance, bend, turn, spare)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def show_blows(first, stop, columns, times, blows, trunk, peak, length, recent, roots, rotations):
     """Lay reactions over poses of avatars ``first`` to ``stop`` of ``columns``, in place.
 

@@ -9,11 +9,12 @@ quaternions, brought back to unit length at the end, of places, and of ground tr
 
 import math
 
-import numba as nb
 import numpy as np
 
+from crowdsim.jit import kernel
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+
+@kernel
 def _between(m, start, steps):
     """A frame and how far on from it motion is that has gone ``steps`` playback frames from another.
 
@@ -30,7 +31,7 @@ def _between(m, start, steps):
     return low, part
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _ground_way(m, start, low, part, scale, look, out):
     """How far motion has gone from a frame on, in the world; its clip is turned by the angle of a cosine and a sine."""
     rest = 1.0 - part
@@ -41,7 +42,7 @@ def _ground_way(m, start, low, part, scale, look, out):
     out[2] = m.ground[low, 2] * rest + m.ground[low + 1, 2] * part - m.ground[start, 2]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _left(cuts, cut, time):
     """How much is left, at a time, of what a cut leaves: 1 before its span, 0 after it."""
     s = (time - cuts.times[cut] + cuts.spans[cut, 0]) / (cuts.spans[cut, 0] + cuts.spans[cut, 1])
@@ -52,7 +53,7 @@ def _left(cuts, cut, time):
     return 1.0 - s * s * s * (10.0 - s * (15.0 - 6.0 * s))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@kernel(fastmath={"contract", "reassoc", "nsz"})
 def _add_cut(cut, past, share, side, time, m, cuts, speed, scale, sums, shift, drift, way):
     """Add a share of what differs at a cut; ``side`` holds signs by which quaternions differ there."""
     apart = time - cuts.times[cut]
@@ -92,7 +93,7 @@ def _add_cut(cut, past, share, side, time, m, cuts, speed, scale, sums, shift, d
             )
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@kernel(fastmath={"contract", "reassoc", "nsz"})
 def _write_pose(frame, fraction, rotations, blended, sums, out):
     """One pose: a database frame or one between two, with offsets laid over it."""
     joints = rotations.shape[1]
@@ -110,7 +111,7 @@ def _write_pose(frame, fraction, rotations, blended, sums, out):
         out[j, 0], out[j, 1], out[j, 2], out[j, 3] = w * norm, x * norm, y * norm, z * norm
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _unfold(bones, free, most, q):
     """Open an elbow or knee that blends have folded more than the body can, easing from one flexion to another."""
     o = bones[1]
@@ -139,7 +140,7 @@ def _unfold(bones, free, most, q):
     q[3] = c * e + x * d - y * b + z * a
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def blend_poses(
     first,
     stop,

@@ -6,15 +6,16 @@ or ends, as long as the time that is asked for lies inside it.
 
 import math
 
-import numba as nb
 import numpy as np
+
+from crowdsim.jit import kernel
 
 SNAP = 1e-4
 HOP, SHORT = 0.15, 0.11
 """Least time of a hop, and time between two stands with a cut between them that is too short for a swing [s]."""
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _ground_at(m, frame):
     """Ground transform of a playback frame, between two if need be."""
     low = int(frame)
@@ -29,7 +30,7 @@ def _ground_at(m, frame):
     )
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _moved(m, x, z, heading, scale, start, end):
     """A ground transform after captured motion from one playback frame to another of its clip."""
     if start == end:
@@ -42,14 +43,14 @@ def _moved(m, x, z, heading, scale, start, end):
     return x + dx * cos + dz * sin, z - dx * sin + dz * cos, turn + bh
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _shifted(x, z, heading, scale, shift):
     """A ground transform that lies on another as a shift says, by the size of its body."""
     cos, sin = math.cos(heading) * scale, math.sin(heading) * scale
     return x + shift[0] * cos + shift[1] * sin, z - shift[0] * sin + shift[1] * cos, heading + shift[2]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _unshifted(x, z, heading, scale, shift):
     """The ground transform on which another lies as a shift says."""
     heading -= shift[2]
@@ -57,7 +58,7 @@ def _unshifted(x, z, heading, scale, shift):
     return x - shift[0] * cos - shift[1] * sin, z + shift[0] * sin - shift[1] * cos, heading
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _place(w, m, time, n):
     """Playback frame, how far on to the next, ground transform, and the push that lies in it; frame -1 if absent."""
     clock = time * w.rate - w.first
@@ -109,7 +110,7 @@ def _place(w, m, time, n):
     return whole, fraction, x, z, h
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def place_avatars(w, m, first, stop, columns, times, out_frames, out_fractions, out_ground):
     """Find where avatars are.
 
@@ -132,7 +133,7 @@ def place_avatars(w, m, first, stop, columns, times, out_frames, out_fractions, 
             out_ground[t, i, 0], out_ground[t, i, 1], out_ground[t, i, 2] = x, z, h
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _turn_between(old, new, out):
     """Write the rotation vector that turns one quaternion into another."""
     a, b, c, d = np.float64(old[0]), np.float64(old[1]), np.float64(old[2]), np.float64(old[3])
@@ -148,7 +149,7 @@ def _turn_between(old, new, out):
     out[0], out[1], out[2] = x * share, y * share, z * share
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _about_y(heading, scale, vector):
     """Turn a vector about the upright axis, and scale it, in place."""
     cos, sin = math.cos(heading) * scale, math.sin(heading) * scale
@@ -156,7 +157,7 @@ def _about_y(heading, scale, vector):
     vector[0], vector[1], vector[2] = x * cos + z * sin, vector[1] * scale, z * cos - x * sin
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def measure_cuts(w, m, toes, first, stop, owners, times, before, after, signs, shifts, places, looks, gaps):
     """Measure how motion jumps at cuts ``first`` to ``stop``; C cuts.
 
@@ -220,7 +221,7 @@ def measure_cuts(w, m, toes, first, stop, owners, times, before, after, signs, s
                 signs[i, joints] = 1
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def find_stands(w, m, first, stop, out_stands, out_counts):
     """Find when the feet of the avatars in columns ``first`` to ``stop`` are planted, through cuts.
 
@@ -274,7 +275,7 @@ def find_stands(w, m, first, stop, out_stands, out_counts):
             out_counts[n, f] = count
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def plan_falls(cuts, stands, m, scales, first, stop, how, gait, out_kinds, out_moves):
     """Settle what feet of avatars ``first`` to ``stop`` do about cuts.
 

@@ -5,13 +5,15 @@ the table of the sweep before and writes another, so its result does not depend 
 """
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
+
+from crowdsim.jit import kernel
 
 GOLDEN = 0.6180339887498949
 """Draws of one entry follow one another by this, so that all ways of the target come up evenly in few visits."""
 
 
-@njit(cache=True)
+@kernel
 def corner_weights(shares, outcome, action, cell, weights):
     """Write the multilinear weights of the corners of one successor, in the order of ``model.corner_steps``."""
     weights[0] = 1.0
@@ -24,7 +26,7 @@ def corner_weights(shares, outcome, action, cell, weights):
         count *= 2
 
 
-@njit(cache=True)
+@kernel
 def earned_in(model, outcome, action, m, cell):
     """Return r(a, c, o) of one cell, which is in the moving cell ``m``."""
     row = outcome * len(model.next) + action
@@ -42,7 +44,7 @@ def earned_in(model, outcome, action, m, cell):
     return earned + model.landed_rewards[low] if low < end and model.landed_cells[low] == cell else earned
 
 
-@njit(cache=True)
+@kernel
 def expected_reward(model, action, m, cell):
     """Return r(a, c), averaged over the ways in which the target moves."""
     total = model.probabilities[0] * earned_in(model, 0, action, m, cell)
@@ -51,7 +53,7 @@ def expected_reward(model, action, m, cell):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def back_up_action(model, values, action, layers, weights, row):
     """Write Q(action, .) for all cells to ``row``, by interpolated V."""
     ways, moving = model.lowers.shape[0], model.lowers.shape[2]
@@ -93,7 +95,7 @@ def back_up_action(model, values, action, layers, weights, row):
                         row[first + h] += weight * values[at + h]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def improve_by_action(values, lowers, shares, steps, discount, near, cells, landed, k, lanes, out, best):
     """Raise ``out``, the V of a state in each cell, to Q(action, .) where that is greater, and set ``best`` to k there.
 
@@ -142,7 +144,7 @@ def improve_by_action(values, lowers, shares, steps, discount, near, cells, land
         out[c] = max(value, out[c])
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def improve(model, lanes, values, out, best, residuals):
     """Do one Bellman sweep: V'(s, c) = max over a of Q(a, c); write which action is best, and each state's change.
 
@@ -182,7 +184,7 @@ def improve(model, lanes, values, out, best, residuals):
         residuals[s] = residual
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def apply_along_axis(operator, values, out):
     """Write a matrix (n, m) times values (S, before, m, after), along their third axis, to ``out``."""
     for s in prange(len(values)):
@@ -198,7 +200,7 @@ def apply_along_axis(operator, values, out):
                 out[s, b, i] = row
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def gather_best(model, layers, best, earned, entries, weights):
     """Write what ``follow`` needs of the best actions: reward, entries of V behind them, their discounted weights."""
     moving, corners = model.lowers.shape[2], model.steps.shape[1]
@@ -220,7 +222,7 @@ def gather_best(model, layers, best, earned, entries, weights):
                     weights[at, place] = factor * share[corner]
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def follow(earned, entries, weights, values, out):
     """Do one sweep of policy evaluation: V'(s, c) = Q(best action, c)."""
     for at in prange(len(out)):
@@ -230,7 +232,7 @@ def follow(earned, entries, weights, values, out):
         out[at] = total
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def q_from_values(model, layers, values, out):
     """Write Q(a, c) of every action by interpolated V, in the layout of a Q-table."""
     cells = model.lowers.shape[2] * layers
@@ -245,7 +247,7 @@ def q_from_values(model, layers, values, out):
                 out[first * cells + c * n + k] = row[c]
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def values_from_q(offsets, cells, q, out):
     """Write V(s, c) = max over a of Q(a, c)."""
     for s in prange(len(offsets) - 1):
@@ -259,7 +261,7 @@ def values_from_q(offsets, cells, q, out):
             out[s * cells + c] = best
 
 
-@njit(cache=True, fastmath={"nnan", "nsz", "reassoc", "contract"})
+@kernel(fastmath={"nnan", "nsz", "reassoc", "contract"})
 def greatest_between(q, entry, n, lower, layers, steps, weights, corners):
     """Return the greatest interpolated Q of a state, the table of whose layer starts at ``entry``."""
     low = entry + lower * layers * n
@@ -283,7 +285,7 @@ def greatest_between(q, entry, n, lower, layers, steps, weights, corners):
     return best
 
 
-@njit(cache=True)
+@kernel
 def back_up_q(model, layers, q, action, m, h, weights):
     """Return the paper's backup of one entry: r + gamma^T max over a' of interpolated Q(a', e), over all outcomes."""
     cells = model.lowers.shape[2] * layers
@@ -299,7 +301,7 @@ def back_up_q(model, layers, q, action, m, h, weights):
     return total
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def improve_q(model, layers, q, out, residuals):
     """Do one sweep of the paper's backup over every action of every state and every cell."""
     moving = model.lowers.shape[2]
@@ -317,7 +319,7 @@ def improve_q(model, layers, q, out, residuals):
         residuals[s] = residual
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def improve_best_q(model, layers, q, entries, values):
     """Back up only the action that is best so far in every state and cell; write which entries change, and to what."""
     cells = model.lowers.shape[2] * layers
@@ -334,7 +336,7 @@ def improve_best_q(model, layers, q, entries, values):
             values[s * cells + c] = back_up_q(model, layers, q, first + best, c // layers, c % layers, weights)
 
 
-@njit(cache=True)
+@kernel
 def hash_uniform(seed, index):
     """Return a number in 0..1 that depends on two whole numbers alone (splitmix64's finisher)."""
     mixed = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15)
@@ -346,7 +348,7 @@ def hash_uniform(seed, index):
     return float(mixed >> np.uint64(11)) / 9007199254740992.0
 
 
-@njit(cache=True)
+@kernel
 def observe(model, layers, q, action, m, h, draw, weights):
     """Do one trial of an action with the target in cell (m, h); return r + gamma^T max over a' of Q(a', e)."""
     cells = model.lowers.shape[2] * layers
@@ -364,7 +366,7 @@ def observe(model, layers, q, action, m, h, draw, weights):
     return earned + model.discounts[action] * best
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def try_everything(model, layers, q, out, visits, step_sizes, seed, changes):
     """Do one round of exploration: every action of every state is tried once in every cell.
 
@@ -389,7 +391,7 @@ def try_everything(model, layers, q, out, visits, step_sizes, seed, changes):
         changes[s] = change
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def try_best(model, layers, q, entries, values, visits, step_sizes, seed, tries):
     """Do one round of exploitation: in every state and cell the action that is best so far is tried a few times.
 
@@ -417,7 +419,7 @@ def try_best(model, layers, q, entries, values, visits, step_sizes, seed, tries)
             visits[entry] += tries
 
 
-@njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def put(q, entries, values):
     """Write values to entries, no two of which are the same."""
     for place in prange(len(entries)):

@@ -1,0 +1,1 @@
+"""Small kernels that several packages call: random numbers, rotations, geometry, tables."""

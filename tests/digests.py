@@ -1,0 +1,96 @@
+"""Whether a change keeps results byte for byte: digests of what the performer, policies and shipped scenarios give.
+
+    python tests/digests.py --write before.json       # with the code as it was
+    python tests/digests.py --compare before.json     # with the change; exits with 1 where something differs
+
+Takes, exports and pictures of every shipped scenario, arrays of every trained policy, clips of the performer. Manifests
+and profiles hold timings, and the description of a policy holds the fingerprint of its sources; they are left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+LEFT_OUT = {"manifest.json", "profile.csv", "policy.json"}
+# Control frames, share of the avatars, what is exported of every tenth frame, and output frames to draw.
+SCENES: dict[str, tuple[int, float, list[str], str]] = {
+    "duel": (600, 1.0, ["--bvh", "--ply", "--pcd"], "0:60"),
+    "moving_target": (300, 1.0, ["--bvh"], "100:110"),
+    "moving_target_fast": (300, 1.0, ["--bvh"], "100:110"),
+    "brawl_30": (600, 1.0, ["--pcd"], "300:306"),
+    "brawl_30_cmu": (600, 1.0, ["--ply"], "300:306"),
+    "armies_200": (120, 1.0, ["--bvh"], "100:102"),
+    "crowd_10k": (60, 1.0, [], "50:51"),
+    "crowd_100k": (30, 1.0, [], ""),
+    "crowd_1m": (10, 0.3, [], ""),
+}
+
+
+def digest(folder: Path) -> str:
+    """Return one digest of the names and bytes of all files below a folder, but for files that hold timings."""
+    total = hashlib.sha256()
+    for path in sorted(item for item in folder.rglob("*") if item.is_file() and item.name not in LEFT_OUT):
+        total.update(f"{path.relative_to(folder).as_posix()}\0{path.stat().st_size}\0".encode())
+        total.update(path.read_bytes())
+    return total.hexdigest()
+
+
+def command(*arguments: str) -> None:
+    """Run a command of this checkout's crowdsim; a failure ends the program."""
+    program = "from crowdsim.cli import main; main()"
+    subprocess.run([sys.executable, "-c", program, *arguments, "--quiet"], check=True, cwd=ROOT, stdout=sys.stderr)
+
+
+def measure(names: list[str]) -> dict[str, str]:
+    """Return the digests of the named scenes, of the performer and of all trained policies."""
+    found: dict[str, str] = {}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        command("perform", "--seconds", "60", "--seed", "3", "-o", str(folder / "performer"))
+        found["performer"] = digest(folder / "performer")
+        for scene in names:
+            frames, fraction, exports, pictures = SCENES[scene]
+            run = folder / scene
+            command("run", scene, "--out", str(run), "--frames", str(frames), "--fraction", str(fraction))
+            found[f"{scene}: run"] = digest(run)
+            if exports:
+                out = folder / f"{scene}_export"
+                command("export", str(run), *exports, "--every", "10", "--out", str(out))
+                found[f"{scene}: export"] = digest(out)
+            if pictures:
+                out = folder / f"{scene}_pictures"
+                command("render", str(run), "--png", "--frames", pictures, "--size", "320x180", "--out", str(out))
+                found[f"{scene}: pictures"] = digest(out)
+            print(scene, file=sys.stderr)
+    for policy in sorted((ROOT / "policies").glob("*/policy.json")):
+        found[f"policy {policy.parent.name}"] = digest(policy.parent)
+    return found
+
+
+def main() -> int:
+    """Write digests to a file, or compare with those of one."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scenes", nargs="*", choices=[[], *SCENES], default=[], help="scenes; all by default")
+    way = parser.add_mutually_exclusive_group(required=True)
+    way.add_argument("--write", type=Path, metavar="FILE")
+    way.add_argument("--compare", type=Path, metavar="FILE")
+    options = parser.parse_args()
+    found = measure(options.scenes or list(SCENES))
+    if options.write:
+        options.write.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+        return 0
+    before = json.loads(options.compare.read_text(encoding="utf-8"))
+    different = [key for key, value in found.items() if before.get(key) != value]
+    print("\n".join(f"differs: {key}" for key in different) or f"{len(found)} digests agree")
+    return bool(different)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
