@@ -1,7 +1,7 @@
-"""Figures of a run from its BVH files: feet, knees and elbows, peaks, fists, bodies in one another, and cuts.
+"""Figures of a run from its BVH files: feet, knees and elbows, peaks, fists, overlapping bodies, transitions.
 
-A ``Stage`` holds what was read. Each function returns plain data; ``worst`` names avatar and frame, so that they can be
-looked at. Frames are output frames of the BVH files, and the capture stands beside each figure at the same rate.
+A ``Stage`` holds what was read. Each function returns plain data; ``worst`` names avatar and frame for a closer look.
+Frames are output frames of the BVH files; the captured motion is measured beside them at the same rate.
 """
 
 from __future__ import annotations
@@ -275,7 +275,7 @@ def overlap(stage: Stage) -> dict[str, Any]:
 def undisturbed(stage: Stage) -> dict[str, Any]:
     """How far joints are from the capture where nothing is done to them, in their own frame [m].
 
-    That is a second from cuts, and away from strikes that the avatar throws (a fist that misses for being
+    That is a second from transitions, and away from strikes that the avatar throws (a fist that misses for being
     deep in a body is carried too) or takes.
     """
     events, gaps = stage.events, [np.zeros(0)]

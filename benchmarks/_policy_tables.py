@@ -77,7 +77,7 @@ def prices(policy: Policy, name: str, spec: BehaviourSpec, threads: int) -> Iter
     price = next((term for term in spec.rewards if isinstance(term, TransitionTerm)), None)
     if price is None:
         return
-    yield f"  {'price':>7}{'earned':>9}{'success':>9}{'cuts/s':>8}{'uncut s':>9}"
+    yield f"  {'price':>7}{'earned':>9}{'success':>9}{'transitions/s':>8}{'uncut s':>9}"
     for factor in (0.0, 0.25, 0.5, 1.0, 2.0):
         outcome = {"kind": "transition", "weight": price.weight * factor, "each": price.each * factor}
         learned = train(policy, name, changed(spec, {}, rewards=[*rewards, outcome]))

@@ -3,12 +3,12 @@
     python benchmarks/bvh.py [--json] [--quick] [--megabytes 20] [--repeats 5]
 
 The file is made here: a body of 31 joints and 96 channels in smooth synthetic motion, six decimals. Everything runs in
-one process, single-threaded but for polars, the best of several runs; compilation and imports are done before.
+one process, single-threaded except polars, the best of several runs; compilation and imports are not counted.
 
-Reading is from a path to an array of numbers, in megabytes of file a second. The BVH readers read the hierarchy too,
-numpy and polars are told where the numbers begin. Writing is from an array of numbers to text in memory, in megabytes
-of text a second; the BVH libraries write only to a file and are compared with the row `crowdsim, to a file`. bvhio,
-which is slower than 20 MB/s, is timed on a tenth of the frames.
+Reading is from a path to an array of numbers, in megabytes of file per second. The BVH readers also read the
+hierarchy; numpy and polars get the line where the numbers begin. Writing is from an array of numbers to text in
+memory, in megabytes of text per second; the BVH libraries write only to a file and are compared with the row
+`crowdsim, to a file`. bvhio, which is slower than 20 MB/s, is timed on a tenth of the frames.
 """
 
 from __future__ import annotations

@@ -1,16 +1,16 @@
-"""What control costs: thirty avatars, a million, and what others take for the same.
+"""The cost of control: thirty avatars, a million, and other software for comparison.
 
     python benchmarks/control.py [--policy NAME] [--crowd-policy NAME] [--threads N] [--json] [--quick]
 
-* brawl_30: 30 avatars in the shipped scene, 1000 control frames, beside what scipy's cKDTree alone takes to be built
-  and queried for the same places every frame.
-* scale: nanoseconds an avatar and control frame for 10,000, 100,000 and 1,000,000 avatars of two teams, spread out,
+* brawl_30: 30 avatars in the shipped scene, 1000 control frames, beside the time that scipy's cKDTree alone takes to
+  be built and queried for the same positions every frame.
+* scale: nanoseconds per avatar and control frame for 10,000, 100,000 and 1,000,000 avatars of two teams, spread out,
   clustered, and as two armies a kilometre apart, with the policy for large crowds; by stage, recording included.
-* million: a control frame of a million avatars that are spread out, and memory an avatar.
-* jupedsim: agent-steps a second of its collision-free speed model with 100,000 agents, one thread, beside ours.
-* apart: control of ``brawl_30`` and ``armies_200``, beside what it costs where nobody keeps out of anybody's way.
-* decision: one decision (observing and choosing) beside a motion-matching search, cKDTree over the usual 27 features of
-  the same motion at the control rate, batched; and at the playback rate, at which motion matching usually searches.
+* million: a control frame of a million avatars that are spread out, and memory per avatar.
+* jupedsim: agent-steps per second of its collision-free speed model with 100,000 agents, one thread, beside ours.
+* apart: control of ``brawl_30`` and ``armies_200`` with and without collision avoidance.
+* decision: one decision (observing and choosing) beside a motion-matching search, cKDTree over the usual 27 features
+  of the same motion at the control rate, batched; and at the playback rate, at which motion matching usually searches.
 
 Times are the least of several runs, frame by frame, because machines are shared.
 """

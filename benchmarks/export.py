@@ -2,12 +2,12 @@
 
     python benchmarks/export.py [--json] [--quick] [--frames 4000] [--clouds 1000] [--threads 2] [--repeats 3]
 
-Thirty avatars do what the embedded boxer performs, each from another moment on. Poses are there before the clock runs;
-everything else, from poses to files that have their names, is measured, the best of several runs. A cloud has 500
-points an avatar with normals, velocities, avatar, team and joint.
+Thirty avatars play the embedded boxer's motion, each from another moment. Posing is not counted; everything after it,
+to files under their final names, is, the best of several runs. A cloud has 500 points per avatar with normals,
+velocities, avatar, team and joint.
 
-numpy.savetxt and orjson write the rows of the BVH files alone, the numbers given; savetxt is timed on two files and
-the legacy writer, which knows neither velocities nor labels, on fifty, and multiplied.
+numpy.savetxt and orjson write only the rows of the BVH files; savetxt is timed on two files and the legacy writer,
+which supports neither velocities nor labels, on fifty, and multiplied.
 """
 
 from __future__ import annotations

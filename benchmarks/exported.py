@@ -1,26 +1,26 @@
-"""Do exported files show what the package says of a run? Its figures again, from the BVH files, by code of its own.
+"""Figures of exported motion, measured from the BVH files by independent code.
 
     python benchmarks/exported.py [RUN ...] [--mocap DIR] [--frames 450] [--seconds 0.4] [--quick] [--json]
 
-Without a RUN, `brawl_30`, `armies_200` and, with --mocap or CROWDSIM_MOCAP, `brawl_30_cmu` are run here, BVH files and
-no other output. Files are read and posed by a reader of this folder in plain numpy; the take gives strikes, and when
-avatars chose which action; the policy's bundle gives sizes of bodies and where actions begin in the capture, and
-`crowdsim perform` or the capture's own files give that. No code of the package takes part in the figures, but for
-those of `crowdsim inspect` beside them. The capture is measured likewise.
+Without a RUN, `brawl_30`, `armies_200` and, with --mocap or CROWDSIM_MOCAP, `brawl_30_cmu` are run here with BVH as
+their only output. A reader in this folder, in plain numpy, reads and poses the files. The take gives strikes and
+decisions, the policy's bundle gives body sizes and where actions begin in the capture, and `crowdsim perform` or the
+capture's files give the captured motion. The package's own code is used only for the figures of `crowdsim inspect`
+that are printed beside these. The captured motion is measured in the same way.
 
-- Calm frames: a second from cuts and away from strikes, where the files have to show the capture and nothing else.
-- Feet: a foot stands while its ball is lower than 3 cm and rises or falls slower than 0.15 m/s; its slide is the ball's
-  level speed then, whatever the foot is meant to do.
-- Knees and elbows: flexion to the side to which the capture bends them; `clips_with_backward_hinges` are clips of the
-  capture whose knees fold forward, or elbows backward, in their files; such elbows are turned before all else.
-- Peaks: the largest speed and acceleration of any joint over the largest that the capture has of it.
-- Fists: how far the middle of the striking fist is from the surface of head or torso at the strike's time.
-- Bodies: discs of 0.2 m around pelvises, capsules of torsos (from pelvis to neck), and heads that lie in one another,
-  as a share of avatar-frames.
-- Cuts: area under the ROC curve of a classifier that tells windows around cuts from those around other decisions;
-  `content` the same of the capture behind them. See `_cuts_told_apart.py`.
+- Calm frames: a second or more from transitions and strikes, where the files must equal the captured motion.
+- Feet: a foot is in contact while its ball is lower than 3 cm and rises or falls slower than 0.15 m/s; its slide is
+  the horizontal speed of the ball during contact.
+- Knees and elbows: flexion towards the side to which the capture bends them; `clips_with_backward_hinges` are clips of
+  the capture whose knees fold forward or whose elbows fold backward in the files; such elbows are corrected first.
+- Peaks: the greatest speed and acceleration of any joint over the greatest in the capture.
+- Fists: distance of the middle of the striking fist from the surface of head or torso at the time of the strike.
+- Bodies: overlap of discs of 0.2 m around pelvises, of torso capsules (pelvis to neck) and of heads, as a share of
+  avatar-frames.
+- Transitions: area under the ROC curve of a classifier of windows around transitions and around other decisions;
+  `content` is the same for the captured motion behind them. See `_transition_classifier.py`.
 
-Runs of one policy, whose avatars are there all the time, are what it knows.
+All avatars of a run must use one policy and be present from its start to its end.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ from typing import Any
 
 import numpy as np
 import zarr
-from _cuts_told_apart import told_apart
 from _exported_measures import Stage, feet, fists, hinges, overlap, peaks, undisturbed
 from _quick import small_policies
+from _transition_classifier import classify_transitions
 from _witness import Sizes, read_figure, read_sizes, read_source
 from numpy.typing import NDArray
 
@@ -163,11 +163,11 @@ def read_stage(run: Path, policies: Path | None, folder: Path, mocap: Path | Non
 
 def judge(run: Path, stage: Stage, seconds: float) -> dict[str, Any]:
     """All figures of a run, with what ``crowdsim inspect`` says of it."""
-    cuts = sum(int(np.sum(outcome[:, 1] != outcome[:, 2])) for outcome in stage.decisions)
+    transitions = sum(int(np.sum(outcome[:, 1] != outcome[:, 2])) for outcome in stage.decisions)
     return {
         "avatars": len(stage.figures),
         "frames": len(stage.figures[0].head),
-        "cuts_per_second": cuts / len(stage.figures) / (len(stage.figures[0].head) / stage.fps),
+        "transitions_per_second": transitions / len(stage.figures) / (len(stage.figures[0].head) / stage.fps),
         "database_off_its_capture": stage.source.apart,
         "floors_off": float(np.abs(stage.source.floors).max()),
         "undisturbed": undisturbed(stage),
@@ -176,7 +176,7 @@ def judge(run: Path, stage: Stage, seconds: float) -> dict[str, Any]:
         "peaks": peaks(stage),
         "fists": fists(stage),
         "overlap": overlap(stage),
-        "cuts_told_apart": told_apart(stage, seconds),
+        "transition_classifier": classify_transitions(stage, seconds),
         "inspect": json.loads(crowdsim("inspect", str(run), "--json")),
     }
 
@@ -221,7 +221,7 @@ def _rows(outcome: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
                          place(peak["worst"])))  # fmt: skip
             rows.append(("  99.99 %; frames beyond it by 10 %", f"{peak['p9999']:.3g}; {peak['frames_beyond']:.3%}",
                          f"{peak['p9999_of_the_capture']:.3g}", "", ""))  # fmt: skip
-    hits, bodies, apart = outcome["fists"], outcome["overlap"], outcome["cuts_told_apart"]
+    hits, bodies, apart = outcome["fists"], outcome["overlap"], outcome["transition_classifier"]
     rows.append(("strikes landed", f"{hits['landed']}", "", f"{own['strikes_landed']}", ""))
     if hits["landed"]:
         off = hits["gap"]
@@ -233,10 +233,11 @@ def _rows(outcome: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
     rows.append(("bodies overlap: discs", f"{bodies['discs']:.3%}", "", f"{own['overlap_share']:.3%}", ""))
     rows.append(("  torsos", f"{bodies['torsos']:.3%}", "", "", place(bodies["worst"])))
     rows.append(("  heads", f"{bodies['heads']:.3%}", "", "", ""))
-    rows.append(("cuts a second and avatar", f"{outcome['cuts_per_second']:.2f}", "",
+    rows.append(("transitions per avatar per second", f"{outcome['transitions_per_second']:.2f}", "",
                  f"{own['transitions_per_second']:.2f}", ""))  # fmt: skip
     if apart["auc"] is not None and apart["auc_of_content"] is not None:
-        rows.append((f"AUC of {apart['cuts']} cuts against {apart['others']} others", f"{apart['auc']:.3f}",
+        against = f"{apart['transitions']} transitions against {apart['others']} others"
+        rows.append((f"AUC of {against}", f"{apart['auc']:.3f}",
                      f"{apart['auc_of_content']:.3f}", "", ""))  # fmt: skip
     return rows
 
@@ -248,7 +249,7 @@ def main() -> None:
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder with capture")
     parser.add_argument("--policies", type=Path, help="folder of bundles; else where runs find them")
     parser.add_argument("--frames", type=int, default=450, help="control frames of runs that are made here")
-    parser.add_argument("--seconds", type=float, default=0.4, help="length of a window around a cut, 0.2 to 1.6")
+    parser.add_argument("--seconds", type=float, default=0.4, help="length of a window around a transition, 0.2 to 1.6")
     parser.add_argument(
         "--quick", action="store_true", help=f"seconds: {FEW} avatars, {QUICK} control frames, small policies"
     )

@@ -1,10 +1,10 @@
-"""Do avatars fight? Strikes landed in the shipped brawls, beside avatars that draw their actions.
+"""Strikes landed in the shipped brawls with learned actions, beside avatars with random actions.
 
     python benchmarks/fights.py [--mocap DIR] [--json] [--quick]
 
 `strict` is what runs report: at the strike's frame the fist is within 10 cm of the surface of the opponent's head or
-torso, where that is then. `generous` asks for less: the fist comes within 25 cm of a point 1.15 m above where the
-opponent stood when the attacker decided. Both are strikes a minute and avatar.
+torso at that time. `generous` asks for less: the fist comes within 25 cm of a point 1.15 m above the opponent's
+position at the attacker's decision. Both are strikes per avatar per minute.
 """
 
 from __future__ import annotations

@@ -6,27 +6,27 @@ Speed: graphs with default settings of 437 s (the paper's 6,453 frames at 15 Hz)
 performer, each in a process of its own for its peak memory, after a small graph has loaded the compiled kernels.
 
 Trade-off: McCann and Pollard (2007) found that occasional poor transitions are crucial for responsiveness. For each
-setting the table holds how smooth transitions are (mean cost and 95th percentile) and, without any learning, how soon
-the body can do what is asked of it:
+setting the table has the cost of transitions (mean and 95th percentile) and, without any learning, three response
+times:
 
-* `switch`: mean seconds from a random frame to a random frame, by the shortest way, over frames that all graphs of the
-  table keep;
-* `go`: mean seconds until the body stands within 0.3 m of a spot 1 m away in 8 directions;
+* `switch`: mean seconds from a random frame to a random frame by the shortest path, over frames that all graphs of the
+  table contain;
+* `go`: mean seconds until the body is within 0.3 m of a point 1 m away, in 8 directions;
 * `strike`: mean seconds until a strike's fist comes within 0.21 m (a head's radius and the default tolerance) of a
   point in the region that strikes reach, ahead of the avatar.
 
-`go` and `strike` search from random frames through all actions up to a horizon of 2 s, keeping at every frame four
-bodies for each 0.2 m and 22.5 degrees. What is not reached counts as the horizon; the share reached stands beside it.
+`go` and `strike` search from random frames through all actions up to a horizon of 2 s, with four bodies for each 0.2 m
+and 22.5 degrees at every frame. What is not reached counts as the horizon; the table also has the share reached.
 
 Why the defaults are what they are (real capture, `fight_daz`):
 
-* Threshold 0.25 m. Up to there transitions grow poorer more slowly than responses grow quicker: from 0.15 to 0.25 m
-  `strike` falls from 1.5 to 0.7 s while the mean cost rises from 0.10 to 0.14 m. Beyond it little is gained.
-* Branching 12. With only the cheapest ways out of a frame, poor transitions stand where there are no better ones: at
-  one mean cost, 0.25 m and 12 ways strike in 0.64 s, 0.20 m and 100 ways in 0.85 s with half as many actions again.
-  Where a guard comes back all the time, as with the performer, it keeps the graph from having half a million actions.
-* Spacing 0.2 s. Decisions after every frame strike 0.14 s sooner and go as soon, for three times the states, and so for
-  tables three times as large.
+* Threshold 0.25 m. Up to there costs rise more slowly than response times fall: from 0.15 to 0.25 m `strike` falls
+  from 1.5 to 0.7 s while the mean cost rises from 0.10 to 0.14 m. Beyond it little is gained.
+* Branching 12. The cheapest transitions of a frame suffice: at one mean cost, 0.25 m and 12 transitions per frame
+  strike in 0.64 s, 0.20 m and 100 in 0.85 s with half as many actions again. Where a guard recurs all the time, as
+  with the performer, the limit keeps the graph from having half a million actions.
+* Spacing 0.2 s. Decisions after every frame strike 0.14 s sooner and `go` takes as long, for three times the states
+  and therefore tables three times as large.
 """
 
 from __future__ import annotations

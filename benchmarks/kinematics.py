@@ -1,11 +1,11 @@
-"""Forward kinematics in poses a second beside upc-pymotion, and inverse kinematics in limbs a second.
+"""Forward kinematics in poses per second beside upc-pymotion, and inverse kinematics in limbs per second.
 
     python benchmarks/kinematics.py [--json] [--quick] [--poses 4096] [--repeats 20]
 
-A pose has 31 joints in a tree like a person's, local rotations as quaternions; the result is the place and the turn of
+A pose has 31 joints in a human tree and local rotations as quaternions; the result is the position and the rotation of
 every joint in the world. All contenders get the same arrays, in one process, the best of several runs; compilation is
-done before. upc-pymotion runs on one thread. Inverse kinematics bends left arms of these poses onto targets, by the
-solver that carries fists and holds feet.
+not counted. upc-pymotion runs on one thread. Inverse kinematics bends left arms of these poses onto targets, with the
+solver that moves fists and plants feet.
 """
 
 from __future__ import annotations

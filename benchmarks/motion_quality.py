@@ -1,25 +1,25 @@
-"""How well cuts are hidden: can a classifier tell them from captured motion?
+"""How natural transitions look: a classifier tries to distinguish them from captured motion.
 
     python benchmarks/motion_quality.py [--mocap DIR] [--json] [--windows 2000] [--seconds 0.4] [--noise 0.01]
                                         [--policy BUNDLE ...] [--brawls 3] [--quick]
 
-Sixty avatars fight everyone against everyone by a trained policy. Windows of 0.4 s around the cuts that they make
-(`made`) stand against windows of the capture itself around the very frames that those cuts leave and enter, so that
-nothing but the cut tells them apart. `apart` are those of them that no other cut is near; `every` are cuts evenly
-drawn from all that the graph allows instead, one at a time, whether anyone would make them or not. Features are
-velocities and accelerations of the body's joints at 60 Hz in the ground frame of the window's middle. Clips are split
-in halves: a classifier trained on cuts and captured motion of one half is asked about the other, four splits, of
-which the mean area under the ROC curve counts; 0.5 is guessing, 1 is certainty. Two brawls of one policy differ by
-0.02 or more, so figures of cuts that are made are means over brawls with other seeds. Two classifiers try, logistic
-regression, and random trees that are told speeds and sizes of accelerations too; the better of them counts.
+Sixty avatars fight, everyone against everyone, with a trained policy. Windows of 0.4 s around their transitions
+(`made`) are compared with windows of the capture around the frames that the transitions leave and enter, so the
+classes differ by the transition alone. `apart` are those with no other transition near; `every` are drawn evenly from
+all transitions of the graph, whether or not an avatar would choose them. Features are velocities and accelerations of
+the joints at 60 Hz in the ground frame of the window's middle. Clips are split in halves: a classifier is trained on
+transitions and capture of one half and tested on the other. The result is the area under the ROC curve, the mean of
+four splits; 0.5 is guessing, 1 is certainty. Two brawls of one policy differ by 0.02 or more, so `made` and `apart`
+are means over brawls with different seeds. Of two classifiers, logistic regression and random trees that also get
+speeds and magnitudes of accelerations, the better one counts.
 
-`ours` are poses as they are exported, with blends and planted feet, but without what strikes do to arms and to those
-they hit; `crossfade` fades from one motion to the other over 0.4 s while both play on, `hard` does nothing, and
-`motions alone` leaves the moment of a hard cut out: what it is told by is which motions meet, and no blend can change
-that. All places, captured ones too, are told with noise of a hundredth of a millimetre, a tenth of what good optical
-capture has: without it the feet of the performer, which stand as still as numbers can, tell pushes and roundings of a
-micrometre apart, which nobody sees. Motion is the embedded performer's (`policies/boxer.yaml`) and, with --mocap or
-CROWDSIM_MOCAP, the capture of `policies/boxer_cmu.yaml`; their policies are trained first where they are not.
+`ours` are poses as they are exported, with blends and foot plants, but without the changes that strikes make to arms
+and hit reactions make to bodies; `crossfade` mixes both motions over 0.4 s; `hard` does nothing; `motions alone` omits
+the moment of a hard transition, so what it shows is the choice of motions, which no blend can change. Noise of 0.01
+mm, a tenth of the error of good optical capture, is added to all positions: the performer's planted feet are exactly
+still, and without noise a classifier would find rounding errors. The motion is the embedded performer's
+(`policies/boxer.yaml`) and, with --mocap or CROWDSIM_MOCAP, the capture of `policies/boxer_cmu.yaml`; policies that
+are not trained are trained first.
 """
 
 from __future__ import annotations
@@ -54,15 +54,15 @@ from crowdsim.training.train import ready_policy
 Array = NDArray[Any]
 
 APART = 0.5
-"""Time within which no other cut lies where one counts as apart [s]."""
+"""Time within which no other transition lies where one counts as apart [s]."""
 NOISE = 1e-5
 """Standard deviation of the noise on places [m]."""
 NEAR = 0.05
-"""Time around a hard cut that `motions alone` leaves out [s]."""
+"""Time around a hard transition that `motions alone` leaves out [s]."""
 FADE = 12
-"""Playback frames of a cross-fade on either side of the cut."""
+"""Playback frames of a cross-fade on either side of the transition."""
 ROWS = 15
-"""Control frames of motion before and after a cut."""
+"""Control frames of motion before and after a transition."""
 SCENE = ["groups.0.count=60", "types.boxer.scale=1", "groups.0.placement.radius=7", "fps=60", "duration=1000"]
 QUICK = ["groups.0.count=12", "groups.0.placement.radius=3", "duration=200"]
 """What is other in a quick brawl."""
@@ -76,7 +76,7 @@ def inside(database: MotionDatabase, frames: Array, rows: int) -> Array:
 
 
 def usable(database: MotionDatabase, graph: MotionGraph, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return control frames before and after some cuts that have motion around them: left, and landed on."""
+    """Return control frames before and after some transitions that have motion around them: left, and landed on."""
     leave, enter = np.asarray(graph.transition_from), np.asarray(graph.transition_to) - 1
     fits = np.flatnonzero(inside(database, leave, ROWS) & inside(database, enter, ROWS))
     fits = rng.permutation(fits)[:count]
@@ -92,24 +92,30 @@ def fight(policy: Policy, seed: int = 0, quick: bool = False) -> PoseSampler:
 
 
 def made(sampler: PoseSampler, half: int, most: int, rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
-    """Control frames left and entered by cuts of a take, joint places around them (n, T, roles, 3), which are apart."""
+    """Control frames left and entered by transitions, joint positions around them (n, T, roles, 3), which are apart."""
     database, take = sampler.policies[0].database, sampler.take
     rate, stride = database.playback_rate, database.stride
     numbers = np.arange(take.avatar_count)
     window = sampler.window(0, numbers, np.array([0.0, take.seconds]))
-    cuts = window.cuts()
-    leave, enter, centre = cuts.before // stride, cuts.after // stride, np.round(cuts.times * rate).astype(int)
+    transitions = window.cuts()
+    leave, enter, centre = (
+        transitions.before // stride,
+        transitions.after // stride,
+        np.round(transitions.times * rate).astype(int),
+    )
     reach, last = half + 1, take.output_frames(rate) - 1
     rows = -(-reach // stride)
     fits = inside(database, leave, rows) & inside(database, enter, rows)
     fits &= (centre >= rate) & (centre < last - rate)
-    gaps = np.where(cuts.owners[1:] == cuts.owners[:-1], np.diff(cuts.times), np.inf)
+    gaps = np.where(transitions.owners[1:] == transitions.owners[:-1], np.diff(transitions.times), np.inf)
     apart = np.minimum(np.concatenate([[np.inf], gaps]), np.concatenate([gaps, [np.inf]])) > APART
     chosen = np.sort(rng.permutation(np.flatnonzero(fits))[:most])
     places = []
-    for cut in chosen:
-        poses = sampler.sample(centre[cut] - reach, centre[cut] + reach + 1, rate, numbers[[cuts.owners[cut]]])[0]
-        base = cuts.places[cut]
+    for transition in chosen:
+        poses = sampler.sample(
+            centre[transition] - reach, centre[transition] + reach + 1, rate, numbers[[transitions.owners[transition]]]
+        )[0]
+        base = transitions.places[transition]
         rotations = np.array(poses.rotations[:, 0], dtype=float)
         rotations[:, 0] = quaternion.multiply(quaternion.about_y(-base[2]), rotations[:, 0])
         roots = ground.to_local(base, np.asarray(poses.root_positions[:, 0], dtype=float))
@@ -117,8 +123,8 @@ def made(sampler: PoseSampler, half: int, most: int, rng: np.random.Generator) -
     return leave[chosen], enter[chosen], np.stack(places), apart[chosen]
 
 
-def take_of_cuts(database: MotionDatabase, leave: Array, enter: Array) -> PoseSampler:
-    """A take in which every avatar shows one cut, in the middle, standing on the origin."""
+def take_of_transitions(database: MotionDatabase, leave: Array, enter: Array) -> PoseSampler:
+    """A take in which every avatar shows one transition, in the middle, standing on the origin."""
     count, stride = len(leave), database.stride
     steps = np.arange(-ROWS, ROWS + 1)
     past = steps[:, None] >= 0
@@ -151,7 +157,7 @@ def take_of_cuts(database: MotionDatabase, leave: Array, enter: Array) -> PoseSa
         target_names=(),
         events=events,
         control_rate=database.control_rate,
-        scenario="cuts",
+        scenario="transitions",
         seed=0,
         fingerprints=("",),
         status="done",
@@ -182,7 +188,7 @@ def joints(database: MotionDatabase, roots: Array, rotations: Array) -> Array:
 
 
 def ways(database: MotionDatabase, leave: Array, enter: Array, half: int) -> dict[str, Array]:
-    """Joint places over windows of plain ways to cut, and of the capture. Shape (n, T, roles, 3)."""
+    """Joint places over windows of plain ways to transition, and of the capture. Shape (n, T, roles, 3)."""
     reach = half + 1
     before, after = played(database, leave, reach), played(database, enter, reach)
     steps = np.arange(-reach, reach + 1)
@@ -203,8 +209,8 @@ def ways(database: MotionDatabase, leave: Array, enter: Array, half: int) -> dic
 
 
 def alone(database: MotionDatabase, leave: Array, enter: Array, half: int) -> Array:
-    """Joint places around cuts that are made one at a time. Shape (n, T, roles, 3)."""
-    sampler, reach, centre = take_of_cuts(database, leave, enter), half + 1, ROWS * database.stride
+    """Joint places around transitions that are made one at a time. Shape (n, T, roles, 3)."""
+    sampler, reach, centre = take_of_transitions(database, leave, enter), half + 1, ROWS * database.stride
     poses = sampler.sample(centre - reach, centre + reach + 1, database.playback_rate)[0]
     return joints(database, poses.root_positions.swapaxes(0, 1), poses.rotations.swapaxes(0, 1))
 
@@ -220,7 +226,9 @@ def features(places: Array, rate: float, leave_out: float) -> tuple[Array, Array
     return both.reshape(len(both), -1).astype(np.float32), sizes.reshape(len(sizes), -1).astype(np.float32)
 
 
-def areas(database: MotionDatabase, cuts: dict[str, Array], leave: Array, enter: Array, kind: str) -> dict[str, float]:
+def areas(
+    database: MotionDatabase, transitions: dict[str, Array], leave: Array, enter: Array, kind: str
+) -> dict[str, float]:
     """Mean area under the ROC curve of each classifier, trained and asked on different clips."""
     from sklearn.ensemble import ExtraTreesClassifier
     from sklearn.linear_model import LogisticRegression
@@ -236,10 +244,10 @@ def areas(database: MotionDatabase, cuts: dict[str, Array], leave: Array, enter:
     starts = np.asarray(database.clip_starts)
     left, entered = (clip_of[np.searchsorted(starts, frames, side="right") - 1] for frames in (leave, enter))
     bare = kind == "motions alone"
-    shown = cuts["hard" if bare else kind]
+    shown = transitions["hard" if bare else kind]
     pairs = {
         key: features(places, rate, NEAR if bare else 0.0)
-        for key, places in ((kind, shown), ("left", cuts["left"]), ("entered", cuts["entered"]))
+        for key, places in ((kind, shown), ("left", transitions["left"]), ("entered", transitions["entered"]))
     }
     half = np.arange(len(leave)) % 2 == 0
     outcome: dict[str, list[float]] = {"logistic": [], "trees": []}
@@ -281,16 +289,16 @@ def judge(
     kinds: tuple[str, ...] = ("crossfade", "hard", "motions alone"),
     noise: float = NOISE,
 ) -> dict[str, Any]:
-    """How well cuts are told from captured motion, made our way and plain ways."""
-    cuts = {**ways(database, leave, enter, ours.shape[1] // 2 - 1), "ours": ours}
+    """How well classifiers distinguish transitions from captured motion, with our blends and with plain ones."""
+    transitions = {**ways(database, leave, enter, ours.shape[1] // 2 - 1), "ours": ours}
     rng = np.random.default_rng(0)
-    cuts = {key: places + noise * rng.standard_normal(places.shape) for key, places in cuts.items()}
+    transitions = {key: places + noise * rng.standard_normal(places.shape) for key, places in transitions.items()}
     outcome: dict[str, Any] = {
-        "cuts": len(leave),
+        "transitions": len(leave),
         "of_them_different": len(np.unique(np.stack([leave, enter]), axis=1).T),
     }
     for kind in ("ours", *kinds):
-        by = areas(database, cuts, leave, enter, kind)
+        by = areas(database, transitions, leave, enter, kind)
         outcome[kind] = {"auc": max(by.values()), **by}
     return outcome
 
@@ -307,7 +315,7 @@ def mean_of(outcome: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _plain(outcome: Any) -> Any:
-    """Return plain data with null for what is no number: too few cuts to tell."""
+    """Return plain data with null for what is no number: too few transitions."""
     if isinstance(outcome, dict):
         return {key: _plain(value) for key, value in outcome.items()}
     if isinstance(outcome, list):
@@ -329,10 +337,10 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
             sampler = fight(policy, seed, options.quick)
             leave, enter, shown, apart = made(sampler, half, options.windows, np.random.default_rng(seed))
             fighters, seconds = sampler.take.avatar_count, sampler.take.seconds
-            cuts = sampler.window(0, np.arange(fighters), np.array([0.0, seconds])).cuts()
+            transitions = sampler.window(0, np.arange(fighters), np.array([0.0, seconds])).cuts()
             brawls.append(
                 {
-                    "cuts_per_second": len(cuts.times) / (fighters * seconds),
+                    "transitions_per_second": len(transitions.times) / (fighters * seconds),
                     "made": judge(database, leave, enter, shown, noise=noise),
                     "apart": judge(database, leave[apart], enter[apart], shown[apart], noise=noise),
                 }
@@ -351,12 +359,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder with capture")
     parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
-    parser.add_argument("--windows", type=int, default=2000, help="cuts that are looked at, at the most")
+    parser.add_argument("--windows", type=int, default=2000, help="most transitions that are classified")
     parser.add_argument("--policy", nargs="+", help="recipes or bundles other than boxer and boxer_cmu")
     parser.add_argument("--seconds", type=float, default=0.4, help="length of a window, 0.2 to 1.6")
-    parser.add_argument("--brawls", type=int, default=3, help="brawls over which cuts that are made are looked at")
-    parser.add_argument("--noise", type=float, default=1e3 * NOISE, help="noise on all places [mm]")
-    parser.add_argument("--quick", action="store_true", help="seconds: one small brawl, few cuts, small policies")
+    parser.add_argument("--brawls", type=int, default=3, help="brawls whose transitions are classified")
+    parser.add_argument("--noise", type=float, default=1e3 * NOISE, help="noise on all positions [mm]")
+    parser.add_argument("--quick", action="store_true", help="seconds: one small brawl, small policies")
     options = parser.parse_args()
     if options.quick:
         options.windows, options.brawls = min(options.windows, 80), 1
@@ -376,10 +384,11 @@ def main() -> None:
         return
     for name, outcome in result.items():
         each = ", ".join(f"{area:.3f}" for area in outcome["made_in_each"])
-        print(f"{name}: {outcome['cuts_per_second']:.2f} cuts a second and avatar; AUC of ours in each brawl: {each}")
+        rate = outcome["transitions_per_second"]
+        print(f"{name}: {rate:.2f} transitions per avatar per second; AUC of ours in each brawl: {each}")
         for group in ("made", "apart", "every"):
             rows = outcome[group]
-            print(f"  {group} ({rows['cuts']:.0f} cuts, {rows['of_them_different']:.0f} different)")
+            print(f"  {group} ({rows['transitions']:.0f} transitions, {rows['of_them_different']:.0f} different)")
             print(f"    {'':24} {'AUC':>7} {'logistic':>8} {'trees':>6}")
             for kind in ("ours", "crossfade", "hard", "motions alone"):
                 row = rows[kind]

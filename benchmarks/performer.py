@@ -1,19 +1,18 @@
-"""The embedded boxer beside real boxing: how they move, what their strikes reach, and the detectors against the truth.
+"""The embedded boxer beside real boxing: movement, the reach of strikes, and the detectors against the truth.
 
     python benchmarks/performer.py [--json] [--quick] [--seconds 437] [--seed 1] [--capture FILE.bvh]
 
-The capture is CMU's clip 13_18 (shadow boxing), looked for in the folder of CROWDSIM_MOCAP; without it the table has no
-second column. Its elbows, which fold backward in the file, are turned as for training. Both are measured in the same
-way at 60 Hz: roles, body and tracks as training sees them, lengths and speeds scaled to a body of 1.75 m. Percentiles
-are over all frames, except where a row says otherwise; rows named "strikes" are the peaks of the striking arm on its
-way out.
+The capture is CMU's clip 13_18 (shadow boxing) in the folder of CROWDSIM_MOCAP; without it the table has no second
+column. Its elbows fold backward in the file and are corrected as for training. Both are measured in the same way at 60
+Hz: roles, body and tracks as in training, lengths and speeds scaled to a body of 1.75 m. Percentiles are over all
+frames, except where a row says otherwise; rows named "strikes" are the peaks of the striking arm on its way out.
 
-Locomotion: the highest speed of the pelvis over the ground, averaged over half a second of a move alone, and the mean
-speed from the first foot that leaves the floor to the last that is down; and what the session's clips are made of.
+Locomotion: the highest speed of the pelvis over the ground, averaged over half a second of a move alone; the mean
+speed from the first foot that leaves the floor to the last that lands; and the contents of the session's clips.
 
-Coverage is over the cells of the paper's punch grid, heads as targets: a cell is covered where the fist of some strike,
-or of its mirror image, ends within 0.1 m of the surface of a head whose middle is the cell's. Targets are seen at the
-strike's frame, and, so that steps count, from any frame of the half second before it too.
+Coverage is over the cells of the paper's punch grid, with heads as targets: a cell is covered where the fist of some
+strike, or of its mirror image, ends within 0.1 m of the surface of a head whose middle is the cell's. Targets are
+observed at the strike's frame, and, so that steps count, from any frame of the half second before it too.
 """
 
 from __future__ import annotations

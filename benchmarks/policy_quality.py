@@ -1,20 +1,21 @@
 """How good trained policies are, on the embedded boxer and on real capture (--mocap or CROWDSIM_MOCAP).
 
-Return: discounted reward over 10 s from 400 random starts with a still target, in the mean. `approach`: the target
-stands 0.6 to 4 m away, in any direction; a success is to come to where it is wanted, or within 0.1 m of there, in 10 s.
-`punch`: the target is in the region that strikes reach; a success is a strike that lands within 3 s. `composition`: the
-behaviours that avatars use by default, by the recipe's weights, and the sum of their rewards; half of the starts are
-those of `approach`, half those of `punch`, and a success is a strike that lands within 6 s.
+Return: mean discounted reward over 10 s from 400 random starts with a still target. `approach`: the target is 0.6 to 4
+m away in any direction; an episode succeeds when the avatar comes within 0.1 m of the wanted distance in 10 s.
+`punch`: the target is in the region that strikes reach; an episode succeeds when a strike lands within 3 s.
+`composition`: the behaviours that avatars use by default, with the recipe's weights, and the sum of their rewards;
+half of the starts are those of `approach`, half those of `punch`, and an episode succeeds when a strike lands within 6
+s.
 
 The reference is the better of two: the same behaviour on a grid of four times the cells (twice the distances, twice
 the bearings), and a beam search at run time (128 nodes wide, 10 actions deep, exact rewards, that finer policy's
-values behind its leaves; over the first 100 starts, on which the ratio to it is taken). For a composition it learns the
-sum of the rewards as one behaviour. `random_return_ratio` is the return of drawn actions over that of the reference; it
-is negative where their cuts cost more than they earn. Part of a return comes whatever is done: `decided_ratio` is what
-is earned above drawn actions, over what the reference earns above them.
+values behind its leaves; over the first 100 starts, on which the ratio to it is taken). For a composition it learns
+the sum of the rewards as one behaviour. `random_return_ratio` is the return of random actions over that of the
+reference; it is negative where their transitions cost more than they earn. Part of a return does not depend on
+decisions: `decided_ratio` is the return above that of random actions, over the same of the reference.
 
-Without --json also: return against resolution, with the paper's grids, for both look-ups; what coarser numbers lose;
-and what the price of transitions does.
+Without --json also: return against resolution, with the paper's grids, for both look-ups; the loss by coarser numbers;
+and the effect of the price of transitions.
 """
 
 from __future__ import annotations
@@ -102,9 +103,9 @@ def judge(
             "microseconds_a_decision": own.seconds_a_decision * 1e6,
             "search_microseconds_a_decision": searched.seconds_a_decision * 1e6,
             "megabytes": sum(one.table.nbytes for one in tables) / 1e6,
-            "cuts_per_second": own.cuts_per_second,
+            "transitions_per_second": own.cuts_per_second,
             "uncut_seconds": own.uncut_seconds,
-            "random_cuts_per_second": drawn.cuts_per_second,
+            "random_transitions_per_second": drawn.cuts_per_second,
             "random_success_share": success(spec, drawn)[0],
             "strikes_landed_per_minute": float(own.landed.mean() * 6.0),
             "actions_used": own.actions_used,

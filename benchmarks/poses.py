@@ -1,12 +1,12 @@
-"""Full poses a second: motion, blends, planted feet, reactions and landed strikes, beside plain forward kinematics.
+"""Full poses per second: motion, blends, foot plants, hit reactions, landed strikes; beside plain forward kinematics.
 
     python benchmarks/poses.py [--json] [--quick] [--avatars 100] [--seconds 20] [--repeats 7]
 
-A take of avatars of 31 joints that walk at random through the motion graph of the embedded performer, some two cuts a
-second, with a strike of every avatar that lands every two seconds, is posed at 60 Hz on two threads and on one, in
-blocks of 512 frames as the BVH export asks for them, and in single frames of many avatars as a picture does.
-upc-pymotion gets the rotations that come out and does forward kinematics of as many joints, nothing else. The best of
-several runs counts; time of the processor beside it, since other work on the machine lengthens the time on the clock.
+The take has avatars of 31 joints that walk at random through the motion graph of the embedded performer, with some two
+transitions per second and a landed strike of every avatar every two seconds. It is posed at 60 Hz on two threads and
+on one, in blocks of 512 frames as for BVH export, and in single frames of many avatars as for a picture. upc-pymotion
+gets the resulting rotations and does forward kinematics of as many joints, nothing else. The best of several runs
+counts; CPU time is given beside it, since other load on the machine lengthens wall time.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ JOINTS = 31
 GOAL = 200_000
 """Full poses a second on two threads that the project asks for."""
 _CUT = 0.25
-"""Share of decisions that cut."""
+"""Share of decisions that transition."""
 
 
 def walk(database: MotionDatabase, graph: MotionGraph, shifts: Array, avatars: int, seconds: float) -> Take:
@@ -48,7 +48,7 @@ def walk(database: MotionDatabase, graph: MotionGraph, shifts: Array, avatars: i
     frames, stride = round(seconds * database.control_rate) + 1, database.stride
     origins = (np.asarray(graph.action_first, np.int64) - 1) * stride
     lengths = np.asarray(graph.action_lengths, np.int64)
-    offsets, cuts = graph.action_offsets, graph.action_cuts
+    offsets, transitions = graph.action_offsets, graph.action_cuts
     action = graph.action_offsets[rng.integers(0, graph.state_count, avatars)].astype(np.int64)
     phase = np.zeros(avatars, np.int64)
     side = int(np.ceil(np.sqrt(avatars)))
@@ -61,7 +61,7 @@ def walk(database: MotionDatabase, graph: MotionGraph, shifts: Array, avatars: i
         state = graph.action_next[action]
         first, count = offsets[state], offsets[state + 1] - offsets[state]
         drawn = first + (rng.random(avatars) * count).astype(np.int64)
-        go_on = ~cuts[first] & (rng.random(avatars) > _CUT)
+        go_on = ~transitions[first] & (rng.random(avatars) > _CUT)
         action = np.where(done, np.where(go_on, first, drawn), action)
         base[done] = ground.compose(base, shifts[action])[done]
         phase = np.where(done, 0, phase)

@@ -1,18 +1,19 @@
-"""Pictures: frames a second from take to MP4, beside Open3D's legacy Visualizer where that starts.
+"""Pictures: frames per second from take to MP4, beside Open3D's legacy Visualizer where it starts.
 
     python benchmarks/render.py [--json] [--quick]
 
-Runs of ``brawl_30`` with 30, 1,000 and 10,000 boxers, as dense as there; trained first where need be. Every frame is
-posed from the take, drawn at 1280 x 720 with soft shadows and soft edges, and encoded (x264, CRF 20) by a process of
-its own: the best of two renderings. Threads: as many as there are processors. ``cpu_milliseconds`` is what a frame
-costs all processors together, the encoder included, which tells more than the clock where others use the machine.
+Runs of ``brawl_30`` with 30, 1,000 and 10,000 boxers at the same density; the policy is trained first where necessary.
+Every frame is posed from the take, drawn at 1280 x 720 with soft shadows and antialiasing, and encoded (x264, CRF 20)
+in a process of its own: the best of two renderings. There are as many threads as processors. ``cpu_milliseconds`` is
+the CPU time of a frame on all processors, the encoder included, which other load on the machine disturbs less than
+wall time.
 
-Open3D draws the same bodies as one mesh an avatar, posed by numpy, without shadows, and its pictures go through the
-same encoder; it runs in a process of its own, since missing system libraries crash it. ``fps_30`` is null where it does
-not start.
+Open3D draws the same bodies as one mesh per avatar, posed by numpy, without shadows, and its pictures go through the
+same encoder; it runs in a process of its own, since missing system libraries crash it. ``fps_30`` is null where it
+does not start.
 
-``memory``: what 1000 frames of 30 boxers add to the process's memory after the first 100, and the most it holds [MiB].
-The paper: 1000 frames of 30 boxers with pictures in 251 s, which is 4 a second (2.4 GHz Pentium 4).
+``memory``: what 1000 frames of 30 boxers add to the process's memory after the first 100, and its peak [MiB]. The
+paper: 1000 frames of 30 boxers with pictures in 251 s, 4 per second (2.4 GHz Pentium 4).
 """
 
 from __future__ import annotations

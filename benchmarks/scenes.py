@@ -1,21 +1,21 @@
-"""Do the shipped scenes show fights? Every scenario as a whole, with several seeds; control only, nothing is written.
+"""The shipped scenes as wholes: who comes close, who lands strikes, and when. Control only, nothing is written.
 
     python benchmarks/scenes.py [--scene NAME ...] [--seeds N] [--policy NAME] [--threads N] [--mocap DIR] [--json]
                                 [--quick]
 
-The figures are those of ``crowdsim inspect RUN`` (``crowdsim.take.measures``); of each the worst of the seeds is shown,
-and the mean. Positions are measured from 10 s on, in `armies_200` from 15 s on. Large crowds run longer than their
-scenarios say, 25 s, so that avatars have time to be stuck, `crowd_100k` with three seeds and `crowd_1m` with one.
+The figures are those of ``crowdsim inspect RUN`` (``crowdsim.take.measures``): the worst of the seeds, and the mean.
+Positions are measured from 10 s on, in `armies_200` from 15 s on. Large crowds run for 25 s, longer than their
+scenarios, so that stuck avatars show, `crowd_100k` with three seeds and `crowd_1m` with one.
 
 Beside the shipped scenarios there is a ring: 40 boxers at random headings, 2, 3, 4, 8 or 12 m away from a still
-target, for 25 s (`ring_2` ... `ring_12`; `ring` names all). They walk through one another, so that each is a trial of
-its own, and `overlap_share` means nothing. Of the ring also:
+target, for 25 s (`ring_2` ... `ring_12`; `ring` names all). Collision avoidance is off, so each boxer is an
+independent trial, and `overlap_share` means nothing. The ring also has:
 
 * arrived_share: avatars that come within 1 m of the target.
-* arrived_in_time_share: those that have been within 1.3 m after 1.5 s and the time that the way takes at 1.2 m/s.
+* arrived_in_time_share: those within 1.3 m after 1.5 s plus the distance at 1.2 m/s.
 * arrival_seconds: median time until an avatar is within 1.3 m.
 
-Of `duel` and the moving targets also within_share, the share of time within 1.3 m of the opponent after 8 s.
+`duel` and the moving targets also have within_share, the share of time within 1.3 m of the opponent after 8 s.
 """
 
 from __future__ import annotations

@@ -169,9 +169,9 @@ def poses(results: Results) -> list[str]:
         ("the same in the captured motion", percent, ("hinges", "elbows", "past_straight_of_the_capture")),
         ("joints off the captured motion away from transitions and strikes [mm]", millimetres,
          ("undisturbed", "greatest_gap")),
-        ("classifier of transitions against other decisions, AUC", number, ("cuts_told_apart", "auc")),
-        ("the same on the captured motion behind them, AUC", number, ("cuts_told_apart", "auc_of_content")),
-        ("transitions per second per avatar", number, ("cuts_per_second",)),
+        ("classifier of transitions against other decisions, AUC", number, ("transition_classifier", "auc")),
+        ("the same on the captured motion behind them, AUC", number, ("transition_classifier", "auc_of_content")),
+        ("transitions per second per avatar", number, ("transitions_per_second",)),
     ]  # fmt: skip
     cells = [[label, *(results.cell(shown, "exported", name, *keys) for name in scenes)] for label, shown, keys in rows]
     return results.table(["", *(f"`{name}`" for name in scenes)], cells, "exported")

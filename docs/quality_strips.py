@@ -59,8 +59,8 @@ def draw_moment(
     start, stop = middle + int(steps[0]), middle + int(steps[-1]) + 1
     who = np.array(sorted(avatars))
     before, after = sampler.captured(start, stop, FPS, who), sampler.sample(start, stop, FPS, who)
-    told = next(poses for poses in after if avatars[0] in poses.avatars)
-    ground = told.ground[len(told.ground) // 2, int(np.flatnonzero(told.avatars == avatars[0])[0])]
+    result = next(poses for poses in after if avatars[0] in poses.avatars)
+    ground = result.ground[len(result.ground) // 2, int(np.flatnonzero(result.avatars == avatars[0])[0])]
     centre = np.array([ground[0], 0.8, ground[1]])
     if len(avatars) > 1:
         other = next(poses for poses in after if avatars[1] in poses.avatars)
@@ -118,13 +118,13 @@ def _draw_tile(
 
 def _some_cuts(sampler: PoseSampler) -> list[tuple[Any, Any, Array]]:
     take = sampler.take
-    told = []
+    result = []
     for index in range(len(sampler.motions)):
         avatars = np.flatnonzero(take.cast.policies == index)[:_MOST_AVATARS]
         if len(avatars):
             window = sampler.window(index, avatars, np.array([0.0, take.seconds]))
-            told.append((sampler.motions[index].frames, window.cuts(), avatars))
-    return told
+            result.append((sampler.motions[index].frames, window.cuts(), avatars))
+    return result
 
 
 def _pick(sizes: Array, moments: list[tuple[float, list[int]]], rng: np.random.Generator) -> list[Any]:

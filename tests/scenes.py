@@ -14,7 +14,7 @@ from crowdsim.cli import main
 
 def scene(**changes: Any) -> dict[str, Any]:
     """Plain data of a scenario: four boxers for 40 control frames, with keys changed or added."""
-    told = {
+    result = {
         "version": 1,
         "name": "four",
         "seed": 5,
@@ -28,7 +28,7 @@ def scene(**changes: Any) -> dict[str, Any]:
         ],
         "opponents": {"kind": "other_team"},
     }  # fmt: skip
-    return {**told, **changes}
+    return {**result, **changes}
 
 
 def write_scene(path: Path, **changes: Any) -> Path:

@@ -56,18 +56,18 @@ MAY_BE_NULL = {
 }
 
 
-def leaf(told: Any, dotted: str) -> Any:
+def leaf(report: Any, dotted: str) -> Any:
     for key in dotted.split("."):
-        assert key in told, dotted
-        told = told[key]
-    return told
+        assert key in report, dotted
+        report = report[key]
+    return report
 
 
-def missing_in_tables(benchmark: str, told: dict[str, Any]) -> list[tuple[str, ...]]:
+def missing_in_tables(benchmark: str, report: dict[str, Any]) -> list[tuple[str, ...]]:
     """Figures that tables of the documentation ask for and a quick run without capture does not have."""
     sys.path.append(str(ROOT / "docs"))
     make_tables = importlib.import_module("make_tables")
-    results = make_tables.Results({"benchmarks": {benchmark: {"results": told, "quick": False, **MEASURED}}})
+    results = make_tables.Results({"benchmarks": {benchmark: {"results": report, "quick": False, **MEASURED}}})
     for tables in make_tables.PAGES.values():
         for table in tables.values():
             table(results)
@@ -91,11 +91,11 @@ def test_a_quick_benchmark_runs_and_has_its_keys(path: Path, tmp_path: Path) -> 
     if done.returncode and missing and os.environ.get("CI") != "true":
         pytest.skip(f"{missing[1]} is not installed; the extra `bench` has it")
     assert done.returncode == 0, done.stderr[-3000:]
-    told = json.loads(done.stdout)
-    assert told
+    report = json.loads(done.stdout)
+    assert report
     for dotted in KEYS.get(path.stem, []):
-        assert leaf(told, dotted) is not None or dotted in MAY_BE_NULL
-    assert not missing_in_tables(path.stem, told)
+        assert leaf(report, dotted) is not None or dotted in MAY_BE_NULL
+    assert not missing_in_tables(path.stem, report)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -136,10 +136,10 @@ def test_results_say_what_was_measured_when_and_on_what(
 ) -> None:
     stand_in(run_all, monkeypatch, {"seconds": 1.0, "results": {"a": {"b": 2.5}}}, tmp_path / "results.json")
     call(run_all, monkeypatch)
-    told = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
-    assert (told["format"], told["version"]) == ("crowdsim-benchmarks", 2)
-    assert list(told["benchmarks"]) == [path.stem for path in BENCHMARKS]
-    entry = told["benchmarks"]["control"]
+    report = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    assert (report["format"], report["version"]) == ("crowdsim-benchmarks", 2)
+    assert list(report["benchmarks"]) == [path.stem for path in BENCHMARKS]
+    entry = report["benchmarks"]["control"]
     assert (entry["quick"], entry["seconds"], entry["results"]) == (False, 1.0, {"a": {"b": 2.5}})
     assert entry["commit"] is None or re.fullmatch(r"[0-9a-f]{40}(-dirty)?", entry["commit"])
     assert datetime.fromisoformat(entry["date"]).tzinfo is not None
@@ -157,8 +157,8 @@ def test_one_benchmark_is_measured_again_and_the_others_stay(
     call(run_all, monkeypatch, "scenes", "bvh")
     stand_in(run_all, monkeypatch, {"seconds": 1.0, "results": {"a": 2}}, path)
     call(run_all, monkeypatch, "scenes", "control")
-    told = json.loads(path.read_text(encoding="utf-8"))["benchmarks"]
-    assert {name: entry["results"]["a"] for name, entry in told.items()} == {"bvh": 1, "control": 2, "scenes": 2}
+    report = json.loads(path.read_text(encoding="utf-8"))["benchmarks"]
+    assert {name: entry["results"]["a"] for name, entry in report.items()} == {"bvh": 1, "control": 2, "scenes": 2}
 
 
 def test_only_full_results_are_written_unasked(
@@ -170,8 +170,8 @@ def test_only_full_results_are_written_unasked(
     capsys.readouterr()
     call(run_all, monkeypatch, "bvh", "--json", "--quick")
     assert list(tmp_path.iterdir()) == []
-    told = json.loads(capsys.readouterr().out)["benchmarks"]
-    assert {name: entry["results"] for name, entry in told.items()} == {"bvh": {"quick": True}}
+    report = json.loads(capsys.readouterr().out)["benchmarks"]
+    assert {name: entry["results"] for name, entry in report.items()} == {"bvh": {"quick": True}}
     call(run_all, monkeypatch, "bvh", "--quick", "--out", str(tmp_path / "asked.json"))
     assert [path.name for path in tmp_path.iterdir()] == ["asked.json"]
 
@@ -183,8 +183,8 @@ def test_a_quick_result_does_not_replace_a_full_one(
     stand_in(run_all, monkeypatch, {"seconds": 1.0, "results": {}}, path)
     call(run_all, monkeypatch, "bvh")
     call(run_all, monkeypatch, "bvh", "export", "--quick", "--out", str(path))
-    told = json.loads(path.read_text(encoding="utf-8"))["benchmarks"]
-    assert {name: entry["quick"] for name, entry in told.items()} == {"bvh": False, "export": True}
+    report = json.loads(path.read_text(encoding="utf-8"))["benchmarks"]
+    assert {name: entry["quick"] for name, entry in report.items()} == {"bvh": False, "export": True}
 
 
 def test_a_benchmark_that_fails_is_reported_and_keeps_its_previous_entry(
@@ -198,12 +198,12 @@ def test_a_benchmark_that_fails_is_reported_and_keeps_its_previous_entry(
     with pytest.raises(SystemExit) as caught:
         call(run_all, monkeypatch)
     assert caught.value.code == 1
-    told = capsys.readouterr()
-    assert "| bvh | failed | ValueError: no |" in told.out
-    assert "bvh failed: ValueError: no" in told.err
+    report = capsys.readouterr()
+    assert "| bvh | failed | ValueError: no |" in report.out
+    assert "bvh failed: ValueError: no" in report.err
     assert path.read_text(encoding="utf-8") == before
 
 
 def test_results_hold_neither_paths_nor_what_is_no_number(run_all: ModuleType) -> None:
-    told = {"a": [float("nan"), 1.5], "b": {"folder": "/home/me/output/brawl_30", "name": "a/b"}}
-    assert run_all.portable(told) == {"a": [None, 1.5], "b": {"folder": "brawl_30", "name": "a/b"}}
+    report = {"a": [float("nan"), 1.5], "b": {"folder": "/home/me/output/brawl_30", "name": "a/b"}}
+    assert run_all.portable(report) == {"a": [None, 1.5], "b": {"folder": "brawl_30", "name": "a/b"}}

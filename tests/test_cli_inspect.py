@@ -27,11 +27,11 @@ def _inspect(*words: object) -> subprocess.CompletedProcess[str]:
 def test_json_is_the_whole_of_standard_output(clip):
     done = _inspect(clip, "--json")
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert (told["joints"], told["frames"], told["fps"]) == (22, 240, 60.0)
-    assert told["unit_scale"] == 0.01
-    assert told["up_axis"] == "y"
-    assert told["findings"] == []
+    report = json.loads(done.stdout)
+    assert (report["joints"], report["frames"], report["fps"]) == (22, 240, 60.0)
+    assert report["unit_scale"] == 0.01
+    assert report["up_axis"] == "y"
+    assert report["findings"] == []
     assert done.stderr == ""
 
 
@@ -53,9 +53,9 @@ def test_findings_go_to_standard_error_and_exit_zero(clip, tmp_path):
     done = _inspect(path)
     assert done.returncode == 0
     assert done.stderr == f"{path}: 240 rows of motion, Frames: says 250\n"
-    told = json.loads(_inspect(path, "--json").stdout)
-    assert told["frames"] == 240
-    assert told["findings"] == ["240 rows of motion, Frames: says 250"]
+    report = json.loads(_inspect(path, "--json").stdout)
+    assert report["frames"] == 240
+    assert report["findings"] == ["240 rows of motion, Frames: says 250"]
 
 
 @pytest.mark.parametrize("text", ["", "not a capture\n", "HIERARCHY\nROOT a\n{\nOFFSET 0 0 zero\n"])

@@ -33,14 +33,14 @@ TYPES = r"(?i)<[a-z]|\b(str|int|float|bool|path|list|text|integer|filename)\b\s*
 @pytest.mark.parametrize("command", [None, *COMMANDS])
 def test_help_has_no_python_types_and_states_the_exit_codes(command, capsys) -> None:
     assert crowdsim(*filter(None, [command]), "--help") == 0
-    told = capsys.readouterr().out
-    assert not re.search(TYPES, told), told
-    assert "{" not in told
-    codes = " ".join(told.split()).partition("Exit codes: ")[2]
+    report = capsys.readouterr().out
+    assert not re.search(TYPES, report), report
+    assert "{" not in report
+    codes = " ".join(report.split()).partition("Exit codes: ")[2]
     assert codes == "0 done, 1 a run failed, 2 invalid input, 130 interrupted, 143 terminated."
     if command is not None:
-        assert "--quiet" in told
-        assert "--verbose" in told
+        assert "--quiet" in report
+        assert "--verbose" in report
 
 
 def test_the_documentation_states_the_exit_codes() -> None:
@@ -74,28 +74,28 @@ def test_json_is_the_whole_of_standard_output(workplace: Path, capsys) -> None:
     write_scene(workplace / "four.yaml", outputs={"bvh": {"fps": 30}})
     write_scene(workplace / "bad.yaml", duration=0)
 
-    def told(code: int, *arguments: str) -> dict:
+    def report(code: int, *arguments: str) -> dict:
         assert crowdsim(*arguments, "--json") == code
         return json.loads(capsys.readouterr().out)
 
-    trained = told(0, "train", "tiny")
+    trained = report(0, "train", "tiny")
     assert (trained["policy"], trained["trained"], len(trained["fingerprint"])) == ("tiny", False, 64)
-    (run,) = told(0, "run", "four.yaml")["runs"]
+    (run,) = report(0, "run", "four.yaml")["runs"]
     assert (run["state"], run["avatars"], run["control_frames"], run["seed"]) == ("done", 4, 40, 5)
     assert run["outputs"]["bvh"]["files"] == 4
     assert run["statistics"]["strikes_thrown"] >= 0
     assert run["seconds"]["control"] > 0
-    (again,) = told(0, "run", "four.yaml")["runs"]
+    (again,) = report(0, "run", "four.yaml")["runs"]
     assert again["state"] == "done before"
     assert again["seconds"] == run["seconds"]
-    first, second = told(1, "run", "four.yaml", "bad.yaml")["runs"]
+    first, second = report(1, "run", "four.yaml", "bad.yaml")["runs"]
     assert (first["state"], second["state"]) == ("done before", "failed")
     assert second["error"].startswith("bad.yaml:4:11: duration: is 0")
-    intact = told(0, "verify", "output/four")
+    intact = report(0, "verify", "output/four")
     assert (intact["intact"], intact["findings"], intact["foreign"]) == (True, [], [])
     assert intact["files"] > 4
     (workplace / "output/four/bvh/red_0.bvh").write_text("")
-    changed = told(1, "verify", "output/four")
+    changed = report(1, "verify", "output/four")
     assert changed["intact"] is False
     assert changed["findings"][0].startswith("output/four/bvh/red_0.bvh: has 0 bytes")
 
@@ -123,9 +123,9 @@ def test_verbose_commands_say_more_and_where_an_error_comes_from(workplace: Path
     assert crowdsim("verify", "nowhere") == 2
     assert "Traceback" not in capsys.readouterr().err
     assert crowdsim("verify", "nowhere", "-v") == 2
-    told = capsys.readouterr().err
-    assert "Traceback" in told
-    assert told.splitlines()[-1].startswith("nowhere: ")
+    report = capsys.readouterr().err
+    assert "Traceback" in report
+    assert report.splitlines()[-1].startswith("nowhere: ")
 
 
 def test_frames_may_be_given_in_seconds_on_the_command_line(workplace: Path, capsys) -> None:

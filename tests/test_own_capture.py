@@ -128,9 +128,9 @@ def test_training_ends_with_a_summary_whose_json_says_the_same(inside, capsys):
     for weakness in summary["weaknesses"]:
         assert f"    {weakness['what']}: {weakness['advice']}\n" in text
     assert crowdsim("inspect", "me", "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["weaknesses"] == summary["weaknesses"]
-    assert told["behaviours"]["fight"]["success"] == summary["success"]["fight"]
+    report = json.loads(capsys.readouterr().out)
+    assert report["weaknesses"] == summary["weaknesses"]
+    assert report["behaviours"]["fight"]["success"] == summary["success"]["fight"]
 
 
 def test_the_next_command_works_when_typed(inside, capsys):
@@ -165,9 +165,9 @@ def test_a_shipped_recipe_says_what_is_in_a_folder_of_another_layout(inside, cap
 def test_capture_without_strikes_is_refused_in_the_figures_of_inspect(inside, tmp_path, capsys):
     still_clip(tmp_path / "still.bvh")
     assert crowdsim("inspect", tmp_path / "still.bvh", "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["strikes"] == 0
-    fists = f"{told['highest_fist_speed']:.1f} m/s in still.bvh ({told['seconds']:.2f} s)"
+    report = json.loads(capsys.readouterr().out)
+    assert report["strikes"] == 0
+    fists = f"{report['highest_fist_speed']:.1f} m/s in still.bvh ({report['seconds']:.2f} s)"
     assert crowdsim("train", "--mocap", tmp_path, "--name", "calm") == 2
     by_name = capsys.readouterr().err
     (tmp_path / "calm.yaml").write_text(
@@ -176,8 +176,10 @@ def test_capture_without_strikes_is_refused_in_the_figures_of_inspect(inside, tm
     assert crowdsim("train", tmp_path / "calm.yaml", "--mocap", tmp_path) == 2
     by_recipe = capsys.readouterr().err
     for error in (by_name, by_recipe):
-        assert f"strikes, and there are none in 1 file of {told['seconds']:.2f} s\n  fastest fists: {fists}; " in error
-        assert f"check the unit (found to be 0.01 m, which makes the body {told['height_m']:.2f} m tall)" in error
+        assert (
+            f"strikes, and there are none in 1 file of {report['seconds']:.2f} s\n  fastest fists: {fists}; " in error
+        )
+        assert f"check the unit (found to be 0.01 m, which makes the body {report['height_m']:.2f} m tall)" in error
     assert by_name.endswith("or train without strikes, by: --behaviours approach\n")
     assert "leave punch and fight out of the recipe; give approach a distance in its proximity rewards" in by_recipe
     assert not (inside / "policies/calm.yaml").exists()
@@ -194,8 +196,8 @@ def test_real_walks_are_refused_in_the_figures_of_inspect(mocap, tmp_path, monke
     error = capsys.readouterr().err
     for name in names:
         assert crowdsim("inspect", f"walks/{name}", "--json") == 0
-        told = json.loads(capsys.readouterr().out)
-        assert f"{told['highest_fist_speed']:.1f} m/s in {name} ({told['seconds']:.2f} s)" in error
+        report = json.loads(capsys.readouterr().out)
+        assert f"{report['highest_fist_speed']:.1f} m/s in {name} ({report['seconds']:.2f} s)" in error
     assert "2.64 s" in error
 
 

@@ -39,10 +39,10 @@ def test_every_difference_changes_either_the_training_or_the_scene(bench: Simple
     base = Recipe.model_validate(changes.smaller(recipe, quick))
     assert base.motion.performer.seconds < recipe.motion.performer.seconds
     for name, difference in changes.differences(quick).items():
-        told = changes.smaller(recipe, quick, difference.weighted)
+        report = changes.smaller(recipe, quick, difference.weighted)
         if difference.recipe is not None:
-            difference.recipe(told)
-        assert (Recipe.model_validate(told) != base) == (difference.recipe is not None), name
+            difference.recipe(report)
+        assert (Recipe.model_validate(report) != base) == (difference.recipe is not None), name
         assert (difference.scenario(scenario) != scenario) == (difference.recipe is None), name
     assert changes.smaller(recipe, quick) == changes.smaller(load_recipe(BOXER), quick)
 
@@ -56,7 +56,7 @@ def test_scenes_as_in_the_paper_have_none_of_what_control_adds(bench: SimpleName
 
 def stand(frames: int, **changes: object) -> Chunk:
     """Two avatars 1 m apart, each straight ahead of the other, the second one of scale 0.5; nobody does anything."""
-    told = {
+    report = {
         "first": 0,
         "action": np.zeros((frames, 2), int),
         "action_frame": np.tile(np.arange(1.0, frames + 1.0)[:, None], 2),
@@ -67,7 +67,7 @@ def stand(frames: int, **changes: object) -> Chunk:
         "targets": np.zeros((frames, 0, 3)),
         "events": strikes(),
     }
-    return Chunk(**{**told, **changes})
+    return Chunk(**{**report, **changes})
 
 
 def strikes(*rows: tuple[float, int, tuple[float, float, float], float, bool]) -> Events:
@@ -118,13 +118,13 @@ def test_a_quick_run_measures_every_difference(
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["paper.py", "--quick", "--json", "--threads", "1"])
     bench.paper.main()
-    told = json.loads(capsys.readouterr().out)
-    assert {"actions", "states", "table_bytes", "training_seconds", "landed_per_minute"} <= set(told["boxer_paper"])
-    assert set(told["boxer_paper"]["scenes"]) == set(bench.paper.SCENES)
-    assert set(told["differences"]) == {"unablated", *bench.paper_differences.differences(True)}
-    for one in told["differences"].values():
+    report = json.loads(capsys.readouterr().out)
+    assert {"actions", "states", "table_bytes", "training_seconds", "landed_per_minute"} <= set(report["boxer_paper"])
+    assert set(report["boxer_paper"]["scenes"]) == set(bench.paper.SCENES)
+    assert set(report["differences"]) == {"unablated", *bench.paper_differences.differences(True)}
+    for one in report["differences"].values():
         assert {"landed_per_minute", "return_ratio"} <= set(one)
         assert np.isfinite(one["return_ratio"])
-    assert told["differences"]["unablated"]["return_ratio"] == 1.0
-    bench.paper.show(told)
+    assert report["differences"]["unablated"]["return_ratio"] == 1.0
+    bench.paper.show(report)
     assert "not legible" in capsys.readouterr().out

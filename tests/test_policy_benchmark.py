@@ -78,8 +78,8 @@ def test_a_compositions_reward_is_the_weighted_sum_with_the_highest_price_once(m
         for name, factor in (("walk", 1.0 / 0.5), ("hit", 3.0 / 2.0)):
             terms = tuple(term for term in policy.behaviour(name).terms if not isinstance(term, TransitionTerm))
             earned += factor * action_reward(policy.actions, action, target, terms, BODY, 0.97)
-        told = action_reward(joint, action, target, tuple(spec.rewards), BODY, 0.97)
-        assert told == pytest.approx(earned - max(priced.values()), abs=1e-5)
+        result = action_reward(joint, action, target, tuple(spec.rewards), BODY, 0.97)
+        assert result == pytest.approx(earned - max(priced.values()), abs=1e-5)
         if cost > 0.0:
             prices.add(max(priced, key=priced.__getitem__))
     assert prices == {"walk", "hit"}

@@ -33,9 +33,9 @@ def test_a_stage_that_goes_beyond_its_guessed_end_has_one_line(terminal) -> None
         for done, total in ((1, 74), (70, 74), (74, 74), (75, 75), (76, 76)):
             bars("sweeps", done, total)
         bars("table", 1, 1)
-    told = terminal()
-    assert [line.split("[")[0].split("|")[-1].strip() for line in told] == ["74/74", "1/1"]
-    assert [line.split(":")[0] for line in told] == ["sweeps", "table"]
+    result = terminal()
+    assert [line.split("[")[0].split("|")[-1].strip() for line in result] == ["74/74", "1/1"]
+    assert [line.split(":")[0] for line in result] == ["sweeps", "table"]
 
 
 def test_a_stage_that_ends_early_says_how_far_it_came(terminal) -> None:
@@ -61,9 +61,9 @@ def test_without_a_terminal_a_stage_is_one_plain_line(capsys) -> None:
         bars("sweeps", 60, 74)
         bars.note("a note")
         bars("table", 1, 1)
-    told = capsys.readouterr()
-    assert lines(told.err) == ["control: 1,000 of 1,000, T", "a note", "sweeps: 60 of 74, T", "table: T"]
-    assert told.out == ""
+    result = capsys.readouterr()
+    assert lines(result.err) == ["control: 1,000 of 1,000, T", "a note", "sweeps: 60 of 74, T", "table: T"]
+    assert result.out == ""
 
 
 def test_quiet_progress_says_nothing(capsys, monkeypatch) -> None:

@@ -45,30 +45,30 @@ def execute(blocks: list[str], name: str) -> dict[str, Any]:
 
 
 def test_examples_of_the_guide_run(stand_in: Path) -> None:
-    told = execute(re.findall(r"```python\n(.*?)```", GUIDE, re.DOTALL), "docs/python.md")
-    assert told["positions"].shape == (60, 4, len(told["names"]), 3)
-    assert told["rotations"].shape == (*told["positions"].shape[:3], 4)
-    assert 1.2 < told["head"][1] < 2.0
-    assert told["speed"].shape == (61,)
-    assert told["counts"].sum() == len(told["landed"]) > 0
-    assert told["short"].avatar_count == 6
-    assert list(told["per_minute"]) == [1, 2, 3]
-    assert len(set(told["per_minute"].values())) > 1
-    assert told["first_second"].shape == (15, 4)
+    report = execute(re.findall(r"```python\n(.*?)```", GUIDE, re.DOTALL), "docs/python.md")
+    assert report["positions"].shape == (60, 4, len(report["names"]), 3)
+    assert report["rotations"].shape == (*report["positions"].shape[:3], 4)
+    assert 1.2 < report["head"][1] < 2.0
+    assert report["speed"].shape == (61,)
+    assert report["counts"].sum() == len(report["landed"]) > 0
+    assert report["short"].avatar_count == 6
+    assert list(report["per_minute"]) == [1, 2, 3]
+    assert len(set(report["per_minute"].values())) > 1
+    assert report["first_second"].shape == (15, 4)
     assert (stand_in / "trajectories.png").stat().st_size > 1000
     assert [path.suffix for path in (stand_in / "bvh").iterdir()] == [".bvh"]
 
 
 def test_examples_of_the_readme_run(stand_in: Path) -> None:
-    told = execute(re.findall(r"```python\n(.*?)```", README, re.DOTALL), "README.md")
-    assert told["run"].x.shape == (211, 4)
+    report = execute(re.findall(r"```python\n(.*?)```", README, re.DOTALL), "README.md")
+    assert report["run"].x.shape == (211, 4)
 
 
 def test_the_notebook_runs(stand_in: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cells = [cell for cell in NOTEBOOK["cells"] if cell["cell_type"] == "code"]
-    told = execute(["".join(cell["source"]) for cell in cells], "docs/python.ipynb")
-    assert told["positions"].shape[0] == len(told["seconds"])
-    assert f"{len(told['landed'])} of {len(told['strikes'])} strikes landed" in capsys.readouterr().out
+    report = execute(["".join(cell["source"]) for cell in cells], "docs/python.ipynb")
+    assert report["positions"].shape[0] == len(report["seconds"])
+    assert f"{len(report['landed'])} of {len(report['strikes'])} strikes landed" in capsys.readouterr().out
 
 
 def test_the_notebook_is_valid_and_holds_no_outputs() -> None:
@@ -100,9 +100,9 @@ def test_the_guide_names_every_public_name() -> None:
 def test_joints_are_those_of_the_pose_sampler(take: Take) -> None:
     poses = PoseSampler(take, take.policies).sample(100, 140, 60, np.array([2]))[0]
     expected = poses.joints()[0][:, 0]
-    told = take.joints(avatar=2, seconds=np.arange(100, 140) / 60)
-    assert told.dtype == np.float32
-    np.testing.assert_allclose(told, expected, atol=1e-5)
+    report = take.joints(avatar=2, seconds=np.arange(100, 140) / 60)
+    assert report.dtype == np.float32
+    np.testing.assert_allclose(report, expected, atol=1e-5)
     np.testing.assert_array_equal(take.joints(2, 120 / 60), take.joints(2, [120 / 60])[0])
     assert take.joint_names(2) == take.policies[0].database.skeleton.names
 
@@ -118,9 +118,9 @@ def test_an_avatar_that_is_absent_has_no_joints(workplace: Path) -> None:
     path = write_scene(workplace / "four.yaml", events=[leave])
     late = run(load_scenario(path, frames=75))
     absent = int(np.flatnonzero(np.asarray(late.action[-1]) < 0)[0])
-    told = late.joints(absent, [1.0, 4.5])
-    assert np.isfinite(told[0]).all()
-    assert np.isnan(told[1]).all()
+    report = late.joints(absent, [1.0, 4.5])
+    assert np.isfinite(report[0]).all()
+    assert np.isnan(report[1]).all()
 
 
 def test_avatars_and_times_that_are_not_in_the_take_are_refused(take: Take) -> None:

@@ -56,9 +56,9 @@ def test_goals_are_held_against_the_worst_seed_or_the_mean(
         ({"air_share": goal(most=0.02)}, ["air_share"]),
     ):
         monkeypatch.setitem(bench.goals.GOALS, "duel", asked)
-        told = bench.goals.summarise("duel", seeds)
-        assert (told["landed_per_minute"], told["mean"]["landed_per_minute"]) == (2.0, 4.5)
-        assert told["missed"] == missed
+        report = bench.goals.summarise("duel", seeds)
+        assert (report["landed_per_minute"], report["mean"]["landed_per_minute"]) == (2.0, 4.5)
+        assert report["missed"] == missed
     assert [str(goal(most=0.02)), str(goal(4.0, mean=True)), str(goal(1.0, 2.0))] == ["<= 0.02", ">= 4, mean", "1 to 2"]
 
 
@@ -73,8 +73,8 @@ def test_arrivals_of_a_ring_are_first_times_within_reach(bench: SimpleNamespace)
     distances[60:, 0] = 0.9  # 4.0 s, in time for 4 m: 4.83 s
     distances[75:, 1] = 1.2  # 5.0 s
     distances[30:40, 2] = 1.25
-    told = bench.scenes.arrivals(distances, 15.0, 4.0)
-    assert told == {"arrived_share": 0.25, "arrived_in_time_share": 0.5, "arrival_seconds": 4.5}
+    report = bench.scenes.arrivals(distances, 15.0, 4.0)
+    assert report == {"arrived_share": 0.25, "arrived_in_time_share": 0.5, "arrival_seconds": 4.5}
     assert bench.scenes.arrivals(distances[:, 3:], 15.0, 4.0)["arrival_seconds"] is None
 
 
@@ -83,9 +83,11 @@ def test_a_quick_run_measures_every_scene(
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["scenes.py", "--quick", "--json", "--policy", "tiny", "--threads", "1"])
     bench.scenes.main()
-    told = json.loads(capsys.readouterr().out)
-    assert set(told) == {f"ring_{d}" for d in (2, 3, 4, 8, 12)} | {p.stem for p in (ROOT / "scenarios").glob("*.yaml")}
-    for name, scene in told.items():
+    report = json.loads(capsys.readouterr().out)
+    assert set(report) == {f"ring_{d}" for d in (2, 3, 4, 8, 12)} | {
+        p.stem for p in (ROOT / "scenarios").glob("*.yaml")
+    }
+    for name, scene in report.items():
         assert set(scene) >= KEYS
         assert set(scene["mean"]) >= KEYS
         assert len(scene["seeds"]) == (1 if name == "crowd_1m" else 2)
@@ -98,9 +100,9 @@ def test_scenes_are_measured_as_runs_of_the_package_are(bench: SimpleNamespace, 
     path = write_scene(workplace / "four.yaml", duration=200)
     scenario = load_scenario(path).model_copy(update={"seed": 3})
     scene = bench.scenes.Scene("four", scenario, 5.0, 1)
-    told = bench.scenes.play(scene, 3, bench.scenes.load_policies(scenario), 1)
+    report = bench.scenes.play(scene, 3, bench.scenes.load_policies(scenario), 1)
     take = run(scenario)
-    assert {**measure_fights(take, after=5.0).__dict__, "seed": 3} == told
+    assert {**measure_fights(take, after=5.0).__dict__, "seed": 3} == report
 
 
 def test_inspect_tells_the_same_figures_of_a_run(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -108,8 +110,8 @@ def test_inspect_tells_the_same_figures_of_a_run(workplace: Path, capsys: pytest
     assert crowdsim("run", "four.yaml", "--out", "run") == 0
     capsys.readouterr()
     assert crowdsim("inspect", "run", "--json") == 0
-    told = json.loads(capsys.readouterr().out)
+    report = json.loads(capsys.readouterr().out)
     expected = measure_fights(open_run(workplace / "run")[0]).__dict__
     assert expected["distance_median"] is not None
-    assert {key: told[key] for key in KEYS} == expected
-    assert told["hits_per_minute_per_avatar"] == pytest.approx(told["landed_per_minute"])
+    assert {key: report[key] for key in KEYS} == expected
+    assert report["hits_per_minute_per_avatar"] == pytest.approx(report["landed_per_minute"])

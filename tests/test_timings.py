@@ -35,9 +35,9 @@ def fresh_kernel():
 
 
 def test_compilation_is_a_stage_of_its_own_and_announced_once() -> None:
-    told: list[str] = []
+    report: list[str] = []
     seconds: dict[str, float] = {}
-    with watch_compilation(told.append) as compilation:
+    with watch_compilation(report.append) as compilation:
         clock = Clock(seconds, compilation)
         for _ in range(2):
             kernel = fresh_kernel()
@@ -48,7 +48,7 @@ def test_compilation_is_a_stage_of_its_own_and_announced_once() -> None:
         kernel(2)
         clock.lap("control")
     fresh_kernel()(1)
-    assert told == [ANNOUNCEMENT]
+    assert report == [ANNOUNCEMENT]
     assert compilation.count == 2
     assert compiled["compile"] == pytest.approx(compilation.seconds)
     assert 0.02 < compiled["control"] < compiled["compile"]
@@ -137,11 +137,11 @@ def test_a_profile_ends_with_a_verdict(workplace: Path, capsys) -> None:
 
 def test_stages_of_a_profile_add_up_to_the_whole(workplace: Path, capsys) -> None:
     write_scene(workplace / "many.yaml", groups=[{**CROWD[0], "count": 300}], opponents={"kind": "anyone"})
-    out = ("--out", "told", "--trace")
+    out = ("--out", "traced", "--trace")
     assert crowdsim("profile", "many.yaml", "--avatars", "300,600", "--frames", "10s", "--json", *out) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert [profile["avatars"] for profile in told["profiles"]] == [300, 600]
-    for profile in told["profiles"]:
+    report = json.loads(capsys.readouterr().out)
+    assert [profile["avatars"] for profile in report["profiles"]] == [300, 600]
+    for profile in report["profiles"]:
         stages = profile["stages"]
         assert list(stages) == [*STAGES, "control"]
         parts = sum(stages[stage]["mean"] for stage in STAGES)
@@ -151,10 +151,10 @@ def test_stages_of_a_profile_add_up_to_the_whole(workplace: Path, capsys) -> Non
         assert 0.3 < profile["scopes_share"] <= 1.0
         assert profile["times_real_time"] == pytest.approx(1000 / 15 / stages["control"]["mean"])
         assert profile["verdict"].endswith(" times real time on one thread")
-    assert {path.name for path in (workplace / "told").iterdir()} == {
+    assert {path.name for path in (workplace / "traced").iterdir()} == {
         "profile.csv", "profile.png", "scaling.png", "trace.json",
     }  # fmt: skip
-    rows = list(csv.DictReader((workplace / "told" / "profile.csv").open()))
+    rows = list(csv.DictReader((workplace / "traced" / "profile.csv").open()))
     assert len(rows) == 150
     for row in rows:
         parts = sum(float(row[f"{stage}_us"]) for stage in STAGES if stage != "record")

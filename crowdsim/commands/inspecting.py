@@ -48,12 +48,12 @@ def _inspect_bundle(name: str, as_json: bool, plots: Path | None) -> None:
 
     folder = assets.find_bundle(name)
     policy = load_policy(folder)
-    told = inspect_bundle(policy, read_timings(folder))
+    result = inspect_bundle(policy, read_timings(folder))
     if plots is not None:
         from crowdsim.training.plots import plot_bundle
 
         _draw(plots, lambda: plot_bundle(policy, plots))
-    _print(folder, told, policy_lines, as_json)
+    _print(folder, result, policy_lines, as_json)
 
 
 def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
@@ -68,14 +68,14 @@ def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
         note(told_note)
     sampler = PoseSampler(take, policies, CORES)
     with Bars() as bars:
-        told = measure_take(sampler, progress=bars)
+        result = measure_take(sampler, progress=bars)
     seconds = read_manifest(folder)["seconds"] if (folder / NAME).exists() else {}
-    told["control_seconds"], told["wall_seconds"] = seconds.get("control"), seconds.get("total")
+    result["control_seconds"], result["wall_seconds"] = seconds.get("control"), seconds.get("total")
     if plots is not None:
         from crowdsim.take.plots import plot_take
 
         _draw(plots, lambda: plot_take(sampler, plots))
-    _print(folder, told, run_lines, as_json)
+    _print(folder, result, run_lines, as_json)
 
 
 def _draw(folder: Path, draw: Callable[[], list[Path]]) -> None:
@@ -106,11 +106,11 @@ def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None
 
     capture = load_capture(path, unit, up)
     study = study_capture(capture)
-    told = describe_capture(capture, study)
+    result = describe_capture(capture, study)
     if plots is not None:
         from crowdsim.capture.plots import plot_capture
 
         _draw(plots, lambda: plot_capture(capture, study, plots))
-    _print(path, told, capture_lines, as_json)
-    for finding in [] if as_json else told["findings"]:
+    _print(path, result, capture_lines, as_json)
+    for finding in [] if as_json else result["findings"]:
         print(f"{path}: {finding}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""What is told about a capture: unit, axis, roles, findings; and what may be trained on."""
+"""The report on a capture: unit, axis, roles, findings; and what may be trained on."""
 
 from __future__ import annotations
 
@@ -52,15 +52,15 @@ VARIETY = [
 @pytest.mark.parametrize(("name", "axis", "export"), VARIETY, ids=[row[0] for row in VARIETY])
 def test_unit_axis_height_and_what_happens_do_not_depend_on_the_exporter(boxer, tmp_path, name, axis, export):
     plain = load_capture(_write(tmp_path, boxer[0]))
-    told = describe_capture(plain, study_capture(plain))
+    result = describe_capture(plain, study_capture(plain))
     path = _write(tmp_path, export_motion(*boxer, BY_NAME[name], export))
     capture = load_capture(path)
     study = describe_capture(capture, study_capture(capture))
     assert study["unit_scale"] == pytest.approx(export.scale)
     assert study["up_axis"] == axis
     assert study["height_m"] == pytest.approx(1.75, abs=0.03)
-    assert study["strikes"] == told["strikes"] > 0
-    assert abs(study["contacts"] - told["contacts"]) <= 2
+    assert study["strikes"] == result["strikes"] > 0
+    assert abs(study["contacts"] - result["contacts"]) <= 2
     assert study["findings"] == []
     assert capture.clip.root_positions[:, 1].min() > -2.0
 

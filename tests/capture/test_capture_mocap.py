@@ -29,19 +29,19 @@ def _told(path):
 
 @pytest.mark.parametrize("name", FILES)
 def test_strikes_unit_axis_and_lead_in_of_real_capture(mocap, name):
-    capture, told = _told(mocap / name)
-    assert told["strikes"] == FILES[name]
-    assert (told["unit_scale"], told["up_axis"], told["joints"], told["fps"]) == (0.01, "y", 43, 120.0)
-    assert told["height_m"] == pytest.approx(1.684, abs=0.005)
-    assert 5 <= told["lead_in_frames"] <= 12
+    capture, result = _told(mocap / name)
+    assert result["strikes"] == FILES[name]
+    assert (result["unit_scale"], result["up_axis"], result["joints"], result["fps"]) == (0.01, "y", 43, 120.0)
+    assert result["height_m"] == pytest.approx(1.684, abs=0.005)
+    assert 5 <= result["lead_in_frames"] <= 12
     # One file has its forearms turned the wrong way.
-    assert len(told["findings"]) == (2 if "13_18" in name else 0)
+    assert len(result["findings"]) == (2 if "13_18" in name else 0)
     assert capture.faults == ()
 
 
 @pytest.mark.parametrize("name", FILES)
 def test_the_same_is_found_in_the_conventions_of_other_exporters(mocap, tmp_path, name):
-    capture, told = _told(mocap / name)
+    capture, result = _told(mocap / name)
     draw = np.random.default_rng(sorted(FILES).index(name))
     for how in draw.choice(np.array(CONVENTIONS, dtype=object), 9, replace=False):
         axis = str(draw.choice(list(UPS)))
@@ -63,8 +63,8 @@ def test_the_same_is_found_in_the_conventions_of_other_exporters(mocap, tmp_path
         assert found["unit_scale"] == pytest.approx(export.scale), which
         assert found["up_axis"] == axis, which
         # Two short swings of one clip lie on the border of what is a strike.
-        assert abs(found["strikes"] - told["strikes"]) <= (2 if "13_18" in name else 0), which
-        assert abs(found["contacts"] - told["contacts"]) <= 1 + 0.15 * told["contacts"], which
+        assert abs(found["strikes"] - result["strikes"]) <= (2 if "13_18" in name else 0), which
+        assert abs(found["contacts"] - result["contacts"]) <= 1 + 0.15 * result["contacts"], which
         assert found["findings"] == [], which
 
 

@@ -39,15 +39,15 @@ def _capture(folder, bvh):
 
 def test_figures_are_those_of_the_file(boxer, tmp_path):
     capture = _capture(tmp_path, export_motion(*boxer, BY_NAME["mixamo"], Export(scale=0.0254, every=2)))
-    told = describe_capture(capture, study_capture(capture))
-    assert list(told)[:3] == ["joints", "end_sites", "channels"]
-    assert set(KEYS) <= set(told)
-    assert told["joints"] == len(BY_NAME["mixamo"].nodes)
-    assert told["channels"] == 3 + 3 * told["joints"]
-    assert (told["frames"], told["fps"], told["seconds"]) == (240, 30.0, 8.0)
-    assert told["unit_scale"] == pytest.approx(0.0254)
-    assert told["roles"]["left_hand"] == "mixamorig:LeftHand"
-    json.dumps(told, allow_nan=False)
+    result = describe_capture(capture, study_capture(capture))
+    assert list(result)[:3] == ["joints", "end_sites", "channels"]
+    assert set(KEYS) <= set(result)
+    assert result["joints"] == len(BY_NAME["mixamo"].nodes)
+    assert result["channels"] == 3 + 3 * result["joints"]
+    assert (result["frames"], result["fps"], result["seconds"]) == (240, 30.0, 8.0)
+    assert result["unit_scale"] == pytest.approx(0.0254)
+    assert result["roles"]["left_hand"] == "mixamorig:LeftHand"
+    json.dumps(result, allow_nan=False)
 
 
 def test_strikes_are_told_by_their_time_in_the_file(boxer, tmp_path):
@@ -76,19 +76,19 @@ def test_strikes_are_told_by_their_time_in_the_file(boxer, tmp_path):
 def test_contacts_are_counted_over_both_feet(boxer, tmp_path):
     capture = _capture(tmp_path, boxer[0])
     study = study_capture(capture)
-    told = describe_capture(capture, study)
-    assert told["contacts"] == len(runs(study.contacts[:, 0])) + len(runs(study.contacts[:, 1]))
-    np.testing.assert_allclose(told["contact_share"], study.contacts.mean(axis=0), atol=1e-4)
+    result = describe_capture(capture, study)
+    assert result["contacts"] == len(runs(study.contacts[:, 0])) + len(runs(study.contacts[:, 1]))
+    np.testing.assert_allclose(result["contact_share"], study.contacts.mean(axis=0), atol=1e-4)
 
 
 def test_what_is_unknown_is_null(tmp_path):
     capture = _capture(tmp_path, export_animal(ANIMALS["snake"], frames=1))
-    told = describe_capture(capture, study_capture(capture))
+    result = describe_capture(capture, study_capture(capture))
     for key in ("unit_scale", "up_axis", "height_m", "contacts", "strikes", "floor_m"):
-        assert told[key] is None, key
-    assert told["roles"] == {}
-    assert len(told["findings"]) == 4
-    json.dumps(told, allow_nan=False)
+        assert result[key] is None, key
+    assert result["roles"] == {}
+    assert len(result["findings"]) == 4
+    json.dumps(result, allow_nan=False)
 
 
 def test_swings_that_are_no_strikes_are_listed_with_time_hand_speed_and_reason(boxer, tmp_path):

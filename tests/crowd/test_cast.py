@@ -25,17 +25,17 @@ events: [{event}]
 EVENT = "{{kind: weights, when: {{kind: frame, frame: 5}}, {}}}"
 
 
-def cast(tmp_path, recipe=None, told="", event=""):
+def cast(tmp_path, recipe=None, result="", event=""):
     """The crowd and the script of a scenario whose one type says this of itself."""
     path = tmp_path / "pair.yaml"
-    path.write_text(SCENARIO.format(type=told, event=event))
+    path.write_text(SCENARIO.format(type=result, event=event))
     scenario = load_scenario(path)
     one = replace(policy(0, name="boxer"), recipe={} if recipe is None else {"weights": recipe})
     return cast_crowd(scenario, place_groups(scenario), [one])
 
 
 @pytest.mark.parametrize(
-    ("recipe", "told", "expected"),
+    ("recipe", "result", "expected"),
     [
         (None, "", [1.0, 1.0]),
         ({"punch": 0.4}, "", [0.0, 0.4]),
@@ -46,9 +46,9 @@ def cast(tmp_path, recipe=None, told="", event=""):
     ],
 )
 def test_behaviours_that_a_type_does_not_name_weigh_nothing_and_the_recipe_speaks_where_it_names_none(
-    tmp_path, recipe, told, expected
+    tmp_path, recipe, result, expected
 ):
-    people, _ = cast(tmp_path, recipe, told)
+    people, _ = cast(tmp_path, recipe, result)
     np.testing.assert_array_equal(people.weights, [expected])
 
 
@@ -62,8 +62,8 @@ def test_an_event_leaves_weights_that_it_does_not_name_as_they_are(tmp_path):
         np.testing.assert_array_equal(script.changes[0].weights, [expected])
 
 
-@pytest.mark.parametrize(("told", "interval"), [("", 15.0), (", tempo: 30", 30.0), (", tempo: null", 0.0)])
-def test_tempo_says_how_many_frames_it_takes_to_recover_from_a_strike(tmp_path, told, interval):
+@pytest.mark.parametrize(("result", "interval"), [("", 15.0), (", tempo: 30", 30.0), (", tempo: null", 0.0)])
+def test_tempo_says_how_many_frames_it_takes_to_recover_from_a_strike(tmp_path, result, interval):
     assert policy(0).database.control_rate == 15.0
-    people, _ = cast(tmp_path, told=told)
+    people, _ = cast(tmp_path, result=result)
     np.testing.assert_array_equal(people.intervals, [interval])

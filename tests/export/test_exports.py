@@ -157,8 +157,8 @@ def test_outputs_that_share_poses_have_the_bytes_of_outputs_alone(sampler, tmp_p
         CloudSink(sampler, tmp_path / "together", "pcd", FPS, 20, None, 5),
     ]
     monkeypatch.setattr(stream, "_POSES_AT_ONCE", 33)
-    told = []
-    stream_poses(sampler, FPS, sinks, 2, lambda *progress: told.append(progress))
+    result = []
+    stream_poses(sampler, FPS, sinks, 2, lambda *progress: result.append(progress))
     monkeypatch.undo()
     export_bvh(sampler, tmp_path / "alone", FPS)
     export_clouds(sampler, tmp_path / "alone", "ply", FPS, 20, (3, frames - 2), 4, [0, 2])
@@ -168,18 +168,18 @@ def test_outputs_that_share_poses_have_the_bytes_of_outputs_alone(sampler, tmp_p
     )
     assert together.keys() == alone.keys()
     assert together == alone
-    assert told[-1] == ("bvh and ply and pcd", 38, 38)
-    assert [done for _, done, _ in told] == sorted(done for _, done, _ in told)
+    assert result[-1] == ("bvh and ply and pcd", 38, 38)
+    assert [done for _, done, _ in result] == sorted(done for _, done, _ in result)
 
 
 def test_many_avatars_are_written_in_groups(sampler: PoseSampler, tmp_path: Path, monkeypatch) -> None:
     from crowdsim.export import bvh
 
     monkeypatch.setattr(bvh, "_FILES_AT_ONCE", 2)
-    told = []
-    files = export_bvh(sampler, tmp_path / "groups", FPS, progress=lambda *progress: told.append(progress))
+    result = []
+    files = export_bvh(sampler, tmp_path / "groups", FPS, progress=lambda *progress: result.append(progress))
     monkeypatch.undo()
-    assert told[-1] == ("bvh", 3, 3)
+    assert result[-1] == ("bvh", 3, 3)
     alone = export_bvh(sampler, tmp_path / "alone", FPS)
     assert [path.read_bytes() for path in files] == [path.read_bytes() for path in alone]
 

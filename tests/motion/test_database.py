@@ -158,9 +158,9 @@ def test_trimming_and_the_floor_can_be_left_out(clips):
 
 
 def test_progress_is_told_clip_by_clip(clips):
-    told = []
-    build_database(clips, mirror=True, progress=lambda *step: told.append(step))
-    assert told == [("motion", done, 4) for done in (1, 2, 3, 4)]
+    result = []
+    build_database(clips, mirror=True, progress=lambda *step: result.append(step))
+    assert result == [("motion", done, 4) for done in (1, 2, 3, 4)]
 
 
 def test_no_clips_are_refused():

@@ -48,9 +48,9 @@ def test_strike_kinds_match_those_that_the_performer_threw(session):
 def test_mirror_images_have_the_kinds_and_heights_of_their_originals(session):
     _, database = session
     half = len(database.strike_frames) // 2
-    for told in (strike_kinds(database), strike_heights(database)):
-        assert np.mean(told[:half] == told[half:]) > 0.98
-        assert len(np.unique(told)) > 1
+    for result in (strike_kinds(database), strike_heights(database)):
+        assert np.mean(result[:half] == result[half:]) > 0.98
+        assert len(np.unique(result)) > 1
 
 
 def test_strikes_from_the_necks_height_on_go_to_the_head():

@@ -118,12 +118,12 @@ def test_compiled_look_ups_are_those_of_the_plain_version(trained):
 
 
 def test_inspect_tells_what_is_asked_for(trained):
-    told = inspect_bundle(load_policy(trained / "small"), bundle.read_timings(trained / "small"))
-    assert set(told) >= {"motion", "graph", "behaviours", "fingerprint"}
-    assert set(told["motion"]) >= {"clips", "frames", "seconds", "strikes", "frames_kept_by_clip"}
+    report = inspect_bundle(load_policy(trained / "small"), bundle.read_timings(trained / "small"))
+    assert set(report) >= {"motion", "graph", "behaviours", "fingerprint"}
+    assert set(report["motion"]) >= {"clips", "frames", "seconds", "strikes", "frames_kept_by_clip"}
     graph = {"frames", "transitions", "states", "actions", "branching", "action_frames", "transitions_per_second"}
-    assert set(told["graph"]) >= {*graph, "uncut_seconds"}
-    punch = told["behaviours"]["punch"]
+    assert set(report["graph"]) >= {*graph, "uncut_seconds"}
+    punch = report["behaviours"]["punch"]
     told_of_each = {
         "axes",
         "cells",
@@ -137,9 +137,9 @@ def test_inspect_tells_what_is_asked_for(trained):
     }
     assert set(punch) >= told_of_each
     assert punch["cells"] == 6 * 8 * 3
-    assert punch["entries"] == punch["cells"] * told["graph"]["actions"] == punch["bytes"] // 4
+    assert punch["entries"] == punch["cells"] * report["graph"]["actions"] == punch["bytes"] // 4
     assert punch["seconds"] > 0
-    json.dumps(told, allow_nan=False)
+    json.dumps(report, allow_nan=False)
 
 
 def test_a_flipped_bit_in_any_array_is_found(copied):

@@ -51,8 +51,8 @@ def follow(policy, speed: float, avatars: int = 24) -> float:
             {"count": 1, "type": "one", "placement": {"kind": "points", "points": [place.tolist()]},
              "facing": 0, "opponents": {"kind": "target", "target": f"t{k}"}}
         )  # fmt: skip
-    told = {"version": 1, "name": "chase", "seed": 1, "duration": {"seconds": DONE}, "groups": groups}
-    scenario = Scenario.model_validate({**told, "types": {"one": {"policy": policy.name}}, "targets": targets})
+    result = {"version": 1, "name": "chase", "seed": 1, "duration": {"seconds": DONE}, "groups": groups}
+    scenario = Scenario.model_validate({**result, "types": {"one": {"policy": policy.name}}, "targets": targets})
     take = run(resolve_scenario(scenario), [policy])
     behind = np.hypot(take.x - take.targets[:, :, 0], take.z - take.targets[:, :, 2])
     return float(np.median(behind[round(BEGUN * take.control_rate) :].mean(axis=0)))
@@ -76,9 +76,9 @@ def test_a_bundle_says_what_speed_its_policy_sustains(policy):
 
 
 def test_defaults_of_types_are_those_that_the_speed_is_measured_with():
-    told = {"version": 1, "name": "two", "duration": 1, "types": {"one": {}}}
+    result = {"version": 1, "name": "two", "duration": 1, "types": {"one": {}}}
     scenario = Scenario.model_validate(
-        {**told, "groups": [{"count": 2, "type": "one", "placement": {"kind": "disc", "radius": 3}}]}
+        {**result, "groups": [{"count": 2, "type": "one", "placement": {"kind": "disc", "radius": 3}}]}
     )
     one = scenario.types["one"]
     assert (one.candidates.margin, one.candidates.maximum, one.temperature) == (MARGIN, MOST, TEMPERATURE)

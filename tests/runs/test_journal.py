@@ -1,4 +1,4 @@
-"""Journals: what a run or a rendering has written is told from files of others."""
+"""Journals: files that a run or a rendering has written are recognised, and files of others are kept."""
 
 from pathlib import Path
 

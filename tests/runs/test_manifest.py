@@ -23,10 +23,10 @@ def folder(tmp_path: Path) -> Path:
 
 def test_an_untouched_run_has_no_finding(folder: Path) -> None:
     assert verify(folder) == Verdict()
-    told = read_manifest(folder)
-    assert told["seed"] == 4
-    assert set(told["files"]) == {"bvh/a.bvh", "scenario.resolved.yaml"}
-    assert "numpy" in told["versions"]
+    report = read_manifest(folder)
+    assert report["seed"] == 4
+    assert set(report["files"]) == {"bvh/a.bvh", "scenario.resolved.yaml"}
+    assert "numpy" in report["versions"]
 
 
 def test_a_changed_bit_a_lost_file_and_a_new_one_are_found(folder: Path) -> None:
@@ -89,16 +89,16 @@ def test_exports_written_anew_take_the_place_of_those_before(folder: Path) -> No
     assert stale == ["bvh/a.bvh"]
     assert not (folder / "bvh" / "a.bvh").exists()
     assert verify(folder) == Verdict()
-    told = read_manifest(folder)
-    assert set(told["files"]) == {"bvh/b.bvh", "scenario.resolved.yaml"}
-    assert told["exports"] == {"bvh": {"fps": 30.0}}
-    assert told["seed"] == 4
+    report = read_manifest(folder)
+    assert set(report["files"]) == {"bvh/b.bvh", "scenario.resolved.yaml"}
+    assert report["exports"] == {"bvh": {"fps": 30.0}}
+    assert report["seed"] == 4
 
 
 def sign(folder: Path, **files: dict) -> None:
     """Write the manifest again with more files in it, as anyone can."""
-    told = read_manifest(folder)
-    write_manifest(folder, {"status": "done"}, {**told["files"], **files})
+    report = read_manifest(folder)
+    write_manifest(folder, {"status": "done"}, {**report["files"], **files})
 
 
 @pytest.mark.parametrize(

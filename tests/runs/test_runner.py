@@ -51,13 +51,13 @@ def test_a_run_leaves_take_outputs_and_a_manifest_and_says_so(workplace: Path, c
     folder = workplace / "output" / "four"
     names = {path.name for path in folder.iterdir()}
     assert names == {"manifest.json", "scenario.resolved.yaml", "take.zarr", "bvh", "ply", "profile.csv"}
-    told = read_manifest(folder)
-    assert (told["status"], told["seed"], told["avatars"], told["control_frames"]) == ("done", 5, 4, 40)
-    assert told["command"] == "crowdsim run four.yaml --threads 1"
-    assert set(told["seconds"]) >= {"policies", "compile", "control", "take", "export", "total"}
-    assert told["peak_memory_bytes"] > 10_000_000
-    assert set(told["policies"]) == {"tiny"}
-    assert set(told["files"]) == set(tree(folder))
+    result = read_manifest(folder)
+    assert (result["status"], result["seed"], result["avatars"], result["control_frames"]) == ("done", 5, 4, 40)
+    assert result["command"] == "crowdsim run four.yaml --threads 1"
+    assert set(result["seconds"]) >= {"policies", "compile", "control", "take", "export", "total"}
+    assert result["peak_memory_bytes"] > 10_000_000
+    assert set(result["policies"]) == {"tiny"}
+    assert set(result["files"]) == set(tree(folder))
     printed = capsys.readouterr().out
     assert len(printed.splitlines()) < 20
     for line in ("avatars         4\n", "control frames  40 (2.7 s)\n", "a minute and avatar\n",
@@ -150,9 +150,9 @@ def test_several_runs_do_not_hurt_each_other(workplace: Path, capsys) -> None:
     write_scene(workplace / "c.yaml", name="c")
     assert crowdsim("run", "a.yaml", "b.yaml", "c.yaml", "--out", "runs") == 1
     assert sorted(path.name for path in (workplace / "runs").iterdir()) == ["a", "c"]
-    told = capsys.readouterr().err
-    assert "\nb.yaml:4:11: duration: is -3, expected a whole number from 1 to 100000000" in told
-    assert told.endswith("\n1 of 3 runs failed: b.yaml\n")
+    result = capsys.readouterr().err
+    assert "\nb.yaml:4:11: duration: is -3, expected a whole number from 1 to 100000000" in result
+    assert result.endswith("\n1 of 3 runs failed: b.yaml\n")
 
 
 def test_foreign_folders_and_files_are_left_alone(workplace: Path, capsys) -> None:
@@ -176,8 +176,8 @@ def test_a_folder_in_use_by_another_run_is_refused_and_free_when_that_ends(workp
     process = start(workplace, "run", "long.yaml")
     wait_for(workplace / "output" / "long" / "take.zarr.partial" / "x" / "0.0", process)
     assert crowdsim("run", "long.yaml", "--frames", "20") == 2
-    told = capsys.readouterr().err.splitlines()[-1]
-    assert told == "output/long: is in use by another run; wait for it, or name another with --out"
+    result = capsys.readouterr().err.splitlines()[-1]
+    assert result == "output/long: is in use by another run; wait for it, or name another with --out"
     process.kill()
     process.communicate(timeout=60)
     assert crowdsim("run", "long.yaml", "--frames", "20", "--force") == 0
@@ -222,8 +222,8 @@ def test_force_removes_only_what_the_run_has_written(workplace: Path, capsys) ->
     assert not set(mine) & set(read_manifest(folder)["files"])
     capsys.readouterr()
     assert crowdsim("verify", folder) == 0
-    told = capsys.readouterr().err
-    assert told == f"{folder}: not written by crowdsim: .a.part, .video-1/a.mp4, bvh/mine.bvh, ...\n"
+    result = capsys.readouterr().err
+    assert result == f"{folder}: not written by crowdsim: .a.part, .video-1/a.mp4, bvh/mine.bvh, ...\n"
 
 
 @pytest.mark.parametrize(
@@ -269,8 +269,8 @@ def test_a_resigned_manifest_removes_and_reads_nothing_outside(workplace: Path, 
     assert crowdsim("run", "four.yaml") == 0
     folder = workplace / "output" / "four"
     (workplace / "victim").write_text("mine")
-    told = read_manifest(folder)
-    write_manifest(folder, {"status": "done"}, {**told["files"], "bvh/../../../victim": {"bytes": 4, "sha256": ""}})
+    result = read_manifest(folder)
+    write_manifest(folder, {"status": "done"}, {**result["files"], "bvh/../../../victim": {"bytes": 4, "sha256": ""}})
     message = "manifest.json: names 'bvh/../../../victim', expected only files that a run writes inside "
     for words in (("export", "output/four", "--bvh"), ("verify", "output/four"), ("run", "four.yaml", "--force"),
                   ("render", "output/four", "--contact-sheet", "1", "--size", "64x48")):  # fmt: skip
@@ -383,9 +383,9 @@ def test_an_interrupted_rendering_is_told_from_files_of_others(workplace: Path, 
     (folder / "notes.txt").write_text("mine")
     capsys.readouterr()
     assert crowdsim("verify", folder) == 0
-    told = capsys.readouterr().err.splitlines()
-    assert told[0].startswith(f"{folder}: an export or a rendering was not finished: .video-")
-    assert told[1] == f"{folder}: not written by crowdsim: notes.txt"
+    result = capsys.readouterr().err.splitlines()
+    assert result[0].startswith(f"{folder}: an export or a rendering was not finished: .video-")
+    assert result[1] == f"{folder}: not written by crowdsim: notes.txt"
     assert crowdsim(*words) == 0
     capsys.readouterr()
     assert crowdsim("verify", folder) == 0
@@ -517,8 +517,8 @@ def test_a_finished_run_tells_of_policies_trained_since(workplace: Path, capsys)
     assert crowdsim("train", "tiny") == 0
     capsys.readouterr()
     assert crowdsim("run", "four.yaml") == 0
-    told = capsys.readouterr()
-    assert told.err == "output/four: policy 'tiny' has been trained again since; --force runs with it\n"
+    result = capsys.readouterr()
+    assert result.err == "output/four: policy 'tiny' has been trained again since; --force runs with it\n"
     assert crowdsim("export", "output/four", "--bvh") == 2
     assert "is not the one that the take was recorded with" in capsys.readouterr().err
 
@@ -628,10 +628,10 @@ def test_an_interrupt_while_outputs_are_written_keeps_the_take(workplace: Path, 
     write, calls = stream._stream, []
 
     def signalled(sampler, fps, sinks, pool, progress):
-        def report(*told):
-            calls.append(told)
+        def report(*result):
+            calls.append(result)
             os.kill(os.getpid(), signal.SIGINT) if len(calls) == 3 else None
-            progress(*told)
+            progress(*result)
 
         return write(sampler, fps, sinks, pool, report)
 
@@ -687,18 +687,18 @@ def test_status_tells_finished_runs_from_others(workplace: Path, capsys) -> None
         "done         output/a  4 avatars, 40 control frames\nunfinished   output/b  4 avatars, 40 control frames\n"
     )
     assert crowdsim("status", "output/a", "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["output/a"].pop("seconds") > 0
-    assert told == {"output/a": {"state": "done", "avatars": 4, "control_frames": 40}}
+    result = json.loads(capsys.readouterr().out)
+    assert result["output/a"].pop("seconds") > 0
+    assert result == {"output/a": {"state": "done", "avatars": 4, "control_frames": 40}}
     assert crowdsim("status", "policies") == 2
     assert capsys.readouterr().err == "policies: holds no run\n"
 
 
 def test_a_large_crowd_is_told_beforehand_what_it_needs(tmp_path, monkeypatch):
-    told = recording.needs(1_000_000, 60, tmp_path / "not" / "there")
+    result = recording.needs(1_000_000, 60, tmp_path / "not" / "there")
     assert re.fullmatch(
         r"1,000,000 avatars x 60 control frames take up to 2\.0 GB of memory and 1\.2 GB on disk, without outputs.*",
-        told,
+        result,
     )
     monkeypatch.setattr(recording, "available_memory", lambda: 10**9)
     short = recording.needs(1_000_000, 10**7, tmp_path)
@@ -708,9 +708,9 @@ def test_a_large_crowd_is_told_beforehand_what_it_needs(tmp_path, monkeypatch):
 
 def test_only_a_large_crowd_is_told(workplace, monkeypatch):
     scenario = load_scenario(write_scene(workplace / "four.yaml"))
-    told = []
-    run_to(workplace / "quiet", scenario, tell=told.append)
-    assert told == []
+    result = []
+    run_to(workplace / "quiet", scenario, tell=result.append)
+    assert result == []
     monkeypatch.setattr(runner, "LARGE", 4)
-    run_to(workplace / "loud", scenario, tell=told.append)
-    assert [words.split(" take ")[0] for words in told] == ["4 avatars x 40 control frames"]
+    run_to(workplace / "loud", scenario, tell=result.append)
+    assert [words.split(" take ")[0] for words in result] == ["4 avatars x 40 control frames"]

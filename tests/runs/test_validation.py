@@ -12,9 +12,9 @@ RED, BLUE = scene()["groups"]
 def found(capsys, *arguments: str) -> list[str]:
     """Findings of a file, which must be there."""
     assert crowdsim("validate", *arguments) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    return told.err.splitlines()
+    report = capsys.readouterr()
+    assert report.out == ""
+    return report.err.splitlines()
 
 
 @pytest.mark.parametrize(
@@ -120,15 +120,15 @@ def test_json_holds_every_file_and_finding(workplace: Path, capsys) -> None:
     write_scene(workplace / "good.yaml")
     write_scene(workplace / "bad.yaml", duration=0)
     assert crowdsim("validate", "good.yaml", "bad.yaml", "--json") == 2
-    told = capsys.readouterr()
+    report = capsys.readouterr()
     finding = "bad.yaml:4:11: duration: is 0, expected a whole number from 1 to 100000000"
-    assert json.loads(told.out) == {
+    assert json.loads(report.out) == {
         "valid": False,
         "files": [
             {"file": "good.yaml", "valid": True, "findings": []},
             {"file": "bad.yaml", "valid": False, "findings": [finding]},
         ],
     }
-    assert told.err == f"{finding}\n"
+    assert report.err == f"{finding}\n"
     assert crowdsim("validate", "good.yaml", "--json") == 0
     assert json.loads(capsys.readouterr().out)["valid"] is True

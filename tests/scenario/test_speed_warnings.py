@@ -18,8 +18,8 @@ FOLLOW = {"kind": "target", "target": "head"}
 
 
 def warnings(**changes: object) -> list[str]:
-    told = scene(**{"opponents": FOLLOW, "targets": {"head": CIRCLE}, **changes})
-    return speed_warnings(resolve_scenario(Scenario.model_validate(told)), TOLD)
+    report = scene(**{"opponents": FOLLOW, "targets": {"head": CIRCLE}, **changes})
+    return speed_warnings(resolve_scenario(Scenario.model_validate(report)), TOLD)
 
 
 def test_a_target_that_outruns_its_followers_is_named_with_what_they_can_do() -> None:
@@ -74,10 +74,10 @@ def test_validate_and_run_warn_on_standard_error_and_go_on(workplace: Path, caps
     row = next(row for row, line in enumerate(lines, start=1) if line.strip() == "speed: 15")
     where = f"four.yaml:{row}:{lines[row - 1].index('15') + 1}: targets.head.speed: is 15, too fast for type 'boxer'"
     assert crowdsim("validate", "four.yaml") == 0
-    told = capsys.readouterr()
-    assert told.err.startswith(where)
-    assert told.err.count("\n") == 1
-    assert told.out == "1 file without a finding\n"
+    report = capsys.readouterr()
+    assert report.err.startswith(where)
+    assert report.err.count("\n") == 1
+    assert report.out == "1 file without a finding\n"
     assert crowdsim("run", "four.yaml") == 0
     assert capsys.readouterr().err.startswith(where)
 

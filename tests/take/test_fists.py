@@ -81,9 +81,9 @@ def test_a_strike_that_a_cut_shows_again_throws_its_victim_back_once() -> None:
 
 def test_figures_of_a_run_tell_how_far_fists_are_from_what_they_hit() -> None:
     take, policy, _ = duel(0.1)
-    told = measure_take(sampler(take, policy))
-    assert told["fist_gap_most"] < 0.01
-    assert told["fists_off_share"] == 0.0
+    report = measure_take(sampler(take, policy))
+    assert report["fist_gap_most"] < 0.01
+    assert report["fists_off_share"] == 0.0
     far = replace(take, x=take.x + np.array([0.0, 3.0], np.float32))
     assert measure_take(sampler(far, policy))["fists_off_share"] == 1.0
     assert measure_take(sampler(without_strikes(take), policy))["fist_gap_most"] is None

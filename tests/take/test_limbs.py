@@ -136,8 +136,8 @@ def test_a_straight_limb_bends_about_its_hinge() -> None:
 def test_rotations_move_smoothly_as_the_target_moves() -> None:
     posed = Posed(0.6, 4)
     distances = 0.4 + 0.14 * np.sin(np.linspace(0.0, 2.0 * math.pi, 2001))
-    told = np.array([posed.bent(posed.target(distance), distance) for distance in distances])
-    dots = np.abs(np.sum(told[1:] * told[:-1], axis=-1))
+    result = np.array([posed.bent(posed.target(distance), distance) for distance in distances])
+    dots = np.abs(np.sum(result[1:] * result[:-1], axis=-1))
     assert (2.0 * np.arccos(np.minimum(dots, 1.0))).max() < 0.01
 
 

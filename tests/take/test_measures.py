@@ -17,16 +17,16 @@ SECOND = 15
 FACING, AWAY = 0.0, np.pi
 
 
-def strikes(*told: tuple[float, int, int, bool]) -> Events:
+def strikes(*result: tuple[float, int, int, bool]) -> Events:
     """Strikes of (frame, attacker, victim, landed) each."""
-    frame, attacker, victim, landed = (np.array(column) for column in zip(*told, strict=True)) if told else [[]] * 4
+    frame, attacker, victim, landed = (np.array(column) for column in zip(*result, strict=True)) if result else [[]] * 4
     return Events(
         frame=np.asarray(frame, np.float32),
         attacker=np.asarray(attacker, np.int32),
         victim=np.asarray(victim, np.int32),
-        hand=np.zeros(len(told), np.uint8),
-        point=np.zeros((len(told), 3), np.float32),
-        speed=np.full(len(told), 6.0, np.float32),
+        hand=np.zeros(len(result), np.uint8),
+        point=np.zeros((len(result), 3), np.float32),
+        speed=np.full(len(result), 6.0, np.float32),
         landed=np.asarray(landed, bool),
     )
 
@@ -86,9 +86,9 @@ def test_positions_are_counted_from_ten_seconds_on_unless_another_time_is_given(
     distance = np.full(600, 2.0)
     distance[: 10 * SECOND] = 1.0
     distance[20 * SECOND : 30 * SECOND] = 1.2
-    told = measure_fights(pair(distance))
-    assert told.out_of_reach_share == pytest.approx(2 / 3)
-    assert told.distance_median == pytest.approx(2.0)
+    result = measure_fights(pair(distance))
+    assert result.out_of_reach_share == pytest.approx(2 / 3)
+    assert result.distance_median == pytest.approx(2.0)
     assert measure_fights(pair(distance), after=0.0).out_of_reach_share == pytest.approx(0.5)
     assert measure_fights(pair(distance), after=30.0).out_of_reach_share == 1.0
     early = measure_fights(pair(1.0, frames=100))
@@ -105,8 +105,8 @@ def test_an_avatar_is_turned_away_when_its_opponent_is_behind_it() -> None:
     heading[:, 1] = np.pi
     heading[300:450, 0] = np.radians(91.0)
     heading[450:, 0] = np.radians(89.0)
-    told = measure_fights(pair(2.0, heading=heading))
-    assert told.turned_away_share == pytest.approx(150 / 450 / 2)
+    result = measure_fights(pair(2.0, heading=heading))
+    assert result.turned_away_share == pytest.approx(150 / 450 / 2)
     assert measure_fights(pair(2.0, heading=[AWAY, FACING])).turned_away_share == 1.0
     assert measure_fights(pair(2.0, heading=[2 * np.pi, -np.pi])).turned_away_share == 0.0
 
@@ -115,9 +115,9 @@ def test_an_avatar_is_turned_away_when_its_opponent_is_behind_it() -> None:
 def test_an_avatar_is_stuck_that_is_out_of_reach_for_more_than_ten_seconds(frames_out: int, stuck: int) -> None:
     distance = np.full(600, 1.0)
     distance[200 : 200 + frames_out] = 1.6
-    told = measure_fights(pair(distance))
-    assert told.stuck_avatars == stuck
-    assert told.stuck_share == stuck / 2
+    result = measure_fights(pair(distance))
+    assert result.stuck_avatars == stuck
+    assert result.stuck_share == stuck / 2
 
 
 def test_a_moment_in_reach_ends_a_stretch_and_the_first_seconds_do_not_count() -> None:
@@ -132,10 +132,10 @@ def test_another_opponent_out_of_reach_does_not_end_a_stretch() -> None:
     opponent = np.tile([1, 0, 1], (600, 1))
     opponent[::2, 0] = 2
     take = make_take([[0.0, 2.0, 3.0]], [[0.0] * 3], [0.0] * 3, opponent, 600)
-    told = measure_fights(take)
-    assert told.stuck_avatars == 2
-    assert told.stuck_share == pytest.approx(2 / 3)
-    assert told.distance_median == pytest.approx(2.0)
+    result = measure_fights(take)
+    assert result.stuck_avatars == 2
+    assert result.stuck_share == pytest.approx(2 / 3)
+    assert result.distance_median == pytest.approx(2.0)
 
 
 def test_nobody_can_be_stuck_in_a_take_that_is_too_short_for_it() -> None:
@@ -145,20 +145,20 @@ def test_nobody_can_be_stuck_in_a_take_that_is_too_short_for_it() -> None:
 
 def test_strikes_are_counted_per_avatar_and_minute() -> None:
     events = strikes((90.0, 0, 1, False), (97.5, 0, 1, True), (300.0, 1, 0, False), (400.5, 0, 1, True))
-    told = measure_fights(pair(1.0, frames=450, events=events))
-    assert told.first_landed_seconds == pytest.approx(6.5)
-    assert told.thrown_per_minute == pytest.approx(4.0)
-    assert told.landed_per_minute == pytest.approx(2.0)
-    assert told.least_landed_per_minute == 0.0
-    assert told.landed_share == 0.5
+    result = measure_fights(pair(1.0, frames=450, events=events))
+    assert result.first_landed_seconds == pytest.approx(6.5)
+    assert result.thrown_per_minute == pytest.approx(4.0)
+    assert result.landed_per_minute == pytest.approx(2.0)
+    assert result.least_landed_per_minute == 0.0
+    assert result.landed_share == 0.5
     both = strikes((90.0, 0, 1, True), (97.5, 1, 0, True), (300.0, 1, 0, True))
     assert measure_fights(pair(1.0, frames=450, events=both)).least_landed_per_minute == pytest.approx(2.0)
 
 
 def test_a_fight_without_strikes_has_no_shares_of_them() -> None:
-    told = measure_fights(pair(1.0))
-    assert (told.first_landed_seconds, told.landed_share, told.air_share) == (None, None, None)
-    assert (told.thrown_per_minute, told.least_landed_per_minute) == (0.0, 0.0)
+    result = measure_fights(pair(1.0))
+    assert (result.first_landed_seconds, result.landed_share, result.air_share) == (None, None, None)
+    assert (result.thrown_per_minute, result.least_landed_per_minute) == (0.0, 0.0)
 
 
 def test_avatars_that_are_absent_do_not_count() -> None:
@@ -170,19 +170,19 @@ def test_avatars_that_are_absent_do_not_count() -> None:
     # The one who is there alone looks for somebody who is not.
     take.opponent[:450, 0] = 1
     take.heading[:450, 0] = AWAY
-    told = measure_fights(take)
-    assert told.turned_away_share == 0.0
-    assert told.out_of_reach_share == 1.0
-    assert told.distance_median == pytest.approx(2.0)
-    assert told.landed_per_minute == pytest.approx(3 / 1.5)
-    assert told.least_landed_per_minute == pytest.approx(2.0)
+    result = measure_fights(take)
+    assert result.turned_away_share == 0.0
+    assert result.out_of_reach_share == 1.0
+    assert result.distance_median == pytest.approx(2.0)
+    assert result.landed_per_minute == pytest.approx(3 / 1.5)
+    assert result.least_landed_per_minute == pytest.approx(2.0)
 
 
 def test_nobody_to_fight_is_nothing_to_measure() -> None:
-    told = measure_fights(make_take([[0.0]], [[0.0]], [0.0], [-1], 600, events=strikes((9.0, 0, -1, False))))
-    assert told.thrown_per_minute == pytest.approx(1.5)
+    result = measure_fights(make_take([[0.0]], [[0.0]], [0.0], [-1], 600, events=strikes((9.0, 0, -1, False))))
+    assert result.thrown_per_minute == pytest.approx(1.5)
     for key in ("out_of_reach_share", "stuck_avatars", "air_share", "turned_away_share", "distance_median"):
-        assert getattr(told, key) is None
+        assert getattr(result, key) is None
 
 
 def test_a_strike_at_the_air_is_thrown_from_too_far_away() -> None:
@@ -205,12 +205,12 @@ def test_scripted_targets_are_opponents_where_they_are_then() -> None:
     targets[:, 1, 2] = np.where(np.arange(600) < 300, 1.0, -2.0)
     events = strikes((10.0, 0, -3, True), (299.5, 0, -3, False), (400.0, 0, -3, False), (401.0, 0, -2, False))
     take = make_take([[0.0]], [[0.0]], [FACING], [-3], 600, events, targets=targets)
-    told = measure_fights(take)
-    assert told.out_of_reach_share == told.turned_away_share == pytest.approx(300 / 450)
-    assert told.distance_median == pytest.approx(2.0)
-    assert told.stuck_avatars == 1
+    result = measure_fights(take)
+    assert result.out_of_reach_share == result.turned_away_share == pytest.approx(300 / 450)
+    assert result.distance_median == pytest.approx(2.0)
+    assert result.stuck_avatars == 1
     # Half way from 1 m ahead to 2 m behind it is near.
-    assert told.air_share == pytest.approx(1 / 4)
+    assert result.air_share == pytest.approx(1 / 4)
 
 
 def test_bodies_overlap_by_their_size() -> None:
@@ -272,13 +272,13 @@ def naive_shares(take: Take, after: float) -> tuple[float, float, float, float, 
 @pytest.mark.parametrize("seed", range(4))
 def test_measures_match_naive_ones_whatever_the_chunks(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     take = random_take(seed)
-    told = measure_fights(take, after=3.0)
+    result = measure_fights(take, after=3.0)
     keys = ("out_of_reach_share", "turned_away_share", "distance_median", "air_share", "stuck_avatars")
-    np.testing.assert_allclose([getattr(told, key) for key in keys], naive_shares(take, 3.0), rtol=1e-5)
+    np.testing.assert_allclose([getattr(result, key) for key in keys], naive_shares(take, 3.0), rtol=1e-5)
     for read, block in ((6, 6), (100, 18), (1300, 7), (3000, 10_000)):
         monkeypatch.setattr(measures, "_READ_AVATAR_FRAMES", read)
         monkeypatch.setattr(measures, "_BLOCK_AVATAR_FRAMES", block)
-        assert measure_fights(take, after=3.0) == told
+        assert measure_fights(take, after=3.0) == result
 
 
 def test_large_crowds_are_sampled_evenly(monkeypatch: pytest.MonkeyPatch) -> None:

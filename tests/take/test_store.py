@@ -186,15 +186,15 @@ def test_foreign_and_damaged_takes_are_refused(tmp_path: Path) -> None:
         open_take(tmp_path)
     write(tmp_path / "take.zarr", [4]).close()
     attributes = tmp_path / "take.zarr" / ".zattrs"
-    told = json.loads(attributes.read_text())
-    attributes.write_text(json.dumps({**told, "format": "other"}))
+    report = json.loads(attributes.read_text())
+    attributes.write_text(json.dumps({**report, "format": "other"}))
     (tmp_path / "take.zarr" / ".zmetadata").unlink()
     with pytest.raises(TakeError, match="is no take: its format is 'other', expected 'crowdsim-take'"):
         open_take(tmp_path)
-    attributes.write_text(json.dumps({**told, "version": 99}))
+    attributes.write_text(json.dumps({**report, "version": 99}))
     with pytest.raises(TakeError, match="is a take of version 99, expected 1"):
         open_take(tmp_path)
-    attributes.write_text(json.dumps({name: value for name, value in told.items() if name != "team_names"}))
+    attributes.write_text(json.dumps({name: value for name, value in report.items() if name != "team_names"}))
     with pytest.raises(TakeError, match="is damaged: 'team_names'"):
         open_take(tmp_path)
 

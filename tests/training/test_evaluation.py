@@ -65,14 +65,14 @@ def starts(actions, count=30):
 def test_an_avatar_has_arrived_when_it_is_as_near_as_was_asked_for(actions, within):
     one = behaviour(actions, "approach", (NEAR, PRICE), 3.0)
     states, targets = starts(actions)
-    told = run_episodes(actions, one, BODY, RATE, states, targets, SECONDS, within=within)
+    result = run_episodes(actions, one, BODY, RATE, states, targets, SECONDS, within=within)
     policy = policy_of(actions, one)
     expected = [
         episode(policy, {"approach": 1.0}, one, actions, *pair, within) for pair in zip(states, targets, strict=True)
     ]
     returns, arrivals = np.array(expected).T
-    np.testing.assert_allclose(told.returns, returns, rtol=1e-5, atol=1e-5)
-    np.testing.assert_allclose(told.arrivals, arrivals / RATE)
+    np.testing.assert_allclose(result.returns, returns, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(result.arrivals, arrivals / RATE)
     assert 0 < np.isfinite(arrivals).sum() < len(states)
 
 
@@ -82,9 +82,9 @@ def test_a_behaviour_alone_decides_wherever_the_target_is_and_whatever_its_scale
     expected = run_episodes(actions, one, BODY, RATE, states, targets, SECONDS)
     axes = tuple(replace(axis, fade=0.0 if axis.wraps else 0.05) for axis in one.grid.axes)
     faded = replace(one, grid=build_grid(axes), scale=0.0)
-    told = run_episodes(actions, faded, BODY, RATE, states, targets, SECONDS)
-    np.testing.assert_array_equal(told.returns, expected.returns)
-    assert len(np.unique(told.returns)) > 10
+    result = run_episodes(actions, faded, BODY, RATE, states, targets, SECONDS)
+    np.testing.assert_array_equal(result.returns, expected.returns)
+    assert len(np.unique(result.returns)) > 10
 
 
 def test_a_composition_chooses_by_all_its_behaviours_and_is_judged_by_another_reward(actions):
@@ -96,12 +96,12 @@ def test_a_composition_chooses_by_all_its_behaviours_and_is_judged_by_another_re
     dear = actions._replace(costs=2.0 * actions.costs)
     states, targets = starts(actions)
     composition = Composition(actions, composed, np.array([1.0, 3.0]))
-    told = run_episodes(dear, judge, BODY, RATE, states, targets, SECONDS, composition=composition)
+    result = run_episodes(dear, judge, BODY, RATE, states, targets, SECONDS, composition=composition)
     policy, weights = policy_of(actions, *composed), {"punch": 1.0, "approach": 3.0}
     expected = [episode(policy, weights, judge, dear, *pair, 0.6)[0] for pair in zip(states, targets, strict=True)]
-    np.testing.assert_allclose(told.returns, expected, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(result.returns, expected, rtol=1e-5, atol=1e-5)
     alone = run_episodes(dear, judge, BODY, RATE, states, targets, SECONDS)
-    assert np.abs(told.returns - alone.returns).max() > 0.1
+    assert np.abs(result.returns - alone.returns).max() > 0.1
 
 
 def test_threads_do_not_change_episodes(actions):

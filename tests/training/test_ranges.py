@@ -24,8 +24,8 @@ def motion():
 
 
 def grid_of(motion, **axes):
-    told = {name: {"count": 4, **axis} for name, axis in axes.items()}
-    spec = BehaviourSpec.model_validate({"axes": told, "rewards": [{"kind": "strike", "tolerance": 0.1}]})
+    result = {name: {"count": 4, **axis} for name, axis in axes.items()}
+    spec = BehaviourSpec.model_validate({"axes": result, "rewards": [{"kind": "strike", "tolerance": 0.1}]})
     return {axis.name: axis for axis in resolve_grid(spec, motion).axes}
 
 

@@ -46,13 +46,13 @@ def test_a_behaviour_that_wants_to_be_elsewhere_does_not_succeed(policy):
 
 
 def test_a_bundle_says_what_its_behaviours_succeed_in_and_how_its_strikes_are_distributed(policy):
-    told = inspect_bundle(policy)
-    for name, facts in told["behaviours"].items():
+    report = inspect_bundle(policy)
+    for name, facts in report["behaviours"].items():
         assert facts["success"]["share"] == measure_success(policy, policy.behaviour(name)).share
     for key in ("by_hand", "by_kind", "by_height"):
-        assert sum(told["strikes"][key].values()) == told["motion"]["strikes"] > 0
-    assert 0.5 < told["strikes"]["used_share"] <= 1.0
-    near, far = told["strikes"]["striking_range"]
+        assert sum(report["strikes"][key].values()) == report["motion"]["strikes"] > 0
+    assert 0.5 < report["strikes"]["used_share"] <= 1.0
+    near, far = report["strikes"]["striking_range"]
     assert 0.3 < near < far < 1.3
-    assert 0 < told["motion"]["frames_kept"] <= told["motion"]["frames"]
-    assert any(weakness["what"].startswith("little motion: 24 s") for weakness in told["weaknesses"])
+    assert 0 < report["motion"]["frames_kept"] <= report["motion"]["frames"]
+    assert any(weakness["what"].startswith("little motion: 24 s") for weakness in report["weaknesses"])

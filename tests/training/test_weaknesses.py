@@ -34,14 +34,14 @@ GOOD = {
 
 
 def weaknesses_of(*changes):
-    told = copy.deepcopy(GOOD)
+    result = copy.deepcopy(GOOD)
     for path, value in changes:
         *keys, last = path.split(".")
-        place = told
+        place = result
         for key in keys:
             place = place[key]
         place[last] = value
-    return [weakness.what for weakness in find_weaknesses(told)]
+    return [weakness.what for weakness in find_weaknesses(result)]
 
 
 def test_a_good_policy_has_no_weakness():

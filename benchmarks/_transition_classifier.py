@@ -1,10 +1,9 @@
-"""Can a classifier tell windows of exported motion around cuts from those around decisions that made no cut?
+"""A classifier of exported motion: windows around transitions against windows around decisions without one.
 
-Both are moments at which an avatar chose, so that nothing but the cut sets them apart. The capture is split in halves,
-by pieces of some seconds: what a classifier learned from cuts and other moments of one half, it is asked about the
-other. ``content`` is the same with
-windows of the capture itself, around the frames that the cuts left and entered and around those of the other moments:
-what the choice of moments tells, whatever the blends do.
+Both are moments at which an avatar chose, so they differ by the transition alone. The capture is split in halves, by
+pieces of some seconds; the classifier learns from one half and is tested on the other. ``content`` is the same with
+windows of the captured motion, around the frames that transitions leave and enter and around those of the other
+moments: what the choice of moments reveals, whatever the blends do.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 CLEAR = 0.3
-"""Time beyond the window in which no cut lies where none is to be seen [s]."""
+"""Time beyond the window in which no transition lies where none is to be seen [s]."""
 PIECE = 5.0
 """Length of the pieces of a clip that go to one half or the other [s]."""
 MOST = 1500
@@ -65,7 +64,7 @@ def _area(features: Array, labels: Array, halves: list[Array]) -> float | None:
     return float(np.mean(outcome, axis=0).max()) if outcome else None
 
 
-def told_apart(stage: Stage, seconds: float) -> dict[str, Any]:
+def classify_transitions(stage: Stage, seconds: float) -> dict[str, Any]:
     """Return the area under the ROC curve of the better of two classifiers; 0.5 is guessing.
 
     Args:
@@ -77,14 +76,14 @@ def told_apart(stage: Stage, seconds: float) -> dict[str, Any]:
     rows: list[tuple[int, int, int, int, bool]] = []
     for avatar, outcome in enumerate(stage.decisions):
         times, left, entered = outcome[:, 0], outcome[:, 1].astype(int), outcome[:, 2].astype(int)
-        cut = left != entered
+        transition = left != entered
         for k, time in enumerate(times):
             frame = round(time * stage.fps)
             if not half + stage.fps <= frame < count - half - stage.fps:
                 continue
             near = np.abs(times - time) < 0.5 * seconds + CLEAR
-            if cut[k] or not (cut & near).any():
-                rows.append((avatar, frame, left[k], entered[k], bool(cut[k])))
+            if transition[k] or not (transition & near).any():
+                rows.append((avatar, frame, left[k], entered[k], bool(transition[k])))
     source, step, reach = stage.source, stage.step, half * stage.step
     clip = np.searchsorted(source.starts, np.arange(len(source.clips)), side="right") - 1
 
@@ -100,10 +99,10 @@ def told_apart(stage: Stage, seconds: float) -> dict[str, Any]:
         chosen += [own[k] for k in np.sort(rng.permutation(len(own))[:MOST])]
     labels = np.array([row[4] for row in chosen])
     if min(labels.sum(), (~labels).sum()) < 50:
-        return {"cuts": int(labels.sum()), "others": int((~labels).sum()), "auc": None, "auc_of_content": None}
+        return {"transitions": int(labels.sum()), "others": int((~labels).sum()), "auc": None, "auc_of_content": None}
     steps = np.arange(-half, half + 1)
     windows = np.stack([stage.figures[row[0]].joints[row[1] + steps] / stage.scales[row[0]] for row in chosen])
-    # Of the capture behind a cut either side is shown in turn.
+    # Of the capture behind a transition either side is shown in turn.
     frames = np.array([row[2 + k % 2] if row[4] else row[3] for k, row in enumerate(chosen)])
     content = source.figure.joints[frames[:, None] + steps * step]
     # A clip and its mirror image are cut into the same pieces.
@@ -117,7 +116,7 @@ def told_apart(stage: Stage, seconds: float) -> dict[str, Any]:
         sides = np.isin(clips, first).sum(axis=1)
         halves.append(np.where(sides == 2, 1, np.where(sides == 0, 0, -1)))
     return {
-        "cuts": int(labels.sum()),
+        "transitions": int(labels.sum()),
         "others": int((~labels).sum()),
         "auc": _area(_features(windows, stage.fps), labels, halves),
         "auc_of_content": _area(_features(content, stage.fps), labels, halves),
