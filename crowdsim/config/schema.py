@@ -65,6 +65,11 @@ class Spot:
             return []
         return [info.alias or name for name, info in self.model.model_fields.items()]
 
+    @property
+    def renamed(self) -> dict[str, str]:
+        """Keys that a mapping had here before, with their new names."""
+        return getattr(self.model, "renamed", {})
+
 
 def spot_of(annotation: Any, constraints: tuple[Any, ...] = (), tagged: bool = False) -> Spot:
     """Return the spot of a type annotation."""
@@ -130,10 +135,21 @@ def tags(info: FieldInfo) -> tuple[Any, ...]:
     return get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
 
 
-def discriminator(spot: Spot) -> tuple[str, list[Any]] | None:
+def chosen(spot: Spot | None, value: Any) -> Spot | None:
+    """Return the member of a union that a value is meant for, or the spot itself when it is no union."""
+    if spot is None or not spot.members:
+        return spot
+    common = discriminator(spot)
+    if common and isinstance(value, dict) and common[0] in value:
+        return member(spot, str(value[common[0]]))
+    models = [choice for choice in spot.members if choice.model is not None]
+    return models[0] if len(models) == 1 else None
+
+
+def discriminator(spot: Spot | None) -> tuple[str, list[Any]] | None:
     """Return the key by which the models of a union are told apart, with all its words; None where there is none."""
-    models = [choice.model for choice in spot.members if choice.model is not None]
-    if not models or len(models) < len(spot.members):
+    models = [choice.model for choice in spot.members if choice.model is not None] if spot else []
+    if not models or spot is None or len(models) < len(spot.members):
         return None
     for name in models[0].model_fields:
         words = [tags(model.model_fields[name]) if name in model.model_fields else () for model in models]
