@@ -132,7 +132,7 @@ def _findings_of(detail: dict[str, Any], here: _Located) -> list[Finding]:
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return [_wrong_tag(here)]
     if kind == "missing":
-        if _is_misspelt(str(loc[-1]), here):
+        if _is_misspelt(str(loc[-1]), here.parent, here.value):
             return []
         what = f"missing, expected {expected}"
     elif kind in ("too_short", "too_long"):
@@ -155,12 +155,14 @@ def _findings_of(detail: dict[str, Any], here: _Located) -> list[Finding]:
     return [Finding(loc, what)]
 
 
-def _is_misspelt(key: str, here: _Located) -> bool:
+def _is_misspelt(key: str, spot: Spot | None, given: Any) -> bool:
     """Whether an unknown key stands for a missing one, and has a finding of its own."""
-    spot = here.parent
-    unknown = [name for name in here.value if name not in spot.keys] if spot and isinstance(here.value, dict) else []
+    if spot is None or not isinstance(given, dict):
+        return False
     return any(
-        spot.renamed.get(name) == key or nearest(name, spot.keys) == nearest(key, [key]) for name in unknown if spot
+        spot.renamed.get(name) == key or nearest(name, spot.keys) == nearest(key, [key])
+        for name in given
+        if name not in spot.keys
     )
 
 

@@ -54,11 +54,17 @@ def find_file_faults(path: Path) -> list[str]:
         scenario = load_scenario(path)
     except CrowdsimError as error:
         return str(error).splitlines()
-    for check in (_behaviour_findings, _time_findings, _placement_findings):
+    for check in (_behaviour_findings, _time_findings):
         try:
             lines += map(str, scenario.place(check(scenario)))
         except CrowdsimError as error:
             lines += str(error).splitlines()
+    from crowdsim.crowd.placement import place_groups
+
+    try:
+        place_groups(scenario)
+    except ScenarioError as error:
+        lines += str(error).splitlines()
     if not lines:
         lines += map(str, scenario.place(late_events(scenario)))
     return list(dict.fromkeys(lines))
@@ -136,18 +142,6 @@ def _time_findings(scenario: Scenario) -> list[Finding]:
             what = f"is {list(frames)}, but the run has frames 0 to {last} at {fps:g} fps, {_length(count, rate)}"
             findings.append(Finding(("outputs", key, "frames"), f"{what}, expected a range within"))
     return findings
-
-
-def _placement_findings(scenario: Scenario) -> list[Finding]:
-    """Place the avatars of a scenario; return nothing.
-
-    Raises:
-        ScenarioError: Not all of them fit.
-    """
-    from crowdsim.crowd.placement import place_groups
-
-    place_groups(scenario)
-    return []
 
 
 def _ranges(scenario: Scenario) -> Iterator[tuple[str, float, tuple[int, int]]]:
