@@ -1,48 +1,44 @@
-"""Reads YAML files into pydantic models and says everything that is wrong with one, each with its line and column.
+"""Reads YAML files into pydantic models and reports everything that is wrong with one, each with its line and column.
 
 A model refuses unknown keys by ``ConfigDict(extra="forbid")``; :class:`StrictModel` does. Checks across keys raise
 :class:`Fault` or :class:`Faults` in a validator, which name the key that is to blame. A model may have a class method
-``faults_in(data) -> list[Fault]`` for checks that make sense on plain data of a file that is otherwise invalid, such as
-names that refer to nothing; it is asked only when validation fails.
+``findings_in(data) -> list[Finding]`` for checks that make sense on plain data of a file that is otherwise invalid,
+such as names that refer to nothing; it is called only when validation fails.
 """
 
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from os import PathLike
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from crowdsim.config.findings import Fault, Faults, fault_finding, show, translate
-from crowdsim.config.schema import Spot, describe, discriminator, join, member, spot_of, step
-from crowdsim.config.tree import (
-    FAULTY,
-    MAXIMUM_BYTES,
-    Entry,
-    Finding,
-    Path,
-    Place,
-    TreeError,
-    key_path,
-    read_tree,
-    scalar,
-)
-from crowdsim.errors import CrowdsimError, nearest
+from crowdsim.config.findings import Fault, Faults, show, translate
+from crowdsim.config.overrides import override
+from crowdsim.config.schema import describe, spot_of
+from crowdsim.config.tree import MAXIMUM_BYTES, Document, Finding, read_document, scalar
+from crowdsim.errors import CrowdsimError
 
-__all__ = ["Fault", "Faults", "Finding", "StrictModel", "dump_yaml", "find_faults", "load_model", "where"]
+__all__ = ["Fault", "Faults", "Finding", "StrictModel", "dump_yaml", "find_faults", "load_model", "place"]
 
 Model = TypeVar("Model", bound=BaseModel)
 FileName = str | PathLike[str]
 
 
 class StrictModel(BaseModel):
-    """A frozen model that refuses keys it does not know."""
+    """A frozen model that refuses keys it does not know.
+
+    Attributes:
+        renamed: Keys that files had before, with the new name of each, which is reported.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    renamed: ClassVar[dict[str, str]] = {}
 
 
 def load_model(
@@ -79,17 +75,10 @@ def find_faults(
     return _read(path, model, overrides, context)[1]
 
 
-def where(path: FileName, key: Sequence[str | int]) -> str:
-    """Return ``PATH:LINE:COLUMN: key.path`` of a key in a file, or of the nearest one above it that the file has."""
-    place = Place(str(path))
-    try:
-        with open(path, "rb") as file:
-            entry, _ = read_tree(file.read(MAXIMUM_BYTES + 1), str(path))
-        if entry is not None:
-            place = fault_finding(Fault("", *key), (), entry).place
-    except (TreeError, OSError, ValueError):
-        pass
-    return f"{place}: {key_path(tuple(key))}"
+def place(path: FileName, findings: Iterable[Finding]) -> list[Finding]:
+    """Return findings in a file with the positions of their keys, or of the nearest ones above them that it has."""
+    document = _document(path)
+    return [document.place(finding) for finding in findings]
 
 
 def dump_yaml(data: Any) -> str:
@@ -110,125 +99,38 @@ def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
 _Dumper.add_representer(str, _represent_text)
 
 
+def _document(path: FileName) -> Document:
+    try:
+        with open(path, "rb") as file:
+            return read_document(file.read(MAXIMUM_BYTES + 1), str(path))
+    except FileNotFoundError:
+        what = "no such file"
+    except IsADirectoryError:
+        what = "is a folder, expected a YAML file"
+    except (OSError, ValueError) as failure:
+        what = f"cannot be read: {failure.strerror if isinstance(failure, OSError) else failure}"
+    return Document(str(path), findings=[Finding((), what, source=str(path))])
+
+
 def _read(
     path: FileName, model: type[Model], overrides: Sequence[str], context: dict[str, Any] | None
 ) -> tuple[Model | None, list[Finding]]:
-    source = str(path)
-    try:
-        with open(path, "rb") as file:
-            entry, findings = read_tree(file.read(MAXIMUM_BYTES + 1), source)
-    except TreeError as failure:
-        return None, [failure.finding]
-    except (OSError, ValueError) as failure:
-        problem = {"FileNotFoundError": "no such file", "IsADirectoryError": "is a folder, expected a YAML file"}
-        why = failure.strerror if isinstance(failure, OSError) else failure
-        what = problem.get(type(failure).__name__, f"cannot be read: {why}")
-        return None, [Finding(Place(source), "", what)]
-    top = spot_of(model)
-    if entry is None or entry.value is None:
+    document, top, value = _document(path), spot_of(model), None
+    findings = document.findings
+    if not isinstance(document.data, dict):
         if not findings:
-            findings = [Finding(Place(source, 1, 1), "", f"the file is empty, expected {describe(top)}")]
-        return None, findings
-    if not isinstance(entry.value, dict):
-        if entry.value is not FAULTY:
-            what = f"the file {show(entry.value).replace('is', 'holds', 1)}, expected {describe(top)}"
-            findings.append(Finding(entry.place, "", what))
+            what = "is empty" if document.data is None else show(document.data).replace("is", "holds", 1)
+            found = document.place(Finding((), f"the file {what}, expected {describe(top)}"))
+            findings = [replace(found, line=1, column=1) if document.data is None else found]
         return None, findings
     for text in overrides:
-        findings += _override(entry, top, text)
-    value, data = None, entry.plain()
+        findings += [replace(finding, source=f"--set {text}") for finding in override(document, text, top)]
     try:
         # JSON is where pydantic's strict mode takes lists for tuples and whole numbers for floats, yet no other mix.
-        text = json.dumps(data, default=lambda faulty: None)
-        value = model.model_validate_json(text, strict=True, context=context)
+        value = model.model_validate_json(json.dumps(document.data), strict=True, context=context)
     except ValidationError as failure:
-        findings += translate(failure, entry, top)
-        faults_in: Callable[[Any], list[Fault]] | None = getattr(model, "faults_in", None)
-        findings += [fault_finding(fault, (), entry) for fault in (faults_in(data) if faults_in else [])]
+        findings += translate(failure, document, top)
+        findings_in: Callable[[Any], list[Finding]] | None = getattr(model, "findings_in", None)
+        findings += map(document.place, findings_in(document.data) if findings_in else [])
     unique = {str(finding): finding for finding in findings}
-    return value, sorted(unique.values(), key=lambda one: (one.place.line or 10**9, one.place.column or 0))
-
-
-def _override(entry: Entry, top: Spot, text: str) -> list[Finding]:
-    """Lay one ``KEY=VALUE`` over the tree; return what is wrong with it."""
-    place = Place(f"--set {text}")
-    key, equals, words = text.partition("=")
-    parts = re.findall(r"[^.\[\]]+", key)
-    if not equals or not re.fullmatch(r"[^.\[\]]+(\.[^.\[\]]+|\[\d+\])*", key):
-        return [Finding(place, "", "is no override, expected KEY=VALUE, such as seed=3 or groups[0].count=12")]
-    spot: Spot | None = top
-    path: Path = ()
-    created: tuple[dict[str, Entry], str] | None = None
-
-    def refused(at: Path, what: str) -> list[Finding]:
-        if created is not None:
-            del created[0][created[1]]
-        return [Finding(place, key_path(at), what)]
-
-    for i, part in enumerate(parts):
-        chosen = _entered(spot, entry)
-        # A scalar gives way where its key may as well hold a mapping: seconds for a number of frames.
-        if chosen is not spot and chosen is not None and part in chosen.keys and not isinstance(entry.value, dict):
-            entry.value = {}
-        spot = chosen
-        if entry.value is None and spot is not None and spot.is_list:
-            entry.value = []
-        if isinstance(entry.value, list):
-            at: Any = int(part) if part.isdigit() else part
-            if not part.isdigit() or at >= len(entry.value):
-                count = len(entry.value)
-                some = f"an index from 0 to {count - 1}" if count else "none: the list is empty"
-                return refused(path, f"there is no item {part}, expected {some}")
-        else:
-            at = part
-            if entry.value is None:
-                entry.value = {}
-            if not isinstance(entry.value, dict):
-                what = f"{key_path(path)} {show(entry.value)}, expected a mapping"
-                return refused((*path, part), what)
-            if spot is not None and spot.keys and part not in spot.keys:
-                what = f"unknown key, expected {join(spot.keys)}{nearest(part, spot.keys)}"
-                return refused((*path, part), what)
-        path, spot = (*path, at), step(spot, at)
-        if i == len(parts) - 1:
-            entry.value[at], findings = _parse(words, spot, path, place)
-            return findings
-        if isinstance(entry.value, dict) and at not in entry.value:
-            created = created or (entry.value, at)
-            entry.value[at] = Entry(None, place, place)
-        entry = entry.value[at]
-    return []
-
-
-def _entered(spot: Spot | None, entry: Entry) -> Spot | None:
-    """Return the member of a union that the value of an entry chooses, or the spot itself when it is no union."""
-    if spot is None or not spot.members:
-        return spot
-    common = discriminator(spot)
-    if common and isinstance(entry.value, dict) and common[0] in entry.value:
-        return member(spot, str(entry.value[common[0]].value))
-    models = [choice for choice in spot.members if choice.model is not None]
-    return models[0] if len(models) == 1 else None
-
-
-def _parse(words: str, spot: Spot | None, path: Path, place: Place) -> tuple[Entry, list[Finding]]:
-    """Return the value of an override, and what is wrong with it; words stand as they are where text is expected."""
-    try:
-        entry, findings = read_tree(words.encode("utf-8", "replace"), str(place))
-    except TreeError as failure:
-        return Entry(FAULTY, place, place), [Finding(place, key_path(path), failure.finding.message)]
-    entry = _moved(entry or Entry(None if not findings else FAULTY, place, place), place)
-    # Numbers and what looks like a comment, such as a colour, are text where text is expected.
-    told = isinstance(entry.value, str | dict | list) or scalar(words.strip()) is None
-    if spot is not None and spot.kind is str and not told:
-        entry.value, findings = words.strip(), []
-    return entry, [Finding(place, key_path(path), finding.message) for finding in findings]
-
-
-def _moved(entry: Entry, place: Place) -> Entry:
-    value = entry.value
-    if isinstance(value, dict):
-        value = {key: _moved(inner, place) for key, inner in value.items()}
-    elif isinstance(value, list):
-        value = [_moved(inner, place) for inner in value]
-    return Entry(value, place, place)
+    return value, sorted(unique.values(), key=lambda finding: (finding.line or 10**9, finding.column))

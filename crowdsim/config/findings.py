@@ -1,52 +1,60 @@
-"""Pydantic's errors as findings: the line and column to blame, the key path, what is wrong and what was expected."""
+"""Pydantic's errors as findings: the key path to blame, what is wrong and what was expected."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pydantic import ValidationError
 
 from crowdsim.config.schema import Spot, describe, discriminator, join, member, step
-from crowdsim.config.tree import FAULTY, Entry, Finding, Path, key_path
+from crowdsim.config.tree import Document, Finding, Loc
 from crowdsim.errors import is_near, nearest
 
 
-class Fault(ValueError):
-    """One thing that is wrong at a key: a path of keys and indices below the model whose validator raises it."""
-
-    def __init__(self, message: str, *path: str | int) -> None:
-        super().__init__(f"{key_path(path)}: {message}" if path else message)
-        self.message = message
-        self.path: Path = path
-
-
 class Faults(ValueError):
-    """Several faults at once."""
+    """What a validator of a model finds; locations are seen from the model."""
 
-    def __init__(self, faults: Iterable[Fault]) -> None:
-        self.faults = list(faults)
-        super().__init__("; ".join(map(str, self.faults)))
+    def __init__(self, findings: Iterable[Finding]) -> None:
+        self.findings = tuple(findings)
+        super().__init__("; ".join(map(str, self.findings)))
 
 
+class Fault(Faults):
+    """The one thing that a validator of a model finds, with the keys and indices that lead to what is to blame."""
+
+    def __init__(self, message: str, *loc: str | int) -> None:
+        super().__init__([Finding(loc, message)])
+
+
+@dataclass(frozen=True)
 class _Located:
-    """Where a location of pydantic lies in the tree and in the schema."""
+    """Where a location of pydantic lies in the data and in the schema.
 
-    def __init__(self, entry: Entry, spot: Spot | None) -> None:
-        self.entry = entry
-        self.spot = spot
-        self.parent: Spot | None = None
-        self.path: Path = ()
-        self.union: tuple[_Located, str] | None = None
+    Attributes:
+        loc: The location without the labels of union members.
+        value: What the data has there, or above it where it has nothing.
+        spot: What the schema expects there; None where it says nothing.
+        parent: The same a level above.
+        union: The outermost plain union on the way, and the label of its member.
+    """
+
+    loc: Loc
+    value: Any
+    spot: Spot | None
+    parent: Spot | None = None
+    union: tuple[_Located, str] | None = None
 
 
-def translate(error: ValidationError, entry: Entry, top: Spot) -> list[Finding]:
+def translate(error: ValidationError, document: Document, top: Spot) -> list[Finding]:
     """Return the findings of a validation error; the members of a plain union speak with one voice."""
     findings: list[Finding] = []
-    unions: dict[Path, tuple[_Located, dict[str, list[Finding | None]]]] = {}
+    unions: dict[Loc, tuple[_Located, dict[str, list[Finding | None]]]] = {}
     for detail in error.errors(include_url=False):
-        here = _locate(detail["loc"], entry, top)
-        if here.entry.value is FAULTY:
+        here = _locate(detail["loc"], document.data, top)
+        if document.hides(here.loc):
             continue
         found = _findings_of(dict(detail), here)
         if here.union is None:
@@ -54,145 +62,131 @@ def translate(error: ValidationError, entry: Entry, top: Spot) -> list[Finding]:
             continue
         # A member that the value's very type rules out has nothing to say once another one is meant.
         outer, label = here.union
-        common = discriminator(outer.spot) if outer.spot else None
-        ruled_out = here.path == outer.path and detail["type"].endswith(("_type", "literal_error", "int_from_float"))
-        ruled_out = ruled_out or (common is not None and here.path == (*outer.path, common[0]))
-        labels = unions.setdefault(outer.path, (outer, {}))[1]
+        common = discriminator(outer.spot)
+        ruled_out = here.loc == outer.loc and detail["type"].endswith(("_type", "literal_error", "int_from_float"))
+        ruled_out = ruled_out or (common is not None and here.loc == (*outer.loc, common[0]))
+        labels = unions.setdefault(outer.loc, (outer, {}))[1]
         labels.setdefault(label, []).extend([None] if ruled_out else found)
     for outer, labels in unions.values():
-        meant = [some for some in labels.values() if None not in some]
-        common = discriminator(outer.spot) if outer.spot else None
+        meant = [[finding for finding in found if finding] for found in labels.values() if None not in found]
         if meant:
-            findings += [finding for finding in min(meant, key=len) if finding is not None]
-        elif common is not None and isinstance(outer.entry.value, dict):
-            findings.append(_wrong_tag(outer, *common))
-        else:
-            words = [str(word) for choice in outer.spot.members for word in choice.words] if outer.spot else []
-            near = nearest(str(outer.entry.value), words)
-            what = f"{show(outer.entry.value)}, expected {describe(outer.spot)}{near}"
-            findings.append(Finding(outer.entry.place, key_path(outer.path), what))
-    return findings
+            findings += sorted(meant, key=len)[0]
+        elif not any(loc[: len(outer.loc)] == outer.loc for loc in document.unreadable):
+            findings.append(_no_member(outer))
+    return [document.place(finding) for finding in findings if not document.hides(finding.loc)]
 
 
-def fault_finding(fault: Fault, path: Path, entry: Entry) -> Finding:
-    """Return a validator's fault below ``path`` as a finding; it stands at the deepest place that the file has."""
-    for part in fault.path:
-        if not _holds(entry.value, part):
-            break
-        entry = entry.value[part]
-    return Finding(entry.place, key_path((*path, *fault.path)), fault.message)
+def unknown_key(loc: Loc, spot: Spot | None) -> Finding:
+    """Return the finding of a key that a mapping does not know, with its new name or the nearest known one."""
+    key, known = str(loc[-1]), spot.keys if spot else []
+    renamed = spot.renamed.get(key) if spot else None
+    expected = f"it is now called '{renamed}'" if renamed else f"expected {join(known)}{nearest(key, known)}"
+    return Finding(loc, f"unknown key, {expected}", of_key=loc)
 
 
 def show(value: Any) -> str:
-    """Say what stands at a place: ``is 'abc'``, ``is a list``, ``is empty``."""
+    """Say what a value is: ``is 'abc'``, ``is a list``, ``is empty``."""
     if value is None:
         return "is empty"
-    if isinstance(value, dict):
-        return "is a mapping"
-    if isinstance(value, list):
-        return "is a list"
-    if isinstance(value, bool):
-        return f"is {str(value).lower()}"
-    text = repr(value)
+    if isinstance(value, dict | list):
+        return "is a mapping" if isinstance(value, dict) else "is a list"
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
     return f"is {text if len(text) <= 60 else text[:57] + '...'}"
 
 
-def _locate(location: Sequence[Any], entry: Entry, top: Spot) -> _Located:
+def holds(value: Any, part: Any) -> bool:
+    """Whether a mapping or list has something at a key or index."""
+    return part in value if isinstance(value, dict) else isinstance(value, list) and part in range(len(value))
+
+
+def _locate(location: tuple[Any, ...], value: Any, top: Spot) -> _Located:
     """Follow a location of pydantic, which has a label of the member chosen after every union."""
-    here = _Located(entry, top)
+    here = _Located((), value, top)
     for part in location:
-        if here.entry.value is FAULTY or part == "[key]":
+        spot, inside = here.spot, holds(here.value, part)
+        if spot is not None and spot.members:
+            union = here.union or (None if spot.tagged else (here, str(part)))
+            here = replace(here, spot=member(spot, str(part)), union=union)
+        elif part == "[key]":
             break
-        if here.spot is not None and here.spot.members:
-            if not here.spot.tagged and here.union is None:
-                outer = _Located(here.entry, here.spot)
-                outer.path = here.path
-                here.union = (outer, str(part))
-            here.spot = member(here.spot, str(part))
-            continue
-        inside = _holds(here.entry.value, part)
-        if not inside and here.spot is None:
-            continue
-        here.parent, here.spot, here.path = here.spot, step(here.spot, part), (*here.path, part)
-        if not inside:
-            break
-        here.entry = here.entry.value[part]
+        elif inside or spot is not None:
+            value = here.value[part] if inside else here.value
+            here = _Located((*here.loc, part), value, step(spot, part), spot, here.union)
+            if not inside:
+                break
     return here
 
 
-def _holds(value: Any, part: Any) -> bool:
-    if isinstance(value, list):
-        return isinstance(part, int) and part < len(value)
-    return isinstance(value, dict) and part in value
-
-
 def _findings_of(detail: dict[str, Any], here: _Located) -> list[Finding]:
-    kind, context, value = detail["type"], detail.get("ctx", {}), here.entry.value
-    place, path = here.entry.place, here.path
-    if kind in ("value_error", "assertion_error"):
-        reason = context["error"]
-        if isinstance(reason, Faults):
-            return [fault_finding(fault, path, here.entry) for fault in reason.faults]
-        if isinstance(reason, Fault):
-            return [fault_finding(reason, path, here.entry)]
-        if detail["loc"][-1:] == ("[key]",):
-            return [Finding(here.entry.key_place, key_path(path[:-1]), f"the key is {path[-1]!r}, {reason}")]
-        return [Finding(place, key_path(path), f"{show(value)}, {reason}")]
+    """Return what an error of pydantic says in words; nothing where another finding says it."""
+    kind, loc, context = detail["type"], here.loc, detail.get("ctx", {})
+    shown, expected, reason = show(here.value), describe(here.spot), context.get("error")
+    what = f"{shown}, expected {expected}"
+    if isinstance(reason, Faults):
+        return [replace(finding, loc=(*loc, *finding.loc)) for finding in reason.findings]
+    if detail["loc"][-1:] == ("[key]",):
+        reason = reason or detail["msg"].replace("String should match pattern", "expected text that matches")
+        return [Finding(loc[:-1], f"the key is {loc[-1]!r}, {reason}", of_key=loc)]
     if kind == "extra_forbidden":
-        keys = here.parent.keys if here.parent else []
-        what = f"unknown key, expected {join(keys)}{nearest(str(path[-1]), keys)}"
-        return [Finding(here.entry.key_place, key_path(path), what)]
-    if kind == "missing":
-        if _misspelt(str(path[-1]), here):
-            return []  # the unknown key that it is meant by has a finding of its own
-        return [Finding(place, key_path(path), f"missing, expected {describe(here.spot)}")]
+        return [unknown_key(loc, here.parent)]
     if kind in ("union_tag_invalid", "union_tag_not_found"):
-        common = discriminator(here.spot) if here.spot else None
-        return [_wrong_tag(here, *(common or (str(context["discriminator"]).strip("'"), [])))]
-    if kind in ("too_short", "too_long"):
-        count = len(value)
-        if kind == "too_short" and count >= context["min_length"]:
+        return [_wrong_tag(here)]
+    if kind == "missing":
+        if _is_misspelt(str(loc[-1]), here.parent, here.value):
+            return []
+        what = f"missing, expected {expected}"
+    elif kind in ("too_short", "too_long"):
+        count, limit = len(here.value), context.get("min_length", context.get("max_length"))
+        if kind == "too_short" and count >= limit:
             return []  # pydantic counts valid items only; the others have findings of their own
-        if here.spot is not None and here.spot.is_pair_or_the_like:
-            expected = describe(here.spot)
-        else:
-            expected = (
-                f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
-            )
-        return [Finding(place, key_path(path), f"has {count} item{'s'[: count != 1]}, expected {expected}")]
-    if kind == "string_too_short":
-        return [Finding(place, key_path(path), "is empty text, expected text")]
-    if kind == "literal_error":
-        words = [str(word) for word in here.spot.words] if here.spot else []
-        what = f"{show(value)}, expected {describe(here.spot) if here.spot else context['expected']}"
-        return [Finding(place, key_path(path), what + nearest(str(value), words))]
-    expected = describe(here.spot)
-    if expected == "a value":
-        expected = str(detail["msg"]).removeprefix("Input should be ").removeprefix("Value should be ")
-    return [Finding(place, key_path(path), f"{show(value)}, expected {expected}{_hint(value, here.spot)}")]
+        if here.spot is None or not here.spot.is_pair_or_the_like:
+            expected = f"at {'least' if kind == 'too_short' else 'most'} {limit}"
+        what = f"has {count} item{'s'[: count != 1]}, expected {expected}"
+    elif kind == "string_too_short":
+        what = "is empty text, expected text"
+    elif reason is not None:
+        what = f"{shown}, {reason}"
+    elif here.spot is None or expected == "a value":
+        what = f"{shown}, expected {re.sub('^(Input|Value) should be ', '', detail['msg'])}"
+    elif kind == "literal_error":
+        what += _near(here.value, here.spot.words)
+    elif here.spot.kind is str and isinstance(here.value, int | float):
+        what += " in quotes"
+    return [Finding(loc, what)]
 
 
-def _wrong_tag(here: _Located, key: str, words: list[Any]) -> Finding:
-    path, given = key_path((*here.path, key)), here.entry.value.get(key)
-    expected = join([f"'{word}'" for word in words])
-    if given is None:
-        known = {name for choice in here.spot.members for name in choice.keys} if here.spot else set()
-        for other, entry in here.entry.value.items():
-            if other not in known and is_near(other, key):
-                what = f"unknown key, expected {key}: {expected} (did you mean '{key}'?)"
-                return Finding(entry.key_place, key_path((*here.path, other)), what)
-        return Finding(here.entry.place, path, f"missing, expected {expected}")
-    return Finding(given.place, path, f"{show(given.value)}, expected {expected}{nearest(str(given.value), words)}")
+def _is_misspelt(key: str, spot: Spot | None, given: Any) -> bool:
+    """Whether an unknown key stands for a missing one, and has a finding of its own."""
+    if spot is None or not isinstance(given, dict):
+        return False
+    return any(
+        spot.renamed.get(name) == key or nearest(name, spot.keys) == nearest(key, [key])
+        for name in given
+        if name not in spot.keys
+    )
 
 
-def _misspelt(key: str, here: _Located) -> bool:
-    """Whether an unknown key stands beside a missing one that it is most like."""
-    keys = here.parent.keys if here.parent else []
-    given = here.entry.value if isinstance(here.entry.value, dict) else {}
-    return any(name not in keys and nearest(name, keys) == nearest(key, [key]) for name in given)
+def _no_member(here: _Located) -> Finding:
+    """Return the finding of a value that is meant for no member of a union."""
+    if discriminator(here.spot) and isinstance(here.value, dict):
+        return _wrong_tag(here)
+    words = [word for choice in here.spot.members for word in choice.words] if here.spot else []
+    return Finding(here.loc, f"{show(here.value)}, expected {describe(here.spot)}{_near(here.value, words)}")
 
 
-def _hint(value: Any, spot: Spot | None) -> str:
-    if spot is not None and spot.kind is str and isinstance(value, int | float):
-        return " in quotes"
-    return ""
+def _wrong_tag(here: _Located) -> Finding:
+    """Return the finding of a mapping whose key that chooses among the models of a union is missing or wrong."""
+    key, words = discriminator(here.spot) or ("kind", [])
+    loc, expected = (*here.loc, key), join([f"'{word}'" for word in words])
+    if key in here.value:
+        return Finding(loc, f"{show(here.value[key])}, expected {expected}{_near(here.value[key], words)}")
+    known = {name for choice in here.spot.members for name in choice.keys} if here.spot else set()
+    for other in here.value:
+        if other not in known and is_near(other, key):
+            what = f"unknown key, expected {key}: {expected} (did you mean '{key}'?)"
+            return Finding((*here.loc, other), what, of_key=(*here.loc, other))
+    return Finding(loc, f"missing, expected {expected}")
+
+
+def _near(value: Any, words: Iterable[Any]) -> str:
+    return "" if isinstance(value, dict | list) else nearest(str(value), words)

@@ -7,7 +7,7 @@ import types
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from pydantic import BaseModel, Discriminator, Tag
+from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 
@@ -33,7 +33,6 @@ class Spot:
 
     kind: Any
     constraints: tuple[Any, ...] = ()
-    optional: bool = False
     members: tuple[Spot, ...] = ()
     tagged: bool = False
 
@@ -61,9 +60,12 @@ class Spot:
     @property
     def keys(self) -> list[str]:
         """Keys that a mapping here may have; empty when any may stand here or it is no mapping."""
-        if self.model is None:
-            return []
-        return [info.alias or name for name, info in self.model.model_fields.items()]
+        return [] if self.model is None else list(self.model.model_fields)
+
+    @property
+    def renamed(self) -> dict[str, str]:
+        """Keys that a mapping had here before, with their new names."""
+        return getattr(self.model, "renamed", {})
 
 
 def spot_of(annotation: Any, constraints: tuple[Any, ...] = (), tagged: bool = False) -> Spot:
@@ -73,47 +75,35 @@ def spot_of(annotation: Any, constraints: tuple[Any, ...] = (), tagged: bool = F
         constraints = (*more, *constraints)
     flat: list[Any] = []
     for constraint in constraints:
-        tagged = (
-            tagged or isinstance(constraint, Discriminator) or getattr(constraint, "discriminator", None) is not None
-        )
+        tagged = tagged or getattr(constraint, "discriminator", None) is not None
         flat += constraint.metadata if isinstance(constraint, FieldInfo) else [constraint]
-    optional = False
     if get_origin(annotation) in (Union, types.UnionType):
         members = [member for member in get_args(annotation) if member is not type(None)]
-        optional = len(members) < len(get_args(annotation))
         if len(members) > 1:
-            return Spot(Union, tuple(flat), optional, tuple(spot_of(member) for member in members), tagged)
-        return replace(spot_of(members[0], tuple(flat), tagged), optional=True)
-    return Spot(annotation, tuple(flat), optional)
+            return Spot(Union, tuple(flat), tuple(spot_of(member) for member in members), tagged)
+        return spot_of(members[0], tuple(flat), tagged)
+    return Spot(annotation, tuple(flat))
 
 
 def step(spot: Spot | None, part: Any) -> Spot | None:
     """Return the spot one key or index below, or None where the schema says nothing."""
     if spot is None:
         return None
-    model, arguments = spot.model, get_args(spot.kind)
-    if model is not None:
-        for name, info in model.model_fields.items():
-            if part in (name, info.alias):
-                return spot_of(info.annotation, tuple(info.metadata), info.discriminator is not None)
-    elif get_origin(spot.kind) in (list, set, frozenset) and arguments:
+    arguments, origin = get_args(spot.kind), get_origin(spot.kind)
+    if spot.model is not None:
+        info = spot.model.model_fields.get(part)
+        return spot_of(info.annotation, tuple(info.metadata), info.discriminator is not None) if info else None
+    if origin is list or (origin is tuple and arguments[-1] is Ellipsis):
         return spot_of(arguments[0])
-    elif get_origin(spot.kind) is tuple and arguments and isinstance(part, int):
-        if len(arguments) == 2 and arguments[1] is Ellipsis:
-            return spot_of(arguments[0])
-        return spot_of(arguments[part]) if part < len(arguments) else None
-    elif get_origin(spot.kind) is dict and len(arguments) == 2:
+    if origin is dict:
         return spot_of(arguments[1])
-    return None
+    return spot_of(arguments[part]) if origin is tuple and part in range(len(arguments)) else None
 
 
 def member(spot: Spot, label: str) -> Spot | None:
     """Return the member of a union that pydantic calls ``label``: a tag, or the name of its type."""
     if label.startswith("tagged-union"):
         return next((choice for choice in spot.members if choice.tagged), None)
-    for choice in spot.members:
-        if any(isinstance(constraint, Tag) and constraint.tag == label for constraint in choice.constraints):
-            return choice
     for choice in spot.members:
         name = getattr(get_origin(choice.kind) or choice.kind, "__name__", "")
         if label.removeprefix("constrained-").partition("[")[0] == name.lower() or (
@@ -130,10 +120,21 @@ def tags(info: FieldInfo) -> tuple[Any, ...]:
     return get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
 
 
-def discriminator(spot: Spot) -> tuple[str, list[Any]] | None:
+def chosen(spot: Spot | None, value: Any) -> Spot | None:
+    """Return the member of a union that a value is meant for, or the spot itself when it is no union."""
+    if spot is None or not spot.members:
+        return spot
+    common = discriminator(spot)
+    if common and isinstance(value, dict) and common[0] in value:
+        return member(spot, str(value[common[0]]))
+    models = [choice for choice in spot.members if choice.model is not None]
+    return models[0] if len(models) == 1 else None
+
+
+def discriminator(spot: Spot | None) -> tuple[str, list[Any]] | None:
     """Return the key by which the models of a union are told apart, with all its words; None where there is none."""
-    models = [choice.model for choice in spot.members if choice.model is not None]
-    if not models or len(models) < len(spot.members):
+    models = [choice.model for choice in spot.members if choice.model is not None] if spot else []
+    if not models or spot is None or len(models) < len(spot.members):
         return None
     for name in models[0].model_fields:
         words = [tags(model.model_fields[name]) if name in model.model_fields else () for model in models]
@@ -166,7 +167,7 @@ def describe(spot: Spot | None) -> str:
         return "a whole number" + _range(spot)
     if kind is float:
         return "a number" + _range(spot)
-    if kind in (list, tuple, set, frozenset):
+    if kind in (list, tuple):
         arguments = get_args(spot.kind)
         if kind is tuple and arguments and arguments[-1] is not Ellipsis:
             each = [describe(spot_of(argument)) for argument in arguments]
@@ -177,7 +178,7 @@ def describe(spot: Spot | None) -> str:
         return "a list of mappings" if inner.model or discriminator(inner) else f"a list, each item {describe(inner)}"
     if kind is dict:
         return "a mapping"
-    if kind is str or getattr(kind, "__name__", "") == "Path":
+    if kind is str:
         return "text"
     return "a value"
 

@@ -6,6 +6,8 @@ import re
 
 import yaml
 
+from crowdsim.config.schema import join
+
 _KEY = re.compile(r"\s*(?:- +)*(?:\"[^\"]*\"|'[^']*'|[^\s#'\"{}\[\],&*!|>%@`-][^#]*?)\s*:(\s|$)")
 _NO_BLANK = re.compile(r"\s*(?:- +)*[\w.-]+:[^\s/]")
 _DASHES = re.compile(r"\s*(?:- +)+")
@@ -13,12 +15,11 @@ _DASHES = re.compile(r"\s*(?:- +)+")
 
 def explain(error: yaml.MarkedYAMLError, text: str) -> tuple[int, int, str]:
     """Return line, column and a message for an error of PyYAML; lines and columns count from 1."""
-    mark = error.problem_mark or error.context_mark
-    if mark is None:
-        return 1, 1, f"broken YAML: {error.problem or 'cannot be read'}"
+    mark, start = error.problem_mark or error.context_mark, error.context_mark
     problem = str(error.problem or "cannot be read")
-    lines = text.splitlines()
-    here = (mark.line + 1, mark.column + 1)
+    if mark is None:
+        return 1, 1, f"broken YAML: {problem}"
+    lines, here = text.splitlines(), (mark.line + 1, mark.column + 1)
     if error.context == "expected a single document in the stream":
         return *here, "another document begins, expected a single one in the file"
     if problem.startswith(("mapping values are not allowed", "expected <block end>")):
@@ -34,8 +35,7 @@ def explain(error: yaml.MarkedYAMLError, text: str) -> tuple[int, int, str]:
         if _NO_BLANK.match(above):
             return mark.line, above.index(":") + 2, "broken YAML: no blank after the ':', expected KEY: VALUE"
         return *here, "broken YAML: a second ':' in a value, expected quotes around text that holds ': '"
-    if problem == "could not find expected ':'" and error.context_mark is not None:
-        start = error.context_mark
+    if problem == "could not find expected ':'" and start is not None:
         word = lines[start.line][start.column :].strip() if start.line < len(lines) else ""
         return start.line + 1, start.column + 1, f"broken YAML: {word!r} has no ':', expected KEY: VALUE"
     if "'\\t'" in problem:
@@ -46,28 +46,21 @@ def explain(error: yaml.MarkedYAMLError, text: str) -> tuple[int, int, str]:
 
 def _wrong_indentation(lines: list[str], number: int) -> str | None:
     """Return how far a line should be indented, or None where its indentation is not what is wrong."""
-    if number >= len(lines):
+    if number >= len(lines) or not (_KEY.match(lines[number]) or _DASHES.match(lines[number])):
         return None
-    own = _indentation(lines[number])
-    fitting: dict[int, int] = {}
-    least = 10**9
+    own, fitting, least = _indentation(lines[number]), dict[int, int](), 10**9
     for above in range(number - 1, -1, -1):
         line = lines[above]
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        dashes, indentation = _DASHES.match(line), _indentation(line)
-        if dashes is not None and dashes.end() < least and _KEY.match(line):
-            fitting.setdefault(dashes.end(), above + 1)
-        if indentation < least:
-            fitting.setdefault(indentation, above + 1)
-            least = indentation
-        if least == 0:
-            break
-    if not fitting or own in fitting or (not _KEY.match(lines[number]) and not _DASHES.match(lines[number])):
+        if line.strip() and not line.lstrip().startswith("#"):
+            dashes = _DASHES.match(line) if _KEY.match(line) else None
+            for start in (dashes.end() if dashes else least, _indentation(line)):
+                if start < least:
+                    fitting.setdefault(start, above + 1)
+            least = min(least, _indentation(line))
+    if not fitting or own in fitting:
         return None
     ways = [f"{spaces} as in line {line}" for spaces, line in sorted(fitting.items(), reverse=True)]
-    expected = " or ".join([", ".join(ways[:-1]), ways[-1]] if len(ways) > 1 else ways)
-    return f"wrong indentation of {own} space{'s'[: own != 1]}, expected {expected}"
+    return f"wrong indentation of {own} space{'s'[: own != 1]}, expected {join(ways)}"
 
 
 def _indentation(line: str) -> int:

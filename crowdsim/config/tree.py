@@ -1,4 +1,4 @@
-"""Text of a YAML file as a tree in which every key and value knows its line and column.
+"""Text of a YAML file as plain data, and the position of each of its keys and values.
 
 PyYAML parses; what plain words mean is decided here, after YAML 1.2: ``1e3`` and ``1_000`` are numbers, ``yes``, ``on``
 and ``12:30`` are text. Nothing is ever constructed but text, numbers, booleans, null, lists and mappings.
@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import yaml
@@ -25,67 +24,82 @@ _FLOAT = re.compile(r"[-+]?(?:[0-9]+(?:_[0-9]+)*\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[
 _NOT_FINITE = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
 _WORDS = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
 _EMPTY = ("", "~", "null", "Null", "NULL")
-_TAGS = {"str": str, "int": int, "float": float, "bool": bool, "null": type(None)}
+# PyYAML tags plain words by YAML 1.1, timestamps among them; scalar() decides what they are.
+_TAGS = ("map", "seq", "str", "int", "float", "bool", "null", "merge", "value", "timestamp")
+_TOO_DEEP = f"nested too deeply, expected at most {MAXIMUM_DEPTH} levels"
 
-Path = tuple[Any, ...]
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where something was written: a file's line and column, counted from 1, or only a source such as an option."""
-
-    source: str
-    line: int | None = None
-    column: int | None = None
-
-    def __str__(self) -> str:
-        return self.source if self.line is None else f"{self.source}:{self.line}:{self.column}"
+Loc = tuple[Any, ...]
+"""Keys and indices that lead to a value, as pydantic has them: ``("groups", 0, "count")``."""
+Mark = tuple[str, int, int]
+"""Source, line and column; the line is 0 where there is only a source, such as an option."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong, printed as ``PATH:LINE:COLUMN: key.path: what is wrong, what was expected``."""
+    """One thing that is wrong, printed as ``PATH:LINE:COLUMN: key.path: what is wrong, what was expected``.
 
-    place: Place
-    key: str
+    Checks name what is to blame; ``Document.place`` adds the source, and line and column, counted from 1.
+
+    Attributes:
+        loc: What is to blame; nothing for the whole file.
+        message: What is wrong, and what was expected.
+        of_key: A location whose key is to blame, not its value.
+        source: A file, or an option; empty as long as the finding is not placed.
+        line: Line; 0 where there is only a source.
+        column: Column.
+    """
+
+    loc: Loc
     message: str
+    of_key: Loc | None = None
+    source: str = ""
+    line: int = 0
+    column: int = 0
+
+    @property
+    def key(self) -> str:
+        """The key path in words; empty for the whole file."""
+        return key_path(self.loc)
 
     def __str__(self) -> str:
-        text = f"{self.place}: {self.key}: {self.message}" if self.key else f"{self.place}: {self.message}"
-        return re.sub(r"\s+", " ", text).strip()
+        where = f"{self.source}:{self.line}:{self.column}" if self.line else self.source
+        return " ".join(": ".join(part for part in (where, self.key, self.message) if part).split())
 
 
 @dataclass
-class Entry:
-    """A value with the place of its key and of itself; mappings hold entries by key and lists hold entries."""
+class Document:
+    """Plain data of a file, and where its keys and values are written.
 
-    value: Any
-    place: Place
-    key_place: Place
+    Attributes:
+        source: Name of the file.
+        data: The data; None where a value could not be read.
+        marks: Where each value is written and where its key is: source, line and column.
+        unreadable: Locations of values that could not be read; a finding says why.
+        findings: What is wrong with the text.
+    """
 
-    def plain(self) -> Any:
-        """Return the value without places: nested dicts, lists and scalars."""
-        if isinstance(self.value, dict):
-            return {key: entry.plain() for key, entry in self.value.items()}
-        if isinstance(self.value, list):
-            return [entry.plain() for entry in self.value]
-        return self.value
+    source: str
+    data: Any = None
+    marks: dict[Loc, tuple[Mark, Mark]] = field(default_factory=dict)
+    unreadable: set[Loc] = field(default_factory=set)
+    findings: list[Finding] = field(default_factory=list)
+
+    def place(self, finding: Finding) -> Finding:
+        """Return a finding with its position, or that of the nearest value above it that is written."""
+        loc = finding.loc if finding.of_key is None else finding.of_key
+        while loc and loc not in self.marks:
+            loc = loc[:-1]
+        source, line, column = self.marks.get(loc, ((self.source, 0, 0),) * 2)[loc == finding.of_key]
+        return replace(finding, source=source, line=line, column=column)
+
+    def hides(self, loc: Loc) -> bool:
+        """Whether a location is that of a value that could not be read, or lies in it."""
+        return any(loc[: len(unreadable)] == unreadable for unreadable in self.unreadable)
 
 
-class TreeError(Exception):
-    """The text holds no tree at all; ``finding`` says why."""
-
-    def __init__(self, finding: Finding) -> None:
-        super().__init__(str(finding))
-        self.finding = finding
-
-
-def key_path(path: Path) -> str:
-    """Return a path in words: ``("groups", 0, "count")`` is ``groups[0].count``."""
-    text = ""
-    for part in path:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
-    return text
+def key_path(loc: Loc) -> str:
+    """Return a location in words: ``("groups", 0, "count")`` is ``groups[0].count``."""
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc).removeprefix(".")
 
 
 def scalar(text: str) -> Any:
@@ -104,165 +118,122 @@ def scalar(text: str) -> Any:
     return text
 
 
-def read_tree(data: bytes, source: str) -> tuple[Entry | None, list[Finding]]:
-    """Return the tree of a file's bytes, None where it holds no value, and what is wrong with its keys and words.
-
-    Raises:
-        TreeError: The bytes are no YAML, or too large.
-    """
-    text = _decode(data, source)
+def read_document(data: bytes, source: str) -> Document:
+    """Return the data of a file's bytes with positions, and what is wrong with them as findings."""
+    builder = _Builder(Document(source))
+    line, column, loc, text = 1, 1, (), ""
     try:
+        if len(data) > MAXIMUM_BYTES:
+            raise _Refused((), f"the file is too large, expected at most {MAXIMUM_BYTES:,} bytes", 1, 1)
+        text = data.decode("utf-8-sig")
         node = yaml.compose(text, Loader=yaml.SafeLoader)
-    except yaml.MarkedYAMLError as error:
-        raise TreeError(_broken(error, text, source)) from None
-    except yaml.reader.ReaderError as error:
-        # Positions count characters of the text as a whole.
-        code = error.character if isinstance(error.character, int) else ord(str(error.character))
-        what = f"broken YAML: the character U+{code:04X} cannot stand in a file"
-        raise TreeError(Finding(_place_of(text, error.position, source), "", what)) from None
-    except RecursionError:
-        what = f"nested too deeply, expected at most {MAXIMUM_DEPTH} levels"
-        raise TreeError(Finding(Place(source, 1, 1), "", what)) from None
-    except ValueError as error:
-        raise TreeError(Finding(Place(source, 1, 1), "", f"broken YAML: {error}")) from None
-    if node is None:
-        return None, []
-    builder = _Builder(source)
-    return builder.build(node, (), None), builder.findings
-
-
-def _decode(data: bytes, source: str) -> str:
-    if len(data) > MAXIMUM_BYTES:
-        what = f"the file is too large, expected at most {MAXIMUM_BYTES:,} bytes"
-        raise TreeError(Finding(Place(source, 1, 1), "", what))
-    data = data.removeprefix(b"\xef\xbb\xbf")
-    try:
-        return data.decode("utf-8")
+        builder.document.data = None if node is None else builder.build(node, ())
+        return builder.document
+    except _Refused as error:
+        loc, what, line, column = error.args
     except UnicodeDecodeError as error:
-        before = data[: error.start].decode("utf-8")
-        what = f"byte 0x{data[error.start]:02x} is no UTF-8, expected a text file in UTF-8"
-        raise TreeError(Finding(_place_of(before, len(before), source), "", what)) from None
+        line, column = _line_and_column(error.object[: error.start].decode("utf-8"))
+        what = f"byte 0x{error.object[error.start]:02x} is no UTF-8, expected a text file in UTF-8"
+    except yaml.MarkedYAMLError as error:
+        line, column, what = explain(error, text)
+    except yaml.reader.ReaderError as error:
+        line, column = _line_and_column(text[: error.position])
+        what = f"broken YAML: the character U+{ord(text[error.position]):04X} cannot stand in a file"
+    except RecursionError:
+        what = _TOO_DEEP
+    except (ValueError, OverflowError) as error:
+        what = f"broken YAML: {error}"
+    return Document(source, findings=[Finding(loc, what, None, source, line, column)])
 
 
-def _place_of(text: str, position: int, source: str) -> Place:
-    before = text[:position]
-    return Place(source, before.count("\n") + 1, position - (before.rfind("\n") + 1) + 1)
+def _line_and_column(before: str) -> tuple[int, int]:
+    return before.count("\n") + 1, len(before) - before.rfind("\n")
 
 
-def _broken(error: yaml.MarkedYAMLError, text: str, source: str) -> Finding:
-    line, column, message = explain(error, text)
-    return Finding(Place(source, line, column), "", message)
+class _Refused(Exception):
+    """The file is not read any further: location, message, line and column."""
 
 
 class _Builder:
-    """Turns PyYAML's nodes into entries; keeps count, so that aliases cannot blow up."""
+    """Turns PyYAML's nodes into plain data; counts them, so that aliases cannot blow up."""
 
-    def __init__(self, source: str) -> None:
-        self.source = source
-        self.findings: list[Finding] = []
+    def __init__(self, document: Document) -> None:
+        self.document = document
         self.count = 0
-        self.open: list[yaml.Node] = []
+        self.above: list[yaml.Node] = []
 
-    def place(self, node: yaml.Node) -> Place:
-        return Place(self.source, node.start_mark.line + 1, node.start_mark.column + 1)
+    def mark(self, node: yaml.Node) -> Mark:
+        return self.document.source, node.start_mark.line + 1, node.start_mark.column + 1
 
-    def note(self, node: yaml.Node, path: Path, message: str) -> None:
-        self.findings.append(Finding(self.place(node), key_path(path), message))
+    def note(self, node: yaml.Node, loc: Loc, message: str, unreadable: bool = False) -> None:
+        self.document.findings.append(Finding(loc, message, None, *self.mark(node)))
+        if unreadable:
+            self.document.unreadable.add(loc)
 
-    def tally(self, node: yaml.Node, path: Path) -> None:
+    def enter(self, node: yaml.Node, loc: Loc) -> None:
         self.count += 1
         if self.count > MAXIMUM_VALUES:
             what = f"the file unfolds to more than {MAXIMUM_VALUES:,} values, expected fewer aliases"
-            raise TreeError(Finding(self.place(node), key_path(path), what))
+            raise _Refused(loc, what, *self.mark(node)[1:])
+        if len(self.above) > MAXIMUM_DEPTH:
+            raise _Refused((), _TOO_DEEP, *self.mark(node)[1:])
+        self.above.append(node)
 
-    def build(self, node: yaml.Node, path: Path, key_place: Place | None) -> Entry | None:
-        """Return the entry of a node, or None where a finding says why there is none."""
-        self.tally(node, path)
-        if any(node is other for other in self.open):
-            self.note(node, path, "refers to itself, expected a value")
+    def build(self, node: yaml.Node, loc: Loc, key: yaml.Node | None = None) -> Any:
+        """Return the value of a node; None where a finding says why there is none."""
+        self.document.marks[loc] = self.mark(node), self.mark(key or node)
+        if node in self.above:
+            self.note(node, loc, "refers to itself, expected a value", unreadable=True)
             return None
-        if len(self.open) > MAXIMUM_DEPTH:
-            what = f"nested too deeply, expected at most {MAXIMUM_DEPTH} levels"
-            raise TreeError(Finding(self.place(node), "", what))
-        if not self.tag_is_safe(node, path):
-            return None
-        entry = Entry(None, self.place(node), key_place or self.place(node))
-        self.open.append(node)
-        if isinstance(node, yaml.MappingNode):
-            entry.value = dict(self.pairs(node, path))
+        tag = node.tag.replace("tag:yaml.org,2002:", "!!")
+        value: Any = None
+        self.enter(node, loc)
+        if tag.removeprefix("!!") not in _TAGS:
+            self.note(node, loc, f"the tag '{tag}' is not allowed, expected a plain value", unreadable=True)
+        elif isinstance(node, yaml.MappingNode):
+            value = {key: self.build(inner, (*loc, key), at) for key, (at, inner) in self.pairs(node, loc).items()}
         elif isinstance(node, yaml.SequenceNode):
-            # A faulty item leaves an empty one behind, so that the items after it keep their numbers.
-            items = [(child, self.build(child, (*path, i), None)) for i, child in enumerate(node.value)]
-            entry.value = [item or Entry(FAULTY, self.place(child), self.place(child)) for child, item in items]
-        elif isinstance(node, yaml.ScalarNode):
-            entry.value = self.scalar(node, path)
-        self.open.pop()
-        return entry
-
-    def tag_is_safe(self, node: yaml.Node, path: Path) -> bool:
-        kind = node.tag.removeprefix("tag:yaml.org,2002:")
-        # The resolver of PyYAML gives plain words tags of YAML 1.1, which scalar() does not need.
-        if kind in ("map", "seq", "merge", "value", "timestamp", *_TAGS):
-            return True
-        name = f"!!{kind}" if kind != node.tag else node.tag
-        self.note(node, path, f"the tag '{name}' is not allowed, expected a plain value")
-        return False
-
-    def scalar(self, node: yaml.ScalarNode, path: Path) -> Any:
-        if node.style is not None:
-            return node.value
-        value = scalar(node.value)
-        if isinstance(value, float) and not math.isfinite(value):
-            self.note(node, path, f"is {node.value}, expected a finite number")
-            return FAULTY
+            value = [self.build(item, (*loc, i)) for i, item in enumerate(node.value)]
+        else:
+            value = _meaning(node)
+            if isinstance(value, float) and not math.isfinite(value):
+                self.note(node, loc, f"is {node.value}, expected a finite number", unreadable=True)
+                value = None
+        self.above.pop()
         return value
 
-    def pairs(self, node: yaml.MappingNode, path: Path) -> Iterator[tuple[str, Entry]]:
-        """Yield the keys of a mapping with their entries; each key once, those merged in by ``<<`` last."""
-        lines: dict[str, int] = {}
+    def pairs(self, node: yaml.MappingNode, loc: Loc) -> dict[str, tuple[yaml.Node, yaml.Node]]:
+        """Return the nodes of key and value by key; each key once, those merged in by ``<<`` last."""
+        pairs: dict[str, tuple[yaml.Node, yaml.Node]] = {}
         merged: list[yaml.Node] = []
-        for key_node, value_node in node.value:
-            key = key_node.value if isinstance(key_node, yaml.ScalarNode) else None
+        for key_node, value in node.value:
+            key = _meaning(key_node)
             if key == "<<" and key_node.style is None:
-                many = isinstance(value_node, yaml.SequenceNode)
-                merged += value_node.value if many else [value_node]
-                continue
-            meaning = scalar(key) if key is not None and key_node.style is None else key
-            if key is None or not isinstance(meaning, str):
-                what = (
-                    "a list or mapping" if key is None else "empty" if meaning is None else f"{key}, which is no text"
-                )
-                self.note(
-                    key_node, path, f"a key is {what}, expected text{' in quotes' if meaning is not None else ''}"
-                )
-                continue
-            if key in lines:
-                self.note(key_node, (*path, key), f"duplicate key, expected it once; it stands in line {lines[key]}")
-                continue
-            lines[key] = key_node.start_mark.line + 1
-            entry = self.build(value_node, (*path, key), self.place(key_node))
-            yield key, entry or Entry(FAULTY, self.place(value_node), self.place(key_node))
+                merged += value.value if isinstance(value, yaml.SequenceNode) else [value]
+            elif not isinstance(key, str):
+                what = f"{key_node.value}, which is no text, expected text in quotes"
+                if key is None or key is key_node:
+                    what = f"{'empty' if key is None else 'a list or mapping'}, expected text"
+                self.note(key_node, loc, f"a key is {what}")
+            elif key in pairs:
+                line = self.mark(pairs[key][0])[1]
+                self.note(key_node, (*loc, key), f"duplicate key, expected it once; it stands in line {line}")
+            else:
+                pairs[key] = key_node, value
         for other in merged:
             if not isinstance(other, yaml.MappingNode):
-                self.note(other, path, "'<<' merges no mapping, expected an alias of one")
-                continue
-            if any(other is parent for parent in self.open):
-                self.note(other, path, "'<<' merges a mapping into itself, expected another one")
-                continue
-            self.tally(other, path)
-            self.open.append(other)
-            for key, entry in self.pairs(other, path):
-                if key not in lines:
-                    lines[key] = other.start_mark.line + 1
-                    yield key, replace(entry)
-            self.open.pop()
+                self.note(other, loc, "'<<' merges no mapping, expected an alias of one")
+            elif other in self.above:
+                self.note(other, loc, "'<<' merges a mapping into itself, expected another one")
+            else:
+                self.enter(other, loc)
+                pairs.update({key: nodes for key, nodes in self.pairs(other, loc).items() if key not in pairs})
+                self.above.pop()
+        return pairs
 
 
-class _Faulty:
-    """Stands where a value could not be read, so that nothing more is said about that place."""
-
-    def __repr__(self) -> str:
-        return "FAULTY"
-
-
-FAULTY = _Faulty()
+def _meaning(node: yaml.Node) -> Any:
+    """Return what a node of text means; any other node as it is."""
+    if not isinstance(node, yaml.ScalarNode):
+        return node
+    return scalar(node.value) if node.style is None else node.value

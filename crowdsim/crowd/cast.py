@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.config.files import Finding
 from crowdsim.crowd.crowd import ANYONE, SCRIPTED, Crowd, Crowding
 from crowdsim.crowd.placement import Placed
 from crowdsim.crowd.script import Change, CirclePath, LinePath, Script, TargetPath
-from crowdsim.errors import RecipeError, ScenarioError, nearest
+from crowdsim.errors import RecipeError, nearest
 from crowdsim.scenario.events import (
     AddEvent,
     Condition,
@@ -63,7 +64,8 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
     Raises:
         ScenarioError: A type weighs a behaviour that its policy has not learned.
     """
-    check_behaviours(scenario, {policy.name: [one.name for one in policy.behaviours] for policy in policies})
+    learned = {policy.name: [one.name for one in policy.behaviours] for policy in policies}
+    scenario.refuse(unlearned_behaviours(scenario, learned))
     moods, mood = np.unique(np.stack([placed.group, placed.type], axis=1), axis=0, return_inverse=True)
     mood = mood.reshape(-1)
     owners = policies_of_types(scenario, policies)
@@ -142,24 +144,21 @@ def _recipe_or_bundle(policy: str) -> tuple[Recipe | None, Mapping[str, Any]]:
     return load_recipe(path), {}
 
 
-def check_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]]) -> None:
-    """See to it that types and events weigh only behaviours that their policies have learned.
+def unlearned_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]]) -> list[Finding]:
+    """Return a finding for each behaviour that a type or an event weighs, but its policy has not learned.
 
     Args:
         scenario: The scenario, resolved.
         learned: Behaviours of each policy by its name; types of other policies are passed over.
-
-    Raises:
-        ScenarioError: They weigh others; a line for each.
     """
-    lines = []
+    findings = []
 
     def check(key: tuple[str | int, ...], given: Mapping[str, float], policy: str, passed: Sequence[str] = ()) -> None:
         for name in given:
             names = learned.get(policy, given)
             if name not in names and name not in passed:
                 what = f"policy {policy!r} has no such behaviour{nearest(name, names)}; it has {', '.join(names)}"
-                lines.append(f"{scenario.where(*key, name)}: {what}")
+                findings.append(Finding((*key, name), what))
 
     for name, kind in scenario.types.items():
         check(("types", name, "behaviours"), kind.behaviours, kind.policy, scenario.inherited_behaviours(name))
@@ -173,8 +172,7 @@ def check_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]]) -
             }
             for policy in concerned:
                 check(("events", index, "behaviours"), event.behaviours, policy)
-    if lines:
-        raise ScenarioError("\n".join(dict.fromkeys(lines)))
+    return list(dict.fromkeys(findings))
 
 
 def _weights(policy: Policy, given: dict[str, float], width: int, others: float = 0.0) -> Array:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from crowdsim.crowd import placement_kernels as kernels
 from crowdsim.crowd.placement_points import read_points
 from crowdsim.crowd.random import Purpose, normal, stream, uniform
-from crowdsim.errors import ScenarioError
 from crowdsim.scenario.groups import (
     ArmyPlacement,
     DiscPlacement,
@@ -146,7 +145,7 @@ def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: A
         points = read_points(scenario, index, placement)
         if len(points) < count:
             what = f"{len(points)} of {count} avatars fit, for there are {len(points)} points, expected {count} or more"
-            raise ScenarioError(f"{scenario.where('groups', index, 'placement')}: {what}")
+            raise scenario.error(what, "groups", index, "placement")
         x[here], z[here] = points[:count, 0], points[:count, 1]
         centre = (float(x[here].mean()), float(z[here].mean()))
         heading[here] = np.radians(points[:count, 2]) if points.shape[1] == 3 else _bearing(centre, x[here], z[here])
@@ -171,8 +170,8 @@ def _check_room(scenario: Scenario, index: int, room: int, where: str, distance:
     count = scenario.groups[index].count
     if room < count:
         what = f"{room} of {count} avatars fit {where} at least {distance:g} m apart"
-        place = scenario.where("groups", index, "placement")
-        raise ScenarioError(f"{place}: {what}, expected {cure}, a smaller distance or fewer avatars")
+        what += f", expected {cure}, a smaller distance or fewer avatars"
+        raise scenario.error(what, "groups", index, "placement")
 
 
 def _check_arena(scenario: Scenario, index: int, first: int, x: Array, z: Array) -> None:
@@ -182,7 +181,7 @@ def _check_arena(scenario: Scenario, index: int, first: int, x: Array, z: Array)
         more = f" and {len(outside) - 3} more" if len(outside) > 3 else ""
         what = f"{len(outside)} of {len(x)} avatars are outside the arena, {', '.join(names)}{more}, expected all "
         what += f"inside {_arena_words(scenario.arena)}"
-        raise ScenarioError(f"{scenario.where('groups', index, 'placement')}: {what}")
+        raise scenario.error(what, "groups", index, "placement")
 
 
 def _check_conflicts(scenario: Scenario, starts: Array, x: Array, z: Array) -> None:
@@ -198,7 +197,7 @@ def _check_conflicts(scenario: Scenario, starts: Array, x: Array, z: Array) -> N
         index = int(np.searchsorted(starts, second, side="right") - 1)
         what = f"avatar {scenario.avatar_name(second)} would stand {distance[first]:.2f} m from "
         what += f"{scenario.avatar_name(first)}, expected {LEAST_DISTANCE} m or more"
-        raise ScenarioError(f"{scenario.where('groups', index, 'placement')}: {what}")
+        raise scenario.error(what, "groups", index, "placement")
 
 
 def _buckets(count: int) -> tuple[Array, Array]:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.errors import ScenarioError
 from crowdsim.scenario.groups import PointsPlacement
 from crowdsim.scenario.scenario import Scenario
 
@@ -37,7 +36,7 @@ def read_points(scenario: Scenario, group: int, placement: PointsPlacement) -> A
             raise ValueError(f"row {row + 1} is {values}, expected finite numbers up to {FARTHEST:g} m")
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise ScenarioError(f"{scenario.where('groups', group, 'placement', 'file')}: {path}: {reason}") from None
+        raise scenario.error(f"{path}: {reason}", "groups", group, "placement", "file") from None
     return points
 
 

@@ -63,9 +63,13 @@ def run(
         PolicyError: A bundle is foreign or damaged, or capture for it is missing.
         RunError: The run failed.
     """
+    from crowdsim.crowd.placement import place_groups
     from crowdsim.crowd.simulation import simulate
 
-    placed = check_scenario(scenario) if policies is None else None
+    placed = None
+    if policies is None:
+        check_scenario(scenario)
+        placed = place_groups(scenario)
     chosen = load_policies(scenario, mocap, threads, progress) if policies is None else policies
     prepared = prepare(scenario, chosen, placed)
     chunks: list[Chunk] = []
@@ -147,14 +151,18 @@ def _run_watched(
     clock: Clock,
 ) -> None:
     """Run a scenario into a folder that is fit for it, as ``run_to`` does, while what is compiled is watched."""
-    placed = check_scenario(scenario)
-    report.notes += late_events(scenario)
+    from crowdsim.crowd.placement import place_groups
+
+    check_scenario(scenario)
+    placed = place_groups(scenario)
+    report.notes += map(str, scenario.place(late_events(scenario)))
     policies = load_policies(scenario, mocap, threads, progress)
     expect_outputs(scenario)
     clock.lap("policies")
     if tell is not None:
-        for warning in speed_warnings(scenario, {policy.name: policy.statistics for policy in policies}):
-            tell(warning)
+        warnings = speed_warnings(scenario, {policy.name: policy.statistics for policy in policies})
+        for warning in scenario.place(warnings):
+            tell(str(warning))
     prepared = prepare(scenario, policies, placed)
     outputs = _plan(folder, scenario, prepared)
     clock.lap("prepare")

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 import yaml
 
 from crowdsim import assets
-from crowdsim.config.files import find_faults
+from crowdsim.config.files import Finding, find_faults
 from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, ScenarioError, nearest
 from crowdsim.scenario.frame_ranges import frame_limit, output_frames
 
 if TYPE_CHECKING:
-    from crowdsim.crowd.placement import Placed
     from crowdsim.scenario.scenario import Scenario
 
 _RECIPE_KEYS = {"motion", "graph", "control_rate", "playback_rate", "precision"}
@@ -48,21 +47,27 @@ def find_file_faults(path: Path) -> list[str]:
         return [str(finding) for finding in find_faults(path, Recipe)]
     from crowdsim.scenario.scenario import find_scenario_faults, load_scenario
 
-    findings = [str(finding) for finding in find_scenario_faults(path)]
-    if findings:
-        return findings
+    lines = [str(finding) for finding in find_scenario_faults(path)]
+    if lines:
+        return lines
     try:
         scenario = load_scenario(path)
     except CrowdsimError as error:
         return str(error).splitlines()
-    for check in (_check_behaviours, _check_times, _check_places):
+    for check in (_behaviour_findings, _time_findings):
         try:
-            check(scenario)
+            lines += map(str, scenario.place(check(scenario)))
         except CrowdsimError as error:
-            findings += str(error).splitlines()
-    if not findings:
-        findings += late_events(scenario)
-    return list(dict.fromkeys(findings))
+            lines += str(error).splitlines()
+    from crowdsim.crowd.placement import place_groups
+
+    try:
+        place_groups(scenario)
+    except ScenarioError as error:
+        lines += str(error).splitlines()
+    if not lines:
+        lines += map(str, scenario.place(late_events(scenario)))
+    return list(dict.fromkeys(lines))
 
 
 def find_file_warnings(path: Path) -> list[str]:
@@ -82,62 +87,61 @@ def find_file_warnings(path: Path) -> list[str]:
     for name in dict.fromkeys(kind.policy for kind in scenario.types.values()) if scenario.targets else ():
         with suppress(PolicyError):
             statistics[name] = read_document(assets.find_bundle(name))["statistics"]
-    return speed_warnings(scenario, statistics)
+    return [str(warning) for warning in scenario.place(speed_warnings(scenario, statistics))]
 
 
-def check_scenario(scenario: Scenario) -> Placed:
-    """Check what only shows when a scenario is put together, before anything is trained; return its avatars in place.
+def check_scenario(scenario: Scenario) -> None:
+    """Check a scenario against the policies that it names, before anything is trained.
 
     Raises:
-        ScenarioError: Behaviours are weighed that are not learned, policies differ in their control rates, an output
-            asks for frames after the end, or not all avatars fit.
+        ScenarioError: Behaviours are weighed that are not learned, policies differ in their control rates, or an
+            output asks for frames after the end.
         RecipeError: The recipe of a policy is invalid.
         PolicyError: A bundle is damaged.
     """
-    _check_behaviours(scenario)
-    _check_times(scenario)
-    return _check_places(scenario)
+    for check in (_behaviour_findings, _time_findings):
+        scenario.refuse(check(scenario))
 
 
-def late_events(scenario: Scenario) -> list[str]:
-    """Return the events of a scenario that are planned for after its end and so never happen, a line each."""
+def late_events(scenario: Scenario) -> list[Finding]:
+    """Return a finding for each event that is planned for after the end of a scenario and so never happens."""
     rate = _control_rate(scenario)
     frames = scenario.control_frames(rate)
-    lines = []
+    findings = []
     for index, event in enumerate(scenario.events):
         frame: int | None = None
         if event.when.kind == "frame":
-            frame, key = event.when.frame, "frame"
+            frame, value = event.when.frame, f"{event.when.frame}"
         elif event.when.kind == "seconds":
-            frame, key = round(event.when.seconds * rate), "seconds"
+            frame, value = round(event.when.seconds * rate), f"{event.when.seconds:g}"
         if frame is not None and frame >= frames:
-            place = scenario.where("events", index, "when", key)
-            value = f"{frame}" if key == "frame" else f"{event.when.seconds:g}"  # type: ignore[union-attr]
-            lines.append(
-                f"{place}: is {value}, but the run ends after {_length(frames, rate)}, expected a time before that"
-            )
-    return lines
+            what = f"is {value}, but the run ends after {_length(frames, rate)}, expected a time before that"
+            findings.append(Finding(("events", index, "when", event.when.kind), what))
+    return findings
 
 
-def _check_behaviours(scenario: Scenario) -> None:
-    from crowdsim.crowd.cast import check_behaviours, learned_behaviours
+def _behaviour_findings(scenario: Scenario) -> list[Finding]:
+    from crowdsim.crowd.cast import learned_behaviours, unlearned_behaviours
 
     policies = dict.fromkeys(kind.policy for kind in scenario.types.values())
-    check_behaviours(scenario, {name: learned_behaviours(name) for name in policies})
+    return unlearned_behaviours(scenario, {name: learned_behaviours(name) for name in policies})
 
 
-def _check_times(scenario: Scenario) -> None:
-    """See to it that all policies have one control rate, and that outputs ask for frames that there will be."""
+def _time_findings(scenario: Scenario) -> list[Finding]:
+    """Return a finding for each output that asks for frames that there will not be.
+
+    Raises:
+        ScenarioError: The control rates of the policies differ.
+    """
     rate = _control_rate(scenario)
     count = scenario.control_frames(rate)
-    lines = []
+    findings = []
     for key, fps, frames in _ranges(scenario):
         if frames[0] >= output_frames(count, rate, fps) or frames[1] > frame_limit(count, rate, fps):
             last = output_frames(count, rate, fps) - 1
             what = f"is {list(frames)}, but the run has frames 0 to {last} at {fps:g} fps, {_length(count, rate)}"
-            lines.append(f"{scenario.where('outputs', key, 'frames')}: {what}, expected a range within")
-    if lines:
-        raise ScenarioError("\n".join(lines))
+            findings.append(Finding(("outputs", key, "frames"), f"{what}, expected a range within"))
+    return findings
 
 
 def _ranges(scenario: Scenario) -> Iterator[tuple[str, float, tuple[int, int]]]:
@@ -165,19 +169,12 @@ def _control_rate(scenario: Scenario) -> float:
     for name, policy in used.items():
         if rates[policy] != first:
             told = ", ".join(f"{policy} has {rate:g}" for policy, rate in rates.items())
-            place = scenario.where("types", name, "policy")
-            raise ScenarioError(f"{place}: policies of one run need one control rate, but {told}")
+            raise scenario.error(f"policies of one run need one control rate, but {told}", "types", name, "policy")
     return first
 
 
 def _length(frames: int, rate: float) -> str:
     return f"{frames} control frames ({frames / rate:g} s)"
-
-
-def _check_places(scenario: Scenario) -> Placed:
-    from crowdsim.crowd.placement import place_groups
-
-    return place_groups(scenario)
 
 
 def _is_recipe(path: Path) -> bool:

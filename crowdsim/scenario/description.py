@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, PrivateAttr
 
-from crowdsim.config.files import StrictModel, where
+from crowdsim.config.files import Finding, StrictModel, place
 from crowdsim.config.schema import Words
-from crowdsim.config.tree import key_path
+from crowdsim.errors import ScenarioError
 from crowdsim.scenario.events import Event
 from crowdsim.scenario.groups import AnyoneOpponents, Group, Opponents, PointsPlacement, Target
 from crowdsim.scenario.outputs import Outputs
@@ -116,9 +118,24 @@ class Description(StrictModel):
             )
         }
 
-    def where(self, *key: str | int) -> str:
-        """Return where a key stands, for messages: file, line, column and key path, or the scenario's name and key."""
-        return where(self._source, key) if self._source else f"{self.name}: {key_path(key)}"
+    def place(self, findings: Iterable[Finding]) -> list[Finding]:
+        """Return findings with their positions in the scenario's file, or with its name where it is of none."""
+        if self._source is not None:
+            return place(self._source, findings)
+        return [replace(finding, source=self.name) for finding in findings]
+
+    def error(self, message: str, *loc: str | int) -> ScenarioError:
+        """Return the error that reports what is wrong at a key, and where that is."""
+        return ScenarioError(str(self.place([Finding(loc, message)])[0]))
+
+    def refuse(self, findings: Sequence[Finding]) -> None:
+        """Raise findings as one error, a line for each; do nothing where there are none.
+
+        Raises:
+            ScenarioError: There are findings.
+        """
+        if findings:
+            raise ScenarioError("\n".join(map(str, self.place(findings))))
 
     def inherited_behaviours(self, name: str) -> list[str]:
         """Return behaviours that a resolved type of the same policy as the one it extends only takes over from that."""

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, model_validator
 
-from crowdsim.config.files import Fault, Faults, StrictModel
+from crowdsim.config.files import Fault, Faults, Finding, StrictModel
 from crowdsim.config.schema import Words, join
 from crowdsim.errors import nearest
 from crowdsim.policy.pursuit import MARGIN, MOST, TEMPERATURE
@@ -176,12 +176,12 @@ class AvatarType(StrictModel):
 
     @model_validator(mode="after")
     def _check(self) -> AvatarType:
-        faults = []
+        findings = []
         for key, value, (least, most) in (("scale", self.scale, SCALES), ("speed", self.speed, SPEEDS)):
             low, high = limits(value)
             if low < least or high > most:
                 reach = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-                faults.append(Fault(f"is {reach}, expected factors from {least:g} to {most:g}", key))
-        if faults:
-            raise Faults(faults)
+                findings.append(Finding((key,), f"is {reach}, expected factors from {least:g} to {most:g}"))
+        if findings:
+            raise Faults(findings)
         return self

@@ -11,10 +11,10 @@ from typing import Any, cast
 from pydantic import ValidationError, ValidationInfo, model_validator
 
 from crowdsim import assets
-from crowdsim.config.files import Fault, Faults, Finding, dump_yaml, find_faults, load_model
+from crowdsim.config.files import Faults, Finding, dump_yaml, find_faults, load_model
 from crowdsim.config.schema import join, spot_of
 from crowdsim.errors import ScenarioError, nearest
-from crowdsim.scenario.checks import name_faults, sense_faults
+from crowdsim.scenario.checks import name_findings, sense_findings
 from crowdsim.scenario.description import MAXIMUM_SEED, Description
 from crowdsim.scenario.groups import (
     PointsPlacement,
@@ -36,15 +36,15 @@ class Scenario(Description):
 
     @model_validator(mode="after")
     def _check(self, info: ValidationInfo) -> Scenario:
-        faults = [*self.faults_in(self.model_dump()), *sense_faults(self)]
-        if faults:
-            raise Faults(faults)
+        findings = [*name_findings(self.model_dump()), *sense_findings(self)]
+        if findings:
+            raise Faults(findings)
         return self
 
     @classmethod
-    def faults_in(cls, data: Any) -> list[Fault]:
+    def findings_in(cls, data: Any) -> list[Finding]:
         """Return names that refer to nothing in the plain data of a scenario, be it valid otherwise or not."""
-        return name_faults(data)
+        return name_findings(data)
 
 
 def load_scenario(

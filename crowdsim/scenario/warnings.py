@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from crowdsim.config.files import Finding
 from crowdsim.scenario.groups import CircleTarget, Opponents, Target, TargetOpponents
 from crowdsim.scenario.parts import AvatarType, limits
 
@@ -15,8 +16,8 @@ if TYPE_CHECKING:
     from crowdsim.scenario.scenario import Scenario
 
 
-def speed_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return a line for each scripted target and type of avatars that follows it, but cannot keep up.
+def speed_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
+    """Return a finding for each scripted target and type of avatars that follows it, but cannot keep up.
 
     Who stays on the inside of a target's path needs less than the target's speed, and nothing where it never leaves
     the reach of strikes. Types with weights of their own are passed over: what is known is how fast the policy is with
@@ -26,7 +27,7 @@ def speed_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any
         scenario: The scenario, resolved.
         statistics: Statistics of each policy by its name; types of other policies are passed over.
     """
-    lines = []
+    findings = []
     for name, target in scenario.targets.items():
         for follower in _followers(scenario, name):
             kind = scenario.types[follower]
@@ -39,8 +40,8 @@ def speed_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any
                     f"is {target.speed:g}, too fast for type {follower!r}, whose policy {kind.policy!r} sustains "
                     f"{told['sustained_speed']:.2g} m/s; expected at most {_rounded_down(most)}"
                 )
-                lines.append(f"{scenario.where('targets', name, 'speed')}: {what}")
-    return lines
+                findings.append(Finding(("targets", name, "speed"), what))
+    return findings
 
 
 def _followers(scenario: Scenario, target: str) -> list[str]:

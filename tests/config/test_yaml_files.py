@@ -2,7 +2,7 @@
 
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import pytest
 import yaml
@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field, model_validator
 
-from crowdsim.config.files import Fault, Faults, StrictModel, dump_yaml, find_faults, load_model, where
-from crowdsim.config.tree import TreeError, read_tree
+from crowdsim.config.files import Faults, Finding, StrictModel, dump_yaml, find_faults, load_model, place
+from crowdsim.config.tree import read_document
 from crowdsim.errors import RecipeError
 
 
@@ -32,6 +32,8 @@ class Seconds(StrictModel):
 
 
 class Show(StrictModel):
+    renamed: ClassVar[dict[str, str]] = {"title": "name", "loop": "mode"}
+
     name: str
     seed: int = Field(default=0, ge=0)
     duration: Annotated[int, Field(ge=1)] | Seconds = 3
@@ -45,12 +47,12 @@ class Show(StrictModel):
     @model_validator(mode="after")
     def _check(self) -> Any:
         if self.seed == 13:
-            raise Faults([Fault("is 13, expected luck", "seed"), Fault("has no friend", "named", "x")])
+            raise Faults([Finding(("seed",), "is 13, expected luck"), Finding(("named", "x"), "has no friend")])
         return self
 
     @classmethod
-    def faults_in(cls, data: Any) -> list[Fault]:
-        return [Fault("is 'nobody', expected somebody", "note")] if data.get("note") == "nobody" else []
+    def findings_in(cls, data: Any) -> list[Finding]:
+        return [Finding(("note",), "is 'nobody', expected somebody")] if data.get("note") == "nobody" else []
 
 
 @pytest.fixture
@@ -154,7 +156,11 @@ KEYS = "name, seed, duration, size, places, either, named, mode"
             "name: a\neither: {knid: disc, radius: 1}",
             "2:10: either.knid: unknown key, expected kind: 'disc' or 'grid' (did you mean 'kind'?)",
         ),
+        ("name: a\nloop: fast", "2:1: loop: unknown key, it is now called 'mode'"),
+        ("title: a", "1:1: title: unknown key, it is now called 'name'"),
         ("nmae: a", f"1:1: nmae: unknown key, expected {KEYS} or note (did you mean 'name'?)"),
+        ("name: a\nduration: [.nan]", "2:12: duration[0]: is .nan, expected a finite number"),
+        ('name: "\\U99999999"', "1:1: broken YAML: Python int too large to convert to C int"),
         ("name: [", "1:8: broken YAML: while parsing a flow node: expected the node content, but found '<stream end>'"),
         (
             "name: a\n\tseed: 3",
@@ -239,6 +245,16 @@ def test_merge_keys_fill_in_what_a_mapping_does_not_say(write):
     assert load_model(path, Show, RecipeError).places[1] == Disc(kind="disc", radius=3, share=0.25)
 
 
+def test_own_keys_go_before_merged_ones_and_the_first_merged_before_the_next(write):
+    text = "a: &a {x: 1, y: 1, z: 1}\nb: &b {z: 2, w: 2}\nc: {<<: [*a, *b], y: 3, v: 3}\n"
+    data = read_document(text.encode(), "x").data["c"]
+    assert data == {"y": 3, "v": 3, "x": 1, "z": 1, "w": 2}
+    assert list(data) == ["y", "v", "x", "z", "w"]
+    chain = "".join(f"a{i}: &a{i} {{<<: *a{i - 1}}}\n" for i in range(1, 2000))
+    found = read_document(f"a0: &a0 {{}}\n{chain}".encode(), "x").findings
+    assert [finding.message for finding in found] == ["nested too deeply, expected at most 64 levels"]
+
+
 def test_the_error_has_every_finding_in_a_line_of_its_own(write):
     with pytest.raises(RecipeError) as caught:
         load_model(write("seed: x\nmode: 3"), Show, RecipeError)
@@ -266,6 +282,7 @@ def test_overrides_are_typed_by_the_schema(write):
 @pytest.mark.parametrize(
     ("override", "expected"),
     [
+        ("loop=fast", "loop: unknown key, it is now called 'mode'"),
         ("sede=3", f"sede: unknown key, expected {KEYS} or note (did you mean 'seed'?)"),
         ("seed=many", "seed: is 'many', expected a whole number of at least 0"),
         ("seed=true", "seed: is true, expected a whole number of at least 0"),
@@ -294,11 +311,14 @@ def test_a_wrong_override_is_a_finding_that_names_it(write, override, expected):
     assert findings(write(GOOD), override) == [f"--set {override}: {expected}"]
 
 
-def test_where_finds_a_key_or_the_nearest_above_it(write):
+def test_findings_are_placed_at_their_key_or_the_nearest_above_it(write):
     path = write(GOOD)
-    assert where(path, ("places", 0, "radius")) == "show.yaml:2:31: places[0].radius"
-    assert where(path, ("places", 0, "share")) == "show.yaml:2:10: places[0].share"
-    assert where("gone.yaml", ("name",)) == "gone.yaml: name"
+    found = [Finding(("places", 0, "radius"), "is odd"), Finding(("places", 0, "share"), "is missed")]
+    assert [str(finding) for finding in place(path, found)] == [
+        "show.yaml:2:31: places[0].radius: is odd",
+        "show.yaml:2:10: places[0].share: is missed",
+    ]
+    assert str(place("gone.yaml", found)[0]) == "gone.yaml: places[0].radius: is odd"
 
 
 plain = st.recursive(
@@ -317,24 +337,17 @@ plain = st.recursive(
 
 @given(st.dictionaries(st.sampled_from(["a", "b", "1e3", "yes"]), plain, min_size=1))
 def test_what_is_dumped_is_read_back_the_same(data):
-    entry, found = read_tree(dump_yaml(data).encode(), "x")
-    assert found == []
-    assert entry is not None
-    assert entry.plain() == data
+    document = read_document(dump_yaml(data).encode(), "x")
+    assert document.findings == []
+    assert document.data == data
 
 
 @given(st.text(alphabet="ab:-[]{}&*!'\"#|>%@\t\n ,?01.e~<", max_size=40))
 def test_any_text_gives_a_model_or_findings_of_one_line_each(text):
-    try:
-        found = read_tree(text.encode(), "x")[1]
-    except TreeError as error:
-        found = [error.finding]
-    for finding in found:
+    for finding in read_document(text.encode(), "x").findings:
         assert re.fullmatch(r"x:\d+:\d+: .+", str(finding))
 
 
 def test_pyyaml_agrees_on_what_is_plain():
     text = "a: 1\nb: [x, 2.5, true, null]\nc: {d: 'e', f: -3}\n"
-    entry, _ = read_tree(text.encode(), "x")
-    assert entry is not None
-    assert entry.plain() == yaml.safe_load(text)
+    assert read_document(text.encode(), "x").data == yaml.safe_load(text)

@@ -19,7 +19,8 @@ FOLLOW = {"kind": "target", "target": "head"}
 
 def warnings(**changes: object) -> list[str]:
     report = scene(**{"opponents": FOLLOW, "targets": {"head": CIRCLE}, **changes})
-    return speed_warnings(resolve_scenario(Scenario.model_validate(report)), TOLD)
+    scenario = resolve_scenario(Scenario.model_validate(report))
+    return [str(finding) for finding in scenario.place(speed_warnings(scenario, TOLD))]
 
 
 def test_a_target_that_outruns_its_followers_is_named_with_what_they_can_do() -> None:
