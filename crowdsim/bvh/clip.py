@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from crowdsim.bvh.channel_kernels import channels_to_quaternions, quaternions_to_channels
 from crowdsim.bvh.file import AXIS, Bvh
+from crowdsim.core.types import Array
 from crowdsim.errors import BvhError, nearest
 from crowdsim.motion.skeleton import Clip, Skeleton
-
-Array = NDArray[Any]
 
 UP_AXES: dict[str, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
     "y": ((0, 1, 2), (1, 1, 1)),

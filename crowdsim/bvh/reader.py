@@ -8,17 +8,14 @@ import re
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.bvh.file import Bvh, quoted, snap_rate
 from crowdsim.bvh.hierarchy import Hierarchy, Scanner, read_hierarchy, read_number, show
 from crowdsim.bvh.kernels import count_by_line, parse_numbers
+from crowdsim.core.types import Array, FileName
 from crowdsim.errors import BvhError
-
-Array = NDArray[Any]
 
 _FRAMES = re.compile(rb"\s*frames\s*(?::\s*)?([^\s]+)", re.IGNORECASE)
 _FRAME_TIME = re.compile(rb"\s*frame\s*time\s*(?::\s*)?([^\s]+)", re.IGNORECASE)
@@ -26,7 +23,7 @@ _HARD_TOKENS = 4096
 _MOST_FINDINGS = 8
 
 
-def read_bvh(path: str | os.PathLike[str]) -> Bvh:
+def read_bvh(path: FileName) -> Bvh:
     """Read a BVH file as it stands; what is odd but readable becomes a finding.
 
     Raises:
@@ -68,7 +65,7 @@ def parse_bvh(data: bytes, path: str = "") -> Bvh:
     return replace(bvh, findings=tuple(scanner.findings), faults=tuple(scanner.faults))
 
 
-def _load(path: str | os.PathLike[str]) -> bytes:
+def _load(path: FileName) -> bytes:
     """Return the bytes of a regular file."""
     if Path(path).is_dir():
         raise BvhError(f"{path}: is a folder, expected a BVH file")

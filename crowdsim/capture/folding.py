@@ -9,17 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.measuring import rests_like_a_body
 from crowdsim.motion.skeleton import Clip, Skeleton
-
-Array = NDArray[Any]
 
 SIDES = ("left", "right")
 _BENT = np.sin(np.deg2rad(20.0))

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import os
 import re
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.bvh.io import Bvh, read_bvh, to_clip, turn_up
 from crowdsim.capture import units
 from crowdsim.capture.folding import backward_elbows, fold_forward
+from crowdsim.core.types import Array, FileName
 from crowdsim.errors import MotionError
 from crowdsim.motion.body import Body, standing_height
 from crowdsim.motion.cleaning import lead_in
 from crowdsim.motion.joint_tree import JointTree
 from crowdsim.motion.measuring import finite_frames, human_roles, measure_body, rests_like_a_body, sample_poses
 from crowdsim.motion.skeleton import Clip, Skeleton
-
-Array = NDArray[Any]
 
 _FLIP = np.deg2rad(100.0)
 _FLIP_SPEED = 50.0
@@ -64,7 +60,7 @@ class Capture:
         return self.clip.sliced(self.lead_in, self.clip.frame_count)
 
 
-def load_capture(path: str | os.PathLike[str], unit: str | float | None = None, up_axis: str | None = None) -> Capture:
+def load_capture(path: FileName, unit: str | float | None = None, up_axis: str | None = None) -> Capture:
     """Read a BVH file and find out what it is.
 
     Args:

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.capture.loading import Capture
 from crowdsim.capture.report import Study
+from crowdsim.core.types import Array
 from crowdsim.figures import new_figure, save_figure
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import HEIGHT, ROLES
@@ -20,7 +20,6 @@ from crowdsim.motion.strikes import MINIMUM_SPEED, REASONS, Rejection, fist_spee
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[Any]
 
 _SIDES = ("left", "right")
 _COLOURS = ("tab:blue", "tab:red")

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.capture.loading import Capture
+from crowdsim.core.types import Array
 from crowdsim.motion.cleaning import on_floor
 from crowdsim.motion.contacts import find_contacts, runs
 from crowdsim.motion.kinematics import clip_kinematics
@@ -16,8 +16,6 @@ from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip
 from crowdsim.motion.strikes import Rejection, Strikes, find_strikes
 from crowdsim.motion.tracks import Tracks, build_tracks
-
-Array = NDArray[Any]
 
 PLAYBACK_RATE = 60.0
 HANDS = ("left", "right")

@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Sequence
-from os import PathLike
 from typing import Any, TypeVar
 
 import yaml
@@ -31,12 +30,12 @@ from crowdsim.config.tree import (
     read_tree,
     scalar,
 )
+from crowdsim.core.types import FileName
 from crowdsim.errors import CrowdsimError, nearest
 
 __all__ = ["Fault", "Faults", "Finding", "StrictModel", "dump_yaml", "find_faults", "load_model", "where"]
 
 Model = TypeVar("Model", bound=BaseModel)
-FileName = str | PathLike[str]
 
 
 class StrictModel(BaseModel):

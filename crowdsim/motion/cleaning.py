@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion.body import HEIGHT, Body
 from crowdsim.motion.contacts import find_floor
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.skeleton import Clip
 from crowdsim.motion.tracks import build_tracks
-
-Array = NDArray[Any]
 
 IMPLAUSIBLE_SPEED = 15.0
 """Speed of a fist relative to the pelvis that no body of ``HEIGHT`` reaches [m/s]: a jump out of a calibration pose."""

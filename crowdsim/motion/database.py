@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array, Progress
 from crowdsim.errors import MotionError
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import HEIGHT, Body
@@ -21,9 +20,6 @@ from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip, Skeleton
 from crowdsim.motion.strikes import Strikes, find_strikes
 from crowdsim.motion.tracks import Tracks, build_tracks, speeds
-
-Array = NDArray[Any]
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion.joint_names import split_name
 from crowdsim.motion.skeleton import Skeleton
-
-Array = NDArray[Any]
 
 _ALIKE = 0.12
 """Share of a limb's longest bone by which the bones of its counterpart may differ."""

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion.body import Body, build_body
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.roles import find_roles
 from crowdsim.motion.skeleton import Clip, Skeleton
-
-Array = NDArray[Any]
 
 _SAMPLES = 64
 """Poses looked at to find roles, axes and a standing pose."""

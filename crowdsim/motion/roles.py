@@ -8,16 +8,13 @@ joints between are chosen along the chain from the trunk to the end, by bone len
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import joint_names
 from crowdsim.motion.joint_tree import JointTree
 from crowdsim.motion.skeleton import Skeleton
-
-Array = NDArray[Any]
 
 _LEAST_JOINTS = 10
 _MOST_PAIRS = 12

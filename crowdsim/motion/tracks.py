@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
-
-Array = NDArray[Any]
 
 _FEET = 8.0
 """How much more than hips and shoulders the feet say where a stance looks; those two where feet are close together."""

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.performer.curves import glide, pulse, step, window
 from crowdsim.performer.score import Footstep, Score, Style
-
-Array = NDArray[Any]
 
 _LEAN = 0.2
 """Time before and after a step in which the weight goes over to the other foot and comes back [s]."""

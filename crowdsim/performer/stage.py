@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion import quaternion as quat
 from crowdsim.motion.skeleton import Skeleton
@@ -30,8 +29,6 @@ from crowdsim.performer.pose import (
     within_reach,
 )
 from crowdsim.performer.score import Channel, Reach, Score
-
-Array = NDArray[Any]
 
 _LOWEST = 0.68
 """Height of the pelvis in the deepest crouch [m]."""

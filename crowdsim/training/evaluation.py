@@ -6,17 +6,14 @@ import itertools
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Grid
 from crowdsim.policy.policy import Behaviour, Policy, build_lookup_tables
 from crowdsim.policy.rewards import TargetBody
-
-Array = NDArray[Any]
 
 CHOICES = {"table": 0, "random": 1, "search": 2}
 

@@ -16,16 +16,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import AXIS_KINDS, Grid
 from crowdsim.policy.rewards import StrikeTerm, TargetBody, Term, TransitionTerm, pack_terms
-
-Array = NDArray[Any]
 
 BACKUPS = ("max_of_interpolated", "interpolation_of_max")
 

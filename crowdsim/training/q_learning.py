@@ -18,9 +18,10 @@ import time
 
 import numpy as np
 
+from crowdsim.core.types import Progress
 from crowdsim.training import solver_kernels
 from crowdsim.training.model import Model
-from crowdsim.training.solution import Progress, Solution, sweep_model
+from crowdsim.training.solution import Solution, sweep_model
 
 
 def q_learning(

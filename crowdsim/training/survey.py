@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from crowdsim.capture.loading import load_capture, usable_clip, without_path
 from crowdsim.capture.report import study_capture
+from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import BvhError, MotionError, PolicyError
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.training.fingerprint import bvh_files
 from crowdsim.training.strikeless import Fists
-
-Progress = Callable[[str, int, int], None]
 
 LEAST_SECONDS = 0.2
 """Least length of a clip that can be trained on: two whole control frames at the default rate, and one to spare [s]."""
@@ -67,7 +65,7 @@ class Survey:
         return sum(file.strikes[0] for file in self.used), sum(file.strikes[1] for file in self.used)
 
 
-def survey_capture(folder: str | os.PathLike[str], progress: Progress | None = None) -> Survey:
+def survey_capture(folder: FileName, progress: Progress | None = None) -> Survey:
     """Return which BVH files of a folder, and of all folders in it, can be trained on together.
 
     Where skeletons differ, those are taken that more than half of the usable files have.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim import assets
+from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.errors import CrowdsimError, MotionError, PolicyError, RecipeError, VersionError
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
@@ -23,10 +22,6 @@ from crowdsim.policy.rewards import target_body
 from crowdsim.training.behaviours import train_behaviour
 from crowdsim.training.fingerprint import capture_files, combine, fingerprints_of
 from crowdsim.training.recipe import Recipe, load_recipe, plain
-from crowdsim.training.solution import Progress
-
-Array = NDArray[Any]
-FileName = str | os.PathLike[str]
 
 
 def train_recipe(
