@@ -46,10 +46,12 @@ def measure_body(clip: Clip, roles: Mapping[str, int] | None = None) -> Body:
     Raises:
         MotionError: The skeleton is no human body.
     """
-    positions, rotations = sample_poses(clip)
     if roles is None:
-        roles = find_roles(clip.skeleton, positions)
-    if not roles or len(positions) == 0 or rests_like_a_body(clip.skeleton, roles):
+        roles = find_roles(clip.skeleton, sample_poses(clip)[0])
+    if not roles or rests_like_a_body(clip.skeleton, roles):
+        return build_body(clip.skeleton, roles)
+    positions, rotations = sample_poses(clip)
+    if len(positions) == 0:
         return build_body(clip.skeleton, roles)
     feet = 0.5 * (positions[:, roles["left_foot"], 1] + positions[:, roles["right_foot"], 1])
     frame = int(np.argmax(positions[:, roles["head"], 1] - feet))
@@ -75,13 +77,15 @@ def rests_like_a_body(skeleton: Skeleton, roles: Mapping[str, int]) -> bool:
     return True
 
 
-def human_roles(clip: Clip) -> dict[str, int]:
-    """Return the roles of a clip's joints where it moves like a human; empty where it is no human body."""
-    positions, _ = sample_poses(clip)
-    roles = find_roles(clip.skeleton, positions)
-    if roles and _is_upright(clip.skeleton, roles, positions):
-        return roles
-    return {}
+def human_roles(skeleton: Skeleton, poses: Array) -> dict[str, int]:
+    """Return the roles of joints of what moves like a human; empty where it is no human body.
+
+    Args:
+        skeleton: The skeleton, in any unit and orientation.
+        poses: Joint positions of some poses of its motion in the same unit. Shape (n, J, 3).
+    """
+    roles = find_roles(skeleton, poses)
+    return roles if roles and _is_upright(skeleton, roles, poses) else {}
 
 
 def _is_upright(skeleton: Skeleton, roles: Mapping[str, int], poses: Array) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -120,7 +120,6 @@ def train_policy(
     from crowdsim.graph.motion_graph import build_graph
     from crowdsim.training.pruning import prune_graph
     from crowdsim.training.statistics import policy_statistics
-    from crowdsim.training.strikeless import require_no_strikes
 
     with _threads(threads):
         started = time.perf_counter()
@@ -128,8 +127,6 @@ def train_policy(
         prints = fingerprints_of(recipe, files)
         database = load_motion(recipe, files, progress)
         moved = time.perf_counter()
-        if not len(database.strike_frames):
-            require_no_strikes(recipe, files)
         body = target_body(database)
         graph = build_graph(database, recipe.graph, progress)
         built = time.perf_counter()
@@ -179,29 +176,33 @@ def _join_tables(behaviours: list[Behaviour]) -> tuple[tuple[Behaviour, ...], Ar
     return tuple(replace(one, table=part) for one, part in zip(behaviours, parts, strict=True)), values
 
 
-def load_motion(recipe: Recipe, files: list[Path], progress: Progress | None = None) -> MotionDatabase:
+def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None = None) -> MotionDatabase:
     """Return the motion database that a recipe asks for, from the given files or from the embedded boxer.
 
     Raises:
-        MotionError: A file cannot be used: which, and why.
+        MotionError: A file cannot be used: which, and why; or there are no strikes, and a behaviour needs them.
         BvhError: A file is no BVH.
     """
-    from crowdsim.capture.loading import load_capture, usable_clip
+    from crowdsim.capture.loading import Capture, load_capture, usable_clip
+    from crowdsim.motion.analysis import MeasuredClip, measure_clips
     from crowdsim.motion.database import build_database
     from crowdsim.performer.session import perform
+    from crowdsim.training.strikeless import require_no_strikes
 
-    performer, capture = recipe.motion.performer, recipe.motion.capture
+    performer, source = recipe.motion.performer, recipe.motion.capture
+    captures: list[Capture] = []
+    clips: list[MeasuredClip] = []
     if performer is not None:
         performed = perform(performer.seconds, performer.seed, recipe.playback_rate, performer.stance, progress)
-        clips = [performance.clip for performance in performed]
+        clips = measure_clips([performance.clip for performance in performed])
     else:
-        assert capture is not None
-        clips = []
+        assert source is not None
         for done, path in enumerate(files, start=1):
-            clips.append(usable_clip(load_capture(path, capture.unit, capture.up_axis), capture.strict))
+            captures.append(load_capture(path, source.unit, source.up_axis))
+            clips.append(usable_clip(captures[-1], source.strict))
             if progress is not None:
                 progress("read capture", done, len(files))
-    return build_database(
+    database = build_database(
         clips,
         recipe.control_rate,
         recipe.playback_rate,
@@ -209,6 +210,9 @@ def load_motion(recipe: Recipe, files: list[Path], progress: Progress | None = N
         trim=recipe.motion.trim,
         progress=progress,
     )
+    if not len(database.strike_frames):
+        require_no_strikes(recipe, captures)
+    return database
 
 
 @contextmanager

@@ -7,6 +7,7 @@ import pytest
 
 from crowdsim.graph.motion_graph import build_graph
 from crowdsim.motion import ground
+from crowdsim.motion.analysis import measure_clips
 from crowdsim.motion.contacts import stand_spans
 from crowdsim.motion.database import build_database
 from crowdsim.motion.kinematics import forward_kinematics
@@ -17,7 +18,7 @@ from crowdsim.policy.alignment import HARDLY, SETTLED, align_actions, align_cuts
 
 @cache
 def database():
-    return build_database([performed.clip for performed in perform(30, 3)])
+    return build_database(measure_clips([performed.clip for performed in perform(30, 3)]))
 
 
 @pytest.fixture(scope="module")
