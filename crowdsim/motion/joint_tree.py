@@ -53,6 +53,14 @@ class JointTree:
         """Words of a joint's name."""
         return self.names[joint][1]
 
+    def named(self, words: frozenset[str], side: int | None, unless: frozenset[str]) -> list[int]:
+        """Joints of a side, None for the middle, whose names hold one of some words and none of others."""
+        return [
+            joint
+            for joint, (its_side, its_words) in enumerate(self.names)
+            if its_side == side and its_words & words and not its_words & unless
+        ]
+
     def path(self, joint: int) -> list[int]:
         """Joints from the root to ``joint``, both included."""
         chain = [joint]

@@ -95,7 +95,19 @@ def trace_feet(score: Score, times: Array) -> Footwork:
         leaning = window(times, start - _LEAN, end + _LEAN)
         at = np.clip((times[leaning] - start + _LEAN) / (length + 2.0 * _LEAN), 0.0, 1.0)
         loads[leaning] += swing.load * (1.0 if foot else -1.0) * _bump(at)
-    return Footwork(heading, balls, lifts, yaws, heels, rolls, toes_up, points, planted, carried, loads)
+    return Footwork(
+        heading=heading,
+        balls=balls,
+        lifts=lifts,
+        yaws=yaws,
+        heels=heels,
+        rolls=rolls,
+        toes_up=toes_up,
+        points=points,
+        planted=planted,
+        carried=carried,
+        loads=loads,
+    )
 
 
 def _bump(x: Array, fall: float = 3.0) -> Array:

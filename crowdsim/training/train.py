@@ -22,6 +22,7 @@ from crowdsim.policy.rewards import target_body
 from crowdsim.training.behaviours import train_behaviour
 from crowdsim.training.fingerprint import capture_files, combine, fingerprints_of
 from crowdsim.training.recipe import Recipe, load_recipe, plain
+from crowdsim.training.solution import Solution
 
 
 def train_recipe(
@@ -145,11 +146,7 @@ def train_policy(
             behaviour, solution = train_behaviour(label, spec, database, actions, body, recipe.precision, progress)
             trained.append(behaviour)
             solutions[label] = solution
-            timings["behaviours"][label] = {
-                "seconds": time.perf_counter() - begun,
-                "solver_seconds": solution.seconds,
-                "updates_per_second": solution.updates / max(solution.seconds, 1e-9),
-            }
+            timings["behaviours"][label] = _timing(solution, time.perf_counter() - begun)
         behaviours, values = _join_tables(trained)
         policy = Policy(
             name=name,
@@ -166,6 +163,15 @@ def train_policy(
         )
         statistics = policy_statistics(policy, solutions)
     return Policy(**{**vars(policy), "statistics": statistics}), timings
+
+
+def _timing(solution: Solution, seconds: float) -> dict[str, float]:
+    """Return what a behaviour took, ``seconds`` in all."""
+    return {
+        "seconds": seconds,
+        "solver_seconds": solution.seconds,
+        "updates_per_second": solution.updates / max(solution.seconds, 1e-9),
+    }
 
 
 def _join_tables(behaviours: list[Behaviour]) -> tuple[tuple[Behaviour, ...], Array]:

@@ -99,10 +99,10 @@ def test_left_and_right_without_names_follow_the_way_the_body_faces(boxer):
 
 def test_proportions_of_a_human_fit_and_those_of_a_giraffe_do_not(boxer):
     clip, roles = boxer
-    assert misfit(clip.skeleton, roles) < 0.3
+    assert misfit(JointTree(clip.skeleton, None), roles) < 0.3
     offsets = clip.skeleton.offsets.copy()
     offsets[roles["head"]] *= 15.0
-    assert misfit(Skeleton(clip.skeleton.names, clip.skeleton.parents, offsets), roles) > 0.8
+    assert misfit(JointTree(Skeleton(clip.skeleton.names, clip.skeleton.parents, offsets), None), roles) > 0.8
 
 
 def test_a_skeleton_of_few_joints_is_no_body():
