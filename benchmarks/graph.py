@@ -52,8 +52,8 @@ from crowdsim.errors import MotionError
 from crowdsim.graph.motion_graph import MotionGraph, build_graph
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.graph.statistics import graph_statistics
-from crowdsim.motion.analysis import measure_clips
 from crowdsim.motion.database import MotionDatabase, build_database
+from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 
 HORIZON = 2.0

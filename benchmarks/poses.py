@@ -26,8 +26,8 @@ from pymotion.ops.skeleton_np import fk_quat
 
 from crowdsim.graph.motion_graph import MotionGraph, build_graph
 from crowdsim.motion import ground
-from crowdsim.motion.analysis import measure_clips
 from crowdsim.motion.database import MotionDatabase, build_database
+from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 from crowdsim.policy.alignment import align_actions
 from crowdsim.policy.rewards import target_body

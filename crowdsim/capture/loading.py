@@ -10,14 +10,21 @@ import numpy as np
 
 from crowdsim.bvh.io import Bvh, read_bvh, to_clip, turn_up
 from crowdsim.capture import units
-from crowdsim.capture.folding import backward_elbows, fold_forward
+from crowdsim.capture.folding import fold_elbows_forward
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import MotionError
-from crowdsim.motion.analysis import ClipAnalysis, MeasuredClip, analyse_clip
+from crowdsim.motion.analysis import ClipAnalysis, analyse_clip
 from crowdsim.motion.body import Body, standing_height
-from crowdsim.motion.cleaning import lead_in
 from crowdsim.motion.joint_tree import JointTree
-from crowdsim.motion.measuring import finite_frames, human_roles, measure_body, rests_like_a_body, sample_poses
+from crowdsim.motion.measuring import (
+    MeasuredClip,
+    finite_frames,
+    human_roles,
+    lead_in,
+    measure_body,
+    rests_like_a_body,
+    sample_poses,
+)
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip, Skeleton
 
@@ -129,8 +136,7 @@ def load_capture(path: FileName, unit: str | float | None = None, up_axis: str |
     clip = _in_metres(raw, scale or 1.0, axis or "y")
     finite = bool(finite_frames(clip).all())
     if roles and finite:
-        wrong = backward_elbows(clip, roles)
-        clip = fold_forward(clip, roles, wrong)
+        clip, wrong = fold_elbows_forward(clip, roles)
         notes.find(*(f"{role.replace('_', ' ')} folds backward, it is turned to fold forward" for role in wrong))
     if clip.frame_count <= 1:
         notes.fault("no frames, expected motion" if clip.frame_count == 0 else "a single frame, expected motion")

@@ -10,8 +10,9 @@ import numpy as np
 from crowdsim.core.types import Array, Progress
 from crowdsim.errors import MotionError
 from crowdsim.motion import ground, quaternion
-from crowdsim.motion.analysis import ClipAnalysis, MeasuredClip, analyse_clip
+from crowdsim.motion.analysis import ClipAnalysis, analyse_clip
 from crowdsim.motion.body import HEIGHT, Body
+from crowdsim.motion.measuring import MeasuredClip
 from crowdsim.motion.mirroring import mirrored
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip, Skeleton

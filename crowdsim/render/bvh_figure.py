@@ -12,11 +12,11 @@ import numpy as np
 from crowdsim.capture.loading import load_capture
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import BvhError
-from crowdsim.motion.cleaning import on_floor
+from crowdsim.motion.analysis import on_floor
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip
-from crowdsim.motion.tracks import build_tracks
+from crowdsim.motion.tracks import clip_tracks
 from crowdsim.render.figure import Figure, bone_capsules
 from crowdsim.render.source import no_hits
 
@@ -166,9 +166,7 @@ def bvh_source(path: FileName, fps: float | None = None, lead_in: bool = False) 
     if capture.body is not None:
         if clip.frame_count > 1:
             clip, _ = on_floor(clip, capture.body)
-        positions, rotations = clip_kinematics(clip)
-        stands = build_tracks(capture.body, positions, rotations).ground
-        return clip_source(clip, capture.body, stands), capture.findings
+        return clip_source(clip, capture.body, clip_tracks(clip, capture.body).ground), capture.findings
     return clip_source(_settled(clip, capture.unit_scale is None)), capture.findings
 
 

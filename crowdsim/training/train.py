@@ -190,8 +190,8 @@ def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None
         BvhError: A file is no BVH.
     """
     from crowdsim.capture.loading import Capture, load_capture, usable_clip
-    from crowdsim.motion.analysis import MeasuredClip, measure_clips
     from crowdsim.motion.database import build_database
+    from crowdsim.motion.measuring import MeasuredClip, measure_clips
     from crowdsim.performer.session import perform
     from crowdsim.training.strikeless import require_no_strikes
 

@@ -15,8 +15,8 @@ from crowdsim.graph.settings import GraphSettings
 from crowdsim.graph.states import graph_of_transitions
 from crowdsim.graph.statistics import frames_kept_by_clip, graph_statistics
 from crowdsim.graph.transitions import Transitions
-from crowdsim.motion.analysis import measure_clips
 from crowdsim.motion.database import build_database
+from crowdsim.motion.measuring import measure_clips
 
 
 def transitions_of(edges):

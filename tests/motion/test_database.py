@@ -13,9 +13,9 @@ from scipy.ndimage import maximum_filter1d
 from crowdsim.bvh.io import to_clip
 from crowdsim.errors import MotionError
 from crowdsim.motion import ground
-from crowdsim.motion.analysis import measure_clips
 from crowdsim.motion.database import build_database
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.motion.measuring import measure_clips
 from crowdsim.motion.roles import find_roles
 from crowdsim.motion.tracks import build_tracks, speeds
 from crowdsim.performer.session import perform, perform_solo

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from crowdsim.motion.analysis import measure_clips
 from crowdsim.motion.database import build_database
+from crowdsim.motion.measuring import measure_clips
 from crowdsim.motion.strike_kinds import HEIGHTS, KINDS, strike_heights, strike_kinds
 from crowdsim.performer.session import perform
 

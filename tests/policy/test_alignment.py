@@ -7,10 +7,10 @@ import pytest
 
 from crowdsim.graph.motion_graph import build_graph
 from crowdsim.motion import ground
-from crowdsim.motion.analysis import measure_clips
 from crowdsim.motion.contacts import stand_spans
 from crowdsim.motion.database import build_database
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 from crowdsim.policy.actions import STEP, build_actions
 from crowdsim.policy.alignment import HARDLY, SETTLED, align_actions, align_cuts

@@ -8,8 +8,8 @@ import pytest
 from crowdsim.errors import TakeError
 from crowdsim.graph.motion_graph import build_graph
 from crowdsim.motion import ground
-from crowdsim.motion.analysis import measure_clips
 from crowdsim.motion.database import build_database
+from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 from crowdsim.policy.rewards import target_body
 from crowdsim.render.stage import build_stage

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from crowdsim.motion import ground
-from crowdsim.motion.analysis import measure_clips
 from crowdsim.motion.database import MotionDatabase, build_database
+from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 from crowdsim.policy.rewards import target_body
 from crowdsim.take.poses import PoseSampler

@@ -9,9 +9,9 @@ import pytest
 from turns import about
 
 from crowdsim.motion import quaternion
-from crowdsim.motion.cleaning import lead_in, on_floor
+from crowdsim.motion.analysis import on_floor
 from crowdsim.motion.kinematics import clip_kinematics
-from crowdsim.motion.measuring import measure_body
+from crowdsim.motion.measuring import lead_in, measure_body
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip
 from crowdsim.performer.session import perform
