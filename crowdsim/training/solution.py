@@ -67,19 +67,7 @@ class SweepModel(NamedTuple):
 
 def sweep_model(model: Model) -> SweepModel:
     """Return the model's arrays for compiled code."""
-    return SweepModel(
-        model.offsets,
-        model.next,
-        model.discounts,
-        model.lowers,
-        model.shares,
-        model.steps,
-        model.probabilities,
-        model.near,
-        model.landed,
-        model.landed_cells,
-        model.landed_rewards,
-    )
+    return SweepModel(*(getattr(model, name) for name in SweepModel._fields))
 
 
 def q_table(model: Model, values: Array) -> Array:
