@@ -11,7 +11,7 @@ import numpy as np
 from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.rewards import ProximityTerm
 from crowdsim.training.behaviours import train_behaviour
-from crowdsim.training.evaluation import Episodes, random_starts, run_episodes
+from crowdsim.training.evaluation import Composition, Episodes, EpisodeSettings, random_starts, run_episodes
 from crowdsim.training.fingerprint import capture_files
 from crowdsim.training.ranges import strike_reach
 from crowdsim.training.recipe import BehaviourSpec, Recipe, load_recipe
@@ -99,10 +99,18 @@ def reference(policy: Policy, name: str, spec: BehaviourSpec) -> Behaviour:
     return train(policy, name, changed(spec, counts, lookup="v", finer=1))
 
 
-def play(policy: Policy, behaviour: Behaviour, states: Any, targets: Any, **options: Any) -> Episodes:
+def play(
+    policy: Policy,
+    behaviour: Behaviour,
+    states: Any,
+    targets: Any,
+    composition: Composition | None = None,
+    threads: int = 1,
+    **options: Any,
+) -> Episodes:
     """Return what came of a behaviour from each start."""
-    rate = policy.database.control_rate
-    return run_episodes(policy.actions, behaviour, policy.body, rate, states, targets, **options)
+    rate, settings = policy.database.control_rate, EpisodeSettings(**options)
+    return run_episodes(policy.actions, behaviour, policy.body, rate, states, targets, settings, composition, threads)
 
 
 def starts_for(policy: Policy, spec: BehaviourSpec, count: int) -> tuple[Any, Any]:

@@ -53,6 +53,7 @@ from crowdsim.graph.motion_graph import MotionGraph, build_graph
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.graph.statistics import graph_statistics
 from crowdsim.motion.database import MotionDatabase, build_database
+from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 
 HORIZON = 2.0
@@ -216,13 +217,13 @@ def trade_off(database: MotionDatabase, starts: int) -> dict[str, list[dict[str,
 
 def performed(seconds: float) -> MotionDatabase:
     """Return a database of the performer."""
-    return build_database([performance.clip for performance in perform(seconds, seed=0)])
+    return build_database(measure_clips([performance.clip for performance in perform(seconds, seed=0)]))
 
 
 def captured(folder: Path, most: int | None = None) -> MotionDatabase:
     """Return a database of the fight clips of real capture, the first few or all, and their mirror images."""
     clips = [to_clip(read_bvh(path), 0.01) for path in sorted((folder / "fight_daz").glob("*.bvh"))[:most]]
-    return build_database(clips, mirror=True)
+    return build_database(measure_clips(clips), mirror=True)
 
 
 def time_build(seconds: float) -> dict[str, float]:

@@ -32,8 +32,8 @@ from scipy.spatial import KDTree
 
 from crowdsim.capture.loading import load_capture, usable_clip
 from crowdsim.motion import ground, quaternion
+from crowdsim.motion.analysis import on_floor
 from crowdsim.motion.body import HEIGHT, Body, build_body
-from crowdsim.motion.cleaning import on_floor
 from crowdsim.motion.contacts import find_contacts, runs
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.resampling import resample

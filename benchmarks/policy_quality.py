@@ -70,10 +70,9 @@ def judge(
         threads: Threads to use.
     """
     states, targets = starts_for(policy, spec, sizes.starts)
-    options = {"threads": threads, "within": wanted_within(fine)}
 
     def done(one: Behaviour, some: slice = slice(None), **more: Any) -> Episodes:
-        return play(policy, one, states[some], targets[some], **options, **more)
+        return play(policy, one, states[some], targets[some], threads=threads, within=wanted_within(fine), **more)
 
     few = slice(0, sizes.searched)
     own = done(fine, composition=ours) if isinstance(ours, Composition) else done(ours)

@@ -27,6 +27,7 @@ from pymotion.ops.skeleton_np import fk_quat
 from crowdsim.graph.motion_graph import MotionGraph, build_graph
 from crowdsim.motion import ground
 from crowdsim.motion.database import MotionDatabase, build_database
+from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 from crowdsim.policy.alignment import align_actions
 from crowdsim.policy.rewards import target_body
@@ -126,7 +127,7 @@ def measure(
     avatars: int, seconds: float, repeats: int, crowded: int = 10_000, performed: float = 120
 ) -> dict[str, Any]:
     """Return poses a second; of ``crowded`` avatars in single frames, after a performance of some seconds."""
-    database = build_database([performance.clip for performance in perform(performed, 1)])
+    database = build_database(measure_clips([performance.clip for performance in perform(performed, 1)]))
     graph = build_graph(database)
     actions = align_actions(database, graph)
     database = with_fingers(database)

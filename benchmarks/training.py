@@ -29,7 +29,7 @@ from crowdsim.policy.environment import Axis, Grid, build_grid
 from crowdsim.policy.policy import Behaviour
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, Term
 from crowdsim.training import solver_kernels
-from crowdsim.training.evaluation import run_episodes
+from crowdsim.training.evaluation import EpisodeSettings, run_episodes
 from crowdsim.training.model import Model, Movement, build_model, build_movement
 from crowdsim.training.q_learning import q_learning
 from crowdsim.training.solution import Solution, sweep_model
@@ -158,9 +158,8 @@ def mean_return(actions: Actions, grid: Grid, terms: tuple[Term, ...], solution:
     draw = np.random.default_rng(3)
     states = draw.integers(0, actions.state_count, 2000)
     targets = grid.targets()[draw.integers(0, grid.cells, 2000)]
-    episodes = run_episodes(
-        actions, behaviour, TargetBody(), RATE, states, targets, seconds=10.0, target_speed=speed, seed=4, threads=2
-    )
+    settings = EpisodeSettings(seconds=10.0, target_speed=speed, seed=4)
+    episodes = run_episodes(actions, behaviour, TargetBody(), RATE, states, targets, settings, threads=2)
     return float(episodes.returns.mean())
 
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from crowdsim.core.types import FileName
 from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, ScenarioError, nearest
-
-FileName = str | os.PathLike[str]
 
 
 def folders(kind: str) -> list[Path]:

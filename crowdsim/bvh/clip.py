@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from crowdsim.bvh.channel_kernels import channels_to_quaternions, quaternions_to_channels
 from crowdsim.bvh.file import AXIS, Bvh
+from crowdsim.core.types import Array
 from crowdsim.errors import BvhError, nearest
 from crowdsim.motion.skeleton import Clip, Skeleton
-
-Array = NDArray[Any]
 
 UP_AXES: dict[str, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
     "y": ((0, 1, 2), (1, 1, 1)),
@@ -73,16 +71,8 @@ def to_clip(bvh: Bvh, unit_scale: float = 1.0, up_axis: str = "y") -> Clip:
     offsets = turn_up(bvh.offsets[:joints] * unit_scale, up_axis)
     rotations = _read_rotations(bvh, joints, up_axis)
     moves = _read_positions(bvh, joints, unit_scale, up_axis)
-    roots_at = moves.pop(0, None)
-    if roots_at is None:
-        roots_at = np.repeat(offsets[:1], frames, axis=0)
-    for joint in list(moves):
-        places = moves[joint]
-        if frames and np.isfinite(places).all():
-            low, high = places.min(axis=0), places.max(axis=0)
-            if (high - low).max() <= _STILL * np.abs(places).max():
-                offsets[joint] = places[0] if (high == low).all() else np.median(places, axis=0)
-                del moves[joint]
+    roots_at = moves.pop(0, np.repeat(offsets[:1], frames, axis=0))
+    _settle(moves, offsets)
     translations = None
     if moves and frames:
         translations = np.repeat(offsets[None], frames, axis=0)
@@ -143,6 +133,17 @@ def _read_positions(bvh: Bvh, joints: int, unit_scale: float, up_axis: str) -> d
                 places[:, axis] = bvh.motion[:, int(starts[joint]) + place]
             moves[joint] = turn_up(places * unit_scale, up_axis)
     return moves
+
+
+def _settle(moves: dict[int, Array], offsets: Array) -> None:
+    """Make the positions of joints that do not move their offsets (J, 3), and leave the others in ``moves``."""
+    for joint in list(moves):
+        places = moves[joint]
+        if len(places) and np.isfinite(places).all():
+            low, high = places.min(axis=0), places.max(axis=0)
+            if (high - low).max() <= _STILL * np.abs(places).max():
+                offsets[joint] = places[0] if (high == low).all() else np.median(places, axis=0)
+                del moves[joint]
 
 
 def check_orders(orders: str | Sequence[str], joints: int) -> tuple[str, ...]:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from crowdsim.core.types import Array
 
 CHANNELS = {
     letter.lower() + kind: letter + kind for kind in ("position", "rotation", "scale") for letter in ("X", "Y", "Z")

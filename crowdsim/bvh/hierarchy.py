@@ -1,4 +1,4 @@
-"""Reads the HIERARCHY part of BVH text, which exporters write in many ways."""
+"""Reads BVH text up to the first row of motion, which exporters write in many ways."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import math
 import re
 from dataclasses import dataclass, field
 
-from crowdsim.bvh.file import CHANNELS
+from crowdsim.bvh.file import CHANNELS, snap_rate
 from crowdsim.errors import BvhError, nearest
 
 _TOKEN = re.compile(rb"\s*([{}]|[^\s{}]+)")
 _NUMBER = re.compile(rb"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
 _BAD_NUMBER = re.compile(rb"([+-]?)(?:1\.#)?(nan|inf|infinity|qnan|snan|ind|j)\d*(\([a-z0-9]*\))?", re.IGNORECASE)
 _LINE_END = re.compile(rb"\r\n|\r|\n")
+_FRAMES = re.compile(rb"\s*frames\s*(?::\s*)?([^\s]+)", re.IGNORECASE)
+_FRAME_TIME = re.compile(rb"\s*frame\s*time\s*(?::\s*)?([^\s]+)", re.IGNORECASE)
 _LONGEST_NAME = 256
 _MOST_FINDINGS = 20
 
@@ -227,3 +229,49 @@ def _read_channels(scanner: Scanner) -> tuple[str, ...]:
         scanner.next()
         raise scanner.error(f"{count} channels, as CHANNELS says")
     return tuple(names)
+
+
+def read_motion_head(scanner: Scanner) -> tuple[int, float, float]:
+    """Read MOTION, Frames: and Frame Time:; return the frames declared, the frame time [s] and the rate."""
+    if scanner.next() == b"":
+        scanner.find("the file ends after the hierarchy, without MOTION")
+        return 0, 0.0, snap_rate("", 0.0)
+    if scanner.data[scanner.start : scanner.at].lower() != b"motion":
+        raise scanner.error("'ROOT' or 'MOTION'")
+    declared: int | None = None
+    time_token: bytes | None = None
+    while declared is None or time_token is None:
+        if scanner.peek() == b"":
+            scanner.start = len(scanner.data)
+            scanner.find(f"the file ends before {'Frames' if declared is None else 'Frame Time'}:")
+            break
+        frames = _FRAMES.match(scanner.data, scanner.at) if declared is None else None
+        times = _FRAME_TIME.match(scanner.data, scanner.at) if time_token is None else None
+        if frames:
+            scanner.start, scanner.at = frames.start(1), frames.end()
+            declared = _whole_number(scanner, frames[1])
+        elif times:
+            scanner.start, scanner.at = times.start(1), times.end()
+            time_token = times[1]
+        else:
+            scanner.next()
+            raise scanner.error("'Frames:' and a number" if declared is None else "'Frame Time:' and a number")
+    if time_token is None:
+        return declared or 0, 0.0, snap_rate("", 0.0)
+    frame_time = read_number(time_token)
+    if frame_time is None:
+        raise scanner.error("a number of seconds")
+    fps = snap_rate(time_token.decode(), frame_time)
+    if not 1e-9 < frame_time < 1e9:
+        scanner.find(f"frame time is {show(time_token)}, {fps:g} frames a second taken")
+    elif not 1.0 <= fps <= 2000.0:
+        scanner.find(f"frame time {show(time_token)} means {fps:.6g} frames a second")
+    return declared or 0, frame_time, fps
+
+
+def _whole_number(scanner: Scanner, token: bytes) -> int:
+    """Return the number of frames that a token says."""
+    number = read_number(token)
+    if number is None or not 0 <= number < 1e18 or number != int(number):
+        raise scanner.error("a number of frames")
+    return int(token) if token.isdigit() else int(number)

@@ -4,29 +4,23 @@ from __future__ import annotations
 
 import codecs
 import os
-import re
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from crowdsim.bvh.file import Bvh, quoted, snap_rate
-from crowdsim.bvh.hierarchy import Hierarchy, Scanner, read_hierarchy, read_number, show
+from crowdsim.bvh.file import Bvh, quoted
+from crowdsim.bvh.hierarchy import Hierarchy, Scanner, read_hierarchy, read_motion_head, read_number, show
 from crowdsim.bvh.kernels import count_by_line, parse_numbers
+from crowdsim.core.types import Array, FileName
 from crowdsim.errors import BvhError
 
-Array = NDArray[Any]
-
-_FRAMES = re.compile(rb"\s*frames\s*(?::\s*)?([^\s]+)", re.IGNORECASE)
-_FRAME_TIME = re.compile(rb"\s*frame\s*time\s*(?::\s*)?([^\s]+)", re.IGNORECASE)
 _HARD_TOKENS = 4096
 _MOST_FINDINGS = 8
 
 
-def read_bvh(path: str | os.PathLike[str]) -> Bvh:
+def read_bvh(path: FileName) -> Bvh:
     """Read a BVH file as it stands; what is odd but readable becomes a finding.
 
     Raises:
@@ -44,7 +38,7 @@ def parse_bvh(data: bytes, path: str = "") -> Bvh:
     names = _unique_names(tree, encoding, scanner)
     channels = tuple(own or () for own in tree.channels)
     columns = sum(map(len, channels))
-    declared, frame_time, fps = _read_motion_head(scanner)
+    declared, frame_time, fps = read_motion_head(scanner)
     motion = _read_motion(scanner, columns, declared)
     _check_tree(scanner, tree, names, columns)
     bvh = Bvh(
@@ -68,7 +62,7 @@ def parse_bvh(data: bytes, path: str = "") -> Bvh:
     return replace(bvh, findings=tuple(scanner.findings), faults=tuple(scanner.faults))
 
 
-def _load(path: str | os.PathLike[str]) -> bytes:
+def _load(path: FileName) -> bytes:
     """Return the bytes of a regular file."""
     if Path(path).is_dir():
         raise BvhError(f"{path}: is a folder, expected a BVH file")
@@ -128,52 +122,6 @@ def _check_tree(scanner: Scanner, tree: Hierarchy, names: tuple[str, ...], colum
         scanner.findings.append(f"{where}: joint {quoted(scaled[0])} has scale channels, which are not used")
     if columns == 0:
         scanner.fault(f"{where}: no joint has channels, so nothing moves")
-
-
-def _read_motion_head(scanner: Scanner) -> tuple[int, float, float]:
-    """Read MOTION, Frames: and Frame Time:; return the frames declared, the frame time [s] and the rate."""
-    if scanner.next() == b"":
-        scanner.find("the file ends after the hierarchy, without MOTION")
-        return 0, 0.0, snap_rate("", 0.0)
-    if scanner.data[scanner.start : scanner.at].lower() != b"motion":
-        raise scanner.error("'ROOT' or 'MOTION'")
-    declared: int | None = None
-    time_token: bytes | None = None
-    while declared is None or time_token is None:
-        if scanner.peek() == b"":
-            scanner.start = len(scanner.data)
-            scanner.find(f"the file ends before {'Frames' if declared is None else 'Frame Time'}:")
-            break
-        frames = _FRAMES.match(scanner.data, scanner.at) if declared is None else None
-        times = _FRAME_TIME.match(scanner.data, scanner.at) if time_token is None else None
-        if frames:
-            scanner.start, scanner.at = frames.start(1), frames.end()
-            declared = _whole_number(scanner, frames[1])
-        elif times:
-            scanner.start, scanner.at = times.start(1), times.end()
-            time_token = times[1]
-        else:
-            scanner.next()
-            raise scanner.error("'Frames:' and a number" if declared is None else "'Frame Time:' and a number")
-    if time_token is None:
-        return declared or 0, 0.0, snap_rate("", 0.0)
-    frame_time = read_number(time_token)
-    if frame_time is None:
-        raise scanner.error("a number of seconds")
-    fps = snap_rate(time_token.decode(), frame_time)
-    if not 1e-9 < frame_time < 1e9:
-        scanner.find(f"frame time is {show(time_token)}, {fps:g} frames a second taken")
-    elif not 1.0 <= fps <= 2000.0:
-        scanner.find(f"frame time {show(time_token)} means {fps:.6g} frames a second")
-    return declared or 0, frame_time, fps
-
-
-def _whole_number(scanner: Scanner, token: bytes) -> int:
-    """Return the number of frames that a token says."""
-    number = read_number(token)
-    if number is None or not 0 <= number < 1e18 or number != int(number):
-        raise scanner.error("a number of frames")
-    return int(token) if token.isdigit() else int(number)
 
 
 def _read_motion(scanner: Scanner, columns: int, declared: int) -> Array:

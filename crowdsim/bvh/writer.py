@@ -7,19 +7,16 @@ import uuid
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.bvh.clip import channel_motion, file_order, from_clip
 from crowdsim.bvh.file import Bvh
 from crowdsim.bvh.hierarchy import Scanner
 from crowdsim.bvh.kernels import format_numbers
+from crowdsim.core.types import Array, FileName
 from crowdsim.errors import BvhError, OutputError
 from crowdsim.motion.skeleton import Clip, Skeleton
-
-Array = NDArray[Any]
 
 _MOST_DECIMALS = 12
 _DEEPEST_INDENT = 64
@@ -120,7 +117,7 @@ def _blocks(bvh: Bvh, decimals: int) -> Iterator[bytes | bytearray]:
 
 
 def write_bvh(
-    path: str | os.PathLike[str],
+    path: FileName,
     motion: Bvh | Clip,
     order: str | Sequence[str] = "ZXY",
     unit_scale: float = 0.01,
@@ -161,7 +158,7 @@ class BvhWriter:
 
     def __init__(
         self,
-        path: str | os.PathLike[str],
+        path: FileName,
         skeleton: Skeleton,
         fps: float,
         frames: int,
@@ -254,7 +251,7 @@ class BvhWriter:
             raise _cannot_write(self.path, error) from error
 
 
-def _temporary_beside(path: str | os.PathLike[str]) -> Path:
+def _temporary_beside(path: FileName) -> Path:
     """Create an empty file in the folder of ``path``, so that renaming stays on one disk."""
     temporary = Path(path).parent / f".{Path(path).name[:100]}.{uuid.uuid4().hex}.part"
     try:
@@ -264,7 +261,7 @@ def _temporary_beside(path: str | os.PathLike[str]) -> Path:
     return temporary
 
 
-def _cannot_write(path: str | os.PathLike[str], error: OSError) -> OutputError:
+def _cannot_write(path: FileName, error: OSError) -> OutputError:
     return OutputError(f"{os.fspath(path)}: cannot be written: {error.strerror or error}")
 
 

@@ -9,17 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.measuring import rests_like_a_body
 from crowdsim.motion.skeleton import Clip, Skeleton
-
-Array = NDArray[Any]
 
 SIDES = ("left", "right")
 _BENT = np.sin(np.deg2rad(20.0))
@@ -30,6 +27,12 @@ _ONE_AXIS = 0.9
 """Length of the mean of unit axes above which they are one."""
 _BACKWARD = 0.5
 """How plainly a forearm has to go back and down, 1 wholly."""
+
+
+def fold_elbows_forward(clip: Clip, roles: Mapping[str, int]) -> tuple[Clip, tuple[str, ...]]:
+    """Return a clip whose elbows all fold forward, and the roles of those that did not (``backward_elbows``)."""
+    wrong = backward_elbows(clip, roles)
+    return fold_forward(clip, roles, wrong), wrong
 
 
 def backward_elbows(clip: Clip, roles: Mapping[str, int]) -> tuple[str, ...]:

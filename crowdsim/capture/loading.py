@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
-import os
 import re
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.bvh.io import Bvh, read_bvh, to_clip, turn_up
 from crowdsim.capture import units
-from crowdsim.capture.folding import backward_elbows, fold_forward
+from crowdsim.capture.folding import fold_elbows_forward
+from crowdsim.core.types import Array, FileName
 from crowdsim.errors import MotionError
+from crowdsim.motion.analysis import ClipAnalysis, analyse_clip
 from crowdsim.motion.body import Body, standing_height
-from crowdsim.motion.cleaning import lead_in
 from crowdsim.motion.joint_tree import JointTree
-from crowdsim.motion.measuring import finite_frames, human_roles, measure_body, rests_like_a_body, sample_poses
+from crowdsim.motion.measuring import (
+    MeasuredClip,
+    finite_frames,
+    human_roles,
+    lead_in,
+    measure_body,
+    rests_like_a_body,
+    sample_poses,
+)
+from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip, Skeleton
 
-Array = NDArray[Any]
+ANALYSIS_RATE = 60.0
+"""Rate at which contacts and strikes of a file are found [1/s]."""
 
 _FLIP = np.deg2rad(100.0)
 _FLIP_SPEED = 50.0
@@ -39,6 +48,7 @@ class Capture:
         clip: Its motion, y up, in metres where the scale is known and in file units where it is not; all frames,
             lead-in included. Elbows that fold backward in the file fold forward in it. Without a frame when the file
             has none.
+        finite: Whether every number of the motion is finite.
         body: The human body on its skeleton; None when there is none, or no scale for it.
         roles: Joint of each role; empty when this is no human body.
         unit_scale: Metres in a file unit; None when unknown.
@@ -50,21 +60,54 @@ class Capture:
 
     bvh: Bvh
     clip: Clip
+    finite: bool
     body: Body | None
     roles: dict[str, int]
     unit_scale: float | None
     up_axis: str | None
     lead_in: int
     findings: tuple[str, ...]
-    faults: tuple[str, ...] = ()
+    faults: tuple[str, ...]
 
     @property
     def motion(self) -> Clip:
         """The clip without its lead-in."""
         return self.clip.sliced(self.lead_in, self.clip.frame_count)
 
+    @property
+    def start(self) -> float:
+        """Time in the file at which the motion begins [s]."""
+        return self.lead_in / self.clip.fps
 
-def load_capture(path: str | os.PathLike[str], unit: str | float | None = None, up_axis: str | None = None) -> Capture:
+    @cached_property
+    def analysis(self) -> ClipAnalysis | None:
+        """Contacts and strikes of the motion, at ``ANALYSIS_RATE``; None without a body that moves."""
+        motion = self.motion
+        if self.body is None or motion.frame_count < 2:
+            return None
+        if not (np.isfinite(motion.root_positions).all() and np.isfinite(motion.rotations).all()):
+            return None
+        return analyse_clip(resample(motion, ANALYSIS_RATE), self.body)
+
+
+class _Notes:
+    """Collects what is odd about a file."""
+
+    def __init__(self, bvh: Bvh) -> None:
+        self.findings = [without_path(finding, bvh.path) for finding in bvh.findings]
+        self.faults = [without_path(fault, bvh.path) for fault in bvh.faults]
+
+    def find(self, *what: str) -> None:
+        """Note findings."""
+        self.findings.extend(what)
+
+    def fault(self, *what: str) -> None:
+        """Note findings for which the file cannot be trained on."""
+        self.findings.extend(what)
+        self.faults.extend(what)
+
+
+def load_capture(path: FileName, unit: str | float | None = None, up_axis: str | None = None) -> Capture:
     """Read a BVH file and find out what it is.
 
     Args:
@@ -79,48 +122,46 @@ def load_capture(path: str | os.PathLike[str], unit: str | float | None = None, 
     scale = None if unit is None else units.parse_unit(unit)
     axis = None if up_axis is None else units.parse_up_axis(up_axis)
     bvh = read_bvh(path)
-    findings = [without_path(finding, str(path)) for finding in bvh.findings]
-    faults = [without_path(fault, str(path)) for fault in bvh.faults]
-
-    def fault(what: str) -> None:
-        findings.append(what)
-        faults.append(what)
-
-    raw = to_clip(bvh)
+    raw, notes = to_clip(bvh), _Notes(bvh)
     poses = sample_poses(raw)[0]
-    roles = human_roles(raw)
+    roles = human_roles(raw.skeleton, poses)
     if not roles:
-        fault(f"no human body found in {raw.skeleton.joint_count} joints: {_names(raw.skeleton)}")
+        notes.fault(f"no human body found in {raw.skeleton.joint_count} joints: {_names(raw.skeleton)}")
     if axis is None:
         axis = _find_up_axis(raw.skeleton, roles, poses)
         if axis is None:
-            findings.append("up axis unknown, y is taken: the body is neither upright nor keeps to a floor")
-    if scale is None and roles:
-        height = standing_height(raw.skeleton, roles, poses[0] if len(poses) else None)
-        scale = units.find_scale(height)
-        if scale is None:
-            fault(units.describe_heights(height))
-    elif scale is None:
-        fault("unknown scale: without a human body there is nothing to measure it by")
+            notes.find("up axis unknown, y is taken: the body is neither upright nor keeps to a floor")
+    if scale is None:
+        scale = _find_scale(raw.skeleton, roles, poses, notes)
     clip = _in_metres(raw, scale or 1.0, axis or "y")
-    if roles and bool(finite_frames(clip).all()):
-        wrong = backward_elbows(clip, roles)
-        clip = fold_forward(clip, roles, wrong)
-        findings.extend(f"{role.replace('_', ' ')} folds backward, it is turned to fold forward" for role in wrong)
+    finite = bool(finite_frames(clip).all())
+    if roles and finite:
+        clip, wrong = fold_elbows_forward(clip, roles)
+        notes.find(*(f"{role.replace('_', ' ')} folds backward, it is turned to fold forward" for role in wrong))
     if clip.frame_count <= 1:
-        fault("no frames, expected motion" if clip.frame_count == 0 else "a single frame, expected motion")
+        notes.fault("no frames, expected motion" if clip.frame_count == 0 else "a single frame, expected motion")
     body = measure_body(clip, roles) if roles and scale is not None else None
     start = 0
-    if clip.frame_count > 1 and bool(finite_frames(clip).all()):
+    if clip.frame_count > 1 and finite:
         start = lead_in(clip, body) if body is not None else 0
-        for flip in _flips(clip, start):
-            fault(flip)
-        findings.extend(_moving_joints(clip, body))
-    return Capture(bvh, clip, body, roles, scale, axis, start, tuple(findings), tuple(faults))
+        notes.fault(*_flips(clip, start))
+        notes.find(*_moving_joints(clip, body))
+    return Capture(
+        bvh=bvh,
+        clip=clip,
+        finite=finite,
+        body=body,
+        roles=roles,
+        unit_scale=scale,
+        up_axis=axis,
+        lead_in=start,
+        findings=tuple(notes.findings),
+        faults=tuple(notes.faults),
+    )
 
 
-def usable_clip(capture: Capture, strict: bool = True) -> Clip:
-    """Return a capture's clip, lead-in included, if it can be trained on.
+def usable_clip(capture: Capture, strict: bool = True) -> MeasuredClip:
+    """Return a capture's clip with its body and lead-in, if it can be trained on.
 
     Args:
         capture: The capture.
@@ -129,9 +170,9 @@ def usable_clip(capture: Capture, strict: bool = True) -> Clip:
     Raises:
         MotionError: It cannot: the file and every reason, a line each.
     """
-    whole = capture.body is not None and capture.clip.frame_count > 1 and bool(finite_frames(capture.clip).all())
-    if whole and not (strict and capture.faults):
-        return capture.clip
+    usable = capture.finite and capture.clip.frame_count > 1 and not (strict and capture.faults)
+    if capture.body is not None and usable:
+        return MeasuredClip(capture.clip, capture.body, capture.lead_in)
     source = capture.clip.source
     raise MotionError("\n".join(f"{source}: {fault}" for fault in capture.faults))
 
@@ -146,6 +187,18 @@ def without_path(finding: str, path: str) -> str:
 def _names(skeleton: Skeleton) -> str:
     shown = ", ".join(skeleton.names[:6])
     return shown + (" ..." if skeleton.joint_count > 6 else "")
+
+
+def _find_scale(skeleton: Skeleton, roles: dict[str, int], poses: Array, notes: _Notes) -> float | None:
+    """Metres in a file unit by the height of the body; None when nothing tells, which is a fault."""
+    if not roles:
+        notes.fault("unknown scale: without a human body there is nothing to measure it by")
+        return None
+    height = standing_height(skeleton, roles, poses[0] if len(poses) else None)
+    scale = units.find_scale(height)
+    if scale is None:
+        notes.fault(units.describe_heights(height))
+    return scale
 
 
 def _find_up_axis(skeleton: Skeleton, roles: dict[str, int], poses: Array) -> str | None:

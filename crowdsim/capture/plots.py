@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.capture.loading import Capture
-from crowdsim.capture.report import Study
+from crowdsim.core.types import Array
 from crowdsim.figures import new_figure, save_figure
 from crowdsim.motion import ground, quaternion
+from crowdsim.motion.analysis import ClipAnalysis
 from crowdsim.motion.body import HEIGHT, ROLES
 from crowdsim.motion.contacts import runs
+from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.measuring import rests_like_a_body, sample_poses
+from crowdsim.motion.skeleton import Skeleton
 from crowdsim.motion.strikes import MINIMUM_SPEED, REASONS, Rejection, fist_speed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[Any]
 
 _SIDES = ("left", "right")
 _COLOURS = ("tab:blue", "tab:red")
@@ -28,25 +30,25 @@ _NEUTRAL = "0.25"
 _FIGURES = 12
 
 
-def plot_capture(capture: Capture, study: Study | None, folder: Path) -> list[Path]:
+def plot_capture(capture: Capture, folder: Path) -> list[Path]:
     """Write the pictures that a capture allows into a folder, and return their paths."""
     figures = {"skeleton": skeleton_figure(capture)}
-    if study is not None:
-        figures["path"] = path_figure(study)
-        figures["time"] = time_figure(study, capture.body.height if capture.body else HEIGHT)
-        figures["figures"] = pose_figure(capture, study)
+    analysis = capture.analysis
+    if analysis is not None:
+        figures["path"] = path_figure(analysis)
+        figures["time"] = time_figure(analysis, capture.start)
+        figures["figures"] = pose_figure(analysis, capture.start)
     name = capture.clip.name
     return [save_figure(figure, folder / f"{name}_{part}.png") for part, figure in figures.items()]
 
 
-def _joint_colour(capture: Capture, joint: int) -> str:
+def _joint_colour(skeleton: Skeleton, roles: Mapping[str, int], joint: int) -> str:
     """Blue under a left limb's root, red under a right one's."""
-    parents = capture.clip.skeleton.parents
-    tops = {capture.roles.get(f"{side}_{part}"): side for side in _SIDES for part in ("hip", "shoulder")}
+    tops = {roles.get(f"{side}_{part}"): side for side in _SIDES for part in ("hip", "shoulder")}
     while joint >= 0:
         if joint in tops:
             return _COLOURS[_SIDES.index(tops[joint])]
-        joint = int(parents[joint])
+        joint = int(skeleton.parents[joint])
     return _NEUTRAL
 
 
@@ -59,14 +61,14 @@ def skeleton_figure(capture: Capture) -> Figure:
         # From the front the figure's left is on the viewer's right, from the side it looks to the right.
         across = 0 if view == "front" else 2
         for joint, parent in enumerate(skeleton.parents):
-            colour = _joint_colour(capture, joint)
+            colour = _joint_colour(skeleton, capture.roles, joint)
             if parent >= 0:
                 bone = places[[parent, joint]]
                 axes.plot(bone[:, across], bone[:, 1], color=colour, lw=1.5)
             axes.plot(places[joint, across], places[joint, 1], "o", ms=3, color=colour)
         for parent, end in zip(skeleton.end_parents, ends, strict=True):
             bone = np.stack([places[parent], end])
-            axes.plot(bone[:, across], bone[:, 1], ":", color=_joint_colour(capture, int(parent)), lw=1)
+            axes.plot(bone[:, across], bone[:, 1], ":", color=_joint_colour(skeleton, capture.roles, int(parent)), lw=1)
         _name_roles(axes, capture, places, view)
         # Both views have one scale, with room for names beside.
         middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
@@ -134,7 +136,7 @@ def _name_roles(axes: Any, capture: Capture, places: Array, view: str) -> None:
                 (place[across], place[1]),
                 xytext=(sign * reach, height),
                 fontsize=8,
-                color=_joint_colour(capture, roles[role]),
+                color=_joint_colour(capture.clip.skeleton, roles, roles[role]),
                 ha="left" if sign > 0 else "right",
                 va="center",
                 arrowprops={"arrowstyle": "-", "color": "0.75", "lw": 0.6, "shrinkA": 2, "shrinkB": 2},
@@ -149,19 +151,19 @@ def _spread(heights: Array, gap: float) -> Array:
     return spread + (np.mean(heights) - np.mean(spread) if len(spread) else 0.0)
 
 
-def path_figure(study: Study) -> Figure:
+def path_figure(analysis: ClipAnalysis) -> Figure:
     """Draw the way of the pelvis from above, with where it looks every second, and the planted feet.
 
     Seen from above, with z to the right, x points up: neither axis is turned round.
     """
     figure = new_figure(8, 7)
     axes = figure.subplots()
-    places = study.tracks.ground
+    places = analysis.tracks.ground
     axes.plot(places[:, 1], places[:, 0], color=_NEUTRAL, lw=1, label="pelvis")
-    every = places[:: round(study.clip.fps)]
+    every = places[:: round(analysis.clip.fps)]
     axes.quiver(every[:, 1], every[:, 0], np.cos(every[:, 2]), np.sin(every[:, 2]), width=0.004, scale=22)
     for foot, (side, colour) in enumerate(zip(_SIDES, _COLOURS, strict=True)):
-        planted = study.tracks.balls[study.contacts[:, foot], foot]
+        planted = analysis.tracks.balls[analysis.contacts[:, foot], foot]
         axes.plot(planted[:, 2], planted[:, 0], ".", ms=3, color=colour, alpha=0.4, label=f"{side} foot planted")
     axes.plot(places[0, 1], places[0, 0], "o", color="tab:green", label="start")
     axes.set_aspect("equal", adjustable="datalim")
@@ -173,39 +175,42 @@ def path_figure(study: Study) -> Figure:
     return figure
 
 
-def time_figure(study: Study, height: float) -> Figure:
-    """Draw contacts, and fist speeds with strikes and rejected swings marked, for a body of a height [m]."""
+def time_figure(analysis: ClipAnalysis, start: float) -> Figure:
+    """Draw contacts, and fist speeds with strikes and rejected swings marked, of motion that begins at a time [s]."""
     figure = new_figure(14, 8)
     strips, speeds = figure.subplots(2, 1, sharex=True, height_ratios=[1, 5])
-    seconds = study.start + np.arange(study.clip.frame_count) / study.clip.fps
+    seconds = start + np.arange(analysis.clip.frame_count) / analysis.clip.fps
     for foot, colour in enumerate(_COLOURS):
-        for start, stop in runs(study.contacts[:, foot]):
-            strips.barh(1 - foot, (stop - start) / study.clip.fps, left=seconds[start], height=0.7, color=colour)
+        for begin, end in runs(analysis.contacts[:, foot]):
+            strips.barh(1 - foot, (end - begin) / analysis.clip.fps, left=seconds[begin], height=0.7, color=colour)
+    slowest = MINIMUM_SPEED * analysis.body.height / HEIGHT
     strips.set_yticks([1, 0], ["left foot", "right foot"])
     strips.set_title("planted")
     for hand, (side, colour) in enumerate(zip(_SIDES, _COLOURS, strict=True)):
-        speeds.plot(seconds, fist_speed(study.tracks, hand, study.clip.fps), color=colour, lw=0.9, label=f"{side} fist")
-        ours = study.strikes.hands == hand
-        speeds.plot(seconds[study.strikes.peaks[ours]], study.strikes.speeds[ours], "v", color=colour, ms=7)
-        for frame in study.strikes.frames[ours]:
+        speeds.plot(
+            seconds, fist_speed(analysis.tracks, hand, analysis.clip.fps), color=colour, lw=0.9, label=f"{side} fist"
+        )
+        ours = analysis.strikes.hands == hand
+        speeds.plot(seconds[analysis.strikes.peaks[ours]], analysis.strikes.speeds[ours], "v", color=colour, ms=7)
+        for frame in analysis.strikes.frames[ours]:
             speeds.axvline(seconds[frame], color=colour, lw=0.6, ls=":")
-    speeds.axhline(MINIMUM_SPEED * height / HEIGHT, color=_NEUTRAL, lw=0.7, ls="--", label="least speed of a strike")
-    _mark_rejected(speeds, study, seconds)
-    strikes, swings = len(study.strikes.frames), len(study.strikes.rejected.peaks)
+    speeds.axhline(slowest, color=_NEUTRAL, lw=0.7, ls="--", label="least speed of a strike")
+    _mark_rejected(speeds, analysis, seconds)
+    strikes, swings = len(analysis.strikes.frames), len(analysis.strikes.rejected.peaks)
     speeds.set_title(
         f"{strikes} strikes: peak (triangle), furthest reach (dotted); {swings} fast swings are none, marked by reason"
     )
     speeds.set_xlabel("time in the file [s]")
     speeds.set_ylabel("fist speed relative to the pelvis [m/s]")
     speeds.set_xlim(seconds[0], max(seconds[-1], seconds[0] + 0.1))
-    speeds.set_ylim(0.0, 1.05 * max(study.strikes.highest_speed, MINIMUM_SPEED * height / HEIGHT))
+    speeds.set_ylim(0.0, 1.05 * max(analysis.strikes.highest_speed, slowest))
     figure.legend(*speeds.get_legend_handles_labels(), fontsize=8, loc="outside lower center", ncols=4)
     return figure
 
 
-def _mark_rejected(axes: Any, study: Study, seconds: Array) -> None:
+def _mark_rejected(axes: Any, analysis: ClipAnalysis, seconds: Array) -> None:
     """Mark fast swings that are no strikes, a shape for each reason, in the colour of the hand."""
-    rejected = study.strikes.rejected
+    rejected = analysis.strikes.rejected
     for reason, marker in zip(Rejection, "xs+d", strict=True):
         mine = rejected.reasons == reason
         if not mine.any():
@@ -218,29 +223,29 @@ def _mark_rejected(axes: Any, study: Study, seconds: Array) -> None:
         axes.plot([], [], marker, color=_NEUTRAL, markerfacecolor="none", ms=6, label=text)
 
 
-def pose_figure(capture: Capture, study: Study) -> Figure:
-    """Draw stick figures over the clip from the side and the front, each in its own ground frame."""
+def pose_figure(analysis: ClipAnalysis, start: float) -> Figure:
+    """Draw stick figures of motion that begins at a time [s] from the side and the front, each in its ground frame."""
+    skeleton, (positions, _) = analysis.clip.skeleton, clip_kinematics(analysis.clip)
     figure = new_figure(16, 5.5)
-    frames = np.unique(np.linspace(0, study.clip.frame_count - 1, _FIGURES).round().astype(int))
-    parents = study.clip.skeleton.parents
-    spacing = max(0.1, round(0.75 * float(study.positions[..., 1].max(initial=1.0)), 1))
+    frames = np.unique(np.linspace(0, analysis.clip.frame_count - 1, _FIGURES).round().astype(int))
+    spacing = max(0.1, round(0.75 * float(positions[..., 1].max(initial=1.0)), 1))
     for axes, view in zip(figure.subplots(2, 1), ("side, facing right", "front"), strict=True):
         for column, frame in enumerate(frames):
-            local = ground.to_local(study.tracks.ground[frame], study.positions[frame])
+            local = ground.to_local(analysis.tracks.ground[frame], positions[frame])
             across = column * spacing + (local[:, 2] if view.startswith("side") else local[:, 0])
-            for joint, parent in enumerate(parents):
+            for joint, parent in enumerate(skeleton.parents):
                 if parent >= 0:
                     axes.plot(
                         across[[parent, joint]],
                         local[[parent, joint], 1],
-                        color=_joint_colour(capture, joint),
+                        color=_joint_colour(skeleton, analysis.body.roles, joint),
                         lw=1.3,
                         solid_capstyle="round",
                     )
         axes.axhline(0.0, color="0.6", lw=0.8)
         axes.set_aspect("equal")
         axes.set_title(view, fontsize=9)
-        times = [f"{study.start + frame / study.clip.fps:.2f}" for frame in frames]
+        times = [f"{start + frame / analysis.clip.fps:.2f}" for frame in frames]
         axes.set_xticks(np.arange(len(frames)) * spacing, times)
         axes.set_xlabel(f"time in the file [s]; figures are drawn {spacing:g} m apart")
         axes.set_ylabel("height [m]")

@@ -101,16 +101,15 @@ def _print(
 
 def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None, up: str | None) -> None:
     from crowdsim.capture.loading import load_capture
-    from crowdsim.capture.report import describe_capture, study_capture
+    from crowdsim.capture.report import describe_capture
     from crowdsim.commands.capture_text import capture_lines
 
     capture = load_capture(path, unit, up)
-    study = study_capture(capture)
-    result = describe_capture(capture, study)
+    result = describe_capture(capture)
     if plots is not None:
         from crowdsim.capture.plots import plot_capture
 
-        _draw(plots, lambda: plot_capture(capture, study, plots))
+        _draw(plots, lambda: plot_capture(capture, plots))
     _print(path, result, capture_lines, as_json)
     for finding in [] if as_json else result["findings"]:
         print(f"{path}: {finding}", file=sys.stderr)

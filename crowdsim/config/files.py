@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from os import PathLike
 from typing import Any, ClassVar, TypeVar
 
 import yaml
@@ -21,12 +20,12 @@ from crowdsim.config.findings import Fault, Faults, show, translate
 from crowdsim.config.overrides import override
 from crowdsim.config.schema import describe, spot_of
 from crowdsim.config.tree import MAXIMUM_BYTES, Document, Finding, read_document, scalar
+from crowdsim.core.types import FileName
 from crowdsim.errors import CrowdsimError
 
 __all__ = ["Fault", "Faults", "Finding", "StrictModel", "dump_yaml", "find_faults", "load_model", "place"]
 
 Model = TypeVar("Model", bound=BaseModel)
-FileName = str | PathLike[str]
 
 
 class StrictModel(BaseModel):

@@ -1,1 +1,1 @@
-"""Small kernels that several packages call: random numbers, rotations, geometry, tables."""
+"""What several packages use: type aliases, and small kernels."""

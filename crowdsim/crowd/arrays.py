@@ -6,14 +6,12 @@ kernel takes time in proportion to the number of arrays that it is handed.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.crowd import kernels
-
-Array = NDArray[Any]
 
 
 class Model(NamedTuple):

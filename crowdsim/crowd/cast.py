@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.config.files import Finding
+from crowdsim.core.types import Array
 from crowdsim.crowd.crowd import ANYONE, SCRIPTED, Crowd, Crowding
 from crowdsim.crowd.placement import Placed
 from crowdsim.crowd.script import Change, CirclePath, LinePath, Script, TargetPath
@@ -39,8 +39,6 @@ from crowdsim.scenario.scenario import Scenario
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
     from crowdsim.training.recipe import Recipe
-
-Array = NDArray[Any]
 
 
 def policies_of_types(scenario: Scenario, policies: Sequence[Policy]) -> Array:

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Strikes
 from crowdsim.crowd.events import VARIABLES, Events
-
-Array = NDArray[Any]
 
 STAGES = ("index", "observe", "choose", "advance", "strikes", "record")
 """What a control frame's time is spent on."""

@@ -6,15 +6,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from crowdsim.core.types import Array
 from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import Avatars, Model
 from crowdsim.crowd.model import entry_actions
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.errors import RunError
-
-Array = NDArray[Any]
 
 ANYONE, SCRIPTED = -1, -2
 """Values of ``Crowd.skip`` beside a team: the nearest of anyone; whom ``Crowd.fixed`` names."""

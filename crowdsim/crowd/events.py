@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from numpy.typing import NDArray
-
-Array = NDArray[Any]
+from crowdsim.core.types import Array
 
 VARIABLES = ("action", "action_frame", "x", "z", "heading", "opponent")
 """What is recorded for every control frame and avatar, in this order."""

@@ -10,15 +10,13 @@ it made opponents cheaper.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from crowdsim.core.types import Array
 from crowdsim.crowd.kd_tree_kernels import fit_leaves, fit_nodes, query_nearest, query_neighbours, sort_points
 from crowdsim.crowd.workers import Workers
-
-Array = NDArray[Any]
 
 LEAF = 32
 """Most points in a leaf."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import Model
 from crowdsim.errors import PolicyError, RunError
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from crowdsim.policy.actions import Actions
     from crowdsim.policy.policy import Policy
 
-Array = NDArray[Any]
 
 TOLERANCE = 0.10
 """How far from the surface a strike lands (``rewards.lands``) [m], for a policy whose recipe rewards no strikes."""

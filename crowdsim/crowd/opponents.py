@@ -8,17 +8,15 @@ comparison; ``scipy`` finds opponents its own way, for comparison, and leaves th
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars
 from crowdsim.crowd.kd_tree import Tree, fit_tree, plan_tree, sort_tree
 from crowdsim.crowd.kd_tree_kernels import observe
 from crowdsim.crowd.workers import Workers
-
-Array = NDArray[Any]
 
 SEARCHES = ("auto", "kd_tree", "scipy")
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.crowd import placement_kernels as kernels
 from crowdsim.crowd.placement_points import read_points
 from crowdsim.crowd.random import Purpose, normal, stream, uniform
@@ -22,8 +21,6 @@ from crowdsim.scenario.groups import (
 )
 from crowdsim.scenario.parts import Arena, CircleArena, Distribution, RectangleArena, Uniform
 from crowdsim.scenario.scenario import Scenario
-
-Array = NDArray[Any]
 
 LEAST_DISTANCE = 0.1
 _DARTS = 24

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.scenario.groups import PointsPlacement
 from crowdsim.scenario.scenario import Scenario
-
-Array = NDArray[Any]
 
 FARTHEST = 100_000.0
 

@@ -11,12 +11,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter_ns
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.compilation import watch_compilation
+from crowdsim.core.types import Array, Progress
 from crowdsim.crowd import limits_kernels
 from crowdsim.crowd.chunk import STAGES
 from crowdsim.crowd.simulation import Simulation
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
     from crowdsim.scenario.outputs import ProfileOutput
 
-Array = NDArray[Any]
-Progress = Callable[[str, int, int], None]
 
 PAPER_NANOSECONDS = 300_000.0
 """What the paper's control cost an avatar and frame: 9 s for 30 avatars and 1000 frames on a 2.4 GHz Pentium 4."""

@@ -17,9 +17,9 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[Any]
+from crowdsim.core.types import Array
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 

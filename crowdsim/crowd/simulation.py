@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from time import perf_counter_ns
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World, empty_record, empty_scratch, empty_strikes
 from crowdsim.crowd.chunk import STAGES, Chunk, events_of
@@ -28,7 +28,6 @@ from crowdsim.errors import RunError, nearest
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
-Array = NDArray[Any]
 
 SMALL = 400
 """Most avatars whose opponents ``auto`` finds by comparing with everyone, many frames in one compiled call."""

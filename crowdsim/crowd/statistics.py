@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from crowdsim.core.types import Array
 from crowdsim.crowd.chunk import Chunk
 from crowdsim.crowd.kd_tree import build_tree, neighbours
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
-Array = NDArray[Any]
 
 BODY_RADIUS = 0.2
 """Radius of the disc that a body of scale 1 takes up [m]."""

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.bvh.io import BvhWriter
+from crowdsim.core.types import Array, Progress
 from crowdsim.errors import OutputError
-from crowdsim.export.stream import Block, Progress, run_all, stream_poses
+from crowdsim.export.stream import Block, run_all, stream_poses
 from crowdsim.take.poses import Poses, PoseSampler
-
-Array = NDArray[Any]
 
 _DECIMALS = 5
 """Of a centimetre and of a degree: far finer than what is blended and carried."""

@@ -13,16 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array, Progress
 from crowdsim.errors import OutputError, RunError
 from crowdsim.export.bvh import make_folder
 from crowdsim.export.cloud_kernels import place_points
-from crowdsim.export.stream import Block, Progress, run_all, stream_poses
+from crowdsim.export.stream import Block, run_all, stream_poses
 from crowdsim.export.surface import Surface, build_surface
 from crowdsim.take.poses import Poses, PoseSampler
-
-Array = NDArray[Any]
 
 FIELDS = ("x", "y", "z", "nx", "ny", "nz", "vx", "vy", "vz", "avatar", "team", "joint")
 """What every point has: place [m], normal, velocity [m/s], float32; avatar, team and joint numbers, int32."""

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
-
-Array = NDArray[Any]
 
 _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 

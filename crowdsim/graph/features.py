@@ -12,21 +12,15 @@ et al. 2002.)
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array, Progress
 from crowdsim.errors import MotionError
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.motion import ground as grounds
 from crowdsim.motion.body import HEIGHT, ROLES
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.kinematics import forward_kinematics
-
-Array = NDArray[Any]
-Progress = Callable[[str, int, int], None]
 
 _CHUNK = 4096
 """Control frames whose joints are in memory at a time."""

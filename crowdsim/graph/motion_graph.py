@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array, Progress
 from crowdsim.errors import MotionError
 from crowdsim.graph.features import frame_features
 from crowdsim.graph.settings import GraphSettings
@@ -18,9 +16,6 @@ from crowdsim.graph.transitions import Transitions, decision_frames, find_transi
 from crowdsim.motion.database import MotionDatabase
 
 __all__ = ["MotionGraph", "build_graph"]
-
-Array = NDArray[Any]
-Progress = Callable[[str, int, int], None]
 
 
 def build_graph(

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.figures import new_figure, save_figure
 from crowdsim.graph.features import frame_features
 from crowdsim.graph.settings import GraphSettings
@@ -17,7 +17,6 @@ from crowdsim.motion.database import MotionDatabase
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[Any]
 
 _PIXELS = 1400
 """Most rows and columns that a distance matrix is drawn with."""

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from crowdsim.config.files import StrictModel
+
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
-class JointWeights(BaseModel):
+class JointWeights(StrictModel):
     """How much each kind of joint counts when two frames are compared; left and right count alike.
 
     Only proportions matter. Fingers, eyes and joints without a role count nothing.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     pelvis: float = Field(
         default=1.0, ge=0, description="Weight of the pelvis, which carries the root's height and velocity."
@@ -41,14 +43,12 @@ class JointWeights(BaseModel):
         return self
 
 
-class GraphSettings(BaseModel):
+class GraphSettings(StrictModel):
     """The ``graph`` section of a recipe: which frame may follow which.
 
     Costs are in metres: the root of the weighted mean of squared joint distances in the ground frame, on a body of
     1.75 m, to which velocities add by ``velocity_weight``.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     threshold: float | None = Field(
         default=0.25,
@@ -67,22 +67,16 @@ class GraphSettings(BaseModel):
         le=1000,
         description="Most transitions out of a frame; the cheapest are kept.",
     )
-    spacing: float = Field(
+    spacing: NotNegative = Field(
         default=0.2,
-        ge=0,
-        allow_inf_nan=False,
         description="Least time between decisions of a clip [s]; 0 allows transitions after every frame.",
     )
-    velocity_weight: float = Field(
+    velocity_weight: NotNegative = Field(
         default=0.10,
-        ge=0,
-        allow_inf_nan=False,
         description="Metres that a difference in velocity of 1 m/s counts as [s].",
     )
-    near: float = Field(
+    near: NotNegative = Field(
         default=0.3,
-        ge=0,
-        allow_inf_nan=False,
         description="Frames of one clip that lie closer in time than this are no transitions [s].",
     )
     joint_weights: JointWeights = Field(

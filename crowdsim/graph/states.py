@@ -10,15 +10,12 @@ state too, with one action.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.errors import MotionError
 from crowdsim.graph.transitions import Transitions
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.graph.states import MotionGraph
-
-Array = NDArray[Any]
 
 _SWEEPS = 500
 _RUNS = 1000

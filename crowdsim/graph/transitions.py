@@ -9,17 +9,12 @@ to which a boxer comes back all the time, look like hundreds of others, and more
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array, Progress
 from crowdsim.graph.transitions_kernels import keep_cheapest, local_minima, square_distances
-
-Array = NDArray[Any]
-Progress = Callable[[str, int, int], None]
 
 _BLOCK_BYTES = 16e6
 """Size of a block of distances, which bounds memory and says how often progress is told."""

@@ -5,18 +5,15 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.errors import MotionError
 from crowdsim.motion import quaternion
 from crowdsim.motion.joint_tree import JointTree
 from crowdsim.motion.roles import find_roles
 from crowdsim.motion.skeleton import Skeleton
-
-Array = NDArray[Any]
 
 ROLES = (
     "pelvis", "spine", "chest", "neck", "head",

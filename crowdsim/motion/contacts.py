@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion.body import HEIGHT
 from crowdsim.motion.tracks import Tracks, speeds
-
-Array = NDArray[Any]
 
 PLANT_SPEED, RELEASE_SPEED = 0.35, 0.5
 """Speeds of the ball of the foot below which it is planted and above which it is released, for a body of ``HEIGHT``

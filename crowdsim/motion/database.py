@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array, Progress
 from crowdsim.errors import MotionError
 from crowdsim.motion import ground, quaternion
+from crowdsim.motion.analysis import ClipAnalysis, analyse_clip
 from crowdsim.motion.body import HEIGHT, Body
-from crowdsim.motion.cleaning import lead_in, on_floor
-from crowdsim.motion.contacts import find_contacts
-from crowdsim.motion.kinematics import clip_kinematics
-from crowdsim.motion.measuring import finite_frames, measure_body
+from crowdsim.motion.measuring import MeasuredClip
 from crowdsim.motion.mirroring import mirrored
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip, Skeleton
-from crowdsim.motion.strikes import Strikes, find_strikes
-from crowdsim.motion.tracks import Tracks, build_tracks, speeds
+from crowdsim.motion.tracks import speeds
 
-Array = NDArray[Any]
-Progress = Callable[[str, int, int], None]
+_STANCE_SPEED, _TRAVEL_SPEED = 0.6, 1.1
+"""Speeds of the pelvis up to which feet are a stance and from which on they are a gait's, at ``HEIGHT`` [m/s]."""
+_STRIDE = 0.2
+"""Width of the smoothing of the pelvis's path over the steps of a stride [s]."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +94,7 @@ class MotionDatabase:
 
 
 def build_database(
-    clips: Sequence[Clip],
+    clips: Sequence[MeasuredClip],
     control_rate: float = 15.0,
     playback_rate: float = 60.0,
     mirror: bool = False,
@@ -104,13 +102,13 @@ def build_database(
     calibrate_floor: bool = True,
     progress: Progress | None = None,
 ) -> MotionDatabase:
-    """Make one database of clips in metres, y up.
+    """Make one database of measured clips.
 
     Lead-in calibration poses are cut off, every clip's floor goes to zero, clips are resampled to the playback rate and
     cut to whole control frames, contacts and strikes are found.
 
     Args:
-        clips: The clips; all on the skeleton of the first.
+        clips: The clips; all on the skeleton of the first, whose body is taken.
         control_rate: Control frames a second.
         playback_rate: Playback frames a second, a whole multiple of the control rate.
         mirror: Add every clip's mirror image, after the clips themselves.
@@ -119,8 +117,8 @@ def build_database(
         progress: Called with ("motion", clips done, clips) as the work goes on.
 
     Raises:
-        MotionError: No clips, a clip too short or not finite, skeletons that differ, no human body, rates that do not
-            divide, or mirror images of a skeleton whose rest pose is no pose of a body.
+        MotionError: No clips, a clip too short, skeletons that differ, rates that do not divide, or mirror images of a
+            skeleton whose rest pose is no pose of a body.
     """
     stride = round(playback_rate / control_rate)
     if stride < 1 or abs(stride * control_rate - playback_rate) > 1e-6 * playback_rate:
@@ -130,78 +128,48 @@ def build_database(
         )
     if not clips:
         raise MotionError("no clips; expected at least one")
-    first = clips[0]
-    body = measure_body(first)
-    parts: list[_Part] = []
-    count = len(clips) * (2 if mirror else 1)
-    for clip in clips:
-        difference = first.skeleton.difference(clip.skeleton)
-        if difference:
-            raise MotionError(f"clip {clip.name!r} has another skeleton than {first.name!r}: {difference}")
-        bad = np.flatnonzero(~finite_frames(clip))
-        if len(bad):
-            raise MotionError(f"clip {clip.name!r} is not finite in frame {bad[0]}, and in {len(bad)} frames in all")
-        prepared = replace(clip, skeleton=first.skeleton)
-        if trim:
-            prepared = prepared.sliced(lead_in(prepared, body), prepared.frame_count)
-        if prepared.frame_count:
-            prepared = resample(prepared, playback_rate)
-        whole = prepared.frame_count // stride * stride
-        if whole < 2 * stride:
-            raise MotionError(
-                f"clip {clip.name!r} has {clip.frame_count} frames ({clip.seconds:.2f} s), expected "
-                f"{2 / control_rate:.2f} s or more after any calibration pose"
-            )
-        prepared = prepared.sliced(0, whole)
-        if calibrate_floor:
-            prepared, _ = on_floor(prepared, body)
-        parts.append(_measure(prepared, body))
+    body = clips[0].body
+    found: list[ClipAnalysis] = []
+
+    def add(clip: Clip, calibrate: bool) -> None:
+        found.append(analyse_clip(clip, body, calibrate))
         if progress is not None:
-            progress("motion", len(parts), count)
+            progress("motion", len(found), len(clips) * (2 if mirror else 1))
+
+    for measured in clips:
+        add(_whole_frames(measured, clips[0].clip, control_rate, playback_rate, trim), calibrate_floor)
     if mirror:
-        for part in list(parts):
-            parts.append(_measure(mirrored(part.clip, body), body, mirror=True))
-            if progress is not None:
-                progress("motion", len(parts), count)
-    return _join(parts, body, control_rate, playback_rate)
+        for analysis in found[: len(clips)]:
+            add(mirrored(analysis.clip, body), False)
+    return _join(found[: len(clips)], found[len(clips) :], control_rate, playback_rate)
 
 
-_STANCE_SPEED, _TRAVEL_SPEED = 0.6, 1.1
-"""Speeds of the pelvis up to which feet are a stance and from which on they are a gait's, at ``HEIGHT`` [m/s]."""
-_STRIDE = 0.2
-"""Width of the smoothing of the pelvis's path over the steps of a stride [s]."""
+def _whole_frames(measured: MeasuredClip, first: Clip, control_rate: float, playback_rate: float, trim: bool) -> Clip:
+    """Return a clip on the skeleton of the first one, at the playback rate, cut to whole control frames."""
+    clip, stride = measured.clip, round(playback_rate / control_rate)
+    difference = first.skeleton.difference(clip.skeleton)
+    if difference:
+        raise MotionError(f"clip {clip.name!r} has another skeleton than {first.name!r}: {difference}")
+    motion = replace(clip, skeleton=first.skeleton).sliced(measured.lead_in if trim else 0, clip.frame_count)
+    if motion.frame_count:
+        motion = resample(motion, playback_rate)
+    whole = motion.frame_count // stride * stride
+    if whole < 2 * stride:
+        raise MotionError(
+            f"clip {clip.name!r} has {clip.frame_count} frames ({clip.seconds:.2f} s), expected "
+            f"{2 / control_rate:.2f} s or more after any calibration pose"
+        )
+    return motion.sliced(0, whole)
 
 
-@dataclass(frozen=True)
-class _Part:
-    """A prepared clip with what was found in it."""
-
-    clip: Clip
-    body: Body
-    tracks: Tracks
-    contacts: Array
-    strikes: Strikes
-    mirror: bool
-
-
-def _measure(clip: Clip, body: Body, mirror: bool = False) -> _Part:
-    positions, rotations = clip_kinematics(clip)
-    tracks = build_tracks(body, positions, rotations)
-    return _Part(
-        clip,
-        body,
-        tracks,
-        find_contacts(tracks, body.height, clip.fps),
-        find_strikes(tracks, body.height, clip.fps),
-        mirror,
-    )
-
-
-def _join(parts: list[_Part], body: Body, control_rate: float, playback_rate: float) -> MotionDatabase:
-    stride = round(playback_rate / control_rate)
+def _join(
+    clips: list[ClipAnalysis], images: list[ClipAnalysis], control_rate: float, playback_rate: float
+) -> MotionDatabase:
+    """Return the database of clips and, after them, their mirror images."""
+    parts, stride = clips + images, round(playback_rate / control_rate)
     lengths = np.array([part.clip.frame_count for part in parts])
     starts = np.concatenate([[0], np.cumsum(lengths)])
-    grounds = _grounds(parts)
+    grounds = _grounds(clips) + _grounds(images)
 
     def local(name: str) -> Array:
         places = [getattr(part.tracks, name) for part in parts]
@@ -217,7 +185,7 @@ def _join(parts: list[_Part], body: Body, control_rate: float, playback_rate: fl
     fists, frames, hands = local("fists"), strikes("frames", shift=True).astype(np.int32), strikes("hands")
     return MotionDatabase(
         skeleton=parts[0].clip.skeleton,
-        body=body,
+        body=parts[0].body,
         control_rate=float(control_rate),
         playback_rate=float(playback_rate),
         clip_names=tuple(part.clip.name for part in parts),
@@ -238,34 +206,32 @@ def _join(parts: list[_Part], body: Body, control_rate: float, playback_rate: fl
     )
 
 
-def _grounds(parts: list[_Part]) -> list[Array]:
-    """Return each clip's ground transforms: its stances, turned to where bodies face on the average.
+def _grounds(clips: list[ClipAnalysis]) -> list[Array]:
+    """Return each clip's ground transforms: its stances, turned to where bodies face on the average over all clips.
 
     Feet that pass one another say nothing about where a body faces: the faster it travels, the more hips and shoulders
     do.
     """
+    if not clips:
+        return []
+    away = [ground.wrap(clip.tracks.ground[:, 2] - clip.tracks.stances[:, 2]) for clip in clips]
+    travel = [_travelling(clip) for clip in clips]
+    weights = 1.0 - np.concatenate(travel) + 1e-6
+    turn = float(np.angle(np.sum(weights * np.exp(1j * np.concatenate(away)))))
     turned: list[Array] = []
-    for mirror in (False, True):
-        group = [part for part in parts if part.mirror == mirror]
-        if not group:
-            continue
-        away = [ground.wrap(part.tracks.ground[:, 2] - part.tracks.stances[:, 2]) for part in group]
-        travel = [_travelling(part) for part in group]
-        weights = 1.0 - np.concatenate(travel) + 1e-6
-        turn = float(np.angle(np.sum(weights * np.exp(1j * np.concatenate(away)))))
-        for part, gap, share in zip(group, away, travel, strict=True):
-            stances = part.tracks.stances.copy()
-            stances[:, 2] += turn + share * ground.wrap(gap - turn)
-            turned.append(stances)
+    for clip, gap, share in zip(clips, away, travel, strict=True):
+        stances = clip.tracks.stances.copy()
+        stances[:, 2] += turn + share * ground.wrap(gap - turn)
+        turned.append(stances)
     return turned
 
 
-def _travelling(part: _Part) -> Array:
+def _travelling(analysis: ClipAnalysis) -> Array:
     """Return 0 where a body keeps its stance, 1 where it travels as fast as a walk, and what lies between. (F,)."""
     from scipy.ndimage import gaussian_filter1d
 
-    fps = part.clip.fps
-    path = gaussian_filter1d(part.tracks.pelvises[:, [0, 2]], _STRIDE * fps, axis=0, mode="nearest")
-    share = (speeds(path, fps) * HEIGHT / part.body.height - _STANCE_SPEED) / (_TRAVEL_SPEED - _STANCE_SPEED)
+    fps = analysis.clip.fps
+    path = gaussian_filter1d(analysis.tracks.pelvises[:, [0, 2]], _STRIDE * fps, axis=0, mode="nearest")
+    share = (speeds(path, fps) * HEIGHT / analysis.body.height - _STANCE_SPEED) / (_TRAVEL_SPEED - _STANCE_SPEED)
     share = np.clip(share, 0.0, 1.0)
     return np.asarray(share * share * (3.0 - 2.0 * share))

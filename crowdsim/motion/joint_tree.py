@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion.joint_names import split_name
 from crowdsim.motion.skeleton import Skeleton
-
-Array = NDArray[Any]
 
 _ALIKE = 0.12
 """Share of a limb's longest bone by which the bones of its counterpart may differ."""
@@ -56,6 +52,14 @@ class JointTree:
     def words(self, joint: int) -> frozenset[str]:
         """Words of a joint's name."""
         return self.names[joint][1]
+
+    def named(self, words: frozenset[str], side: int | None, unless: frozenset[str]) -> list[int]:
+        """Joints of a side, None for the middle, whose names hold one of some words and none of others."""
+        return [
+            joint
+            for joint, (its_side, its_words) in enumerate(self.names)
+            if its_side == side and its_words & words and not its_words & unless
+        ]
 
     def path(self, joint: int) -> list[int]:
         """Joints from the root to ``joint``, both included."""

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion.kinematics_kernels import pose_joints, pose_joints_parallel
 from crowdsim.motion.skeleton import Clip, Skeleton
-
-Array = NDArray[Any]
 
 _PARALLEL_FROM = 4096
 """Frames from which threads pay."""

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
-
-Array = NDArray[Any]
 
 
 def flexion(uppers: ArrayLike, middles: ArrayLike, ends: ArrayLike) -> Array:

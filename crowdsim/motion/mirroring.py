@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.errors import MotionError
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.joint_names import split_name
 from crowdsim.motion.measuring import rests_like_a_body
 from crowdsim.motion.skeleton import Clip, Skeleton
-
-Array = NDArray[Any]
 
 _SNAP = np.cos(np.deg2rad(3.0))
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from crowdsim.core.types import Array
+
 ArrayLike = Any
 """What numpy makes an array of; its own type does not let a parameter become that array under its name."""
 

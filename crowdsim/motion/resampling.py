@@ -6,12 +6,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
 from crowdsim.motion.skeleton import Clip
-
-Array = NDArray[Any]
 
 
 def resample(clip: Clip, fps: float) -> Clip:

@@ -8,16 +8,13 @@ joints between are chosen along the chain from the trunk to the end, by bone len
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import joint_names
 from crowdsim.motion.joint_tree import JointTree
 from crowdsim.motion.skeleton import Skeleton
-
-Array = NDArray[Any]
 
 _LEAST_JOINTS = 10
 _MOST_PAIRS = 12
@@ -45,23 +42,21 @@ def find_roles(skeleton: Skeleton, poses: Array | None = None) -> dict[str, int]
         return {}
     tree = JointTree(skeleton, poses)
     named = _ends_by_name(tree)
-    candidates = [named] if named is not None else []
-    for ends in candidates:
-        roles = _complete(tree, ends)
-        if roles and misfit(skeleton, roles) < _MISFIT:
+    if named is not None:
+        roles = _complete(tree, named)
+        if roles and misfit(tree, roles) < _MISFIT:
             return roles
     best: dict[str, int] = {}
     least = _MISFIT
     for ends in _ends_by_shape(tree):
         roles = _complete(tree, ends)
-        if roles and misfit(skeleton, roles) < least - 1e-9:
-            best, least = roles, misfit(skeleton, roles)
+        if roles and misfit(tree, roles) < least - 1e-9:
+            best, least = roles, misfit(tree, roles)
     return best
 
 
-def misfit(skeleton: Skeleton, roles: Mapping[str, int]) -> float:
+def misfit(tree: JointTree, roles: Mapping[str, int]) -> float:
     """Return how unlike a human's the proportions are: 0 for an average adult, infinite for what has no limbs."""
-    tree = JointTree(skeleton, None)
     sides = ("left", "right")
     legs = [tree.way(roles[f"{side}_hip"], roles[f"{side}_foot"]) for side in sides]
     arms = [tree.way(roles[f"{side}_shoulder"], roles[f"{side}_hand"]) for side in sides]
@@ -80,29 +75,21 @@ def misfit(skeleton: Skeleton, roles: Mapping[str, int]) -> float:
     return float(max(shares.max(), 3.0 * uneven))
 
 
-def _named(tree: JointTree, words: frozenset[str], side: int | None, unless: frozenset[str]) -> list[int]:
-    return [
-        joint
-        for joint, (its_side, its_words) in enumerate(tree.names)
-        if its_side == side and its_words & words and not its_words & unless
-    ]
-
-
 def _ends_by_name(tree: JointTree) -> dict[str, int] | None:
     """The five ends by name, the head by its place where it has no name; None when another is missing."""
     ends: dict[str, int] = {}
     helpers = joint_names.AUXILIARY | joint_names.FINGERS
     for side, name in enumerate(("left", "right")):
         # Where both a wrist and a hand are there, the fist turns at the wrist; so does the foot at the ankle.
-        hands = _named(tree, joint_names.WRIST, side, helpers) or _named(tree, joint_names.HAND, side, helpers)
-        feet = _named(tree, joint_names.ANKLE, side, helpers) or _named(
-            tree, joint_names.FOOT, side, helpers | joint_names.TOE
+        hands = tree.named(joint_names.WRIST, side, helpers) or tree.named(joint_names.HAND, side, helpers)
+        feet = tree.named(joint_names.ANKLE, side, helpers) or tree.named(
+            joint_names.FOOT, side, helpers | joint_names.TOE
         )
         if not hands or not feet:
             return None
         ends[f"{name}_hand"] = hands[0]
         ends[f"{name}_foot"] = feet[0]
-    heads = _named(tree, joint_names.HEAD, None, helpers)
+    heads = tree.named(joint_names.HEAD, None, helpers)
     if heads:
         return {"head": heads[0], **ends}
     hub = tree.common([ends["left_hand"], ends["right_hand"]])

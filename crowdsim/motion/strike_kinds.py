@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.tracks import Tracks, build_tracks
-
-Array = NDArray[Any]
 
 KINDS = ("straight", "hook", "uppercut")
 HEIGHTS = ("head", "body")

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion.body import HEIGHT
 from crowdsim.motion.tracks import Tracks, speeds
-
-Array = NDArray[Any]
 
 MINIMUM_SPEED = 2.3
 """Lowest speed of a striking fist relative to the pelvis, for a body of ``HEIGHT`` [m/s]."""

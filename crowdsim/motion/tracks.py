@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
-
-Array = NDArray[Any]
+from crowdsim.motion.kinematics import clip_kinematics
+from crowdsim.motion.skeleton import Clip
 
 _FEET = 8.0
 """How much more than hips and shoulders the feet say where a stance looks; those two where feet are close together."""
@@ -74,6 +73,11 @@ def build_tracks(body: Body, positions: Array, rotations: Array) -> Tracks:
         heels=positions[:, feet] + quaternion.rotate(rotations[:, feet], body.sole_offsets[:, 0]),
         balls=balls,
     )
+
+
+def clip_tracks(clip: Clip, body: Body) -> Tracks:
+    """Follow a body's points through a clip."""
+    return build_tracks(body, *clip_kinematics(clip))
 
 
 def _ground(places: Array, across: Array) -> Array:

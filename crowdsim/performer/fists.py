@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion import quaternion as quat
 from crowdsim.performer import skeleton as bones
 from crowdsim.performer.curves import pulse, soft_cap, soft_floor, step, window
 from crowdsim.performer.pose import Trunk
 from crowdsim.performer.score import BENDS, Channel, Reach, Score
-
-Array = NDArray[Any]
 
 _GUARD_FOLLOWS = 0.45
 """How far the guard turns with the chest; the rest of it stays towards the opponent."""

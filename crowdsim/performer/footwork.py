@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.performer.curves import glide, pulse, step, window
 from crowdsim.performer.score import Footstep, Score, Style
-
-Array = NDArray[Any]
 
 _LEAN = 0.2
 """Time before and after a step in which the weight goes over to the other foot and comes back [s]."""
@@ -97,7 +95,19 @@ def trace_feet(score: Score, times: Array) -> Footwork:
         leaning = window(times, start - _LEAN, end + _LEAN)
         at = np.clip((times[leaning] - start + _LEAN) / (length + 2.0 * _LEAN), 0.0, 1.0)
         loads[leaning] += swing.load * (1.0 if foot else -1.0) * _bump(at)
-    return Footwork(heading, balls, lifts, yaws, heels, rolls, toes_up, points, planted, carried, loads)
+    return Footwork(
+        heading=heading,
+        balls=balls,
+        lifts=lifts,
+        yaws=yaws,
+        heels=heels,
+        rolls=rolls,
+        toes_up=toes_up,
+        points=points,
+        planted=planted,
+        carried=carried,
+        loads=loads,
+    )
 
 
 def _bump(x: Array, fall: float = 3.0) -> Array:

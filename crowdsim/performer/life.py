@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.performer.curves import noise, soft_floor
 from crowdsim.performer.score import Channel as C
 from crowdsim.performer.score import Style
-
-Array = NDArray[Any]
 
 _WANDERING = (
     (C.PELVIS_TURN, 0.10, 0.4, 1.5),

@@ -6,10 +6,11 @@ import numpy as np
 
 from crowdsim.performer.aim import ARMS, ELBOWS, Aim
 from crowdsim.performer.defences import DEFENCES
-from crowdsim.performer.moves import Part
+from crowdsim.performer.moves import Part, Punch
 from crowdsim.performer.punches import PUNCHES
 from crowdsim.performer.score import (
     BENDS,
+    Accent,
     Channel,
     Defence,
     Reach,
@@ -70,6 +71,25 @@ class Choreographer(Stepper):
         hit = onset + out
         fall = hit + rng.uniform(0.0, 0.025)
         end = fall + out * rng.uniform(0.95, 1.2)
+        reach = Reach(
+            kind=kind,
+            hand=recipe.hand,
+            start=onset - recipe.early * out,
+            hit=hit,
+            fall=fall,
+            end=end,
+            bearing=bearing,
+            distance=distance,
+            height=height,
+            skew=recipe.skew,
+            path=self._move_body(recipe, aim, onset, hit, end),
+        )
+        self._reaches.append(reach)
+        self.hands_free[recipe.hand] = end - 0.12 * (end - hit)
+        return reach
+
+    def _move_body(self, recipe: Punch, aim: Aim, onset: float, hit: float, end: float) -> tuple[Accent, ...]:
+        """Add what the body does in a punch, and return the accents that bend the way of its fist."""
         vigour = self.about(1.0, 0.08)
         gather, settle = min(onset, hit - _GATHER), max(end, hit + self.about(_SETTLE, 0.15))
         wound = any(other.hand != recipe.hand and other.hit > onset - 0.35 for other in self._reaches[-2:])
@@ -84,22 +104,7 @@ class Choreographer(Stepper):
             self.accent(channel, size, onset - 0.2, onset - 0.02, onset + 0.02, hit)
         path = tuple(accent for accent in self._accents[before:] if accent.channel in BENDS[recipe.hand])
         self._accents[before:] = [accent for accent in self._accents[before:] if accent not in path]
-        reach = Reach(
-            kind,
-            recipe.hand,
-            onset - recipe.early * out,
-            hit,
-            fall,
-            end,
-            bearing,
-            distance,
-            height,
-            recipe.skew,
-            path,
-        )
-        self._reaches.append(reach)
-        self.hands_free[recipe.hand] = end - 0.12 * (end - hit)
-        return reach
+        return path
 
     def _way_out(self, hand: int, bearing: float, distance: float, height: float) -> float:
         """Return about how far a target is from the fist in the guard [m]."""

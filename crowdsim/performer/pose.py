@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import quaternion as quat
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.performer import skeleton as bones
 from crowdsim.performer.curves import soft_cap, soft_floor
-
-Array = NDArray[Any]
 
 ARM_REACH = 0.982
 LEG_REACH = 0.988

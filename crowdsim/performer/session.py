@@ -6,14 +6,12 @@ seed. ``perform`` gives clips with their ground truth, ``write_performance`` wri
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Progress
 from crowdsim.errors import nearest
 from crowdsim.motion.skeleton import Clip
 from crowdsim.performer.defences import DEFENCES
@@ -24,8 +22,6 @@ from crowdsim.performer.skeleton import build_skeleton, mirror_joints
 from crowdsim.performer.solo import FOOTWORK, write_solo
 from crowdsim.performer.stage import stage
 from crowdsim.performer.truth import Truth, find_truth, mirror_truth
-
-Array = NDArray[Any]
 
 CLIP_SECONDS = 30.0
 """About how long one clip is."""
@@ -61,7 +57,7 @@ def perform(
     seed: int,
     fps: float = 60.0,
     stance: str = "orthodox",
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[Performance]:
     """Perform a session of boxing: several clips, each from guard to guard.
 
@@ -144,7 +140,7 @@ def write_performance(
     seed: int,
     fps: float = 60.0,
     stance: str = "orthodox",
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[Path]:
     """Perform a session and write its clips to ``performer_00.bvh`` and so on; return the files.
 

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion.skeleton import Skeleton
-
-Array = NDArray[Any]
 
 # Lengths in metres, after Winter's table of segments for a standing height of 1.75 m.
 HIP_HALF = 0.09

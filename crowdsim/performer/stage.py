@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion import quaternion as quat
 from crowdsim.motion.skeleton import Skeleton
@@ -19,6 +18,7 @@ from crowdsim.performer.gait import GAITS
 from crowdsim.performer.life import add_life
 from crowdsim.performer.pose import (
     LEG_REACH,
+    Trunk,
     ankle_place,
     foot_turn,
     girdle,
@@ -29,9 +29,7 @@ from crowdsim.performer.pose import (
     pose_trunk,
     within_reach,
 )
-from crowdsim.performer.score import Channel, Reach, Score
-
-Array = NDArray[Any]
+from crowdsim.performer.score import Channel, Reach, Score, Style
 
 _LOWEST = 0.68
 """Height of the pelvis in the deepest crouch [m]."""
@@ -116,6 +114,21 @@ def _carry_pelvis(score: Score, feet: Footwork, channels: Array, ankles: Array) 
     return hips, turn
 
 
+@dataclass(frozen=True)
+class _Soles:
+    """Feet over F frames, lead and rear.
+
+    Attributes:
+        ankles: Place of the ankles [m]. Shape (F, 2, 3).
+        turns: Rotation of each foot. Shape (F, 4).
+        yaws: Heading of each foot [rad]. Shape (F,).
+    """
+
+    ankles: Array
+    turns: tuple[Array, Array]
+    yaws: tuple[Array, Array]
+
+
 def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generator) -> Staged:
     """Perform a score at the given times [s], evenly spaced from 0. Shape (F,)."""
     feet = trace_feet(score, times)
@@ -127,23 +140,8 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
     rotations = np.zeros((len(times), skeleton.joint_count, 4))
     rotations[..., 0] = 1.0
 
-    ankles = np.empty((len(times), 2, 3))
-    foot_turns, heels, foot_yaws = [], [], []
-    for foot in range(2):
-        raised = style.heels[foot] + feet.heels[:, foot] + channels[:, Channel.LEAD_HEEL + foot]
-        heel = soft_cap(soft_floor(raised, 0.0, 0.025), _HIGHEST_HEEL, 0.08)
-        heel = soft_cap(heel + feet.rolls[:, foot], _STEEPEST_HEEL, 0.04)
-        yaw = feet.yaws[:, foot] + channels[:, Channel.LEAD_YAW + foot]
-        # A foot on its heel has its ball as high as the heel is low.
-        lift = feet.lifts[:, foot] + _SOLE * np.sin(feet.toes_up[:, foot])
-        ball = np.stack([feet.balls[:, foot, 0], bones.BALL_HEIGHT + lift, feet.balls[:, foot, 1]], axis=-1)
-        foot_turns.append(foot_turn(yaw, heel - feet.toes_up[:, foot]))
-        ankles[:, foot] = ankle_place(ball, foot_turns[foot])
-        rotations[:, bones.TOES[foot]] = level_toes(heel, feet.points[:, foot])
-        heels.append(heel)
-        foot_yaws.append(yaw)
-
-    hips, hips_turn = _carry_pelvis(score, feet, channels, ankles)
+    soles = _set_feet(style, feet, channels, rotations)
+    hips, hips_turn = _carry_pelvis(score, feet, channels, soles.ankles)
     trunk = pose_trunk(
         skeleton,
         hips,
@@ -154,15 +152,59 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
     )
     rotations[:, bones.HIPS] = hips_turn
     rotations[:, bones.SPINE : bones.SPINE2 + 1] = trunk.spine
+    _bend_legs(trunk, soles, rotations)
+    head = _look(style, skeleton, feet, channels, trunk, rotations)
+    collars, shoulders = _raise_shoulders(skeleton, channels, trunk, rotations)
+    reached, reaches = lead_fists(score, times, feet.heading, trunk, channels, shoulders)
+    fists = within_reach(clear_head(reached, head), shoulders)
+    for side in range(2):
+        upper, forearm, hand = pose_arm(
+            side,
+            trunk.chest_turn,
+            collars[side],
+            shoulders[:, side],
+            fists[:, side],
+            style.elbows[side] + channels[:, Channel.LEAD_ELBOW + side],
+            0.3 + channels[:, Channel.LEAD_ROLL + side],
+        )
+        rotations[:, bones.ARMS[side]] = upper
+        rotations[:, bones.FOREARMS[side]] = forearm
+        rotations[:, bones.HANDS[side]] = hand
+    return Staged(hips, quat.continuous(rotations), feet, fists, shoulders, reaches)
 
+
+def _set_feet(style: Style, feet: Footwork, channels: Array, rotations: Array) -> _Soles:
+    """Return where the feet are, heels and toes lifted, and write the rotations of the toes."""
+    ankles = np.empty((len(rotations), 2, 3))
+    turns, yaws = [], []
+    for foot in range(2):
+        raised = style.heels[foot] + feet.heels[:, foot] + channels[:, Channel.LEAD_HEEL + foot]
+        heel = soft_cap(soft_floor(raised, 0.0, 0.025), _HIGHEST_HEEL, 0.08)
+        heel = soft_cap(heel + feet.rolls[:, foot], _STEEPEST_HEEL, 0.04)
+        yaw = feet.yaws[:, foot] + channels[:, Channel.LEAD_YAW + foot]
+        # A foot on its heel has its ball as high as the heel is low.
+        lift = feet.lifts[:, foot] + _SOLE * np.sin(feet.toes_up[:, foot])
+        ball = np.stack([feet.balls[:, foot, 0], bones.BALL_HEIGHT + lift, feet.balls[:, foot, 1]], axis=-1)
+        turns.append(foot_turn(yaw, heel - feet.toes_up[:, foot]))
+        ankles[:, foot] = ankle_place(ball, turns[foot])
+        rotations[:, bones.TOES[foot]] = level_toes(heel, feet.points[:, foot])
+        yaws.append(yaw)
+    return _Soles(ankles, (turns[0], turns[1]), (yaws[0], yaws[1]))
+
+
+def _bend_legs(trunk: Trunk, soles: _Soles, rotations: Array) -> None:
+    """Write the rotations of the legs between pelvis and feet."""
     for foot in range(2):
         sign = 1 - 2 * foot
-        hip = hips + quat.rotate(hips_turn, np.array([bones.HIP_HALF * sign, -bones.HIP_DROP, 0.0]))
-        thigh, shank, sole = pose_leg(hips_turn, hip, ankles[:, foot], foot_turns[foot], foot_yaws[foot])
+        hip = trunk.hips + quat.rotate(trunk.hips_turn, np.array([bones.HIP_HALF * sign, -bones.HIP_DROP, 0.0]))
+        thigh, shank, sole = pose_leg(trunk.hips_turn, hip, soles.ankles[:, foot], soles.turns[foot], soles.yaws[foot])
         rotations[:, bones.UP_LEGS[foot]] = thigh
         rotations[:, bones.LEGS[foot]] = shank
         rotations[:, bones.FEET[foot]] = sole
 
+
+def _look(style: Style, skeleton: Skeleton, feet: Footwork, channels: Array, trunk: Trunk, rotations: Array) -> Array:
+    """Write the rotations of neck and head, and return the centre of the head [m]. Shape (F, 3)."""
     gaze = quat.from_euler(
         np.stack(
             [
@@ -181,9 +223,12 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
     neck_turn = quat.multiply(trunk.chest_turn, rotations[:, bones.NECK])
     skull = neck + quat.rotate(neck_turn, skeleton.offsets[bones.HEAD])
     head_turn = quat.multiply(neck_turn, rotations[:, bones.HEAD])
-    head = skull + quat.rotate(head_turn, np.array([0.0, bones.HEAD_CENTRE, 0.0]))
+    return np.asarray(skull + quat.rotate(head_turn, np.array([0.0, bones.HEAD_CENTRE, 0.0])))
 
-    collars, shoulders = [], np.empty((len(times), 2, 3))
+
+def _raise_shoulders(skeleton: Skeleton, channels: Array, trunk: Trunk, rotations: Array) -> tuple[list[Array], Array]:
+    """Write the rotations of the collar bones, and return them in the world, (F, 4) each, and shoulders (F, 2, 3)."""
+    collars, shoulders = [], np.empty((len(rotations), 2, 3))
     for side in range(2):
         local = girdle(
             side, 0.12 + channels[:, Channel.LEAD_FORTH + side], 0.08 + channels[:, Channel.LEAD_RAISE + side]
@@ -192,19 +237,4 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
         collars.append(quat.multiply(trunk.chest_turn, local))
         root = trunk.chest + quat.rotate(trunk.chest_turn, skeleton.offsets[bones.SHOULDERS[side]])
         shoulders[:, side] = root + quat.rotate(collars[side], skeleton.offsets[bones.ARMS[side]])
-    reached, reaches = lead_fists(score, times, feet.heading, trunk, channels, shoulders)
-    fists = within_reach(clear_head(reached, head), shoulders)
-    for side in range(2):
-        upper, forearm, hand = pose_arm(
-            side,
-            trunk.chest_turn,
-            collars[side],
-            shoulders[:, side],
-            fists[:, side],
-            style.elbows[side] + channels[:, Channel.LEAD_ELBOW + side],
-            0.3 + channels[:, Channel.LEAD_ROLL + side],
-        )
-        rotations[:, bones.ARMS[side]] = upper
-        rotations[:, bones.FOREARMS[side]] = forearm
-        rotations[:, bones.HANDS[side]] = hand
-    return Staged(hips, quat.continuous(rotations), feet, fists, shoulders, reaches)
+    return collars, shoulders

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.performer.score import Score
 from crowdsim.performer.stage import Staged
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True)

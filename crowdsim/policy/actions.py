@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.policy.alignment import Alignment, align_actions
@@ -14,8 +14,6 @@ from crowdsim.policy.alignment import Alignment, align_actions
 if TYPE_CHECKING:
     from crowdsim.graph.motion_graph import MotionGraph
     from crowdsim.motion.database import MotionDatabase
-
-Array = NDArray[Any]
 
 
 class Actions(NamedTuple):

@@ -6,11 +6,11 @@ foot is about to go, or has just come, it can take all of that with it, and the 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.contacts import stand_spans
 from crowdsim.motion.kinematics import forward_kinematics
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from crowdsim.graph.motion_graph import MotionGraph
     from crowdsim.motion.database import MotionDatabase
 
-Array = NDArray[Any]
 
 SETTLED = (0.1, 0.72)
 """Time before a cut within which a foot that stands came down, and after it within which it comes up, so that it needs

@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
+from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, PolicyError, VersionError
 from crowdsim.graph.motion_graph import MotionGraph
 from crowdsim.motion.body import Body
@@ -29,8 +29,6 @@ from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.rewards import AnyTerm, TargetBody
-
-Array = NDArray[Any]
 
 KIND = "crowdsim policy"
 VERSION = 1
@@ -104,7 +102,7 @@ def _write(folder: Path, policy: Policy, timings: Mapping[str, Any]) -> None:
     (folder / "timings.json").write_text(json.dumps(dict(timings), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def load_policy(folder: str | os.PathLike[str]) -> Policy:
+def load_policy(folder: FileName) -> Policy:
     """Return the policy in a folder; its arrays are mapped into memory, where changes stay.
 
     Raises:
@@ -119,7 +117,7 @@ def load_policy(folder: str | os.PathLike[str]) -> Policy:
         raise PolicyError(f"{folder / 'policy.json'}: does not describe its arrays: {error}") from None
 
 
-def read_document(folder: str | os.PathLike[str]) -> dict[str, Any]:
+def read_document(folder: FileName) -> dict[str, Any]:
     """Return the plain data in ``policy.json`` once it has passed its checks.
 
     Raises:
@@ -146,7 +144,7 @@ def read_document(folder: str | os.PathLike[str]) -> dict[str, Any]:
     return document
 
 
-def read_timings(folder: str | os.PathLike[str]) -> dict[str, Any]:
+def read_timings(folder: FileName) -> dict[str, Any]:
     """Return what training took, by behaviour; an empty mapping where that is not known."""
     try:
         told = json.loads((Path(folder) / "timings.json").read_text(encoding="utf-8"))

@@ -18,14 +18,12 @@ import itertools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from crowdsim.core.types import Array
 from crowdsim.errors import RecipeError, nearest
-
-Array = NDArray[Any]
 
 HALFWAY = 0.5
 """A table of Q-values is read for where a moving target will be after so much of an action of mean length."""

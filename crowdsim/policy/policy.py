@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from crowdsim.core.types import Array
 from crowdsim.errors import PolicyError, nearest
 from crowdsim.motion import ground
 from crowdsim.policy.actions import Actions
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from crowdsim.graph.motion_graph import MotionGraph
     from crowdsim.motion.database import MotionDatabase
 
-Array = NDArray[Any]
 
 LOOKUPS = ("q", "v")
 

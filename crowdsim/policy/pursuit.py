@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.policy.policy import LookupTables, Policy, build_lookup_tables
-
-Array = NDArray[Any]
 
 MARGIN, MOST, TEMPERATURE = 0.1, 4, 0.05
 """How avatars draw among the best actions unless a scenario says otherwise: the defaults of its types."""

@@ -25,13 +25,14 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from crowdsim.config.files import Fault
+from crowdsim.core.types import Array
 from crowdsim.errors import RecipeError
 from crowdsim.motion import ground
 
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from crowdsim.motion.database import MotionDatabase
     from crowdsim.policy.actions import Actions
 
-Array = NDArray[Any]
 Metres = Annotated[float, Field(ge=0.0)]
 
 TERM_WIDTH = 13

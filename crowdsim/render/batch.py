@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from numpy.typing import NDArray
-
+from crowdsim.core.types import Array, Progress
 from crowdsim.errors import CrowdsimError, OutputError, TakeError, under_way
 from crowdsim.render.camera import Keys
 from crowdsim.render.contact_sheet import sheet_frames, write_sheet
@@ -22,9 +21,6 @@ from crowdsim.render.parts import is_parts, make_parts, remove_parts
 from crowdsim.render.source import PoseSource
 from crowdsim.render.stage import Stage, build_stage
 from crowdsim.render.video import encode, ffmpeg, has_mark, join, make_folder, planes, write_png
-
-Array = NDArray[Any]
-Progress = Callable[[str, int, int], None]
 
 Record = Callable[[Path, Sequence[Path]], AbstractContextManager[Callable[[Sequence[Path]], None]]]
 """Is handed a folder and all that is about to be written in it, and within its context the files when they are done."""

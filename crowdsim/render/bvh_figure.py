@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.capture.loading import load_capture
+from crowdsim.core.types import Array, FileName
 from crowdsim.errors import BvhError
-from crowdsim.motion.cleaning import on_floor
+from crowdsim.motion.analysis import on_floor
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip
-from crowdsim.motion.tracks import build_tracks
+from crowdsim.motion.tracks import clip_tracks
 from crowdsim.render.figure import Figure, bone_capsules
 from crowdsim.render.source import no_hits
-
-Array = NDArray[Any]
 
 BVH_CAMERA = "front+side"
 MOST_FPS = 60.0
@@ -144,9 +140,7 @@ def clip_source(clip: Clip, figure: Figure | None = None, stands: Array | None =
     )
 
 
-def bvh_source(
-    path: str | os.PathLike[str], fps: float | None = None, lead_in: bool = False
-) -> tuple[ClipSource, tuple[str, ...]]:
+def bvh_source(path: FileName, fps: float | None = None, lead_in: bool = False) -> tuple[ClipSource, tuple[str, ...]]:
     """Return a BVH file as a source of pictures, and what is odd about the file.
 
     A human body is measured and stands on the floor; anything else gets capsules along its bones, is brought to a size
@@ -172,9 +166,7 @@ def bvh_source(
     if capture.body is not None:
         if clip.frame_count > 1:
             clip, _ = on_floor(clip, capture.body)
-        positions, rotations = clip_kinematics(clip)
-        stands = build_tracks(capture.body, positions, rotations).ground
-        return clip_source(clip, capture.body, stands), capture.findings
+        return clip_source(clip, capture.body, clip_tracks(clip, capture.body).ground), capture.findings
     return clip_source(_settled(clip, capture.unit_scale is None)), capture.findings
 
 

@@ -9,19 +9,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.errors import CrowdsimError, nearest
 from crowdsim.render.crowd_path import Crowd, between, filled, hann, watch
 from crowdsim.render.framing import HAZE, LEAST_HAZE, frame_crowd, orbit_crowd
 from crowdsim.render.raycast import sun_direction
 from crowdsim.render.source import PoseSource
 from crowdsim.render.view import View, look_at
-
-Array = NDArray[Any]
 
 CAMERAS = ("auto", "orbit", "follow:AVATAR", "top", "side", "front")
 

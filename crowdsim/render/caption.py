@@ -6,9 +6,8 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from crowdsim.core.types import Array
 
 
 @lru_cache(maxsize=8)

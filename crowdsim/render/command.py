@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import CrowdsimError, OutputError
-from crowdsim.render.batch import Progress, Record, Rendered, render
+from crowdsim.render.batch import Record, Rendered, render
 from crowdsim.render.bvh_figure import BVH_CAMERA, bvh_source
 from crowdsim.render.camera import Keys, parse_camera
 from crowdsim.render.source import PoseSource
@@ -150,7 +150,7 @@ def render_source(
 
 
 def render_bvh(
-    path: str | os.PathLike[str],
+    path: FileName,
     out: Path,
     options: RenderOptions,
     progress: Progress | None = None,

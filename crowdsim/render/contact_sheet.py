@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array, Progress
 from crowdsim.render.caption import draw_caption, text_height
 from crowdsim.render.stage import Stage
 from crowdsim.render.video import write_png
-
-Array = NDArray[Any]
 
 _GAP = 6
 _GROUND = 34
@@ -28,9 +24,7 @@ def sheet_frames(start: int, stop: int, count: int) -> list[int]:
     return [start + int((i + 0.5) * (stop - start) / count) for i in range(count)]
 
 
-def draw_sheet(
-    stage: Stage, frames: list[int], threads: int = 1, progress: Callable[[str, int, int], None] | None = None
-) -> Array:
+def draw_sheet(stage: Stage, frames: list[int], threads: int = 1, progress: Progress | None = None) -> Array:
     """Draw moments in rows, each with its time. Shape (height, width, 3), uint8.
 
     Args:
@@ -65,7 +59,7 @@ def write_sheet(
     stage: Stage,
     frames: list[int],
     threads: int = 1,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> None:
     """Draw moments, see ``draw_sheet``, into a PNG file.
 

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.render.source import PoseSource
-
-Array = NDArray[Any]
 
 _STEP = 0.25
 """Time between the moments at which a camera knows the crowd [s]."""

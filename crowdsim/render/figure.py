@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion.body import PARTS, Body
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.render.palette import EYES
-
-Array = NDArray[Any]
 
 _WAIST = 0.05
 """How far trunks reach up from the pelvis, as a share of the body's height."""

@@ -13,15 +13,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.render.crowd_path import Crowd, between, envelope, filled, smooth
 from crowdsim.render.view import FIELD, View, directions
-
-Array = NDArray[Any]
 
 _ROOM = 0.93
 """Share of the picture's half width and height in which the crowd stays."""

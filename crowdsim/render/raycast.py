@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.render import grid_kernels, raycast_kernels, view_kernels
 from crowdsim.render.view import View
-
-Array = NDArray[Any]
 
 SUN_ELEVATION = math.radians(52.0)
 SUN_SOFTNESS = 0.030

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.render.figure import Figure, dress
 from crowdsim.render.palette import avatar_paints
 from crowdsim.render.raycast import Capsules
 from crowdsim.render.view_kernels import place_capsules
-
-Array = NDArray[Any]
 
 _BALL, _BALL_PAINT = 0.13, (0.85, 0.50, 0.03, 0.3)
 """Radius [m] and paint of a marker."""

@@ -5,19 +5,16 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.render.camera import Keys, Track, build_track, parse_camera
 from crowdsim.render.caption import draw_caption
 from crowdsim.render.crowd_path import watch
 from crowdsim.render.raycast import Flashes, draw
 from crowdsim.render.scene import Cast, build_cast
 from crowdsim.render.source import PoseSource
-
-Array = NDArray[Any]
 
 VERSION = 3
 """Counts changes after which pictures differ."""

@@ -9,14 +9,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.policy.policy import Policy
 from crowdsim.render.figure import Figure
 from crowdsim.take.poses import Poses, PoseSampler
 from crowdsim.take.take import Take
-
-Array = NDArray[Any]
 
 _BLOCK_BYTES = 48 << 20
 _MOST_FRAMES = 32

@@ -9,15 +9,12 @@ import subprocess
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.errors import OutputError
 from crowdsim.render.video_kernels import to_yuv420
-
-Array = NDArray[Any]
 
 _ENCODER_THREADS = 4
 """Always the same, since x264's bytes depend on it."""

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from crowdsim.core.types import Array
 
 FIELD = math.radians(36.0)
 """Angle between the upper and lower edge of the picture [rad]."""

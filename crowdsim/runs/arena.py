@@ -7,15 +7,13 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
+from crowdsim.core.types import Array
 from crowdsim.crowd.cast import pack_arena
 from crowdsim.files import open_plain
 from crowdsim.runs.folder import RESOLVED
 from crowdsim.scenario.parts import Arena
-
-Array = NDArray[Any]
 
 
 def read_arena(folder: Path) -> Array:

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from crowdsim.core.types import Progress
 from crowdsim.errors import CrowdsimError, under_way
 from crowdsim.runs.journal import series_name
 from crowdsim.scenario.frame_ranges import output_frames, parse_frames
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from crowdsim.scenario.scenario import Scenario
     from crowdsim.take.poses import PoseSampler
     from crowdsim.take.take import Take
-
-Progress = Callable[[str, int, int], None]
 
 
 def expect_outputs(scenario: Scenario) -> None:

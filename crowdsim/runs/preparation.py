@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from crowdsim.assets import FileName
+from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import RunError
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.take.take import Cast
@@ -19,9 +18,6 @@ if TYPE_CHECKING:
     from crowdsim.crowd.placement import Placed
     from crowdsim.crowd.script import Script
     from crowdsim.policy.policy import Policy
-
-Array = NDArray[Any]
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import math
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+from crowdsim.core.types import Progress
 from crowdsim.errors import ScenarioError
 from crowdsim.scenario.scenario import Scenario, resolve_scenario
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from crowdsim.crowd.profile import Profile
     from crowdsim.policy.policy import Policy
 
-Progress = Callable[[str, int, int], None]
 
 _ACROSS = ("radius", "size")
 """What grows with the square root of the number of avatars, so that a crowd stays as dense."""

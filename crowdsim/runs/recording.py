@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,8 +13,8 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array, Progress
 from crowdsim.runs.folder import TAKE
 from crowdsim.runs.manifest import available_memory
 from crowdsim.runs.preparation import Prepared
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from crowdsim.compilation import Compilation
     from crowdsim.crowd.statistics import CrowdStatistics
 
-Array = NDArray[Any]
-Progress = Callable[[str, int, int], None]
 
 _TAKE_CHUNK_AVATAR_FRAMES = 4_000_000
 _STEP_AVATAR_FRAMES = 200_000

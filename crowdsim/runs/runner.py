@@ -9,11 +9,11 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from crowdsim import assets
-from crowdsim.assets import FileName
 from crowdsim.compilation import watch_compilation
+from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.errors import CrowdsimError, RunError, ScenarioError, under_way
 from crowdsim.files import walk
 from crowdsim.runs.folder import RESOLVED, TAKE, check_folder, claim_folder, copy_file, hold_folder, write_text
@@ -33,9 +33,6 @@ if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
 __all__ = ["Interrupted", "OpenedRun", "Report", "load_policies", "open_run", "prepare", "run", "run_to"]
-
-Array = NDArray[Any]
-Progress = Callable[[str, int, int], None]
 
 
 def run(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from os import PathLike
 from pathlib import Path
 from typing import Any, cast
 
@@ -13,6 +12,7 @@ from pydantic import ValidationError, ValidationInfo, model_validator
 from crowdsim import assets
 from crowdsim.config.files import Faults, Finding, dump_yaml, find_faults, load_model
 from crowdsim.config.schema import join, spot_of
+from crowdsim.core.types import FileName
 from crowdsim.errors import ScenarioError, nearest
 from crowdsim.scenario.checks import name_findings, sense_findings
 from crowdsim.scenario.description import MAXIMUM_SEED, Description
@@ -24,8 +24,6 @@ from crowdsim.scenario.groups import (
 from crowdsim.scenario.parts import AvatarType
 
 VERSION = 1
-
-FileName = str | PathLike[str]
 
 
 class Scenario(Description):

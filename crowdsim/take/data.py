@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from numpy.typing import NDArray
-
+from crowdsim.core.types import Array
 from crowdsim.crowd.events import Events
 from crowdsim.scenario.frame_ranges import frame_limit, output_frames
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True)

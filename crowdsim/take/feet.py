@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from numpy.typing import NDArray
-
+from crowdsim.core.types import Array
 from crowdsim.take.limb_kernels import plant_feet
 from crowdsim.take.window import Cuts, Places, Window
 from crowdsim.take.workers import share
-
-Array = NDArray[Any]
 
 WIDE = 0.9
 """How far from a cut feet move for it [s]."""

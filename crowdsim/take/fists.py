@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
 from crowdsim.policy.rewards import TargetBody, posed_distance
@@ -21,7 +21,6 @@ from crowdsim.take.motion import PoseMotion
 from crowdsim.take.window import Window
 from crowdsim.take.workers import share
 
-Array = NDArray[Any]
 PoseAt = Callable[[Array, Array], list[tuple[Array, Body, Array, Array, Array]]]
 """Poses avatars (E,) at times (E,): for each policy which of them, body, scales, joint positions and rotations."""
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from crowdsim.core.types import Array
 
 _LONGEST, _FURTHEST = 0.5, 0.5
 """What takes longer [s] or goes further [m] is no single step."""

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.take.data import TakeData
-
-Array = NDArray[Any]
 
 BEFORE, AFTER = 0.16, 0.22
 """How long before and after a strike the arm leaves its captured way [s]."""

@@ -11,12 +11,10 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
 from crowdsim.take.motion import Limbs
-
-Array = NDArray[Any]
 
 JOINTS = 4
 """Joints that lean: lower spine, chest, left and right collar."""

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from crowdsim.core.types import Array
 from crowdsim.crowd.chunk import Chunk
 from crowdsim.crowd.events import VARIABLES, Events
 from crowdsim.crowd.statistics import overlapping
 from crowdsim.take.data import TakeData
-
-Array = NDArray[Any]
 
 AFTER = 10.0
 """Time that avatars are given to come together; positions are measured from then on [s]."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.contacts import stand_spans
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
     from crowdsim.policy.rewards import TargetBody
 
-Array = NDArray[Any]
 
 _FREE, _MORE = np.deg2rad(130.0), np.deg2rad(8.0)
 """Flexion that blends may always give, and what they may give beyond that or the capture's own [rad]."""

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.figures import new_figure, save_figure
 from crowdsim.take.data import TakeData
@@ -15,8 +14,6 @@ from crowdsim.take.poses import PoseSampler
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[Any]
 
 
 def plot_take(sampler: PoseSampler, folder: Path) -> list[Path]:

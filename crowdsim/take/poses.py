@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.errors import TakeError
 from crowdsim.motion import ground
 from crowdsim.motion.body import Body
@@ -32,7 +32,6 @@ from crowdsim.take.workers import share
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
-Array = NDArray[Any]
 _Pose = Callable[[Window, int, Array, Array], tuple[Array, Array]]
 """Poses roots and rotations in a window, of a policy, at moments (1, E), of the avatars in columns (E,)."""
 

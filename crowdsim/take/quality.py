@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array, Progress
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.take.fists import body_points, surface_point
 from crowdsim.take.measures import measure_fights
 from crowdsim.take.poses import Poses, PoseSampler
 from crowdsim.take.window import STEPS, Cuts, Falls
-
-Array = NDArray[Any]
-Progress = Callable[[str, int, int], None]
 
 TOUCH = 0.02
 """How far from a surface a fist touches it [m]."""

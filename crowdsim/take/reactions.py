@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.take.landed import Landed, by_column
 from crowdsim.take.limb_kernels import show_blows
 from crowdsim.take.motion import PoseMotion, chain_of
 from crowdsim.take.window import Places, Window
 from crowdsim.take.workers import share
 
-Array = NDArray[Any]
 PlaceAt = Callable[[Array, Array], list[tuple[Array, PoseMotion, Array, Places]]]
 """Places avatars (E,) at times (E,): for each policy which of them, its motion, scales, and places of shape (1, n)."""
 

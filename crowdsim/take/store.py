@@ -12,14 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.files import kind_of
 from crowdsim.scenario.names import NAME, NAME_RULE, avatar_name_fault
 from crowdsim.take.take import VARIABLES, Cast, Events, Take
-
-Array = NDArray[Any]
 
 FORMAT = "crowdsim-take"
 VERSION = 1
@@ -292,7 +290,7 @@ def _little(dtype: Any) -> str:
     return np.dtype(dtype).newbyteorder("<").str
 
 
-def open_take(path: str | os.PathLike[str]) -> Take:
+def open_take(path: FileName) -> Take:
     """Open a take for reading; what is recorded per frame is read when it is sliced.
 
     Args:

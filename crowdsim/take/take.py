@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from crowdsim.core.types import Array
 from crowdsim.crowd.events import VARIABLES, Events
 from crowdsim.errors import TakeError
 from crowdsim.take.data import Cast, TakeData
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["STRIKE", "VARIABLES", "Cast", "Events", "Take"]
 
-Array = NDArray[Any]
 
 STRIKE = np.dtype(
     [

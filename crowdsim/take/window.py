@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.policy.alignment import HARDLY, SETTLED
 from crowdsim.take.data import TakeData
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.window_kernels import find_stands, measure_cuts, place_avatars, plan_falls
 from crowdsim.take.workers import share
-
-Array = NDArray[Any]
 
 BLEND = 0.8
 """Length of the blend over a cut, half before it and half after where no strike is near [s]."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from crowdsim.core.types import Progress
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
 from crowdsim.policy.actions import Actions
@@ -14,7 +15,7 @@ from crowdsim.policy.policy import Behaviour
 from crowdsim.policy.rewards import TargetBody
 from crowdsim.training.recipe import BehaviourSpec, QLearningSpec
 from crowdsim.training.scales import SHOWN, advantages, decisive_scale
-from crowdsim.training.solution import Progress, Solution, q_table
+from crowdsim.training.solution import Solution, q_table
 
 
 def train_behaviour(

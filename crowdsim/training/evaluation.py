@@ -6,17 +6,14 @@ import itertools
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Grid
 from crowdsim.policy.policy import Behaviour, Policy, build_lookup_tables
 from crowdsim.policy.rewards import TargetBody
-
-Array = NDArray[Any]
 
 CHOICES = {"table": 0, "random": 1, "search": 2}
 
@@ -85,6 +82,29 @@ def random_starts(
     return states, np.stack([far * np.sin(angle), high, far * np.cos(angle)], axis=-1)
 
 
+@dataclass(frozen=True)
+class EpisodeSettings:
+    """How episodes are played.
+
+    Attributes:
+        seconds: Length of an episode [s].
+        choice: ``table``, ``random``, or ``search``: a beam search with V behind its leaves.
+        width: Width of the beam.
+        depth: Its depth in actions.
+        target_speed: Speed of the target, in a direction drawn anew for every action [m/s].
+        within: Distance over the ground at which an avatar has arrived [m].
+        seed: Of the draws.
+    """
+
+    seconds: float = 10.0
+    choice: str = "table"
+    width: int = 1
+    depth: int = 1
+    target_speed: float = 0.0
+    within: float = 0.6
+    seed: int = 0
+
+
 def run_episodes(
     actions: Actions,
     behaviour: Behaviour,
@@ -92,15 +112,9 @@ def run_episodes(
     control_rate: float,
     states: Array,
     targets: Array,
-    seconds: float = 10.0,
-    choice: str = "table",
-    width: int = 1,
-    depth: int = 1,
-    target_speed: float = 0.0,
-    seed: int = 0,
-    threads: int = 1,
-    within: float = 0.6,
+    settings: EpisodeSettings | None = None,
     composition: Composition | None = None,
+    threads: int = 1,
 ) -> Episodes:
     """Let an avatar pursue a target from each start, and return what came of it.
 
@@ -111,25 +125,19 @@ def run_episodes(
         control_rate: Control frames a second.
         states: Where each starts. Shape (N,).
         targets: Where the target is then [m]. Shape (N, 3).
-        seconds: Length of an episode [s].
-        choice: ``table``, ``random``, or ``search``: a beam search with V behind its leaves.
-        width: Width of the beam.
-        depth: Its depth in actions.
-        target_speed: Speed of the target, in a direction drawn anew for every action [m/s].
-        seed: Of the draws.
-        threads: Threads to use; results are the same for any number.
-        within: Distance over the ground at which an avatar has arrived [m].
+        settings: How episodes are played; the defaults when None.
         composition: What chooses in place of the behaviour's own table, over the same actions; their costs may differ.
+        threads: Threads to use; results are the same for any number.
     """
     from crowdsim.policy import kernels
 
+    settings = settings or EpisodeSettings()
     judge = build_lookup_tables(actions, (_always(behaviour),), body)
     tables, weights = judge, np.ones(1)
     if composition is not None:
         tables = build_lookup_tables(composition.actions, composition.behaviours, body)
         weights = np.asarray(composition.weights, float)
-    rate = control_rate
-    horizon = round(seconds * rate)
+    horizon = round(settings.seconds * control_rate)
     out, used = np.empty((len(states), 9)), np.zeros(actions.action_count, np.uint8)
     states, targets = np.asarray(states, np.int32), np.asarray(targets, float)
     numbers = np.arange(len(states))
@@ -137,8 +145,9 @@ def run_episodes(
     def play(some: slice) -> float:
         started = time.thread_time()
         kernels.run_episodes(
-            tables, weights, judge, CHOICES[choice], states[some], targets[some], target_speed / rate, horizon,
-            width, depth, within, seed, numbers[some], out[some], used,
+            tables, weights, judge, CHOICES[settings.choice], states[some], targets[some],
+            settings.target_speed / control_rate, horizon, settings.width, settings.depth, settings.within,
+            settings.seed, numbers[some], out[some], used,
         )  # fmt: skip
         return time.thread_time() - started
 
@@ -146,6 +155,11 @@ def run_episodes(
     bounds = np.linspace(0, len(states), threads + 1).astype(int)
     with ThreadPoolExecutor(threads) as pool:
         spent = sum(pool.map(play, [slice(*pair) for pair in itertools.pairwise(bounds)]))
+    return _episodes(out, used, spent, control_rate)
+
+
+def _episodes(out: Array, used: Array, spent: float, rate: float) -> Episodes:
+    """Return the episodes of the kernel's columns (N, 9) and flags of actions (A,), which took so long [s]."""
     never = out < 0.0
     return Episodes(
         returns=out[:, 0],

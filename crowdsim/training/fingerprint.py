@@ -9,6 +9,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from crowdsim.core.types import FileName
 from crowdsim.errors import PolicyError, nearest
 from crowdsim.policy.bundle import canonical, file_hash
 from crowdsim.training.recipe import Recipe, plain
@@ -19,7 +20,7 @@ SOURCES = ("motion", "bvh", "capture", "performer", "graph", "policy", "training
 _SHOWN = 4
 
 
-def capture_folder(recipe: Recipe, mocap: str | os.PathLike[str] | None = None) -> Path:
+def capture_folder(recipe: Recipe, mocap: FileName | None = None) -> Path:
     """Return the folder of a recipe's capture: the given one, else the recipe's, else that of ``CROWDSIM_MOCAP``.
 
     Raises:
@@ -39,7 +40,7 @@ def capture_folder(recipe: Recipe, mocap: str | os.PathLike[str] | None = None) 
     return Path(known)
 
 
-def capture_files(recipe: Recipe, mocap: str | os.PathLike[str] | None = None) -> list[Path]:
+def capture_files(recipe: Recipe, mocap: FileName | None = None) -> list[Path]:
     """Return the BVH files that a recipe's names and patterns find, in the order of these, each once.
 
     Raises:

@@ -16,16 +16,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import AXIS_KINDS, Grid
 from crowdsim.policy.rewards import StrikeTerm, TargetBody, Term, TransitionTerm, pack_terms
-
-Array = NDArray[Any]
 
 BACKUPS = ("max_of_interpolated", "interpolation_of_max")
 
@@ -158,18 +155,10 @@ def build_model(
     kernels.fill_successors(actions, axes, targets[::layers].copy(), movement.velocities, lowers, shares)
 
     packed, log_discount = pack_terms(terms, body), math.log(discount)
-    same = all(
-        isinstance(term, TransitionTerm) or (isinstance(term, StrikeTerm) and term.waste == 0.0) for term in terms
-    )
-    near = np.empty((ways, count, 1 if same else cells), np.float32)
+    near = np.empty((ways, count, 1 if _same_everywhere(terms) else cells), np.float32)
     xs, zs = targets[::layers, 0].copy(), targets[::layers, 2].copy()
     kernels.fill_near(actions, xs, zs, movement.velocities, packed, log_discount, near)
-    landed = np.zeros(ways * count + 1, np.int64)
-    nothing = np.zeros(0, np.int32), np.zeros(0, np.float32)
-    kernels.fill_landed(actions, targets, layers, movement.velocities, packed, log_discount, landed, *nothing)
-    np.cumsum(landed, out=landed)
-    entries = np.empty(landed[-1], np.int32), np.empty(landed[-1], np.float32)
-    kernels.fill_landed(actions, targets, layers, movement.velocities, packed, log_discount, landed, *entries)
+    landed, landed_cells, landed_rewards = _landed_rewards(actions, grid, movement, packed, log_discount)
     return Model(
         grid=grid,
         discount=discount,
@@ -182,8 +171,31 @@ def build_model(
         probabilities=movement.probabilities.astype(np.float32),
         near=near,
         landed=landed,
-        landed_cells=entries[0],
-        landed_rewards=entries[1],
+        landed_cells=landed_cells,
+        landed_rewards=landed_rewards,
+    )
+
+
+def _landed_rewards(
+    actions: Actions, grid: Grid, movement: Movement, packed: Array, log_discount: float
+) -> tuple[Array, Array, Array]:
+    """Return what strikes earn where they land: offsets by outcome and action, cells and rewards (``Model``)."""
+    from crowdsim.policy import kernels
+
+    targets, layers, velocities = grid.targets(), grid.layers, movement.velocities
+    offsets = np.zeros(len(movement.probabilities) * actions.action_count + 1, np.int64)
+    nothing = np.zeros(0, np.int32), np.zeros(0, np.float32)
+    kernels.fill_landed(actions, targets, layers, velocities, packed, log_discount, offsets, *nothing)
+    np.cumsum(offsets, out=offsets)
+    cells, rewards = np.empty(offsets[-1], np.int32), np.empty(offsets[-1], np.float32)
+    kernels.fill_landed(actions, targets, layers, velocities, packed, log_discount, offsets, cells, rewards)
+    return offsets, cells, rewards
+
+
+def _same_everywhere(terms: tuple[Term, ...]) -> bool:
+    """Return whether rewards, those of landed strikes left out, do not depend on where the target is."""
+    return all(
+        isinstance(term, TransitionTerm) or (isinstance(term, StrikeTerm) and term.waste == 0.0) for term in terms
     )
 
 

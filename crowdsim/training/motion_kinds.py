@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from crowdsim.core.types import Array
 from crowdsim.policy.actions import Actions
-
-Array = NDArray[Any]
 
 STILL, SMALL_TURN = 0.08, math.radians(15.0)
 """An action that goes less far over the ground [m] and turns by less [rad] stays."""

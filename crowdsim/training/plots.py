@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.figures import new_figure, save_figure
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.policy.policy import Behaviour, Policy, build_lookup_tables
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[Any]
 
 HANDS = (("left", "tab:blue"), ("right", "tab:red"))
 HEAD = 1.5

@@ -11,22 +11,20 @@ left has fewer decisions, each among fewer actions, and hardly earns less (``ben
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array, Progress
 from crowdsim.graph.states import MotionGraph, graph_of_transitions
 from crowdsim.graph.transitions import Transitions, decision_frames
 from crowdsim.policy.actions import Actions, build_actions
 from crowdsim.policy.rewards import TargetBody
 from crowdsim.training.recipe import BehaviourSpec, PruningSpec, ValueIterationSpec
-from crowdsim.training.solution import Progress
 
 if TYPE_CHECKING:
     from crowdsim.motion.database import MotionDatabase
 
-Array = NDArray[Any]
 
 COARSE = {"distance": 11, "bearing": 16, "height": 3}
 """Most points of each axis on which the wide graph is learned."""

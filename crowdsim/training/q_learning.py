@@ -18,9 +18,10 @@ import time
 
 import numpy as np
 
+from crowdsim.core.types import Array, Progress
 from crowdsim.training import solver_kernels
 from crowdsim.training.model import Model
-from crowdsim.training.solution import Progress, Solution, sweep_model
+from crowdsim.training.solution import Solution, sweep_model
 
 
 def q_learning(
@@ -48,20 +49,16 @@ def q_learning(
         seed: Seed of the draws.
         progress: Called with ("q-learning", rounds of exploration done, at most).
     """
-    started = time.perf_counter()
+    started, packed = time.perf_counter(), sweep_model(model)
     cells, layers = model.grid.cells, model.grid.layers
-    packed = sweep_model(model)
     q, other = (np.zeros(model.action_count * cells, np.float32) for _ in range(2))
-    changes = np.empty(model.state_count)
-    visits = np.zeros(len(q), np.uint16)
+    changes, visits = np.empty(model.state_count), np.zeros(len(q), np.uint16)
     tries = tries if len(model.probabilities) > 1 else 1
-    rounds = max_sweeps * (1 + exploitations * tries)
-    step_sizes = ((1.0 + np.arange(min(rounds, 65535)) / settle) ** -omega).astype(np.float32)
+    step_sizes = _step_sizes(max_sweeps * (1 + exploitations * tries), omega, settle)
     entries = np.empty(model.state_count * cells, np.int64)
     found = np.empty(model.state_count * cells, np.float32)
     residuals: list[float] = []
-    converged = False
-    played = 0
+    converged, played = False, 0
     while len(residuals) < max_sweeps and not converged:
         solver_kernels.try_everything(packed, layers, q, other, visits, step_sizes, seed, changes)
         q, other = other, q
@@ -87,3 +84,8 @@ def q_learning(
         seconds=time.perf_counter() - started,
         converged=converged,
     )
+
+
+def _step_sizes(rounds: int, omega: float, settle: float) -> Array:
+    """Return alpha by the number of visits before. Float32."""
+    return np.asarray(((1.0 + np.arange(min(rounds, 65535)) / settle) ** -omega).astype(np.float32))

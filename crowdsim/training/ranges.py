@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.errors import MotionError, RecipeError
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.strikes import describe_strikes_needed
 from crowdsim.policy.environment import Axis, Grid, build_grid
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, Term
 from crowdsim.training.recipe import BehaviourSpec
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True)

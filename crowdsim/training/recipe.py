@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from crowdsim.config.files import Fault, StrictModel, load_model
+from crowdsim.core.types import FileName
 from crowdsim.errors import RecipeError, nearest
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.policy.environment import AXIS_KINDS
@@ -267,7 +268,7 @@ class Recipe(StrictModel):
         return self
 
 
-def load_recipe(path: str | os.PathLike[str], overrides: list[str] | tuple[str, ...] = ()) -> Recipe:
+def load_recipe(path: FileName, overrides: list[str] | tuple[str, ...] = ()) -> Recipe:
     """Return the recipe of a YAML file; its folder of capture is seen from the file's, and so is right from anywhere.
 
     Raises:

@@ -10,17 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array, Progress
 from crowdsim.policy.environment import Axis, Grid, build_grid
 from crowdsim.training.model import Model
-from crowdsim.training.solution import Progress, Solution
+from crowdsim.training.solution import Solution
 from crowdsim.training.value_iteration import value_iteration
-
-Array = NDArray[Any]
 
 COARSEST = 10
 """Grids are coarsened while every axis over the ground keeps as many points."""

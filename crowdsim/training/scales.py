@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.policy import Behaviour
 from crowdsim.policy.rewards import TargetBody
-
-Array = NDArray[Any]
 
 SHOWN = 12.0
 """How far below the best action others are distinguished in a table of bytes, in parts of the behaviour's scale."""

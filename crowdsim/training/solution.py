@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from crowdsim.core.types import Array
 
 if TYPE_CHECKING:
     from crowdsim.training.model import Model
-
-Array = NDArray[Any]
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -70,19 +67,7 @@ class SweepModel(NamedTuple):
 
 def sweep_model(model: Model) -> SweepModel:
     """Return the model's arrays for compiled code."""
-    return SweepModel(
-        model.offsets,
-        model.next,
-        model.discounts,
-        model.lowers,
-        model.shares,
-        model.steps,
-        model.probabilities,
-        model.near,
-        model.landed,
-        model.landed_cells,
-        model.landed_rewards,
-    )
+    return SweepModel(*(getattr(model, name) for name in SweepModel._fields))
 
 
 def q_table(model: Model, values: Array) -> Array:

@@ -7,8 +7,8 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.graph.statistics import frames_kept_by_clip, graph_statistics
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.strike_kinds import HEIGHTS, KINDS, strike_heights, strike_kinds
@@ -18,8 +18,6 @@ from crowdsim.training.ranges import strike_reach, striking_range
 from crowdsim.training.solution import Solution
 from crowdsim.training.trials import measure_success
 from crowdsim.training.weaknesses import find_weaknesses
-
-Array = NDArray[Any]
 
 HANDS = ("left", "right")
 

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from crowdsim.capture.loading import load_capture
-from crowdsim.capture.report import describe_capture, study_capture
+from crowdsim.capture.loading import Capture
 from crowdsim.errors import MotionError
 from crowdsim.motion.strikes import describe_strikes_needed
 from crowdsim.training.recipe import BehaviourSpec, Recipe
@@ -34,12 +33,12 @@ class Fists:
     height: float
 
 
-def require_no_strikes(recipe: Recipe, files: Sequence[Path]) -> None:
+def require_no_strikes(recipe: Recipe, captures: Sequence[Capture]) -> None:
     """Refuse to train on motion without strikes where behaviours need them.
 
     Args:
         recipe: What is trained.
-        files: The BVH files of its motion; none of the embedded boxer's.
+        captures: The files of its motion; none of the embedded boxer's.
 
     Raises:
         MotionError: A behaviour needs strikes: how fast the fists are, and what can be done.
@@ -48,23 +47,25 @@ def require_no_strikes(recipe: Recipe, files: Sequence[Path]) -> None:
     if not needy:
         return
     names = f"{_join(list(needy))} need{'s' * (len(needy) == 1)} strikes"
-    performer, capture = recipe.motion.performer, recipe.motion.capture
+    performer = recipe.motion.performer
     if performer is not None:
         raise MotionError(
             f"{names}, and there are none in {performer.seconds:g} s of the embedded boxer; expected more seconds"
         )
-    assert capture is not None
-    fists = [measure_fists(path, capture.unit, capture.up_axis) for path in files]
+    fists = [measure_fists(Path(capture.bvh.path).name, capture) for capture in captures]
     raise MotionError(f"{names}, and {describe_fists(fists)}; or train without strikes: {_advice(needy)}")
 
 
-def measure_fists(path: Path, unit: str | float | None = None, up_axis: str | None = None) -> Fists:
-    """Return how fast the fists of a file that can be trained on are."""
-    capture = load_capture(path, unit, up_axis)
-    figures = describe_capture(capture, study_capture(capture))
-    return Fists(
-        path.name, figures["seconds"], figures["highest_fist_speed"], figures["unit_scale"], figures["height_m"]
-    )
+def measure_fists(name: str, capture: Capture) -> Fists:
+    """Return how fast the fists of a capture are.
+
+    Raises:
+        MotionError: It has no motion of a body of known size.
+    """
+    if capture.analysis is None or capture.unit_scale is None or capture.body is None:
+        raise MotionError("no motion of a body")
+    seconds, speed = capture.bvh.frame_count / capture.bvh.fps, capture.analysis.strikes.highest_speed
+    return Fists(name, seconds, speed, capture.unit_scale, capture.body.height)
 
 
 def describe_fists(files: Sequence[Fists]) -> str:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from crowdsim.capture.loading import load_capture, usable_clip, without_path
-from crowdsim.capture.report import study_capture
+from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import BvhError, MotionError, PolicyError
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.training.fingerprint import bvh_files
-from crowdsim.training.strikeless import Fists
-
-Progress = Callable[[str, int, int], None]
+from crowdsim.training.strikeless import Fists, measure_fists
 
 LEAST_SECONDS = 0.2
 """Least length of a clip that can be trained on: two whole control frames at the default rate, and one to spare [s]."""
@@ -67,7 +64,7 @@ class Survey:
         return sum(file.strikes[0] for file in self.used), sum(file.strikes[1] for file in self.used)
 
 
-def survey_capture(folder: str | os.PathLike[str], progress: Progress | None = None) -> Survey:
+def survey_capture(folder: FileName, progress: Progress | None = None) -> Survey:
     """Return which BVH files of a folder, and of all folders in it, can be trained on together.
 
     Where skeletons differ, those are taken that more than half of the usable files have.
@@ -119,20 +116,17 @@ def group_by_skeleton(files: Sequence[SurveyedFile]) -> list[list[SurveyedFile]]
 def _survey_file(path: Path, name: str) -> SurveyedFile:
     try:
         capture = load_capture(path)
-        clip = usable_clip(capture)
+        clip = usable_clip(capture).clip
     except (BvhError, MotionError) as error:
         return SurveyedFile(name, _first_line(str(error), path))
     motion = capture.motion
     if motion.seconds < LEAST_SECONDS:
         return SurveyedFile(name, f"{motion.seconds:.2f} s after the lead-in, expected {LEAST_SECONDS:.2f} s or more")
-    study = study_capture(capture)
-    if study is None or capture.unit_scale is None or capture.body is None:
+    if capture.analysis is None:
         return SurveyedFile(name, "no motion of a body")
-    hands = study.strikes.hands
-    seconds = capture.bvh.frame_count / capture.bvh.fps
-    fists = Fists(name, seconds, study.strikes.highest_speed, capture.unit_scale, capture.body.height)
+    hands = capture.analysis.strikes.hands
     strikes = int((hands == 0).sum()), int((hands == 1).sum())
-    return SurveyedFile(name, "", motion.seconds, strikes, fists, clip.skeleton)
+    return SurveyedFile(name, "", motion.seconds, strikes, measure_fists(name, capture), clip.skeleton)
 
 
 def _first_line(message: str, path: Path) -> str:

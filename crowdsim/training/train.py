@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim import assets
+from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.errors import CrowdsimError, MotionError, PolicyError, RecipeError, VersionError
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
@@ -23,10 +22,7 @@ from crowdsim.policy.rewards import target_body
 from crowdsim.training.behaviours import train_behaviour
 from crowdsim.training.fingerprint import capture_files, combine, fingerprints_of
 from crowdsim.training.recipe import Recipe, load_recipe, plain
-from crowdsim.training.solution import Progress
-
-Array = NDArray[Any]
-FileName = str | os.PathLike[str]
+from crowdsim.training.solution import Solution
 
 
 def train_recipe(
@@ -125,7 +121,6 @@ def train_policy(
     from crowdsim.graph.motion_graph import build_graph
     from crowdsim.training.pruning import prune_graph
     from crowdsim.training.statistics import policy_statistics
-    from crowdsim.training.strikeless import require_no_strikes
 
     with _threads(threads):
         started = time.perf_counter()
@@ -133,8 +128,6 @@ def train_policy(
         prints = fingerprints_of(recipe, files)
         database = load_motion(recipe, files, progress)
         moved = time.perf_counter()
-        if not len(database.strike_frames):
-            require_no_strikes(recipe, files)
         body = target_body(database)
         graph = build_graph(database, recipe.graph, progress)
         built = time.perf_counter()
@@ -153,11 +146,7 @@ def train_policy(
             behaviour, solution = train_behaviour(label, spec, database, actions, body, recipe.precision, progress)
             trained.append(behaviour)
             solutions[label] = solution
-            timings["behaviours"][label] = {
-                "seconds": time.perf_counter() - begun,
-                "solver_seconds": solution.seconds,
-                "updates_per_second": solution.updates / max(solution.seconds, 1e-9),
-            }
+            timings["behaviours"][label] = _timing(solution, time.perf_counter() - begun)
         behaviours, values = _join_tables(trained)
         policy = Policy(
             name=name,
@@ -176,6 +165,15 @@ def train_policy(
     return Policy(**{**vars(policy), "statistics": statistics}), timings
 
 
+def _timing(solution: Solution, seconds: float) -> dict[str, float]:
+    """Return what a behaviour took, ``seconds`` in all."""
+    return {
+        "seconds": seconds,
+        "solver_seconds": solution.seconds,
+        "updates_per_second": solution.updates / max(solution.seconds, 1e-9),
+    }
+
+
 def _join_tables(behaviours: list[Behaviour]) -> tuple[tuple[Behaviour, ...], Array]:
     """Return behaviours whose tables are parts of one array, and that array."""
     values = np.concatenate([behaviour.table for behaviour in behaviours])
@@ -184,29 +182,33 @@ def _join_tables(behaviours: list[Behaviour]) -> tuple[tuple[Behaviour, ...], Ar
     return tuple(replace(one, table=part) for one, part in zip(behaviours, parts, strict=True)), values
 
 
-def load_motion(recipe: Recipe, files: list[Path], progress: Progress | None = None) -> MotionDatabase:
+def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None = None) -> MotionDatabase:
     """Return the motion database that a recipe asks for, from the given files or from the embedded boxer.
 
     Raises:
-        MotionError: A file cannot be used: which, and why.
+        MotionError: A file cannot be used: which, and why; or there are no strikes, and a behaviour needs them.
         BvhError: A file is no BVH.
     """
-    from crowdsim.capture.loading import load_capture, usable_clip
+    from crowdsim.capture.loading import Capture, load_capture, usable_clip
     from crowdsim.motion.database import build_database
+    from crowdsim.motion.measuring import MeasuredClip, measure_clips
     from crowdsim.performer.session import perform
+    from crowdsim.training.strikeless import require_no_strikes
 
-    performer, capture = recipe.motion.performer, recipe.motion.capture
+    performer, source = recipe.motion.performer, recipe.motion.capture
+    captures: list[Capture] = []
+    clips: list[MeasuredClip] = []
     if performer is not None:
         performed = perform(performer.seconds, performer.seed, recipe.playback_rate, performer.stance, progress)
-        clips = [performance.clip for performance in performed]
+        clips = measure_clips([performance.clip for performance in performed])
     else:
-        assert capture is not None
-        clips = []
+        assert source is not None
         for done, path in enumerate(files, start=1):
-            clips.append(usable_clip(load_capture(path, capture.unit, capture.up_axis), capture.strict))
+            captures.append(load_capture(path, source.unit, source.up_axis))
+            clips.append(usable_clip(captures[-1], source.strict))
             if progress is not None:
                 progress("read capture", done, len(files))
-    return build_database(
+    database = build_database(
         clips,
         recipe.control_rate,
         recipe.playback_rate,
@@ -214,6 +216,9 @@ def load_motion(recipe: Recipe, files: list[Path], progress: Progress | None = N
         trim=recipe.motion.trim,
         progress=progress,
     )
+    if not len(database.strike_frames):
+        require_no_strikes(recipe, captures)
+    return database
 
 
 @contextmanager

@@ -8,19 +8,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.policy.environment import Grid
 from crowdsim.policy.policy import Behaviour, LookupTables, Policy, build_lookup_tables
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, lands, surface_distance
 from crowdsim.training.evaluation import random_starts
 from crowdsim.training.ranges import strike_reach
-
-Array = NDArray[Any]
 
 STARTS = 200
 """Random starts of each behaviour."""

@@ -7,16 +7,14 @@ a sweep that looks for the best action is followed by sweeps that only back up t
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 
+from crowdsim.core.types import Array, Progress
 from crowdsim.training import solver_kernels
 from crowdsim.training.model import BACKUPS, Model
-from crowdsim.training.solution import Progress, Solution, sweep_model, value_spread
-
-Array = NDArray[Any]
+from crowdsim.training.solution import Solution, sweep_model, value_spread
 
 EVALUATION_WORTH = 24.0
 """Actions a state from which evaluating the best of them costs clearly less than backing up all (measured)."""

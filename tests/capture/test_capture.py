@@ -13,7 +13,7 @@ from exporters import UPS, Export, export_motion
 
 from crowdsim.bvh.io import format_bvh, to_clip, write_bvh
 from crowdsim.capture.loading import load_capture, usable_clip
-from crowdsim.capture.report import describe_capture, study_capture
+from crowdsim.capture.report import describe_capture
 from crowdsim.errors import BvhError, MotionError
 from crowdsim.motion.roles import find_roles
 from crowdsim.performer.session import perform
@@ -52,16 +52,16 @@ VARIETY = [
 @pytest.mark.parametrize(("name", "axis", "export"), VARIETY, ids=[row[0] for row in VARIETY])
 def test_unit_axis_height_and_what_happens_do_not_depend_on_the_exporter(boxer, tmp_path, name, axis, export):
     plain = load_capture(_write(tmp_path, boxer[0]))
-    result = describe_capture(plain, study_capture(plain))
+    result = describe_capture(plain)
     path = _write(tmp_path, export_motion(*boxer, BY_NAME[name], export))
     capture = load_capture(path)
-    study = describe_capture(capture, study_capture(capture))
-    assert study["unit_scale"] == pytest.approx(export.scale)
-    assert study["up_axis"] == axis
-    assert study["height_m"] == pytest.approx(1.75, abs=0.03)
-    assert study["strikes"] == result["strikes"] > 0
-    assert abs(study["contacts"] - result["contacts"]) <= 2
-    assert study["findings"] == []
+    found = describe_capture(capture)
+    assert found["unit_scale"] == pytest.approx(export.scale)
+    assert found["up_axis"] == axis
+    assert found["height_m"] == pytest.approx(1.75, abs=0.03)
+    assert found["strikes"] == result["strikes"] > 0
+    assert abs(found["contacts"] - result["contacts"]) <= 2
+    assert found["findings"] == []
     assert capture.clip.root_positions[:, 1].min() > -2.0
 
 
@@ -78,7 +78,7 @@ def test_a_giant_has_no_known_scale_and_keeps_file_units(boxer, tmp_path):
     assert capture.body is None
     assert capture.roles
     assert capture.findings[0].startswith("unknown scale: the body would stand 526 m in m")
-    assert study_capture(capture) is None
+    assert capture.analysis is None
     given = load_capture(capture.clip.source, unit="cm")
     assert given.body.height == pytest.approx(5.25, rel=0.02)
 
@@ -113,7 +113,7 @@ def test_animals_are_told_as_no_human_body(tmp_path, name):
         "no human body found",
         "unknown scale",
     ]
-    assert study_capture(capture) is None
+    assert capture.analysis is None
 
 
 @pytest.mark.parametrize("along_x", [False, True])
@@ -133,7 +133,7 @@ def test_a_wrong_row_count_is_told_with_both_numbers_and_blocks_training_unless_
     with pytest.raises(MotionError) as error:
         usable_clip(capture)
     assert str(error.value) == f"{path}: 360 rows of motion, Frames: says 400"
-    assert usable_clip(capture, strict=False) is capture.clip
+    assert usable_clip(capture, strict=False).clip is capture.clip
 
 
 @pytest.mark.parametrize("value", [b"nan", b"inf"])
@@ -147,7 +147,7 @@ def test_channels_that_are_not_finite_are_told_with_their_place(boxer, tmp_path,
     capture = load_capture(path)
     assert len(capture.faults) == 1
     assert "frame 357, joint 'LeftUpLeg', channel" in capture.faults[0]
-    assert study_capture(capture) is None
+    assert capture.analysis is None
     assert capture.unit_scale == 0.01
     with pytest.raises(MotionError):
         usable_clip(capture, strict=False)
@@ -180,7 +180,7 @@ def test_joints_that_stretch_are_told_and_may_be_trained_on(boxer, tmp_path):
     capture = load_capture(_write(tmp_path, replace(bvh, motion=motion)))
     assert capture.faults == ()
     assert capture.findings == ("1 joints move against their parents, 'LeftHand' by 0.200 m",)
-    assert usable_clip(capture) is capture.clip
+    assert usable_clip(capture).clip is capture.clip
 
 
 @pytest.mark.parametrize("name", ["unreal", "rigify", "vrm", "bandai", "accad"])

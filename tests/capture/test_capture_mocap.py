@@ -9,7 +9,7 @@ from exporters import UPS, Export, export_motion
 
 from crowdsim.bvh.io import write_bvh
 from crowdsim.capture.loading import load_capture
-from crowdsim.capture.report import describe_capture, study_capture
+from crowdsim.capture.report import describe_capture
 from crowdsim.motion.contacts import runs
 
 pytestmark = pytest.mark.mocap
@@ -24,7 +24,7 @@ FILES = {
 
 def _told(path):
     capture = load_capture(path)
-    return capture, describe_capture(capture, study_capture(capture))
+    return capture, describe_capture(capture)
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -69,20 +69,20 @@ def test_the_same_is_found_in_the_conventions_of_other_exporters(mocap, tmp_path
 
 
 def test_a_boxer_who_bounces_is_never_long_in_the_air(mocap):
-    study = study_capture(load_capture(mocap / "fight_daz/cmu_13_18_boxing.bvh"))
-    airborne = runs(~study.contacts.any(axis=1))
+    analysis = load_capture(mocap / "fight_daz/cmu_13_18_boxing.bvh").analysis
+    airborne = runs(~analysis.contacts.any(axis=1))
     assert (airborne[:, 1] - airborne[:, 0]).max() / 60.0 < 0.5
-    assert 0.5 < study.contacts.mean() < 0.75
+    assert 0.5 < analysis.contacts.mean() < 0.75
 
 
 @pytest.mark.parametrize("name", ["cmu_07_01", "cmu_08_01", "cmu_12_02"])
 def test_someone_who_walks_has_a_foot_on_the_ground(mocap, name):
-    study = study_capture(load_capture(mocap / f"locomotion_daz/{name}.bvh"))
-    assert study.contacts.any(axis=1).mean() > 0.9
-    assert 0.4 < study.contacts.mean() < 0.75
+    analysis = load_capture(mocap / f"locomotion_daz/{name}.bvh").analysis
+    assert analysis.contacts.any(axis=1).mean() > 0.9
+    assert 0.4 < analysis.contacts.mean() < 0.75
 
 
 def test_someone_who_runs_is_in_the_air_between_steps(mocap):
-    study = study_capture(load_capture(mocap / "locomotion_daz/cmu_09_01.bvh"))
-    assert 0.1 < study.contacts.any(axis=1).mean() < 0.8
-    assert not study.contacts.all(axis=1).any()
+    analysis = load_capture(mocap / "locomotion_daz/cmu_09_01.bvh").analysis
+    assert 0.1 < analysis.contacts.any(axis=1).mean() < 0.8
+    assert not analysis.contacts.all(axis=1).any()

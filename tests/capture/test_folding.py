@@ -9,7 +9,7 @@ from crowdsim.bvh.io import write_bvh
 from crowdsim.capture.folding import backward_elbows, fold_forward
 from crowdsim.capture.loading import load_capture
 from crowdsim.motion.kinematics import clip_kinematics
-from crowdsim.motion.measuring import human_roles
+from crowdsim.motion.measuring import human_roles, sample_poses
 from crowdsim.performer.session import MOVES, perform_solo
 
 ELBOWS = ("left_elbow", "right_elbow")
@@ -19,13 +19,13 @@ ELBOWS = ("left_elbow", "right_elbow")
 @pytest.mark.parametrize("stance", ["orthodox", "southpaw"])
 def test_elbows_of_a_boxer_fold_forward(move, stance):
     clip = perform_solo(move, stance=stance).clip
-    assert backward_elbows(clip, human_roles(clip)) == ()
+    assert backward_elbows(clip, human_roles(clip.skeleton, sample_poses(clip)[0])) == ()
 
 
 @pytest.mark.parametrize("wrong", [ELBOWS, ELBOWS[:1], ELBOWS[1:]])
 def test_elbows_that_fold_backward_are_named_and_turned_back(wrong, tmp_path):
     clip = perform_solo("jab").clip
-    roles = human_roles(clip)
+    roles = human_roles(clip.skeleton, sample_poses(clip)[0])
     broken = fold_forward(clip, roles, wrong)
     assert backward_elbows(broken, roles) == wrong
     write_bvh(tmp_path / "broken.bvh", broken)
@@ -39,7 +39,7 @@ def test_elbows_that_fold_backward_are_named_and_turned_back(wrong, tmp_path):
 
 def test_an_elbow_that_is_turned_moves_its_forearm_alone_and_bends_as_far():
     clip = perform_solo("hook").clip if "hook" in MOVES else perform_solo("jab").clip
-    roles = human_roles(clip)
+    roles = human_roles(clip.skeleton, sample_poses(clip)[0])
     places, turned = (clip_kinematics(c)[0] for c in (clip, fold_forward(clip, roles, ELBOWS[:1])))
     moved = np.abs(places - turned).max(axis=(0, 2)) > 1e-6
     assert list(np.flatnonzero(moved)) == [roles["left_hand"]]

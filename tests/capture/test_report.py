@@ -15,7 +15,7 @@ from PIL import Image
 from crowdsim.bvh.io import write_bvh
 from crowdsim.capture.loading import load_capture
 from crowdsim.capture.plots import path_figure, plot_capture, pose_figure, skeleton_figure, time_figure
-from crowdsim.capture.report import describe_capture, study_capture
+from crowdsim.capture.report import describe_capture
 from crowdsim.motion.contacts import runs
 from crowdsim.motion.roles import find_roles
 from crowdsim.motion.strikes import REASONS, Rejection
@@ -39,7 +39,7 @@ def _capture(folder, bvh):
 
 def test_figures_are_those_of_the_file(boxer, tmp_path):
     capture = _capture(tmp_path, export_motion(*boxer, BY_NAME["mixamo"], Export(scale=0.0254, every=2)))
-    result = describe_capture(capture, study_capture(capture))
+    result = describe_capture(capture)
     assert list(result)[:3] == ["joints", "end_sites", "channels"]
     assert set(KEYS) <= set(result)
     assert result["joints"] == len(BY_NAME["mixamo"].nodes)
@@ -62,7 +62,7 @@ def test_strikes_are_told_by_their_time_in_the_file(boxer, tmp_path):
         root_positions=np.concatenate([roots, clip.root_positions]),
     )
     plain, late = (_capture(tmp_path, motion) for motion in (clip, longer))
-    ours, theirs = (describe_capture(capture, study_capture(capture)) for capture in (plain, late))
+    ours, theirs = (describe_capture(capture) for capture in (plain, late))
     assert theirs["frames"] == ours["frames"] + 180
     assert theirs["lead_in_frames"] >= 180
     assert ours["strikes"] == len(ours["strike_list"]) > 3
@@ -75,15 +75,15 @@ def test_strikes_are_told_by_their_time_in_the_file(boxer, tmp_path):
 
 def test_contacts_are_counted_over_both_feet(boxer, tmp_path):
     capture = _capture(tmp_path, boxer[0])
-    study = study_capture(capture)
-    result = describe_capture(capture, study)
-    assert result["contacts"] == len(runs(study.contacts[:, 0])) + len(runs(study.contacts[:, 1]))
-    np.testing.assert_allclose(result["contact_share"], study.contacts.mean(axis=0), atol=1e-4)
+    analysis = capture.analysis
+    result = describe_capture(capture)
+    assert result["contacts"] == len(runs(analysis.contacts[:, 0])) + len(runs(analysis.contacts[:, 1]))
+    np.testing.assert_allclose(result["contact_share"], analysis.contacts.mean(axis=0), atol=1e-4)
 
 
 def test_what_is_unknown_is_null(tmp_path):
     capture = _capture(tmp_path, export_animal(ANIMALS["snake"], frames=1))
-    result = describe_capture(capture, study_capture(capture))
+    result = describe_capture(capture)
     for key in ("unit_scale", "up_axis", "height_m", "contacts", "strikes", "floor_m"):
         assert result[key] is None, key
     assert result["roles"] == {}
@@ -93,23 +93,24 @@ def test_what_is_unknown_is_null(tmp_path):
 
 def test_swings_that_are_no_strikes_are_listed_with_time_hand_speed_and_reason(boxer, tmp_path):
     capture = _capture(tmp_path, boxer[0])
-    study = study_capture(capture)
-    listed = describe_capture(capture, study)["rejected_list"]
-    assert len(listed) == len(study.strikes.rejected.peaks) > 3
-    first, peak = listed[0], int(study.strikes.rejected.peaks[0])
+    analysis = capture.analysis
+    listed = describe_capture(capture)["rejected_list"]
+    assert len(listed) == len(analysis.strikes.rejected.peaks) > 3
+    first, peak = listed[0], int(analysis.strikes.rejected.peaks[0])
     assert list(first) == ["seconds", "hand", "speed", "reason"]
-    assert first["seconds"] == pytest.approx(study.start + peak / 60.0, abs=1e-3)
+    assert first["seconds"] == pytest.approx(capture.start + peak / 60.0, abs=1e-3)
     assert {swing["reason"] for swing in listed} <= {reason.name.lower() for reason in Rejection}
 
 
-def _axes_of(capture, study):
-    figures = skeleton_figure(capture), path_figure(study), time_figure(study, 1.75), pose_figure(capture, study)
+def _axes_of(capture):
+    analysis = capture.analysis
+    figures = skeleton_figure(capture), path_figure(analysis), time_figure(analysis, 0.0), pose_figure(analysis, 0.0)
     return [figure.axes for figure in figures]
 
 
 def test_every_axis_of_a_capture_has_a_unit_and_places_have_equal_scales(boxer, tmp_path):
     capture = _capture(tmp_path, boxer[0])
-    skeleton, path, (strips, speeds), poses = _axes_of(capture, study_capture(capture))
+    skeleton, path, (strips, speeds), poses = _axes_of(capture)
     for axes in (*skeleton, *path, *poses):
         assert axes.get_aspect() == 1.0
         assert axes.get_ylabel().endswith("[m]")
@@ -123,20 +124,21 @@ def test_every_axis_of_a_capture_has_a_unit_and_places_have_equal_scales(boxer, 
 
 
 def test_the_path_from_above_is_no_mirror_image(boxer, tmp_path):
-    study = study_capture(_capture(tmp_path, boxer[0]))
-    line = path_figure(study).axes[0].lines[0]
+    analysis = _capture(tmp_path, boxer[0]).analysis
+    line = path_figure(analysis).axes[0].lines[0]
     # From above, y towards the eye, x is a quarter turn anticlockwise from z.
-    np.testing.assert_allclose(line.get_xdata(), study.tracks.ground[:, 1])
-    np.testing.assert_allclose(line.get_ydata(), study.tracks.ground[:, 0])
+    np.testing.assert_allclose(line.get_xdata(), analysis.tracks.ground[:, 1])
+    np.testing.assert_allclose(line.get_ydata(), analysis.tracks.ground[:, 0])
 
 
 def test_rejected_swings_are_marked_on_the_speed_of_the_fist_with_their_reason(boxer, tmp_path):
-    study = study_capture(_capture(tmp_path, boxer[0]))
-    rejected = study.strikes.rejected
-    speeds = time_figure(study, 1.75).axes[1]
+    capture = _capture(tmp_path, boxer[0])
+    analysis = capture.analysis
+    rejected = analysis.strikes.rejected
+    speeds = time_figure(analysis, capture.start).axes[1]
     marks = np.concatenate([marked.get_offsets() for marked in speeds.collections])
     marks = marks[np.lexsort(marks.T)]
-    wanted = np.stack([study.start + rejected.peaks / 60.0, rejected.speeds], axis=1)
+    wanted = np.stack([capture.start + rejected.peaks / 60.0, rejected.speeds], axis=1)
     np.testing.assert_allclose(marks, wanted[np.lexsort(wanted.T)], rtol=1e-6)
     labels = [line.get_label() for line in speeds.lines]
     for reason in Rejection:
@@ -145,7 +147,7 @@ def test_rejected_swings_are_marked_on_the_speed_of_the_fist_with_their_reason(b
 
 
 def _draw(capture, folder):
-    paths = plot_capture(capture, study_capture(capture), folder)
+    paths = plot_capture(capture, folder)
     for path in paths:
         with Image.open(path) as picture:
             assert np.asarray(picture.convert("L")).std() > 5.0, path.name

@@ -16,6 +16,7 @@ from crowdsim.graph.states import graph_of_transitions
 from crowdsim.graph.statistics import frames_kept_by_clip, graph_statistics
 from crowdsim.graph.transitions import Transitions
 from crowdsim.motion.database import build_database
+from crowdsim.motion.measuring import measure_clips
 
 
 def transitions_of(edges):
@@ -274,7 +275,7 @@ def test_a_coin_at_the_end_of_one_loop_cuts_as_often_as_reckoned_by_hand():
 @pytest.mark.mocap
 def test_real_capture_of_several_people_becomes_one_graph_that_keeps_nearly_every_frame_and_strike(mocap):
     clips = [to_clip(read_bvh(path), 0.01) for path in sorted((mocap / "fight_daz").glob("*.bvh"))]
-    database = build_database(clips)
+    database = build_database(measure_clips(clips))
     graph = build_graph(database)
     assert not graph.warnings
     shares = frames_kept_by_clip(graph, database.clip_starts) / np.diff(database.clip_starts)

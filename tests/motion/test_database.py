@@ -15,6 +15,7 @@ from crowdsim.errors import MotionError
 from crowdsim.motion import ground
 from crowdsim.motion.database import build_database
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.motion.measuring import measure_clips
 from crowdsim.motion.roles import find_roles
 from crowdsim.motion.tracks import build_tracks, speeds
 from crowdsim.performer.session import perform, perform_solo
@@ -31,7 +32,7 @@ def clips():
 
 @pytest.fixture(scope="module")
 def database(clips):
-    return build_database(clips)
+    return build_database(measure_clips(clips))
 
 
 def test_clips_are_ranges_of_whole_control_frames(database, clips):
@@ -83,7 +84,7 @@ def test_where_bodies_stand_hardly_moves_while_feet_do_not_and_they_look_ahead_o
 @pytest.mark.parametrize("move", ["walk", "jog", "walk_curve"])
 def test_feet_that_pass_one_another_do_not_turn_the_ground_frame(move):
     performance = perform_solo(move)
-    database = build_database([performance.clip])
+    database = build_database(measure_clips([performance.clip]))
     travel = performance.truth.travels[0]
     frames = slice(travel.start + 15, travel.end - 15)
     gap = ground.wrap(database.ground[frames, 2] - performance.truth.stance[frames, 2])
@@ -92,7 +93,7 @@ def test_feet_that_pass_one_another_do_not_turn_the_ground_frame(move):
 
 
 def test_mirror_images_stand_in_the_mirror(clips):
-    both = build_database(clips[:1], mirror=True)
+    both = build_database(measure_clips(clips[:1]), mirror=True)
     own, image = np.split(both.ground, 2)
     np.testing.assert_allclose(image[:, 0], -own[:, 0], atol=1e-9)
     np.testing.assert_allclose(ground.wrap(image[:, 2] + own[:, 2]), 0.0, atol=1e-9)
@@ -114,7 +115,7 @@ def test_rotations_do_not_change_sign_and_headings_do_not_jump_within_clips(data
 
 
 def test_the_same_clips_give_the_same_bytes(database, clips):
-    again = build_database(clips)
+    again = build_database(measure_clips(clips))
     for entry in fields(database):
         value = getattr(database, entry.name)
         if isinstance(value, np.ndarray):
@@ -122,7 +123,7 @@ def test_the_same_clips_give_the_same_bytes(database, clips):
 
 
 def test_mirror_images_follow_the_clips(database, clips):
-    both = build_database(clips, mirror=True)
+    both = build_database(measure_clips(clips), mirror=True)
     assert both.clip_names == ("first", "second", "first~mirror", "second~mirror")
     half = database.frame_count
     assert both.clip_starts.tolist() == [*database.clip_starts.tolist(), *(half + database.clip_starts[1:]).tolist()]
@@ -137,7 +138,7 @@ def test_mirror_images_follow_the_clips(database, clips):
 
 @pytest.mark.parametrize(("control", "playback"), [(10.0, 60.0), (30.0, 30.0), (15.0, 30.0), (12.5, 50.0)])
 def test_any_pair_of_rates_that_divide_will_do(clips, control, playback):
-    database = build_database(clips[:1], control, playback)
+    database = build_database(measure_clips(clips[:1]), control, playback)
     assert database.stride == round(playback / control)
     assert database.frame_count * database.stride == len(database.rotations)
     assert database.seconds == pytest.approx(9.0, abs=1.5 / control)
@@ -146,20 +147,20 @@ def test_any_pair_of_rates_that_divide_will_do(clips, control, playback):
 def test_clips_of_other_rates_go_in_together(clips):
     slow = to_clip(export_motion(clips[0], find_roles(clips[0].skeleton), BY_NAME["lafan"], Export(every=2)), 0.01)
     fast = to_clip(export_motion(clips[1], find_roles(clips[1].skeleton), BY_NAME["lafan"], Export()), 0.01)
-    database = build_database([slow, fast])
+    database = build_database(measure_clips([slow, fast]))
     assert database.seconds == pytest.approx(16.0, abs=0.2)
 
 
 def test_trimming_and_the_floor_can_be_left_out(clips):
     raised = replace(clips[0], root_positions=clips[0].root_positions + np.array([0.0, 0.4, 0.0]))
-    assert build_database([raised]).heads[:, 1].mean() < 1.6
-    assert build_database([raised], calibrate_floor=False).heads[:, 1].mean() > 1.7
-    assert build_database([raised], trim=False).frame_count == 135
+    assert build_database(measure_clips([raised])).heads[:, 1].mean() < 1.6
+    assert build_database(measure_clips([raised]), calibrate_floor=False).heads[:, 1].mean() > 1.7
+    assert build_database(measure_clips([raised]), trim=False).frame_count == 135
 
 
 def test_progress_is_told_clip_by_clip(clips):
     result = []
-    build_database(clips, mirror=True, progress=lambda *step: result.append(step))
+    build_database(measure_clips(clips), mirror=True, progress=lambda *step: result.append(step))
     assert result == [("motion", done, 4) for done in (1, 2, 3, 4)]
 
 
@@ -170,13 +171,13 @@ def test_no_clips_are_refused():
 
 def test_rates_that_do_not_divide_are_refused_with_some_that_do(clips):
     with pytest.raises(MotionError) as error:
-        build_database(clips, 15.0, 50.0)
+        build_database(measure_clips(clips), 15.0, 50.0)
     assert str(error.value) == ("playback rate 50 is no whole multiple of the control rate 15; expected 15, 30, 45 ...")
 
 
 def test_a_clip_too_short_is_refused_by_name(clips):
     with pytest.raises(MotionError) as error:
-        build_database([clips[0], clips[1].sliced(0, 5)])
+        build_database(measure_clips([clips[0], clips[1].sliced(0, 5)]))
     assert str(error.value) == (
         "clip 'second' has 5 frames (0.08 s), expected 0.13 s or more after any calibration pose"
     )
@@ -185,14 +186,14 @@ def test_a_clip_too_short_is_refused_by_name(clips):
 @pytest.mark.parametrize("frames", [0, 1])
 def test_clips_without_motion_are_refused(clips, frames):
     with pytest.raises(MotionError, match=f"clip 'second' has {frames} frames"):
-        build_database([clips[0], clips[1].sliced(0, frames)])
+        build_database(measure_clips([clips[0], clips[1].sliced(0, frames)]))
 
 
 def test_another_skeleton_is_refused_with_the_first_difference(clips):
     other = clips[1].skeleton
     renamed = replace(clips[1], skeleton=replace(other, names=("Pelvis", *other.names[1:])))
     with pytest.raises(MotionError) as error:
-        build_database([clips[0], renamed])
+        build_database(measure_clips([clips[0], renamed]))
     assert str(error.value) == ("clip 'second' has another skeleton than 'first': joint 0 is 'Pelvis', expected 'Hips'")
 
 
@@ -200,20 +201,20 @@ def test_numbers_that_are_not_finite_are_refused(clips):
     rotations = clips[1].rotations.copy()
     rotations[40, 3] = np.nan
     with pytest.raises(MotionError, match="clip 'second' is not finite in frame 40"):
-        build_database([clips[0], replace(clips[1], rotations=rotations)])
+        measure_clips([clips[0], replace(clips[1], rotations=rotations)])
 
 
 def test_what_is_no_body_is_refused(clips):
     skeleton = clips[0].skeleton
     offsets = np.ones_like(skeleton.offsets)
     with pytest.raises(MotionError, match="no human body found"):
-        build_database([replace(clips[0], skeleton=replace(skeleton, offsets=offsets))])
+        measure_clips([replace(clips[0], skeleton=replace(skeleton, offsets=offsets))])
 
 
 def test_a_skeleton_without_a_true_rest_pose_goes_in(clips, database):
     clip = clips[0]
     export = export_motion(clip, find_roles(clip.skeleton), BY_NAME["unreal"], Export(rest="bones"))
-    odd = build_database([to_clip(export, 0.01)])
+    odd = build_database(measure_clips([to_clip(export, 0.01)]))
     ours = (database.strike_frames < 4 * database.clip_starts[1]).sum()
     assert abs(len(odd.strike_frames) - ours) <= 1
     assert (odd.contacts == database.contacts[: len(odd.contacts)]).mean() > 0.95

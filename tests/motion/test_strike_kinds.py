@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from crowdsim.motion.database import build_database
+from crowdsim.motion.measuring import measure_clips
 from crowdsim.motion.strike_kinds import HEIGHTS, KINDS, strike_heights, strike_kinds
 from crowdsim.performer.session import perform
 
@@ -16,7 +17,7 @@ TRUE_KINDS = {"jab": "straight", "straight": "straight"}
 @pytest.fixture(scope="module")
 def session():
     performances = perform(150.0, 21)
-    return performances, build_database([one.clip for one in performances], mirror=True)
+    return performances, build_database(measure_clips([one.clip for one in performances]), mirror=True)
 
 
 def true_kinds(performances, database):

@@ -10,6 +10,7 @@ from crowdsim.motion import ground
 from crowdsim.motion.contacts import stand_spans
 from crowdsim.motion.database import build_database
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 from crowdsim.policy.actions import STEP, build_actions
 from crowdsim.policy.alignment import HARDLY, SETTLED, align_actions, align_cuts
@@ -17,7 +18,7 @@ from crowdsim.policy.alignment import HARDLY, SETTLED, align_actions, align_cuts
 
 @cache
 def database():
-    return build_database([performed.clip for performed in perform(30, 3)])
+    return build_database(measure_clips([performed.clip for performed in perform(30, 3)]))
 
 
 @pytest.fixture(scope="module")

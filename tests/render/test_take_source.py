@@ -9,6 +9,7 @@ from crowdsim.errors import TakeError
 from crowdsim.graph.motion_graph import build_graph
 from crowdsim.motion import ground
 from crowdsim.motion.database import build_database
+from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 from crowdsim.policy.rewards import target_body
 from crowdsim.render.stage import build_stage
@@ -20,7 +21,7 @@ FRAMES, AVATARS = 30, 4
 
 @pytest.fixture(scope="module")
 def policy():
-    database = build_database([performed.clip for performed in perform(40.0, 1)])
+    database = build_database(measure_clips([performed.clip for performed in perform(40.0, 1)]))
     graph = build_graph(database)
     actions = SimpleNamespace(shifts=np.zeros((graph.action_count, 3)))
     body = target_body(database)

@@ -8,6 +8,7 @@ import numpy as np
 
 from crowdsim.motion import ground
 from crowdsim.motion.database import MotionDatabase, build_database
+from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 from crowdsim.policy.rewards import target_body
 from crowdsim.take.poses import PoseSampler
@@ -20,7 +21,7 @@ NO_EVENTS = Events(*(np.zeros((0, 3) if name == "point" else 0) for name in Even
 @cache
 def database() -> MotionDatabase:
     """Motion of half a minute of performance."""
-    return build_database([performed.clip for performed in perform(30, 3)])
+    return build_database(measure_clips([performed.clip for performed in perform(30, 3)]))
 
 
 def actions(count: int, longest: int = 12, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

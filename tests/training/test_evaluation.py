@@ -11,7 +11,7 @@ from crowdsim.motion import ground
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.policy import Behaviour, Policy, action_values
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, TransitionTerm, action_reward
-from crowdsim.training.evaluation import Composition, run_episodes
+from crowdsim.training.evaluation import Composition, EpisodeSettings, run_episodes
 
 RATE, SECONDS = 15.0, 3.0
 BODY = TargetBody()
@@ -65,7 +65,7 @@ def starts(actions, count=30):
 def test_an_avatar_has_arrived_when_it_is_as_near_as_was_asked_for(actions, within):
     one = behaviour(actions, "approach", (NEAR, PRICE), 3.0)
     states, targets = starts(actions)
-    result = run_episodes(actions, one, BODY, RATE, states, targets, SECONDS, within=within)
+    result = run_episodes(actions, one, BODY, RATE, states, targets, EpisodeSettings(SECONDS, within=within))
     policy = policy_of(actions, one)
     expected = [
         episode(policy, {"approach": 1.0}, one, actions, *pair, within) for pair in zip(states, targets, strict=True)
@@ -79,10 +79,10 @@ def test_an_avatar_has_arrived_when_it_is_as_near_as_was_asked_for(actions, with
 def test_a_behaviour_alone_decides_wherever_the_target_is_and_whatever_its_scale(actions):
     one = behaviour(actions, "punch", (HIT, PRICE), 0.4)
     states, targets = starts(actions)
-    expected = run_episodes(actions, one, BODY, RATE, states, targets, SECONDS)
+    expected = run_episodes(actions, one, BODY, RATE, states, targets, EpisodeSettings(SECONDS))
     axes = tuple(replace(axis, fade=0.0 if axis.wraps else 0.05) for axis in one.grid.axes)
     faded = replace(one, grid=build_grid(axes), scale=0.0)
-    result = run_episodes(actions, faded, BODY, RATE, states, targets, SECONDS)
+    result = run_episodes(actions, faded, BODY, RATE, states, targets, EpisodeSettings(SECONDS))
     np.testing.assert_array_equal(result.returns, expected.returns)
     assert len(np.unique(result.returns)) > 10
 
@@ -96,11 +96,11 @@ def test_a_composition_chooses_by_all_its_behaviours_and_is_judged_by_another_re
     dear = actions._replace(costs=2.0 * actions.costs)
     states, targets = starts(actions)
     composition = Composition(actions, composed, np.array([1.0, 3.0]))
-    result = run_episodes(dear, judge, BODY, RATE, states, targets, SECONDS, composition=composition)
+    result = run_episodes(dear, judge, BODY, RATE, states, targets, EpisodeSettings(SECONDS), composition)
     policy, weights = policy_of(actions, *composed), {"punch": 1.0, "approach": 3.0}
     expected = [episode(policy, weights, judge, dear, *pair, 0.6)[0] for pair in zip(states, targets, strict=True)]
     np.testing.assert_allclose(result.returns, expected, rtol=1e-5, atol=1e-5)
-    alone = run_episodes(dear, judge, BODY, RATE, states, targets, SECONDS)
+    alone = run_episodes(dear, judge, BODY, RATE, states, targets, EpisodeSettings(SECONDS))
     assert np.abs(result.returns - alone.returns).max() > 0.1
 
 
@@ -108,10 +108,8 @@ def test_threads_do_not_change_episodes(actions):
     one = behaviour(actions, "approach", (NEAR, PRICE), 3.0)
     states, targets = starts(actions)
     for choice in ("table", "random", "search"):
+        settings = EpisodeSettings(SECONDS, choice, width=4, depth=2, target_speed=0.5)
         first, second = (
-            run_episodes(
-                actions, one, BODY, RATE, states, targets, SECONDS, choice, 4, 2, target_speed=0.5, threads=threads
-            )
-            for threads in (1, 2)
+            run_episodes(actions, one, BODY, RATE, states, targets, settings, threads=threads) for threads in (1, 2)
         )
         np.testing.assert_array_equal(first.returns, second.returns)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from crowdsim.policy.bundle import load_policy
-from crowdsim.training.evaluation import run_episodes
+from crowdsim.training.evaluation import EpisodeSettings, run_episodes
 from crowdsim.training.statistics import inspect_bundle
 from crowdsim.training.trials import ARRIVED_WITHIN, CLOSE, LANDED_WITHIN, _Goal, _run_trials, _starts, measure_success
 
@@ -21,7 +21,8 @@ def test_trials_end_when_the_compiled_episodes_do(policy):
     for name, seconds, within in (("approach", ARRIVED_WITHIN, 0.6 + CLOSE), ("punch", LANDED_WITHIN, 0.5)):
         behaviour = policy.behaviour(name)
         states, targets = _starts(policy, name == "punch", name == "approach", 40)
-        expected = run_episodes(policy.actions, behaviour, policy.body, rate, states, targets, seconds, within=within)
+        settings = EpisodeSettings(seconds, within=within)
+        expected = run_episodes(policy.actions, behaviour, policy.body, rate, states, targets, settings)
         goal = _Goal(tolerance=behaviour.terms[0].tolerance) if name == "punch" else _Goal(within=within)
         times = _run_trials(policy, behaviour, states, targets, round(seconds * rate), goal) / rate
         wanted = expected.landings if name == "punch" else expected.arrivals

@@ -1,4 +1,4 @@
-"""Calibration poses in front of a capture are found, however long; the floor goes to zero."""
+"""Calibration poses in front of a capture are found, however long."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ import pytest
 from turns import about
 
 from crowdsim.motion import quaternion
-from crowdsim.motion.cleaning import lead_in, on_floor
-from crowdsim.motion.kinematics import clip_kinematics
-from crowdsim.motion.measuring import measure_body
+from crowdsim.motion.measuring import lead_in, measure_body
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip
 from crowdsim.performer.session import perform
@@ -90,25 +88,3 @@ def test_arms_that_pass_through_an_a_pose_are_motion(boxer):
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_next_to_no_frames_are_no_lead_in(boxer, count):
     assert lead_in(boxer[0].sliced(0, count), boxer[1]) == 0
-
-
-@pytest.mark.parametrize("lift", [-0.3, 0.0, 0.8])
-def test_the_floor_goes_to_zero_and_is_told(boxer, lift):
-    clip, body = boxer
-    raised = replace(clip, root_positions=clip.root_positions + np.array([0.0, lift, 0.0]))
-    moved, floor = on_floor(raised, body)
-    assert floor == pytest.approx(lift, abs=0.01)
-    positions, _ = clip_kinematics(moved)
-    toes = positions[:, [body.roles["left_toe"], body.roles["right_toe"]], 1]
-    assert np.median(toes.min(axis=1)) == pytest.approx(0.02, abs=0.01)
-
-
-def test_the_floor_moves_translations_too(boxer):
-    clip, body = boxer
-    offsets = np.repeat(clip.skeleton.offsets[None], clip.frame_count, axis=0)
-    offsets[:, 0] = clip.root_positions + np.array([0.0, 0.5, 0.0])
-    raised = replace(clip, root_positions=offsets[:, 0], translations=offsets)
-    moved, floor = on_floor(raised, body)
-    assert floor == pytest.approx(0.5, abs=0.01)
-    assert np.array_equal(moved.translations[:, 0], moved.root_positions)
-    assert np.array_equal(raised.translations[:, 0], raised.root_positions)
