@@ -57,7 +57,7 @@ for _command in (perform, inspect, train, run, export, render, profile, validate
 def main() -> None:
     """Run the command line and leave with its exit code: 0 done, 1 failed, 2 invalid input, 130 or 143 interrupted."""
     signal.signal(signal.SIGTERM, _terminate)
-    # Loading makes a great many objects and next to no rubbish: looking for it at every 700th costs 0.1 s.
+    # Imports create many objects and almost no garbage: collecting it after every 700th costs 0.1 s.
     gc.set_threshold(300_000, 10, 10)
     talk.quiet = talk.verbose = False
     try:

@@ -246,9 +246,9 @@ def depth_first(clip: Clip, order: str | Sequence[str]) -> tuple[Clip, str | Seq
         end_parents=place[skeleton.end_parents][ends].astype(np.int32),
         end_offsets=skeleton.end_offsets[ends],
     )
-    told = order if isinstance(order, str) or len(order) != len(joints) else [order[joint] for joint in joints]
+    result = order if isinstance(order, str) or len(order) != len(joints) else [order[joint] for joint in joints]
     translations = None if clip.translations is None else clip.translations[:, joints]
-    return replace(clip, skeleton=moved, rotations=clip.rotations[:, joints], translations=translations), told
+    return replace(clip, skeleton=moved, rotations=clip.rotations[:, joints], translations=translations), result
 
 
 def from_clip(clip: Clip, order: str | Sequence[str] = "ZXY", unit_scale: float = 0.01) -> Bvh:

@@ -94,7 +94,7 @@ def snap_rate(text: str, frame_time: float) -> float:
     """Return the frames a second that a written frame time means, its rounding or truncation undone.
 
     Args:
-        text: The frame time as written, whose digits tell how exact it can be ('0.00833333' is 120 a second).
+        text: The frame time as written, whose digits limit its precision ('0.00833333' is 120 a second).
         frame_time: The same as a number [s].
 
     Returns:

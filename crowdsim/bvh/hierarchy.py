@@ -89,7 +89,7 @@ class Scanner:
     def name(self) -> bytes:
         """Return what stands before the opening brace, and step over both.
 
-        A name is one line and may hold blanks, colons, keywords and, where the opening brace stands on a line below,
+        A name is one line and may hold blanks, colons, keywords and, where the opening brace is on a line below,
         braces.
         """
         while self.data[self.at : self.at + 1].isspace():

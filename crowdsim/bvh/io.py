@@ -8,7 +8,7 @@ How files are read:
 * Rotation channels turn in file order, each about the axes as the ones before it left them; every joint has an order of
   its own, of any number of axes.
 * A joint's position channels replace its OFFSET, the root's too, wherever they stand among its channels.
-* White space and line ends do not matter, nor does the case of keywords. A name is what stands on the line after ROOT,
+* White space and line ends do not matter, nor does the case of keywords. A name is the rest of the line after ROOT,
   JOINT or End. Text is UTF-8, else Latin-1, or UTF-16 with a byte order mark.
 * Numbers may have exponents, and decimal commas.
 * A frame time is a rounded or truncated 1 / rate; ``fps`` is that rate.

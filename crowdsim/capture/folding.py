@@ -20,7 +20,7 @@ from crowdsim.motion.skeleton import Clip, Skeleton
 
 SIDES = ("left", "right")
 _BENT = np.sin(np.deg2rad(20.0))
-"""Sine of the flexion from which on an elbow tells about which axis it folds."""
+"""Sine of the flexion from which on the axis of an elbow can be measured."""
 _LEAST = 0.3
 """Time that it has to be bent [s]."""
 _ONE_AXIS = 0.9
@@ -40,12 +40,12 @@ def backward_elbows(clip: Clip, roles: Mapping[str, int]) -> tuple[str, ...]:
 
     Args:
         clip: The clip, y up; all its numbers finite.
-        roles: Its joints by role. Where the rest pose is no pose of a body nothing is told.
+        roles: Its joints by role. Nothing is changed where the rest pose is no pose of a body.
     """
     if not clip.frame_count or not roles or not rests_like_a_body(clip.skeleton, roles):
         return ()
     rest = clip.skeleton.rest_positions()
-    # Some files turn the world, and not the rest pose: what is up in it the body itself tells.
+    # Some files rotate the world and not the rest pose: the body itself shows which way is up in it.
     hips = [rest[roles[f"{side}_hip"]] for side in SIDES]
     up = _unit(rest[roles["head"]] - 0.5 * (hips[0] + hips[1]))
     forward = _unit(np.cross(hips[0] - hips[1], up))

@@ -190,7 +190,7 @@ def _names(skeleton: Skeleton) -> str:
 
 
 def _find_scale(skeleton: Skeleton, roles: dict[str, int], poses: Array, notes: _Notes) -> float | None:
-    """Metres in a file unit by the height of the body; None when nothing tells, which is a fault."""
+    """Metres in a file unit by the height of the body; None when it is unknown, which is a fault."""
     if not roles:
         notes.fault("unknown scale: without a human body there is nothing to measure it by")
         return None

@@ -1,4 +1,4 @@
-"""What ``crowdsim inspect FILE.bvh`` tells: the figures of a capture as plain data."""
+"""What ``crowdsim inspect FILE.bvh`` reports: the figures of a capture as plain data."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HANDS = ("left", "right")
 def describe_capture(capture: Capture) -> dict[str, Any]:
     """Return a capture's figures; times are seconds in the file, places metres in the ground frame."""
     bvh, skeleton, analysis = capture.bvh, capture.clip.skeleton, capture.analysis
-    told: dict[str, Any] = {
+    result: dict[str, Any] = {
         "joints": bvh.joint_count,
         "end_sites": len(bvh.end_parents),
         "channels": bvh.channel_count,
@@ -38,9 +38,9 @@ def describe_capture(capture: Capture) -> dict[str, Any]:
         "findings": list(capture.findings),
     }
     if analysis is None:
-        return told
+        return result
     strikes, fps = analysis.strikes, analysis.clip.fps
-    told.update(
+    result.update(
         floor_m=round(analysis.floor, 4),
         contacts=sum(len(runs(analysis.contacts[:, foot])) for foot in range(2)),
         contact_share=[round(float(share), 4) for share in analysis.contacts.mean(axis=0)],
@@ -60,7 +60,7 @@ def describe_capture(capture: Capture) -> dict[str, Any]:
         ],
         rejected_list=_rejected(capture.start, analysis),
     )
-    return told
+    return result
 
 
 def _rejected(start: float, analysis: ClipAnalysis) -> list[dict[str, Any]]:

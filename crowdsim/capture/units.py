@@ -62,18 +62,18 @@ def describe_heights(height: float) -> str:
     """Return in words why no unit is known for a body of a standing height in file units."""
     low, high = PLAUSIBLE_HEIGHT
     sizes = {name: height * scale for name, scale in UNITS.items()}
-    told = ", ".join(f"{size:.3g} m in {name}" for name, size in sizes.items())
+    result = ", ".join(f"{size:.3g} m in {name}" for name, size in sizes.items())
     fitting = [name for name, size in sizes.items() if low <= size <= high]
     if len(fitting) > 1:
-        return f"unknown scale: the body would stand {told}; {' and '.join(fitting)} are as likely"
-    return f"unknown scale: the body would stand {told}; expected {low:g} m to {high:g} m"
+        return f"unknown scale: the body would stand {result}; {' and '.join(fitting)} are as likely"
+    return f"unknown scale: the body would stand {result}; expected {low:g} m to {high:g} m"
 
 
 def find_up_axis(rest: Array | None, poses: Array, heads: list[int], feet: list[int]) -> str | None:
-    """Return the axis that is up, 'y' or '-z' say; None when neither poses nor floor tell.
+    """Return the axis that is up, 'y' or '-z' say; None when neither poses nor floor show it.
 
-    People are on their feet most of the time, so the way from feet to head tells. Where it does not (someone lies or
-    crawls) or contradicts the rest pose, the floor decides: the lowest point of a body stays at one height.
+    People are on their feet most of the time, so the direction from feet to head is up. Where that is unclear (someone
+    lies or crawls) or contradicts the rest pose, the floor decides: the lowest point of a body stays at one height.
 
     Args:
         rest: The rest pose, shape (J, 3), any unit; None where it is no pose of a body.

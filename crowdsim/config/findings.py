@@ -156,7 +156,7 @@ def _findings_of(detail: dict[str, Any], here: _Located) -> list[Finding]:
 
 
 def _is_misspelt(key: str, spot: Spot | None, given: Any) -> bool:
-    """Whether an unknown key stands for a missing one, and has a finding of its own."""
+    """Whether an unknown key is a misspelt missing one, and has a finding of its own."""
     if spot is None or not isinstance(given, dict):
         return False
     return any(

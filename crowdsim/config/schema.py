@@ -28,7 +28,7 @@ class Words:
 class Spot:
     """A place in a schema: its type without ``Annotated`` and ``None``, and the constraints that stand with it.
 
-    A union has ``members``; it is ``tagged`` where a discriminator tells them apart.
+    A union has ``members``; it is ``tagged`` where a discriminator chooses among them.
     """
 
     kind: Any
@@ -132,7 +132,7 @@ def chosen(spot: Spot | None, value: Any) -> Spot | None:
 
 
 def discriminator(spot: Spot | None) -> tuple[str, list[Any]] | None:
-    """Return the key by which the models of a union are told apart, with all its words; None where there is none."""
+    """Return the key that chooses among the models of a union, with all its values; None where there is none."""
     models = [choice.model for choice in spot.members if choice.model is not None] if spot else []
     if not models or spot is None or len(models) < len(spot.members):
         return None

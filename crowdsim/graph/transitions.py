@@ -17,7 +17,7 @@ from crowdsim.core.types import Array, Progress
 from crowdsim.graph.transitions_kernels import keep_cheapest, local_minima, square_distances
 
 _BLOCK_BYTES = 16e6
-"""Size of a block of distances, which bounds memory and says how often progress is told."""
+"""Size of a block of distances, which bounds memory and sets how often progress is reported."""
 
 
 _TILE = 128

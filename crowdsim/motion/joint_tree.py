@@ -120,7 +120,7 @@ class JointTree:
             if not parts or self.bend(kept[-1], at, after) > _STRAIGHT:
                 kept.append(at)
         kept.extend(chain[-1:] if len(chain) > 1 else [])
-        # Where next to nothing bends (a single T-pose) straightness tells nothing.
+        # Where hardly anything bends (a single T-pose) straightness has no meaning.
         return kept if len(kept) >= 4 or len(kept) == len(chain) else chain
 
     def mirrored_pairs(self) -> list[tuple[int, int]]:

@@ -67,7 +67,7 @@ def mirror_partners(skeleton: Skeleton, body: Body) -> Array:
             side, words = names[a]
             opposite = (None if side is None else 1 - side, words)
             for column, b in enumerate(theirs):
-                # Names without a side may be bare numbers: there only the shape tells.
+                # Names without a side may be bare numbers: then only the shape distinguishes sides.
                 if names[b] != opposite and (side is not None or names[b][0] is not None):
                     gaps[row, column] += 0.5 * body.height
                 if sides.get(a, b) != b or sides.get(b, a) != a:

@@ -19,7 +19,7 @@ from crowdsim.motion.skeleton import Skeleton
 _LEAST_JOINTS = 10
 _MOST_PAIRS = 12
 _UPPER_TO_LOWER = 1.1
-"""Length of an upper arm or thigh against the lower arm or shank, which tells the top of a limb from a collar bone."""
+"""Length of an upper arm or thigh over that of the lower arm or shank; a collar bone is shorter."""
 _HINGE = np.deg2rad(10.0)
 """Where a joint of a limb opens and closes by more than this, those that hardly do are no elbow and no knee."""
 _MISFIT = 0.8
@@ -31,8 +31,8 @@ def find_roles(skeleton: Skeleton, poses: Array | None = None) -> dict[str, int]
 
     Args:
         skeleton: The skeleton, in any unit and orientation.
-        poses: Some poses as joint positions in the same unit, shape (n, J, 3), which tell left from right and knees
-            from twist joints where names do not; the rest pose when None.
+        poses: Some poses as joint positions in the same unit, shape (n, J, 3), which distinguish left from right and
+            knees from twist joints where names do not; the rest pose when None.
 
     Returns:
         A joint for each role of ``crowdsim.motion.body.ROLES`` that the skeleton has. Head, hands and feet, and the
@@ -130,7 +130,7 @@ def _ends_by_shape(tree: JointTree) -> list[dict[str, int]]:
 def _pair_ends(tree: JointTree, pair: tuple[int, int]) -> list[int]:
     """The wrists or ankles of a pair of limbs: the joint after the two longest bones in a row; empty without one.
 
-    The limb that reaches less far tells for both: the other may hold a sword.
+    The limb with the shorter reach decides for both: the other may hold a sword.
     """
     chains = [tree.main_chain(limb) for limb in pair]
     plain = min(pair, key=lambda limb: (float(tree.depth[tree.main_chain(limb)[-1]]), limb))

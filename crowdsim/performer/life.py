@@ -68,8 +68,8 @@ _TREMOR: tuple[tuple[float, tuple[C, ...]], ...] = (
     (0.0015, (C.REAR_HAND_Z,)),
 )
 """Size of a quick noise, the channel that it moves, and one that gives way to it, so that the head stays quieter than
-what carries it. Nobody holds still: joints of captured boxers turn by some tenths of a radian a second at 3 to 15 Hz in
-their quietest moments."""
+what carries it. People never hold still: joints of captured boxers turn by some tenths of a radian per second at 3 to
+15 Hz in their quietest moments."""
 _TREMBLING, _TREMOR_FALL = (2.5, 18.0), 1.4
 """Frequencies of the tremor [Hz], and how steeply it falls with them."""
 

@@ -76,7 +76,7 @@ def name_findings(data: Any) -> list[Finding]:
 
 
 def sense_findings(scenario: Description) -> list[Finding]:
-    """Return what a valid scenario asks for that cannot be: nobody to fight, too many avatars or files."""
+    """Return what a valid scenario requests in vain: no opponents, too many avatars or files."""
     findings: list[Finding] = []
     total = scenario.avatar_count
     if total > MAXIMUM_AVATARS:

@@ -47,11 +47,11 @@ class FrameRange:
         stop = _frame(self.stop, self.stop_in_seconds, fps, count)
         if self.stop_in_seconds and stop <= (most or count):
             stop = min(stop, count)
-        told = f"frames {self.text or f'{start}:{stop}'!r}"
+        result = f"frames {self.text or f'{start}:{stop}'!r}"
         if start >= count or stop > count:
-            raise TakeError(f"{told}: there are frames 0 to {count - 1} at {fps:g} fps, {(most or count) / fps:g} s")
+            raise TakeError(f"{result}: there are frames 0 to {count - 1} at {fps:g} fps, {(most or count) / fps:g} s")
         if start >= stop:
-            raise TakeError(f"{told}: is empty, expected the first frame before the last")
+            raise TakeError(f"{result}: is empty, expected the first frame before the last")
         return start, stop
 
 

@@ -1,4 +1,4 @@
-"""Groups of a scenario: who stands where, and whom they fight."""
+"""Groups of a scenario: their avatars, placement and opponents."""
 
 from __future__ import annotations
 

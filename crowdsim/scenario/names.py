@@ -16,7 +16,7 @@ def avatar_name_fault(names: Sequence[str]) -> str:
     """Say what is wrong with the names of all avatars; an empty text when nothing is.
 
     An avatar's name is a name, with the avatar's number in its group behind it. No two may be alike, even on file
-    systems that do not tell capitals from small letters.
+    systems whose file names are not case-sensitive.
     """
     # At once where all is well: there may be a million.
     if all(map(_AVATAR_NAME.fullmatch, names)) and len(set(map(str.casefold, names))) == len(names):

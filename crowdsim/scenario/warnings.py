@@ -31,14 +31,14 @@ def speed_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any
     for name, target in scenario.targets.items():
         for follower in _followers(scenario, name):
             kind = scenario.types[follower]
-            told = statistics.get(kind.policy, {})
-            if kind.behaviours or "sustained_speed" not in told:
+            report = statistics.get(kind.policy, {})
+            if kind.behaviours or "sustained_speed" not in report:
                 continue
-            most, fastest = _speed_to_keep_up(target, kind, told), abs(target.speed)
+            most, fastest = _speed_to_keep_up(target, kind, report), abs(target.speed)
             if fastest > most:
                 what = (
                     f"is {target.speed:g}, too fast for type {follower!r}, whose policy {kind.policy!r} sustains "
-                    f"{told['sustained_speed']:.2g} m/s; expected at most {_rounded_down(most)}"
+                    f"{report['sustained_speed']:.2g} m/s; expected at most {_rounded_down(most)}"
                 )
                 findings.append(Finding(("targets", name, "speed"), what))
     return findings
@@ -56,11 +56,11 @@ def _followers(scenario: Scenario, target: str) -> list[str]:
     return list(found)
 
 
-def _speed_to_keep_up(target: Target, kind: AvatarType, told: Mapping[str, Any]) -> float:
+def _speed_to_keep_up(target: Target, kind: AvatarType, report: Mapping[str, Any]) -> float:
     """Return the highest speed of a target at which the slowest avatar of a type keeps up with it [m/s]."""
     size = limits(kind.scale)[0]
-    speed = told["sustained_speed"] * size * limits(kind.speed)[0]
-    reach = told["strikes"]["reach"]["distance"][1] * size if "strikes" in told else 0.0
+    speed = report["sustained_speed"] * size * limits(kind.speed)[0]
+    reach = report["strikes"]["reach"]["distance"][1] * size if "strikes" in report else 0.0
     if isinstance(target, CircleTarget):
         radius = target.radius
     else:

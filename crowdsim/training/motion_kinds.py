@@ -39,7 +39,7 @@ class MotionKind(IntEnum):
 def motion_kinds(actions: Actions, strike_hands: ArrayLike) -> Array:
     """Return the kind of every action.
 
-    An action with a strike is one of its first strike's hand. Others are told by where they lead: ahead, back or to a
+    An action with a strike is one of its first strike's hand. Others are named by where they lead: ahead, back or to a
     side, whichever of the four ways is nearest, unless they turn more than they go or do neither.
 
     Args:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 HANDS = (("left", "tab:blue"), ("right", "tab:red"))
 HEAD = 1.5
-"""Height of a target's head where a behaviour does not tell heights apart [m]."""
+"""Height of a target's head where a behaviour does not depend on height [m]."""
 NEARBY = 2.5
 """Within what distance maps show targets nearby [m]."""
 KIND_COLOURS = {

@@ -33,7 +33,7 @@ def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict
     clip_of = np.searchsorted(database.clip_starts * database.stride, database.strike_frames, side="right") - 1
     kept = frames_kept_by_clip(graph, database.clip_starts)
     frames = np.diff(database.clip_starts)
-    told: dict[str, Any] = {
+    report: dict[str, Any] = {
         "motion": {
             "clips": int(own.sum()),
             "frames": int(frames[own].sum()),
@@ -50,11 +50,11 @@ def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict
     }
     if len(database.strike_frames):
         used = len(np.unique(policy.actions.strike_ids)) / len(database.strike_frames)
-        told["strikes"] = {**_count_strikes(database, own[clip_of]), "used_share": used, "paper": PAPER_REACH}
+        report["strikes"] = {**_count_strikes(database, own[clip_of]), "used_share": used, "paper": PAPER_REACH}
     for behaviour in policy.behaviours:
         solution = solutions[behaviour.name]
         entry_bytes = {"float32": 4, "float16": 2, "int16": 2, "int8": 1}[str(policy.recipe["precision"])]
-        told["behaviours"][behaviour.name] = {
+        report["behaviours"][behaviour.name] = {
             "axes": [asdict(axis) for axis in behaviour.grid.axes],
             "cells": behaviour.grid.cells,
             "entries": len(behaviour.table),
@@ -70,7 +70,7 @@ def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict
             "value_mean": float(np.mean(solution.values, dtype=np.float64)),
             "success": asdict(measure_success(policy, behaviour)),
         }
-    return told
+    return report
 
 
 def _count_strikes(database: MotionDatabase, own: Array) -> dict[str, Any]:
@@ -96,8 +96,8 @@ def inspect_bundle(policy: Policy, timings: Mapping[str, Any] | None = None) -> 
         timings: What ``bundle.read_timings`` returned; without it the seconds are null.
     """
     by_name = (timings or {}).get("behaviours", {})
-    told = {"name": policy.name, **policy.statistics, "fingerprint": policy.fingerprint}
-    told["behaviours"] = {
+    report = {"name": policy.name, **policy.statistics, "fingerprint": policy.fingerprint}
+    report["behaviours"] = {
         name: {
             **facts,
             "seconds": by_name.get(name, {}).get("seconds"),
@@ -105,7 +105,7 @@ def inspect_bundle(policy: Policy, timings: Mapping[str, Any] | None = None) -> 
         }
         for name, facts in policy.statistics["behaviours"].items()
     }
-    told["weaknesses"] = [asdict(weakness) for weakness in find_weaknesses(policy.statistics)]
-    told["fingerprints"] = dict(policy.fingerprints)
-    told["timings"] = dict(timings or {})
-    return told
+    report["weaknesses"] = [asdict(weakness) for weakness in find_weaknesses(policy.statistics)]
+    report["fingerprints"] = dict(policy.fingerprints)
+    report["timings"] = dict(timings or {})
+    return report
