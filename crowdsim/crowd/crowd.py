@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import Avatars, Model
+from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.model import entry_actions
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.errors import RunError
@@ -50,8 +50,8 @@ class Crowding:
         return cls(end=0.0, path=0.0, reach=0.0, most=1)
 
     def numbers(self) -> Array:
-        """Return what kernels read. Shape (6,)."""
-        return np.array([self.end, self.path, self.radius, self.gap, self.outside, self.turn])
+        """Return what kernels read. Shape (7,)."""
+        return np.array([self.end, self.path, self.radius, self.gap, self.outside, self.turn, self.reach])
 
 
 @dataclass(frozen=True)
@@ -175,16 +175,16 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
 
     avatars = Avatars(np.zeros((13, count), np.int32), np.zeros((15, count)), slot_of)
     whole, real = avatars.whole, avatars.real
-    whole[kernels.NUMBER] = numbers
+    whole[layout.NUMBER] = numbers
     for row, values in (
-        (kernels.POLICY, crowd.policy),
-        (kernels.MOOD, crowd.mood),
-        (kernels.TEAM, crowd.team),
-        (kernels.SKIP, crowd.skip),
-        (kernels.FIXED, crowd.fixed),
+        (layout.POLICY, crowd.policy),
+        (layout.MOOD, crowd.mood),
+        (layout.TEAM, crowd.team),
+        (layout.SKIP, crowd.skip),
+        (layout.FIXED, crowd.fixed),
     ):
         whole[row] = np.asarray(values)[numbers]
-    real[kernels.SCALE], real[kernels.SPEED] = crowd.scale[numbers], crowd.speed[numbers]
+    real[layout.SCALE], real[layout.SPEED] = crowd.scale[numbers], crowd.speed[numbers]
     enter(avatars, crowd, model, np.arange(count))
     return avatars
 
@@ -203,33 +203,33 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
     drawn = uniform(crowd.seed, Purpose.START, numbers)
     action = np.empty(len(slots), np.int32)
     whole, real = avatars.whole, avatars.real
-    policy, scale = whole[kernels.POLICY, slots], real[kernels.SCALE, slots]
-    starts = model.policies[:, kernels.STATES]
+    policy, scale = whole[layout.POLICY, slots], real[layout.SCALE, slots]
+    starts = model.policies[:, layout.STATES]
     for p in range(len(starts) - 1):
         states = np.arange(starts[p], starts[p + 1])
         states = states[entries[states] >= 0]
         own = policy == p
         action[own] = entries[states[(drawn[own] * len(states)).astype(np.int64)]]
-    length = model.actions[action, kernels.LENGTH]
-    ground = model.ground[model.actions[action, kernels.ORIGIN] + length * model.policies[policy, kernels.STRIDE]]
+    length = model.actions[action, layout.LENGTH]
+    ground = model.ground[model.actions[action, layout.ORIGIN] + length * model.policies[policy, layout.STRIDE]]
     turn = heading - ground[:, 2]
     cos, sin = np.cos(turn) * scale, np.sin(turn) * scale
     for row, values in (
-        (kernels.BASE_X, x - ground[:, 0] * cos - ground[:, 1] * sin),
-        (kernels.BASE_Z, z + ground[:, 0] * sin - ground[:, 1] * cos),
-        (kernels.BASE_COS, cos),
-        (kernels.BASE_SIN, sin),
-        (kernels.BASE_TURN, turn),
-        (kernels.X, x),
-        (kernels.Z, z),
-        (kernels.HEADING, heading),
-        (kernels.END_X, x),
-        (kernels.END_Z, z),
-        (kernels.PHASE, length),
-        (kernels.PHASE_BEFORE, length),
+        (layout.BASE_X, x - ground[:, 0] * cos - ground[:, 1] * sin),
+        (layout.BASE_Z, z + ground[:, 0] * sin - ground[:, 1] * cos),
+        (layout.BASE_COS, cos),
+        (layout.BASE_SIN, sin),
+        (layout.BASE_TURN, turn),
+        (layout.X, x),
+        (layout.Z, z),
+        (layout.HEADING, heading),
+        (layout.END_X, x),
+        (layout.END_Z, z),
+        (layout.PHASE, length),
+        (layout.PHASE_BEFORE, length),
     ):
         real[row, slots] = values
-    whole[kernels.ACTION, slots] = action
-    whole[kernels.ACTION_BEFORE, slots] = kernels.ENTERED
-    whole[kernels.PENDING, slots] = kernels.NO_STRIKE
-    whole[kernels.OPPONENT, slots] = whole[kernels.OPPONENT_BEFORE, slots] = -1
+    whole[layout.ACTION, slots] = action
+    whole[layout.ACTION_BEFORE, slots] = layout.ENTERED
+    whole[layout.PENDING, slots] = layout.NO_STRIKE
+    whole[layout.OPPONENT, slots] = whole[layout.OPPONENT_BEFORE, slots] = -1

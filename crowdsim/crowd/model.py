@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import Model
+from crowdsim.crowd.kernels import layout
 from crowdsim.errors import PolicyError, RunError
 from crowdsim.motion import ground
 from crowdsim.policy.environment import HALFWAY, LEAD
@@ -26,12 +26,12 @@ TOLERANCE = 0.10
 """How far from the surface a strike lands (``rewards.lands``) [m], for a policy whose recipe rewards no strikes."""
 
 SUPPORTED_TERMS: tuple[type[Term], ...] = (StrikeTerm, ProximityTerm, TransitionTerm)
-"""Reward terms that control evaluates when it looks ahead. A further one needs a branch in ``kernels._weigh``, or a
-share in ``_moves`` where what it is worth does not depend on the target."""
+"""Reward terms that control evaluates when it looks ahead. A further one needs a branch in ``rewards.add_terms`` of
+``kernels``, or a share in ``_moves`` where what it is worth does not depend on the target."""
 
 SUPPORTED_AXES = ("distance", "bearing", "height")
-"""Axes that control measures. A further one needs a row in ``Model.grids``, and its share in ``kernels._fade``,
-``kernels._prepare`` and ``kernels._place_all``, which know three."""
+"""Axes that control measures. A further one needs a row in ``Model.grids``, and its share in ``fade`` and
+``locate_ends`` of ``kernels/tables.py`` and in ``kernels/values.py``, which know three."""
 
 
 def build_model(policies: Sequence[Policy]) -> Model:
@@ -85,7 +85,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
     joined = np.concatenate(behaviours)
     terms = _joined([table.terms for table in tables], np.float64)
     ways = np.concatenate([action.displacements for action in actions]).astype(float)
-    closing = np.array([[-1, 0, 0, starts["path"][-1], starts["strike"][-1], kernels.NO_STRIKE]])
+    closing = np.array([[-1, 0, 0, starts["path"][-1], starts["strike"][-1], layout.NO_STRIKE]])
     offsets = _csr([action.offsets for action in actions], starts["action"])
     columns = [
         _moved([action.next for action in actions], starts["state"]),
@@ -111,7 +111,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
         paths=_padded([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2]), _frames(actions)]),
         strikes=strikes,
         behaviours=joined,
-        discounts=_discounts(joined[:, kernels.DISCOUNT], int(max(action.lengths.max() for action in actions))),
+        discounts=_discounts(joined[:, layout.DISCOUNT], int(max(action.lengths.max() for action in actions))),
         grids=_grids(joined, _joined([table.axes for table in tables], np.float64)),
         terms=terms[terms[:, 0] != TransitionTerm.code],
         table=values,
@@ -167,8 +167,8 @@ def policy_values(policy: Policy) -> Array:
 
 def entry_actions(model: Model) -> Array:
     """Return the cheapest action that ends in each state, the first among equals; -1 for none. Shape (S,), int32."""
-    ends = model.actions[:-1, kernels.NEXT]
-    order = np.lexsort((np.arange(len(ends)), model.moves[:, kernels.COST], ends))
+    ends = model.actions[:-1, layout.NEXT]
+    order = np.lexsort((np.arange(len(ends)), model.moves[:, layout.COST], ends))
     entries = np.full(len(model.offsets) - 1, -1, np.int32)
     states, first = np.unique(ends[order], return_index=True)
     entries[states] = order[first]
@@ -176,7 +176,7 @@ def entry_actions(model: Model) -> Array:
 
 
 def _before_first_strike(actions: Actions) -> Array:
-    found = np.full(actions.action_count, kernels.NO_STRIKE)
+    found = np.full(actions.action_count, layout.NO_STRIKE)
     owners = np.repeat(np.arange(actions.action_count), np.diff(actions.strike_offsets))
     np.minimum.at(found, owners, np.ceil(actions.strike_times.astype(np.float32)).astype(int) - 1)
     return found
@@ -232,7 +232,7 @@ def _strikes(policies: Sequence[Policy], behaviours: Array, terms: Array, starts
                 if term[0] == StrikeTerm.code:
                     term[8] = len(columns)
                     fast = actions.strike_speeds.astype(float) ** term[3]
-                    faded = row[kernels.DISCOUNT] ** actions.strike_times.astype(float)
+                    faded = row[layout.DISCOUNT] ** actions.strike_times.astype(float)
                     columns += [faded * fast, faded * term[1] * term[10]]
         parts.append(np.column_stack(columns))
     width = -(-max(part.shape[1] for part in parts) // 8) * 8
@@ -241,7 +241,7 @@ def _strikes(policies: Sequence[Policy], behaviours: Array, terms: Array, starts
 
 def _discounts(discounts: Array, longest: int) -> Array:
     """Return powers of each discount: row 0 from 0 on, row T for frames 1 to T of an action, and zeros behind them."""
-    times = np.arange(-(-(longest + 1) // kernels.LANES) * kernels.LANES)
+    times = np.arange(-(-(longest + 1) // layout.LANES) * layout.LANES)
     rows = discounts[:, None, None] ** (times + 1.0) * (times < np.arange(longest + 1)[:, None])
     rows[:, 0] = discounts[:, None] ** times
     return np.asarray(rows)
@@ -260,7 +260,7 @@ def _note_prices(behaviours: Array, terms: Array) -> None:
     """Write what a transition costs each behaviour into its row: for a cost of 1, and for each one."""
     for row in behaviours:
         own = terms[int(row[2]) : int(row[3])]
-        row[kernels.PRICE], row[kernels.EACH] = own[own[:, 0] == TransitionTerm.code, 1:3].sum(axis=0)
+        row[layout.PRICE], row[layout.EACH] = own[own[:, 0] == TransitionTerm.code, 1:3].sum(axis=0)
 
 
 def _moves(
@@ -268,18 +268,18 @@ def _moves(
 ) -> Array:
     """Return where actions end, what their transitions cost, and what cuts and effort take from each behaviour."""
     slots = int(np.diff(starts["behaviour"]).max())
-    moves = np.zeros((len(ways), -(-(kernels.CUT + slots) // 8) * 8), np.float32)
-    moves[:, : kernels.CUT] = np.column_stack([ways[:, :2], np.cos(ways[:, 2]), np.sin(ways[:, 2]), costs])
+    moves = np.zeros((len(ways), -(-(layout.CUT + slots) // 8) * 8), np.float32)
+    moves[:, : layout.CUT] = np.column_stack([ways[:, :2], np.cos(ways[:, 2]), np.sin(ways[:, 2]), costs])
     for p, start in enumerate(starts["behaviour"][:-1]):
         own = slice(starts["action"][p], starts["action"][p + 1])
         for slot, row in enumerate(behaviours[start : starts["behaviour"][p + 1]]):
             for term in terms[int(row[2]) : int(row[3])]:
                 if term[0] == TransitionTerm.code:
-                    moves[own, kernels.CUT + slot] += term[1] * costs[own] + term[2] * (costs[own] > 0.0)
+                    moves[own, layout.CUT + slot] += term[1] * costs[own] + term[2] * (costs[own] > 0.0)
                 if term[0] == StrikeTerm.code and term[9] > 0.0:
-                    faded = row[kernels.DISCOUNT] ** actions[p].strike_times.astype(float)
+                    faded = row[layout.DISCOUNT] ** actions[p].strike_times.astype(float)
                     sums = np.concatenate([[0.0], np.cumsum(faded)])[actions[p].strike_offsets]
-                    moves[own, kernels.CUT + slot] += term[1] * term[9] * np.diff(sums)
+                    moves[own, layout.CUT + slot] += term[1] * term[9] * np.diff(sums)
     return moves
 
 
@@ -297,7 +297,7 @@ def _grids(behaviours: Array, axes: Array) -> Array:
 
 def _padded(rows: Sequence[Array]) -> Array:
     """Return rows with room to read beyond their ends, float32."""
-    return np.pad(np.stack(rows), ((0, 0), (0, kernels.LANES))).astype(np.float32)
+    return np.pad(np.stack(rows), ((0, 0), (0, layout.LANES))).astype(np.float32)
 
 
 def _starts(counts: Sequence[int]) -> Array:

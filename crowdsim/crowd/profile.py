@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.compilation import watch_compilation
-from crowdsim.crowd import limits_kernels
 from crowdsim.crowd.chunk import STAGES
+from crowdsim.crowd.kernels.limits import walk as walk_along
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.warming import warm_up
 from crowdsim.errors import OutputError
@@ -262,11 +262,11 @@ def machine_limits() -> tuple[float, float]:
     steps = 20_000
     following = np.empty_like(places)
     following[places] = np.roll(places, -1)
-    here = limits_kernels.walk(following, 0, steps)
+    here = walk_along(following, 0, steps)
 
     def walk() -> None:
         nonlocal here
-        here = limits_kernels.walk(following, here, steps)
+        here = walk_along(following, here, steps)
 
     return copying, _least(walk) / steps
 

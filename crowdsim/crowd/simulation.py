@@ -14,10 +14,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World, empty_record, empty_scratch, empty_strikes
 from crowdsim.crowd.chunk import STAGES, Chunk, events_of
 from crowdsim.crowd.crowd import Crowd, build_avatars, enter
+from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.choice import choose
+from crowdsim.crowd.kernels.layout import Now, Observed
+from crowdsim.crowd.kernels.loop import run_frames
+from crowdsim.crowd.kernels.motion import advance, switch
+from crowdsim.crowd.kernels.record import write_record
+from crowdsim.crowd.kernels.strikes import strike
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import SEARCHES, Index, build_index
 from crowdsim.crowd.random import Purpose, stream
@@ -105,6 +111,10 @@ class Simulation:
         avatars = sum(values.nbytes for values in self.avatars) + self._due.nbytes
         return avatars + 24 * self.crowd.count + getattr(self._index, "nbytes", 0)
 
+    @property
+    def _now(self) -> Now:
+        return Now(self.frame, 1, self.present)
+
     def close(self) -> None:
         """End the threads."""
         self._workers.close()
@@ -152,18 +162,16 @@ class Simulation:
         frames, present = rows.whole.shape[1], self.present
         world = self._world_at(self.frame - 1, frames + 1)
         strikes = empty_strikes(16 * present + present * frames // 2)
-        fault = np.full(2, -1, np.int64)
         fresh = len(self._fresh) > 0
         if fresh and len(self._fresh) < present:
             # Those who have just entered decide before the others move.
             return self._run_stages(rows.rows(0, 1), None if timings is None else timings[:1])
         self._note_search("direct")
-        ran, held = kernels.run_frames(
-            self.model, self.avatars, world, present, self.frame, frames, fresh, self.crowd.crowding.reach,
-            self.crowd.crowding.most, self._scratch, rows, strikes, timings, fault,
-        )  # fmt: skip
-        if fault[1] >= 0:
-            self._lose(int(fault[1]), int(fault[0]))
+        ran, held, lost = run_frames(
+            self.model, self.avatars, world, self._now, frames, fresh, self._scratch, rows, strikes, timings
+        )
+        if lost >= 0:
+            self._lose(lost, self.frame + ran)
         self._fresh = self._fresh[:0]
         self.frame += ran
         thrown = Strikes(strikes.whole[:held], strikes.real[:held])
@@ -181,8 +189,8 @@ class Simulation:
             due = self._advance()
             if len(fresh):
                 # They have not moved yet: they stand at the end of the action that brings them in.
-                avatars.real[kernels.PHASE, fresh] = avatars.real[kernels.PHASE_BEFORE, fresh]
-                avatars.whole[kernels.ACTION_BEFORE, fresh] = kernels.ENTERED
+                avatars.real[layout.PHASE, fresh] = avatars.real[layout.PHASE_BEFORE, fresh]
+                avatars.whole[layout.ACTION_BEFORE, fresh] = layout.ENTERED
                 due = np.union1d(due, fresh).astype(np.int32)
         self._fresh = fresh[:0]
         clock.append(perf_counter_ns())
@@ -197,11 +205,11 @@ class Simulation:
         chosen = np.empty(len(due), np.int32)
         observing = self._decide(world, due, chosen)
         clock.append(perf_counter_ns())
-        workers.each(lambda first, last: kernels.switch(model, avatars, due, chosen, first, last), len(due))
+        workers.each(lambda first, last: switch(model, avatars, due, chosen, first, last), len(due))
         clock.append(perf_counter_ns())
         thrown = self._strike(world)
         clock.append(perf_counter_ns())
-        workers.each(lambda first, last: kernels.write_record(model, avatars, rows, 0, first, last), present)
+        workers.each(lambda first, last: write_record(model, avatars, rows, 0, first, last), present)
         clock.append(perf_counter_ns())
         if timings is not None:
             spent = np.diff(clock)
@@ -222,7 +230,7 @@ class Simulation:
         found: dict[int, int] = {}
 
         def move(first: int, last: int) -> None:
-            found[first] = kernels.advance(self.model, self.avatars, first, last, self._due, False)
+            found[first] = advance(self.model, self.avatars, first, last, self._due, False)
 
         self._workers.each(move, self.present)
         for held in found.values():
@@ -238,21 +246,20 @@ class Simulation:
 
         def decide(first: int, last: int) -> None:
             room = min(_TOGETHER, last - first)
-            opponents, counts = np.empty(room, np.int32), np.empty(room, np.int32)
             neighbours = np.empty((room, near.most), np.int32)
+            observed = Observed(np.empty(room, np.int32), np.empty(room, np.int32), neighbours)
             scratch = empty_scratch(self.model, near.most, room)
             for start in range(first, last, _TOGETHER):
                 some = due[start : min(start + _TOGETHER, last)]
                 begun = perf_counter_ns()
-                self._index.observe(self.avatars, some, 0, len(some), near.reach, opponents, counts, neighbours)
-                observed = perf_counter_ns()
-                slot = kernels.choose(
-                    self.model, self.avatars, world, self.present, 1, self.frame, some, len(some), opponents, counts,
-                    neighbours, scratch, chosen[start:last],
-                )  # fmt: skip
+                self._index.observe(self.avatars, some, near.reach, observed)
+                done = perf_counter_ns()
+                slot = choose(
+                    self.model, self.avatars, world, self._now, some, len(some), observed, scratch, chosen[start:last]
+                )
                 if slot >= 0:
                     lost.append(slot)
-                spent[0] += observed - begun
+                spent[0] += done - begun
                 spent[1] += perf_counter_ns() - begun
 
         self._workers.each(decide, len(due), grain=1024)
@@ -268,9 +275,7 @@ class Simulation:
             room = 64 + (last - first) // 3
             while True:
                 strikes = empty_strikes(room)
-                held = kernels.strike(
-                    self.model, self.avatars, world, self.present, 1, self.frame, first, last, self._due, *strikes, 0
-                )
+                held = strike(self.model, self.avatars, world, self._now, first, last, self._due, strikes, 0)
                 if held <= room:
                     found[first] = Strikes(strikes.whole[:held], strikes.real[:held])
                     return
@@ -317,8 +322,8 @@ class Simulation:
     def _make(self, change: Change) -> None:
         for values, new in (
             (self._world.weights, change.weights),
-            (self._world.moods[:, kernels.TEMPERATURE], change.temperatures),
-            (self._world.moods[:, kernels.HYSTERESIS], change.hysteresis),
+            (self._world.moods[:, layout.TEMPERATURE], change.temperatures),
+            (self._world.moods[:, layout.HYSTERESIS], change.hysteresis),
         ):
             if new is not None:
                 np.copyto(values, new, where=~np.isnan(new))
@@ -327,8 +332,8 @@ class Simulation:
         concerned = change.who[self.avatars.number]
         if change.skip is not None and change.fixed is not None:
             numbers = self.avatars.number[concerned]
-            self.avatars.whole[kernels.SKIP, concerned] = change.skip[numbers]
-            self.avatars.whole[kernels.FIXED, concerned] = change.fixed[numbers]
+            self.avatars.whole[layout.SKIP, concerned] = change.skip[numbers]
+            self.avatars.whole[layout.FIXED, concerned] = change.fixed[numbers]
         if change.present is not None:
             self._admit(concerned, change.present)
         self._index.reset()
