@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -110,6 +110,17 @@ class Crowd:
         return len(self.x)
 
 
+class Mood(NamedTuple):
+    """How the avatars of a crowd of one mood choose; see ``Crowd``."""
+
+    weights: ArrayLike = (1.0, 1.0)
+    margin: float = 0.1
+    most: int = 4
+    temperature: float = 0.05
+    hysteresis: float = 0.3
+    interval: float = 0.0
+
+
 def build_crowd(
     x: ArrayLike,
     z: ArrayLike,
@@ -118,16 +129,14 @@ def build_crowd(
     team: ArrayLike | None = None,
     scale: ArrayLike = 1.0,
     speed: ArrayLike = 1.0,
-    weights: ArrayLike = (1.0, 1.0),
-    margin: float = 0.1,
-    most: int = 4,
-    temperature: float = 0.05,
-    hysteresis: float = 0.3,
-    interval: float = 0.0,
     **other: Any,
 ) -> Crowd:
-    """Return a crowd of one mood; without teams everyone fights anyone. ``other`` are further fields of ``Crowd``."""
+    """Return a crowd of one mood; without teams everyone fights anyone.
+
+    ``other`` are fields of ``Mood``, or further ones of ``Crowd``.
+    """
     xs = np.asarray(x, dtype=float)
+    mood = Mood(**{name: other.pop(name) for name in Mood._fields if name in other})
 
     def each(values: ArrayLike, dtype: Any) -> Array:
         return np.broadcast_to(np.asarray(values), xs.shape).astype(dtype)
@@ -146,12 +155,12 @@ def build_crowd(
         "skip": each(ANYONE, np.int32) if team is None else teams,
         "fixed": each(-1, np.int32),
         "present": np.ones(len(xs), bool),
-        "weights": np.atleast_2d(np.asarray(weights, dtype=float)),
-        "margins": np.array([margin]),
-        "most": np.array([most], np.int32),
-        "temperatures": np.array([temperature]),
-        "hysteresis": np.array([hysteresis]),
-        "intervals": np.array([interval]),
+        "weights": np.atleast_2d(np.asarray(mood.weights, dtype=float)),
+        "margins": np.array([mood.margin]),
+        "most": np.array([mood.most], np.int32),
+        "temperatures": np.array([mood.temperature]),
+        "hysteresis": np.array([mood.hysteresis]),
+        "intervals": np.array([mood.interval]),
     }
     return Crowd(**{**fields, **other})
 

@@ -6,7 +6,8 @@ from synthetic_policy import policy
 
 from crowdsim.crowd.crowd import build_crowd
 from crowdsim.crowd.kernels.limits import walk
-from crowdsim.crowd.profile import machine_limits, profile_crowd, profile_table
+from crowdsim.crowd.profile import profile_crowd, profile_table
+from crowdsim.crowd.profile_files import machine_limits
 from crowdsim.runs import profiling
 
 
