@@ -40,8 +40,9 @@ from crowdsim.render.batch import render
 from crowdsim.render.stage import build_stage
 from crowdsim.render.take_source import TakeSource
 from crowdsim.render.video import encode, planes
+from crowdsim.runs.preparation import load_policies
 from crowdsim.runs.profiling import with_avatars
-from crowdsim.runs.runner import load_policies, run
+from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
 
 FPS, PAPER = 30.0, 4.0

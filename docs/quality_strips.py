@@ -22,7 +22,7 @@ from crowdsim.render.caption import draw_caption
 from crowdsim.render.raycast import draw, sun_direction
 from crowdsim.render.scene import build_cast
 from crowdsim.render.view import look_at
-from crowdsim.runs.runner import open_run
+from crowdsim.runs.opening import open_run
 from crowdsim.take.poses import Poses, PoseSampler
 
 Array = NDArray[Any]

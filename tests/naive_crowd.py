@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 from naive_opponents import nearest, neighbours
 
-from crowdsim.crowd.kernels import BEHIND, BURSTS, REST
+from crowdsim.crowd.kernels.choice import BURSTS, REST
+from crowdsim.crowd.kernels.opponents import BEHIND
 from crowdsim.crowd.model import TOLERANCE
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.crowd.script import target_places

@@ -189,6 +189,6 @@ def test_fields_of_named_tuples_decide_which_compiled_code_is_loaded(tmp_path):
 
 def test_kernels_import_names_from_the_module_that_defines_them(tmp_path):
     path = tmp_path / "some_kernels.py"
-    path.write_text("from crowdsim.crowd import kernels\n")
-    with pytest.raises(ImportError, match=r"crowdsim\.crowd is a package"):
+    path.write_text("from crowdsim.crowd.kernels import layout\n")
+    with pytest.raises(ImportError, match=r"crowdsim\.crowd\.kernels is a package"):
         jit.source_digest(path)

@@ -16,7 +16,7 @@ from scenes import crowdsim, write_scene
 from crowdsim.compilation import ANNOUNCEMENT, watch_compilation
 from crowdsim.crowd.chunk import STAGES
 from crowdsim.runs.manifest import read_manifest
-from crowdsim.runs.recording import Clock
+from crowdsim.runs.run import Clock
 
 CROWD = [
     {"name": "all", "type": "boxer", "count": 450, "placement": {"kind": "disc", "radius": 20, "distance": 0.5}},
@@ -62,7 +62,7 @@ from crowdsim.compilation import watch_compilation
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.warming import warm_up
-from crowdsim.runs.runner import load_policies, prepare
+from crowdsim.runs.preparation import load_policies, prepare
 scenario = load_scenario(sys.argv[1])
 prepared = prepare(scenario, load_policies(scenario))
 search, profiled = scenario.opponents.search, sys.argv[2] == "profiled"

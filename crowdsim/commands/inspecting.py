@@ -59,7 +59,7 @@ def _inspect_bundle(name: str, as_json: bool, plots: Path | None) -> None:
 def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
     from crowdsim.commands.run_text import run_lines
     from crowdsim.runs.manifest import NAME, read_manifest
-    from crowdsim.runs.runner import open_run
+    from crowdsim.runs.opening import open_run
     from crowdsim.take.poses import PoseSampler
     from crowdsim.take.quality import measure_take
 

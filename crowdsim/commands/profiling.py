@@ -37,9 +37,10 @@ def profile(
 ) -> None:
     """Measure what control costs a frame, by stage, for any number of avatars and threads."""
     from crowdsim.compilation import watch_compilation
-    from crowdsim.crowd.profile import draw_profile, draw_scaling, profile_table, write_csv
+    from crowdsim.crowd.profile import profile_table
+    from crowdsim.crowd.profile_files import draw_profile, draw_scaling, write_csv
     from crowdsim.runs import profiling
-    from crowdsim.runs.runner import load_policies
+    from crowdsim.runs.preparation import load_policies
     from crowdsim.scenario.frame_ranges import parse_length
     from crowdsim.scenario.scenario import load_scenario
 

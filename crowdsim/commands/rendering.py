@@ -40,8 +40,8 @@ def render(
     from crowdsim.render.command import RenderOptions, parse_size, render_many
     from crowdsim.render.take_source import TakeSource
     from crowdsim.runs.arena import read_arena
+    from crowdsim.runs.opening import open_run
     from crowdsim.runs.recorder import record_files
-    from crowdsim.runs.runner import open_run
     from crowdsim.scenario.frame_ranges import parse_frames
 
     options = RenderOptions(

@@ -56,7 +56,8 @@ def run(
 ) -> None:
     """Run scenarios: simulate, and write take and outputs."""
     from crowdsim.jit import load_numba
-    from crowdsim.runs.runner import Interrupted, run_to
+    from crowdsim.runs.run import Interrupted
+    from crowdsim.runs.runner import run_to
     from crowdsim.scenario.frame_ranges import parse_length
     from crowdsim.scenario.scenario import load_scenario
 
@@ -160,8 +161,8 @@ def export(
     threads: Threads = CORES,
 ) -> None:
     """Export a run's take as BVH or point clouds, without simulating again; in the run's folder it replaces them."""
+    from crowdsim.runs.opening import open_run
     from crowdsim.runs.outputs import ExportOptions, export_take
-    from crowdsim.runs.runner import open_run
 
     take, policies, notes = open_run(folder)
     for line in notes:

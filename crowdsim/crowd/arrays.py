@@ -1,7 +1,7 @@
 """The flat arrays that a simulation is made of, as named tuples, which compiled code can be handed whole.
 
-Rows and columns have their names in ``kernels.py``. Few arrays with many rows, rather than many arrays: compiling a
-kernel takes time in proportion to the number of arrays that it is handed.
+Rows and columns have their names in ``kernels/layout.py``. Few arrays with many rows, rather than many arrays:
+compiling a kernel takes time in proportion to the number of arrays that it is handed.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd import kernels
+from crowdsim.crowd.kernels import layout
 
 
 class Model(NamedTuple):
@@ -107,32 +107,32 @@ class Avatars(NamedTuple):
     @property
     def number(self) -> Array:
         """Who is in each slot. Shape (N,)."""
-        return self.whole[kernels.NUMBER]
+        return self.whole[layout.NUMBER]
 
     @property
     def team(self) -> Array:
         """Team of each slot. Shape (N,)."""
-        return self.whole[kernels.TEAM]
+        return self.whole[layout.TEAM]
 
     @property
     def skip(self) -> Array:
         """Team that the opponent of each slot may not be of. Shape (N,)."""
-        return self.whole[kernels.SKIP]
+        return self.whole[layout.SKIP]
 
     @property
     def opponent(self) -> Array:
         """Opponent of each slot. Shape (N,)."""
-        return self.whole[kernels.OPPONENT]
+        return self.whole[layout.OPPONENT]
 
     @property
     def x(self) -> Array:
         """Where each slot stands [m]. Shape (N,)."""
-        return self.real[kernels.X]
+        return self.real[layout.X]
 
     @property
     def z(self) -> Array:
         """Where each slot stands [m]. Shape (N,)."""
-        return self.real[kernels.Z]
+        return self.real[layout.Z]
 
 
 class World(NamedTuple):
@@ -144,7 +144,7 @@ class World(NamedTuple):
             of the draw, how much nearer another opponent must be [m], and how long it takes to recover from a strike
             [control frames]; 0 no time. Shape (M, 5), float64.
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]. Shape (5,).
-        crowding: The numbers of ``Crowding``. Shape (6,), float64.
+        crowding: The numbers of ``Crowding``. Shape (7,), float64.
         targets: Places of scripted targets, from the frame before the first that is run on [m]. Shape (frames, G, 3),
             float64.
         stream: What seed and purpose contribute to draws of actions and of bursts. Shape (2,), uint64.
@@ -178,7 +178,7 @@ class Scratch(NamedTuple):
     """Scratch space for those who choose together, a batch, and for all actions of a state.
 
     Attributes:
-        situations: Where each one's target is and how it moves (``kernels.value_actions``). Shape (batch, 6), float64.
+        situations: Where each one's target is and how it moves (``values.value_actions``). Shape (batch, 6), float64.
         states: The state that it chooses in, -1 where there is nobody to fight. Shape (batch,), int32.
         moods: Its mood. Shape (batch,), int32.
         policies: Its policy. Shape (batch,), int32.
@@ -244,10 +244,10 @@ def empty_strikes(count: int) -> Strikes:
 
 def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
     """Return scratch space for the states of a model, for so many neighbours, and for a batch."""
-    lanes, block = kernels.LANES, min(kernels.BLOCK, batch)
+    lanes, block = layout.LANES, min(layout.BLOCK, batch)
     width = -(-int(np.diff(model.offsets).max()) // lanes) * lanes
-    behaviours = int(np.diff(model.policies[:, kernels.BEHAVIOURS]).max())
-    rows = int(np.diff(model.actions[model.offsets, kernels.PATHS]).max()) + lanes
+    behaviours = int(np.diff(model.policies[:, layout.BEHAVIOURS]).max())
+    rows = int(np.diff(model.actions[model.offsets, layout.PATHS]).max()) + lanes
     return Scratch(
         situations=np.zeros((batch, 6)),
         states=np.empty(batch, np.int32),

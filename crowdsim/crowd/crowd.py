@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
-from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import Avatars, Model
+from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.model import entry_actions
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.errors import RunError
@@ -49,8 +49,8 @@ class Crowding:
         return cls(end=0.0, path=0.0, reach=0.0, most=1)
 
     def numbers(self) -> Array:
-        """Return what kernels read. Shape (6,)."""
-        return np.array([self.end, self.path, self.radius, self.gap, self.outside, self.turn])
+        """Return what kernels read. Shape (7,)."""
+        return np.array([self.end, self.path, self.radius, self.gap, self.outside, self.turn, self.reach])
 
 
 @dataclass(frozen=True)
@@ -109,6 +109,17 @@ class Crowd:
         return len(self.x)
 
 
+class Mood(NamedTuple):
+    """How the avatars of a crowd of one mood choose; see ``Crowd``."""
+
+    weights: ArrayLike = (1.0, 1.0)
+    margin: float = 0.1
+    most: int = 4
+    temperature: float = 0.05
+    hysteresis: float = 0.3
+    interval: float = 0.0
+
+
 def build_crowd(
     x: ArrayLike,
     z: ArrayLike,
@@ -117,16 +128,14 @@ def build_crowd(
     team: ArrayLike | None = None,
     scale: ArrayLike = 1.0,
     speed: ArrayLike = 1.0,
-    weights: ArrayLike = (1.0, 1.0),
-    margin: float = 0.1,
-    most: int = 4,
-    temperature: float = 0.05,
-    hysteresis: float = 0.3,
-    interval: float = 0.0,
     **other: Any,
 ) -> Crowd:
-    """Return a crowd of one mood; without teams everyone fights anyone. ``other`` are further fields of ``Crowd``."""
+    """Return a crowd of one mood; without teams everyone fights anyone.
+
+    ``other`` are fields of ``Mood``, or further ones of ``Crowd``.
+    """
     xs = np.asarray(x, dtype=float)
+    mood = Mood(**{name: other.pop(name) for name in Mood._fields if name in other})
 
     def each(values: ArrayLike, dtype: Any) -> Array:
         return np.broadcast_to(np.asarray(values), xs.shape).astype(dtype)
@@ -145,12 +154,12 @@ def build_crowd(
         "skip": each(ANYONE, np.int32) if team is None else teams,
         "fixed": each(-1, np.int32),
         "present": np.ones(len(xs), bool),
-        "weights": np.atleast_2d(np.asarray(weights, dtype=float)),
-        "margins": np.array([margin]),
-        "most": np.array([most], np.int32),
-        "temperatures": np.array([temperature]),
-        "hysteresis": np.array([hysteresis]),
-        "intervals": np.array([interval]),
+        "weights": np.atleast_2d(np.asarray(mood.weights, dtype=float)),
+        "margins": np.array([mood.margin]),
+        "most": np.array([mood.most], np.int32),
+        "temperatures": np.array([mood.temperature]),
+        "hysteresis": np.array([mood.hysteresis]),
+        "intervals": np.array([mood.interval]),
     }
     return Crowd(**{**fields, **other})
 
@@ -174,16 +183,16 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
 
     avatars = Avatars(np.zeros((13, count), np.int32), np.zeros((15, count)), slot_of)
     whole, real = avatars.whole, avatars.real
-    whole[kernels.NUMBER] = numbers
+    whole[layout.NUMBER] = numbers
     for row, values in (
-        (kernels.POLICY, crowd.policy),
-        (kernels.MOOD, crowd.mood),
-        (kernels.TEAM, crowd.team),
-        (kernels.SKIP, crowd.skip),
-        (kernels.FIXED, crowd.fixed),
+        (layout.POLICY, crowd.policy),
+        (layout.MOOD, crowd.mood),
+        (layout.TEAM, crowd.team),
+        (layout.SKIP, crowd.skip),
+        (layout.FIXED, crowd.fixed),
     ):
         whole[row] = np.asarray(values)[numbers]
-    real[kernels.SCALE], real[kernels.SPEED] = crowd.scale[numbers], crowd.speed[numbers]
+    real[layout.SCALE], real[layout.SPEED] = crowd.scale[numbers], crowd.speed[numbers]
     enter(avatars, crowd, model, np.arange(count))
     return avatars
 
@@ -202,33 +211,33 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
     drawn = uniform(crowd.seed, Purpose.START, numbers)
     action = np.empty(len(slots), np.int32)
     whole, real = avatars.whole, avatars.real
-    policy, scale = whole[kernels.POLICY, slots], real[kernels.SCALE, slots]
-    starts = model.policies[:, kernels.STATES]
+    policy, scale = whole[layout.POLICY, slots], real[layout.SCALE, slots]
+    starts = model.policies[:, layout.STATES]
     for p in range(len(starts) - 1):
         states = np.arange(starts[p], starts[p + 1])
         states = states[entries[states] >= 0]
         own = policy == p
         action[own] = entries[states[(drawn[own] * len(states)).astype(np.int64)]]
-    length = model.actions[action, kernels.LENGTH]
-    ground = model.ground[model.actions[action, kernels.ORIGIN] + length * model.policies[policy, kernels.STRIDE]]
+    length = model.actions[action, layout.LENGTH]
+    ground = model.ground[model.actions[action, layout.ORIGIN] + length * model.policies[policy, layout.STRIDE]]
     turn = heading - ground[:, 2]
     cos, sin = np.cos(turn) * scale, np.sin(turn) * scale
     for row, values in (
-        (kernels.BASE_X, x - ground[:, 0] * cos - ground[:, 1] * sin),
-        (kernels.BASE_Z, z + ground[:, 0] * sin - ground[:, 1] * cos),
-        (kernels.BASE_COS, cos),
-        (kernels.BASE_SIN, sin),
-        (kernels.BASE_TURN, turn),
-        (kernels.X, x),
-        (kernels.Z, z),
-        (kernels.HEADING, heading),
-        (kernels.END_X, x),
-        (kernels.END_Z, z),
-        (kernels.PHASE, length),
-        (kernels.PHASE_BEFORE, length),
+        (layout.BASE_X, x - ground[:, 0] * cos - ground[:, 1] * sin),
+        (layout.BASE_Z, z + ground[:, 0] * sin - ground[:, 1] * cos),
+        (layout.BASE_COS, cos),
+        (layout.BASE_SIN, sin),
+        (layout.BASE_TURN, turn),
+        (layout.X, x),
+        (layout.Z, z),
+        (layout.HEADING, heading),
+        (layout.END_X, x),
+        (layout.END_Z, z),
+        (layout.PHASE, length),
+        (layout.PHASE_BEFORE, length),
     ):
         real[row, slots] = values
-    whole[kernels.ACTION, slots] = action
-    whole[kernels.ACTION_BEFORE, slots] = kernels.ENTERED
-    whole[kernels.PENDING, slots] = kernels.NO_STRIKE
-    whole[kernels.OPPONENT, slots] = whole[kernels.OPPONENT_BEFORE, slots] = -1
+    whole[layout.ACTION, slots] = action
+    whole[layout.ACTION_BEFORE, slots] = layout.ENTERED
+    whole[layout.PENDING, slots] = layout.NO_STRIKE
+    whole[layout.OPPONENT, slots] = whole[layout.OPPONENT_BEFORE, slots] = -1

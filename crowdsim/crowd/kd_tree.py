@@ -9,42 +9,18 @@ it made opponents cheaper.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.kd_tree_kernels import fit_leaves, fit_nodes, query_nearest, query_neighbours, sort_points
+from crowdsim.crowd.kernels.kd_queries import Query, query_nearest, query_neighbours
+from crowdsim.crowd.kernels.kd_tree import Tree, fit_leaves, fit_nodes, sort_points
 from crowdsim.crowd.workers import Workers
 
 LEAF = 32
 """Most points in a leaf."""
 
 _SERIAL = Workers(1)
-
-
-@dataclass(frozen=True)
-class Tree:
-    """A KD-tree over N points, in the order of its leaves.
-
-    Attributes:
-        xs: Places across [m]. Shape (N,), float64.
-        zs: Places ahead [m]. Shape (N,), float64.
-        number: What decides between points at one distance: the lower one wins. Shape (N,), int32.
-        team: Team of each point, 0 or greater. Shape (N,), int32.
-        depth: Levels below the root.
-        boxes: Least x, greatest x, least z, greatest z of each node [m]. Shape (2 << depth, 4), float64.
-        box_teams: The only team in each node, or -1 where teams mix. Shape (2 << depth,), int32.
-    """
-
-    xs: Array
-    zs: Array
-    number: Array
-    team: Array
-    depth: int
-    boxes: Array
-    box_teams: Array
 
 
 def plan_tree(xs: Array, zs: Array, number: Array, team: Array) -> Tree:
@@ -81,14 +57,8 @@ def fit_tree(tree: Tree, workers: Workers = _SERIAL) -> None:
     """Fit all boxes to where the points are now."""
     if len(tree.xs) == 0:
         return
-    workers.each(
-        lambda first, last: fit_leaves(
-            tree.xs, tree.zs, tree.team, tree.depth, first, last, tree.boxes, tree.box_teams
-        ),
-        1 << tree.depth,
-        grain=256,
-    )
-    fit_nodes(tree.depth, tree.boxes, tree.box_teams)
+    workers.each(lambda first, last: fit_leaves(tree, first, last), 1 << tree.depth, grain=256)
+    fit_nodes(tree)
 
 
 def build_tree(x: ArrayLike, z: ArrayLike, team: ArrayLike | None = None) -> tuple[Tree, Array]:
@@ -136,13 +106,8 @@ def nearest(
     """
     found, distance = np.empty(len(x), np.int32), np.empty(len(x))
 
-    def query(first: int, last: int) -> None:
-        query_nearest(
-            tree.xs, tree.zs, tree.number, tree.team, tree.depth, tree.boxes, tree.box_teams, x, z, own, own_team,
-            first, last, found, distance,
-        )  # fmt: skip
-
-    workers.each(query, len(x))
+    queries = Query(x, z, own, own_team)
+    workers.each(lambda first, last: query_nearest(tree, queries, first, last, found, distance), len(x))
     return found, distance
 
 
@@ -157,13 +122,8 @@ def neighbours(
     """
     counts, points = np.empty(len(x), np.int32), np.empty((len(x), most), np.int32)
 
-    def query(first: int, last: int) -> None:
-        query_neighbours(
-            tree.xs, tree.zs, tree.number, tree.depth, tree.boxes, x, z, own, reach, first, last, counts, points,
-            np.empty(most),
-        )  # fmt: skip
-
-    workers.each(query, len(x))
+    queries = Query(x, z, own, np.full(len(x), -1, np.int32))
+    workers.each(lambda first, last: query_neighbours(tree, queries, reach, first, last, counts, points), len(x))
     return counts, points
 
 

@@ -7,15 +7,16 @@ comparison; ``scipy`` finds opponents its own way, for comparison, and leaves th
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars
-from crowdsim.crowd.kd_tree import Tree, fit_tree, plan_tree, sort_tree
-from crowdsim.crowd.kd_tree_kernels import observe
+from crowdsim.crowd.kd_tree import fit_tree, plan_tree, sort_tree
+from crowdsim.crowd.kernels.kd_queries import observe
+from crowdsim.crowd.kernels.kd_tree import Tree
+from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.workers import Workers
 
 SEARCHES = ("auto", "kd_tree", "scipy")
@@ -28,16 +29,13 @@ GROWN = 1.2
 
 
 class Index(Protocol):
-    """What a simulation asks of an index; ``first`` to ``last`` are places in ``due``."""
+    """What a simulation asks of an index."""
 
     def update(self, avatars: Avatars, present: int) -> None:
         """Take up where the first ``present`` slots stand now; sort their storage when the time has come."""
 
-    def observe(
-        self, avatars: Avatars, due: Array, first: int, last: int, reach: float, opponents: Array, counts: Array,
-        neighbours: Array,
-    ) -> None:  # fmt: skip
-        """Write the nearest opponent's slot, and the slots of neighbours, for each of ``due[first:last]``."""
+    def observe(self, avatars: Avatars, due: Array, reach: float, out: Observed) -> None:
+        """Write the nearest opponent's slot, and the slots of neighbours, for each slot of ``due``, which ascend."""
 
     def reset(self) -> None:
         """Forget the order, since other avatars are present, or they fight otherwise."""
@@ -75,7 +73,7 @@ class TreeIndex:
             )
             self._age, self._extent = self._sort_every, 0.0
         if self._age >= self._sort_every and self._extents() > GROWN * self._extent:
-            copy = replace(self._tree, xs=avatars.x[:present].copy(), zs=avatars.z[:present].copy())
+            copy = self._tree._replace(xs=avatars.x[:present].copy(), zs=avatars.z[:present].copy())
             store_in_order(avatars, sort_tree(copy, self._workers))
             fit_tree(self._tree, self._workers)
             self._age, self._extent = 0, self._extents()
@@ -89,23 +87,10 @@ class TreeIndex:
         boxes = self._tree.boxes[1 << self._tree.depth :]
         return float(np.abs(boxes[:, 1] - boxes[:, 0]).sum() + np.abs(boxes[:, 3] - boxes[:, 2]).sum())
 
-    def observe(
-        self, avatars: Avatars, due: Array, first: int, last: int, reach: float, opponents: Array, counts: Array,
-        neighbours: Array,
-    ) -> None:  # fmt: skip
-        """Write the nearest opponent's slot, and the slots of neighbours, for each of ``due[first:last]``."""
-        self._observe(avatars, avatars.skip, due, first, last, reach, opponents, counts, neighbours)
-
-    def _observe(
-        self, avatars: Avatars, skip: Array, due: Array, first: int, last: int, reach: float, opponents: Array,
-        counts: Array, neighbours: Array,
-    ) -> None:  # fmt: skip
-        tree = self._tree
-        assert tree is not None
-        observe(
-            tree.xs, tree.zs, tree.number, tree.team, tree.depth, tree.boxes, tree.box_teams, due, skip,
-            avatars.opponent, avatars.slot_of, reach, first, last, opponents, counts, neighbours,
-        )  # fmt: skip
+    def observe(self, avatars: Avatars, due: Array, reach: float, out: Observed) -> None:
+        """Write the nearest opponent's slot, and the slots of neighbours, for each slot of ``due``, which ascend."""
+        assert self._tree is not None
+        observe(self._tree, due, avatars.skip, avatars.opponent, avatars.slot_of, reach, out)
 
 
 class ScipyIndex(TreeIndex):
@@ -123,19 +108,16 @@ class ScipyIndex(TreeIndex):
                 slots = np.flatnonzero(avatars.team[:present] != skip)
                 self._trees[int(skip)] = (slots, cKDTree(points[slots]) if len(slots) else None)
 
-    def observe(
-        self, avatars: Avatars, due: Array, first: int, last: int, reach: float, opponents: Array, counts: Array,
-        neighbours: Array,
-    ) -> None:  # fmt: skip
-        """Write the nearest opponent's slot, and the slots of neighbours, for each of ``due[first:last]``."""
+    def observe(self, avatars: Avatars, due: Array, reach: float, out: Observed) -> None:
+        """Write the nearest opponent's slot, and the slots of neighbours, for each slot of ``due``, which ascend."""
         nobody = np.full(len(avatars.skip), -2, np.int32)
-        self._observe(avatars, nobody, due, first, last, reach, opponents, counts, neighbours)
-        asking = due[first:last]
+        assert self._tree is not None
+        observe(self._tree, due, nobody, avatars.opponent, avatars.slot_of, reach, out)
         for skip, (slots, tree) in self._trees.items():
-            rows = np.flatnonzero(avatars.skip[asking] == skip)
+            rows = np.flatnonzero(avatars.skip[due] == skip)
             if tree is None or len(rows) == 0:
                 continue
-            own = asking[rows]
+            own = due[rows]
             points = np.column_stack([avatars.x[own], avatars.z[own]])
             distances, _ = tree.query(points, k=min(2, len(slots)))
             nearest = distances.reshape(len(own), -1)[:, -1 if skip == -1 else 0]
@@ -146,7 +128,7 @@ class ScipyIndex(TreeIndex):
                 if len(candidates):
                     dx, dz = avatars.x[candidates] - avatars.x[slot], avatars.z[candidates] - avatars.z[slot]
                     best = np.lexsort((avatars.number[candidates], dx * dx + dz * dz))[0]
-                    opponents[first + row] = candidates[best]
+                    out.opponents[row] = candidates[best]
 
 
 def build_index(search: str, workers: Workers, sort_every: int = SORT_EVERY) -> Index:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd import placement_kernels as kernels
+from crowdsim.crowd.kernels.placement import Disc, Squares, first_conflict, insert_points, throw_darts
 from crowdsim.crowd.placement_points import read_points
 from crowdsim.crowd.random import Purpose, normal, stream, uniform
 from crowdsim.scenario.groups import (
@@ -150,13 +150,11 @@ def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: A
 
 def _throw(scenario: Scenario, index: int, placement: DiscPlacement, start: int, stop: int, x: Array, z: Array) -> None:
     least, count = placement.distance, stop - start
-    heads, following = _buckets(stop)
-    kernels.insert_points(0, start, least, heads, following, x, z)
+    squares = _squares(least, stop, x, z)
+    insert_points(squares, 0, start)
     seeds = stream(scenario.seed, Purpose.PLACE)
-    centre_x, centre_z = placement.centre
-    reached = kernels.throw_darts(
-        seeds, start, stop, centre_x, centre_z, placement.radius, least, _DARTS, heads, following, x, z
-    )
+    disc = Disc(float(placement.centre[0]), float(placement.centre[1]), float(placement.radius))
+    reached = throw_darts(seeds, start, stop, disc, _DARTS, squares)
     # Random discs cover little more than half of the plane.
     needed = _up(least / 2 * np.sqrt(count / 0.5))
     where = f"in a disc of radius {placement.radius:g} m"
@@ -186,8 +184,7 @@ def _check_conflicts(scenario: Scenario, starts: Array, x: Array, z: Array) -> N
     kinds = {group.placement.kind for group in scenario.groups}
     if kinds == {"disc"} or (len(scenario.groups) == 1 and kinds != {"points"}):
         return
-    heads, following = _buckets(len(x))
-    second = kernels.first_conflict(LEAST_DISTANCE, heads, following, x, z)
+    second = first_conflict(_squares(LEAST_DISTANCE, len(x), x, z))
     if second >= 0:
         distance = np.hypot(x[:second] - x[second], z[:second] - z[second])
         first = int(np.argmin(distance))
@@ -197,8 +194,10 @@ def _check_conflicts(scenario: Scenario, starts: Array, x: Array, z: Array) -> N
         raise scenario.error(what, "groups", index, "placement")
 
 
-def _buckets(count: int) -> tuple[Array, Array]:
-    return np.full(1 << max(4, int(count).bit_length()), -1, np.int32), np.full(count, -1, np.int32)
+def _squares(size: float, count: int, x: Array, z: Array) -> Squares:
+    """Return an empty hash grid over the first ``count`` of all positions."""
+    heads = np.full(1 << max(4, int(count).bit_length()), -1, np.int32)
+    return Squares(float(size), heads, np.full(count, -1, np.int32), x, z)
 
 
 def _inside(arena: Arena, x: Array, z: Array) -> Array:

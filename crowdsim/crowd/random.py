@@ -7,8 +7,7 @@ the finaliser of SplitMix64, ``mix`` (Steele, Lea and Flood, "Fast splittable ps
     bits    = mix(mix(stream + (avatar + 1) * G) + (draw + 1) * G)        G = 0x9E3779B97F4A7C15, modulo 2^64
     uniform = (bits >> 11) * 2^-53                                        in [0, 1)
 
-``random_kernels.py`` holds the same in compiled form, equal to the bit. A cached kernel may call only kernels of its
-own file, so a file of kernels that draws repeats those few lines; a test compares every repetition with this module.
+``core/random.py`` holds the same in compiled form, equal to the bit.
 """
 
 from __future__ import annotations

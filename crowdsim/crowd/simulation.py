@@ -8,22 +8,24 @@ stage shared out among threads. Both give the same bytes, for any number of thre
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from time import perf_counter_ns
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World, empty_record, empty_scratch, empty_strikes
 from crowdsim.crowd.chunk import STAGES, Chunk, events_of
 from crowdsim.crowd.crowd import Crowd, build_avatars, enter
+from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.layout import Now
+from crowdsim.crowd.kernels.loop import run_frames
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import SEARCHES, Index, build_index
 from crowdsim.crowd.random import Purpose, stream
 from crowdsim.crowd.script import Agenda, Change, Script, target_places
+from crowdsim.crowd.stages import Stages, lost_avatar
 from crowdsim.crowd.workers import Workers
-from crowdsim.errors import RunError, nearest
+from crowdsim.errors import nearest
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -31,9 +33,6 @@ if TYPE_CHECKING:
 
 SMALL = 400
 """Most avatars whose opponents ``auto`` finds by comparing with everyone, many frames in one compiled call."""
-
-_TOGETHER = 8192
-"""Avatars of one thread that observe and choose together; what they note stays in a processor's cache."""
 
 _CHUNK_AVATAR_FRAMES = 1_000_000
 
@@ -85,7 +84,7 @@ class Simulation:
         self.searches: list[str] = []
         self._profiled = profiled
         self._fresh = np.arange(self.present, dtype=np.int32)
-        self._due = np.empty(crowd.count, np.int32)
+        self._stages = Stages(crowd, self.model, self.avatars, self._index, self._workers)
         self._scratch = empty_scratch(self.model, crowd.crowding.most, min(SMALL, max(crowd.count, 1)))
         self._world = World(
             weights=np.array(crowd.weights, dtype=float),
@@ -101,8 +100,12 @@ class Simulation:
     @property
     def nbytes(self) -> int:
         """Memory of the avatars and of one recorded frame, beside the policies."""
-        avatars = sum(values.nbytes for values in self.avatars) + self._due.nbytes
+        avatars = sum(values.nbytes for values in self.avatars) + self._stages.nbytes
         return avatars + 24 * self.crowd.count + getattr(self._index, "nbytes", 0)
+
+    @property
+    def _now(self) -> Now:
+        return Now(self.frame, 1, self.present)
 
     def close(self) -> None:
         """End the threads."""
@@ -151,18 +154,16 @@ class Simulation:
         frames, present = rows.whole.shape[1], self.present
         world = self._world_at(self.frame - 1, frames + 1)
         strikes = empty_strikes(16 * present + present * frames // 2)
-        fault = np.full(2, -1, np.int64)
         fresh = len(self._fresh) > 0
         if fresh and len(self._fresh) < present:
             # Those who have just entered decide before the others move.
             return self._run_stages(rows.rows(0, 1), None if timings is None else timings[:1])
         self._note_search("direct")
-        ran, held = kernels.run_frames(
-            self.model, self.avatars, world, present, self.frame, frames, fresh, self.crowd.crowding.reach,
-            self.crowd.crowding.most, self._scratch, rows, strikes, timings, fault,
-        )  # fmt: skip
-        if fault[1] >= 0:
-            self._lose(int(fault[1]), int(fault[0]))
+        ran, held, lost = run_frames(
+            self.model, self.avatars, world, self._now, frames, fresh, self._scratch, rows, strikes, timings
+        )
+        if lost >= 0:
+            raise lost_avatar(self.avatars, lost, self.frame + ran)
         self._fresh = self._fresh[:0]
         self.frame += ran
         thrown = Strikes(strikes.whole[:held], strikes.real[:held])
@@ -171,43 +172,9 @@ class Simulation:
 
     def _run_stages(self, rows: Record, timings: Array | None) -> tuple[int, Strikes]:
         """Run one frame, each stage shared out among threads."""
-        avatars, model, present, workers = self.avatars, self.model, self.present, self._workers
-        clock = [perf_counter_ns()]
-        fresh = self._fresh
-        if len(fresh) == present:
-            due = fresh
-        else:
-            due = self._advance()
-            if len(fresh):
-                # They have not moved yet: they stand at the end of the action that brings them in.
-                avatars.real[kernels.PHASE, fresh] = avatars.real[kernels.PHASE_BEFORE, fresh]
-                avatars.whole[kernels.ACTION_BEFORE, fresh] = kernels.ENTERED
-                due = np.union1d(due, fresh).astype(np.int32)
-        self._fresh = fresh[:0]
-        clock.append(perf_counter_ns())
         self._note_search("scipy" if self._search == "scipy" else "kd_tree")
-        before = avatars.number[due] if len(due) else due
-        self._index.update(avatars, present)
-        slots = avatars.slot_of[before]
-        slots.sort()
-        due = slots
-        clock.append(perf_counter_ns())
-        world = self._world_at(self.frame - 1, 2)
-        chosen = np.empty(len(due), np.int32)
-        observing = self._decide(world, due, chosen)
-        clock.append(perf_counter_ns())
-        workers.each(lambda first, last: kernels.switch(model, avatars, due, chosen, first, last), len(due))
-        clock.append(perf_counter_ns())
-        thrown = self._strike(world)
-        clock.append(perf_counter_ns())
-        workers.each(lambda first, last: kernels.write_record(model, avatars, rows, 0, first, last), present)
-        clock.append(perf_counter_ns())
-        if timings is not None:
-            spent = np.diff(clock)
-            timings[0] = (
-                spent[1], int(spent[2] * observing), spent[2] - int(spent[2] * observing), spent[0] + spent[3],
-                spent[4], spent[5],
-            )  # fmt: skip
+        fresh, self._fresh = self._fresh, self._fresh[:0]
+        thrown = self._stages.run(self._world_at(self.frame - 1, 2), self._now, fresh, rows, timings)
         self.frame += 1
         self._agenda.count(self.crowd.team[thrown.whole[thrown.whole[:, 3] > 0, 0]])
         return 1, thrown
@@ -215,69 +182,6 @@ class Simulation:
     def _note_search(self, search: str) -> None:
         if search not in self.searches:
             self.searches.append(search)
-
-    def _advance(self) -> Array:
-        """Move everyone by one frame; return the slots of those whose action has ended."""
-        found: dict[int, int] = {}
-
-        def move(first: int, last: int) -> None:
-            found[first] = kernels.advance(self.model, self.avatars, first, last, self._due, False)
-
-        self._workers.each(move, self.present)
-        for held in found.values():
-            if held < 0:
-                self._lose(-1 - held, self.frame)
-        return np.concatenate([self._due[first : first + held] for first, held in sorted(found.items())])
-
-    def _decide(self, world: World, due: Array, chosen: Array) -> float:
-        """Let avatars observe and choose; return the share of the time that observing took."""
-        near = self.crowd.crowding
-        lost: list[int] = []
-        spent = [0, 1]
-
-        def decide(first: int, last: int) -> None:
-            room = min(_TOGETHER, last - first)
-            opponents, counts = np.empty(room, np.int32), np.empty(room, np.int32)
-            neighbours = np.empty((room, near.most), np.int32)
-            scratch = empty_scratch(self.model, near.most, room)
-            for start in range(first, last, _TOGETHER):
-                some = due[start : min(start + _TOGETHER, last)]
-                begun = perf_counter_ns()
-                self._index.observe(self.avatars, some, 0, len(some), near.reach, opponents, counts, neighbours)
-                observed = perf_counter_ns()
-                slot = kernels.choose(
-                    self.model, self.avatars, world, self.present, 1, self.frame, some, len(some), opponents, counts,
-                    neighbours, scratch, chosen[start:last],
-                )  # fmt: skip
-                if slot >= 0:
-                    lost.append(slot)
-                spent[0] += observed - begun
-                spent[1] += perf_counter_ns() - begun
-
-        self._workers.each(decide, len(due), grain=1024)
-        if lost:
-            self._lose(min(lost, key=lambda slot: self.avatars.number[slot]), self.frame)
-        return spent[0] / spent[1]
-
-    def _strike(self, world: World) -> Strikes:
-        """List the strikes thrown on the way to this frame."""
-        found: dict[int, Strikes] = {}
-
-        def throw(first: int, last: int) -> None:
-            room = 64 + (last - first) // 3
-            while True:
-                strikes = empty_strikes(room)
-                held = kernels.strike(
-                    self.model, self.avatars, world, self.present, 1, self.frame, first, last, self._due, *strikes, 0
-                )
-                if held <= room:
-                    found[first] = Strikes(strikes.whole[:held], strikes.real[:held])
-                    return
-                room = held
-
-        self._workers.each(throw, self.present)
-        parts = [found[first] for first in sorted(found)]
-        return Strikes(*(np.concatenate(part) for part in zip(*parts, strict=True))) if parts else empty_strikes(0)
 
     def _world_at(self, first: int, frames: int) -> World:
         if not self._script.targets:
@@ -289,14 +193,6 @@ class Simulation:
         record.whole[:, first:last] = -1
         record.real[0, first:last] = 0.0
         record.real[1:, first:last] = np.nan
-
-    def _lose(self, slot: int, frame: int) -> None:
-        avatar = int(self.avatars.number[slot])
-        x, z = self.avatars.x[slot], self.avatars.z[slot]
-        raise RunError(
-            f"avatar {avatar} at control frame {frame}: its place ({x:g}, {z:g}) or the values of its actions are not "
-            "finite numbers; the policy's tables or motion are damaged"
-        )
 
     def _happen(self) -> None:
         """Make changes whose time has come, before this frame's decisions."""
@@ -316,8 +212,8 @@ class Simulation:
     def _make(self, change: Change) -> None:
         for values, new in (
             (self._world.weights, change.weights),
-            (self._world.moods[:, kernels.TEMPERATURE], change.temperatures),
-            (self._world.moods[:, kernels.HYSTERESIS], change.hysteresis),
+            (self._world.moods[:, layout.TEMPERATURE], change.temperatures),
+            (self._world.moods[:, layout.HYSTERESIS], change.hysteresis),
         ):
             if new is not None:
                 np.copyto(values, new, where=~np.isnan(new))
@@ -326,8 +222,8 @@ class Simulation:
         concerned = change.who[self.avatars.number]
         if change.skip is not None and change.fixed is not None:
             numbers = self.avatars.number[concerned]
-            self.avatars.whole[kernels.SKIP, concerned] = change.skip[numbers]
-            self.avatars.whole[kernels.FIXED, concerned] = change.fixed[numbers]
+            self.avatars.whole[layout.SKIP, concerned] = change.skip[numbers]
+            self.avatars.whole[layout.FIXED, concerned] = change.fixed[numbers]
         if change.present is not None:
             self._admit(concerned, change.present)
         self._index.reset()

@@ -16,6 +16,7 @@ from crowdsim.scenario.frame_ranges import output_frames, parse_frames
 if TYPE_CHECKING:
     from crowdsim.export.stream import Sink
     from crowdsim.policy.policy import Policy
+    from crowdsim.runs.run import Run
     from crowdsim.scenario.scenario import Scenario
     from crowdsim.take.poses import PoseSampler
     from crowdsim.take.take import Take
@@ -65,46 +66,30 @@ def plan_outputs(scenario: Scenario, avatars: Sequence[str], control_frames: int
     return names
 
 
-def write_outputs(
-    folder: Path,
-    take: Take,
-    policies: Sequence[Policy],
-    scenario: Scenario,
-    threads: int = 1,
-    lap: Callable[[str], None] | None = None,
-    progress: Progress | None = None,
-) -> dict[str, list[Path]]:
-    """Write the outputs that a scenario asks for from a take; return the files of each kind.
+def write_outputs(run: Run, take: Take, policies: Sequence[Policy]) -> dict[str, list[Path]]:
+    """Write the outputs that a run's scenario asks for from its take; return the files of each kind.
 
     Outputs at one rate share their poses.
 
-    Args:
-        folder: The run folder.
-        take: The take.
-        policies: Its policies.
-        scenario: The scenario, resolved.
-        threads: Threads.
-        lap: Called with the name of each stage when it ends.
-        progress: Called with stage, done and total.
-
     Raises:
         OutputError: A file cannot be written.
+        Interrupted: A signal has come.
     """
     from crowdsim.export.stream import stream_poses
     from crowdsim.take.poses import PoseSampler
 
-    told: dict[str, list[Path]] = {}
+    found: dict[str, list[Path]] = {}
+    scenario, threads, progress = run.scenario, run.threads, run.advance_outputs
     wanted = scenario.outputs
     if wanted.bvh is not None or wanted.ply is not None or wanted.pcd is not None:
         sampler = PoseSampler(take, policies, threads)
         rates: dict[float, list[Sink]] = {}
-        for fps, sink in _sinks(sampler, folder, scenario):
+        for fps, sink in _sinks(sampler, run.folder, scenario):
             rates.setdefault(fps, []).append(sink)
         for fps, sinks in rates.items():
             files = stream_poses(sampler, fps, sinks, threads, progress)
-            told.update({sink.kind: written for sink, written in zip(sinks, files, strict=True)})
-        if lap is not None:
-            lap("export")
+            found.update({sink.kind: written for sink, written in zip(sinks, files, strict=True)})
+        run.clock.lap("export")
     if wanted.render is not None:
         from crowdsim.crowd.cast import pack_arena
         from crowdsim.render.command import render_source, scenario_options
@@ -115,11 +100,10 @@ def write_outputs(
         options = scenario_options(wanted.render, threads)
         shown = take.output_frames(wanted.render.fps)
         options = replace(options, frames=_cut(wanted.render.frames_at(wanted.render.fps), shown))
-        rendered = render_source(source, folder, options, progress, _note)
-        told["pictures"] = list(rendered.files)
-        if lap is not None:
-            lap("render")
-    return told
+        rendered = render_source(source, run.folder, options, progress, _note)
+        found["pictures"] = list(rendered.files)
+        run.clock.lap("render")
+    return found
 
 
 @contextmanager
@@ -202,7 +186,7 @@ def export_take(
         OutputError: A folder cannot be made, or holds other files of these names beside a run's.
         RunError: A file cannot be written.
     """
-    from crowdsim.export.bvh import BvhSink, bvh_name
+    from crowdsim.export.bvh import bvh_name
     from crowdsim.export.select import parse_avatars
     from crowdsim.export.stream import stream_poses
     from crowdsim.runs.recorder import record_files
@@ -223,25 +207,34 @@ def export_take(
             numbers = range(take.avatar_count) if avatars is None else avatars
             planned += [target / kind / bvh_name(take.cast.names[number]) for number in numbers]
         else:
-            from crowdsim.export.pointcloud import CloudSink
-
             planned.append(target / series_name(kind, range(start, stop, options.every), kind))
     with record_files(target, planned) as recorder:
         sampler = PoseSampler(take, policies, threads)
-        sinks: list[Any] = []
-        for kind in options.kinds:
-            if kind == "bvh":
-                sinks.append(BvhSink(sampler, target / kind, fps, frames, avatars))
-            else:
-                sinks.append(
-                    CloudSink(sampler, target / kind, kind, fps, options.points, frames, options.every, avatars)
-                )
+        sinks = [_sink(kind, sampler, target, options, frames, avatars) for kind in options.kinds]
         with under_way():
             written = stream_poses(sampler, fps, sinks, threads, progress)
-            told = dict(zip(options.kinds, written, strict=True))
-            for kind, files in told.items():
+            found = dict(zip(options.kinds, written, strict=True))
+            for kind, files in found.items():
                 recorder.settle(kind, files, asdict(options), True, threads)
-    return told
+    return found
+
+
+def _sink(
+    kind: str,
+    sampler: PoseSampler,
+    target: Path,
+    options: ExportOptions,
+    frames: tuple[int, int] | None,
+    avatars: Sequence[int] | None,
+) -> Sink:
+    """Return the writer of one kind of export."""
+    if kind == "bvh":
+        from crowdsim.export.bvh import BvhSink
+
+        return BvhSink(sampler, target / kind, options.fps, frames, avatars)
+    from crowdsim.export.pointcloud import CloudSink
+
+    return CloudSink(sampler, target / kind, kind, options.fps, options.points, frames, options.every, avatars)
 
 
 def _cut(frames: Sequence[int] | None, count: int) -> tuple[int, int] | None:

@@ -11,7 +11,7 @@ import numpy as np
 from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import RunError
 from crowdsim.scenario.scenario import Scenario
-from crowdsim.take.take import Cast
+from crowdsim.take.data import Cast, TakeHeader
 
 if TYPE_CHECKING:
     from crowdsim.crowd.crowd import Crowd
@@ -31,6 +31,7 @@ class Prepared:
         script: What is planned.
         frames: Control frames.
         rate: Control frames a second.
+        header: What is known of the take.
     """
 
     policies: Sequence[Policy]
@@ -39,6 +40,7 @@ class Prepared:
     script: Script
     frames: int
     rate: float
+    header: TakeHeader
 
 
 def load_policies(
@@ -80,9 +82,11 @@ def prepare(scenario: Scenario, policies: Sequence[Policy], placed: Placed | Non
     placed = placed or place_groups(scenario)
     crowd, script = cast_crowd(scenario, placed, policies)
     rate = next(iter(rates.values()))
-    return Prepared(
-        policies, build_cast(scenario, placed, policies), crowd, script, scenario.control_frames(rate), rate
-    )
+    cast = build_cast(scenario, placed, policies)
+    fingerprints = tuple(policy.fingerprint for policy in policies)
+    targets = tuple(scenario.targets)
+    header = TakeHeader(cast, rate, scenario.name, scenario.seed, fingerprints, targets, scenario.reactions)
+    return Prepared(policies, cast, crowd, script, scenario.control_frames(rate), rate, header)
 
 
 def build_cast(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -> Cast:

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-import numpy as np
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING, Any
 
 from crowdsim import assets
 from crowdsim.compilation import watch_compilation
@@ -22,17 +19,15 @@ from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import checksums, peak_memory, read_manifest, write_manifest
 from crowdsim.runs.outputs import expect_outputs, plan_outputs, write_outputs
 from crowdsim.runs.preparation import Prepared, load_policies, prepare
-from crowdsim.runs.recording import CHOICES, LARGE, Clock, Interrupted, Report, needs, record, stop_signals
+from crowdsim.runs.resources import LARGE, needs
+from crowdsim.runs.run import Report, Run
 from crowdsim.runs.validation import check_scenario, late_events
 from crowdsim.scenario.scenario import Scenario, dump_scenario
 from crowdsim.scenario.warnings import speed_warnings
-from crowdsim.take.take import VARIABLES, Events, Take
+from crowdsim.take.take import Take
 
 if TYPE_CHECKING:
-    from crowdsim.crowd.chunk import Chunk
     from crowdsim.policy.policy import Policy
-
-__all__ = ["Interrupted", "OpenedRun", "Report", "load_policies", "open_run", "prepare", "run", "run_to"]
 
 
 def run(
@@ -61,40 +56,19 @@ def run(
         RunError: The run failed.
     """
     from crowdsim.crowd.placement import place_groups
-    from crowdsim.crowd.simulation import simulate
+    from crowdsim.runs.recording import record
+    from crowdsim.take.memory import TakeCollector
 
+    one = Run(scenario, threads, mocap, progress, order=order)
     placed = None
     if policies is None:
         check_scenario(scenario)
         placed = place_groups(scenario)
     chosen = load_policies(scenario, mocap, threads, progress) if policies is None else policies
     prepared = prepare(scenario, chosen, placed)
-    chunks: list[Chunk] = []
-    for chunk in simulate(
-        prepared.crowd, prepared.policies, prepared.frames, prepared.script, threads, scenario.opponents.search, order
-    ):
-        chunks.append(chunk)
-        if progress is not None:
-            progress("control", chunk.first + chunk.frames, prepared.frames)
-    told = {name: np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in VARIABLES}
-    events = {
-        name: np.concatenate([getattr(chunk.events, name) for chunk in chunks]) for name in Events.__dataclass_fields__
-    }
-    events["frame"] = events["frame"].astype(np.float32)
-    return Take(
-        **told,
-        cast=prepared.cast,
-        targets=np.concatenate([chunk.targets for chunk in chunks]),
-        target_names=tuple(scenario.targets),
-        events=Events(**events),
-        control_rate=prepared.rate,
-        scenario=scenario.name,
-        seed=scenario.seed,
-        fingerprints=tuple(policy.fingerprint for policy in prepared.policies),
-        status="done",
-        reactions=scenario.reactions,
-        policies=tuple(prepared.policies),
-    )
+    collector = TakeCollector(prepared.header, prepared.policies)
+    record(one, prepared, collector)
+    return collector.take()
 
 
 def run_to(
@@ -111,8 +85,8 @@ def run_to(
 
     A finished run of the same resolved scenario is not done again, and nothing that a run has computed is removed,
     unless ``force`` says so; then only what a manifest or journal lists. What is wrong with the input is found before
-    the folder is made or touched. ``tell`` is handed beforehand what a large crowd will need and what its policies
-    cannot do, and once that kernels are compiled.
+    the folder is made or touched. ``tell`` is called beforehand with what a large crowd will need and what its policies
+    cannot do, and once when kernels are compiled.
 
     Raises:
         ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
@@ -121,70 +95,64 @@ def run_to(
         RunError: The run failed, or an output cannot be written.
         Interrupted: SIGINT or SIGTERM came; the take holds the frames that were done.
     """
-    folder = Path(folder)
-    report = Report(folder)
-    clock = Clock(report.seconds)
+    one = Run(scenario, threads, mocap, progress, tell, Path(folder), force, command)
     resolved = dump_scenario(scenario)
-    if check_folder(folder, resolved, force):
-        return _done_before(report)
+    if check_folder(one.folder, resolved, force):
+        return _done_before(one.report)
     with watch_compilation(tell) as compilation:
-        clock.watch(compilation)
-        _run_watched(folder, scenario, resolved, threads, mocap, force, command, progress, tell, report, clock)
-        report.compiled = compilation.count
-    return report
+        one.clock.watch(compilation)
+        _run_in_folder(one, resolved)
+        one.report.compiled = compilation.count
+    return one.report
 
 
-def _run_watched(
-    folder: Path,
-    scenario: Scenario,
-    resolved: str,
-    threads: int,
-    mocap: FileName | None,
-    force: bool,
-    command: str,
-    progress: Progress | None,
-    tell: Callable[[str], None] | None,
-    report: Report,
-    clock: Clock,
-) -> None:
-    """Run a scenario into a folder that is fit for it, as ``run_to`` does, while what is compiled is watched."""
-    from crowdsim.crowd.placement import place_groups
-
-    check_scenario(scenario)
-    placed = place_groups(scenario)
-    report.notes += map(str, scenario.place(late_events(scenario)))
-    policies = load_policies(scenario, mocap, threads, progress)
-    expect_outputs(scenario)
-    clock.lap("policies")
-    if tell is not None:
-        warnings = speed_warnings(scenario, {policy.name: policy.statistics for policy in policies})
-        for warning in scenario.place(warnings):
-            tell(str(warning))
-    prepared = prepare(scenario, policies, placed)
-    outputs = _plan(folder, scenario, prepared)
-    clock.lap("prepare")
-    if tell is not None and len(prepared.cast.names) >= LARGE:
-        tell(needs(len(prepared.cast.names), prepared.frames, folder))
-    with stop_signals() as caught, hold_folder(folder):
+def _run_in_folder(one: Run, resolved: str) -> None:
+    """Run a scenario into a folder that is fit for it, unless another run has done so meanwhile."""
+    prepared, outputs = _prepare(one)
+    with one.catch_signals(), hold_folder(one.folder):
         # Another run may have come and gone since the first look.
-        if check_folder(folder, resolved, force, locked=True):
-            _done_before(report)
+        if check_folder(one.folder, resolved, one.force, locked=True):
+            _done_before(one.report)
             return
-        report.notes += claim_folder(folder, _inputs(scenario), outputs)
-        clock.lap("prepare")
+        one.report.notes += claim_folder(one.folder, _inputs(one.scenario), outputs)
+        one.clock.lap("prepare")
         try:
             with under_way():
-                _run_in(folder, scenario, prepared, resolved, threads, report, clock, command, caught, progress)
+                _write(one, prepared, resolved)
         except OSError as error:
-            where = error.filename or folder
+            where = error.filename or one.folder
             raise RunError(f"{where}: cannot be read or written: {error.strerror or error}") from error
+
+
+def _prepare(one: Run) -> tuple[Prepared, list[str]]:
+    """Return all that a run in a folder begins with, and the names of what it will write there."""
+    from crowdsim.crowd.placement import place_groups
+
+    scenario = one.scenario
+    check_scenario(scenario)
+    placed = place_groups(scenario)
+    one.report.notes += map(str, scenario.place(late_events(scenario)))
+    policies = load_policies(scenario, one.mocap, one.threads, one.progress)
+    expect_outputs(scenario)
+    one.clock.lap("policies")
+    if one.notify is not None:
+        warnings = speed_warnings(scenario, {policy.name: policy.statistics for policy in policies})
+        for warning in scenario.place(warnings):
+            one.notify(str(warning))
+    prepared = prepare(scenario, policies, placed)
+    outputs = _plan(one.folder, scenario, prepared)
+    one.clock.lap("prepare")
+    avatars = len(prepared.cast.names)
+    if one.notify is not None and avatars >= LARGE:
+        one.notify(needs(avatars, prepared.frames, one.folder))
+    return prepared, outputs
 
 
 def _plan(folder: Path, scenario: Scenario, prepared: Prepared) -> list[str]:
     """Return the names of all files, and folders of takes, that a run writes beside those that it begins with.
 
     Raises:
-        ScenarioError: An output has the place of a file that the scenario reads.
+        ScenarioError: An output has the name of a file that the scenario reads.
     """
     planned = plan_outputs(scenario, prepared.cast.names.tolist(), prepared.frames, prepared.rate)
     places = {name.split("/")[0] for name in planned} | {TAKE, f"{TAKE}.partial", RESOLVED, MANIFEST}
@@ -200,38 +168,20 @@ def _inputs(scenario: Scenario) -> list[str]:
     return [RESOLVED, *(PurePosixPath(name).as_posix() for name in scenario.files)]
 
 
-def _run_in(
-    folder: Path,
-    scenario: Scenario,
-    prepared: Prepared,
-    resolved: str,
-    threads: int,
-    report: Report,
-    clock: Clock,
-    command: str,
-    caught: list[int],
-    progress: Progress | None,
-) -> None:
+def _write(one: Run, prepared: Prepared, resolved: str) -> None:
     """Write everything into a folder that is ready for it."""
+    folder, scenario, report = one.folder, one.scenario, one.report
     write_text(folder / RESOLVED, resolved)
     for name in scenario.files:
         copy_file(scenario.folder / name, folder / name)
-    take, timings = record(folder, scenario, prepared, threads, report, clock, caught, progress)
-
-    def watch(stage: str, done: int, total: int) -> None:
-        if caught:
-            kept = f"the take is finished and kept, its outputs are not: export and render write them, {CHOICES}"
-            raise Interrupted(caught[0], folder, kept)
-        if progress is not None:
-            progress(stage, done, total)
-
-    files = write_outputs(folder, take, prepared.policies, scenario, threads, clock.lap, watch)
+    take, timings = _write_take(one, prepared)
+    files = write_outputs(one, take, prepared.policies)
     profiled: list[str] = []
     if timings is not None and scenario.outputs.profile is not None:
-        from crowdsim.crowd.profile import write_profile
+        from crowdsim.crowd.profile_files import write_profile
 
         profiled = [path.name for path in write_profile(folder, timings, take.avatar_count, scenario.outputs.profile)]
-        clock.lap("profile")
+        one.clock.lap("profile")
     for kind, written in files.items():
         if not written:
             # Avatars that never came have no file.
@@ -239,27 +189,45 @@ def _run_in(
         # One picture is named, of several the folder they are in.
         place = Path(os.path.commonpath(written)) if kind == "pictures" else written[0].parent
         report.outputs[kind] = (place, len(written), sum(path.stat().st_size for path in written))
-    watch("checksums", 0, 1)
+    one.advance_outputs("checksums", 0, 1)
     names = [path.relative_to(folder).as_posix() for paths in files.values() for path in paths]
     names += [*_inputs(scenario), *(f"{TAKE}/{name}" for name in walk(folder / TAKE)), *profiled]
-    hashes = checksums(folder, names, threads)
-    clock.lap("checksums")
-    write_manifest(folder, _manifest(scenario, prepared, report, clock, command, threads), hashes)
+    hashes = checksums(folder, names, one.threads)
+    one.clock.lap("checksums")
+    write_manifest(folder, _manifest(one, prepared), hashes)
     remove_journal(folder)
-    watch("checksums", 1, 1)
+    one.advance_outputs("checksums", 1, 1)
 
 
-def _manifest(
-    scenario: Scenario, prepared: Prepared, report: Report, clock: Clock, command: str, threads: int
-) -> dict[str, Any]:
-    report.seconds["total"] = clock.total()
+def _write_take(one: Run, prepared: Prepared) -> tuple[Take, Array | None]:
+    """Simulate and write the take as it comes; return it, and what control cost where that is wanted."""
+    from crowdsim.crowd.statistics import StatisticsCounter
+    from crowdsim.runs.recording import record, take_chunk
+    from crowdsim.take.store import TakeWriter, open_take
+
+    path, cast = one.folder / TAKE, prepared.cast
+    counter = StatisticsCounter(prepared.policies, cast.policies, cast.scales, prepared.frames)
+    writer = TakeWriter(path, prepared.header, prepared.frames, take_chunk(one, prepared))
+    one.clock.lap("take")
+    timings = record(one, prepared, writer, counter)
+    take = open_take(path)
+    size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+    one.report.outputs["take"] = (path, 1, size)
+    one.report.statistics = counter.finish()
+    one.clock.lap("take")
+    return take, timings
+
+
+def _manifest(one: Run, prepared: Prepared) -> dict[str, Any]:
+    report = one.report
+    report.seconds["total"] = one.clock.total()
     statistics = report.statistics
     return {
         "status": "done",
-        "scenario": scenario.name,
-        "seed": scenario.seed,
-        "command": command,
-        "threads": threads,
+        "scenario": one.scenario.name,
+        "seed": one.scenario.seed,
+        "command": one.command,
+        "threads": one.threads,
         "avatars": len(prepared.cast.names),
         "control_frames": prepared.frames,
         "policies": {policy.name: policy.fingerprint for policy in prepared.policies},
@@ -276,7 +244,7 @@ def _done_before(report: Report) -> Report:
 
 
 def _changed_policies(folder: Path) -> list[str]:
-    """Say which policies of a finished run have been trained otherwise since."""
+    """Return a note for each policy of a finished run that has been trained otherwise since."""
     from crowdsim.policy.bundle import read_document
 
     notes = []
@@ -288,44 +256,3 @@ def _changed_policies(folder: Path) -> list[str]:
         if now != fingerprint:
             notes.append(f"{folder}: policy {name!r} has been trained again since; --force runs with it")
     return notes
-
-
-class OpenedRun(NamedTuple):
-    """A run that was written before: its take, its policies, and what a user should know of it."""
-
-    take: Take
-    policies: list[Policy]
-    notes: list[str]
-
-    def joint_names(self, avatar: int) -> tuple[str, ...]:
-        """Return the names of an avatar's joints, see ``Take.joint_names``."""
-        return self.take.joint_names(avatar)
-
-    def joints(self, avatar: int, seconds: ArrayLike) -> Array:
-        """Return where an avatar's joints are at one time or several [m], see ``Take.joints``."""
-        return self.take.joints(avatar, seconds)
-
-    def strikes(self, landed: bool | None = None) -> Array:
-        """Return the strikes as a table, see ``Take.strikes``."""
-        return self.take.strikes(landed)
-
-
-def open_run(folder: FileName) -> OpenedRun:
-    """Return a run's take, its policies, and what a user should know of it.
-
-    Raises:
-        TakeError: There is no take, or it is damaged.
-        PolicyError: A policy is missing, or not the one it was recorded with.
-    """
-    from crowdsim.policy.bundle import load_policy
-    from crowdsim.take.store import open_take
-
-    folder = Path(folder)
-    take = open_take(folder)
-    policies = [load_policy(assets.find_bundle(name)) for name in take.cast.policy_names]
-    notes = []
-    if take.status != "done":
-        notes.append(f"{folder}: the run was interrupted; {take.frame_count} control frames are there")
-    elif not (folder / MANIFEST).exists():
-        notes.append(f"{folder}: the run is not finished; its take is, some outputs may be missing")
-    return OpenedRun(replace(take, policies=tuple(policies)), policies, notes)

@@ -43,6 +43,19 @@ class Cast:
 
 
 @dataclass(frozen=True)
+class TakeHeader:
+    """What is known of a take before its first frame; see ``TakeData``."""
+
+    cast: Cast
+    control_rate: float
+    scenario: str
+    seed: int
+    fingerprints: tuple[str, ...]
+    target_names: tuple[str, ...] = ()
+    reactions: bool = True
+
+
+@dataclass(frozen=True)
 class TakeData:
     """A recorded run; F control frames, N avatars. Absent avatars have action -1.
 

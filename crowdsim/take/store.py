@@ -17,6 +17,7 @@ from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.files import kind_of
 from crowdsim.scenario.names import NAME, NAME_RULE, avatar_name_fault
+from crowdsim.take.data import TakeHeader
 from crowdsim.take.take import VARIABLES, Cast, Events, Take
 
 FORMAT = "crowdsim-take"
@@ -68,40 +69,22 @@ class TakeWriter:
 
     Args:
         path: Where the take goes, ``RUN/take.zarr``; while it grows it is called ``take.zarr.partial``.
-        cast: What is constant for each avatar.
+        header: What is known of the take beforehand.
         frames: Control frames that are planned.
-        control_rate: Control frames a second.
-        scenario: Name of the scenario.
-        seed: Seed of the run.
-        fingerprints: Fingerprint of each policy's bundle.
-        target_names: Names of scripted targets.
         chunk: Control frames in a chunk on disk.
-        reactions: Whether those whom a strike lands on give way to it.
 
     Raises:
         OutputError: The folder cannot be written, or a take is there already.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        cast: Cast,
-        frames: int,
-        control_rate: float,
-        scenario: str,
-        seed: int,
-        fingerprints: tuple[str, ...],
-        target_names: tuple[str, ...] = (),
-        chunk: int = 64,
-        reactions: bool = True,
-    ) -> None:
+    def __init__(self, path: Path, header: TakeHeader, frames: int, chunk: int = 64) -> None:
         import zarr
 
         self.path = path
         self._partial = path.with_name(path.name + ".partial")
         self._chunk = chunk
         self._frames = frames
-        self._control_rate = control_rate
+        self._control_rate = header.control_rate
         self._room = min(frames, _CHUNKS_AT_FIRST * chunk)
         self._done = 0
         self._kept: list[dict[str, Array]] = []
@@ -113,37 +96,28 @@ class TakeWriter:
         with self._writing():
             self._partial.mkdir(parents=True)
             self._group: Any = zarr.open_group(str(self._partial), mode="w", **_format_two())
-            self._begin(cast, frames, control_rate, scenario, seed, fingerprints, target_names, reactions)
+            self._begin(header)
 
-    def _begin(
-        self,
-        cast: Cast,
-        frames: int,
-        control_rate: float,
-        scenario: str,
-        seed: int,
-        fingerprints: tuple[str, ...],
-        target_names: tuple[str, ...],
-        reactions: bool,
-    ) -> None:
+    def _begin(self, header: TakeHeader) -> None:
         """Write what is constant, and arrays without values."""
-        chunk, avatars = self._chunk, len(cast.names)
+        cast, targets = header.cast, len(header.target_names)
+        chunk, frames, avatars = self._chunk, self._frames, len(cast.names)
         # All at once: one by one each would be written to disk anew.
         self._group.attrs.put(
             {
                 "format": FORMAT,
                 "version": VERSION,
-                "scenario": scenario,
-                "seed": seed,
-                "control_rate": control_rate,
+                "scenario": header.scenario,
+                "seed": header.seed,
+                "control_rate": header.control_rate,
                 "status": "running",
                 "frames_planned": frames,
                 "type_names": list(cast.type_names),
                 "team_names": list(cast.team_names),
                 "policy_names": list(cast.policy_names),
-                "policy_fingerprints": list(fingerprints),
-                "target_names": list(target_names),
-                "reactions": reactions,
+                "policy_fingerprints": list(header.fingerprints),
+                "target_names": list(header.target_names),
+                "reactions": header.reactions,
                 # xarray reads coordinates that are no dimensions from here.
                 "coordinates": " ".join(_COORDINATES),
                 "type_colours": [[None if np.isnan(c) else float(c) for c in row] for row in cast.colours],
@@ -157,7 +131,6 @@ class TakeWriter:
             kind = f"<U{max(1, max(map(len, values), default=1))}" if name == "name" else _little(values.dtype)
             array = self._create(self._group, name, (avatars,), (max(1, avatars),), kind, ["avatar"])
             array[...] = values.astype(kind)
-        targets = len(target_names)
         if targets:
             shape = (self._room, targets, 3)
             dimensions = ["frame", "target", "component"]

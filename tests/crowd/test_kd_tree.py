@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from crowdsim.crowd.kd_tree import LEAF, build_tree, fit_tree, nearest, neighbours, sort_tree
-from crowdsim.crowd.kd_tree_kernels import observe
+from crowdsim.crowd.kernels.kd_queries import observe
+from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.workers import Workers
 
 
@@ -86,10 +87,7 @@ def observe_and_compare(kind, count, seed, most, share):
     guess = rng.integers(-1, count, count).astype(np.int32)
     slot_of = np.argsort(order).astype(np.int32)
     found, counts, points = (np.empty(shape, np.int32) for shape in (len(due), len(due), (len(due), most)))
-    observe(
-        tree.xs, tree.zs, tree.number, tree.team, tree.depth, tree.boxes, tree.box_teams,
-        due, skipped, guess, slot_of, 1.5, 0, len(due), found, counts, points,
-    )  # fmt: skip
+    observe(tree, due, skipped, guess, slot_of, 1.5, Observed(found, counts, points))
     skipped = skipped[due]
     single, _ = nearest(tree, tree.xs[due], tree.zs[due], due, skipped)
     assert found.tolist() == np.where(skipped == -2, -1, single).tolist()

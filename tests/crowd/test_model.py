@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from synthetic_policy import policy
 
-from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import empty_scratch
+from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.model import SUPPORTED_AXES, SUPPORTED_TERMS, build_model
 from crowdsim.errors import PolicyError, RecipeError
 from crowdsim.policy import environment, rewards
@@ -63,7 +63,7 @@ def test_a_table_of_actions_needs_no_reward_terms(monkeypatch):
     states, targets = rng.integers(chosen.actions.state_count, size=20), rng.uniform([-2, 1, -2], [2, 1.9, 2], (20, 3))
     scratch.order[:], scratch.moods[:], scratch.policies[:], scratch.states[:] = np.arange(20), 0, 0, states
     scratch.situations[:, :3] = targets
-    kernels.value_actions(model, np.ones((1, 2)), scratch, 0, 20)
+    value_actions(model, np.ones((1, 2)), scratch, 0, 20)
     for k in range(20):
         expected = action_values(chosen, {each.name: 1.0 for each in chosen.behaviours}, states[k], targets[k])
         np.testing.assert_allclose(scratch.values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from synthetic_policy import policy
 
-from crowdsim.crowd import kernels
 from crowdsim.crowd.crowd import build_avatars, build_crowd
+from crowdsim.crowd.kernels.layout import HEADING, OPPONENT, Observed
+from crowdsim.crowd.kernels.opponents import BEHIND, change_opponent
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import build_index, store_in_order
 from crowdsim.crowd.workers import Workers
@@ -26,7 +27,7 @@ def observed(index, avatars, present):
     due = np.arange(present, dtype=np.int32)
     found, counts = np.empty(present, np.int32), np.empty(present, np.int32)
     near = np.empty((present, 12), np.int32)
-    index.observe(avatars, due, 0, present, 1.5, found, counts, near)
+    index.observe(avatars, due, 1.5, Observed(found, counts, near))
     who = np.full(len(avatars.number), -1)
     who[avatars.number[:present]] = np.where(found >= 0, avatars.number[found], -1)
     around = {int(avatars.number[i]): set(avatars.number[near[i, : counts[i]]].tolist()) for i in range(present)}
@@ -78,12 +79,10 @@ def kept(places, old, near, heading=0.0, hysteresis=0.3):
     """Whom avatar 0, at the origin, fights next: ``old`` until now, while ``near`` is nearest."""
     people = build_crowd(*np.array([[0.0, 0.0], *places]).T, heading=heading, hysteresis=hysteresis)
     avatars = build_avatars(people, MODEL)
-    avatars.real[kernels.HEADING] = heading
-    avatars.whole[kernels.OPPONENT, 0] = old
+    avatars.real[HEADING] = heading
+    avatars.whole[OPPONENT, 0] = old
     moods = np.array([[0.1, 4.0, 0.0, hysteresis, 0.0]])
-    return kernels._change_opponent(
-        avatars.whole, avatars.real, avatars.slot_of, moods, people.count, 0, avatars.slot_of[near]
-    )
+    return change_opponent(avatars, moods, people.count, 0, avatars.slot_of[near])
 
 
 @pytest.mark.parametrize("heading", [0.0, 1.0, -2.5])
@@ -93,10 +92,10 @@ def test_an_opponent_behind_must_be_so_much_nearer(heading):
 
     for old, new, much_nearer in [
         (0.0, 0.0, 0.3),  # straight ahead, both of them
-        (0.0, np.pi, 0.3 + kernels.BEHIND),  # behind instead of ahead
-        (0.0, np.pi / 2, 0.3 + kernels.BEHIND / 2),  # to the side
+        (0.0, np.pi, 0.3 + BEHIND),  # behind instead of ahead
+        (0.0, np.pi / 2, 0.3 + BEHIND / 2),  # to the side
         (np.pi, np.pi, 0.3),
-        (np.pi, np.pi / 2, 0.3 - kernels.BEHIND / 2),  # from behind to the side: sooner
+        (np.pi, np.pi / 2, 0.3 - BEHIND / 2),  # from behind to the side: sooner
     ]:
         for more, expected in ((-0.01, 1), (0.01, 2)):
             places = [turned(2.0, old), turned(2.0 - much_nearer - more, new)]

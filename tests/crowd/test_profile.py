@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from synthetic_policy import policy
 
-from crowdsim.crowd import limits_kernels
 from crowdsim.crowd.crowd import build_crowd
-from crowdsim.crowd.profile import machine_limits, profile_crowd, profile_table
+from crowdsim.crowd.kernels.limits import walk
+from crowdsim.crowd.profile import profile_crowd, profile_table
+from crowdsim.crowd.profile_files import machine_limits
 from crowdsim.runs import profiling
 
 
@@ -26,4 +27,4 @@ def test_a_profile_reports_which_search_ran(search, expected):
 
 def test_a_walk_ends_where_its_steps_lead():
     following = np.array([2, 0, 1])
-    assert [limits_kernels.walk(following, 0, steps) for steps in range(4)] == [0, 2, 1, 0]
+    assert [walk(following, 0, steps) for steps in range(4)] == [0, 2, 1, 0]

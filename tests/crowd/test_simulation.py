@@ -7,14 +7,16 @@ import numpy as np
 import pytest
 from synthetic_policy import policy
 
-from crowdsim.crowd import arrays, kernels, simulation
+from crowdsim.crowd import arrays, simulation
 from crowdsim.crowd.arrays import empty_record, empty_scratch
 from crowdsim.crowd.cast import cast_crowd
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.events import VARIABLES
+from crowdsim.crowd.kernels.choice import pick
+from crowdsim.crowd.kernels.layout import DECISIONS, STATES
+from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.model import build_model, farthest
 from crowdsim.crowd.placement import place_groups
-from crowdsim.crowd.random import Purpose, stream, uniform
 from crowdsim.crowd.script import Change, CirclePath, LinePath, Script
 from crowdsim.crowd.simulation import Simulation, simulate
 from crowdsim.errors import RunError
@@ -114,9 +116,9 @@ def test_actions_are_worth_what_the_policy_says(lookup, precisions):
         states = rng.integers(chosen.actions.state_count, size=60)
         targets, weights = rng.uniform([-3, 1.0, -3], [3, 1.9, 3], (60, 3)), rng.uniform(0, 2, (60, 2))
         scratch.situations[:, :3], scratch.moods[:], scratch.policies[:] = targets, np.arange(60), index
-        scratch.states[:] = states + model.policies[index, kernels.STATES]
+        scratch.states[:] = states + model.policies[index, STATES]
         scratch.values[:] = np.nan
-        kernels.value_actions(model, weights, scratch, 0, 60)
+        value_actions(model, weights, scratch, 0, 60)
         for k in range(60):
             named = {b.name: weights[k, column] for column, b in enumerate(chosen.behaviours)}
             expected = action_values(chosen, named, states[k], targets[k])
@@ -145,7 +147,7 @@ def test_terms_of_proximity_add_up_whatever_they_share(terms):
     states, targets = rng.integers(chosen.actions.state_count, size=30), rng.uniform([-3, 1, -3], [3, 1.9, 3], (30, 3))
     scratch.order[:], scratch.moods[:], scratch.policies[:], scratch.states[:] = np.arange(30), 0, 0, states
     scratch.situations[:, :3] = targets
-    kernels.value_actions(model, np.ones((1, 2)), scratch, 0, 30)
+    value_actions(model, np.ones((1, 2)), scratch, 0, 30)
     for k in range(30):
         expected = action_values(chosen, {each.name: 1.0 for each in chosen.behaviours}, states[k], targets[k])
         np.testing.assert_allclose(scratch.values[k, : len(expected)], expected, rtol=1e-6, atol=1e-6)
@@ -166,7 +168,7 @@ def test_a_target_beyond_all_grids_is_seen_where_they_end():
     states = rng.integers(chosen.actions.state_count, size=20)
     scratch.order[:], scratch.moods[:], scratch.policies[:], scratch.states[:] = np.arange(20), 0, 0, states
     scratch.situations[:, :3] = (at_end - [0.0, 1.5, 0.0]) * rng.uniform(1.1, 9.0, (20, 1)) + [0.0, 1.5, 0.0]
-    kernels.value_actions(model, np.ones((1, 2)), scratch, 0, 20)
+    value_actions(model, np.ones((1, 2)), scratch, 0, 20)
     for k in range(20):
         expected = action_values(chosen, {b.name: 1.0 for b in behaviours}, states[k], at_end[k])
         assert np.ptp(expected) > 0.0
@@ -188,7 +190,7 @@ def test_a_behaviour_counts_less_beyond_its_bearings(lookup):
     targets = np.stack([np.sin(bearings), np.full(40, 1.5), np.cos(bearings)], axis=-1)
     scratch.order[:], scratch.moods[:], scratch.policies[:], scratch.states[:] = np.arange(40), 0, 0, 2
     scratch.situations[:, :3] = targets
-    kernels.value_actions(model, np.ones((1, 2)), scratch, 0, 40)
+    value_actions(model, np.ones((1, 2)), scratch, 0, 40)
     assert np.all(scratch.values[0, :2] == 0.0), "nothing counts behind"
     for k in range(40):
         expected = action_values(chosen, {b.name: 1.0 for b in behaviours}, 2, targets[k])
@@ -205,18 +207,6 @@ def in_precision(chosen, precision):
     return replace(chosen, behaviours=tuple(behaviours), values=values)
 
 
-def test_bearings_and_exponentials_are_those_of_numpy():
-    rng = np.random.default_rng(0)
-    x, z = rng.normal(0, 2, (2, 2000))
-    x[:8], z[:8] = [0, 0, 0, 1, -1, 1, -1, 1e-9], [1, -1, 0, 0, 0, 1, -1, 1]
-    found = np.empty(2000)
-    kernels.bearings(x, z, 2000, found)
-    np.testing.assert_allclose(found, np.arctan2(x, z), atol=3e-9)
-    values = np.concatenate([-rng.exponential(5, 1990), [0, -1e-12, -31.9, -32, -40, -1e9, -1, -2, -3, -4]])
-    found = [kernels.exponential(value) for value in values]
-    np.testing.assert_allclose(found, np.exp(np.maximum(values, -32)), rtol=2e-9)
-
-
 @pytest.mark.parametrize("most", [1, 2, 3, 40])
 @pytest.mark.parametrize("margin", [0.0, 1.0, 2.5, 100.0])
 @pytest.mark.parametrize("temperature", [0.0, 0.01, 1.5])
@@ -229,22 +219,9 @@ def test_candidates_are_the_best_ones_the_first_among_equals(most, margin, tempe
         candidates = np.sort(order if temperature > 0.0 else order[:1])
         weights = np.exp((values[0, candidates] - values.max()) / max(temperature, 1e-9))
         expected = candidates[np.searchsorted(np.cumsum(weights), number * weights.sum(), side="right")]
-        assert kernels._pick(values, 0, n, margin, most, temperature, number, chances) == expected
-    assert kernels._pick(np.array([[np.nan, 1.0]]), 0, 2, margin, most, temperature, 0.5, chances) == -1
-    assert kernels._pick(np.array([[np.inf, 1.0]]), 0, 2, margin, most, temperature, 0.5, chances) == -1
-
-
-def test_cosines_and_sines_are_those_of_numpy():
-    whole_turns = np.arange(-40, 41) * (np.pi / 4)
-    angles = np.concatenate([np.random.default_rng(0).normal(0, 100, 3000), whole_turns, [0.0, -0.0, 9e4, 2e5, -1e9]])
-    found = np.array([kernels.cos_sin(angle) for angle in angles])
-    np.testing.assert_allclose(found, np.stack([np.cos(angles), np.sin(angles)], axis=-1), rtol=0, atol=4e-16)
-
-
-def test_draws_are_those_of_the_random_module():
-    for avatar, decision in ((0, 0), (7, 3), (123456, 99)):
-        number = kernels.draw(stream(5, Purpose.CHOICE), avatar, decision)
-        assert number == uniform(5, Purpose.CHOICE, avatar, decision)
+        assert pick(values, 0, n, margin, most, temperature, number, chances) == expected
+    assert pick(np.array([[np.nan, 1.0]]), 0, 2, margin, most, temperature, 0.5, chances) == -1
+    assert pick(np.array([[np.inf, 1.0]]), 0, 2, margin, most, temperature, 0.5, chances) == -1
 
 
 @pytest.mark.parametrize("team", [None, np.arange(40) % 3])
@@ -342,7 +319,7 @@ def test_speed_makes_decisions_come_so_much_sooner():
     slow, fast = (Simulation(crowd(30, speed=speed, policy=0), POLICIES) for speed in (0.5, 1.0))
     slow.run(400)
     fast.run(200)
-    decisions = [one.avatars.whole[kernels.DECISIONS].mean() for one in (slow, fast)]
+    decisions = [one.avatars.whole[DECISIONS].mean() for one in (slow, fast)]
     np.testing.assert_allclose(decisions[0], decisions[1], rtol=0.05)
 
 

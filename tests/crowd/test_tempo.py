@@ -8,7 +8,7 @@ import pytest
 from synthetic_policy import policy
 
 from crowdsim.crowd.crowd import Crowding, build_crowd
-from crowdsim.crowd.kernels import BURSTS
+from crowdsim.crowd.kernels.choice import BURSTS
 from crowdsim.crowd.simulation import simulate
 
 FRAMES = 600

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from synthetic_policy import policy
 
-from crowdsim.crowd import kernels
 from crowdsim.crowd.arrays import empty_scratch
+from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.model import build_model
 from crowdsim.policy import kernels as training
 from crowdsim.policy.bundle import encode
@@ -80,7 +80,7 @@ def compare(chosen, seed=0, count=60):
     scratch.states[:] = states
     scratch.situations[:] = np.column_stack([targets, moving, lasts])
     scratch.values[:] = np.nan
-    kernels.value_actions(model, weights, scratch, 0, count)
+    value_actions(model, weights, scratch, 0, count)
     found = []
     for k in range(count):
         named = {each.name: weights[k, column] for column, each in enumerate(chosen.behaviours)}

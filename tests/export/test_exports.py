@@ -11,7 +11,8 @@ from crowdsim.export import stream
 from crowdsim.export.bvh import BvhSink, export_bvh
 from crowdsim.export.pointcloud import FIELDS, CloudSink, export_clouds
 from crowdsim.export.stream import stream_poses
-from crowdsim.runs.runner import load_policies, run
+from crowdsim.runs.preparation import load_policies
+from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.poses import PoseSampler
 

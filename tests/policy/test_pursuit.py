@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crowdsim.crowd import kernels as control
+from crowdsim.crowd.kernels.choice import pick
 from crowdsim.policy import kernels
 from crowdsim.policy.bundle import load_policy
 from crowdsim.policy.pursuit import (
@@ -35,7 +35,7 @@ def test_candidates_are_drawn_as_a_crowd_draws_them():
         values = draw.normal(size=count).round(int(draw.integers(1, 4))) * 0.1
         margin, most = float(draw.choice([0.0, 0.05, 0.1])), int(draw.integers(1, 6))
         temperature, number = float(draw.choice([0.0, 0.02, 0.05])), float(draw.random())
-        expected = control._pick(values[None], 0, count, margin, most, temperature, number, theirs)
+        expected = pick(values[None], 0, count, margin, most, temperature, number, theirs)
         assert kernels.draw_candidate(values, count, margin, most, temperature, number, scratch) == expected
 
 

@@ -1,14 +1,17 @@
 """Rewards: the compiled ones against the plain ones, and what they mean."""
 
 import math
-from typing import ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 import pytest
 from naive_policy import random_actions
 from naive_policy import surface_distance as naive_distance
 
-from crowdsim.crowd import kernels as control
+from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.layout import Target
+from crowdsim.crowd.kernels.rewards import Options, add_strikes
+from crowdsim.crowd.kernels.strikes import Body, touches
 from crowdsim.errors import RecipeError
 from crowdsim.policy import kernels, rewards
 from crowdsim.policy.actions import Actions
@@ -190,23 +193,34 @@ def test_compiled_control_and_training_land_as_the_naive_twin_does(tolerance, sc
         assert surface_distance(point, head, body) == pytest.approx(distance, abs=1e-7)
         assert landing(surface_distance(point, head, body), tolerance) == lands
         assert kernels.strike_lands(*point, *head, term, 0) == lands
-        assert control._touches(tuple(head), tuple(neck), tuple(pelvis), *map(float, radii), tolerance, *point) == lands
+        posed = Body(tuple(head), tuple(neck), tuple(pelvis), *map(float, radii))
+        assert touches(posed, tolerance, tuple(point)) == lands
         assert added == lands
     assert 20 < landed < count - 20
+
+
+class Rewarded(NamedTuple):
+    """What control reads of a model for strikes."""
+
+    actions: Any
+    strikes: Any
+    terms: Any
 
 
 def lands_in_control(points, head, term):
     """Whether an action with one strike at each point earns anything by what control adds to its value."""
     count = len(points)
     actions = np.zeros((count + 1, 6), np.int32)
-    actions[:, control.STRIKES] = np.arange(count + 1)
+    actions[:, layout.STRIKES] = np.arange(count + 1)
     strikes = np.zeros((count, 8), np.float32)
-    strikes[:, control.FIST_X : control.FIST_Z + 1] = points
-    strikes[:, control.OWNER], strikes[:, control.WORTH] = np.arange(count), 1.0
+    strikes[:, layout.FIST_X : layout.FIST_Z + 1] = points
+    strikes[:, layout.OWNER], strikes[:, layout.WORTH] = np.arange(count), 1.0
     row = term.copy()
-    row[0, 8] = control.WORTH
+    row[0, 8] = layout.WORTH
     out = np.zeros(count)
-    control._add_strikes(actions, strikes, row, 0, 0, count, *head, 0.0, 0.0, np.inf, 1.0, np.empty(count), out)
+    model = Rewarded(actions, strikes, row)
+    target = Target(*head, 0.0, 0.0, np.inf)
+    add_strikes(model, 0, Options(0, count, out), target, 1.0, np.empty(count))
     return out == 1.0
 
 

@@ -18,10 +18,11 @@ from scenes import crowdsim, write_scene
 
 import crowdsim as package
 from crowdsim.errors import RunError
-from crowdsim.runs import recording, runner
+from crowdsim.runs import resources, runner
 from crowdsim.runs.journal import Noted, read_journal
 from crowdsim.runs.manifest import Verdict, read_manifest, verify, write_manifest
-from crowdsim.runs.runner import load_policies, prepare, run, run_to
+from crowdsim.runs.preparation import load_policies, prepare
+from crowdsim.runs.runner import run, run_to
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.store import open_take
 from crowdsim.take.take import VARIABLES
@@ -394,7 +395,7 @@ def test_an_interrupted_rendering_is_told_from_files_of_others(workplace: Path, 
 
 
 def test_what_the_system_refuses_names_the_path_and_ends_with_1(workplace: Path, monkeypatch, capsys) -> None:
-    from crowdsim.crowd import profile
+    from crowdsim.crowd import profile_files
 
     write_scene(workplace / "four.yaml", outputs={"profile": {}})
 
@@ -402,7 +403,8 @@ def test_what_the_system_refuses_names_the_path_and_ends_with_1(workplace: Path,
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch:
-        patch.setattr(profile.os, "replace", lambda *paths: full(*paths) if "csv" in str(paths[0]) else move(*paths))
+        files = profile_files.os
+        patch.setattr(files, "replace", lambda *paths: full(*paths) if "csv" in str(paths[0]) else move(*paths))
         move = os.rename
         assert crowdsim("run", "four.yaml") == 1
     message = "output/four/profile.csv: cannot be written: No space left on device"
@@ -695,13 +697,13 @@ def test_status_tells_finished_runs_from_others(workplace: Path, capsys) -> None
 
 
 def test_a_large_crowd_is_told_beforehand_what_it_needs(tmp_path, monkeypatch):
-    result = recording.needs(1_000_000, 60, tmp_path / "not" / "there")
+    result = resources.needs(1_000_000, 60, tmp_path / "not" / "there")
     assert re.fullmatch(
         r"1,000,000 avatars x 60 control frames take up to 2\.0 GB of memory and 1\.2 GB on disk, without outputs.*",
         result,
     )
-    monkeypatch.setattr(recording, "available_memory", lambda: 10**9)
-    short = recording.needs(1_000_000, 10**7, tmp_path)
+    monkeypatch.setattr(resources, "available_memory", lambda: 10**9)
+    short = resources.needs(1_000_000, 10**7, tmp_path)
     assert "; only 1.0 GB of memory are free; only " in short
     assert short.endswith(f" GB are free in {tmp_path}")
 

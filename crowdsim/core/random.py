@@ -1,4 +1,4 @@
-"""The draws of ``random.py`` in compiled form; kernels that draw repeat ``mix`` and ``uniform`` in their own file."""
+"""Draws in compiled code, equal to the bit to those of ``crowd/random.py``: hashes of stream, avatar and draw."""
 
 import numpy as np
 

@@ -1,0 +1,144 @@
+"""The situations in which avatars choose: their targets, seen from where their actions end."""
+
+import math
+
+from crowdsim.core.angles import cos_sin
+from crowdsim.crowd.kernels.arena import outside
+from crowdsim.crowd.kernels.interpolation import between
+from crowdsim.crowd.kernels.layout import (
+    ACTION,
+    AHEAD,
+    ARENA,
+    BASE_TURN,
+    CENTRE_X,
+    CENTRE_Z,
+    END_X,
+    END_Z,
+    HEAD,
+    HEADING,
+    LASTS,
+    LENGTH,
+    MOOD,
+    MOVING_X,
+    MOVING_Z,
+    NEXT,
+    OPPONENT,
+    OPPONENT_BEFORE,
+    ORIGIN,
+    PHASE,
+    POLICY,
+    SCALE,
+    SKIP,
+    SPEED,
+    STRIDE,
+    TARGET_X,
+    TARGET_Y,
+    TARGET_Z,
+    TURN_BACK,
+    Target,
+    X,
+    Z,
+)
+from crowdsim.crowd.kernels.opponents import change_opponent
+from crowdsim.crowd.kernels.prefetch import ask_for
+from crowdsim.jit import kernel
+
+
+@kernel(inline=True)
+def aim(model, avatars, world, now, due, count, nearest, scratch):
+    """Choose opponents for avatars ``due[:count]`` and write their situations (``values.value_actions``).
+
+    The state is that in which the action ends, or -1 where there is nobody to fight.
+    """
+    whole, real, slot_of, arena = avatars.whole, avatars.real, avatars.slot_of, world.arena
+    for q in range(count):
+        _ask_for_targets(model, avatars, due, count, nearest, q)
+        own = due[q]
+        opponent = change_opponent(avatars, world.moods, now.present, own, nearest[q])
+        whole[OPPONENT_BEFORE, own] = whole[OPPONENT, own]
+        whole[OPPONENT, own] = opponent
+        seen = True
+        if opponent <= -2:
+            target = _scripted_target(world.targets, now.moment, -2 - opponent)
+        elif opponent >= 0 and slot_of[opponent] < now.present:
+            target = _head_of(model, avatars, slot_of[opponent])
+        else:
+            target, seen = Target(0.0, 1.5 * real[SCALE, own], 0.0, 0.0, 0.0, 0.0), False
+        if arena[ARENA] != 0.0 and outside(arena, real[X, own], real[Z, own]) > world.crowding[TURN_BACK]:
+            # The middle counts until the avatar is inside again.
+            target, seen = Target(arena[CENTRE_X], target.y, arena[CENTRE_Z], 0.0, 0.0, target.lasts), True
+        _write_situation(real, own, target, scratch.situations, q)
+        state = model.actions[whole[ACTION, own], NEXT]
+        for action in range(model.offsets[state], model.offsets[state + 1], 2):
+            ask_for(model.moves, action * model.moves.shape[1])
+            ask_for(model.actions, action * model.actions.shape[1])
+        scratch.states[q] = state if seen else -1
+        scratch.moods[q], scratch.policies[q] = whole[MOOD, own], whole[POLICY, own]
+
+
+@kernel(inline=True)
+def _ask_for_targets(model, avatars, due, count, nearest, q):
+    """Ask memory for what some avatars after the ``q``-th one will read of themselves and of their opponents."""
+    whole, real = avatars.whole, avatars.real
+    width = whole.shape[1]
+    if q + 2 * AHEAD < count:
+        own, j = due[q + 2 * AHEAD], max(nearest[q + 2 * AHEAD], 0)
+        for row in (OPPONENT, SKIP, ACTION, MOOD, POLICY, OPPONENT_BEFORE):
+            ask_for(whole, row * width + own)
+        for row in (X, Z, SCALE, HEADING):
+            ask_for(real, row * width + own)
+            ask_for(real, row * width + j)
+        ask_for(real, PHASE * width + j)
+        ask_for(whole, ACTION * width + j)
+        ask_for(whole, POLICY * width + j)
+    if q + AHEAD < count:
+        j = max(nearest[q + AHEAD], 0)
+        frame = model.actions[whole[ACTION, j], ORIGIN]
+        frame += int(real[PHASE, j]) * model.policies[whole[POLICY, j], STRIDE]
+        ask_for(model.bodies, 9 * frame)
+
+
+@kernel(inline=True)
+def _scripted_target(targets, moment, target):
+    """Return a scripted target, which moves on for ever."""
+    x, y, z = targets[moment, target, 0], targets[moment, target, 1], targets[moment, target, 2]
+    return Target(x, y, z, x - targets[moment - 1, target, 0], z - targets[moment - 1, target, 2], math.inf)
+
+
+@kernel(inline=True)
+def _head_of(model, avatars, j):
+    """Return an avatar's head, which moves to where it is at the end of its action."""
+    whole, real, actions, bodies = avatars.whole, avatars.real, model.actions, model.bodies
+    action = whole[ACTION, j]
+    done = min(real[PHASE, j], actions[action, LENGTH])
+    frame = actions[action, ORIGIN] + done * model.policies[whole[POLICY, j], STRIDE]
+    size = real[SCALE, j]
+    hx, hz = between(bodies, frame, HEAD) * size, between(bodies, frame, HEAD + 2) * size
+    cos, sin = cos_sin(real[HEADING, j])
+    x, z = real[X, j] + hx * cos + hz * sin, real[Z, j] - hx * sin + hz * cos
+    y = between(bodies, frame, HEAD + 1) * size
+    lasts = (actions[action, LENGTH] - done) / real[SPEED, j]
+    vx, vz = 0.0, 0.0
+    if lasts > 0.0:
+        stride = model.policies[whole[POLICY, j], STRIDE]
+        end = actions[action, ORIGIN] + actions[action, LENGTH] * stride
+        cos, sin = cos_sin(real[BASE_TURN, j] + model.ground[end, 2])
+        hx, hz = bodies[end, HEAD] * size, bodies[end, HEAD + 2] * size
+        vx = (real[END_X, j] + hx * cos + hz * sin - x) / lasts
+        vz = (real[END_Z, j] - hx * sin + hz * cos - z) / lasts
+    return Target(x, y, z, vx, vz, lasts)
+
+
+@kernel(inline=True)
+def _write_situation(real, own, target, out_situations, q):
+    """Write a target as an avatar sees it, for a body of scale 1 and in its own frames of motion."""
+    scale, speed = real[SCALE, own], real[SPEED, own]
+    cos, sin = cos_sin(real[HEADING, own])
+    dx, dz = (target.x - real[X, own]) / scale, (target.z - real[Z, own]) / scale
+    out_situations[q, TARGET_X] = dx * cos - dz * sin
+    out_situations[q, TARGET_Y] = target.y / scale
+    out_situations[q, TARGET_Z] = dx * sin + dz * cos
+    dx, dz = target.vx / (scale * speed), target.vz / (scale * speed)
+    out_situations[q, MOVING_X] = dx * cos - dz * sin
+    out_situations[q, MOVING_Z] = dx * sin + dz * cos
+    out_situations[q, LASTS] = target.lasts * speed

@@ -1,0 +1,207 @@
+"""The choice of the next action: a draw among those whose values are near the best one."""
+
+import math
+
+import numpy as np
+
+from crowdsim.core.random import uniform
+from crowdsim.crowd.kernels.aim import aim
+from crowdsim.crowd.kernels.crowding import avoid
+from crowdsim.crowd.kernels.layout import (
+    ACTION,
+    BURST,
+    BURST_STREAM,
+    CHOICE_STREAM,
+    COST,
+    DECISIONS,
+    INTERVAL,
+    MARGIN,
+    MOOD,
+    MOST,
+    NEXT,
+    NUMBER,
+    RESTED,
+    STRIKES,
+    TEMPERATURE,
+)
+from crowdsim.crowd.kernels.values import value_actions
+from crowdsim.jit import kernel
+
+BURSTS = (2, 5)  # least and most strikes of a burst
+REST = 4.0  # what a strike costs an avatar that rests, in normalised values
+SORTED = 256  # so many avatars that choose together do so in the order of their states
+
+
+@kernel(inline=True)
+def choose(model, avatars, world, now, due, count, observed, scratch, out_chosen):
+    """Choose an opponent and the next action for avatars ``due[:count]``, for whom ``scratch`` has room.
+
+    Observations run along with ``due``, as the chosen actions do. Situations are written in the order of storage, in
+    which neighbours lie together; where there are many, actions are evaluated in the order of states. Returns -1, or
+    the slot of an avatar whose values are not numbers.
+    """
+    aim(model, avatars, world, now, due, count, observed.opponents, scratch)
+    if count >= SORTED:
+        order_by_state(scratch.states, count, scratch.starts, scratch.order)
+    else:
+        for q in range(count):
+            scratch.order[q] = q
+    value_actions(model, world.weights, scratch, 0, count)
+    _keep_running(model, avatars, due, count, scratch)
+    avoid(model, avatars, world, due, count, observed, scratch)
+    return _draw_actions(model, avatars, world, now.frame, due, count, scratch, out_chosen)
+
+
+@kernel(allocates=False)
+def order_by_state(states, count, starts, out_order):
+    """List the places of ``states[:count]`` by state; ``starts`` (S + 2,) is scratch.
+
+    Avatars that choose among the same actions come one after another, so that these are read from memory once.
+    """
+    for state in range(starts.shape[0]):
+        starts[state] = 0
+    for q in range(count):
+        starts[states[q] + 2] += 1
+    for state in range(1, starts.shape[0]):
+        starts[state] += starts[state - 1]
+    for q in range(count):
+        place = states[q] + 1
+        out_order[starts[place]] = q
+        starts[place] += 1
+
+
+@kernel(inline=True)
+def _keep_running(model, avatars, due, count, scratch):
+    """Where there is nobody to fight, let captured motion run on: the cheapest transition is worth most."""
+    for q in range(count):
+        if scratch.states[q] < 0:
+            state = model.actions[avatars.whole[ACTION, due[q]], NEXT]
+            for k in range(model.offsets[state + 1] - model.offsets[state]):
+                scratch.values[q, k] = -model.moves[model.offsets[state] + k, COST]
+
+
+@kernel(inline=True)
+def _draw_actions(model, avatars, world, frame, due, count, scratch, out_chosen):
+    """Draw the next action of avatars ``due[:count]`` by its value; return -1, or a slot without numbers.
+
+    Strikes come in bursts. A strike takes ``INTERVAL`` frames to recover from; after a burst an avatar rests until it
+    has recovered from all of them, and strikes cost it dear meanwhile.
+    """
+    whole, real, offsets, actions, moods = avatars.whole, avatars.real, model.offsets, model.actions, world.moods
+    values, chances, stream = scratch.values, scratch.rows, world.stream
+    for q in range(count):
+        own = due[q]
+        state, mood = actions[whole[ACTION, own], NEXT], whole[MOOD, own]
+        interval = moods[mood, INTERVAL]
+        if interval > 0.0 and whole[BURST, own] <= 0:
+            if frame >= real[RESTED, own]:
+                least, most = BURSTS
+                drawn = uniform(stream[BURST_STREAM], whole[NUMBER, own], whole[DECISIONS, own])
+                whole[BURST, own] = least + int(drawn * (most - least + 1))
+            else:
+                for k in range(offsets[state + 1] - offsets[state]):
+                    action = offsets[state] + k
+                    values[q, k] -= REST * (actions[action + 1, STRIKES] - actions[action, STRIKES])
+        number = uniform(stream[CHOICE_STREAM], whole[NUMBER, own], whole[DECISIONS, own])
+        picked = pick(
+            values, q, offsets[state + 1] - offsets[state], moods[mood, MARGIN], moods[mood, MOST],
+            moods[mood, TEMPERATURE], number, chances,
+        )  # fmt: skip
+        if picked < 0:
+            return own
+        action = offsets[state] + picked
+        out_chosen[q] = action
+        if interval > 0.0:
+            thrown = actions[action + 1, STRIKES] - actions[action, STRIKES]
+            whole[BURST, own] = max(whole[BURST, own] - thrown, 0)
+            real[RESTED, own] = max(real[RESTED, own], np.float64(frame)) + interval * thrown
+    return -1
+
+
+@kernel(inline=True)
+def pick(values, row, n, margin, most, temperature, number, chances):
+    """Return one of the candidates: those near the best value, drawn by ``number`` in [0, 1); -1 for no number.
+
+    Where there are too many, those of the least values drop out, the later ones among equals.
+    """
+    top = values[row, 0]
+    for k in range(1, n):
+        top = values[row, k] if values[row, k] > top else top
+    if not math.isfinite(top):
+        return -1
+    first = temperature <= 0.0 or most <= 1
+    floor = top if first else top - margin
+    near = 0
+    for k in range(n):  # no branch, since which values are near cannot be predicted
+        chances[near] = values[row, k]
+        near += values[row, k] >= floor
+    if near == 1 or first:
+        return _candidate(values, row, n, top, 0)
+    if near > most:
+        return _pick_best(values, row, n, most, temperature, number, chances)
+    total = 0.0
+    for c in range(near):
+        chances[c] = math.exp((chances[c] - top) / temperature)
+        total += chances[c]
+    return _candidate(values, row, n, floor, _drawn(chances, near, number * total))
+
+
+@kernel(inline=True)
+def _pick_best(values, row, n, most, temperature, number, chances):
+    """Return one of the ``most`` best actions, drawn by ``number``."""
+    # The value that comes ``most``-th, and how many of those who have it may stay.
+    near = 0
+    for k in range(n):
+        value = values[row, k]
+        if near < most or value > chances[near - 1]:
+            m = near if near < most else near - 1
+            while m > 0 and chances[m - 1] < value:
+                chances[m] = chances[m - 1]
+                m -= 1
+            chances[m] = value
+            near = min(near + 1, int(most))
+    top, floor = chances[0], chances[near - 1]
+    total = 0.0
+    left = near
+    for k in range(n):
+        above = values[row, k] >= floor
+        if above and values[row, k] == floor:
+            higher = 0
+            for m in range(n):
+                higher += values[row, m] > floor
+            equal = 0
+            for m in range(k):
+                equal += values[row, m] == floor
+            above = higher + equal < near
+        chances[k] = math.exp((values[row, k] - top) / temperature) if above else 0.0
+        total += chances[k]
+        left -= above
+        if left == 0:
+            for m in range(k + 1, n):
+                chances[m] = 0.0
+            break
+    return _drawn(chances, n, number * total)
+
+
+@kernel(inline=True)
+def _drawn(chances, count, wanted):
+    """Return the first chance that is not zero and up to which they add up to more than is wanted, or the last one."""
+    picked = 0
+    for k in range(count):
+        if chances[k] > 0.0:
+            picked = k
+            wanted -= chances[k]
+            if wanted < 0.0:
+                break
+    return picked
+
+
+@kernel(inline=True)
+def _candidate(values, row, n, floor, place):
+    """Return the action that comes ``place``-th, counted from 0, among those worth ``floor`` or more."""
+    for k in range(n):
+        if values[row, k] >= floor:
+            if place == 0:
+                return k
+            place -= 1
+    return -1

@@ -1,0 +1,129 @@
+"""Collision avoidance: what actions cost that end, or pass, inside a neighbour or outside the arena."""
+
+import math
+
+import numpy as np
+
+from crowdsim.core.angles import cos_sin
+from crowdsim.crowd.kernels.arena import may_leave, outside
+from crowdsim.crowd.kernels.layout import (
+    ACTION,
+    DISC,
+    END_COST,
+    END_X,
+    END_Z,
+    GAP,
+    HEADING,
+    LENGTH,
+    MOVE_X,
+    MOVE_Z,
+    NEXT,
+    OUTSIDE_COST,
+    PATH_COST,
+    PHASE,
+    SCALE,
+    SPEED,
+    X,
+    Z,
+)
+from crowdsim.crowd.kernels.tables import whole_lanes
+from crowdsim.jit import kernel
+
+
+@kernel(inline=True)
+def avoid(model, avatars, world, due, count, observed, scratch):
+    """Lower the values of actions that end, or pass, inside a neighbour or outside the arena.
+
+    For avatars ``due[:count]``, with which observations and values run along.
+    """
+    whole, real, work = avatars.whole, avatars.real, scratch.work
+    worst = work[3]
+    for q in range(count):
+        own = due[q]
+        state = model.actions[whole[ACTION, own], NEXT]
+        furthest = model.reaches[state] * real[SCALE, own] + 1e-6  # moves are single numbers
+        close = _list_close(model, avatars, world.crowding, own, observed, q, furthest, scratch.near)
+        leaves = may_leave(world.arena, real[X, own], real[Z, own], furthest)
+        if close == 0 and not leaves:
+            continue
+        lanes = _find_ends(model, avatars, own, work)
+        for m in range(np.uint64(close)):
+            _add_neighbour(world.crowding, scratch.near, m, lanes, work)
+        if leaves:
+            x, z, cost = real[X, own], real[Z, own], world.crowding[OUTSIDE_COST]
+            for k in range(lanes):
+                worst[k] += cost * outside(world.arena, x + work[0, k], z + work[1, k])
+        for k in range(lanes):
+            scratch.values[q, k] -= worst[k]
+
+
+@kernel(inline=True)
+def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
+    """List in ``near`` the neighbours that may be in the way of an avatar; return how many there are.
+
+    A row is the position seen from the avatar, the way to the end of the action, the distance at which bodies meet, and
+    the frames that are left of the action.
+    """
+    whole, real = avatars.whole, avatars.real
+    x, z, scale = real[X, own], real[Z, own], real[SCALE, own]
+    close = 0
+    for m in range(observed.counts[q]):
+        j = observed.neighbours[q, m]
+        ax, az = real[X, j] - x, real[Z, j] - z
+        wx, wz = real[END_X, j] - real[X, j], real[END_Z, j] - real[Z, j]
+        room = crowding[DISC] * (scale + real[SCALE, j]) + crowding[GAP]
+        # Where on its way the neighbour comes nearest to where the avatar is now.
+        towards, moved = -(ax * wx + az * wz), wx * wx + wz * wz
+        t = min(towards / moved, 1.0) if towards > 0.0 else 0.0
+        nx, nz = ax + t * wx, az + t * wz
+        near[close, 0], near[close, 1], near[close, 2], near[close, 3], near[close, 4] = ax, az, wx, wz, room
+        near[close, 5] = (model.actions[whole[ACTION, j], LENGTH] - real[PHASE, j]) / real[SPEED, j]
+        close += nx * nx + nz * nz < (room + furthest) ** 2
+    return close
+
+
+@kernel(inline=True)
+def _find_ends(model, avatars, own, work):
+    """Write where each of an avatar's next actions ends, seen from it: x, z and frames; and 0, the cost so far.
+
+    Returns how many lanes they fill.
+    """
+    whole, real, actions, moves = avatars.whole, avatars.real, model.actions, model.moves
+    ends_x, ends_z, frames, worst = work[0], work[1], work[2], work[3]
+    scale, speed = real[SCALE, own], real[SPEED, own]
+    cos, sin = cos_sin(real[HEADING, own])
+    cos, sin = cos * scale, sin * scale
+    done = min(real[PHASE, own] - actions[whole[ACTION, own], LENGTH], speed)
+    state = actions[whole[ACTION, own], NEXT]
+    offset = model.offsets[state]
+    n = model.offsets[state + 1] - offset
+    for k in range(np.uint64(n)):
+        action = np.uint64(offset) + k
+        ex, ez = moves[action, MOVE_X], moves[action, MOVE_Z]
+        ends_x[k], ends_z[k] = ex * cos + ez * sin, ez * cos - ex * sin
+        frames[k] = actions[action, LENGTH]
+    lanes = np.uint64(whole_lanes(n))
+    for k in range(lanes):
+        frames[k] = max(frames[k] - done, 0.0) / speed
+        worst[k] = 0.0
+    return lanes
+
+
+@kernel(inline=True)
+def _add_neighbour(crowding, near, m, lanes, work):
+    """Raise the cost of actions that end, or pass, inside a neighbour to what that costs."""
+    ends_x, ends_z, frames, worst = work[0], work[1], work[2], work[3]
+    end_cost, path_cost = crowding[END_COST], crowding[PATH_COST]
+    ax, az, wx, wz, room, left = near[m, 0], near[m, 1], near[m, 2], near[m, 3], near[m, 4], near[m, 5]
+    # No branch, since who comes too near cannot be predicted.
+    for k in range(lanes):
+        share = frames[k] / left if frames[k] < left else 1.0
+        dx, dz = share * wx - ends_x[k], share * wz - ends_z[k]
+        bx, bz = ax + dx, az + dz
+        at_end = end_cost * (1.0 - math.sqrt(bx * bx + bz * bz) / room)
+        # Where on their straight ways the two come nearest, seen from the avatar.
+        towards, moved = -(ax * dx + az * dz), dx * dx + dz * dz
+        t = towards / moved if towards < moved else 1.0
+        nx, nz = ax + t * dx, az + t * dz
+        on_way = path_cost * (1.0 - math.sqrt(nx * nx + nz * nz) / room)
+        worst[k] = max(max(worst[k], at_end), on_way if towards > 0.0 else 0.0)

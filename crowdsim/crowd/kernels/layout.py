@@ -1,0 +1,88 @@
+"""Rows and columns of the arrays that kernels share, and the named tuples that they pass to one another."""
+
+from typing import Any, NamedTuple
+
+# Rows of ``Avatars.whole`` and ``Avatars.real``, a column for each slot.
+(
+    NUMBER, POLICY, MOOD, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE, PENDING,
+    BURST,
+) = range(13)  # fmt: skip
+(
+    SCALE, SPEED, PHASE, PHASE_BEFORE, BASE_X, BASE_Z, BASE_COS, BASE_SIN, BASE_TURN, X, Z, HEADING, END_X, END_Z,
+    RESTED,
+) = range(15)  # fmt: skip
+
+# Columns of the tables of ``Model``: actions, moves, paths (rows), strikes, bodies, sizes, policies, behaviours, grids
+# and terms (what all have, those of strikes, those of proximity).
+NEXT, LENGTH, ORIGIN, PATHS, STRIKES, FIRST_STRIKE = range(6)
+MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, CUT = range(6)
+PATH_X, PATH_Z, PATH_COS, PATH_SIN, PATH_TIME = range(5)
+TIME, FIST_X, FIST_Y, FIST_Z, FIST_SPEED, HAND, OWNER, WORTH = range(8)
+HEAD, NECK, PELVIS = 0, 3, 6
+HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE, FARTHEST, SOON, LATER = range(10)
+STRIDE, BEHAVIOURS, ACTIONS, STATES = range(4)
+(
+    FIRST_AXIS, LAST_AXIS, FIRST_TERM, LAST_TERM, LOOKS_AHEAD, CELLS, TABLE, NORM, DISCOUNT, LOW, STEP, PRICE, EACH,
+) = range(13)  # fmt: skip
+FIRST, PER_UNIT, POINTS, WRAPS, APART, FADE, LEAST, GREATEST, RATE = range(9)
+KIND, WEIGHT = range(2)
+(
+    LANDING, SPEED_WEIGHT, HEAD_SIZE, TORSO_SIZE, TORSO_TOP, TORSO_END, EARNED, EFFORT, WASTE, BEST_STRIKE, WASTED,
+) = range(2, 13)  # fmt: skip
+NEAREST, SIGMA, BEST_FRAME, FACING, FURTHEST, ASIDE = range(2, 8)
+
+# Columns of ``World.moods``, the numbers of ``World.crowding`` and of ``World.arena``, and rows of ``World.stream``.
+MARGIN, MOST, TEMPERATURE, HYSTERESIS, INTERVAL = range(5)
+END_COST, PATH_COST, DISC, GAP, OUTSIDE_COST, TURN_BACK, SIGHT = range(7)
+ARENA, CENTRE_X, CENTRE_Z, HALF_X, HALF_Z = range(5)
+CHOICE_STREAM, BURST_STREAM = range(2)
+CIRCLE, RECTANGLE = 1.0, 2.0
+
+# Columns of ``Scratch.situations``; rows of ``Scratch.work``, then shares along two axes for each behaviour.
+TARGET_X, TARGET_Y, TARGET_Z, MOVING_X, MOVING_Z, LASTS = range(6)
+WORK_X, WORK_Z, WORK_DISTANCE, WORK_BEARING, WORK_STATE, WORK_SHARES = range(6)
+
+ENTERED = -2  # instead of an action before, of those who have just entered
+NO_STRIKE = 1 << 30  # instead of a frame, where an action has no strike left
+LANES = 8  # entries that are worked on at once
+BLOCK = 16  # situations that are evaluated at a time
+AHEAD = 4  # so many avatars before one is worked on, memory is asked for what that reads
+
+
+class Now(NamedTuple):
+    """The frame that is decided.
+
+    Attributes:
+        frame: The control frame.
+        moment: Its row of ``World.targets``.
+        present: How many slots hold avatars that are present; they are the first ones.
+    """
+
+    frame: int
+    moment: int
+    present: int
+
+
+class Observed(NamedTuple):
+    """What avatars that choose together have observed.
+
+    Attributes:
+        opponents: Slot of the nearest opponent of each, -1 for none. Shape (Q,), int32.
+        counts: How many neighbours each has. Shape (Q,), int32.
+        neighbours: Their slots. Shape (Q, most neighbours), int32.
+    """
+
+    opponents: Any
+    counts: Any
+    neighbours: Any
+
+
+class Target(NamedTuple):
+    """A target: its position [m], how far it moves in a frame along x and z [m], and for how many frames."""
+
+    x: float
+    y: float
+    z: float
+    vx: float
+    vz: float
+    lasts: float

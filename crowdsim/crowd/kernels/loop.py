@@ -1,0 +1,87 @@
+"""All stages of many frames in one function, for a small crowd."""
+
+import numpy as np
+
+from crowdsim.crowd.kernels.choice import choose
+from crowdsim.crowd.kernels.clock import note_time
+from crowdsim.crowd.kernels.layout import SIGHT, Now, Observed
+from crowdsim.crowd.kernels.motion import advance, ask_for_starts, switch
+from crowdsim.crowd.kernels.opponents import observe_all
+from crowdsim.crowd.kernels.record import write_record
+from crowdsim.crowd.kernels.strikes import strike
+from crowdsim.jit import kernel
+
+
+@kernel
+def run_frames(model, avatars, world, now, count, fresh, scratch, record, strikes, timings):
+    """Run ``count`` control frames from ``now`` on for a small crowd, and record them.
+
+    ``fresh``: the first frame only decides, since nothing has moved yet. ``timings`` (count, 6) takes the time of
+    index, observe, choose, advance, strikes and record [ns]; with None no clock is read. Returns the frames done, which
+    are fewer where room for strikes may not last, the number of strikes, and the slot of an avatar whose position or
+    values are not numbers, or -1.
+    """
+    present = now.present
+    due, chosen = np.empty(present, np.int32), np.empty(present, np.int32)
+    distances, hits = np.empty(present), np.empty(present, np.int64)
+    most = scratch.near.shape[0]
+    observed = Observed(np.empty(present, np.int32), np.empty(present, np.int32), np.empty((present, most), np.int32))
+    clock = np.empty(8, np.int64)
+    held = 0
+    for k in range(count):
+        if held + 8 * present > strikes.whole.shape[0] and k > 0:
+            return k, held, -1
+        then = Now(now.frame + k, now.moment + k, present)
+        note_time(timings, clock, 0)
+        dues = _find_due(model, avatars, present, due, fresh and k == 0)
+        if dues < 0:
+            return k, held, -1 - dues
+        note_time(timings, clock, 1)
+        observe_all(avatars, present, due, dues, world.crowding[SIGHT], observed, distances, hits)
+        note_time(timings, clock, 2)
+        lost = _choose_all(model, avatars, world, then, due[:dues], observed, scratch, chosen)
+        if lost >= 0:
+            return k, held, lost
+        note_time(timings, clock, 3)
+        ask_for_starts(model, avatars, due, chosen, dues)
+        switch(model, avatars, due, chosen, 0, dues)
+        note_time(timings, clock, 4)
+        held = strike(model, avatars, world, then, 0, present, due, strikes, held)
+        note_time(timings, clock, 5)
+        write_record(model, avatars, record, k, 0, present)
+        note_time(timings, clock, 6)
+        _write_times(timings, clock, k)
+    return count, held, -1
+
+
+@kernel(inline=True)
+def _find_due(model, avatars, present, due, fresh):
+    """Move avatars by one frame and list those whose action has ended; where they are ``fresh``, only list all."""
+    if fresh:
+        for i in range(present):
+            due[i] = i
+        return present
+    return advance(model, avatars, 0, present, due, True)
+
+
+@kernel(inline=True)
+def _choose_all(model, avatars, world, now, due, observed, scratch, out_chosen):
+    """Let avatars ``due`` choose, as many at a time as scratch space has room for."""
+    room, lost = scratch.states.shape[0], -1
+    for start in range(0, due.shape[0], room):
+        some = Observed(observed.opponents[start:], observed.counts[start:], observed.neighbours[start:])
+        count = min(room, due.shape[0] - start)
+        lost = max(lost, choose(model, avatars, world, now, due[start:], count, some, scratch, out_chosen[start:]))
+    return lost
+
+
+@kernel(inline=True)
+def _write_times(timings, clock, k):
+    """Write what the stages of a frame took, where it is asked for."""
+    if timings is not None:
+        timings[k, 0] = 0
+        timings[k, 1] = clock[2] - clock[1]
+        timings[k, 2] = clock[3] - clock[2]
+        timings[k, 3] = clock[1] - clock[0] + clock[4] - clock[3]
+        timings[k, 4] = clock[5] - clock[4]
+        timings[k, 5] = clock[6] - clock[5]

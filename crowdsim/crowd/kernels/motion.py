@@ -1,0 +1,152 @@
+"""Avatars along their actions: playback of the present one, and the start of the next."""
+
+import math
+
+import numpy as np
+
+from crowdsim.core.angles import cos_sin
+from crowdsim.crowd.kernels.interpolation import ground_at
+from crowdsim.crowd.kernels.layout import (
+    ACTION,
+    ACTION_BEFORE,
+    BASE_COS,
+    BASE_SIN,
+    BASE_TURN,
+    BASE_X,
+    BASE_Z,
+    DECISIONS,
+    END_X,
+    END_Z,
+    ENTERED,
+    FIRST_STRIKE,
+    HEADING,
+    LENGTH,
+    NO_STRIKE,
+    ORIGIN,
+    PENDING,
+    PHASE,
+    PHASE_BEFORE,
+    POLICY,
+    SCALE,
+    SPEED,
+    STRIDE,
+    STRIKES,
+    TIME,
+    X,
+    Z,
+)
+from crowdsim.crowd.kernels.prefetch import ask_for
+from crowdsim.jit import kernel
+
+
+@kernel(inline=True)
+def _next_strike(actions, strikes, action, phase):
+    """Return the last whole frame before the next strike of an action, or ``NO_STRIKE``."""
+    found = NO_STRIKE
+    for k in range(actions[action, STRIKES], actions[action + 1, STRIKES]):
+        if strikes[k, TIME] > phase:
+            found = min(found, np.int64(np.ceil(strikes[k, TIME])) - 1)
+    return found
+
+
+@kernel(inline=True)
+def advance(model, avatars, first, last, due, few):
+    """Move avatars by one frame; list in ``due[first:]`` those whose action has ended.
+
+    Where they are ``few``, memory is asked for what the next frame will read. Returns how many are listed, or -1 - i
+    where the position of avatar i is not a number.
+    """
+    whole, real = avatars.whole, avatars.real
+    actions, ground, policies = model.actions, model.ground, model.policies
+    held = first
+    for i in range(first, last):
+        action = whole[ACTION, i]
+        length, before = actions[action, LENGTH], real[PHASE, i]
+        if before > whole[PENDING, i]:
+            whole[PENDING, i] = _next_strike(actions, model.strikes, action, before)
+        phase = before + real[SPEED, i]
+        real[PHASE_BEFORE, i] = min(before, length)
+        real[PHASE, i] = phase
+        whole[ACTION_BEFORE, i] = -1
+        stride = policies[whole[POLICY, i], STRIDE]
+        shown = actions[action, ORIGIN] + min(phase, length) * stride
+        if few:
+            soon = int(shown) + stride
+            ask_for(ground, 3 * soon)
+            ask_for(model.bodies, 9 * soon)
+        gx, gz, turned = ground_at(ground, shown)
+        cos, sin = real[BASE_COS, i], real[BASE_SIN, i]
+        x = real[BASE_X, i] + gx * cos + gz * sin
+        z = real[BASE_Z, i] - gx * sin + gz * cos
+        heading = real[BASE_TURN, i] + turned
+        real[X, i], real[Z, i], real[HEADING, i] = x, z, heading
+        if not math.isfinite(x + z + heading):
+            return -1 - i
+        due[held] = i
+        held += phase >= length
+    return held - first
+
+
+@kernel(inline=True)
+def ask_for_starts(model, avatars, due, chosen, count):
+    """Ask memory for what ``switch`` will read of the chosen actions."""
+    for q in range(count):
+        origin, length = model.actions[chosen[q], ORIGIN], model.actions[chosen[q], LENGTH]
+        ask_for(model.ground, 3 * origin)
+        ask_for(model.starts, 3 * chosen[q])
+        ask_for(model.ground, 3 * (origin + length * model.policies[avatars.whole[POLICY, due[q]], STRIDE]))
+
+
+@kernel(inline=True)
+def switch(model, avatars, due, chosen, first, last):
+    """Start the chosen actions where the old ones have ended, with the motion that was left over."""
+    whole, real = avatars.whole, avatars.real
+    actions, ground, starts, policies = model.actions, model.ground, model.starts, model.policies
+    for q in range(first, last):
+        i = due[q]
+        old, new = whole[ACTION, i], chosen[q]
+        stride, scale, speed = policies[whole[POLICY, i], STRIDE], real[SCALE, i], real[SPEED, i]
+        phase = min(real[PHASE, i] - actions[old, LENGTH], speed)
+        origin = actions[new, ORIGIN]
+        x, z, heading = real[X, i], real[Z, i], real[HEADING, i]
+        heading -= 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
+        gx, gz, gh = starts[new, 0], starts[new, 1], starts[new, 2]
+        if (
+            whole[ACTION_BEFORE, i] == ENTERED
+        ):  # what came before was not seen, so the position is exact without a shift
+            gx, gz, gh = ground[origin, 0], ground[origin, 1], ground[origin, 2]
+        turn = heading - gh
+        cos, sin = cos_sin(turn)
+        cos, sin = cos * scale, sin * scale
+        base_x, base_z = x - gx * cos - gz * sin, z + gx * sin - gz * cos
+        real[BASE_X, i], real[BASE_Z, i] = base_x, base_z
+        real[BASE_COS, i], real[BASE_SIN, i], real[BASE_TURN, i] = cos, sin, turn
+        last_frame = origin + actions[new, LENGTH] * stride
+        gx, gz = ground[last_frame, 0], ground[last_frame, 1]
+        real[END_X, i], real[END_Z, i] = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
+        gx, gz, heading = ground_at(ground, origin + min(phase, actions[new, LENGTH]) * stride)
+        real[X, i], real[Z, i] = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
+        real[HEADING, i] = heading + turn
+        whole[PENDING, i] = -1 if whole[PENDING, i] < actions[old, LENGTH] else actions[new, FIRST_STRIKE]
+        whole[ACTION_BEFORE, i] = old
+        whole[ACTION, i] = new
+        real[PHASE, i] = phase
+        whole[DECISIONS, i] += 1
+
+
+@kernel(inline=True)
+def base_before(model, avatars, i):
+    """Return where the action before the present one is based: x, z, cos, sin, turn."""
+    whole, real, actions, ground, starts = avatars.whole, avatars.real, model.actions, model.ground, model.starts
+    new = whole[ACTION, i]
+    gx, gz = starts[new, 0], starts[new, 1]
+    cos, sin = real[BASE_COS, i], real[BASE_SIN, i]
+    x = real[BASE_X, i] + gx * cos + gz * sin
+    z = real[BASE_Z, i] - gx * sin + gz * cos
+    old = whole[ACTION_BEFORE, i]
+    end = actions[old, ORIGIN] + actions[old, LENGTH] * model.policies[whole[POLICY, i], STRIDE]
+    turn = real[BASE_TURN, i] + starts[new, 2] - ground[end, 2]
+    cos, sin = cos_sin(turn)
+    cos, sin = cos * real[SCALE, i], sin * real[SCALE, i]
+    gx, gz = ground[end, 0], ground[end, 1]
+    return x - gx * cos - gz * sin, z + gx * sin - gz * cos, cos, sin, turn

@@ -1,0 +1,289 @@
+"""What the actions of a state are worth: ``policy.action_values`` for many situations at a time."""
+
+import math
+
+import numpy as np
+
+from crowdsim.core.angles import bearings
+from crowdsim.crowd.kernels.layout import (
+    APART,
+    BEHAVIOURS,
+    BLOCK,
+    CELLS,
+    CUT,
+    FADE,
+    FARTHEST,
+    LASTS,
+    LATER,
+    LENGTH,
+    LOOKS_AHEAD,
+    LOW,
+    MOVE_COS,
+    MOVE_SIN,
+    MOVE_X,
+    MOVE_Z,
+    MOVING_X,
+    MOVING_Z,
+    NEXT,
+    NORM,
+    PATHS,
+    POINTS,
+    SOON,
+    STEP,
+    STRIKES,
+    TABLE,
+    TARGET_X,
+    TARGET_Y,
+    TARGET_Z,
+    WORK_BEARING,
+    WORK_DISTANCE,
+    WORK_SHARES,
+    WORK_STATE,
+    WORK_X,
+    WORK_Z,
+    Target,
+)
+from crowdsim.crowd.kernels.prefetch import ask_for
+from crowdsim.crowd.kernels.rewards import Options, add_terms, count_price_once
+from crowdsim.crowd.kernels.tables import Cell, add_rows, fade, interpolate, locate, locate_ends, whole_lanes
+from crowdsim.jit import kernel
+
+
+@kernel(inline=True)
+def value_actions(model, weights, scratch, first, last):
+    """Write into ``scratch.values`` what each action of a state is worth in the situations ``order[first:last]``.
+
+    A situation is the position of the target's head in the avatar's ground frame, for a body of scale 1: x, y, z [m];
+    how far it moves over the ground in a frame of motion, along x and z [m], and for how many; then a state, a row of
+    ``weights``, which are those of the behaviours, and a policy, all in ``scratch``. ``BLOCK`` of them are evaluated at
+    a time: what they read lies anywhere in memory, and one waits for it while others are worked on.
+    """
+    whose = scratch.policies
+    while first < last:
+        policy = whose[scratch.order[first]]
+        count = 1
+        while first + count < last and count < BLOCK and whose[scratch.order[first + count]] == policy:
+            count += 1
+        _value_block(model, weights, scratch, first, count, policy)
+        first += count
+
+
+@kernel(inline=True)
+def _value_block(model, weights, scratch, first, count, policy):
+    """Do what ``value_actions`` does for ``count`` situations of one policy, which share a block of scratch space."""
+    work = scratch.work
+    begun, end = model.policies[policy, BEHAVIOURS], model.policies[policy + 1, BEHAVIOURS]
+    slots = end - begun
+    pairs = _prepare(model, weights, scratch, first, count, policy)
+    if pairs > 0:
+        bearings(work[WORK_X], work[WORK_Z], whole_lanes(pairs), work[WORK_BEARING])
+        for b in range(begun, end):
+            if model.behaviours[b, LOOKS_AHEAD] != 0.0:
+                scratch.nears[b - begun] = _look_ahead(model, b, b - begun, slots, scratch, count, pairs)
+    for d in range(count):
+        q = scratch.order[first + d]
+        state = scratch.states[q]
+        if state < 0:
+            continue
+        offset = model.offsets[state]
+        options = Options(offset, model.offsets[state + 1] - offset, scratch.values[q])
+        for b in range(begun, end):
+            spot = d * slots + b - begun
+            factor = scratch.parts[spot, 3]
+            if factor == 0.0:
+                continue
+            if model.behaviours[b, LOOKS_AHEAD] == 0.0:
+                _add_row_values(model, b, options, spot, factor, scratch)
+            else:
+                _add_end_values(model, b, b - begun, options, spot, scratch.begins[d], factor, scratch)
+                add_terms(model, b, options, _target_of(scratch, q), factor, scratch)
+        count_price_once(model, scratch.parts[d * slots :], begun, end, options)
+
+
+@kernel(inline=True)
+def _target_of(scratch, q):
+    """Return the target of a situation."""
+    found = scratch.situations
+    return Target(
+        found[q, TARGET_X], found[q, TARGET_Y], found[q, TARGET_Z], found[q, MOVING_X], found[q, MOVING_Z],
+        found[q, LASTS],
+    )  # fmt: skip
+
+
+@kernel(inline=True)
+def _prepare(model, weights, scratch, first, count, policy):
+    """Look at ``count`` situations from ``order[first]`` on, and ask memory for what evaluating them will read.
+
+    Returns how many actions are looked ahead along.
+    """
+    pairs = 0
+    scratch.begins[0] = 0
+    for d in range(count):
+        q = scratch.order[first + d]
+        scratch.begins[d + 1] = pairs
+        state = scratch.states[q]
+        if state < 0:
+            continue
+        offset = model.offsets[state]
+        n = model.offsets[state + 1] - offset
+        for k in range(whole_lanes(n)):
+            scratch.values[q, k] = 0.0
+        distance = _pull_in(scratch, q, model.sizes[policy, FARTHEST])
+        if _find_cells(model, weights, scratch, q, d, policy, distance):
+            _ask_for_ways(model, offset, n)
+            _see_ends(model, offset, n, _target_of(scratch, q), model.sizes[policy, LATER], pairs, scratch.work)
+            pairs += n
+            scratch.begins[d + 1] = pairs
+    return pairs
+
+
+@kernel(inline=True)
+def _pull_in(scratch, q, farthest):
+    """Move a target beyond all grids to where they end, in the same direction; return its distance.
+
+    Beyond the end of all grids all positions have one value, so that nothing would draw the avatar to the target.
+    """
+    x, z = scratch.situations[q, TARGET_X], scratch.situations[q, TARGET_Z]
+    distance = math.sqrt(x * x + z * z)
+    if distance > farthest:
+        scratch.situations[q, TARGET_X], scratch.situations[q, TARGET_Z] = (
+            x * farthest / distance,
+            z * farthest / distance,
+        )
+        distance = farthest
+    return distance
+
+
+@kernel(inline=True)
+def _find_cells(model, weights, scratch, q, d, policy, distance):
+    """Find what a situation reads of each behaviour's table, and how much the behaviour counts.
+
+    Returns whether a behaviour that counts looks ahead along actions.
+    """
+    behaviours, grids, target = model.behaviours, model.grids, _target_of(scratch, q)
+    begun, end = model.policies[policy, BEHAVIOURS], model.policies[policy + 1, BEHAVIOURS]
+    # Tables of Q-values know still targets alone: they are read for where the target is half an action later.
+    t = min(model.sizes[policy, SOON], target.lasts)
+    soon_x, soon_z = target.x + t * target.vx, target.z + t * target.vz
+    bearing, sought, ahead = 0.0, False, False
+    for b in range(begun, end):
+        spot = d * (end - begun) + b - begun
+        factor = weights[scratch.moods[q], b - begun]
+        if not sought and grids[b, 1, FADE] > 0.0:
+            bearing, sought = math.atan2(target.x, target.z), True
+        if factor != 0.0:
+            norm = behaviours[b, NORM]
+            factor = factor * fade(grids, b, distance, bearing, target.y) / norm if norm > 0.0 else 0.0
+        scratch.parts[spot, 3] = factor
+        if factor == 0.0:
+            continue
+        cell, scratch.spots[spot, 3], scratch.parts[spot, 2] = locate(grids, b, 2, target.y)
+        if behaviours[b, LOOKS_AHEAD] != 0.0:
+            ahead = True
+            scratch.spots[spot, 0] = int(behaviours[b, TABLE]) + cell
+        else:
+            _find_rows(model, b, scratch.states[q], scratch, spot, cell, soon_x, soon_z)
+    return ahead
+
+
+@kernel(inline=True)
+def _find_rows(model, b, state, scratch, spot, cell, x, z):
+    """Find the rows of a table of actions for a target at (x, z), and ask memory for them."""
+    behaviours, offset = model.behaviours, model.offsets[state]
+    n = model.offsets[state + 1] - offset
+    far = math.sqrt(x * x + z * z)
+    near, near_step, scratch.parts[spot, 0] = locate(model.grids, b, 0, far)
+    aside, aside_step, scratch.parts[spot, 1] = locate(model.grids, b, 1, math.atan2(x, z))
+    at = int(behaviours[b, TABLE]) + offset * int(behaviours[b, CELLS]) + (cell + near + aside) * n
+    near_step, aside_step = near_step * n, aside_step * n
+    scratch.spots[spot, 0], scratch.spots[spot, 1], scratch.spots[spot, 2] = at, near_step, aside_step
+    scratch.spots[spot, 3] *= n
+    ask_for(model.table, at)
+    ask_for(model.table, at + near_step)
+    ask_for(model.table, at + aside_step)
+    ask_for(model.table, at + near_step + aside_step)
+
+
+@kernel(inline=True)
+def _ask_for_ways(model, offset, n):
+    """Ask memory for paths and strikes of ``n`` actions."""
+    first_row, last_row = model.actions[offset, PATHS], model.actions[offset + n, PATHS]
+    for row in range(first_row, last_row + 15, 16):
+        ask_for(model.paths, row)
+        ask_for(model.paths, row + model.paths.shape[1])
+    first_row, last_row = model.actions[offset, STRIKES], model.actions[offset + n, STRIKES]
+    width = model.strikes.shape[1]
+    for entry in range(first_row * width, last_row * width + 15, 16):
+        ask_for(model.strikes, entry)
+
+
+@kernel(inline=True)
+def _see_ends(model, offset, n, target, lead, first, work):
+    """Write a target's position and distance seen from the end of ``n`` actions, and the states in which they end.
+
+    It is seen ``lead`` frames later than the end: values are those of a still target, and an avatar that pursues a
+    moving one must be ahead of them.
+    """
+    moves, actions = model.moves, model.actions
+    x, z, vx, vz, lasts = target.x, target.z, target.vx, target.vz, target.lasts
+    for k in range(n):
+        action, at = np.uint64(offset + k), np.uint64(first + k)
+        t = min(np.float64(actions[action, LENGTH]) + lead, lasts)
+        dx, dz = x + t * vx - moves[action, MOVE_X], z + t * vz - moves[action, MOVE_Z]
+        cos, sin = moves[action, MOVE_COS], moves[action, MOVE_SIN]
+        later_x, later_z = dx * cos - dz * sin, dx * sin + dz * cos
+        work[WORK_X, at], work[WORK_Z, at] = later_x, later_z
+        work[WORK_DISTANCE, at] = math.sqrt(later_x * later_x + later_z * later_z)
+        work[WORK_STATE, at] = actions[action, NEXT]
+
+
+@kernel(inline=True)
+def _look_ahead(model, b, slot, slots, scratch, count, pairs):
+    """Find the cells of one behaviour's table at the end of each of so many actions, and ask memory for them.
+
+    Returns the step between distances in the table.
+    """
+    cells, steps = scratch.cells[2 * slot], scratch.cells[2 * slot + 1]
+    for k in range(pairs):
+        cells[k] = scratch.work[WORK_STATE, k]
+    locate_ends(
+        model.grids, b, model.behaviours[b, CELLS], whole_lanes(pairs), cells, steps, scratch.work,
+        scratch.work[WORK_SHARES + 2 * slot], scratch.work[WORK_SHARES + 1 + 2 * slot],
+    )  # fmt: skip
+    near = int(model.grids[b, 0, APART]) if model.grids[b, 0, POINTS] > 1.0 else 0
+    for d in range(count):
+        if scratch.parts[d * slots + slot, 3] != 0.0:
+            at = scratch.spots[d * slots + slot, 0]
+            for k in range(scratch.begins[d], scratch.begins[d + 1]):
+                ask_for(model.table, at + int(cells[k]))
+                ask_for(model.table, at + int(cells[k]) + near)
+    return near
+
+
+@kernel(inline=True)
+def _add_row_values(model, b, options, spot, factor, scratch):
+    """Add ``factor`` times what a table of actions holds of each action."""
+    spots, parts, out = scratch.spots, scratch.parts, options.values
+    for k in range(options.n):
+        out[k] += factor * model.behaviours[b, LOW]
+    cell = Cell(
+        spots[spot, 0], spots[spot, 1], spots[spot, 2], spots[spot, 3], parts[spot, 0], parts[spot, 1], parts[spot, 2]
+    )
+    add_rows(model.table, cell, factor * model.behaviours[b, STEP], options.n, out)
+
+
+@kernel(inline=True)
+def _add_end_values(model, b, slot, options, spot, begin, factor, scratch):
+    """Add ``factor`` times what a table of states holds of the end of each action, less what the transition costs."""
+    offset, out, table = options.offset, options.values, model.table
+    above, raised = scratch.spots[spot, 3], scratch.parts[spot, 2]
+    near, at = scratch.nears[slot], scratch.spots[spot, 0]
+    cells, steps = scratch.cells[2 * slot], scratch.cells[2 * slot + 1]
+    parts, turns = scratch.work[WORK_SHARES + 2 * slot], scratch.work[WORK_SHARES + 1 + 2 * slot]
+    low, step, discounts = model.behaviours[b, LOW], model.behaviours[b, STEP], model.discounts[b, 0]
+    for k in range(options.n):
+        pair, action = np.uint64(begin + k), np.uint64(offset + k)
+        cell = Cell(at + np.int64(cells[pair]), near, np.int64(steps[pair]), above, parts[pair], turns[pair], raised)
+        value = interpolate(table, cell)
+        value = (low + step * value) * discounts[np.uint64(model.actions[action, LENGTH])]
+        out[np.uint64(k)] += factor * (value - model.moves[action, CUT + slot])

@@ -1,0 +1,202 @@
+"""The arrays of a model: what the policies of a run hold, one after another, as control reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.crowd.kernels import layout
+from crowdsim.motion import ground
+from crowdsim.policy.rewards import StrikeTerm, TransitionTerm
+
+if TYPE_CHECKING:
+    from crowdsim.policy.actions import Actions
+    from crowdsim.policy.policy import LookupTables, Policy
+
+_ONCE = 2  # column of a transition term: what each transition costs
+
+
+def count_rows(policies: Sequence[Policy], tables: Sequence[LookupTables]) -> dict[str, Array]:
+    """Return where the rows of each policy begin in arrays of each kind, and behind them where the last one ends."""
+    actions = [table.actions for table in tables]
+    return {
+        "state": _starts_of([action.state_count for action in actions]),
+        "action": _starts_of([action.action_count for action in actions]),
+        "path": _starts_of([len(action.paths) for action in actions]),
+        "strike": _starts_of([len(action.strike_times) for action in actions]),
+        "frame": _starts_of([len(policy.database.ground) for policy in policies]),
+        "behaviour": _starts_of([len(table.behaviours) for table in tables]),
+        "axis": _starts_of([len(table.axes) for table in tables]),
+        "term": _starts_of([len(table.terms) for table in tables]),
+        "table": _starts_of([len(table.table) for table in tables]),
+    }
+
+
+def behaviour_rows(
+    policies: Sequence[Policy], tables: Sequence[LookupTables], starts: dict[str, Array]
+) -> tuple[Array, Array]:
+    """Return the rows of all behaviours, without prices, and the tables that they read."""
+    behaviours = []
+    for p, table in enumerate(tables):
+        rows = np.pad(np.array(table.behaviours, dtype=float).reshape(-1, 11), ((0, 0), (0, 2)))
+        rows[:, layout.FIRST_AXIS : layout.FIRST_TERM] += starts["axis"][p]
+        rows[:, layout.FIRST_TERM : layout.LOOKS_AHEAD] += starts["term"][p]
+        # Entries of a table count from the policy's own first action or state; here from the run's.
+        first = np.where(rows[:, layout.LOOKS_AHEAD] == 0.0, starts["action"][p], starts["state"][p])
+        rows[:, layout.TABLE] += starts["table"][p] - first * rows[:, layout.CELLS]
+        behaviours.append(rows)
+    parts = [np.asarray(table.table) for table in tables]
+    if len({part.dtype for part in parts}) > 1:
+        parts = [policy_values(policy) for policy in policies]
+        for rows in behaviours:
+            rows[:, layout.LOW], rows[:, layout.STEP] = 0.0, 1.0
+    values = (parts[0] if len(parts) == 1 else np.concatenate(parts)).view(np.ndarray)
+    values.flags.writeable = False  # mapped or not, kernels are compiled for one type
+    return np.concatenate(behaviours), values
+
+
+def policy_values(policy: Policy) -> Array:
+    """Return the tables of all behaviours as numbers, float32, one after another."""
+    return np.concatenate([behaviour.values() for behaviour in policy.behaviours]).astype(np.float32)
+
+
+def action_rows(policies: Sequence[Policy], actions: Sequence[Actions], starts: dict[str, Array]) -> Array:
+    """Return a row for each action, and one that closes paths and strikes."""
+    origins = [
+        start + policy.database.stride * (np.asarray(policy.graph.action_first, np.int64) - 1)
+        for start, policy in zip(starts["frame"], policies, strict=False)
+    ]
+    columns = [
+        _moved([action.next for action in actions], starts["state"]),
+        joined([action.lengths for action in actions], np.int32),
+        joined(origins, np.int32),
+        _moved([action.path_offsets[:-1] for action in actions], starts["path"]),
+        _moved([action.strike_offsets[:-1] for action in actions], starts["strike"]),
+        np.concatenate([_before_first_strike(action) for action in actions]),
+    ]
+    closing = np.array([[-1, 0, 0, starts["path"][-1], starts["strike"][-1], layout.NO_STRIKE]])
+    return np.concatenate([np.column_stack(columns), closing]).astype(np.int32)
+
+
+def action_starts(policy: Policy) -> Array:
+    """Return what lies on the avatar's ground transform when each action starts, in the clip's world. Shape (A, 3)."""
+    first = policy.database.stride * (np.asarray(policy.graph.action_first, np.int64) - 1)
+    return ground.compose(policy.database.ground[first], ground.inverse(policy.actions.shifts))
+
+
+def _before_first_strike(actions: Actions) -> Array:
+    found = np.full(actions.action_count, layout.NO_STRIKE)
+    owners = np.repeat(np.arange(actions.action_count), np.diff(actions.strike_offsets))
+    np.minimum.at(found, owners, np.ceil(actions.strike_times.astype(np.float32)).astype(int) - 1)
+    return found
+
+
+def strike_rows(policies: Sequence[Policy], behaviours: Array, terms: Array, starts: dict[str, Array]) -> Array:
+    """Return the strikes in actions, and what those that land earn by each strike term of their policy.
+
+    The column of what a term earns is written into its row.
+    """
+    parts = []
+    for p, policy in enumerate(policies):
+        actions, database = policy.actions, policy.database
+        speeds, hands = database.strike_speeds[actions.strike_ids], database.strike_hands[actions.strike_ids]
+        places = np.reshape(actions.strike_places, (-1, 3))
+        owners = np.repeat(np.arange(actions.action_count), np.diff(actions.strike_offsets))
+        owners -= np.repeat(actions.offsets[:-1], np.diff(actions.offsets))[owners]
+        columns = [actions.strike_times, *places.T, speeds, hands, owners]
+        for row in behaviours[starts["behaviour"][p] : starts["behaviour"][p + 1]]:
+            for term in terms[int(row[layout.FIRST_TERM]) : int(row[layout.LAST_TERM])]:
+                if term[layout.KIND] == StrikeTerm.code:
+                    term[layout.EARNED] = len(columns)
+                    fast = actions.strike_speeds.astype(float) ** term[layout.SPEED_WEIGHT]
+                    faded = row[layout.DISCOUNT] ** actions.strike_times.astype(float)
+                    columns += [faded * fast, faded * term[layout.WEIGHT] * term[layout.WASTE]]
+        parts.append(np.column_stack(columns))
+    width = -(-max(part.shape[1] for part in parts) // 8) * 8
+    return np.concatenate([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts]).astype(np.float32)
+
+
+def discount_rows(discounts: Array, longest: int) -> Array:
+    """Return powers of each discount: row 0 from 0 on, row T for frames 1 to T of an action, and zeros behind them."""
+    times = np.arange(-(-(longest + 1) // layout.LANES) * layout.LANES)
+    rows = discounts[:, None, None] ** (times + 1.0) * (times < np.arange(longest + 1)[:, None])
+    rows[:, 0] = discounts[:, None] ** times
+    return np.asarray(rows)
+
+
+def path_frames(actions: Sequence[Actions]) -> Array:
+    """Return the control frame of each row of paths, from 1 on in each action."""
+    parts = []
+    for one in actions:
+        owners = np.repeat(np.arange(one.action_count), np.diff(one.path_offsets))
+        parts.append(np.arange(len(one.paths)) - one.path_offsets[owners] + 1)
+    return np.concatenate(parts)
+
+
+def note_prices(behaviours: Array, terms: Array) -> None:
+    """Write what a transition costs each behaviour into its row: for a cost of 1, and for each one."""
+    for row in behaviours:
+        own = terms[int(row[layout.FIRST_TERM]) : int(row[layout.LAST_TERM])]
+        row[layout.PRICE], row[layout.EACH] = own[own[:, layout.KIND] == TransitionTerm.code, 1:3].sum(axis=0)
+
+
+def move_rows(
+    ways: Array, actions: Sequence[Actions], behaviours: Array, terms: Array, starts: dict[str, Array]
+) -> Array:
+    """Return where actions end, their transition costs, and what transitions and effort take from each behaviour."""
+    costs = joined([action.costs for action in actions], np.float64)
+    slots = int(np.diff(starts["behaviour"]).max())
+    moves = np.zeros((len(ways), -(-(layout.CUT + slots) // 8) * 8), np.float32)
+    moves[:, : layout.CUT] = np.column_stack([ways[:, :2], np.cos(ways[:, 2]), np.sin(ways[:, 2]), costs])
+    for p, start in enumerate(starts["behaviour"][:-1]):
+        own = slice(starts["action"][p], starts["action"][p + 1])
+        for slot, row in enumerate(behaviours[start : starts["behaviour"][p + 1]]):
+            for term in terms[int(row[layout.FIRST_TERM]) : int(row[layout.LAST_TERM])]:
+                if term[layout.KIND] == TransitionTerm.code:
+                    price = term[layout.WEIGHT] * costs[own] + term[_ONCE] * (costs[own] > 0.0)
+                    moves[own, layout.CUT + slot] += price
+                if term[layout.KIND] == StrikeTerm.code and term[layout.EFFORT] > 0.0:
+                    faded = row[layout.DISCOUNT] ** actions[p].strike_times.astype(float)
+                    sums = np.concatenate([[0.0], np.cumsum(faded)])[actions[p].strike_offsets]
+                    moves[own, layout.CUT + slot] += term[layout.WEIGHT] * term[layout.EFFORT] * np.diff(sums)
+    return moves
+
+
+def grid_rows(behaviours: Array, axes: Array) -> Array:
+    """Return each behaviour's axes, those of a kind in one place; one that it does not have is a single point."""
+    grids = np.tile([0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], (len(behaviours), 3, 1))
+    for grid, (start, end) in zip(grids, behaviours[:, :2].astype(int), strict=True):
+        for kind, first, step, points, wraps, stride, fade, minimum, rate in axes[start:end]:
+            last = first + (points - 1.0) * step
+            greatest = last / (1.0 - rate * last)
+            fade = 0.0 if wraps else fade
+            grid[int(kind)] = first, 1.0 / step, points, wraps, stride, fade, minimum, greatest, rate
+    return grids
+
+
+def padded(rows: Sequence[Array]) -> Array:
+    """Return rows with room to read beyond their ends, float32."""
+    return np.pad(np.stack(rows), ((0, 0), (0, layout.LANES))).astype(np.float32)
+
+
+def _starts_of(counts: Sequence[int]) -> Array:
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+
+def joined(parts: Sequence[Array], dtype: Any) -> Array:
+    """Return arrays of each policy as one."""
+    return np.concatenate([np.asarray(part) for part in parts]).astype(dtype)
+
+
+def _moved(parts: Sequence[Array], starts: Array) -> Array:
+    moved = [np.asarray(part, np.int64) + start for part, start in zip(parts, starts, strict=False)]
+    return np.concatenate(moved).astype(np.int32)
+
+
+def joined_offsets(parts: Sequence[Array], starts: Array) -> Array:
+    """Return CSR offsets of each policy as one, which count from the run's first row."""
+    inner = [np.asarray(part[:-1], np.int64) + start for part, start in zip(parts, starts, strict=False)]
+    return np.concatenate([*inner, starts[-1:]]).astype(np.int32)

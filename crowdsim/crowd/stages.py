@@ -1,0 +1,165 @@
+"""One control frame of a large crowd, stage by stage, each stage shared out among threads."""
+
+from __future__ import annotations
+
+from time import perf_counter_ns
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World, empty_scratch, empty_strikes
+from crowdsim.crowd.crowd import Crowd
+from crowdsim.crowd.kernels.choice import choose
+from crowdsim.crowd.kernels.layout import ACTION_BEFORE, ENTERED, PHASE, PHASE_BEFORE, Now, Observed
+from crowdsim.crowd.kernels.motion import advance, switch
+from crowdsim.crowd.kernels.record import write_record
+from crowdsim.crowd.kernels.strikes import strike
+from crowdsim.crowd.opponents import Index
+from crowdsim.crowd.workers import Workers
+from crowdsim.errors import RunError
+
+_TOGETHER = 8192
+"""Avatars of one thread that observe and choose together; what they note stays in a processor's cache."""
+
+
+class Stages:
+    """The stages of a frame.
+
+    Args:
+        crowd: The crowd.
+        model: Its policies.
+        avatars: Its avatars.
+        index: Finds opponents and neighbours.
+        workers: Threads.
+    """
+
+    def __init__(self, crowd: Crowd, model: Model, avatars: Avatars, index: Index, workers: Workers) -> None:
+        self._crowding, self._model, self._avatars = crowd.crowding, model, avatars
+        self._index, self._workers = index, workers
+        self._due = np.empty(crowd.count, np.int32)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the stages."""
+        return self._due.nbytes
+
+    def run(self, world: World, now: Now, fresh: Array, rows: Record, timings: Array | None) -> Strikes:
+        """Run a frame into the first of ``rows``, and return the strikes thrown on the way to it.
+
+        Args:
+            world: What avatars share.
+            now: The frame.
+            fresh: Slots of avatars that have just entered; they decide and do not move.
+            rows: Where the frame is recorded.
+            timings: Where the time of each stage is written [ns]. Shape (1 or more, 6).
+
+        Raises:
+            RunError: An avatar's position or values are not finite; the message names avatar and frame.
+        """
+        avatars, model, workers = self._avatars, self._model, self._workers
+        clock = [perf_counter_ns()]
+        due = self._find_due(now, fresh)
+        clock.append(perf_counter_ns())
+        before = avatars.number[due] if len(due) else due
+        self._index.update(avatars, now.present)
+        due = avatars.slot_of[before]
+        due.sort()
+        clock.append(perf_counter_ns())
+        chosen = np.empty(len(due), np.int32)
+        observing = self._decide(world, now, due, chosen)
+        clock.append(perf_counter_ns())
+        workers.each(lambda first, last: switch(model, avatars, due, chosen, first, last), len(due))
+        clock.append(perf_counter_ns())
+        thrown = self._strike(world, now)
+        clock.append(perf_counter_ns())
+        workers.each(lambda first, last: write_record(model, avatars, rows, 0, first, last), now.present)
+        clock.append(perf_counter_ns())
+        if timings is not None:
+            spent = np.diff(clock)
+            timings[0] = (
+                spent[1], int(spent[2] * observing), spent[2] - int(spent[2] * observing), spent[0] + spent[3],
+                spent[4], spent[5],
+            )  # fmt: skip
+        return thrown
+
+    def _find_due(self, now: Now, fresh: Array) -> Array:
+        """Move everyone but ``fresh`` by one frame; return the slots of avatars that decide."""
+        if len(fresh) == now.present:
+            return fresh
+        due = self._advance(now)
+        if len(fresh):
+            # They have not moved yet: they are at the end of the action that brings them in.
+            self._avatars.real[PHASE, fresh] = self._avatars.real[PHASE_BEFORE, fresh]
+            self._avatars.whole[ACTION_BEFORE, fresh] = ENTERED
+            due = np.union1d(due, fresh).astype(np.int32)
+        return due
+
+    def _advance(self, now: Now) -> Array:
+        """Move everyone by one frame; return the slots of those whose action has ended."""
+        found: dict[int, int] = {}
+
+        def move(first: int, last: int) -> None:
+            found[first] = advance(self._model, self._avatars, first, last, self._due, False)
+
+        self._workers.each(move, now.present)
+        for held in found.values():
+            if held < 0:
+                raise lost_avatar(self._avatars, -1 - held, now.frame)
+        return np.concatenate([self._due[first : first + held] for first, held in sorted(found.items())])
+
+    def _decide(self, world: World, now: Now, due: Array, chosen: Array) -> float:
+        """Let avatars observe and choose; return the share of the time that observing took."""
+        near = self._crowding
+        lost: list[int] = []
+        spent = [0, 1]
+
+        def decide(first: int, last: int) -> None:
+            room = min(_TOGETHER, last - first)
+            neighbours = np.empty((room, near.most), np.int32)
+            observed = Observed(np.empty(room, np.int32), np.empty(room, np.int32), neighbours)
+            scratch = empty_scratch(self._model, near.most, room)
+            for start in range(first, last, _TOGETHER):
+                some = due[start : min(start + _TOGETHER, last)]
+                begun = perf_counter_ns()
+                self._index.observe(self._avatars, some, near.reach, observed)
+                seen = perf_counter_ns()
+                slot = choose(
+                    self._model, self._avatars, world, now, some, len(some), observed, scratch, chosen[start:last]
+                )
+                if slot >= 0:
+                    lost.append(slot)
+                spent[0] += seen - begun
+                spent[1] += perf_counter_ns() - begun
+
+        self._workers.each(decide, len(due), grain=1024)
+        if lost:
+            raise lost_avatar(self._avatars, min(lost, key=lambda slot: self._avatars.number[slot]), now.frame)
+        return spent[0] / spent[1]
+
+    def _strike(self, world: World, now: Now) -> Strikes:
+        """List the strikes thrown on the way to this frame."""
+        found: dict[int, Strikes] = {}
+
+        def throw(first: int, last: int) -> None:
+            room = 64 + (last - first) // 3
+            while True:
+                strikes = empty_strikes(room)
+                held = strike(self._model, self._avatars, world, now, first, last, self._due, strikes, 0)
+                if held <= room:
+                    found[first] = Strikes(strikes.whole[:held], strikes.real[:held])
+                    return
+                room = held
+
+        self._workers.each(throw, now.present)
+        parts = [found[first] for first in sorted(found)]
+        return Strikes(*(np.concatenate(part) for part in zip(*parts, strict=True))) if parts else empty_strikes(0)
+
+
+def lost_avatar(avatars: Avatars, slot: int, frame: int) -> RunError:
+    """Return the error of an avatar whose position or values are not finite."""
+    avatar = int(avatars.number[slot])
+    x, z = avatars.x[slot], avatars.z[slot]
+    return RunError(
+        f"avatar {avatar} at control frame {frame}: its place ({x:g}, {z:g}) or the values of its actions are not "
+        "finite numbers; the policy's tables or motion are damaged"
+    )

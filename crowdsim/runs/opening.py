@@ -1,0 +1,58 @@
+"""Runs that were written before."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from numpy.typing import ArrayLike
+
+from crowdsim import assets
+from crowdsim.core.types import Array, FileName
+from crowdsim.runs.manifest import NAME as MANIFEST
+from crowdsim.take.take import Take
+
+if TYPE_CHECKING:
+    from crowdsim.policy.policy import Policy
+
+
+class OpenedRun(NamedTuple):
+    """A run that was written before: its take, its policies, and what a user should know of it."""
+
+    take: Take
+    policies: list[Policy]
+    notes: list[str]
+
+    def joint_names(self, avatar: int) -> tuple[str, ...]:
+        """Return the names of an avatar's joints, see ``Take.joint_names``."""
+        return self.take.joint_names(avatar)
+
+    def joints(self, avatar: int, seconds: ArrayLike) -> Array:
+        """Return where an avatar's joints are at one time or several [m], see ``Take.joints``."""
+        return self.take.joints(avatar, seconds)
+
+    def strikes(self, landed: bool | None = None) -> Array:
+        """Return the strikes as a table, see ``Take.strikes``."""
+        return self.take.strikes(landed)
+
+
+def open_run(folder: FileName) -> OpenedRun:
+    """Return a run's take, its policies, and what a user should know of it.
+
+    Raises:
+        TakeError: There is no take, or it is damaged.
+        PolicyError: A policy is missing, or not the one it was recorded with.
+    """
+    from crowdsim.policy.bundle import load_policy
+    from crowdsim.take.store import open_take
+
+    folder = Path(folder)
+    take = open_take(folder)
+    policies = [load_policy(assets.find_bundle(name)) for name in take.cast.policy_names]
+    notes = []
+    if take.status != "done":
+        notes.append(f"{folder}: the run was interrupted; {take.frame_count} control frames are there")
+    elif not (folder / MANIFEST).exists():
+        notes.append(f"{folder}: the run is not finished; its take is, some outputs may be missing")
+    return OpenedRun(replace(take, policies=tuple(policies)), policies, notes)

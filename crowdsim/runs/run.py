@@ -1,0 +1,179 @@
+"""One run on its way: what is asked for, what it costs, and what has come of it."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from crowdsim.core.types import Array, FileName, Progress
+from crowdsim.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    from crowdsim.compilation import Compilation
+    from crowdsim.crowd.statistics import CrowdStatistics
+
+CHOICES = "run --force starts over, --out names another folder"
+"""What can be done about a run that was interrupted."""
+
+
+class Interrupted(Exception):
+    """A run was asked to stop; what it had done is kept and marked.
+
+    Attributes:
+        number: Number of the signal.
+        folder: The run folder.
+    """
+
+    def __init__(self, number: int, folder: Path, kept: str) -> None:
+        super().__init__(f"{folder}: interrupted; {kept}")
+        self.number, self.folder = number, folder
+
+
+@dataclass
+class Report:
+    """What a run did, for its summary and manifest.
+
+    Attributes:
+        folder: The run folder.
+        seconds: Time of each stage [s].
+        notes: What a user should know.
+        done_before: Whether the run was finished already and has not been done again.
+        compiled: Kernels that had to be compiled; their time is the stage ``compile``, with that of loading others.
+        statistics: The run in numbers.
+        outputs: Files of each kind, and their size together [bytes].
+    """
+
+    folder: Path
+    seconds: dict[str, float] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    done_before: bool = False
+    compiled: int = 0
+    statistics: CrowdStatistics | None = None
+    outputs: dict[str, tuple[Path, int, int]] = field(default_factory=dict)
+
+
+class Clock:
+    """Adds the time since the last lap to stages; what kernels took to compile or to load is a stage of its own.
+
+    Args:
+        seconds: Where the time of each stage is added [s].
+        compilation: What is compiled meanwhile.
+    """
+
+    def __init__(self, seconds: dict[str, float], compilation: Compilation | None = None) -> None:
+        self._seconds = seconds
+        self._compilation = compilation
+        self._begun = perf_counter()
+        self.start()
+
+    def start(self) -> None:
+        """Begin a lap now."""
+        self._since = perf_counter()
+        self._compiled = 0.0 if self._compilation is None else self._compilation.seconds
+
+    def lap(self, stage: str) -> None:
+        """Add the time since the last lap to a stage."""
+        since, before = self._since, self._compiled
+        self.start()
+        compiling = min(self._compiled - before, self._since - since)
+        self._add(stage, self._since - since - compiling)
+        if self._compilation is not None:
+            self._add("compile", compiling)
+
+    def watch(self, compilation: Compilation) -> None:
+        """Count from now on what is compiled as a stage of its own."""
+        self._compilation = compilation
+        self._compiled = compilation.seconds
+
+    def _add(self, stage: str, seconds: float) -> None:
+        self._seconds[stage] = self._seconds.get(stage, 0.0) + seconds
+
+    def total(self) -> float:
+        """Return the time since the clock was made [s]."""
+        return perf_counter() - self._begun
+
+
+@dataclass
+class Run:
+    """One run: what is asked for, what it costs, and what has come of it.
+
+    Attributes:
+        scenario: The scenario, resolved.
+        threads: Threads; results do not depend on them.
+        mocap: Folder of capture for policies that are trained from it.
+        progress: Called with stage, done and total.
+        notify: Called with what a user should know beforehand.
+        folder: The run folder; a run in memory has none.
+        force: Whether what an earlier run has left in the folder may be removed.
+        command: The command, for the manifest.
+        order: Number of the avatar in each slot of storage at the start, which changes no result. Shape (N,).
+        caught: The signal that asks the run to stop, once it has come.
+        report: What has been done.
+        clock: Measures the stages of the report.
+    """
+
+    scenario: Scenario
+    threads: int = 1
+    mocap: FileName | None = None
+    progress: Progress | None = None
+    notify: Callable[[str], None] | None = None
+    folder: Path = Path()
+    force: bool = False
+    command: str = ""
+    order: Array | None = None
+    caught: list[int] = field(default_factory=list)
+    report: Report = field(init=False)
+    clock: Clock = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Start the clock."""
+        self.report = Report(self.folder)
+        self.clock = Clock(self.report.seconds)
+
+    def advance(self, stage: str, done: int, total: int) -> None:
+        """Report progress."""
+        if self.progress is not None:
+            self.progress(stage, done, total)
+
+    def advance_outputs(self, stage: str, done: int, total: int) -> None:
+        """Report progress of what is written once the take is finished.
+
+        Raises:
+            Interrupted: A signal has come.
+        """
+        if self.caught:
+            self.interrupt("the take is finished and kept, its outputs are not: export and render write them")
+        self.advance(stage, done, total)
+
+    @contextmanager
+    def catch_signals(self) -> Iterator[None]:
+        """Note the first SIGINT or SIGTERM instead of ending at once; a second one interrupts."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+
+        def note(number: int, _: Any) -> None:
+            if self.caught:
+                raise KeyboardInterrupt
+            self.caught.append(number)
+
+        before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def interrupt(self, kept: str) -> None:
+        """Stop the run because of a signal that has come; ``kept`` says what is kept.
+
+        Raises:
+            Interrupted: Always.
+        """
+        raise Interrupted(self.caught[0], self.folder, f"{kept}, {CHOICES}")
