@@ -144,7 +144,8 @@ def build_model(
     Raises:
         RecipeError: Training does not know a term or an axis.
     """
-    from crowdsim.policy import kernels
+    from crowdsim.training.kernels.rewards import Landed, fill_landed, fill_near
+    from crowdsim.training.kernels.successors import fill_successors
 
     movement = build_movement() if movement is None else movement
     moving, layers = len(grid.moving_axes), grid.layers
@@ -155,7 +156,7 @@ def build_model(
 
     lowers = np.empty((ways, count, cells), np.uint16 if cells <= 65536 else np.int32)
     shares = np.empty((ways, count, cells, moving), np.float32)
-    kernels.fill_successors(actions, axes, targets[::layers].copy(), movement.velocities, lowers, shares)
+    fill_successors(actions, axes, targets[::layers].copy(), movement.velocities, lowers, shares)
 
     packed, log_discount = pack_terms(terms, body), math.log(discount)
     same = all(
@@ -163,13 +164,13 @@ def build_model(
     )
     near = np.empty((ways, count, 1 if same else cells), np.float32)
     xs, zs = targets[::layers, 0].copy(), targets[::layers, 2].copy()
-    kernels.fill_near(actions, xs, zs, movement.velocities, packed, log_discount, near)
+    fill_near(actions, xs, zs, movement.velocities, packed, log_discount, near)
     landed = np.zeros(ways * count + 1, np.int64)
-    nothing = np.zeros(0, np.int32), np.zeros(0, np.float32)
-    kernels.fill_landed(actions, targets, layers, movement.velocities, packed, log_discount, landed, *nothing)
+    counted = Landed(landed, np.zeros(0, np.int32), np.zeros(0, np.float32))
+    fill_landed(actions, targets, movement.velocities, packed, log_discount, counted)
     np.cumsum(landed, out=landed)
-    entries = np.empty(landed[-1], np.int32), np.empty(landed[-1], np.float32)
-    kernels.fill_landed(actions, targets, layers, movement.velocities, packed, log_discount, landed, *entries)
+    listed = Landed(landed, np.empty(landed[-1], np.int32), np.empty(landed[-1], np.float32))
+    fill_landed(actions, targets, movement.velocities, packed, log_discount, listed)
     return Model(
         grid=grid,
         discount=discount,
@@ -182,8 +183,8 @@ def build_model(
         probabilities=movement.probabilities.astype(np.float32),
         near=near,
         landed=landed,
-        landed_cells=entries[0],
-        landed_rewards=entries[1],
+        landed_cells=listed.cells,
+        landed_rewards=listed.rewards,
     )
 
 

@@ -10,9 +10,11 @@ from naive_policy import surface_distance as naive_distance
 
 from crowdsim.crowd import kernels as control
 from crowdsim.errors import RecipeError
-from crowdsim.policy import kernels, rewards
+from crowdsim.policy import rewards
+from crowdsim.policy.action_rewards import action_reward
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Axis, build_grid
+from crowdsim.policy.kernels import rewards as kernels
 from crowdsim.policy.rewards import (
     WASTED,
     AnyTerm,
@@ -21,7 +23,6 @@ from crowdsim.policy.rewards import (
     TargetBody,
     Term,
     TransitionTerm,
-    action_reward,
     pack_terms,
     posed_distance,
     surface_distance,
@@ -52,7 +53,8 @@ NAMES = [
 
 def compiled(actions, action, target, terms, velocity=(0.0, 0.0), discount=0.97):
     packed = pack_terms(terms, BODY)
-    return kernels.reward(actions, action, *target, *velocity, packed, 0, len(packed), math.log(discount))
+    seen = kernels.Target(*map(float, target), *map(float, velocity))
+    return kernels.action_reward(actions, action, seen, packed, 0, len(packed), math.log(discount))
 
 
 @pytest.mark.parametrize("term", TERMS, ids=NAMES)
@@ -158,7 +160,7 @@ def test_a_fist_lands_within_the_tolerance_of_the_surface_of_head_or_torso():
         ((0.0, 1.492, 1.005), False),  # deeper in the head, and still where the torso ends
     ]:
         assert landing(surface_distance(point, head, BODY), 0.1) is lands
-        assert kernels.strike_lands(*point, *head, term, 0) is lands
+        assert kernels.strike_lands(tuple(point), tuple(head), term, 0) is lands
 
 
 def test_the_distance_from_a_surface_is_signed_and_that_of_head_and_torso_together():
@@ -189,7 +191,7 @@ def test_compiled_control_and_training_land_as_the_naive_twin_does(tolerance, sc
         landed += lands
         assert surface_distance(point, head, body) == pytest.approx(distance, abs=1e-7)
         assert landing(surface_distance(point, head, body), tolerance) == lands
-        assert kernels.strike_lands(*point, *head, term, 0) == lands
+        assert kernels.strike_lands(tuple(point), tuple(head), term, 0) == lands
         assert control._touches(tuple(head), tuple(neck), tuple(pelvis), *map(float, radii), tolerance, *point) == lands
         assert added == lands
     assert 20 < landed < count - 20
