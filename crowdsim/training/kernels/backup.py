@@ -1,4 +1,7 @@
-"""Q-values of one action in all cells, by interpolated V."""
+"""Q-values of one action in all cells, by interpolated V.
+
+A loop over one layer would cost more than its work, hence the branches for a single one.
+"""
 
 import numpy as np
 
@@ -25,8 +28,11 @@ def _add_rewards(model, outcome, action, layers, row):
     wide = model.near.shape[2] > 1
     for m in range(model.lowers.shape[2]):
         earned = probability * model.near[outcome, action, m if wide else 0]
-        for h in range(layers):
-            row[m * layers + h] += earned
+        if layers == 1:
+            row[m] += earned
+        else:
+            for h in range(layers):
+                row[m * layers + h] += earned
     at = outcome * len(model.next) + action
     for entry in range(model.landed[at], model.landed[at + 1]):
         row[model.landed_cells[entry]] += probability * model.landed_rewards[entry]
@@ -41,14 +47,16 @@ def _add_values_of_four(model, values, outcome, action, layers, row):
     for m in range(model.lowers.shape[2]):
         lower = np.int64(model.lowers[outcome, action, m])
         entry = base + lower * layers
-        first = m * layers
         u, v = model.shares[outcome, action, m, 0], model.shares[outcome, action, m, 1]
         w0, w1 = factor * (one - u) * (one - v), factor * u * (one - v)
         w2, w3 = factor * (one - u) * v, factor * u * v
         e1, e2, e3 = entry + model.steps[lower, 1], entry + model.steps[lower, 2], entry + model.steps[lower, 3]
-        for h in range(layers):
-            later = w0 * values[entry + h] + w1 * values[e1 + h] + w2 * values[e2 + h] + w3 * values[e3 + h]
-            row[first + h] += later
+        if layers == 1:
+            row[m] += w0 * values[entry] + w1 * values[e1] + w2 * values[e2] + w3 * values[e3]
+        else:
+            for h in range(layers):
+                later = w0 * values[entry + h] + w1 * values[e1 + h] + w2 * values[e2 + h] + w3 * values[e3 + h]
+                row[m * layers + h] += later
 
 
 @kernel(allocates=False)

@@ -11,29 +11,29 @@ from crowdsim.training.kernels.model import corner_weights, expected_reward
 @kernel(parallel=True)
 def gather_best(model, layers, best, earned, entries, weights):
     """Write what ``follow`` needs of the best actions: reward, entries of V behind them, their discounted weights."""
-    moving, corners = model.lowers.shape[2], model.steps.shape[1]
+    corners = model.steps.shape[1]
     for i in prange(len(model.offsets) - 1):
         share = np.empty(corners, weights.dtype)
-        for c in range(moving * layers):
-            _gather_cell(model, layers, np.int64(i), c, best, earned, entries, weights, share)
+        _gather_state(model, layers, np.int64(i), best, earned, entries, weights, share)
 
 
 @kernel(allocates=False)
-def _gather_cell(model, layers, state, cell, best, earned, entries, weights, share):
-    """Do what ``gather_best`` does for one state and cell; ``share`` is scratch space."""
+def _gather_state(model, layers, state, best, earned, entries, weights, share):
+    """Do what ``gather_best`` does for one state; ``share`` is scratch space."""
     cells = model.lowers.shape[2] * layers
-    at = state * cells + cell
-    m, h = cell // layers, cell % layers
-    action = model.offsets[state] + best[at]
-    earned[at] = expected_reward(model, action, m, cell)
-    for outcome in range(len(model.probabilities)):
-        corner_weights(model.shares, outcome, action, m, share)
-        lower = np.int64(model.lowers[outcome, action, m])
-        factor = model.discounts[action] * model.probabilities[outcome]
-        for corner in range(len(share)):
-            place = outcome * len(share) + corner
-            entries[at, place] = model.next[action] * cells + lower * layers + model.steps[lower, corner] + h
-            weights[at, place] = factor * share[corner]
+    for c in range(cells):
+        at = state * cells + c
+        m, h = c // layers, c % layers
+        action = model.offsets[state] + best[at]
+        earned[at] = expected_reward(model, action, m, c)
+        for outcome in range(len(model.probabilities)):
+            corner_weights(model.shares, outcome, action, m, share)
+            lower = np.int64(model.lowers[outcome, action, m])
+            factor = model.discounts[action] * model.probabilities[outcome]
+            for corner in range(len(share)):
+                place = outcome * len(share) + corner
+                entries[at, place] = model.next[action] * cells + lower * layers + model.steps[lower, corner] + h
+                weights[at, place] = factor * share[corner]
 
 
 @kernel(parallel=True)

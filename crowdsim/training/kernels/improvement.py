@@ -31,10 +31,8 @@ def improve(model, layers, values, out, best, residuals):
         state_out, state_best = out[s * cells : (s + 1) * cells], best[s * cells : (s + 1) * cells]
         for c in range(cells):
             state_out[c] = -np.inf
-        if simple and len(best) > 0:
-            _improve_still(model, steps, layers, values, s, True, state_out, state_best)
-        elif simple:
-            _improve_still(model, steps, layers, values, s, False, state_out, state_best)
+        if simple:
+            _improve_still(model, steps, layers, values, s, state_out, state_best)
         else:
             weights, row = np.empty(model.steps.shape[1], values.dtype), np.empty(cells, values.dtype)
             _improve_state(model, layers, values, s, weights, row, state_out, state_best)
@@ -50,37 +48,40 @@ def _improve_state(model, layers, values, state, weights, row, out, best):
     first = model.offsets[state]
     for k in range(model.offsets[state + 1] - first):
         back_up_action(model, values, first + k, layers, weights, row)
+        for c in range(len(best)):
+            best[c] = k if row[c] > out[c] else best[c]
         for c in range(len(out)):
-            if len(best) > 0:
-                best[c] = k if row[c] > out[c] else best[c]
             out[c] = max(row[c], out[c])
 
 
-@kernel(inline=True)
-def _improve_still(model, steps, layers, values, state, keep, out, best):
+@kernel(allocates=False)
+def _improve_still(model, steps, layers, values, state, out, best):
     """Improve one state, for a target that stands still and two moving axes.
 
-    The number of layers of the shipped recipes is a constant here, so that loops over them are unrolled.
+    The number of layers is part of a type for those numbers that the shipped recipes have, so that compiled code
+    unrolls the loops over them.
     """
     first = model.offsets[state]
     for k in range(model.offsets[state + 1] - first):
         if layers == 1:
-            _raise_to_action(model, steps, np.uint64(1), values, first + k, k, keep, out, best)
+            _raise_to_action(model, steps, (0,), values, first + k, k, out, best)
         elif layers == 3:
-            _raise_to_action(model, steps, np.uint64(3), values, first + k, k, keep, out, best)
+            _raise_to_action(model, steps, (0, 0, 0), values, first + k, k, out, best)
         elif layers == 4:
-            _raise_to_action(model, steps, np.uint64(4), values, first + k, k, keep, out, best)
+            _raise_to_action(model, steps, (0, 0, 0, 0), values, first + k, k, out, best)
         else:
-            _raise_to_action(model, steps, np.uint64(layers), values, first + k, k, keep, out, best)
+            _raise_to_action(model, steps, range(layers), values, first + k, k, out, best)
 
 
-@kernel(inline=True)
-def _raise_to_action(model, steps, layers, values, action, k, keep, out, best):
-    """Raise ``out`` to Q(action, .) where that is greater, and set ``best`` to k there if it is kept.
+@kernel(allocates=False)
+def _raise_to_action(model, steps, lanes, values, action, k, out, best):
+    """Raise ``out`` to Q(action, .) where that is greater, and set ``best``, unless it is empty, to k there.
 
     Everything in one pass over the cells; those where strikes land, which earns more than 0, are done once more.
-    Indices are unsigned, because compiled code would check whether signed ones count from the end.
+    Indices are unsigned, because compiled code would check whether signed ones count from the end. ``lanes`` has as
+    many items as the grid has layers.
     """
+    layers, keep = np.uint64(len(lanes)), len(best) > 0
     start = np.int64(model.next[action]) * len(out)
     later = values[start : start + len(out)]
     discount = model.discounts[action]
@@ -92,12 +93,18 @@ def _raise_to_action(model, steps, layers, values, action, k, keep, out, best):
         earned = near[m] if wide else near[0]
         at, e0 = m * layers, lower * layers
         e1, e2, e3 = e0 + steps[lower, 1], e0 + steps[lower, 2], e0 + steps[lower, 3]
-        for h in range(layers):
-            value = w0 * later[e0 + h] + w1 * later[e1 + h] + w2 * later[e2 + h] + w3 * later[e3 + h]
-            value += earned
-            if keep:
+        if keep:
+            for lane in range(len(lanes)):
+                h = np.uint64(lane)
+                value = w0 * later[e0 + h] + w1 * later[e1 + h] + w2 * later[e2 + h] + w3 * later[e3 + h]
+                value += earned
                 best[at + h] = k if value > out[at + h] else best[at + h]
-            out[at + h] = max(value, out[at + h])
+                out[at + h] = max(value, out[at + h])
+        else:
+            for lane in range(len(lanes)):
+                h = np.uint64(lane)
+                value = w0 * later[e0 + h] + w1 * later[e1 + h] + w2 * later[e2 + h] + w3 * later[e3 + h]
+                out[at + h] = max(value + earned, out[at + h])
     for entry in range(model.landed[action], model.landed[action + 1]):
         c = np.uint64(model.landed_cells[entry])
         m = c // layers

@@ -48,7 +48,7 @@ def action_spreads(tables, targets, out):
             if fade_of(tables, 0, target) > 0.0:
                 n = evaluate_actions(tables, one, s, target, corners, values)
                 if n > 1:
-                    out[s, m] = _spread(values, n)
+                    out[s, m] = spread_of(values, n)
 
 
 @kernel(allocates=False)
@@ -58,7 +58,7 @@ def _target(targets, m):
 
 
 @kernel(allocates=False)
-def _spread(values, n):
+def spread_of(values, n):
     """Return the greatest of ``n`` values less their median; the values are reordered."""
     upper = _nth_smallest(values, n, n // 2)  # those before it are not greater, those behind it not smaller
     greatest, lower = upper, -math.inf
