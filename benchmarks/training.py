@@ -28,8 +28,8 @@ from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Axis, Grid, build_grid
 from crowdsim.policy.policy import Behaviour
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, Term
-from crowdsim.training import solver_kernels
 from crowdsim.training.evaluation import EpisodeSettings, run_episodes
+from crowdsim.training.kernels.improvement import improve
 from crowdsim.training.model import Model, Movement, build_model, build_movement
 from crowdsim.training.q_learning import q_learning
 from crowdsim.training.solution import Solution, sweep_model
@@ -119,7 +119,7 @@ def quantecon_problem(model: Model) -> Any:
 def time_sweeps(model: Model, repeats: int) -> dict[str, float]:
     """Return the least seconds of a sweep by QuantEcon and by ours on one and two threads."""
     problem = quantecon_problem(model)
-    packed, lanes = sweep_model(model), (0,) * model.grid.layers
+    packed, layers, best = sweep_model(model), model.grid.layers, np.empty(0, np.uint16)
     size = model.state_count * model.grid.cells
     values = np.random.default_rng(2).random(size)
     theirs, ours = np.empty(size), np.empty(size, np.float32)
@@ -128,7 +128,7 @@ def time_sweeps(model: Model, repeats: int) -> dict[str, float]:
     def sweep(threads: int) -> float:
         numba.set_num_threads(threads)
         started = time.perf_counter()
-        solver_kernels.improve(packed, lanes, narrow, ours, None, changes)
+        improve(packed, layers, narrow, ours, best, changes)
         return time.perf_counter() - started
 
     def reference() -> float:

@@ -6,9 +6,9 @@ import math
 import numpy as np
 
 from crowdsim.motion import ground
+from crowdsim.policy.action_rewards import action_reward
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import corners
-from crowdsim.policy.rewards import action_reward
 
 
 def surface_distance(point, head, neck, pelvis, head_radius, torso_radius, steps=20_000):

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from naive_policy import random_actions
 
+from crowdsim.policy.action_rewards import action_reward
 from crowdsim.policy.environment import build_grid
 from crowdsim.policy.policy import Behaviour, Policy
-from crowdsim.policy.rewards import TargetBody, TransitionTerm, action_reward
+from crowdsim.policy.rewards import TargetBody, TransitionTerm
 from crowdsim.training.ranges import resolve_grid
 from crowdsim.training.recipe import Recipe
 

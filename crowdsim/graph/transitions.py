@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowdsim.core.types import Array, Progress
-from crowdsim.graph.transitions_kernels import keep_cheapest, local_minima, square_distances
+from crowdsim.graph.transitions_kernels import Frames, Minima, keep_cheapest, local_minima, square_distances
 
 _BLOCK_BYTES = 16e6
 """Size of a block of distances, which bounds memory and sets how often progress is reported."""
@@ -79,9 +79,10 @@ def find_transitions(
     feet = (contacts[:, 0] + 2 * contacts[:, 1].astype(np.uint8)).astype(np.uint8)
     block = int(np.clip(_BLOCK_BYTES // (4 * max(frames, 1)), 16, 512))
     squares = np.empty((block + 3, len(rows)), np.float32)
-    found_frames = np.empty((block, frames), np.int32)
-    found_squares = np.empty((block, frames), np.float32)
-    counts = np.zeros(block, np.int64)
+    minima = Minima(
+        np.empty((block, frames), np.int32), np.empty((block, frames), np.float32), np.zeros(block, np.int64)
+    )
+    facts = Frames(clips, feet, max(near, 1))
     best_frames = np.zeros((frames, most), np.int32)
     best_squares = np.full((frames, most), np.inf, np.float32)
     # One rounding above, so that a cost of exactly the ceiling is met; the last word is the caller's comparison below.
@@ -92,8 +93,8 @@ def find_transitions(
         bottom = top + -(-(min(frames, stop + 1) - top) // 2) * 2
         limit = min(highest, best_squares[:, -1].max())
         square_distances(rows, tiles, top, bottom, limit, squares)
-        local_minima(squares, top, start, stop, clips, feet, max(near, 1), limit, found_frames, found_squares, counts)
-        keep_cheapest(start, stop - start, found_frames, found_squares, counts, last, best_frames, best_squares)
+        local_minima(squares, top, start, stop, facts, limit, minima)
+        keep_cheapest(start, stop - start, minima, last, best_frames, best_squares)
         if progress is not None:
             progress("transitions", stop, frames)
     costs = np.sqrt(best_squares)

@@ -1,11 +1,41 @@
 """Compiled search for local minima of the distance between frames."""
 
-import numba as nb
+from typing import Any, NamedTuple
+
 import numpy as np
+from numba import prange
 
 from crowdsim.jit import kernel
 
 _DEPTH = 12
+
+
+class Frames(NamedTuple):
+    """What decides beside the distance whether there is a transition between frames.
+
+    Attributes:
+        clips: Clip of each frame (F,).
+        contacts: Planted feet of each frame as one number (F,); they agree where the numbers are equal.
+        near: Frames of one clip less than this apart are skipped.
+    """
+
+    clips: Any
+    contacts: Any
+    near: int
+
+
+class Minima(NamedTuple):
+    """Local minima of a block of rows.
+
+    Attributes:
+        columns: Frames k of each row, ascending (rows, F).
+        squares: Their squared distances (rows, F).
+        counts: How many there are in each row (rows,).
+    """
+
+    columns: Any
+    squares: Any
+    counts: Any
 
 
 @kernel(parallel=True, fastmath={"contract"})
@@ -21,10 +51,10 @@ def square_distances(features, tiles, start, stop, limit, out):
         stop: One past the last frame; an even number of frames from ``start``.
         limit: Where all partial sums of a tile exceed it they are left at that, so an entry above it is only a lower
             bound.
-        out: Row r belongs to frame ``start + r``; what lies before its own column is of no meaning (stop - start, F).
+        out: Row r belongs to frame ``start + r``; what lies before its own column is undefined (stop - start, F).
     """
     count, depth, width = tiles.shape
-    for pair in nb.prange((stop - start) // 2):
+    for pair in prange((stop - start) // 2):
         r = 2 * pair
         i = start + r
         sums = np.empty(width, np.float32)
@@ -59,7 +89,7 @@ def square_distances(features, tiles, start, stop, limit, out):
 
 
 @kernel(inline=True)
-def _lot(i, k):
+def _tie_break(i, k):
     """Return a number that decides between equal costs, so that a plateau yields scattered minima and not all of it."""
     h = np.uint64(i) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(k) * np.uint64(0xC2B2AE3D27D4EB4F)
     h ^= h >> np.uint64(29)
@@ -68,29 +98,29 @@ def _lot(i, k):
     return h
 
 
-@kernel
+@kernel(allocates=False)
 def _is_lowest(squares, row, i, k, clips):
     """Return whether (i, k), i < k, is lower than its eight neighbours, as far as they lie in the same two clips."""
     frames = clips.shape[0]
     here = squares[row, k]
-    lot = _lot(i, k)
+    number = _tie_break(i, k)
     for di in range(-1, 2):
         m = i + di
         if m < 0 or m >= frames or clips[m] != clips[i]:
             continue
         for dk in range(-1, 2):
             n = k + dk
-            # Below the diagonal stands the same distance as above it, with the frames exchanged.
+            # Below the diagonal is the same distance as above it, with the frames exchanged.
             if n >= frames or clips[n] != clips[k] or n < m:
                 continue
             there = squares[row + di, n]
-            if there < here or (there == here and _lot(m, n) < lot):
+            if there < here or (there == here and _tie_break(m, n) < number):
                 return False
     return True
 
 
 @kernel(parallel=True)
-def local_minima(squares, first, start, stop, clips, contacts, near, limit, out_columns, out_squares, out_counts):
+def local_minima(squares, first, start, stop, frames, limit, minima):
     """Collect the local minima (i, k), i < k, of rows ``start``..``stop`` that may be transitions.
 
     Args:
@@ -98,38 +128,36 @@ def local_minima(squares, first, start, stop, clips, contacts, near, limit, out_
         first: Frame of the first row of ``squares``.
         start: First frame i.
         stop: One past the last frame i.
-        clips: Clip of each frame (F,).
-        contacts: Planted feet of each frame as one number (F,); they agree where the numbers are equal.
-        near: Frames of one clip less than this apart are skipped.
+        frames: ``Frames``.
         limit: Largest squared distance.
-        out_columns: Frames k of each row, ascending (stop - start, F).
-        out_squares: Their squared distances (stop - start, F).
-        out_counts: How many there are in each row (stop - start,).
+        minima: Written: ``Minima``.
     """
-    frames = clips.shape[0]
-    for r in nb.prange(stop - start):
+    clips, contacts, near = frames.clips, frames.contacts, frames.near
+    columns, found, counts = minima.columns, minima.squares, minima.counts
+    last = clips.shape[0] - 1
+    for r in prange(stop - start):
         i = start + r
         count = 0
-        for k in range(i + 1, frames):
+        for k in range(i + 1, last + 1):
             here = squares[i - first, k]
             if not here <= limit or contacts[i] != contacts[k]:
                 continue
             if clips[i] == clips[k] and k - i < near:
                 continue
             # Most are no minima already in their own row, which costs least to see.
-            if k + 1 < frames and clips[k + 1] == clips[k] and squares[i - first, k + 1] < here:
+            if k < last and clips[k + 1] == clips[k] and squares[i - first, k + 1] < here:
                 continue
             if clips[k - 1] == clips[k] and squares[i - first, k - 1] < here:
                 continue
             if _is_lowest(squares, i - first, i, k, clips):
-                out_columns[r, count] = k
-                out_squares[r, count] = here
+                columns[r, count] = k
+                found[r, count] = here
                 count += 1
-        out_counts[r] = count
+        counts[r] = count
 
 
-@kernel
-def keep_cheapest(start, rows, columns, squares, counts, last, best_frames, best_squares):
+@kernel(allocates=False)
+def keep_cheapest(start, rows, minima, last, best_frames, best_squares):
     """Keep for every frame the pairs that cost least, the cheapest first and the earlier of equal ones.
 
     Called block after block of ``local_minima``, so that each frame meets its partners in ascending order.
@@ -137,9 +165,7 @@ def keep_cheapest(start, rows, columns, squares, counts, last, best_frames, best
     Args:
         start: Frame of the first row.
         rows: Number of rows.
-        columns: Partner frames of each row (rows, F).
-        squares: Their squared distances (rows, F).
-        counts: How many there are in each row (rows,).
+        minima: ``Minima``.
         last: Whether each frame is the last of its clip (F,); no transition leads past it.
         best_frames: Partners kept of each frame (F, N), updated.
         best_squares: Their squared distances, infinite where there is none (F, N), updated.
@@ -147,8 +173,8 @@ def keep_cheapest(start, rows, columns, squares, counts, last, best_frames, best
     most = best_frames.shape[1]
     for r in range(rows):
         i = start + r
-        for c in range(counts[r]):
-            k, square = columns[r, c], squares[r, c]
+        for c in range(minima.counts[r]):
+            k, square = minima.columns[r, c], minima.squares[r, c]
             for side in range(2):
                 source, partner = (i, k) if side == 0 else (k, i)
                 if last[partner] or not square < best_squares[source, most - 1]:

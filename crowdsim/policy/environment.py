@@ -6,10 +6,10 @@ points is multilinear; beyond the range of an axis the measure is clamped, and t
 (``fade_factor``).
 
 To add an axis, add it to ``AXIS_KINDS`` with a code of its own, give it a field in ``recipe.Axes`` and a range in
-``ranges.resolve_grid``, say what it measures in ``measure`` and in ``measure`` of ``kernels.py``, let ``Grid.targets``
-place targets by it, and list it in ``COMPILED``: training knows it then. Control has kernels of its own:
-``SUPPORTED_AXES`` in ``crowd/model.py`` says what they need. An axis that is not listed is refused, never taken for
-another one.
+``ranges.resolve_grid``, define what it measures in ``measure`` and in ``measure`` of ``kernels/axes.py``, let
+``Grid.targets`` place targets by it, and list it in ``COMPILED``: training knows it then. Control has kernels of its
+own: ``SUPPORTED_AXES`` in ``crowd/model.py`` says what they need. An axis that is not listed is refused, never taken
+for another one.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ AXIS_KINDS: dict[str, AxisKind] = {
 """Every axis there is, in the order in which a grid holds them, those that move first."""
 
 COMPILED = ("distance", "bearing", "height")
-"""Axes that have a branch in ``measure`` of ``kernels.py``, and by which targets are placed."""
+"""Axes that have a branch in ``measure`` of ``kernels/axes.py``, and by which targets are placed."""
 
 
 @dataclass(frozen=True)

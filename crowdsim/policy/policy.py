@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 from crowdsim.core.types import Array
 from crowdsim.errors import PolicyError, nearest
 from crowdsim.motion import ground
+from crowdsim.policy.action_rewards import action_reward
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import AXIS_WIDTH, HALFWAY, LEAD, Grid, corners, fade_factor
-from crowdsim.policy.rewards import TERM_WIDTH, TargetBody, Term, TransitionTerm, action_reward, pack_terms
+from crowdsim.policy.rewards import TERM_WIDTH, TargetBody, Term, TransitionTerm, pack_terms
 
 if TYPE_CHECKING:
     from crowdsim.graph.motion_graph import MotionGraph
@@ -65,7 +66,7 @@ class Behaviour:
 class LookupTables(NamedTuple):
     """All that control needs of a policy as flat arrays, for compiled code, which can be handed all of it at once.
 
-    ``evaluate_actions`` in ``kernels.py`` reads exactly this. B is the number of behaviours.
+    ``kernels/values.py`` reads exactly this, and names the columns. B is the number of behaviours.
 
     Attributes:
         actions: The graph's actions; see ``Actions``.

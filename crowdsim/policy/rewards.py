@@ -14,16 +14,15 @@ counts control frames from the action's state, and gamma is the discount a frame
   distance, or between two distances, from the avatar.
 * ``transition``: what cuts cost, since they are seen.
 
-To add a term, write its model with a code of its own, add it to ``TERMS`` and ``AnyTerm``, say what it is worth in
-``action_reward`` and in ``term_reward`` of ``kernels.py``, and list it in ``COMPILED``: training knows it then. Control
-has kernels of its own for behaviours with the look-up v: ``SUPPORTED_TERMS`` in ``crowd/model.py`` says what they need.
-A term that is not listed is refused, never taken for another one. Terms other than strikes depend on where the target
-is over the ground, not on its height.
+To add a term, write its model with a code of its own, add it to ``TERMS`` and ``AnyTerm``, define what it is worth in
+``action_rewards.py`` and in ``term_reward`` of ``kernels/rewards.py``, and list it in ``COMPILED``: training knows it
+then. Control has kernels of its own for behaviours with the look-up v: ``SUPPORTED_TERMS`` in ``crowd/model.py`` says
+what they need. A term that is not listed is refused, never taken for another one. Terms other than strikes depend on
+where the target is over the ground, not on its height.
 """
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -34,11 +33,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from crowdsim.config.files import Fault
 from crowdsim.core.types import Array
 from crowdsim.errors import RecipeError
-from crowdsim.motion import ground
 
 if TYPE_CHECKING:
     from crowdsim.motion.database import MotionDatabase
-    from crowdsim.policy.actions import Actions
 
 Metres = Annotated[float, Field(ge=0.0)]
 
@@ -190,7 +187,7 @@ TERMS: dict[str, type[Term]] = {"strike": StrikeTerm, "proximity": ProximityTerm
 """Every reward term there is."""
 
 COMPILED: tuple[type[Term], ...] = (StrikeTerm, ProximityTerm, TransitionTerm)
-"""Terms that have a branch in ``term_reward`` of ``kernels.py``; no others reach compiled code."""
+"""Terms that have a branch in ``term_reward`` of ``kernels/rewards.py``; no others reach compiled code."""
 
 AnyTerm = Annotated[StrikeTerm | ProximityTerm | TransitionTerm, Field(discriminator="kind")]
 
@@ -204,7 +201,7 @@ def pack_terms(terms: list[Term] | tuple[Term, ...], body: TargetBody) -> Array:
     rows = np.zeros((len(terms), TERM_WIDTH))
     for row, term in zip(rows, terms, strict=True):
         if not isinstance(term, COMPILED):
-            raise _unknown(term)
+            raise unknown_term(term)
         numbers = (float(term.code), *term.pack(body))
         row[: len(numbers)] = numbers
     return rows
@@ -220,7 +217,8 @@ def supported(terms: tuple[type[Term], ...]) -> str:
     return f"expected one of {', '.join(name for name, term in TERMS.items() if issubclass(term, terms))}"
 
 
-def _unknown(term: Term) -> RecipeError:
+def unknown_term(term: Term) -> RecipeError:
+    """Return the error of a term that training does not evaluate."""
     return RecipeError(f"{term_name(term)!r} is no reward term of training, {supported(COMPILED)}")
 
 
@@ -271,62 +269,3 @@ def posed_distance(
 def lands(distance: float, tolerance: float) -> bool:
     """Return whether a fist lands at a signed distance from a body's surface: not too far outside, nor too deep [m]."""
     return -tolerance <= distance <= tolerance
-
-
-def action_reward(
-    actions: Actions,
-    action: int,
-    target: ArrayLike,
-    terms: tuple[Term, ...],
-    body: TargetBody,
-    discount: float,
-    velocity: ArrayLike = (0.0, 0.0),
-    lasts: float = math.inf,
-) -> float:
-    """Return r(e, a) for a target (3,) in the ground frame of the action's state: slow and plain, as said above.
-
-    Args:
-        actions: All actions.
-        action: Which one.
-        target: Centre of the target's head [m].
-        terms: The terms of the behaviour.
-        body: The target's sizes.
-        discount: gamma, a control frame.
-        velocity: How far the target moves over the ground, along x and z [m a control frame].
-        lasts: For how many control frames it moves on.
-
-    Raises:
-        RecipeError: A term is none of those.
-    """
-    start = np.asarray(target, dtype=float)
-    step = np.array([velocity[0], 0.0, velocity[1]])  # type: ignore[index]
-    total = 0.0
-    for term in terms:
-        if isinstance(term, StrikeTerm):
-            found, spent = [0.0], 0.0
-            for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
-                t = float(actions.strike_times[strike])
-                place = start + min(t, lasts) * step
-                away = actions.strike_places[strike].astype(float) - place
-                spent += discount**t * (term.effort + term.waste * (math.hypot(away[0], away[2]) > WASTED))
-                if lands(surface_distance(actions.strike_places[strike], place, body), term.tolerance):
-                    found.append(discount**t * float(actions.strike_speeds[strike]) ** term.speed_weight)
-            total += term.weight * ((max(found) if term.form == "max" else sum(found)) - spent)
-        elif isinstance(term, ProximityTerm):
-            path = actions.paths[actions.path_offsets[action] : actions.path_offsets[action + 1]].astype(float)
-            values = []
-            for t, place in enumerate(path, start=1):
-                x, _, z = ground.to_local(place, start + min(t, lasts) * step)
-                ahead = z if term.facing else math.hypot(x, z)
-                gap = ahead - min(max(ahead, term.between[0]), term.between[1])
-                if term.facing:
-                    gap = math.hypot(gap, max(abs(x) - term.aside, 0.0))
-                gap = abs(gap)
-                values.append(discount**t * math.exp(-gap / term.sigma))
-            total += term.weight * (sum(values) if term.form == "sum" else max(values))
-        elif isinstance(term, TransitionTerm):
-            cost = float(actions.costs[action])
-            total -= term.weight * cost + (term.each if cost > 0.0 else 0.0)
-        else:
-            raise _unknown(term)
-    return total

@@ -10,8 +10,8 @@ from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, mode
 from crowdsim.config.files import Fault, Faults, Finding, StrictModel
 from crowdsim.config.schema import Words, join
 from crowdsim.errors import nearest
-from crowdsim.policy.pursuit import MARGIN, MOST, TEMPERATURE
 from crowdsim.scenario.names import NAME, NAME_RULE
+from crowdsim.training.pursuit import MARGIN, MOST, TEMPERATURE
 
 _COLOUR = r"#[0-9a-fA-F]{6}"
 

@@ -16,6 +16,7 @@ from crowdsim.policy.policy import Behaviour, Policy, build_lookup_tables
 from crowdsim.policy.rewards import TargetBody
 
 CHOICES = {"table": 0, "random": 1, "search": 2}
+"""Numbers of the choices in compiled code."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,7 @@ def run_episodes(
         composition: What chooses in place of the behaviour's own table, over the same actions; their costs may differ.
         threads: Threads to use; results are the same for any number.
     """
-    from crowdsim.policy import kernels
+    from crowdsim.training.kernels import episodes as played
 
     settings = settings or EpisodeSettings()
     judge = build_lookup_tables(actions, (_always(behaviour),), body)
@@ -138,17 +139,25 @@ def run_episodes(
         tables = build_lookup_tables(composition.actions, composition.behaviours, body)
         weights = np.asarray(composition.weights, float)
     horizon = round(settings.seconds * control_rate)
-    out, used = np.empty((len(states), 9)), np.zeros(actions.action_count, np.uint8)
+    rules = played.Rules(
+        tables,
+        weights,
+        judge,
+        CHOICES[settings.choice],
+        settings.width,
+        settings.depth,
+        float(settings.target_speed / control_rate),
+        horizon,
+        float(settings.within),
+        settings.seed,
+    )
+    out, used = np.empty((len(states), played.COLUMNS)), np.zeros(actions.action_count, np.uint8)
     states, targets = np.asarray(states, np.int32), np.asarray(targets, float)
     numbers = np.arange(len(states))
 
     def play(some: slice) -> float:
         started = time.thread_time()
-        kernels.run_episodes(
-            tables, weights, judge, CHOICES[settings.choice], states[some], targets[some],
-            settings.target_speed / control_rate, horizon, settings.width, settings.depth, settings.within,
-            settings.seed, numbers[some], out[some], used,
-        )  # fmt: skip
+        played.run_episodes(rules, states[some], targets[some], numbers[some], out[some], used)
         return time.thread_time() - started
 
     play(slice(0, 1))  # compiled here, so that the times below are those of decisions
@@ -160,17 +169,21 @@ def run_episodes(
 
 def _episodes(out: Array, used: Array, spent: float, rate: float) -> Episodes:
     """Return the episodes of the kernel's columns (N, 9) and flags of actions (A,), which took so long [s]."""
+    from crowdsim.training.kernels import episodes as played
+
     never = out < 0.0
+    arrived, landed = played.ARRIVED, played.FIRST_LANDED
+    cuts, frames = out[:, played.CUTS].sum(), out[:, played.FRAMES].sum()
     return Episodes(
-        returns=out[:, 0],
-        earned=out[:, 8],
-        distances=out[:, 1],
-        arrivals=np.where(never[:, 7], np.nan, out[:, 7] / rate),
-        landings=np.where(never[:, 2], np.nan, out[:, 2] / rate),
-        landed=out[:, 3],
-        seconds_a_decision=spent / float(out[:, 6].sum()),
-        cuts_per_second=float(out[:, 4].sum() / out[:, 5].sum() * rate),
-        uncut_seconds=float(out[:, 5].sum() / rate / max(out[:, 4].sum(), 1.0)),
+        returns=out[:, played.RETURN],
+        earned=out[:, played.EARNED],
+        distances=out[:, played.NEAREST],
+        arrivals=np.where(never[:, arrived], np.nan, out[:, arrived] / rate),
+        landings=np.where(never[:, landed], np.nan, out[:, landed] / rate),
+        landed=out[:, played.LANDED],
+        seconds_a_decision=spent / float(out[:, played.DECISIONS].sum()),
+        cuts_per_second=float(cuts / frames * rate),
+        uncut_seconds=float(frames / rate / max(cuts, 1.0)),
         actions_used=int(used.sum()),
     )
 

@@ -14,7 +14,7 @@ from crowdsim.errors import PolicyError, nearest
 from crowdsim.policy.bundle import canonical, file_hash
 from crowdsim.training.recipe import Recipe, plain
 
-SOURCES = ("motion", "bvh", "capture", "performer", "graph", "policy", "training")
+SOURCES = ("core", "motion", "bvh", "capture", "performer", "graph", "policy", "training")
 """Folders of the package whose code decides what a bundle holds."""
 
 _SHOWN = 4

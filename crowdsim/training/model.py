@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from crowdsim.core.types import Array
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import AXIS_KINDS, Grid
 from crowdsim.policy.rewards import StrikeTerm, TargetBody, Term, TransitionTerm, pack_terms
+
+if TYPE_CHECKING:
+    from crowdsim.training.kernels.rewards import Landed
 
 BACKUPS = ("max_of_interpolated", "interpolation_of_max")
 
@@ -141,7 +145,8 @@ def build_model(
     Raises:
         RecipeError: Training does not know a term or an axis.
     """
-    from crowdsim.policy import kernels
+    from crowdsim.training.kernels.rewards import fill_near
+    from crowdsim.training.kernels.successors import fill_successors
 
     movement = build_movement() if movement is None else movement
     moving, layers = len(grid.moving_axes), grid.layers
@@ -152,13 +157,13 @@ def build_model(
 
     lowers = np.empty((ways, count, cells), np.uint16 if cells <= 65536 else np.int32)
     shares = np.empty((ways, count, cells, moving), np.float32)
-    kernels.fill_successors(actions, axes, targets[::layers].copy(), movement.velocities, lowers, shares)
+    fill_successors(actions, axes, targets[::layers].copy(), movement.velocities, lowers, shares)
 
     packed, log_discount = pack_terms(terms, body), math.log(discount)
     near = np.empty((ways, count, 1 if _same_everywhere(terms) else cells), np.float32)
     xs, zs = targets[::layers, 0].copy(), targets[::layers, 2].copy()
-    kernels.fill_near(actions, xs, zs, movement.velocities, packed, log_discount, near)
-    landed, landed_cells, landed_rewards = _landed_rewards(actions, grid, movement, packed, log_discount)
+    fill_near(actions, xs, zs, movement.velocities, packed, log_discount, near)
+    landed = _landed_rewards(actions, grid, movement, packed, log_discount)
     return Model(
         grid=grid,
         discount=discount,
@@ -170,26 +175,24 @@ def build_model(
         steps=corner_steps(grid),
         probabilities=movement.probabilities.astype(np.float32),
         near=near,
-        landed=landed,
-        landed_cells=landed_cells,
-        landed_rewards=landed_rewards,
+        landed=landed.offsets,
+        landed_cells=landed.cells,
+        landed_rewards=landed.rewards,
     )
 
 
-def _landed_rewards(
-    actions: Actions, grid: Grid, movement: Movement, packed: Array, log_discount: float
-) -> tuple[Array, Array, Array]:
+def _landed_rewards(actions: Actions, grid: Grid, movement: Movement, packed: Array, log_discount: float) -> Landed:
     """Return what strikes earn where they land: offsets by outcome and action, cells and rewards (``Model``)."""
-    from crowdsim.policy import kernels
+    from crowdsim.training.kernels.rewards import Landed, fill_landed
 
-    targets, layers, velocities = grid.targets(), grid.layers, movement.velocities
+    targets, velocities = grid.targets(), movement.velocities
     offsets = np.zeros(len(movement.probabilities) * actions.action_count + 1, np.int64)
-    nothing = np.zeros(0, np.int32), np.zeros(0, np.float32)
-    kernels.fill_landed(actions, targets, layers, velocities, packed, log_discount, offsets, *nothing)
+    counted = Landed(offsets, np.zeros(0, np.int32), np.zeros(0, np.float32))
+    fill_landed(actions, targets, velocities, packed, log_discount, counted)
     np.cumsum(offsets, out=offsets)
-    cells, rewards = np.empty(offsets[-1], np.int32), np.empty(offsets[-1], np.float32)
-    kernels.fill_landed(actions, targets, layers, velocities, packed, log_discount, offsets, cells, rewards)
-    return offsets, cells, rewards
+    listed = Landed(offsets, np.empty(offsets[-1], np.int32), np.empty(offsets[-1], np.float32))
+    fill_landed(actions, targets, velocities, packed, log_discount, listed)
+    return listed
 
 
 def _same_everywhere(terms: tuple[Term, ...]) -> bool:

@@ -166,18 +166,19 @@ class _BestActions:
 
         An action is -1 beyond the extent.
         """
-        from crowdsim.policy import kernels
+        from crowdsim.policy.kernels.axes import Corners
+        from crowdsim.policy.kernels.rewards import Target
+        from crowdsim.policy.kernels.values import evaluate_actions
 
-        ones, cells, shares = np.ones(1), np.empty(64, np.int64), np.empty(64)
+        ones, corners = np.ones(1), Corners(np.empty(64, np.int64), np.empty(64))
         found, height = np.empty(self._most), HEAD if self.head is None else self.head
         sides = np.linspace(-extent, extent, points)
         values, best = np.full((points, points), np.nan), np.full((points, points), -1)
         for row, z in enumerate(sides):
             for place, right in enumerate(sides):
                 if math.hypot(right, z) <= min(extent, self.far):
-                    n = kernels.evaluate_actions(
-                        self._tables, ones, state, -right, height, z, 0.0, 0.0, cells, shares, found
-                    )
+                    target = Target(-right, height, z, 0.0, 0.0)
+                    n = evaluate_actions(self._tables, ones, state, target, corners, found)
                     values[row, place] = found[:n].max() * self._scale
                     best[row, place] = found[:n].argmax()
         return sides, values, best

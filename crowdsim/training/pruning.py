@@ -111,9 +111,9 @@ def judge_ways(
     """
     import numba
 
-    from crowdsim.policy import kernels
     from crowdsim.policy.policy import build_lookup_tables
     from crowdsim.training.behaviours import train_behaviour
+    from crowdsim.training.kernels import judging
     from crowdsim.training.ranges import sample_targets
 
     coarse = []
@@ -125,11 +125,12 @@ def judge_ways(
     moods = np.concatenate([np.eye(count), np.ones((1 if count > 1 else 0, count))])
     keep = np.zeros(actions.action_count, np.uint8)
     gains = np.zeros(actions.action_count)
-    targets, cuts, states = sample_targets(database), graph.action_cuts, actions.state_count
+    situations = judging.Situations(tables, moods, sample_targets(database))
+    cuts, states = graph.action_cuts, actions.state_count
 
     def judge(first: int) -> int:
         last = min(first + _BLOCK, states)
-        kernels.judge_ways(tables, moods, targets, cuts, ways, first, last, keep, gains)
+        judging.judge_ways(situations, cuts, ways, first, last, keep, gains)
         return last
 
     with ThreadPoolExecutor(numba.get_num_threads()) as pool:

@@ -19,7 +19,8 @@ import time
 import numpy as np
 
 from crowdsim.core.types import Array, Progress
-from crowdsim.training import solver_kernels
+from crowdsim.training.kernels.exploration import Learning, try_best, try_everything
+from crowdsim.training.kernels.q_tables import put, values_from_q
 from crowdsim.training.model import Model
 from crowdsim.training.solution import Solution, sweep_model
 
@@ -54,13 +55,14 @@ def q_learning(
     q, other = (np.zeros(model.action_count * cells, np.float32) for _ in range(2))
     changes, visits = np.empty(model.state_count), np.zeros(len(q), np.uint16)
     tries = tries if len(model.probabilities) > 1 else 1
-    step_sizes = _step_sizes(max_sweeps * (1 + exploitations * tries), omega, settle)
+    rounds = max_sweeps * (1 + exploitations * tries)
+    learning = Learning(visits, _step_sizes(rounds, omega, settle), seed)
     entries = np.empty(model.state_count * cells, np.int64)
     found = np.empty(model.state_count * cells, np.float32)
     residuals: list[float] = []
     converged, played = False, 0
     while len(residuals) < max_sweeps and not converged:
-        solver_kernels.try_everything(packed, layers, q, other, visits, step_sizes, seed, changes)
+        try_everything(packed, layers, q, other, learning, changes)
         q, other = other, q
         played += 1
         residuals.append(float(changes.sum()) / len(q))
@@ -68,11 +70,11 @@ def q_learning(
         if progress is not None:
             progress("q-learning", len(residuals), max_sweeps)
         for _ in range(0 if converged else exploitations):
-            solver_kernels.try_best(packed, layers, q, entries, found, visits, step_sizes, seed, tries)
-            solver_kernels.put(q, entries, found)
+            try_best(packed, layers, q, entries, found, learning, tries)
+            put(q, entries, found)
             played += 1
     values = np.empty(model.state_count * cells, np.float32)
-    solver_kernels.values_from_q(model.offsets, cells, q, values)
+    values_from_q(model.offsets, cells, q, values)
     return Solution(
         values=values.reshape(model.state_count, cells),
         q=q,

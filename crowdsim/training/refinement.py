@@ -131,7 +131,7 @@ def _weights(axis: Axis, other: Axis) -> Array:
 
 def _along_axes(values: Array, grid: Grid, operators: list[Array]) -> Array:
     """Return values with a matrix applied along each axis of the grid."""
-    from crowdsim.training import solver_kernels
+    from crowdsim.training.kernels.refinement import apply_along_axis
 
     shape = list(grid.shape)
     result = np.ascontiguousarray(values, dtype=np.float32).reshape(len(values), -1)
@@ -140,7 +140,7 @@ def _along_axes(values: Array, grid: Grid, operators: list[Array]) -> Array:
             continue
         before, after = int(np.prod(shape[:d])), int(np.prod(shape[d + 1 :]))
         out = np.empty((len(values), before, operator.shape[0], after), np.float32)
-        solver_kernels.apply_along_axis(operator, result.reshape(len(values), before, shape[d], after), out)
+        apply_along_axis(operator, result.reshape(len(values), before, shape[d], after), out)
         shape[d] = operator.shape[0]
         result = out.reshape(len(values), -1)
     return result

@@ -35,12 +35,12 @@ def decisive_scale(behaviour: Behaviour, actions: Actions, body: TargetBody, tar
     Returns:
         The scale; 0 for a behaviour that is indifferent, which then counts for nothing.
     """
-    from crowdsim.policy import kernels
     from crowdsim.policy.policy import build_lookup_tables
+    from crowdsim.training.kernels.judging import action_spreads
 
     tables = build_lookup_tables(actions, (behaviour,), body)
     spreads = np.full((actions.state_count, len(targets)), np.nan)
-    kernels.action_spreads(tables, targets, spreads)
+    action_spreads(tables, targets, spreads)
     finite = spreads[np.isfinite(spreads)]
     scale = float(np.mean(finite)) if len(finite) else 0.0
     return scale if scale > INDIFFERENT * greatest else 0.0

@@ -72,9 +72,9 @@ def sweep_model(model: Model) -> SweepModel:
 
 def q_table(model: Model, values: Array) -> Array:
     """Return Q(a, c) by one more backup of interpolated V, flat as a Q-table lies, in the type of ``values``."""
-    from crowdsim.training import solver_kernels
+    from crowdsim.training.kernels.following import q_from_values
 
     q = np.empty(model.action_count * model.grid.cells, values.dtype)
     packed = sweep_model(model)
-    solver_kernels.q_from_values(packed, model.grid.layers, np.ascontiguousarray(values).ravel(), q)
+    q_from_values(packed, model.grid.layers, np.ascontiguousarray(values).ravel(), q)
     return q

@@ -13,7 +13,7 @@ from crowdsim.graph.statistics import frames_kept_by_clip, graph_statistics
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.strike_kinds import HEIGHTS, KINDS, strike_heights, strike_kinds
 from crowdsim.policy.policy import Policy
-from crowdsim.policy.pursuit import sustained_speed
+from crowdsim.training.pursuit import sustained_speed
 from crowdsim.training.ranges import strike_reach, striking_range
 from crowdsim.training.solution import Solution
 from crowdsim.training.trials import measure_success

@@ -119,18 +119,22 @@ def _run_trials(
     policy: Policy, behaviour: Behaviour, states: Array, targets: Array, horizon: int, goal: _Goal
 ) -> Array:
     """Return in which control frame each trial reaches its goal, NaN where it does not in time. Shape (N,)."""
-    from crowdsim.policy import kernels
+    from crowdsim.policy.kernels.axes import Corners
+    from crowdsim.policy.kernels.rewards import Target
+    from crowdsim.policy.kernels.values import evaluate_actions
 
     tables = _tables_of(policy, behaviour)
     actions = policy.actions
     most = int(np.diff(actions.offsets).max())
-    cells, shares, values = np.empty(64, np.int64), np.empty(64), np.empty(most)
+    corners, values = Corners(np.empty(64, np.int64), np.empty(64)), np.empty(most)
     weights = np.ones(1)
     times = np.full(len(states), np.nan)
     for i in range(len(states)):
-        state, target, frame = np.int32(states[i]), np.asarray(targets[i], dtype=float), 0
+        state, target, frame = int(states[i]), np.asarray(targets[i], dtype=float), 0
         while frame < horizon:
-            count = kernels.evaluate_actions(tables, weights, state, *target, 0.0, 0.0, cells, shares, values)
+            count = evaluate_actions(
+                tables, weights, state, Target(target[0], target[1], target[2], 0.0, 0.0), corners, values
+            )
             action = int(actions.offsets[state]) + int(np.argmax(values[:count]))
             reached = frame + _time_in_action(policy, action, target, goal)
             if reached <= horizon:
@@ -138,7 +142,7 @@ def _run_trials(
                 break
             frame += int(actions.lengths[action])
             target = ground.to_local(actions.paths[actions.path_offsets[action + 1] - 1], target)
-            state = actions.next[action]
+            state = int(actions.next[action])
     return times
 
 

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from crowdsim.core.types import Array, Progress
-from crowdsim.training import solver_kernels
+from crowdsim.training.kernels.following import follow, gather_best
+from crowdsim.training.kernels.improvement import improve
+from crowdsim.training.kernels.q_tables import improve_best_q, improve_q, put, values_from_q
 from crowdsim.training.model import BACKUPS, Model
 from crowdsim.training.solution import Solution, sweep_model, value_spread
 
@@ -99,9 +101,8 @@ def _iterate_v(
     size, precision = len(values), values.dtype
     packed, layers = sweep_model(model), model.grid.layers
     other = np.empty_like(values)
-    best = np.zeros(size, np.uint16) if evaluations else None
+    best = np.zeros(size if evaluations else 0, np.uint16)
     changes = np.empty(model.state_count)
-    lanes = (0,) * layers
     updates = 0
     width = len(model.probabilities) * model.steps.shape[1] if evaluations else 0
     earned, weights = np.empty(size if evaluations else 0, precision), np.empty((size, width), precision)
@@ -109,7 +110,7 @@ def _iterate_v(
     gains: list[float] = []
     before, shifts = float(np.mean(values, dtype=np.float64)), 0
     while len(residuals) < max_sweeps:
-        solver_kernels.improve(packed, lanes, values, other, best, changes)
+        improve(packed, layers, values, other, best, changes)
         values, other = other, values
         residuals.append(float(changes.max()) / value_spread(values))
         updates += model.action_count * model.grid.cells
@@ -126,9 +127,9 @@ def _iterate_v(
                 gains.clear()
             before = mean + shift
         if evaluations:
-            solver_kernels.gather_best(packed, layers, best, earned, entries, weights)
+            gather_best(packed, layers, best, earned, entries, weights)
         for _ in range(evaluations):
-            solver_kernels.follow(earned, entries, weights, values, other)
+            follow(earned, entries, weights, values, other)
             values, other = other, values
             updates += size
     return values, updates
@@ -164,7 +165,7 @@ def _iterate_q(
     values = np.empty(model.state_count * cells, precision)
     updates = 0
     while len(residuals) < max_sweeps:
-        solver_kernels.improve_q(packed, layers, q, other, changes)
+        improve_q(packed, layers, q, other, changes)
         q, other = other, q
         residuals.append(float(changes.max()) / value_spread(q))
         updates += len(q)
@@ -172,8 +173,8 @@ def _iterate_q(
         if residuals[-1] <= tolerance:
             break
         for _ in range(evaluations):
-            solver_kernels.improve_best_q(packed, layers, q, entries, values)
-            solver_kernels.put(q, entries, values)
+            improve_best_q(packed, layers, q, entries, values)
+            put(q, entries, values)
             updates += len(values)
-    solver_kernels.values_from_q(model.offsets, cells, q, values)
+    values_from_q(model.offsets, cells, q, values)
     return values, q, updates

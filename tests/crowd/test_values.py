@@ -9,8 +9,10 @@ from synthetic_policy import policy
 from crowdsim.crowd.arrays import empty_scratch
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.model import build_model
-from crowdsim.policy import kernels as training
 from crowdsim.policy.bundle import encode
+from crowdsim.policy.kernels.axes import Corners
+from crowdsim.policy.kernels.rewards import Target
+from crowdsim.policy.kernels.values import evaluate_actions
 from crowdsim.policy.policy import action_values
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TransitionTerm
 
@@ -119,12 +121,12 @@ def test_values_in_training_are_those_of_the_plain_version(lookup, terms):
     first, last = chosen.behaviours
     chosen = replace(chosen, behaviours=(first, replace(last, scale=0.7)))
     tables, rng = chosen.lookup_tables(), np.random.default_rng(1)
-    cells, shares, out = np.empty(64, np.int64), np.empty(64), np.empty(100)
+    corners, out = Corners(np.empty(64, np.int64), np.empty(64)), np.empty(100)
     for _ in range(100):
         state, weights = int(rng.integers(chosen.actions.state_count)), rng.uniform(0, 2, 2) * rng.integers(0, 2, 2)
         target = rng.uniform([-2.0, 1.0, -2.0], [2.0, 1.8, 2.0])
         vx, vz = rng.normal(0.0, 0.1, 2) * rng.integers(0, 2)
-        n = training.evaluate_actions(tables, weights, state, *target, vx, vz, cells, shares, out)
+        n = evaluate_actions(tables, weights, state, Target(*target, vx, vz), corners, out)
         named = {each.name: weight for each, weight in zip(chosen.behaviours, weights, strict=True)}
         expected = action_values(chosen, named, state, target, (vx, 0.0, vz))
         np.testing.assert_allclose(out[:n], expected, rtol=1e-5, atol=1e-5)

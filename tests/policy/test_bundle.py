@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from crowdsim.errors import MotionError, OutputError, PolicyError
-from crowdsim.policy import bundle, kernels
+from crowdsim.policy import bundle
 from crowdsim.policy.bundle import load_policy
+from crowdsim.policy.kernels.axes import Corners
+from crowdsim.policy.kernels.rewards import Target
+from crowdsim.policy.kernels.values import evaluate_actions
 from crowdsim.policy.policy import action_values
 from crowdsim.training.recipe import load_recipe
 from crowdsim.training.scales import SHOWN, advantages
@@ -106,14 +109,13 @@ def test_compiled_look_ups_are_those_of_the_plain_version(trained):
     policy = load_policy(trained / "small")
     tables = policy.lookup_tables()
     draw = np.random.default_rng(0)
-    cells, shares, out = np.empty(64, np.int64), np.empty(64), np.empty(100)
+    corners, out = Corners(np.empty(64, np.int64), np.empty(64)), np.empty(100)
     for _ in range(200):
         state = int(draw.integers(policy.actions.state_count))
         target = draw.uniform([-2.0, 1.0, -2.0], [2.0, 1.8, 2.0])
         weights = {"approach": float(draw.integers(0, 2)), "punch": float(draw.uniform(0, 2))}
-        n = kernels.evaluate_actions(
-            tables, np.array(list(weights.values())), state, *target, 0.0, 0.0, cells, shares, out
-        )
+        seen = Target(*target, 0.0, 0.0)
+        n = evaluate_actions(tables, np.array(list(weights.values())), state, seen, corners, out)
         np.testing.assert_allclose(out[:n], action_values(policy, weights, state, target), rtol=1e-4, atol=1e-5)
 
 

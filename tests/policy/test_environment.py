@@ -32,11 +32,12 @@ FINE_NEAR = build_grid(
 
 
 def compiled_corners(grid, target):
-    from crowdsim.policy import kernels
+    from crowdsim.policy.kernels.axes import Corners, fade_on_axes, find_corners
 
-    cells, weights = np.empty(64, np.int64), np.empty(64)
-    count, fade = kernels.find_corners(grid.pack(), 0, len(grid.axes), *target, cells, weights)
-    return cells[:count], weights[:count], fade
+    corners = Corners(np.empty(64, np.int64), np.empty(64))
+    place = grid.pack(), 0, len(grid.axes), *map(float, target)
+    count = find_corners(*place, corners)
+    return corners.cells[:count], corners.weights[:count], fade_on_axes(*place)
 
 
 def at(distance, bearing, height=1.4):

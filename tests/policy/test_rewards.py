@@ -13,9 +13,11 @@ from crowdsim.crowd.kernels.layout import Target
 from crowdsim.crowd.kernels.rewards import Options, add_strikes
 from crowdsim.crowd.kernels.strikes import Body, touches
 from crowdsim.errors import RecipeError
-from crowdsim.policy import kernels, rewards
+from crowdsim.policy import rewards
+from crowdsim.policy.action_rewards import action_reward
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Axis, build_grid
+from crowdsim.policy.kernels import rewards as kernels
 from crowdsim.policy.rewards import (
     WASTED,
     AnyTerm,
@@ -24,7 +26,6 @@ from crowdsim.policy.rewards import (
     TargetBody,
     Term,
     TransitionTerm,
-    action_reward,
     pack_terms,
     posed_distance,
     surface_distance,
@@ -55,7 +56,8 @@ NAMES = [
 
 def compiled(actions, action, target, terms, velocity=(0.0, 0.0), discount=0.97):
     packed = pack_terms(terms, BODY)
-    return kernels.reward(actions, action, *target, *velocity, packed, 0, len(packed), math.log(discount))
+    seen = kernels.Target(*map(float, target), *map(float, velocity))
+    return kernels.action_reward(actions, action, seen, packed, 0, len(packed), math.log(discount))
 
 
 @pytest.mark.parametrize("term", TERMS, ids=NAMES)
@@ -161,7 +163,7 @@ def test_a_fist_lands_within_the_tolerance_of_the_surface_of_head_or_torso():
         ((0.0, 1.492, 1.005), False),  # deeper in the head, and still where the torso ends
     ]:
         assert landing(surface_distance(point, head, BODY), 0.1) is lands
-        assert kernels.strike_lands(*point, *head, term, 0) is lands
+        assert kernels.strike_lands(tuple(point), tuple(head), term, 0) is lands
 
 
 def test_the_distance_from_a_surface_is_signed_and_that_of_head_and_torso_together():
@@ -192,7 +194,7 @@ def test_compiled_control_and_training_land_as_the_naive_twin_does(tolerance, sc
         landed += lands
         assert surface_distance(point, head, body) == pytest.approx(distance, abs=1e-7)
         assert landing(surface_distance(point, head, body), tolerance) == lands
-        assert kernels.strike_lands(*point, *head, term, 0) == lands
+        assert kernels.strike_lands(tuple(point), tuple(head), term, 0) == lands
         posed = Body(tuple(head), tuple(neck), tuple(pelvis), *map(float, radii))
         assert touches(posed, tolerance, tuple(point)) == lands
         assert added == lands

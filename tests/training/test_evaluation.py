@@ -8,9 +8,10 @@ import pytest
 from naive_policy import random_actions
 
 from crowdsim.motion import ground
+from crowdsim.policy.action_rewards import action_reward
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.policy import Behaviour, Policy, action_values
-from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, TransitionTerm, action_reward
+from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, TransitionTerm
 from crowdsim.training.evaluation import Composition, EpisodeSettings, run_episodes
 
 RATE, SECONDS = 15.0, 3.0

@@ -54,7 +54,9 @@ def policy(tiny_policy: Path):
 
 
 def test_maps_show_the_kind_of_the_best_action_at_the_place_of_the_target(policy):
-    from crowdsim.policy import kernels
+    from crowdsim.policy.kernels.axes import Corners
+    from crowdsim.policy.kernels.rewards import Target
+    from crowdsim.policy.kernels.values import evaluate_actions
 
     behaviour, states = policy.behaviours[0], chosen_states(policy, 2)
     figure = maps_figure(policy, behaviour, states, points=21)
@@ -68,10 +70,8 @@ def test_maps_show_the_kind_of_the_best_action_at_the_place_of_the_target(policy
         for row, column in ((10, 15), (15, 10), (4, 8)):
             found = np.empty(64)
             # To the right on the map is -x of the avatar.
-            n = kernels.evaluate_actions(
-                tables, np.ones(1), state, -sides[column], 1.5, sides[row], 0.0, 0.0,
-                np.empty(64, np.int64), np.empty(64), found,
-            )  # fmt: skip
+            target = Target(-sides[column], 1.5, sides[row], 0.0, 0.0)
+            n = evaluate_actions(tables, np.ones(1), state, target, Corners(np.empty(64, int), np.empty(64)), found)
             assert shown[row, column] == kinds[int(policy.actions.offsets[state]) + int(found[:n].argmax())]
 
 

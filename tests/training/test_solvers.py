@@ -9,7 +9,7 @@ from naive_policy import value_iteration as naive_value_iteration
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, TransitionTerm
-from crowdsim.training import solver_kernels
+from crowdsim.training.kernels.exploration import Learning, try_everything
 from crowdsim.training.model import BACKUPS, build_model, build_movement
 from crowdsim.training.q_learning import q_learning
 from crowdsim.training.solution import q_table, sweep_model
@@ -122,8 +122,8 @@ def test_one_update_of_q_learning_is_the_one_done_on_paper():
     # Q of the action in the cells at 1 and 2 m; then, cell by cell, of the two actions of state 1.
     before = np.array([7.0, 3.0, 4.0, 0.0, 2.0, 6.0], np.float32)
     after, visits, changes = np.empty_like(before), np.zeros(6, np.uint16), np.empty(2)
-    step_sizes = np.array([0.2], np.float32)
-    solver_kernels.try_everything(sweep_model(model), grid.layers, before, after, visits, step_sizes, 0, changes)
+    learning = Learning(visits, np.array([0.2], np.float32), 0)
+    try_everything(sweep_model(model), grid.layers, before, after, learning, changes)
     assert after[1] == pytest.approx(expected, rel=1e-6)
     assert visits.tolist() == [1] * 6
 

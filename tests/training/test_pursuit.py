@@ -1,12 +1,12 @@
-"""The speed that a policy can sustain: what is drawn, and that a crowd of its own keeps up and falls behind."""
+"""The speed that a policy can sustain: a crowd of its own keeps up and falls behind."""
 
 import numpy as np
 import pytest
 
-from crowdsim.crowd.kernels.choice import pick
-from crowdsim.policy import kernels
 from crowdsim.policy.bundle import load_policy
-from crowdsim.policy.pursuit import (
+from crowdsim.runs.runner import run
+from crowdsim.scenario.scenario import Scenario, resolve_scenario
+from crowdsim.training.pursuit import (
     BEGUN,
     DONE,
     LEAD,
@@ -17,26 +17,12 @@ from crowdsim.policy.pursuit import (
     distances_behind,
     sustained_speed,
 )
-from crowdsim.runs.runner import run
-from crowdsim.scenario.scenario import Scenario, resolve_scenario
 from crowdsim.training.statistics import inspect_bundle
 
 
 @pytest.fixture(scope="module")
 def policy(tiny_policy):
     return load_policy(tiny_policy)
-
-
-def test_candidates_are_drawn_as_a_crowd_draws_them():
-    draw = np.random.default_rng(4)
-    scratch, theirs = np.empty(16), np.empty(16)
-    for _ in range(2000):
-        count = int(draw.integers(1, 12))
-        values = draw.normal(size=count).round(int(draw.integers(1, 4))) * 0.1
-        margin, most = float(draw.choice([0.0, 0.05, 0.1])), int(draw.integers(1, 6))
-        temperature, number = float(draw.choice([0.0, 0.02, 0.05])), float(draw.random())
-        expected = pick(values[None], 0, count, margin, most, temperature, number, theirs)
-        assert kernels.draw_candidate(values, count, margin, most, temperature, number, scratch) == expected
 
 
 def follow(policy, speed: float, avatars: int = 24) -> float:

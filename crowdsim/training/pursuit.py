@@ -49,16 +49,18 @@ def sustained_speed(policy: Policy) -> float:
 
 def distances_behind(policy: Policy, speed: float) -> Array:
     """Return how far behind a target that flees at a speed [m/s] each avatar is, in the mean [m]. Shape (AVATARS,)."""
-    from crowdsim.policy import kernels
+    from crowdsim.core.candidates import CandidateRules
+    from crowdsim.training.kernels.pursuit import Chase, pursue
 
     tables, weights = _tables(policy)
     numbers, rate = np.arange(AVATARS), float(policy.database.control_rate)
     states = (numbers * policy.actions.state_count // AVATARS).astype(np.int32)
     bearings = 2.0 * math.pi * ((0.5 + numbers * 0.6180339887498949) % 1.0)
     height = float(np.median(np.asarray(policy.database.heads[:, 1], dtype=float)))
-    rules, out = np.array([MARGIN, MOST, TEMPERATURE]), np.empty(AVATARS)
-    begun, done = round(BEGUN * rate), round(DONE * rate)
-    kernels.pursue(tables, weights, states, bearings, height, LEAD, speed / rate, begun, done, rules, out)
+    rules = CandidateRules(MARGIN, float(MOST), TEMPERATURE)
+    chase = Chase(height, LEAD, speed / rate, round(BEGUN * rate), round(DONE * rate), rules)
+    out = np.empty(AVATARS)
+    pursue(tables, weights, chase, states, bearings, out)
     return out
 
 

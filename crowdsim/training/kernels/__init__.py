@@ -1,0 +1,1 @@
+"""Compiled training: the model, sweeps of the solvers, judging actions, and episodes."""

@@ -1,0 +1,48 @@
+"""What sweeps read of a model (``solution.SweepModel``, whose arrays ``model.Model`` describes).
+
+Values V lie flat at ``state * cells + cell``, Q-values at ``offsets[state] * cells + cell * n + k``, with n actions of
+the state.
+"""
+
+import numpy as np
+
+from crowdsim.core.tables import split_weights
+from crowdsim.jit import kernel
+
+
+@kernel(allocates=False)
+def corner_weights(shares, outcome, action, cell, weights):
+    """Write the multilinear weights of the corners of one successor, in the order of ``model.corner_steps``."""
+    weights[0] = 1.0
+    count = 1
+    for d in range(shares.shape[3]):
+        share = shares[outcome, action, cell, d]
+        split_weights(weights, count, share, np.float32(1.0) - share)
+        count *= 2
+
+
+@kernel(allocates=False)
+def earned_in(model, outcome, action, m, cell):
+    """Return r(a, c, o) of one cell, which is in the moving cell ``m``."""
+    row = outcome * len(model.next) + action
+    low, end = model.landed[row], model.landed[row + 1]
+    earned = model.near[outcome, action, m if model.near.shape[2] > 1 else 0]
+    if low == end:
+        return earned
+    high = end
+    while low < high:
+        middle = (low + high) // 2
+        if model.landed_cells[middle] < cell:
+            low = middle + 1
+        else:
+            high = middle
+    return earned + model.landed_rewards[low] if low < end and model.landed_cells[low] == cell else earned
+
+
+@kernel(allocates=False)
+def expected_reward(model, action, m, cell):
+    """Return r(a, c), averaged over the ways in which the target moves."""
+    total = model.probabilities[0] * earned_in(model, 0, action, m, cell)
+    for outcome in range(1, len(model.probabilities)):
+        total += model.probabilities[outcome] * earned_in(model, outcome, action, m, cell)
+    return total
