@@ -97,7 +97,7 @@ def made(sampler: PoseSampler, half: int, most: int, rng: np.random.Generator) -
     rate, stride = database.playback_rate, database.stride
     numbers = np.arange(take.avatar_count)
     window = sampler.window(0, numbers, np.array([0.0, take.seconds]))
-    cuts = window.cuts()
+    cuts = window.transitions()
     leave, enter, centre = cuts.before // stride, cuts.after // stride, np.round(cuts.times * rate).astype(int)
     reach, last = half + 1, take.output_frames(rate) - 1
     rows = -(-reach // stride)
@@ -109,7 +109,7 @@ def made(sampler: PoseSampler, half: int, most: int, rng: np.random.Generator) -
     places = []
     for cut in chosen:
         poses = sampler.sample(centre[cut] - reach, centre[cut] + reach + 1, rate, numbers[[cuts.owners[cut]]])[0]
-        base = cuts.places[cut]
+        base = cuts.ground[cut]
         rotations = np.array(poses.rotations[:, 0], dtype=float)
         rotations[:, 0] = quaternion.multiply(quaternion.about_y(-base[2]), rotations[:, 0])
         roots = ground.to_local(base, np.asarray(poses.root_positions[:, 0], dtype=float))
@@ -329,7 +329,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
             sampler = fight(policy, seed, options.quick)
             leave, enter, shown, apart = made(sampler, half, options.windows, np.random.default_rng(seed))
             fighters, seconds = sampler.take.avatar_count, sampler.take.seconds
-            cuts = sampler.window(0, np.arange(fighters), np.array([0.0, seconds])).cuts()
+            cuts = sampler.window(0, np.arange(fighters), np.array([0.0, seconds])).transitions()
             brawls.append(
                 {
                     "cuts_per_second": len(cuts.times) / (fighters * seconds),

@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.motion import quaternion
+from crowdsim.take.kernels.fists import JOINTS
 from crowdsim.take.motion import Limbs
 
 Array = NDArray[Any]
 
-JOINTS = 4
-"""Joints that lean: lower spine, chest, left and right collar."""
 _COMPLIANCE = (1.0, 1.0, 1.5)
 """How readily spine, chest and collar turn."""
 _PELVIS = 0.02
