@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.render.figure import Figure, dress
+from crowdsim.render.kernels.capsules import place_capsules
 from crowdsim.render.palette import avatar_paints
 from crowdsim.render.raycast import Capsules
-from crowdsim.render.view_kernels import place_capsules
 
 Array = NDArray[Any]
 

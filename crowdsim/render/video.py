@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import OutputError
-from crowdsim.render.video_kernels import to_yuv420
+from crowdsim.render.kernels.video import to_yuv420
 
 Array = NDArray[Any]
 
