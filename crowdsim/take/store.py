@@ -26,7 +26,7 @@ from crowdsim.take.layout import (
     LABELS,
     VERSION,
 )
-from crowdsim.take.layout_checks import check_files, check_names
+from crowdsim.take.reading import check_files, read_group
 from crowdsim.take.take import VARIABLES, Cast, Events, Take
 
 Array = NDArray[Any]
@@ -294,36 +294,6 @@ def open_take(path: str | os.PathLike[str]) -> Take:
     if attributes.get("version") != VERSION:
         raise TakeError(f"{folder}: is a take of version {attributes.get('version')!r}, expected {VERSION}")
     try:
-        return _read(folder, group, attributes)
+        return read_group(folder, group, attributes)
     except (KeyError, ValueError, OSError) as error:
         raise TakeError(f"{folder}: is damaged: {error}") from None
-
-
-def _read(folder: Path, group: Any, attributes: dict[str, Any]) -> Take:
-    """Return what an open group holds."""
-    values: dict[str, Any] = {field: np.asarray(group[name][...]) for name, field in CAST.items()}
-    colours = [[np.nan if c is None else c for c in row] for row in attributes["type_colours"]]
-    cast = Cast(
-        **values,
-        type_names=tuple(attributes["type_names"]),
-        team_names=tuple(attributes["team_names"]),
-        policy_names=tuple(attributes["policy_names"]),
-        colours=np.array(colours, float).reshape(-1, 3),
-    )
-    check_names(folder, cast)
-    events = Events(**{name: np.asarray(group["events"][name][...]) for name in EVENTS})
-    frames = group["action"].shape[0]
-    return Take(
-        **{name: group[name] for name in VARIABLES},
-        cast=cast,
-        targets=group["target"] if "target" in group else np.zeros((frames, 0, 3), np.float32),
-        target_names=tuple(attributes["target_names"]),
-        events=events,
-        control_rate=float(attributes["control_rate"]),
-        scenario=str(attributes["scenario"]),
-        seed=int(attributes["seed"]),
-        fingerprints=tuple(attributes["policy_fingerprints"]),
-        status=str(attributes["status"]),
-        # Takes of before this could be said have them.
-        reactions=bool(attributes.get("reactions", True)),
-    )
