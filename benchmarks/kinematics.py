@@ -24,7 +24,7 @@ from pymotion.ops.skeleton_np import fk, fk_quat
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
-from crowdsim.take.limb_kernels import bend_limb
+from crowdsim.take.kernels.limbs import World, bend_limb
 from crowdsim.take.motion import Limbs
 
 PARENTS = [-1, 0, 1, 2, 3, 0, 5, 6, 7, 0, 9, 10, 11, 11, 13, 11, 15, 16, 17, 18, 19, 17, 11, 22, 23, 24, 25, 26, 24, 14]
@@ -38,10 +38,9 @@ GOAL = 2.5e6
 @numba.njit(cache=True)
 def bend_arms(limbs: Any, rotations: Any, places: Any, turns: Any, targets: Any, distance: float) -> None:
     """Bend the first limb of every pose onto its target."""
-    bend, swing, spare = np.empty(4), np.empty(4), np.empty(4)
     for i in range(len(targets)):
-        x, y, z = targets[i]
-        bend_limb(limbs, 0, rotations[i], places[i], turns[i], x, y, z, distance, bend, swing, spare)
+        target = targets[i, 0], targets[i, 1], targets[i, 2]
+        bend_limb(limbs, 0, rotations[i], World(places[i], turns[i]), target, distance)
 
 
 def best_seconds(work: Callable[[], object], repeats: int) -> float:

@@ -97,7 +97,7 @@ def made(sampler: PoseSampler, half: int, most: int, rng: np.random.Generator) -
     rate, stride = database.playback_rate, database.stride
     numbers = np.arange(take.avatar_count)
     window = sampler.window(0, numbers, np.array([0.0, take.seconds]))
-    transitions = window.cuts()
+    transitions = window.transitions()
     leave, enter, centre = (
         transitions.before // stride,
         transitions.after // stride,
@@ -115,7 +115,7 @@ def made(sampler: PoseSampler, half: int, most: int, rng: np.random.Generator) -
         poses = sampler.sample(
             centre[transition] - reach, centre[transition] + reach + 1, rate, numbers[[transitions.owners[transition]]]
         )[0]
-        base = transitions.places[transition]
+        base = transitions.ground[transition]
         rotations = np.array(poses.rotations[:, 0], dtype=float)
         rotations[:, 0] = quaternion.multiply(quaternion.about_y(-base[2]), rotations[:, 0])
         roots = ground.to_local(base, np.asarray(poses.root_positions[:, 0], dtype=float))
@@ -337,7 +337,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
             sampler = fight(policy, seed, options.quick)
             leave, enter, shown, apart = made(sampler, half, options.windows, np.random.default_rng(seed))
             fighters, seconds = sampler.take.avatar_count, sampler.take.seconds
-            transitions = sampler.window(0, np.arange(fighters), np.array([0.0, seconds])).cuts()
+            transitions = sampler.window(0, np.arange(fighters), np.array([0.0, seconds])).transitions()
             brawls.append(
                 {
                     "transitions_per_second": len(transitions.times) / (fighters * seconds),

@@ -123,7 +123,7 @@ def _some_cuts(sampler: PoseSampler) -> list[tuple[Any, Any, Array]]:
         avatars = np.flatnonzero(take.cast.policies == index)[:_MOST_AVATARS]
         if len(avatars):
             window = sampler.window(index, avatars, np.array([0.0, take.seconds]))
-            result.append((sampler.motions[index].frames, window.cuts(), avatars))
+            result.append((sampler.motions[index].frames, window.transitions(), avatars))
     return result
 
 

@@ -1,70 +1,118 @@
 """Compiled point clouds: points that ride on joints, in the world."""
 
 import math
+from typing import NamedTuple
 
+from crowdsim.core.quaternions import rotate
+from crowdsim.core.types import Array
 from crowdsim.jit import kernel
 
 
-@kernel
-def _turn(rotation, a, b, c):
-    """Return a vector of a joint's frame in the world."""
-    w, x, y, z = rotation[0], rotation[1], rotation[2], rotation[3]
-    tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
+class Riders(NamedTuple):
+    """Points of a body, each riding on a joint; K points.
+
+    Attributes:
+        joints: Joint of each point. Shape (K,).
+        places: Position in that joint's frame [m]. Shape (K, 3).
+        normals: Outward normal there. Shape (K, 3).
+    """
+
+    joints: Array
+    places: Array
+    normals: Array
 
 
-@kernel
-def place_points(
-    positions, rotations, before, frame, after, seconds, columns, scales, joints, places, normals,
-    first, out_places, out_normals, out_velocities,
-):  # fmt: skip
-    """Put the points of some avatars into the world, with normals and velocities.
+class Bodies(NamedTuple):
+    """Joints in the world of n avatars at T times.
 
-    Velocities are differences between the rows ``before`` and ``after``; where the avatar is absent in one of them, or
-    they are one row, only as far as ``frame``.
+    Attributes:
+        positions: NaN while absent [m]. Shape (T, n, J, 3).
+        rotations: Shape (T, n, J, 4).
+        scales: Body sizes. Shape (n,).
+    """
 
-    Args:
-        positions: Joint positions of the avatars [m], NaN while absent. Shape (T, n, J, 3).
-        rotations: Joint rotations in the world. Shape (T, n, J, 4).
+    positions: Array
+    rotations: Array
+    scales: Array
+
+
+class When(NamedTuple):
+    """The rows of a frame and its neighbours.
+
+    Attributes:
         before: Row of the earlier neighbour.
         frame: Row of the frame.
         after: Row of the later neighbour.
         seconds: Time from a row to the next [s].
+    """
+
+    before: int
+    frame: int
+    after: int
+    seconds: float
+
+
+class Points(NamedTuple):
+    """Points in the world; P of them.
+
+    Attributes:
+        places: Positions [m]. Shape (P, 3), float32.
+        normals: Shape (P, 3), float32.
+        velocities: Shape (3, P), float32 [m/s].
+    """
+
+    places: Array
+    normals: Array
+    velocities: Array
+
+
+@kernel(allocates=False)
+def _write_velocity(bodies, n, j, low, high, rate, offset, velocity):
+    """Write the mean velocity of a point of a joint between two rows; zero where they are one."""
+    if high <= low:
+        velocity[0], velocity[1], velocity[2] = 0.0, 0.0, 0.0
+        return
+    here, there = bodies.positions[low, n, j], bodies.positions[high, n, j]
+    lx, ly, lz = rotate(bodies.rotations[low, n, j], offset[0], offset[1], offset[2])
+    hx, hy, hz = rotate(bodies.rotations[high, n, j], offset[0], offset[1], offset[2])
+    velocity[0] = (there[0] - here[0] + (hx - lx)) * rate
+    velocity[1] = (there[1] - here[1] + (hy - ly)) * rate
+    velocity[2] = (there[2] - here[2] + (hz - lz)) * rate
+
+
+@kernel(allocates=False)
+def place_points(bodies, when, columns, riders, first, points):
+    """Put the points of some avatars into the world, with normals and velocities.
+
+    Velocities are differences between the rows before and after; where the avatar is absent in one of them, or they
+    are one row, only as far as the frame.
+
+    Args:
+        bodies: A ``Bodies``.
+        when: A ``When``.
         columns: Avatars that are wanted, all there at the frame. Shape (c,).
-        scales: Body sizes. Shape (n,).
-        joints: Joint that each point rides on. Shape (K,).
-        places: Place of each point in its joint's frame [m]. Shape (K, 3).
-        normals: Its normal there. Shape (K, 3).
+        riders: A ``Riders``.
         first: Row of the outputs at which the first avatar's points begin.
-        out_places: Places [m]. Shape (>= first + c * K, 3).
-        out_normals: Normals. Likewise.
-        out_velocities: Velocities [m/s]. Shape (3, >= first + c * K).
+        points: Written, a ``Points``.
 
     Returns:
         One past the last row written.
     """
-    count = joints.shape[0]
-    row = first
+    row, frame = first, when.frame
     for n in columns:
-        low = before if math.isfinite(positions[before, n, 0, 0]) else frame
-        high = after if math.isfinite(positions[after, n, 0, 0]) else frame
-        rate = 1.0 / (seconds * (high - low)) if high > low else 0.0
-        for i in range(count):
-            j = joints[i]
-            a, b, c = places[i, 0] * scales[n], places[i, 1] * scales[n], places[i, 2] * scales[n]
-            x, y, z = _turn(rotations[frame, n, j], a, b, c)
-            out_places[row, 0] = positions[frame, n, j, 0] + x
-            out_places[row, 1] = positions[frame, n, j, 1] + y
-            out_places[row, 2] = positions[frame, n, j, 2] + z
-            if high > low:
-                lx, ly, lz = _turn(rotations[low, n, j], a, b, c)
-                hx, hy, hz = _turn(rotations[high, n, j], a, b, c)
-                out_velocities[0, row] = (positions[high, n, j, 0] - positions[low, n, j, 0] + (hx - lx)) * rate
-                out_velocities[1, row] = (positions[high, n, j, 1] - positions[low, n, j, 1] + (hy - ly)) * rate
-                out_velocities[2, row] = (positions[high, n, j, 2] - positions[low, n, j, 2] + (hz - lz)) * rate
-            else:
-                out_velocities[0, row], out_velocities[1, row], out_velocities[2, row] = 0.0, 0.0, 0.0
-            nx, ny, nz = _turn(rotations[frame, n, j], normals[i, 0], normals[i, 1], normals[i, 2])
-            out_normals[row, 0], out_normals[row, 1], out_normals[row, 2] = nx, ny, nz
+        low = when.before if math.isfinite(bodies.positions[when.before, n, 0, 0]) else frame
+        high = when.after if math.isfinite(bodies.positions[when.after, n, 0, 0]) else frame
+        rate = 1.0 / (when.seconds * (high - low)) if high > low else 0.0
+        scale = bodies.scales[n]
+        for i in range(riders.joints.shape[0]):
+            j, own, normal = riders.joints[i], riders.places[i], riders.normals[i]
+            offset = own[0] * scale, own[1] * scale, own[2] * scale
+            position, rotation = bodies.positions[frame, n, j], bodies.rotations[frame, n, j]
+            place = points.places[row]
+            x, y, z = rotate(rotation, offset[0], offset[1], offset[2])
+            place[0], place[1], place[2] = position[0] + x, position[1] + y, position[2] + z
+            _write_velocity(bodies, n, j, low, high, rate, offset, points.velocities[:, row])
+            turned = points.normals[row]
+            turned[0], turned[1], turned[2] = rotate(rotation, normal[0], normal[1], normal[2])
             row += 1
     return row

@@ -17,7 +17,7 @@ import numpy as np
 from crowdsim.core.types import Array, Progress
 from crowdsim.errors import OutputError, RunError
 from crowdsim.export.bvh import make_folder
-from crowdsim.export.cloud_kernels import place_points
+from crowdsim.export.cloud_kernels import Bodies, Points, Riders, When, place_points
 from crowdsim.export.stream import Block, run_all, stream_poses
 from crowdsim.export.surface import Surface, build_surface
 from crowdsim.take.poses import Poses, PoseSampler
@@ -181,15 +181,14 @@ class CloudSink:
         velocities = np.empty((3, count), np.float32)
         first = 0
         for poses, (positions, rotations), surface, columns in zip(blocks, joints, surfaces, here, strict=True):
-            first = place_points(
-                positions, rotations, max(row - 1, 0), row, min(row + 1, len(positions) - 1), 1.0 / self._fps,
-                columns, poses.scales.astype(np.float32), surface.joints, surface.places, surface.normals,
-                first, places, normals, velocities,
-            )  # fmt: skip
+            bodies = Bodies(positions, rotations, poses.scales.astype(np.float32))
+            when = When(max(row - 1, 0), row, min(row + 1, len(positions) - 1), 1.0 / self._fps)
+            riders = Riders(surface.joints, surface.places, surface.normals)
+            first = place_points(bodies, when, columns, riders, first, Points(places, normals, velocities))
         avatar = np.repeat(np.concatenate(numbers), self._points)
-        riders = [np.tile(surface.joints, len(own)) for surface, own in zip(surfaces, numbers, strict=True)]
+        own_joints = [np.tile(surface.joints, len(own)) for surface, own in zip(surfaces, numbers, strict=True)]
         teams = self._sampler.take.cast.teams.astype(np.int32)
-        return Cloud(places, normals, velocities, avatar, teams[avatar], np.concatenate(riders))
+        return Cloud(places, normals, velocities, avatar, teams[avatar], np.concatenate(own_joints))
 
 
 def export_clouds(

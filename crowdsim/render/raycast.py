@@ -9,7 +9,30 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.render import grid_kernels, raycast_kernels, view_kernels
+from crowdsim.render.kernels.capsules import (
+    choose_capsules,
+    contact_segments,
+    near_capsules,
+    shadow_bounds,
+    shadow_segments,
+    view_capsules,
+)
+from crowdsim.render.kernels.cells import count_entries, fill_entries
+from crowdsim.render.kernels.columns import (
+    COLUMNS,
+    GRID_U,
+    GRID_V,
+    PER_METRE,
+    ROWS,
+    SOFTNESS,
+    SUN_X,
+    SUN_Y,
+    U_X,
+    V_X,
+    WIDEST,
+)
+from crowdsim.render.kernels.drawing import draw_tiles
+from crowdsim.render.kernels.records import Cones, Grids, Lists
 from crowdsim.render.view import View
 
 SUN_ELEVATION = math.radians(52.0)
@@ -93,43 +116,48 @@ def draw(
     width, height = size
     camera = view.pack(width, height)
     chosen = np.empty(len(capsules.places), np.int32)
-    count = view_kernels.choose_capsules(capsules.places, camera, width, height, SHADOW_REACH, SMALLEST, chosen)
+    count = choose_capsules(capsules.places, camera, width, height, SHADOW_REACH, SMALLEST, chosen)
     chosen = chosen[:count]
     light = np.zeros(16)
     across = np.cross(sun, [0.0, 0.0, 1.0] if abs(sun[2]) < 0.9 else [1.0, 0.0, 0.0])
     across /= np.linalg.norm(across)
-    light[0:3], light[3:6], light[6:9], light[14] = sun, across, np.cross(sun, across), SUN_SOFTNESS
+    light[SUN_X:U_X], light[U_X:V_X], light[V_X:GRID_U], light[SOFTNESS] = (
+        sun,
+        across,
+        np.cross(sun, across),
+        SUN_SOFTNESS,
+    )
     cones, shades = np.empty((count, 8), np.float32), np.empty((count, 9), np.float32)
     segments, spans = np.empty((count, 6), np.float32), np.empty((count, 2), np.int32)
-    view_kernels.view_capsules(capsules.places, chosen, camera, light, cones, shades, segments, spans)
+    view_capsules(capsules.places, chosen, camera, light, cones, shades, segments, spans)
     owners = np.ascontiguousarray(capsules.owners[chosen])
     paints = np.ascontiguousarray(capsules.paints[chosen])
     neighbours = np.empty((count, _NEIGHBOURS), np.int32)
-    view_kernels.near_capsules(cones, owners, camera, _FINE, neighbours)
+    near_capsules(cones, owners, camera, _FINE, neighbours)
     tiles = _lists(segments, (width + 7) // 8, (height + 7) // 8)
     shadows = _shadow_lists(shades, cones, camera, light, segments)
     floor, contacts = _contact_lists(cones, camera, segments)
     picture = np.empty((height, width, 3), np.uint8)
     lamps = _project_flashes(flashes, camera)
     shared = (
-        camera, light, floor, cones, spans, shades, paints, owners, neighbours,
-        *tiles, *shadows, *contacts, np.append(np.zeros(5) if arena is None else arena, LINE), lamps, picture,
+        camera, light, floor, Cones(cones, spans, shades, paints, owners, neighbours), Grids(tiles, shadows, contacts),
+        np.append(np.zeros(5) if arena is None else arena, LINE), lamps, picture,
     )  # fmt: skip
     if threads <= 1:
-        raycast_kernels.draw_tiles(0, 1, *shared)
+        draw_tiles(0, 1, *shared)
     else:
         with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(lambda first: raycast_kernels.draw_tiles(first, threads, *shared), range(threads)))
+            list(pool.map(lambda first: draw_tiles(first, threads, *shared), range(threads)))
     return picture
 
 
-def _lists(segments: Array, columns: int, rows: int) -> tuple[Array, Array]:
+def _lists(segments: Array, columns: int, rows: int) -> Lists:
     """CSR lists of the segments that touch each cell."""
     offsets = np.empty(columns * rows + 1, np.int32)
-    grid_kernels.count_entries(segments, columns, rows, offsets)
+    count_entries(segments, columns, rows, offsets)
     entries = np.empty(max(int(offsets[-1]), 1), np.int32)
-    grid_kernels.fill_entries(segments, columns, rows, offsets, entries)
-    return offsets, entries
+    fill_entries(segments, columns, rows, offsets, entries)
+    return Lists(offsets, entries)
 
 
 def _cells(extent_x: float, extent_y: float, finest: float, most: int) -> tuple[float, int, int]:
@@ -139,33 +167,39 @@ def _cells(extent_x: float, extent_y: float, finest: float, most: int) -> tuple[
     return cell, int(extent_x / cell) + 1, int(extent_y / cell) + 1
 
 
-def _shadow_lists(shades: Array, cones: Array, camera: Array, light: Array, segments: Array) -> tuple[Array, Array]:
+def _shadow_lists(shades: Array, cones: Array, camera: Array, light: Array, segments: Array) -> Lists:
     """Lists of the capsules that may shade each cell of light space; completes ``light``."""
     if not len(shades):
-        light[11], light[12], light[13] = 1.0, 1, 1
-        return np.zeros(2, np.int32), np.zeros(1, np.int32)
+        light[PER_METRE], light[COLUMNS], light[ROWS] = 1.0, 1, 1
+        return Lists(np.zeros(2, np.int32), np.zeros(1, np.int32))
     bounds = np.empty(4)
-    view_kernels.shadow_bounds(shades, bounds)
-    pad = SUN_SOFTNESS * 2.5 / light[1] + 0.25
+    shadow_bounds(shades, bounds)
+    pad = SUN_SOFTNESS * 2.5 / light[SUN_Y] + 0.25
     bounds += [-pad, -pad, pad, pad]
     cell, columns, rows = _cells(bounds[2] - bounds[0], bounds[3] - bounds[1], 0.08, 400_000)
-    light[9], light[10], light[11], light[12], light[13] = bounds[0], bounds[1], 1.0 / cell, columns, rows
+    light[GRID_U], light[GRID_V], light[PER_METRE], light[COLUMNS], light[ROWS] = (
+        bounds[0],
+        bounds[1],
+        1.0 / cell,
+        columns,
+        rows,
+    )
     # Where cells are large the crowd is far away, and shadows may blur over a pixel there.
-    light[15] = max(0.05, 0.45 * cell)
-    view_kernels.shadow_segments(shades, cones, camera, light, THINNEST, segments)
+    light[WIDEST] = max(0.05, 0.45 * cell)
+    shadow_segments(shades, cones, camera, light, THINNEST, segments)
     return _lists(segments, columns, rows)
 
 
-def _contact_lists(cones: Array, camera: Array, segments: Array) -> tuple[Array, tuple[Array, Array]]:
+def _contact_lists(cones: Array, camera: Array, segments: Array) -> tuple[Array, Lists]:
     """Grid of the capsules that stand on the floor or just over it, and its lists."""
     floor = np.array([0.0, 0.0, 1.0, 1.0, 1.0, CONTACT_REACH])
     if not len(cones):
-        return floor, (np.zeros(2, np.int32), np.zeros(1, np.int32))
+        return floor, Lists(np.zeros(2, np.int32), np.zeros(1, np.int32))
     around = np.abs(cones[:, [3, 5]]) + (cones[:, 6:7] + CONTACT_REACH)
     low, high = (cones[:, [0, 2]] - around).min(axis=0), (cones[:, [0, 2]] + around).max(axis=0)
     cell, columns, rows = _cells(float(high[0] - low[0]), float(high[1] - low[1]), 0.15, 200_000)
     floor[:5] = low[0], low[1], 1.0 / cell, columns, rows
-    view_kernels.contact_segments(cones, camera, floor, segments)
+    contact_segments(cones, camera, floor, segments)
     return floor, _lists(segments, columns, rows)
 
 

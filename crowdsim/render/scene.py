@@ -9,9 +9,9 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.render.figure import Figure, dress
+from crowdsim.render.kernels.capsules import place_capsules
 from crowdsim.render.palette import avatar_paints
 from crowdsim.render.raycast import Capsules
-from crowdsim.render.view_kernels import place_capsules
 
 _BALL, _BALL_PAINT = 0.13, (0.85, 0.50, 0.03, 0.3)
 """Radius [m] and paint of a marker."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.errors import OutputError
-from crowdsim.render.video_kernels import to_yuv420
+from crowdsim.render.kernels.video import to_yuv420
 
 _ENCODER_THREADS = 4
 """Always the same, since x264's bytes depend on it."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,10 +12,10 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
 from crowdsim.policy.rewards import TargetBody, posed_distance
 from crowdsim.take.data import TakeData
-from crowdsim.take.feet import KNEE_LEAST
+from crowdsim.take.kernels.fists import ELBOW_LEAST, JOINTS, Landings, carry_fists
+from crowdsim.take.kernels.records import Moments, Posed
 from crowdsim.take.landed import LEAN, TOGETHER, Landed, by_column
-from crowdsim.take.leans import JOINTS, leaning_joints, plan_leans
-from crowdsim.take.limb_kernels import carry_fists
+from crowdsim.take.leans import leaning_joints, plan_leans
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.window import Window
 from crowdsim.take.workers import share
@@ -26,36 +25,10 @@ PoseAt = Callable[[Array, Array], list[tuple[Array, Body, Array, Array, Array]]]
 
 MOST = 0.35
 """Furthest that a fist is carried [m]."""
-ELBOW_LEAST = math.radians(4.0)
-"""Flexion that an elbow keeps at the least when it is stretched to reach something [rad]."""
 _FACING = 0.2
 """Cosine of the angle between the way out to a point that is hit and the way to the shoulder, at the least."""
 _OUT = 12
 """Times that a point goes out of head or torso."""
-
-
-class Landings(NamedTuple):
-    """Strikes that landed, by attacker's column and time; E strikes of n avatars.
-
-    Attributes:
-        starts: Strikes of column i are ``starts[i]`` up to ``starts[i + 1]``. Shape (n + 1,).
-        times: When [s]. Shape (E,).
-        hands: 0 left, 1 right. Shape (E,).
-        shifts: How far the fist has to be carried then [m]. Shape (E, 3).
-        spans: How long before and after it [s]. Shape (E, 2).
-        lean_spans: How long before and after it the trunk leans for it [s]. Shape (E, 2).
-        turns: How it leans then, see ``leans.Leans``. Shape (E, 4, 3).
-        moves: How far the pelvis goes then [m]. Shape (E, 3).
-    """
-
-    starts: Array
-    times: Array
-    hands: Array
-    shifts: Array
-    spans: Array
-    lean_spans: Array
-    turns: Array
-    moves: Array
 
 
 def surface_point(
@@ -182,36 +155,25 @@ def _lean_alike(attackers: Array, hands: Array, times: Array, order: Array, lean
     leans[order], moves[order] = leans[best], moves[best]
 
 
-def reach_out(
-    window: Window,
-    landings: Landings,
-    times: Array,
-    columns: Array,
-    roots: Array,
-    rotations: Array,
-    within: float = LEAN,
-) -> None:
+def reach_out(window: Window, landings: Landings, moments: Moments, poses: Posed, within: float = LEAN) -> None:
     """Carry fists onto what they hit, in place.
 
     Args:
         window: The stretch of the take.
         landings: Strikes that landed.
-        times: Shape (T, n) or (T, 1) [s].
-        columns: Column of each avatar. Shape (n,).
-        roots: Places of the roots [m]. Shape (T, n, 3), changed.
-        rotations: Local rotations. Shape (T, n, J, 4), changed.
+        moments: Who is posed, and when.
+        poses: Their poses, changed.
         within: Time beyond which strikes are left out [s].
     """
     if not len(landings.times):
         return
     arms, legs, scales = window.motion.arms, window.motion.legs, window.rows.scales
-    leaning, least = leaning_joints(arms), np.array([ELBOW_LEAST, KNEE_LEAST])
+    leaning = leaning_joints(arms)
 
     def work(low: int, high: int) -> None:
-        carry_fists(low, high, columns, times, landings, scales, arms, legs, leaning, least, within, roots,
-                    rotations)  # fmt: skip
+        carry_fists(low, high, moments, landings, scales, arms, legs, leaning, within, poses)
 
-    share(window.threads, len(columns), work)
+    share(window.threads, len(moments.columns), work)
 
 
 def _surfaces(

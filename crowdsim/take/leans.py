@@ -14,10 +14,9 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
+from crowdsim.take.kernels.fists import JOINTS
 from crowdsim.take.motion import Limbs
 
-JOINTS = 4
-"""Joints that lean: lower spine, chest, left and right collar."""
 _COMPLIANCE = (1.0, 1.0, 1.5)
 """How readily spine, chest and collar turn."""
 _PELVIS = 0.02

@@ -12,9 +12,10 @@ from crowdsim.core.types import Array, Progress
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.take.fists import body_points, surface_point
+from crowdsim.take.kernels.records import Moments, Steps, Transitions
+from crowdsim.take.kernels.steps import STEP
 from crowdsim.take.measures import measure_fights
 from crowdsim.take.poses import Poses, PoseSampler
-from crowdsim.take.window import STEPS, Cuts, Falls
 
 TOUCH = 0.02
 """How far from a surface a fist touches it [m]."""
@@ -65,7 +66,7 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict
     told.update(_of_fists(sampler))
     told["opponent_changes"] = int(np.count_nonzero(there & (opponent[1:] != opponent[:-1])))
     told["thrown_per_minute_captured"] = _captured_strikes(sampler)
-    told["transitions_per_second"] = _count_cuts(sampler) / (minutes * 60.0) if minutes else None
+    told["transitions_per_second"] = _count_transitions(sampler) / (minutes * 60.0) if minutes else None
     return told
 
 
@@ -79,20 +80,20 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
         motion = captured[poses.policy]
         times = (start + np.arange(len(poses.rotations))) / rate
         window = sampler.window(poses.policy, poses.avatars, times)
-        where = window.place(times[:, None], np.arange(len(poses.avatars)))
+        where = window.place(Moments(np.arange(len(poses.avatars)), times[:, None]))
         frames, now = where.frames, np.maximum(where.frames, 0)
         later = now + (where.fractions > 0.0)
         places, turns = poses.joints()
         balls = _balls(sampler, poses, places, turns)
-        cuts = window.cuts()
+        transitions = window.transitions()
         planted = motion.contacts[now] & motion.contacts[later] & (frames >= 0)[..., None]
-        planted &= ~_stepping(cuts, window.falls(cuts, window.stands()), times, len(poses.avatars))
+        planted &= ~_stepping(transitions, window.steps(transitions, window.foot_plants()), times, len(poses.avatars))
         speeds = np.linalg.norm(np.diff(balls, axis=0), axis=-1) * rate
         slides.append(speeds[planted[1:] & planted[:-1]])
         places = places[:, :, motion.joints]
         sizes = np.linalg.norm(np.diff(places, 2, axis=0), axis=-1).mean(axis=-1) * rate * rate
         near = np.zeros(frames.shape, bool)
-        for owner, time in zip(cuts.owners, cuts.times, strict=True):
+        for owner, time in zip(transitions.owners, transitions.times, strict=True):
             low, high = np.searchsorted(times, (time - _NEAR_CUT, time + _NEAR_CUT))
             near[low:high, owner] = True
         part = where.fractions[..., None, None]
@@ -184,12 +185,12 @@ def _filled(values: Array) -> Array:
     return np.asarray(values[last])
 
 
-def _stepping(cuts: Cuts, falls: Falls, times: Array, avatars: int) -> Array:
+def _stepping(transitions: Transitions, steps: Steps, times: Array, avatars: int) -> Array:
     """Whether feet make a step at times (T,). Shape (T, avatars, 2)."""
     stepping = np.zeros((len(times), avatars, 2), bool)
-    for cut, foot in zip(*np.nonzero(falls.kinds == STEPS), strict=True):
-        low, high = np.searchsorted(times, falls.moves[cut, foot, :2])
-        stepping[low : high + 1, cuts.owners[cut], foot] = True
+    for k, foot in zip(*np.nonzero(steps.kinds == STEP), strict=True):
+        low, high = np.searchsorted(times, steps.moves[k, foot, :2])
+        stepping[low : high + 1, transitions.owners[k], foot] = True
     return stepping
 
 
@@ -228,12 +229,12 @@ def _captured_strikes(sampler: PoseSampler) -> float | None:
     return float(np.mean(rates[cast.policies] * cast.speeds)) if len(cast.policies) else None
 
 
-def _count_cuts(sampler: PoseSampler) -> int:
-    """Number of cuts of a take."""
-    take, cuts = sampler.take, 0
+def _count_transitions(sampler: PoseSampler) -> int:
+    """Number of transitions of a take."""
+    take, count = sampler.take, 0
     for index in range(len(sampler.motions)):
         avatars = np.flatnonzero(take.cast.policies == index)
         for low in range(0, len(avatars), 1000):
             window = sampler.window(index, avatars[low : low + 1000], np.array([0.0, take.seconds]))
-            cuts += len(window.cuts().times)
-    return cuts
+            count += len(window.transitions().times)
+    return count

@@ -3,60 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.take.kernels.reactions import LENGTH, Blows, Trunk, show_reactions
+from crowdsim.take.kernels.records import Moments, Places, Posed
 from crowdsim.take.landed import Landed, by_column
-from crowdsim.take.limb_kernels import show_blows
 from crowdsim.take.motion import PoseMotion, chain_of
-from crowdsim.take.window import Places, Window
+from crowdsim.take.window import Window
 from crowdsim.take.workers import share
 
 PlaceAt = Callable[[Array, Array], list[tuple[Array, PoseMotion, Array, Places]]]
 """Places avatars (E,) at times (E,): for each policy which of them, its motion, scales, and places of shape (1, n)."""
 
-LENGTH = 0.65
-"""How long a reaction lasts [s]."""
-_PEAK = 0.13
-"""Time of a blow to its highest; one that is shorter jerks the head more than captured motion does [s]."""
 _TYPICAL_SPEED, _STRONGEST = 8.0, 1.6
 _SWING = 0.05
 """Time over which the way of a fist is measured [s]."""
 _NEAR_HEAD = 0.12
 _GIVES = {"spine": (0.06, 0.14), "chest": (0.06, 0.1), "neck": (0.14, 0.05), "head": (0.2, 0.07)}
 """Joints that give way, and by how much in a blow of typical speed to the head and to the torso [rad]."""
-
-
-class Blows(NamedTuple):
-    """Strikes that landed on avatars of a window, by victim's column and time; E strikes of n avatars.
-
-    Attributes:
-        starts: Those on column i are ``starts[i]`` up to ``starts[i + 1]``. Shape (n + 1,).
-        times: When [s]. Shape (E,).
-        axes: Level axis about which they throw back; its length is their strength. Shape (E, 3).
-        parts: 0 where the head was hit, 1 where the torso was. Shape (E,).
-    """
-
-    starts: Array
-    times: Array
-    axes: Array
-    parts: Array
-
-
-class Trunk(NamedTuple):
-    """Joints from the root to the head for compiled code.
-
-    Attributes:
-        parents: Parent of each joint of the skeleton. Shape (J,).
-        chain: The joints, parents first. Shape (n,).
-        gives: How far each gives way in a blow to head and torso [rad]. Shape (n, 2).
-    """
-
-    parents: Array
-    chain: Array
-    gives: Array
 
 
 def build_trunk(motion: PoseMotion) -> Trunk:
@@ -112,31 +78,22 @@ def plan_blows(landed: Landed, columns: Array, count: int, first: float, last: f
 
 
 def give_way(
-    window: Window,
-    blows: Blows,
-    trunk: Trunk,
-    times: Array,
-    columns: Array,
-    roots: Array,
-    rotations: Array,
-    recent: float = LENGTH,
+    window: Window, blows: Blows, trunk: Trunk, moments: Moments, poses: Posed, recent: float = LENGTH
 ) -> None:
-    """Lay reactions over poses, in place.
+    """Add reactions to poses, in place.
 
     Args:
         window: The stretch of the take.
         blows: Strikes that landed.
         trunk: The joints that give way.
-        times: Shape (T, n) or (T, 1) [s].
-        columns: Column of each avatar. Shape (n,).
-        roots: Places of the roots. Shape (T, n, 3).
-        rotations: Local rotations. Shape (T, n, J, 4), changed.
+        moments: Who is posed, and when.
+        poses: Their poses; rotations are changed.
         recent: Time after which blows are left out [s].
     """
     if not len(blows.times):
         return
 
     def work(low: int, high: int) -> None:
-        show_blows(low, high, columns, times, blows, trunk, _PEAK, LENGTH, recent, roots, rotations)
+        show_reactions(low, high, moments, blows, trunk, recent, poses)
 
-    share(window.threads, len(columns), work)
+    share(window.threads, len(moments.columns), work)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
-import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,53 +13,22 @@ import numpy as np
 
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.files import kind_of
-from crowdsim.scenario.names import NAME, NAME_RULE, avatar_name_fault
 from crowdsim.take.data import TakeHeader
-from crowdsim.take.take import VARIABLES, Cast, Events, Take
-
-FORMAT = "crowdsim-take"
-VERSION = 1
-_DTYPES = {"action": "<i4", "action_frame": "<f4", "x": "<f4", "z": "<f4", "heading": "<f4", "opponent": "<i4"}
-_LABELS = {
-    "time": ("s", "time since the first control frame"),
-    "action": ("1", "number of the action in its policy's motion graph, -1 while absent"),
-    "action_frame": ("control frames", "control frames of the action done"),
-    "x": ("m", "position along x"),
-    "z": ("m", "position along z"),
-    "heading": ("rad", "heading, rotation about +y from +z"),
-    "opponent": ("1", "avatar number of the opponent, -2 - k for scripted target k, -1 for nobody"),
-    "type": ("1", "index into the attribute type_names"),
-    "team": ("1", "index into the attribute team_names"),
-    "policy": ("1", "index into the attribute policy_names"),
-    "scale": ("1", "body size over the size of the skeleton"),
-    "speed": ("1", "motion frames in a control frame"),
-    "name": ("1", "avatar name"),
-    "target": ("m", "position of each scripted target"),
-}
-_EVENT_LABELS = {
-    "frame": ("control frames", "time of furthest reach since the first control frame"),
-    "attacker": ("1", "avatar number of the attacker"),
-    "victim": ("1", "avatar number of the victim, -2 - k for scripted target k, -1 for nobody"),
-    "hand": ("1", "hand, 0 left and 1 right"),
-    "point": ("m", "position of the fist"),
-    "speed": ("m/s", "highest fist speed before, relative to the pelvis"),
-    "landed": ("1", "whether the strike landed"),
-}
-_COORDINATES = ("time", "name")
-_CAST = {"type": "types", "team": "teams", "policy": "policies", "scale": "scales", "speed": "speeds", "name": "names"}
-_EVENTS = {
-    "frame": "<f4",
-    "attacker": "<i4",
-    "victim": "<i4",
-    "hand": "|u1",
-    "point": "<f4",
-    "speed": "<f4",
-    "landed": "|b1",
-}
-_AVATARS_A_CHUNK = 65536
-_EVENTS_A_CHUNK = 16384
-_CHUNKS_AT_FIRST = 64
+from crowdsim.take.layout import (
+    AVATARS_A_CHUNK,
+    CAST,
+    CHUNKS_AT_FIRST,
+    COORDINATES,
+    DTYPES,
+    EVENT_LABELS,
+    EVENTS,
+    EVENTS_A_CHUNK,
+    FORMAT,
+    LABELS,
+    VERSION,
+)
+from crowdsim.take.reading import check_files, read_group
+from crowdsim.take.take import VARIABLES, Events, Take
 
 
 class TakeWriter:
@@ -85,7 +52,7 @@ class TakeWriter:
         self._chunk = chunk
         self._frames = frames
         self._control_rate = header.control_rate
-        self._room = min(frames, _CHUNKS_AT_FIRST * chunk)
+        self._room = min(frames, CHUNKS_AT_FIRST * chunk)
         self._done = 0
         self._kept: list[dict[str, Array]] = []
         self._kept_targets: list[Array] = []
@@ -119,14 +86,14 @@ class TakeWriter:
                 "target_names": list(header.target_names),
                 "reactions": header.reactions,
                 # xarray reads coordinates that are no dimensions from here.
-                "coordinates": " ".join(_COORDINATES),
+                "coordinates": " ".join(COORDINATES),
                 "type_colours": [[None if np.isnan(c) else float(c) for c in row] for row in cast.colours],
             }
         )
         for name in VARIABLES:
-            chunks = (min(chunk, frames), max(1, min(avatars, _AVATARS_A_CHUNK)))
-            self._create(self._group, name, (self._room, avatars), chunks, _DTYPES[name], ["frame", "avatar"])
-        for name, field in _CAST.items():
+            chunks = (min(chunk, frames), max(1, min(avatars, AVATARS_A_CHUNK)))
+            self._create(self._group, name, (self._room, avatars), chunks, DTYPES[name], ["frame", "avatar"])
+        for name, field in CAST.items():
             values = np.asarray(getattr(cast, field))
             kind = f"<U{max(1, max(map(len, values), default=1))}" if name == "name" else _little(values.dtype)
             array = self._create(self._group, name, (avatars,), (max(1, avatars),), kind, ["avatar"])
@@ -136,10 +103,10 @@ class TakeWriter:
             dimensions = ["frame", "target", "component"]
             self._create(self._group, "target", shape, (min(chunk, frames), targets, 3), "<f4", dimensions)
         events = self._group.create_group("events")
-        for name, kind in _EVENTS.items():
+        for name, kind in EVENTS.items():
             more = (3,) if name == "point" else ()
             dimensions = ["event", "component"] if name == "point" else ["event"]
-            self._create(events, name, (0, *more), (_EVENTS_A_CHUNK, *more), kind, dimensions)
+            self._create(events, name, (0, *more), (EVENTS_A_CHUNK, *more), kind, dimensions)
 
     def _create(
         self,
@@ -154,7 +121,7 @@ class TakeWriter:
         import zarr
 
         codec = numcodecs.Zstd(level=1)
-        units, long_name = (_LABELS if group is self._group else _EVENT_LABELS)[name]
+        units, long_name = (LABELS if group is self._group else EVENT_LABELS)[name]
         attributes: dict[str, Any] = {"_ARRAY_DIMENSIONS": dimensions, "units": units, "long_name": long_name}
         # Without a fill value: xarray reads it as the mark of missing values and would turn every 0 and False into NaN.
         facts: dict[str, Any] = {"shape": shape, "chunks": chunks, "dtype": dtype, "fill_value": None}
@@ -170,7 +137,7 @@ class TakeWriter:
         Raises:
             OutputError: They cannot be written.
         """
-        self._kept.append({name: np.asarray(chunk[name], dtype=_DTYPES[name]) for name in VARIABLES})
+        self._kept.append({name: np.asarray(chunk[name], dtype=DTYPES[name]) for name in VARIABLES})
         self._kept_events.append(events)
         if targets is not None and np.shape(targets)[1]:
             self._kept_targets.append(np.asarray(targets, dtype=np.float32))
@@ -200,16 +167,16 @@ class TakeWriter:
         """Write whole chunks of the strikes that are kept, everything when ``whole``."""
         if not self._kept_events:
             return
-        kept = Events(**{name: np.concatenate([getattr(e, name) for e in self._kept_events]) for name in _EVENTS})
+        kept = Events(**{name: np.concatenate([getattr(e, name) for e in self._kept_events]) for name in EVENTS})
         ready = len(kept.frame)
-        count = ready if whole else ready // _EVENTS_A_CHUNK * _EVENTS_A_CHUNK
+        count = ready if whole else ready // EVENTS_A_CHUNK * EVENTS_A_CHUNK
         if count:
-            for name in _EVENTS:
+            for name in EVENTS:
                 array = self._group["events"][name]
                 first = array.shape[0]
                 array.resize((first + count, *array.shape[1:]))
                 array[first:] = getattr(kept, name)[:count]
-        self._kept_events = [Events(**{name: getattr(kept, name)[count:] for name in _EVENTS})]
+        self._kept_events = [Events(**{name: getattr(kept, name)[count:] for name in EVENTS})]
 
     def _put(self, array: Any, values: Array) -> None:
         """Write the next frames of an array, which grows by doubling; shrinking it searches its end for chunks."""
@@ -286,7 +253,7 @@ def open_take(path: FileName) -> Take:
             found = ", only what a run left that was killed; run its scenario again with --force or another --out"
         raise TakeError(f"{folder}: no take here{found}")
     try:
-        _check_files(folder)
+        check_files(folder)
         group: Any = zarr.open_group(str(folder), mode="r")
         attributes: dict[str, Any] = dict(group.attrs)
     except TakeError:
@@ -298,55 +265,6 @@ def open_take(path: FileName) -> Take:
     if attributes.get("version") != VERSION:
         raise TakeError(f"{folder}: is a take of version {attributes.get('version')!r}, expected {VERSION}")
     try:
-        values: dict[str, Any] = {field: np.asarray(group[name][...]) for name, field in _CAST.items()}
-        colours = [[np.nan if c is None else c for c in row] for row in attributes["type_colours"]]
-        cast = Cast(
-            **values,
-            type_names=tuple(attributes["type_names"]),
-            team_names=tuple(attributes["team_names"]),
-            policy_names=tuple(attributes["policy_names"]),
-            colours=np.array(colours, float).reshape(-1, 3),
-        )
-        _check_names(folder, cast)
-        events = Events(**{name: np.asarray(group["events"][name][...]) for name in _EVENTS})
-        frames = group["action"].shape[0]
-        return Take(
-            **{name: group[name] for name in VARIABLES},
-            cast=cast,
-            targets=group["target"] if "target" in group else np.zeros((frames, 0, 3), np.float32),
-            target_names=tuple(attributes["target_names"]),
-            events=events,
-            control_rate=float(attributes["control_rate"]),
-            scenario=str(attributes["scenario"]),
-            seed=int(attributes["seed"]),
-            fingerprints=tuple(attributes["policy_fingerprints"]),
-            status=str(attributes["status"]),
-            # Takes of before this could be said have them.
-            reactions=bool(attributes.get("reactions", True)),
-        )
+        return read_group(folder, group, attributes)
     except (KeyError, ValueError, OSError) as error:
         raise TakeError(f"{folder}: is damaged: {error}") from None
-
-
-def _check_names(folder: Path, cast: Cast) -> None:
-    """Refuse names that a scenario could not have: files are called by avatars, and policies are found by name."""
-    fault = avatar_name_fault(list(map(str, cast.names.tolist())))
-    if fault:
-        raise TakeError(f"{folder}: {fault}")
-    for name in cast.policy_names:
-        if not re.fullmatch(NAME, str(name)):
-            raise TakeError(f"{folder}: a policy is named {name!r}, expected a name of {NAME_RULE}")
-
-
-def _check_files(folder: Path) -> None:
-    """Refuse a take that holds anything but files and folders: links lead elsewhere, and reading a pipe never ends."""
-    for above, folders, files in os.walk(folder, onerror=_raise):
-        for name in (*folders, *files):
-            path = os.path.join(above, name)
-            mode = os.lstat(path).st_mode
-            if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-                raise TakeError(f"{path}: is {kind_of(mode)}, expected a regular file; links are not followed")
-
-
-def _raise(error: OSError) -> None:
-    raise error

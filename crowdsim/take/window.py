@@ -1,138 +1,42 @@
-"""A stretch of a take for some avatars: where each is in its motion and on the ground at any time, and its cuts."""
+"""A stretch of a take for some avatars: where each is in its motion and on the ground at any time, its transitions."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.policy.alignment import HARDLY, SETTLED
 from crowdsim.take.data import TakeData
+from crowdsim.take.kernels.blending import BLEND
+from crowdsim.take.kernels.columns import GAP_COLUMNS
+from crowdsim.take.kernels.foot_plants import find_foot_plants
+from crowdsim.take.kernels.placing import place_avatars
+from crowdsim.take.kernels.records import FootPlants, Moments, Places, Rows, Steps, Transitions
+from crowdsim.take.kernels.steps import StepRules, plan_steps
+from crowdsim.take.kernels.transitions import measure_transitions
 from crowdsim.take.motion import PoseMotion
-from crowdsim.take.window_kernels import find_stands, measure_cuts, place_avatars, plan_falls
 from crowdsim.take.workers import share
 
-BLEND = 0.8
-"""Length of the blend over a cut, half before it and half after where no strike is near [s]."""
 LEAST_BLEND = 0.1
-"""Least time that it lasts before a cut, and after it [s]."""
-FALLS = (SETTLED[1], SETTLED[0], 0.55, 0.12, 0.17, 0.05, 0.3, 0.65, 0.08, 1.25, HARDLY)
-"""What feet do about cuts: time after a cut in which they come up, or before it in which they came down, so that they
-need no step [s]; time between a cut and a step [s]; how long a step lasts at the least and at the most [s]; how high it
-is at the most [m]; time before a cut from which on feet are dragged a little way, and time after it up to which they
-are [s]; furthest that they are dragged [m]; mean speed of feet in the air
-that is never exceeded for a cut [m/s]; how far they are dragged anyhow before they step [m].
-
-A pose sees a second around it. What a foot does some time before a cut adds up with how far after it that is settled,
-and the other way round, to less than that.
-"""
-
-STEPS = 2
-"""The kind of fall that is a step."""
-
-
-class Rows(NamedTuple):
-    """Control frames of a take for compiled code; R rows, n avatars.
-
-    Attributes:
-        present: Whether each avatar is there. Shape (R, n), bool.
-        origins: Playback frame at which its action starts. Shape (R, n), int64.
-        lengths: Length of its action [control frames]. Shape (R, n).
-        phase: How much of it is done [control frames]. Shape (R, n).
-        shifts: Where the ground transform of its first frame lies when it starts, as seen from the avatar's. Shape
-            (R, n, 3).
-        ground: Ground transform. Shape (R, n, 3).
-        fresh: Whether its action began on the way to this row. Shape (R, n), bool.
-        speeds: Motion frames in a control frame. Shape (n,).
-        scales: Size of each body. Shape (n,).
-        first: Control frame of the first row.
-        rate: Control frames a second.
-    """
-
-    present: Array
-    origins: Array
-    lengths: Array
-    phase: Array
-    shifts: Array
-    ground: Array
-    fresh: Array
-    speeds: Array
-    scales: Array
-    first: int
-    rate: float
-
-
-@dataclass(frozen=True)
-class Places:
-    """Where avatars are at T times; n of them.
-
-    Attributes:
-        frames: Playback frame; -1 while absent. Shape (T, n), int32.
-        fractions: How far on to the next playback frame. Shape (T, n).
-        ground: Ground transform. Shape (T, n, 3).
-    """
-
-    frames: Array
-    fractions: Array
-    ground: Array
-
-
-class Cuts(NamedTuple):
-    """Where motion does not go on as captured, by avatar and time; C cuts of n avatars, J joints.
-
-    Attributes:
-        starts: Cuts of avatar i are ``starts[i]`` up to ``starts[i + 1]``. Shape (n + 1,).
-        owners: Avatar of each cut, a column of the window. Shape (C,).
-        times: When [s]. Shape (C,).
-        before: Playback frame that the cut leaves. Shape (C,).
-        after: Playback frame that it goes on from. Shape (C,).
-        spans: How long before and after the cut the blend over it lasts [s]. Shape (C, 2).
-        signs: See ``measure_cuts``. Shape (C, J + 1).
-        shifts: Where the ground transform of the motion gone on with lies, as seen from that of the motion left. Shape
-            (C, 3).
-        places: See ``measure_cuts``. Shape (C, 3).
-        looks: Likewise. Shape (C, 2, 2).
-        gaps: Likewise. Shape (C, 2, 9).
-    """
-
-    starts: Array
-    owners: Array
-    times: Array
-    before: Array
-    after: Array
-    spans: Array
-    signs: Array
-    shifts: Array
-    places: Array
-    looks: Array
-    gaps: Array
-
-
-class Stands(NamedTuple):
-    """When feet are planted; n avatars.
-
-    Attributes:
-        spans: Beginning and end of each stand, in order [s]. Shape (n, 2, most, 2).
-        counts: How many each foot has. Shape (n, 2).
-    """
-
-    spans: Array
-    counts: Array
-
-
-class Falls(NamedTuple):
-    """What feet do about cuts; C cuts.
-
-    Attributes:
-        kinds: See ``plan_falls``. Shape (C, 2), int8.
-        moves: Likewise. Shape (C, 2, 3).
-    """
-
-    kinds: Array
-    moves: Array
+"""Least time that a blend lasts before a transition, and after it [s]."""
+_STEP_RULES = StepRules(
+    lifts_within=SETTLED[1],
+    landed_within=SETTLED[0],
+    wait=0.55,
+    shortest=0.12,
+    longest=0.17,
+    highest=0.05,
+    ahead=0.3,
+    behind=0.65,
+    drag=0.08,
+    speed=1.25,
+    drag_anyhow=HARDLY,
+)
+"""A pose sees a second around it. What a foot does some time before a transition adds up with how far after it that is
+settled, and the other way round, to less than that."""
 
 
 class Window:
@@ -178,23 +82,23 @@ class Window:
             rate=float(take.control_rate),
         )
 
-    def place(self, times: Array, columns: Array) -> Places:
-        """Return where the avatars in ``columns`` (n,) are at times (T, n) or (T, 1).
+    def place(self, moments: Moments) -> Places:
+        """Return where avatars are.
 
         Between two control frames the ground transform follows the motion from the earlier one and up to the later one;
         where the two disagree, because avatars have been pushed apart, one passes into the other.
         """
-        shape = (len(times), len(columns))
-        frames, fractions, ground = np.empty(shape, np.int32), np.empty(shape), np.empty((*shape, 3))
+        shape = (len(moments.times), len(moments.columns))
+        places = Places(np.empty(shape, np.int32), np.empty(shape), np.empty((*shape, 3)))
 
         def work(low: int, high: int) -> None:
-            place_avatars(self.rows, self.motion.frames, low, high, columns, times, frames, fractions, ground)
+            place_avatars(low, high, self.rows, self.motion.frames, moments, places)
 
-        share(self.threads, len(columns), work)
-        return Places(frames, fractions, ground)
+        share(self.threads, len(moments.columns), work)
+        return places
 
-    def cuts(self) -> Cuts:
-        """Return the cuts, measured."""
+    def transitions(self) -> Transitions:
+        """Return the transitions, measured."""
         rows, frames = self.rows, self.motion.frames
         owner, row = np.nonzero((rows.fresh & rows.present)[1:].T & rows.present[:-1].T)
         row = row + 1
@@ -202,27 +106,26 @@ class Window:
         after = rows.origins[row, owner]
         seen = before != after
         owner, row, before, after = owner[seen], row[seen], before[seen], after[seen]
-        times = (rows.first + row - rows.phase[row, owner] / rows.speeds[owner]) / rows.rate
         count, joints = len(owner), self.motion.skeleton.joint_count
-        cuts = Cuts(
+        transitions = Transitions(
             starts=np.searchsorted(owner, np.arange(len(self.avatars) + 1)),
             owners=owner,
-            times=times,
+            times=(rows.first + row - rows.phase[row, owner] / rows.speeds[owner]) / rows.rate,
             before=before,
             after=after,
             spans=self._spans(before, after, rows.speeds[owner] * frames.rate),
-            signs=np.empty((count, joints + 1), np.int8),
             shifts=rows.shifts[row, owner],
-            places=np.empty((count, 3)),
-            looks=np.empty((count, 2, 2)),
-            gaps=np.empty((count, 2, 9)),
+            signs=np.empty((count, joints + 1), np.int8),
+            ground=np.empty((count, 3)),
+            directions=np.empty((count, 2, 2)),
+            gaps=np.empty((count, 2, GAP_COLUMNS)),
         )
 
         def work(low: int, high: int) -> None:
-            measure_cuts(rows, frames, self.motion.legs.toes, low, high, *cuts[1:5], *cuts[6:])
+            measure_transitions(low, high, rows, frames, self.motion.legs.toes, transitions)
 
         share(self.threads, count, work)
-        return cuts
+        return transitions
 
     def _spans(self, before: Array, after: Array, pace: Array) -> Array:
         """How long blends last on either side: they keep off strikes, and last longer on the other side instead."""
@@ -234,27 +137,26 @@ class Window:
         half = np.minimum(room, 0.5 * BLEND)
         return np.minimum(room, np.minimum(BLEND - half[:, ::-1], 0.7 * BLEND))
 
-    def stands(self) -> Stands:
+    def foot_plants(self) -> FootPlants:
         """Return when feet are planted."""
         rows, stride = self.rows, self.motion.frames.stride
         fastest = float(rows.speeds.max(initial=1.0))
         most = (len(rows.phase) * (math.ceil(fastest * stride) + 3)) // 2 + 2
-        spans = np.empty((len(self.avatars), 2, most, 2))
-        counts = np.empty((len(self.avatars), 2), np.int64)
+        plants = FootPlants(np.empty((len(self.avatars), 2, most, 2)), np.empty((len(self.avatars), 2), np.int64))
 
         def work(low: int, high: int) -> None:
-            find_stands(rows, self.motion.frames, low, high, spans, counts)
+            find_foot_plants(low, high, rows, self.motion.frames, plants)
 
         share(self.threads, len(self.avatars), work)
-        return Stands(spans, counts)
+        return plants
 
-    def falls(self, cuts: Cuts, stands: Stands) -> Falls:
-        """Return what feet do about cuts."""
-        rows = self.rows
-        falls = Falls(np.empty((len(cuts.times), 2), np.int8), np.empty((len(cuts.times), 2, 3)))
+    def steps(self, transitions: Transitions, plants: FootPlants) -> Steps:
+        """Return what feet do about transitions."""
+        count, scales, motion = len(transitions.times), self.rows.scales, self.motion
+        steps = Steps(np.empty((count, 2), np.int8), np.empty((count, 2, 3)))
 
         def work(low: int, high: int) -> None:
-            plan_falls(cuts, stands, self.motion.frames, rows.scales, low, high, FALLS, self.motion.gait, *falls)
+            plan_steps(low, high, transitions, plants, motion.frames, scales, _STEP_RULES, motion.gait, steps)
 
         share(self.threads, len(self.avatars), work)
-        return falls
+        return steps

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crowdsim.export.cloud_kernels import place_points
+from crowdsim.export.cloud_kernels import Bodies, Points, Riders, When, place_points
 from crowdsim.export.surface import build_surface
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import build_body
@@ -59,10 +59,9 @@ def test_points_ride_on_their_joints(clip) -> None:
     columns = np.array([0, 2, 3])
     places, normals = np.full((151, 3), np.inf, np.float32), np.full((151, 3), np.inf, np.float32)
     velocities = np.full((3, 151), np.inf, np.float32)
-    end = place_points(
-        positions, rotations, 0, 1, 2, 0.1, columns, scales, surface.joints, surface.places, surface.normals,
-        1, places, normals, velocities,
-    )  # fmt: skip
+    riders = Riders(surface.joints, surface.places, surface.normals)
+    bodies, points = Bodies(positions, rotations, scales), Points(places, normals, velocities)
+    end = place_points(bodies, When(0, 1, 2, 0.1), columns, riders, 1, points)
     assert end == 151
     assert np.isinf(places[0]).all()
     joints = surface.joints
@@ -87,8 +86,7 @@ def test_a_single_frame_does_not_move(clip) -> None:
     rotations = np.zeros((1, 1, clip.skeleton.joint_count, 4), np.float32)
     rotations[..., 0] = 1.0
     places, normals, velocities = (np.full(shape, np.inf, np.float32) for shape in ((20, 3), (20, 3), (3, 20)))
-    place_points(
-        positions, rotations, 0, 0, 0, 0.1, np.array([0]), np.ones(1, np.float32), surface.joints, surface.places,
-        surface.normals, 0, places, normals, velocities,
-    )  # fmt: skip
+    riders = Riders(surface.joints, surface.places, surface.normals)
+    bodies = Bodies(positions, rotations, np.ones(1, np.float32))
+    place_points(bodies, When(0, 0, 0, 0.1), np.array([0]), riders, 0, Points(places, normals, velocities))
     assert (velocities == 0).all()

@@ -9,7 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from crowdsim.render import raycast_kernels as kernels
+from crowdsim.render.kernels import tiles
+from crowdsim.render.kernels.cones import meet_cone, start_tile
+from crowdsim.render.kernels.ground import _checks
 from crowdsim.render.raycast import Capsules, Flashes, draw, sun_direction
 from crowdsim.render.view import View, directions, look_at
 
@@ -86,24 +88,24 @@ def rays_meet(cone):
     way = float(np.linalg.norm(cone[:3]))
     focal = 8.0 * way / (2.5 * (np.linalg.norm(cone[3:6]) + cone[6] + abs(cone[7])))
     camera = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, -1, focal, 4.0, 4.0, 50.0])
-    buf = np.zeros(kernels.SCRATCH, np.float32)
-    kernels._start_tile(buf, 0, 0, camera)
-    kernels._meet(buf, 0, 64, np.float32(0), *(np.float32(value) for value in cone))
+    buf = np.zeros(tiles.SCRATCH, np.float32)
+    start_tile(buf, 0, 0, camera)
+    meet_cone(buf, 0, 64, np.float32(0), tuple(np.float32(value) for value in cone))
     for pixel in range(64):
-        ray = np.array([buf[kernels.DX + pixel], buf[kernels.DY + pixel], buf[kernels.DZ + pixel]], float)
+        ray = np.array([buf[tiles.DX + pixel], buf[tiles.DY + pixel], buf[tiles.DZ + pixel]], float)
         ray /= np.linalg.norm(ray)
         wide = way / focal
         distance = naive.gap(ray, cone.astype(float))
         if distance < -0.75 * wide and naive.spheres(cone.astype(float))[1].min() > wide:
             t, normal = naive.first_hit(ray, cone.astype(float))
-            s = buf[kernels.FRONT_S + pixel]
-            found = ray * buf[kernels.FRONT_T + pixel] - cone[:3] - s * cone[3:6]
-            assert buf[kernels.FRONT_T + pixel] == pytest.approx(t, abs=2e-3 + 1e-4 * t)
+            s = buf[tiles.FRONT_S + pixel]
+            found = ray * buf[tiles.FRONT_T + pixel] - cone[:3] - s * cone[3:6]
+            assert buf[tiles.FRONT_T + pixel] == pytest.approx(t, abs=2e-3 + 1e-4 * t)
             # Normals turn fast near the rim; a millimetre of distance allows a few degrees there.
             assert found @ normal / np.linalg.norm(found) > 0.98
         elif distance > 0.75 * wide:
-            assert buf[kernels.FRONT_T + pixel] == kernels.FAR
-            assert buf[kernels.EDGE_T + pixel] == kernels.FAR
+            assert buf[tiles.FRONT_T + pixel] == tiles.FAR
+            assert buf[tiles.EDGE_T + pixel] == tiles.FAR
 
 
 @pytest.mark.parametrize("way", [3.0, 20.0, 150.0])
@@ -114,23 +116,24 @@ def test_coverage_of_a_ball_sums_to_the_area_of_its_disc(way):
     for y0 in range(0, 72, 8):
         for x0 in range(0, 72, 8):
             camera = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, -1, focal, 36.3, 35.6, 50.0])
-            buf = np.zeros(kernels.SCRATCH, np.float32)
-            kernels._start_tile(buf, x0, y0, camera)
-            kernels._meet(buf, 0, 64, np.float32(0), *(np.float32(v) for v in (0, 0, -way, 0, 0, 0, radius, 0)))
-            shares += np.count_nonzero(buf[kernels.FRONT_T : kernels.FRONT_T + 64] < kernels.FAR)
-            edges = buf[kernels.EDGE_T : kernels.EDGE_T + 64] < kernels.FAR
-            shares += buf[kernels.EDGE_C : kernels.EDGE_C + 64][edges].sum()
+            buf = np.zeros(tiles.SCRATCH, np.float32)
+            start_tile(buf, x0, y0, camera)
+            meet_cone(buf, 0, 64, np.float32(0), tuple(np.float32(v) for v in (0, 0, -way, 0, 0, 0, radius, 0)))
+            shares += np.count_nonzero(buf[tiles.FRONT_T : tiles.FRONT_T + 64] < tiles.FAR)
+            edges = buf[tiles.EDGE_T : tiles.EDGE_T + 64] < tiles.FAR
+            shares += buf[tiles.EDGE_C : tiles.EDGE_C + 64][edges].sum()
     seen = focal * radius / math.sqrt(way * way - radius * radius)
     assert shares == pytest.approx(math.pi * seen * seen, rel=0.01)
 
 
 def test_thin_capsules_cover_as_much_as_they_are_wide():
     camera = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, -1, 100.0, 4.0, 4.0, 50.0])
-    buf = np.zeros(kernels.SCRATCH, np.float32)
-    kernels._start_tile(buf, 0, 0, camera)
+    buf = np.zeros(tiles.SCRATCH, np.float32)
+    start_tile(buf, 0, 0, camera)
     radius = 0.0015
-    kernels._meet(buf, 0, 64, *(np.float32(v) for v in (0, 0.003, 0, -1, 0, 5, 0, radius, 0)))
-    cover = buf[kernels.EDGE_C : kernels.EDGE_C + 64].reshape(8, 8).sum(axis=1)
+    cone = tuple(np.float32(v) for v in (0.003, 0, -1, 0, 5, 0, radius, 0))
+    meet_cone(buf, 0, 64, np.float32(0), cone)
+    cover = buf[tiles.EDGE_C : tiles.EDGE_C + 64].reshape(8, 8).sum(axis=1)
     assert cover == pytest.approx(np.full(8, 100.0 * 2 * radius), rel=0.03)
 
 
@@ -248,7 +251,7 @@ def test_shadows_meet_what_stands_on_the_floor():
 @settings(max_examples=100, deadline=None)
 @given(st.floats(-9, 9), st.floats(0.002, 0.75))
 def test_the_floor_is_the_mean_of_its_squares_over_a_pixel(x, wide):
-    found = kernels._checks(np.float32(x + 20), np.float32(wide))
+    found = _checks(np.float32(x + 20), np.float32(wide))
     assert found == pytest.approx(naive.checker(x + 20, 0.5, wide, 1e-6, 2001), abs=0.02)
 
 

@@ -14,7 +14,7 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.limbs import flexion, hinge_axis
 from crowdsim.motion.skeleton import Skeleton
-from crowdsim.take.limb_kernels import MOST, bend_limb
+from crowdsim.take.kernels.limbs import MOST, World, bend_limb
 from crowdsim.take.motion import Limbs
 
 # A root, two joints above the limb, the limb with a joint that only twists between its bones, and two joints beside it.
@@ -57,8 +57,8 @@ class Posed:
     def bent(self, target: np.ndarray, distance: float) -> np.ndarray:
         """Local rotations after the limb was bent. Shape (J, 4)."""
         rotations = self.rotations.copy()
-        bend_limb(self.limbs, 0, rotations, self.places, self.turns, *map(float, target), float(distance),
-                  np.empty(4), np.empty(4), np.empty(4))  # fmt: skip
+        x, y, z = map(float, target)
+        bend_limb(self.limbs, 0, rotations, World(self.places, self.turns), (x, y, z), float(distance))
         return rotations
 
     def target(self, distance: float) -> np.ndarray:

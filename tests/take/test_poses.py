@@ -14,9 +14,10 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.limbs import flexion
 from crowdsim.take.fists import body_points, surface_point
+from crowdsim.take.kernels.records import Moments
+from crowdsim.take.kernels.steps import STEP
 from crowdsim.take.poses import Poses, PoseSampler
 from crowdsim.take.take import Events, Take
-from crowdsim.take.window import STEPS
 
 LEGS = ("hip", "knee", "foot", "toe")
 
@@ -53,7 +54,7 @@ def hard(take: Take, policy: Any, fps: float = 60.0) -> np.ndarray:
     poses = sampler(take, policy)
     window = poses.window(0, np.arange(take.avatar_count), np.array([0.0, take.seconds]))
     times = (np.arange(take.output_frames(fps)) / fps)[:, None]
-    places = window.place(times, np.arange(take.avatar_count))
+    places = window.place(Moments(np.arange(take.avatar_count), times))
     motion = window.motion.frames
     turns = np.array(motion.rotations[places.frames], float)
     turns[..., 0, :] = quaternion.multiply(quaternion.about_y(places.ground[..., 2]), turns[..., 0, :])
@@ -173,16 +174,16 @@ def test_a_planted_foot_stands_as_still_as_it_is_captured_while_the_body_goes_ov
         take, policy = build_take([[0, 1]], np.array([leave - 19, enter + 1]), np.array([20, 20]), 40)
         poses = sampler(take, policy)
         window = poses.window(0, np.arange(1), np.array([0.0, take.seconds]))
-        cuts = window.cuts()
-        if not len(cuts.times):
+        transitions = window.transitions()
+        if not len(transitions.times):
             continue
-        kinds = window.falls(cuts, window.stands()).kinds
+        kinds = window.steps(transitions, window.foot_plants()).kinds
         toes = [motion.body.roles["left_toe"], motion.body.roles["right_toe"]]
-        middle = round(float(cuts.times[0]) * 60)
+        middle = round(float(transitions.times[0]) * 60)
         ours = poses.sample(middle - 12, middle + 13, 60)[0].joints()[0][:, 0, toes]
         moved = np.linalg.norm(ours - ours[:1], axis=-1).max(axis=0)
         for foot in range(2):
-            if kinds[0, foot] == STEPS and np.linalg.norm(cuts.gaps[0, foot, :3]) < 0.1:
+            if kinds[0, foot] == STEP and np.linalg.norm(transitions.gaps[0, foot, :3]) < 0.1:
                 found += 1
                 assert moved[foot] < 0.004
     assert found >= 3
@@ -203,15 +204,15 @@ def test_a_foot_that_is_in_the_air_for_the_moment_of_a_cut_stands_before_it_and_
             take, policy = build_take([[0, 1]], np.array([leave - 19, enter + 1]), np.array([20, 20]), 40)
             poses = sampler(take, policy)
             window = poses.window(0, np.arange(1), np.array([0.0, take.seconds]))
-            cuts = window.cuts()
-            falls = window.falls(cuts, window.stands())
-            if np.linalg.norm(cuts.gaps[0, foot, :3]) > 0.3 or falls.kinds[0, foot] != STEPS:
+            transitions = window.transitions()
+            steps = window.steps(transitions, window.foot_plants())
+            if np.linalg.norm(transitions.gaps[0, foot, :3]) > 0.3 or steps.kinds[0, foot] != STEP:
                 continue
-            times = np.arange(round((cuts.times[0] - 0.35) * 60), round((cuts.times[0] + 0.35) * 60))
+            times = np.arange(round((transitions.times[0] - 0.35) * 60), round((transitions.times[0] + 0.35) * 60))
             toe = motion.body.roles[("left_toe", "right_toe")[foot]]
             places = poses.sample(times[0], times[-1] + 1, 60)[0].joints()[0][:, 0, toe]
-            frames = window.place((times / 60)[:, None], np.arange(1)).frames[:, 0]
-            hops = (times / 60 > falls.moves[0, foot, 0] - 0.02) & (times / 60 < falls.moves[0, foot, 1] + 0.02)
+            frames = window.place(Moments(np.arange(1), (times / 60)[:, None])).frames[:, 0]
+            hops = (times / 60 > steps.moves[0, foot, 0] - 0.02) & (times / 60 < steps.moves[0, foot, 1] + 0.02)
             still = contacts[frames, foot] & ~hops
             speeds = np.linalg.norm(np.diff(places[:, [0, 2]], axis=0), axis=-1) * 60
             assert speeds[still[1:] & still[:-1]].max() < 0.35
@@ -246,13 +247,13 @@ def test_a_heel_that_is_up_at_a_cut_comes_down_before_the_foot_steps() -> None:
 def _slide(places: np.ndarray, take: Take, policy: Any) -> np.ndarray:
     roles = database().body.roles
     window = sampler(take, policy).window(0, np.arange(take.avatar_count), np.array([0.0, take.seconds]))
-    frames = window.place((np.arange(len(places)) / 60.0)[:, None], np.arange(take.avatar_count)).frames
+    frames = window.place(Moments(np.arange(take.avatar_count), (np.arange(len(places)) / 60.0)[:, None])).frames
     planted = np.array(database().contacts[frames])
-    cuts = window.cuts()
-    falls = window.falls(cuts, window.stands())
-    for cut, foot in zip(*np.nonzero(falls.kinds == STEPS), strict=True):
-        low, high = (falls.moves[cut, foot, :2] * 60).astype(int)
-        planted[max(low, 0) : high + 2, cuts.owners[cut], foot] = False
+    transitions = window.transitions()
+    steps = window.steps(transitions, window.foot_plants())
+    for k, foot in zip(*np.nonzero(steps.kinds == STEP), strict=True):
+        low, high = (steps.moves[k, foot, :2] * 60).astype(int)
+        planted[max(low, 0) : high + 2, transitions.owners[k], foot] = False
     feet = places[:, :, [roles["left_toe"], roles["right_toe"]]][..., [0, 2]]
     speeds = np.linalg.norm(np.diff(feet, axis=0), axis=-1) * 60
     return np.asarray(speeds[planted[1:] & planted[:-1]])

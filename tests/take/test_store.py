@@ -150,9 +150,9 @@ def test_xarray_opens_a_take_with_its_dimensions_and_units(tmp_path: Path) -> No
 
 
 def test_an_avatar_frame_takes_24_bytes() -> None:
-    from crowdsim.take.store import _DTYPES
+    from crowdsim.take.layout import DTYPES
 
-    assert sum(np.dtype(_DTYPES[name]).itemsize for name in VARIABLES) == 24
+    assert sum(np.dtype(DTYPES[name]).itemsize for name in VARIABLES) == 24
 
 
 def test_nothing_has_the_final_name_before_the_take_is_closed(tmp_path: Path) -> None:

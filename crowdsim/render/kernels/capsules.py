@@ -2,9 +2,40 @@
 
 import math
 
+from crowdsim.core.quaternions import rotate
 from crowdsim.jit import kernel
+from crowdsim.render.kernels.columns import (
+    AHEAD_X,
+    AHEAD_Y,
+    AHEAD_Z,
+    EYE_X,
+    EYE_Y,
+    EYE_Z,
+    FLOOR_PER_METRE,
+    FLOOR_X,
+    FLOOR_Z,
+    FOCAL,
+    GRID_U,
+    GRID_V,
+    MIDDLE_X,
+    MIDDLE_Y,
+    PER_METRE,
+    REACH,
+    RIGHT_X,
+    RIGHT_Y,
+    RIGHT_Z,
+    SOFTNESS,
+    SUN_X,
+    SUN_Y,
+    U_X,
+    UP_X,
+    UP_Y,
+    UP_Z,
+    V_X,
+    WIDEST,
+)
 
-NEAR = 0.05
+CLOSEST = 0.05
 NEIGHBOUR_GAP = 0.15
 
 
@@ -16,16 +47,15 @@ def place_capsules(positions, rotations, scales, joints, starts, ends, radii, ou
         scale = scales[n]
         for k in range(count):
             j, row = joints[k], n * count + k
-            w, x, y, z = rotations[n, j, 0], rotations[n, j, 1], rotations[n, j, 2], rotations[n, j, 3]
             for end in range(2):
                 if end == 0:
                     a, b, c = starts[k, 0], starts[k, 1], starts[k, 2]
                 else:
                     a, b, c = ends[k, 0], ends[k, 1], ends[k, 2]
-                tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-                out_places[row, 3 * end] = positions[n, j, 0] + scale * (a + w * tx + y * tz - z * ty)
-                out_places[row, 3 * end + 1] = positions[n, j, 1] + scale * (b + w * ty + z * tx - x * tz)
-                out_places[row, 3 * end + 2] = positions[n, j, 2] + scale * (c + w * tz + x * ty - y * tx)
+                x, y, z = rotate(rotations[n, j], a, b, c)
+                out_places[row, 3 * end] = positions[n, j, 0] + scale * x
+                out_places[row, 3 * end + 1] = positions[n, j, 1] + scale * y
+                out_places[row, 3 * end + 2] = positions[n, j, 2] + scale * z
                 out_places[row, 6 + end] = scale * radii[k, end]
 
 
@@ -37,23 +67,23 @@ def choose_capsules(places, camera, width, height, margin, smallest, out_chosen)
     ``smallest`` pixels or more.
     """
     count = 0
-    tx, ty = 0.5 * width / camera[12], 0.5 * height / camera[12]
+    tx, ty = 0.5 * width / camera[FOCAL], 0.5 * height / camera[FOCAL]
     lx, ly = math.sqrt(1.0 + tx * tx), math.sqrt(1.0 + ty * ty)
     for c in range(places.shape[0]):
-        ax, ay, az = places[c, 0] - camera[0], places[c, 1] - camera[1], places[c, 2] - camera[2]
-        bx, by, bz = places[c, 3] - camera[0], places[c, 4] - camera[1], places[c, 5] - camera[2]
+        ax, ay, az = places[c, 0] - camera[EYE_X], places[c, 1] - camera[EYE_Y], places[c, 2] - camera[EYE_Z]
+        bx, by, bz = places[c, 3] - camera[EYE_X], places[c, 4] - camera[EYE_Y], places[c, 5] - camera[EYE_Z]
         ra, rb = places[c, 6], places[c, 7]
         mx, my, mz = 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz)
         long = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2 + (bz - az) ** 2)
         wide = max(ra, rb)
         size = 0.5 * long + wide + margin
-        x = mx * camera[3] + my * camera[4] + mz * camera[5]
-        y = mx * camera[6] + my * camera[7] + mz * camera[8]
-        z = mx * camera[9] + my * camera[10] + mz * camera[11]
+        x = mx * camera[RIGHT_X] + my * camera[RIGHT_Y] + mz * camera[RIGHT_Z]
+        y = mx * camera[UP_X] + my * camera[UP_Y] + mz * camera[UP_Z]
+        z = mx * camera[AHEAD_X] + my * camera[AHEAD_Y] + mz * camera[AHEAD_Z]
         if not (z > -size and abs(x) - tx * z < size * lx and abs(y) - ty * z < size * ly):
             continue
         if smallest > 0.0:
-            per_metre = camera[12] / max(z, 1.0)
+            per_metre = camera[FOCAL] / max(z, 1.0)
             if 2.0 * wide * (long + 1.6 * wide) * per_metre * per_metre < smallest:
                 continue
         out_chosen[count] = c
@@ -66,21 +96,21 @@ def view_capsules(places, chosen, camera, light, out_cones, out_shades, out_segm
     """Write the chosen capsules as ``draw_tiles`` wants them, and as segments of the screen in tiles."""
     for n in range(chosen.shape[0]):
         c = chosen[n]
-        ax, ay, az = places[c, 0] - camera[0], places[c, 1] - camera[1], places[c, 2] - camera[2]
-        bx, by, bz = places[c, 3] - camera[0], places[c, 4] - camera[1], places[c, 5] - camera[2]
+        ax, ay, az = places[c, 0] - camera[EYE_X], places[c, 1] - camera[EYE_Y], places[c, 2] - camera[EYE_Z]
+        bx, by, bz = places[c, 3] - camera[EYE_X], places[c, 4] - camera[EYE_Y], places[c, 5] - camera[EYE_Z]
         ra, rb = places[c, 6], places[c, 7]
         out_cones[n, 0], out_cones[n, 1], out_cones[n, 2] = 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz)
         out_cones[n, 3], out_cones[n, 4], out_cones[n, 5] = 0.5 * (bx - ax), 0.5 * (by - ay), 0.5 * (bz - az)
         out_cones[n, 6], out_cones[n, 7] = 0.5 * (ra + rb), 0.5 * (rb - ra)
         for axis in range(3):
-            o = (3, 6, 0)[axis]
+            o = (U_X, V_X, SUN_X)[axis]
             out_shades[n, axis] = ax * light[o] + ay * light[o + 1] + az * light[o + 2]
             out_shades[n, 3 + axis] = (bx - ax) * light[o] + (by - ay) * light[o + 1] + (bz - az) * light[o + 2]
         out_shades[n, 6], out_shades[n, 7] = ra, rb - ra
         out_shades[n, 8] = 1.0 / max(out_shades[n, 3] ** 2 + out_shades[n, 4] ** 2, 1e-9)
-        za = ax * camera[9] + ay * camera[10] + az * camera[11]
-        zb = bx * camera[9] + by * camera[10] + bz * camera[11]
-        near = NEAR + max(ra, rb)
+        za = ax * camera[AHEAD_X] + ay * camera[AHEAD_Y] + az * camera[AHEAD_Z]
+        zb = bx * camera[AHEAD_X] + by * camera[AHEAD_Y] + bz * camera[AHEAD_Z]
+        near = CLOSEST + max(ra, rb)
         if za < near and zb < near:
             out_segments[n, 4] = -1.0
             out_spans[n, 0], out_spans[n, 1] = 0, -1
@@ -103,13 +133,13 @@ def view_capsules(places, chosen, camera, light, out_cones, out_shades, out_segm
 @kernel
 def _project(x, y, z, radius, camera, segment, end):
     """Write a circle in tiles of 8 pixels that encloses the picture of a sphere, and a pixel more."""
-    u = x * camera[3] + y * camera[4] + z * camera[5]
-    v = x * camera[6] + y * camera[7] + z * camera[8]
-    w = x * camera[9] + y * camera[10] + z * camera[11]
+    u = x * camera[RIGHT_X] + y * camera[RIGHT_Y] + z * camera[RIGHT_Z]
+    v = x * camera[UP_X] + y * camera[UP_Y] + z * camera[UP_Z]
+    w = x * camera[AHEAD_X] + y * camera[AHEAD_Y] + z * camera[AHEAD_Z]
     over = 1.0 / (w * w - radius * radius)
-    across = camera[12] * radius * math.sqrt(max(u * u + v * v + w * w - radius * radius, 0.0)) * over
-    segment[2 * end] = (camera[13] + camera[12] * u * w * over) / 8.0
-    segment[2 * end + 1] = (camera[14] - camera[12] * v * w * over) / 8.0
+    across = camera[FOCAL] * radius * math.sqrt(max(u * u + v * v + w * w - radius * radius, 0.0)) * over
+    segment[2 * end] = (camera[MIDDLE_X] + camera[FOCAL] * u * w * over) / 8.0
+    segment[2 * end + 1] = (camera[MIDDLE_Y] - camera[FOCAL] * v * w * over) / 8.0
     segment[4 + end] = (across + 1.0) / 8.0
 
 
@@ -133,32 +163,32 @@ def shadow_segments(shades, cones, camera, light, thinnest, out):
     Those that show thinner than ``thinnest`` pixels are left out.
     """
     for c in range(shades.shape[0]):
-        ahead = cones[c, 0] * camera[9] + cones[c, 1] * camera[10] + cones[c, 2] * camera[11]
-        if 2.0 * (cones[c, 6] + abs(cones[c, 7])) * camera[12] < thinnest * max(ahead, 1.0):
+        ahead = cones[c, 0] * camera[AHEAD_X] + cones[c, 1] * camera[AHEAD_Y] + cones[c, 2] * camera[AHEAD_Z]
+        if 2.0 * (cones[c, 6] + abs(cones[c, 7])) * camera[FOCAL] < thinnest * max(ahead, 1.0):
             out[c, 4] = -1.0
             continue
-        over = max(camera[1] + cones[c, 1] + abs(cones[c, 4]) + cones[c, 6] + abs(cones[c, 7]), 0.0)
-        pad = light[14] * over / light[1] + light[15]
+        over = max(camera[EYE_Y] + cones[c, 1] + abs(cones[c, 4]) + cones[c, 6] + abs(cones[c, 7]), 0.0)
+        pad = light[SOFTNESS] * over / light[SUN_Y] + light[WIDEST]
         for end in range(2):
-            out[c, 2 * end] = (shades[c, 0] + end * shades[c, 3] - light[9]) * light[11]
-            out[c, 2 * end + 1] = (shades[c, 1] + end * shades[c, 4] - light[10]) * light[11]
-            out[c, 4 + end] = (shades[c, 6] + end * shades[c, 7] + pad) * light[11]
+            out[c, 2 * end] = (shades[c, 0] + end * shades[c, 3] - light[GRID_U]) * light[PER_METRE]
+            out[c, 2 * end + 1] = (shades[c, 1] + end * shades[c, 4] - light[GRID_V]) * light[PER_METRE]
+            out[c, 4 + end] = (shades[c, 6] + end * shades[c, 7] + pad) * light[PER_METRE]
 
 
 @kernel
 def contact_segments(cones, camera, floor, out):
-    """Write the capsules within ``floor[5]`` [m] of the floor as segments of the grid of contacts."""
-    reach = floor[5]
+    """Write the capsules within ``floor[REACH]`` [m] of the floor as segments of the grid of contacts."""
+    reach = floor[REACH]
     for c in range(cones.shape[0]):
-        low = camera[1] + cones[c, 1] - abs(cones[c, 4]) - cones[c, 6] - abs(cones[c, 7])
+        low = camera[EYE_Y] + cones[c, 1] - abs(cones[c, 4]) - cones[c, 6] - abs(cones[c, 7])
         if low > reach:
             out[c, 4] = -1.0
             continue
         for end in range(2):
             sign = 2.0 * end - 1.0
-            out[c, 2 * end] = (cones[c, 0] + sign * cones[c, 3] - floor[0]) * floor[2]
-            out[c, 2 * end + 1] = (cones[c, 2] + sign * cones[c, 5] - floor[1]) * floor[2]
-            out[c, 4 + end] = (cones[c, 6] + sign * cones[c, 7] + reach) * floor[2]
+            out[c, 2 * end] = (cones[c, 0] + sign * cones[c, 3] - floor[FLOOR_X]) * floor[FLOOR_PER_METRE]
+            out[c, 2 * end + 1] = (cones[c, 2] + sign * cones[c, 5] - floor[FLOOR_Z]) * floor[FLOOR_PER_METRE]
+            out[c, 4 + end] = (cones[c, 6] + sign * cones[c, 7] + reach) * floor[FLOOR_PER_METRE]
 
 
 @kernel
@@ -193,8 +223,10 @@ def near_capsules(cones, owners, camera, smallest, out):
             stop += 1
         for c in range(start, stop):
             out[c, 0] = -1
-        ahead = cones[start, 0] * camera[9] + cones[start, 1] * camera[10] + cones[start, 2] * camera[11]
-        if camera[12] >= smallest * max(ahead, 0.5):
+        ahead = (
+            cones[start, 0] * camera[AHEAD_X] + cones[start, 1] * camera[AHEAD_Y] + cones[start, 2] * camera[AHEAD_Z]
+        )
+        if camera[FOCAL] >= smallest * max(ahead, 0.5):
             for c in range(start, stop):
                 used = 0
                 for other in range(start, stop):

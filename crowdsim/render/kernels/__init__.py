@@ -1,0 +1,1 @@
+"""Compiled drawing of capsules: projection, lists of cells, rays, light and colours."""

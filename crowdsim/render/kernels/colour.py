@@ -1,0 +1,124 @@
+"""Compiled colours: lit points, flashes, and the bytes of a picture."""
+
+import math
+
+import numpy as np
+
+from crowdsim.jit import kernel
+from crowdsim.render.kernels.columns import EYE_Y, HAZE, SUN_X, SUN_Y, SUN_Z
+from crowdsim.render.kernels.tiles import (
+    BLUE,
+    DX,
+    DY,
+    DZ,
+    FLAGS,
+    FRONT_T,
+    GREEN,
+    HALF,
+    NX,
+    NY,
+    NZ,
+    ONE,
+    RED,
+    REST,
+    SHARE,
+    SKY,
+    SUN,
+    TINY,
+    TWO,
+    WAY,
+    ZERO,
+    F,
+    N,
+    Y,
+)
+
+
+@kernel(fastmath=FLAGS)
+def paint_points(buf, lit, count, camera, light, paints):
+    """Add the colour of every point to its pixel: sun, sky, light from the floor, gloss and haze."""
+    points, ids, pixels = lit.values, lit.ids, lit.pixels
+    lx, ly, lz = F(light[SUN_X]), F(light[SUN_Y]), F(light[SUN_Z])
+    height, haze = F(camera[EYE_Y]), F(1.0 / camera[HAZE])
+    for i in range(N):
+        buf[RED + i] *= buf[REST + i]
+        buf[GREEN + i] *= buf[REST + i]
+        buf[BLUE + i] *= buf[REST + i]
+    for p in range(N, count):
+        c, i = ids[p], pixels[p]
+        dx, dy, dz = buf[DX + i], buf[DY + i], buf[DZ + i]
+        nx, ny, nz = points[NX + p], points[NY + p], points[NZ + p]
+        free = points[SKY + p]
+        sun = points[SUN + p] * max(nx * lx + ny * ly + nz * lz, ZERO)
+        sky = free * (HALF + HALF * ny)
+        # Near the floor a body hides the light that would come back from it.
+        floor = free * (HALF - HALF * ny) * min(F(0.35) + F(0.8) * max(points[Y + p] + height, ZERO), ONE)
+        hx, hy, hz = lx - dx, ly - dy, lz - dz
+        shine = max(hx * nx + hy * ny + hz * nz, ZERO) / math.sqrt(max(hx * hx + hy * hy + hz * hz, TINY))
+        shine = shine * shine
+        shine = shine * shine
+        shine = shine * shine
+        shine = shine * shine * shine
+        gloss = paints[c, 3]
+        shine = gloss * min(TWO * sun, ONE) * shine * shine
+        # At a grazing angle everything mirrors the sky.
+        rim = max(ONE + nx * dx + ny * dy + nz * dz, ZERO)
+        rim = rim * rim
+        rim = F(0.35) * gloss * sky * rim * rim
+        far = points[WAY + p] * haze
+        far = far * far
+        fog = far / (ONE + far)
+        share, clear = points[SHARE + p] * fog, points[SHARE + p] * (ONE - fog)
+        red = paints[c, 0] * (F(1.22) * sun + F(0.40) * sky + F(0.20) * floor) + shine + F(0.8) * rim
+        green = paints[c, 1] * (F(1.19) * sun + F(0.45) * sky + F(0.20) * floor) + shine + F(0.9) * rim
+        blue = paints[c, 2] * (F(1.11) * sun + F(0.53) * sky + F(0.19) * floor) + shine + rim
+        buf[RED + i] += clear * red + share * F(0.66)
+        buf[GREEN + i] += clear * green + share * F(0.73)
+        buf[BLUE + i] += clear * blue + share * F(0.81)
+
+
+@kernel(fastmath=FLAGS)
+def add_flashes(buf, x0, y0, flashes):
+    """Add a star and a ring of light for every flash whose square touches the tile."""
+    for f in range(flashes.shape[0]):
+        fx, fy, size = flashes[f, 0] - x0, flashes[f, 1] - y0, flashes[f, 3]
+        reach = 2.2 * size
+        if fx + reach < 0.0 or fy + reach < 0.0 or fx - reach > 8.0 or fy - reach > 8.0:
+            continue
+        depth, age, power = flashes[f, 2], flashes[f, 4], flashes[f, 5]
+        for i in range(N):
+            x, y = ((i & 7) + 0.5 - fx) / size, ((i >> 3) + 0.5 - fy) / size
+            square = x * x + y * y
+            if square >= 4.8 or buf[FRONT_T + i] < depth:
+                continue
+            window = 1.0 - square / 4.8
+            window *= window
+            p, q = x + y, x - y
+            rays = 1.0 / (1.0 + 60.0 * x * x * y * y / (square + 0.02)) + 0.4 / (1.0 + 40.0 * p * p * q * q)
+            core = 1.0 / (1.0 + 30.0 * square)
+            star = core * (1.2 + 1.5 * rays)
+            ring = math.sqrt(square) - 0.3 - 1.3 * age
+            ring = 0.5 / (1.0 + 220.0 * ring * ring)
+            glow = power * window * (star * (1.0 - age) + ring * (1.0 - age)) * (1.0 - age)
+            buf[RED + i] += F(1.5 * glow)
+            buf[GREEN + i] += F(1.15 * glow)
+            buf[BLUE + i] += F(0.55 * glow)
+
+
+@kernel(fastmath=FLAGS)
+def develop(buf, packed, x0, y0, out):
+    """Write a tile's linear colours as bytes."""
+    for i in range(3 * N):
+        value = max(buf[RED + i], ZERO)
+        # A shoulder keeps highlights from clipping; the square root stands for the display's curve.
+        value = value if value < F(0.8) else F(0.8) + (value - F(0.8)) / (ONE + F(2.0) * (value - F(0.8)))
+        buf[RED + i] = min(math.sqrt(value) * F(255.0) + HALF, F(255.0))
+    for i in range(N):
+        packed[i] = (np.int32(buf[BLUE + i]) << 16) + (np.int32(buf[GREEN + i]) << 8) + np.int32(buf[RED + i])
+    high, wide = min(8, out.shape[0] - y0), min(8, out.shape[1] - x0)
+    for y in range(high):
+        for x in range(wide):
+            colour = packed[8 * y + x]
+            out[y0 + y, x0 + x, 0] = colour & 255
+            out[y0 + y, x0 + x, 1] = (colour >> 8) & 255
+            out[y0 + y, x0 + x, 2] = colour >> 16

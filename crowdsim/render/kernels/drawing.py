@@ -1,0 +1,59 @@
+"""Compiled drawing of pictures, one tile of 8 x 8 pixels at a time."""
+
+import numpy as np
+
+from crowdsim.jit import kernel
+from crowdsim.render.kernels.colour import add_flashes, develop, paint_points
+from crowdsim.render.kernels.cones import meet_cone, start_tile
+from crowdsim.render.kernels.ground import lay_arena, lay_ground, paint_background
+from crowdsim.render.kernels.points import gather_points
+from crowdsim.render.kernels.records import Lit, Near
+from crowdsim.render.kernels.shade import find_sky, find_sun
+from crowdsim.render.kernels.tiles import FLAGS, POINT_SCRATCH, POINTS, SCRATCH, F, N
+
+
+@kernel(fastmath=FLAGS)
+def draw_tiles(first, step, camera, light, floor, scene, grids, arena, flashes, out):
+    """Draw every ``step``-th tile of a picture, from tile ``first`` on.
+
+    Tiles do not know each other, so any sharing out of them gives the same picture.
+
+    Args:
+        first: Number of the first tile; tiles count along rows.
+        step: Distance to the next one.
+        camera: See ``columns``. Shape (16,).
+        light: See ``columns``. Shape (16,).
+        floor: See ``columns``. Shape (6,).
+        scene: The cones, a ``Cones``.
+        grids: Which of them each cell may show or be shaded by, a ``Grids``.
+        arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z, half the width of
+            the line around it [m]. Shape (6,).
+        flashes: Place x, y [px], distance [m], size [px], age 0..1, power. Shape (H, 6), float32.
+        out: The picture. Shape (height, width, 3), uint8.
+    """
+    buf = np.zeros(SCRATCH, np.float32)
+    lit = Lit(np.zeros(POINT_SCRATCH, np.float32), np.zeros(POINTS, np.int32), np.zeros(POINTS, np.int32))
+    cones, spans, tiles = scene.cones, scene.spans, grids.tiles
+    room = Near(np.zeros(cones.shape[0] + 1, np.int32), np.empty(64, np.int32))
+    columns, rows = (out.shape[1] + 7) // 8, (out.shape[0] + 7) // 8
+    for tile in range(first, columns * rows, step):
+        x0, y0 = 8 * (tile % columns), 8 * (tile // columns)
+        start_tile(buf, x0, y0, camera)
+        listed = tiles.entries[tiles.offsets[tile] : tiles.offsets[tile + 1]]
+        for index in range(listed.shape[0]):
+            c = cones[listed[index]]
+            span = spans[listed[index]]
+            top, bottom = max(span[0] - y0, 0), min(span[1] - y0, 7)
+            cone = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7]
+            meet_cone(buf, 8 * top, 8 * bottom + 8, F(index), cone)
+        lay_ground(buf, camera)
+        lay_arena(buf, camera, arena)
+        count = gather_points(buf, listed, camera, scene, lit)
+        find_sun(lit, count, light, scene.shades, grids.shadows, room)
+        find_sky(lit, count, scene, floor, grids.contacts, room)
+        paint_background(buf, lit.values, camera, light)
+        if count > N:
+            paint_points(buf, lit, count, camera, light, scene.paints)
+        if flashes.shape[0] > 0:
+            add_flashes(buf, x0, y0, flashes)
+        develop(buf, lit.pixels, x0, y0, out)

@@ -1,0 +1,132 @@
+"""Compiled list of the points that a tile shows."""
+
+import math
+
+import numpy as np
+
+from crowdsim.jit import kernel
+from crowdsim.render.kernels.columns import EYE_Y
+from crowdsim.render.kernels.tiles import (
+    DX,
+    DY,
+    DZ,
+    EDGE_C,
+    EDGE_I,
+    EDGE_S,
+    EDGE_T,
+    FAR,
+    FLAGS,
+    FLOOR,
+    FRONT_I,
+    FRONT_S,
+    FRONT_T,
+    GROUND_X,
+    GROUND_Z,
+    HALF,
+    NEXT_I,
+    NEXT_S,
+    NEXT_T,
+    NOTHING,
+    NX,
+    NY,
+    NZ,
+    ONE,
+    REST,
+    SHARE,
+    SPREAD,
+    WAY,
+    WIDTH,
+    WIDTH_X,
+    WIDTH_Z,
+    ZERO,
+    F,
+    N,
+    X,
+    Y,
+    Z,
+)
+
+
+@kernel(fastmath=FLAGS)
+def _add_point(lit, count, buf, i, c, t, s, share, cones):
+    """Note that pixel ``i`` shows cone ``c`` at ``t``, where the normal points away from c(s)."""
+    points = lit.values
+    dx, dy, dz = buf[DX + i], buf[DY + i], buf[DZ + i]
+    x, y, z = t * dx, t * dy, t * dz
+    nx, ny, nz = x - cones[c, 0] - s * cones[c, 3], y - cones[c, 1] - s * cones[c, 4], z - cones[c, 2] - s * cones[c, 5]
+    inverse = ONE / math.sqrt(max(nx * nx + ny * ny + nz * nz, F(1e-12)))
+    points[X + count], points[Y + count], points[Z + count] = x, y, z
+    points[NX + count], points[NY + count], points[NZ + count] = nx * inverse, ny * inverse, nz * inverse
+    points[WIDTH + count], points[SHARE + count], points[WAY + count] = t * buf[SPREAD + i], share, t
+    lit.ids[count], lit.pixels[count] = c, i
+
+
+@kernel(fastmath=FLAGS)
+def _share_crossing(buf, points, i, front, count, gap, rest):
+    """Share a pixel between two surfaces that cross near it, points ``front`` and ``count``; return 1 where they do."""
+    dx, dy, dz = buf[DX + i], buf[DY + i], buf[DZ + i]
+    ax, ay, az = points[NX + front], points[NY + front], points[NZ + front]
+    bx, by, bz = points[NX + count], points[NY + count], points[NZ + count]
+    a = ONE / min(ax * dx + ay * dy + az * dz, F(-0.08))
+    b = ONE / min(bx * dx + by * dy + bz * dz, F(-0.08))
+    gx, gy, gz = ax * a - bx * b, ay * a - by * b, az * a - bz * b
+    slope = points[WIDTH + front] * math.sqrt(gx * gx + gy * gy + gz * gz)
+    if gap < HALF * slope:
+        points[SHARE + count] = rest * (HALF - gap / slope)
+        points[SHARE + front] = rest * (HALF + gap / slope)
+        return 1
+    return 0
+
+
+@kernel(fastmath=FLAGS)
+def gather_points(buf, listed, camera, scene, lit):
+    """List the points that a tile shows, each with its share of the pixel; return how many.
+
+    From near to far, each edge covers its share of what is left, then the front covers the rest, or the floor does.
+    """
+    points, ids, owners, cones = lit.values, lit.ids, scene.owners, scene.cones
+    ground = F(-camera[EYE_Y])
+    for i in range(N):
+        seen = (buf[DY + i] < F(-1e-6)) & (buf[FRONT_T + i] >= FAR)
+        ids[i] = FLOOR if seen else NOTHING
+        points[X + i], points[Y + i], points[Z + i] = buf[GROUND_X + i], ground, buf[GROUND_Z + i]
+        points[NX + i], points[NY + i], points[NZ + i] = ZERO, ONE, ZERO
+        points[WIDTH + i] = HALF * min(buf[WIDTH_X + i], buf[WIDTH_Z + i])
+    count = np.int64(N)
+    if listed.shape[0] == 0:
+        return count
+    for i in range(N):
+        front_t = buf[FRONT_T + i]
+        if front_t >= FAR and buf[EDGE_T + i] >= FAR:
+            continue
+        owner, last_t, before, rest = -1, ZERO, ONE, ONE
+        for slot in range(4):
+            o = slot * N + i
+            t = buf[EDGE_T + o]
+            if t >= front_t or t >= FAR:
+                break
+            c = listed[int(buf[EDGE_I + o])]
+            # Capsules of one limb share their outline: together they cover what the widest of them does.
+            if owners[c] != owner or t - last_t > F(0.12):
+                before = rest
+            owner, last_t = owners[c], t
+            left = min(rest, before * (ONE - buf[EDGE_C + o]))
+            if rest - left < F(0.003):
+                continue
+            _add_point(lit, count, buf, i, c, t, buf[EDGE_S + o], rest - left, cones)
+            count += 1
+            rest = left
+        if front_t < FAR:
+            front = count
+            c = listed[int(buf[FRONT_I + i])]
+            _add_point(lit, count, buf, i, c, front_t, buf[FRONT_S + i], rest, cones)
+            count += 1
+            gap = buf[NEXT_T + i] - front_t
+            if gap < F(12.0) * points[WIDTH + front]:
+                # Two surfaces cross near the pixel: they share it by how far the crossing line is from its middle.
+                c = listed[int(buf[NEXT_I + i])]
+                _add_point(lit, count, buf, i, c, buf[NEXT_T + i], buf[NEXT_S + i], ZERO, cones)
+                count += _share_crossing(buf, points, i, front, count, gap, rest)
+            rest = ZERO
+        buf[REST + i] = rest
+    return count

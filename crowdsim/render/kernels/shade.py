@@ -1,0 +1,239 @@
+"""Compiled light: the shares of sun and sky that points see past cones."""
+
+import math
+
+import numpy as np
+
+from crowdsim.jit import kernel
+from crowdsim.render.kernels.columns import (
+    FLOOR_COLUMNS,
+    FLOOR_PER_METRE,
+    FLOOR_ROWS,
+    FLOOR_X,
+    FLOOR_Z,
+    GRID_U,
+    REACH,
+    SOFTNESS,
+    SUN_X,
+    SUN_Y,
+    SUN_Z,
+    U_X,
+    U_Y,
+    U_Z,
+    V_X,
+    V_Y,
+    V_Z,
+    WIDEST,
+)
+from crowdsim.render.kernels.tiles import (
+    AT_NX,
+    AT_NY,
+    AT_NZ,
+    AT_SKY,
+    AT_SUN,
+    AT_WIDTH,
+    AT_X,
+    AT_Y,
+    AT_Z,
+    FAR,
+    FLAGS,
+    FLOOR,
+    HALF,
+    ONE,
+    SKY,
+    SUN,
+    TINY,
+    TOGETHER,
+    TWO,
+    ZERO,
+    F,
+    N,
+    U,
+    X,
+    Y,
+    Z,
+)
+
+
+@kernel(fastmath=FLAGS)
+def _cell(u, v, grid):
+    """Return the number of the cell of a grid that a place lies in, -1 outside."""
+    column, row = (
+        np.floor((u - F(grid[FLOOR_X])) * F(grid[FLOOR_PER_METRE])),
+        np.floor((v - F(grid[FLOOR_Z])) * F(grid[FLOOR_PER_METRE])),
+    )
+    if column >= ZERO and row >= ZERO and column < grid[FLOOR_COLUMNS] and row < grid[FLOOR_ROWS]:
+        return int(row) * int(grid[FLOOR_COLUMNS]) + int(column)
+    return -1
+
+
+@kernel(fastmath=FLAGS)
+def _collect(points, start, stop, axes, grid, lists, room, most):
+    """List every cone of the cells of a grid that some points may lie in, each once.
+
+    Return how many, or -1 where there are more than ``most``. ``axes`` are the two of the grid in the world. The
+    points of the floor, whole rows of pixels, lie between those at the corners.
+    """
+    ax, ay, az, bx, by, bz = axes
+    offsets, entries, stamps, near = lists.offsets, lists.entries, room.stamps, room.cones
+    low_u, high_u, low_v, high_v = FAR, -FAR, FAR, -FAR
+    floor = stop <= N
+    for q in range(4 if floor else stop - start):
+        p = start + (7 * (q & 1) + (stop - start - 8) * (q >> 1) if floor else q)
+        x, y, z = points[X + p], points[Y + p], points[Z + p]
+        u, v = x * ax + y * ay + z * az, x * bx + y * by + z * bz
+        low_u, high_u = min(low_u, u), max(high_u, u)
+        low_v, high_v = min(low_v, v), max(high_v, v)
+    left, top, per_metre, columns, rows = (
+        F(grid[FLOOR_X]),
+        F(grid[FLOOR_Z]),
+        F(grid[FLOOR_PER_METRE]),
+        int(grid[FLOOR_COLUMNS]),
+        int(grid[FLOOR_ROWS]),
+    )
+    first = max(np.floor((low_u - left) * per_metre), ZERO)
+    last = min(np.floor((high_u - left) * per_metre), F(columns - 1))
+    above = max(np.floor((low_v - top) * per_metre), ZERO)
+    below = min(np.floor((high_v - top) * per_metre), F(rows - 1))
+    if first > last or above > below:
+        return 0
+    if below - above > F(48.0):
+        return -1
+    left_cell, right_cell = int(first), int(last) + 1
+    stamp = stamps[-1] + 1
+    stamps[-1] = stamp
+    count = 0
+    for row in range(int(above), int(below) + 1):
+        begin, end = offsets[row * columns + left_cell], offsets[row * columns + right_cell]
+        if end - begin > 16 * most:
+            return -1
+        for place in range(begin, end):
+            c = entries[place]
+            if stamps[c] != stamp:
+                stamps[c] = stamp
+                if count == most:
+                    return -1
+                near[count] = c
+                count += 1
+    return count
+
+
+@kernel(fastmath=FLAGS)
+def _cast_shadow(points, ids, start, stop, c, shades, sun):
+    """Take from some points the share of the sun that cone ``c`` hides from them, save from its own.
+
+    In light space (u, v across the rays, w towards the sun) a cone is a flat segment with a width. Its edge is soft by
+    the sun's apparent size times the way the light has to go: shadows are sharp where they meet what casts them.
+    """
+    lx, ly, lz, ux, uy, uz, vx, vy, vz, softness, widest = sun
+    su, sv, sw, bu, bv, bw = shades[c, 0], shades[c, 1], shades[c, 2], shades[c, 3], shades[c, 4], shades[c, 5]
+    first, more, over = shades[c, 6], shades[c, 7], shades[c, 8]
+    for q in range(stop - start):
+        p = U(start) + U(q)
+        x, y, z = points[AT_X + p], points[AT_Y + p], points[AT_Z + p]
+        au, av = x * ux + y * uy + z * uz - su, x * vx + y * vy + z * vz - sv
+        along = min(max((au * bu + av * bv) * over, ZERO), ONE)
+        du, dv = au - along * bu, av - along * bv
+        radius = first + along * more
+        way = max(sw + along * bw - (x * lx + y * ly + z * lz), ZERO)
+        soft = max(softness * way, min(points[AT_WIDTH + p], widest))
+        gap = math.sqrt(du * du + dv * dv) - radius
+        dark = min(max(HALF - HALF * gap / soft, ZERO), ONE)
+        # What lies beside the point rather than above it casts no shadow on it.
+        dark = dark * dark * (F(3.0) - TWO * dark) * min(way / (F(0.4) * radius), ONE)
+        dark = ZERO if ids[p] == c else dark
+        points[AT_SUN + p] = min(points[AT_SUN + p], ONE - dark)
+
+
+@kernel(fastmath=FLAGS)
+def _cast_shadows(points, ids, start, stop, listed, shades, light):
+    """Take from some points the share of the sun that each of some cones hides."""
+    lx, ly, lz = F(light[SUN_X]), F(light[SUN_Y]), F(light[SUN_Z])
+    ux, uy, uz, vx, vy, vz = F(light[U_X]), F(light[U_Y]), F(light[U_Z]), F(light[V_X]), F(light[V_Y]), F(light[V_Z])
+    softness, widest = F(light[SOFTNESS]), F(light[WIDEST])
+    sun = lx, ly, lz, ux, uy, uz, vx, vy, vz, softness, widest
+    for index in range(listed.shape[0]):
+        _cast_shadow(points, ids, start, stop, listed[index], shades, sun)
+
+
+@kernel(fastmath=FLAGS)
+def find_sun(lit, count, light, shades, lists, room):
+    """Write the share of the sun that every point sees past all cones but its own."""
+    points, ids, near, grid = lit.values, lit.ids, room.cones, light[GRID_U:SOFTNESS]
+    ux, uy, uz, vx, vy, vz = F(light[U_X]), F(light[U_Y]), F(light[U_Z]), F(light[V_X]), F(light[V_Y]), F(light[V_Z])
+    axes = ux, uy, uz, vx, vy, vz
+    for p in range(count):
+        points[SUN + p] = ONE
+    for part in range(2):
+        start, stop = (0, N) if part == 0 else (N, count)
+        if start == stop:
+            continue
+        several = _collect(points, start, stop, axes, grid, lists, room, np.int64(TOGETHER))
+        if several > 0:
+            _cast_shadows(points, ids, start, stop, near[:several], shades, light)
+        if several >= 0:
+            continue
+        for low in range(start, stop, 8):
+            high = min(low + 8, stop)
+            several = _collect(points, low, high, axes, grid, lists, room, near.shape[0])
+            if several > 0:
+                _cast_shadows(points, ids, low, high, near[:several], shades, light)
+            if several >= 0:
+                continue
+            for p in range(low, high):
+                x, y, z = points[X + p], points[Y + p], points[Z + p]
+                cell = _cell(x * ux + y * uy + z * uz, x * vx + y * vy + z * vz, grid)
+                if cell >= 0:
+                    listed = lists.entries[lists.offsets[cell] : lists.offsets[cell + 1]]
+                    _cast_shadows(points, ids, p, p + 1, listed, shades, light)
+
+
+@kernel(fastmath=FLAGS)
+def _cover_sky(points, ids, start, stop, only, c, cones, strength, reach):
+    """Take from the points of cone ``only`` the share of their sky that cone ``c`` hides, none beyond ``reach``."""
+    mx, my, mz, r, k = cones[c, 0], cones[c, 1], cones[c, 2], cones[c, 6], cones[c, 7]
+    hx, hy, hz = cones[c, 3], cones[c, 4], cones[c, 5]
+    over = ONE / max(hx * hx + hy * hy + hz * hz, TINY)
+    fade = ONE / reach
+    for q in range(stop - start):
+        p = U(start) + U(q)
+        ox, oy, oz = points[AT_X + p] - mx, points[AT_Y + p] - my, points[AT_Z + p] - mz
+        s = min(max((ox * hx + oy * hy + oz * hz) * over, -ONE), ONE)
+        vx, vy, vz = s * hx - ox, s * hy - oy, s * hz - oz
+        radius = r + s * k
+        square = max(vx * vx + vy * vy + vz * vz, TINY)
+        distance = math.sqrt(square)
+        near = min(max(ONE - (distance - radius) * fade, ZERO), ONE)
+        facing = max(vx * points[AT_NX + p] + vy * points[AT_NY + p] + vz * points[AT_NZ + p], ZERO) / distance
+        share = facing * min(radius * radius / square, ONE) * near * near
+        free = points[AT_SKY + p]
+        points[AT_SKY + p] = free * (ONE - strength * share) if ids[p] == only else free
+
+
+@kernel(fastmath=FLAGS)
+def find_sky(lit, count, scene, grid, lists, room):
+    """Write the share of the sky that every point sees past what is near it: feet on the floor, limbs on a body."""
+    points, ids, near, stamps = lit.values, lit.ids, room.cones, room.stamps
+    cones, neighbours, reach = scene.cones, scene.neighbours, F(grid[REACH])
+    start, stop, floor = np.int64(0), np.int64(N), np.int32(FLOOR)
+    for p in range(count):
+        points[SKY + p] = ONE
+    several = _collect(points, start, stop, (ONE, ZERO, ZERO, ZERO, ZERO, ONE), grid, lists, room, near.shape[0])
+    for index in range(several):
+        _cover_sky(points, ids, start, stop, floor, near[index], cones, ONE, reach)
+    if several < 0:
+        for p in range(N):
+            cell = _cell(points[X + p], points[Z + p], grid)
+            if cell >= 0 and ids[p] == FLOOR:
+                for place in range(lists.offsets[cell], lists.offsets[cell + 1]):
+                    _cover_sky(points, ids, p, p + 1, floor, lists.entries[place], cones, ONE, reach)
+    stamp = stamps[-1] + 1
+    stamps[-1] = stamp
+    for first in range(N, count):
+        c = ids[first]
+        if stamps[c] != stamp:
+            stamps[c] = stamp
+            for slot in range(neighbours.shape[1]):
+                if neighbours[c, slot] < 0:
+                    break
+                _cover_sky(points, ids, first, count, c, neighbours[c, slot], cones, F(0.75), F(0.15))

@@ -1,0 +1,222 @@
+"""Compiled strikes: fists that are carried onto what they hit.
+
+A fist is carried by a bump over time; for what an arm that eases into its longest reach does not give, the trunk leans
+by a longer one.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.core.easing import minimum_jerk
+from crowdsim.core.quaternions import rotate, rotate_by_vector
+from crowdsim.jit import kernel
+from crowdsim.take.kernels.columns import AFTER, BEFORE, LOWER, MIDDLE, UPPER
+from crowdsim.take.kernels.feet import KNEE_LEAST
+from crowdsim.take.kernels.limbs import World, bend_limb, distance_between, excess, pose_chain, reach_of
+
+ELBOW_LEAST = math.radians(4.0)
+"""Flexion that an elbow keeps at the least when it is stretched to reach something [rad]."""
+FOLDED = math.radians(145.0)
+"""Flexion towards which elbows go at the most to bring a fist near [rad]."""
+JOINTS = 4
+"""Joints that lean: lower spine, chest, left and right collar."""
+PELVIS = 4
+"""Row of a lean that holds how far the pelvis goes, behind those of the joints."""
+
+
+class Landings(NamedTuple):
+    """Strikes that landed, by attacker's column and time; E strikes of n avatars.
+
+    Attributes:
+        starts: Strikes of column i are ``starts[i]`` up to ``starts[i + 1]``. Shape (n + 1,).
+        times: When [s]. Shape (E,).
+        hands: 0 left, 1 right. Shape (E,).
+        shifts: How far the fist has to be carried then [m]. Shape (E, 3).
+        spans: How long before and after it [s]. Shape (E, 2).
+        lean_spans: How long before and after it the trunk leans for it [s]. Shape (E, 2).
+        turns: Rotation vectors of the joints that lean then, see ``leans.Leans``. Shape (E, 4, 3).
+        moves: How far the pelvis goes then [m]. Shape (E, 3).
+    """
+
+    starts: NDArray[Any]
+    times: NDArray[Any]
+    hands: NDArray[Any]
+    shifts: NDArray[Any]
+    spans: NDArray[Any]
+    lean_spans: NDArray[Any]
+    turns: NDArray[Any]
+    moves: NDArray[Any]
+
+
+class Arms(NamedTuple):
+    """What the two arms and the trunk of a pose are asked to do.
+
+    Attributes:
+        shifts: How far fists are carried [m]. Shape (2, 3).
+        weights: Weight of strikes. Shape (2,).
+        targets: Positions of the fists before the trunk leans [m]. Shape (2, 3).
+        ankles: Positions of the ankles [m]. Shape (2, 3).
+        lean: Rotation vectors of the joints that lean, and how far the pelvis goes. Shape (5, 3).
+    """
+
+    shifts: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    targets: NDArray[np.float64]
+    ankles: NDArray[np.float64]
+    lean: NDArray[np.float64]
+
+
+@kernel(allocates=False)
+def _weigh_strikes(landings, n, time, asked):
+    """Write how far fists are carried at a time, and the weight of that."""
+    asked.weights[:] = 0.0
+    asked.shifts[:] = 0.0
+    for strike in range(landings.starts[n], landings.starts[n + 1]):
+        apart = time - landings.times[strike]
+        span = landings.spans[strike, BEFORE] if apart < 0.0 else landings.spans[strike, AFTER]
+        weight = minimum_jerk(1.0 - abs(apart) / span)
+        if weight > 0.0:
+            hand = landings.hands[strike]
+            asked.weights[hand] += weight
+            for k in range(3):
+                asked.shifts[hand, k] += weight * landings.shifts[strike, k]
+
+
+@kernel(allocates=False)
+def _lean_at(landings, n, time, within, lean):
+    """Write how a trunk leans at a time; return whether it does at all.
+
+    Bumps that overlap do not add: between strikes one lean passes into the other.
+    """
+    lean[:] = 0.0
+    rest, whole = 1.0, 0.0
+    for strike in range(landings.starts[n], landings.starts[n + 1]):
+        apart = time - landings.times[strike]
+        span = landings.lean_spans[strike, BEFORE] if apart < 0.0 else landings.lean_spans[strike, AFTER]
+        weight = minimum_jerk(1.0 - abs(apart) / span)
+        if weight > 0.0 and abs(apart) <= within:
+            rest *= 1.0 - weight
+            square = weight * weight
+            whole += square
+            for k in range(JOINTS):
+                for j in range(3):
+                    lean[k, j] += square * landings.turns[strike, k, j]
+            for j in range(3):
+                lean[PELVIS, j] += square * landings.moves[strike, j]
+    if whole <= 0.0:
+        return False
+    share = (1.0 - rest) / whole
+    for k in range(JOINTS + 1):
+        for j in range(3):
+            lean[k, j] *= share
+    return True
+
+
+@kernel(allocates=False)
+def _move_pelvis(legs, scale, root, pose, world, asked):
+    """Move the root as the trunk leans, over feet that stay where they are."""
+    pose_chain(legs, scale, root, pose, world)
+    positions, move = world.positions, asked.lean[PELVIS]
+    for foot in range(2):
+        for k in range(3):
+            asked.ankles[foot, k] = positions[legs.joints[foot, LOWER], k]
+    for j in range(legs.parents.shape[0]):
+        for k in range(3):
+            positions[j, k] += move[k]
+    for k in range(3):
+        root[k] += move[k]
+    for foot in range(2):
+        p = positions[legs.joints[foot, UPPER]]
+        q, r = positions[legs.joints[foot, MIDDLE]], positions[legs.joints[foot, LOWER]]
+        longest = reach_of(distance_between(p, q), distance_between(q, r), KNEE_LEAST)
+        target = asked.ankles[foot, 0], asked.ankles[foot, 1], asked.ankles[foot, 2]
+        wanted = distance_between(p, target)
+        distance = wanted - excess(distance_between(p, r), wanted, longest, 0.002 * longest)
+        bend_limb(legs, foot, pose, world, target, distance)
+
+
+@kernel(allocates=False)
+def _note_fists(arms, scale, world, targets):
+    """Write the positions of both fists."""
+    for hand in range(2):
+        end, o = arms.joints[hand, LOWER], arms.points[hand, 0]
+        x, y, z = rotate(world.rotations[end], o[0] * scale, o[1] * scale, o[2] * scale)
+        targets[hand, 0] = world.positions[end, 0] + x
+        targets[hand, 1] = world.positions[end, 1] + y
+        targets[hand, 2] = world.positions[end, 2] + z
+
+
+@kernel(allocates=False)
+def _carry_fist(arms, hand, scale, weight, pose, world, asked):
+    """Bend an arm so that its fist goes where it is to be carried; as far as it is free to, it follows the trunk."""
+    p, q = world.positions[arms.joints[hand, UPPER]], world.positions[arms.joints[hand, MIDDLE]]
+    r, o = world.positions[arms.joints[hand, LOWER]], arms.points[hand, 0]
+    fist, shift = asked.targets[hand], asked.shifts[hand]
+    x, y, z = rotate(world.rotations[arms.joints[hand, LOWER]], o[0] * scale, o[1] * scale, o[2] * scale)
+    target = (
+        r[0] + weight * (fist[0] - r[0] - x) + shift[0],
+        r[1] + weight * (fist[1] - r[1] - y) + shift[1],
+        r[2] + weight * (fist[2] - r[2] - z) + shift[2],
+    )
+    a, b, now = distance_between(p, q), distance_between(q, r), distance_between(p, r)
+    longest, shortest = reach_of(a, b, ELBOW_LEAST), reach_of(a, b, FOLDED)
+    wanted = distance_between(p, target)
+    distance = wanted - excess(now, wanted, longest, 0.0015 * (a + b))
+    distance += excess(-now, -wanted, -shortest, 0.01 * (a + b))
+    bend_limb(arms, hand, pose, world, target, distance)
+
+
+@kernel(allocates=False)
+def _carry_pose(arms, legs, leaning, leans, scale, root, pose, world, asked):
+    """Lean the trunk of one pose, and carry its fists."""
+    weights, lean = asked.weights, asked.lean
+    strikes = weights[0] > 0.0 or weights[1] > 0.0
+    if strikes:
+        pose_chain(arms, scale, root, pose, world)
+        _note_fists(arms, scale, world, asked.targets)
+    if leans:
+        if lean[PELVIS, 0] != 0.0 or lean[PELVIS, 1] != 0.0 or lean[PELVIS, 2] != 0.0:
+            _move_pelvis(legs, scale, root, pose, world, asked)
+        for k in range(JOINTS):
+            if leaning[k] >= 0:
+                rotate_by_vector(pose[leaning[k]], lean[k, 0], lean[k, 1], lean[k, 2])
+    if strikes:
+        pose_chain(arms, scale, root, pose, world)
+        for hand in range(2):
+            weight = min(weights[hand], 1.0)
+            if weight > 0.0:
+                _carry_fist(arms, hand, scale, weight, pose, world, asked)
+
+
+@kernel
+def carry_fists(first, stop, moments, landings, scales, arms, legs, leaning, within, poses):
+    """Carry fists onto what they hit, in place.
+
+    Args:
+        first: First of the moments' avatars.
+        stop: One past the last.
+        moments: Who and when, a ``Moments``.
+        landings: A ``Landings``.
+        scales: Body size by column.
+        arms: A ``motion.Limbs``.
+        legs: Likewise.
+        leaning: Joints that lean, see ``leans.leaning_joints``. Shape (4,).
+        within: Time beyond which the trunk does not lean for a strike [s].
+        poses: Changed, a ``Posed``.
+    """
+    joints, times = arms.parents.shape[0], moments.times
+    world = World(np.empty((joints, 3)), np.empty((joints, 4)))
+    asked = Arms(np.empty((2, 3)), np.empty(2), np.empty((2, 3)), np.empty((2, 3)), np.empty((JOINTS + 1, 3)))
+    shared = times.shape[1] == 1
+    for i in range(first, stop):
+        n = moments.columns[i]
+        for t in range(times.shape[0]):
+            time = times[t, 0 if shared else i]
+            if not math.isfinite(poses.roots[t, i, 0]):
+                continue
+            _weigh_strikes(landings, n, time, asked)
+            leans = _lean_at(landings, n, time, within, asked.lean)
+            _carry_pose(arms, legs, leaning, leans, scales[n], poses.roots[t, i], poses.rotations[t, i], world, asked)

@@ -1,0 +1,44 @@
+"""Names, types and units of what a take holds on disk; FORMAT.md beside this file."""
+
+FORMAT = "crowdsim-take"
+VERSION = 1
+DTYPES = {"action": "<i4", "action_frame": "<f4", "x": "<f4", "z": "<f4", "heading": "<f4", "opponent": "<i4"}
+LABELS = {
+    "time": ("s", "time since the first control frame"),
+    "action": ("1", "number of the action in its policy's motion graph, -1 while absent"),
+    "action_frame": ("control frames", "control frames of the action done"),
+    "x": ("m", "position along x"),
+    "z": ("m", "position along z"),
+    "heading": ("rad", "heading, rotation about +y from +z"),
+    "opponent": ("1", "avatar number of the opponent, -2 - k for scripted target k, -1 for nobody"),
+    "type": ("1", "index into the attribute type_names"),
+    "team": ("1", "index into the attribute team_names"),
+    "policy": ("1", "index into the attribute policy_names"),
+    "scale": ("1", "body size over the size of the skeleton"),
+    "speed": ("1", "motion frames in a control frame"),
+    "name": ("1", "avatar name"),
+    "target": ("m", "position of each scripted target"),
+}
+EVENT_LABELS = {
+    "frame": ("control frames", "time of furthest reach since the first control frame"),
+    "attacker": ("1", "avatar number of the attacker"),
+    "victim": ("1", "avatar number of the victim, -2 - k for scripted target k, -1 for nobody"),
+    "hand": ("1", "hand, 0 left and 1 right"),
+    "point": ("m", "position of the fist"),
+    "speed": ("m/s", "highest fist speed before, relative to the pelvis"),
+    "landed": ("1", "whether the strike landed"),
+}
+COORDINATES = ("time", "name")
+CAST = {"type": "types", "team": "teams", "policy": "policies", "scale": "scales", "speed": "speeds", "name": "names"}
+EVENTS = {
+    "frame": "<f4",
+    "attacker": "<i4",
+    "victim": "<i4",
+    "hand": "|u1",
+    "point": "<f4",
+    "speed": "<f4",
+    "landed": "|b1",
+}
+AVATARS_A_CHUNK = 65536
+EVENTS_A_CHUNK = 16384
+CHUNKS_AT_FIRST = 64

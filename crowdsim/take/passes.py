@@ -1,0 +1,197 @@
+"""The passes by which poses come about: motion and blends, foot plants, hit reactions, strikes that land.
+
+Where a fist goes depends on the pose of whom it hits, and that on blows and on fists of its own. Each further pass
+knows less of others, so that a pose depends on no more than ``REACH`` seconds around it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.motion.body import Body
+from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.motion.skeleton import Skeleton
+from crowdsim.take.data import TakeData
+from crowdsim.take.feet import hold_feet
+from crowdsim.take.fists import PoseAt, plan_landings, reach_out
+from crowdsim.take.kernels.blending import blend_poses
+from crowdsim.take.kernels.reactions import LENGTH
+from crowdsim.take.kernels.records import Moments, Places, Posed, Transitions
+from crowdsim.take.landed import LEAN, Landed, find_landed
+from crowdsim.take.motion import PoseMotion
+from crowdsim.take.reactions import build_trunk, give_way, plan_blows
+from crowdsim.take.window import Window
+from crowdsim.take.workers import share
+
+Joints = tuple[Array, Body, Array, Array, Array]
+"""Joints of some of the avatars asked for: which of them (n,), body, sizes (n,), positions (n, J, 3) [m] and rotations
+(n, J, 4) in the world."""
+_Pose = Callable[[Window, int, Moments], Posed]
+"""Poses avatars of a policy in a window, each at its own time: times of shape (1, n)."""
+
+REACH = 1.0
+"""How far a pose looks around its time in the take [s]."""
+_LATE, _CLOSE_BY = 0.35, 0.12
+"""For the fists of those who are hit: how far back blows count, and how near in time strikes of those whom they hit in
+turn [s]."""
+
+
+def world_joints(skeleton: Skeleton, scales: Array, poses: Posed) -> tuple[Array, Array]:
+    """Return positions (T, n, J, 3) [m] and rotations (T, n, J, 4) in the world of poses of bodies of sizes (n,)."""
+    times, count, joints = poses.rotations.shape[:3]
+    flat = poses.rotations.reshape(-1, joints, 4)
+    places, turns = forward_kinematics(skeleton, np.zeros((len(flat), 3), np.float32), flat, parallel=False)
+    places = places.reshape(times, count, joints, 3) * scales[:, None, None].astype(np.float32)
+    return places + poses.roots[:, :, None], turns.reshape(times, count, joints, 4)
+
+
+class Passes:
+    """Poses of a take, pass by pass.
+
+    Args:
+        take: The take.
+        motions: The motion of each of its policies.
+        threads: Threads that share the work.
+        reactions: Whether landed strikes move those whom they hit.
+
+    Attributes:
+        landed: Strikes that land.
+    """
+
+    def __init__(self, take: TakeData, motions: Sequence[PoseMotion], threads: int, reactions: bool) -> None:
+        self.landed: Landed = find_landed(take)
+        self._take, self._motions, self._threads, self._reactions = take, motions, threads, reactions
+        self._trunks = [build_trunk(motion) for motion in motions]
+
+    def window(self, index: int, avatars: Array, times: Array) -> Window:
+        """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on."""
+        rate = self._take.control_rate
+        first = max(0, int(np.floor((times.min() - REACH) * rate)))
+        stop = min(self._take.frame_count, int(np.ceil((times.max() + REACH) * rate)) + 2)
+        return Window(self._take, self._motions[index], avatars, first, stop, self._threads)
+
+    def blend(self, window: Window, transitions: Transitions, places: Places, moments: Moments) -> Posed:
+        """Return captured motion with what blends add to it."""
+        motion, shape = window.motion, places.frames.shape
+        poses = Posed(np.empty((*shape, 3), np.float32), np.empty((*shape, motion.skeleton.joint_count, 4), np.float32))
+
+        def blend(low: int, high: int) -> None:
+            blend_poses(
+                low, high, moments, places, window.rows, motion.frames, transitions, motion.hinges, poses
+            )  # fmt: skip
+
+        share(self._threads, len(moments.columns), blend)
+        return poses
+
+    def pose(self, window: Window, index: int, moments: Moments) -> tuple[Posed, Places]:
+        """Return poses before fists are carried, and where the avatars are."""
+        places = window.place(moments)
+        transitions = window.transitions()
+        poses = self.blend(window, transitions, places, moments)
+        hold_feet(window, transitions, places, moments, poses)
+        if self._reactions:
+            self._give_way(window, index, moments, poses)
+        return poses, places
+
+    def place_at(self, avatars: Array, times: Array) -> list[tuple[Array, PoseMotion, Array, Places]]:
+        """Return where avatars (E,) are at times (E,)."""
+        return [
+            (which, window.motion, window.rows.scales[moments.columns], window.place(moments))
+            for which, _, window, moments in self._moments(avatars, times)
+        ]
+
+    def pose_at(self, avatars: Array, times: Array) -> list[Joints]:
+        """Return joints of avatars (E,) at times (E,), before fists are carried."""
+        return self._joints_at(avatars, times, self._posed)
+
+    def struck_at(self, avatars: Array, times: Array) -> list[Joints]:
+        """Return joints of avatars (E,) at times (E,) with what their own fists do to them, nearly.
+
+        Where these fists go is found without feet and early blows, which would look too far around.
+        """
+        reach = partial(self._reach_out, pose_at=self._nearly_at, struck_at=self._answering_at, within=LEAN)
+        return self._joints_at(avatars, times, partial(self._reaching, self._posed, reach))
+
+    def final_at(self, avatars: Array, times: Array) -> list[Joints]:
+        """Return joints of avatars (E,) at times (E,), each at its own, as they are shown."""
+        reach = partial(self._reach_out, pose_at=self.pose_at, struck_at=self.struck_at, within=LEAN)
+        return self._joints_at(avatars, times, partial(self._reaching, self._posed, reach))
+
+    def _answering_at(self, avatars: Array, times: Array) -> list[Joints]:
+        """Joints of avatars (E,) at times (E,) with blends, late blows, and what strikes close by do to them."""
+        reach = partial(self._reach_out, pose_at=self._nearly_at, struck_at=self._nearly_at, within=_CLOSE_BY)
+        return self._joints_at(avatars, times, partial(self._reaching, self._pose_nearly, reach))
+
+    def _nearly_at(self, avatars: Array, times: Array) -> list[Joints]:
+        """Joints of avatars (E,) at times (E,) with blends and late blows, and nothing else."""
+        return self._joints_at(avatars, times, self._pose_nearly)
+
+    def _posed(self, window: Window, index: int, moments: Moments) -> Posed:
+        return self.pose(window, index, moments)[0]
+
+    def _pose_nearly(self, window: Window, index: int, moments: Moments) -> Posed:
+        """Poses with blends and late blows."""
+        poses = self.blend(window, window.transitions(), window.place(moments), moments)
+        if self._reactions:
+            self._give_way(window, index, moments, poses, _LATE)
+        return poses
+
+    def _reaching(
+        self, pose: _Pose, reach: Callable[[Window, Moments, Posed], None], window: Window, index: int, moments: Moments
+    ) -> Posed:
+        """Poses of one pass, with fists carried to where they go."""
+        poses = pose(window, index, moments)
+        reach(window, moments, poses)
+        return poses
+
+    def _moments(self, avatars: Array, times: Array) -> Iterator[tuple[Array, int, Window, Moments]]:
+        """For each policy which of some avatars (E,) at times (E,) are its own, their window, who and when."""
+        owners = self._take.cast.policies[avatars]
+        for index in np.unique(owners):
+            which = np.flatnonzero(owners == index)
+            numbers, columns = np.unique(avatars[which], return_inverse=True)
+            moments = Moments(columns, np.maximum(times[which], 0.0)[None])
+            yield which, int(index), self.window(int(index), numbers, moments.times), moments
+
+    def _joints_at(self, avatars: Array, times: Array, pose: _Pose) -> list[Joints]:
+        """Joints of avatars (E,) at times (E,), each at its own, by one of the passes."""
+        found = []
+        for which, index, window, moments in self._moments(avatars, times):
+            motion, scales = window.motion, window.rows.scales[moments.columns]
+            positions, turns = world_joints(motion.skeleton, scales, pose(window, index, moments))
+            found.append((which, motion.body, scales, positions[0], turns[0]))
+        return found
+
+    def _columns_of(self, window: Window) -> Array:
+        """Return each avatar's column in a window, -1 for those outside it. Shape (avatars of the take,)."""
+        columns = np.full(self._take.avatar_count, -1)
+        columns[window.avatars] = np.arange(len(window.avatars))
+        return columns
+
+    def reach_out(self, window: Window, moments: Moments, poses: Posed) -> None:
+        """Carry fists to where they go, in place, for poses of all avatars of a window at the same times."""
+        first, last = float(moments.times[0, 0]), float(moments.times[-1, 0])
+        lookup = self._columns_of(window)
+        near, count = self.landed.around(first, last, lookup), len(window.avatars)
+        landings = plan_landings(self._take, near, lookup, count, self.pose_at, self.struck_at, window.motion)
+        reach_out(window, landings, moments, poses)
+
+    def _reach_out(
+        self, window: Window, moments: Moments, poses: Posed, pose_at: PoseAt, struck_at: PoseAt, within: float
+    ) -> None:
+        """Carry fists to where they go, in place, for strikes that are no further off than ``within`` [s]."""
+        lookup, count = self._columns_of(window), len(window.avatars)
+        near = self.landed.around_each(window.avatars[moments.columns], moments.times[0], within)
+        landings = plan_landings(self._take, near, lookup, count, pose_at, struck_at, window.motion)
+        reach_out(window, landings, moments, poses, within)
+
+    def _give_way(self, window: Window, index: int, moments: Moments, poses: Posed, recent: float = LENGTH) -> None:
+        """Add hit reactions to poses, in place; to blows that are no older than ``recent`` [s]."""
+        lookup = self._columns_of(window)
+        first, last = float(moments.times.min()), float(moments.times.max())
+        blows = plan_blows(self.landed, lookup, len(window.avatars), first, last, self.place_at)
+        give_way(window, blows, self._trunks[index], moments, poses, recent)

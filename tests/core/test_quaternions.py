@@ -1,0 +1,91 @@
+"""Arithmetic of quaternions: beside scipy's rotations."""
+
+import math
+
+import naive_core as naive
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from crowdsim.core import quaternions
+
+
+def draw(seed: int, count: int) -> list[np.ndarray]:
+    """Unit quaternions."""
+    values = np.random.default_rng(seed).normal(size=(count, 4))
+    return list(values / np.linalg.norm(values, axis=1, keepdims=True))
+
+
+def same_rotation(found: object, expected: np.ndarray, atol: float = 1e-12) -> bool:
+    """Whether two quaternions are one rotation; both signs are."""
+    found = np.asarray(found, float)
+    return bool(min(np.abs(found - expected).max(), np.abs(found + expected).max()) < atol)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 10_000))
+def test_products_match_naive(seed: int) -> None:
+    a, b = draw(seed, 2)
+    assert same_rotation(quaternions.multiply(a, b), naive.multiply(a, b))
+    assert same_rotation(quaternions.relative(tuple(a), tuple(b)), naive.relative(a, b))
+    assert same_rotation(quaternions.multiply(quaternions.conjugate(a), a), np.array([1.0, 0.0, 0.0, 0.0]))
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 10_000))
+def test_rotated_vectors_match_naive(seed: int) -> None:
+    (q,) = draw(seed, 1)
+    vector = np.random.default_rng(seed).normal(size=3) * 10.0
+    np.testing.assert_allclose(quaternions.rotate(q, *vector), naive.rotate(q, vector), atol=1e-12)
+    np.testing.assert_allclose(quaternions.unrotate(q, *vector), naive.unrotate(q, vector), atol=1e-12)
+    back = quaternions.unrotate(q, *quaternions.rotate(q, *vector))
+    np.testing.assert_allclose(back, vector, atol=1e-12)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 10_000), st.floats(-10.0, 10.0))
+def test_rotation_about_y_matches_naive(seed: int, angle: float) -> None:
+    (q,) = draw(seed, 1)
+    found = quaternions.rotate_about_y(math.cos(0.5 * angle), math.sin(0.5 * angle), q)
+    assert same_rotation(found, naive.rotate_about_y(angle, q))
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.0, 6.0))
+def test_rotation_by_a_vector_matches_naive(seed: int, angle: float) -> None:
+    (q,) = draw(seed, 1)
+    axis = np.random.default_rng(seed).normal(size=3)
+    vector = angle * axis / np.linalg.norm(axis)
+    found = q.copy()
+    quaternions.rotate_by_vector(found, *vector)
+    assert same_rotation(found, naive.rotate_by_vector(q, vector))
+
+
+def test_rotation_by_no_vector_changes_nothing() -> None:
+    (q,) = draw(3, 1)
+    found = q.copy()
+    quaternions.rotate_by_vector(found, 0.0, 0.0, 0.0)
+    np.testing.assert_array_equal(found, q)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.0, 1.0))
+def test_mixed_quaternions_match_naive(seed: int, share: float) -> None:
+    a, b = draw(seed, 2)
+    assert same_rotation(quaternions.mix(a, b, share), naive.mix(a, b, share))
+    assert same_rotation(quaternions.mix(a, -b, share), naive.mix(a, b, share))
+
+
+def test_a_mean_of_two_rotations_about_an_axis_is_half_way() -> None:
+    start, end = ((math.cos(0.5 * angle), 0.0, math.sin(0.5 * angle), 0.0) for angle in (0.2, 1.0))
+    expected = (math.cos(0.3), 0.0, math.sin(0.3), 0.0)
+    assert quaternions.mix(start, end, 0.5) == pytest.approx(expected, abs=1e-15)
+    assert quaternions.mix(start, end, 0.0) == pytest.approx(start, abs=1e-15)
+
+
+def test_results_may_be_written_to_an_argument() -> None:
+    a, b = draw(7, 2)
+    expected = quaternions.multiply(a, b)
+    b[0], b[1], b[2], b[3] = quaternions.multiply(a, b)
+    np.testing.assert_array_equal(b, expected)
