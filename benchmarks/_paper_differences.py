@@ -135,7 +135,7 @@ def as_in_the_paper(scenario: Scenario) -> Scenario:
 
     Reactions to hits are a matter of poses, which nothing here looks at.
     """
-    return _types(_fickle(scenario).model_copy(update={"keep_apart": False}), tempo=None)
+    return _types(_fickle(scenario).model_copy(update={"collision_avoidance": False}), tempo=None)
 
 
 def differences(quick: bool) -> dict[str, Difference]:
@@ -182,6 +182,6 @@ def differences(quick: bool) -> dict[str, Difference]:
         "no_tempo": Difference("avatars never tire", scenario=lambda s: _types(s, tempo=None)),
         "no_hysteresis": Difference("the nearest opponent, always", scenario=_fickle),
         "no_collision_avoidance": Difference(
-            "avatars walk through one another", scenario=lambda s: s.model_copy(update={"keep_apart": False})
+            "avatars walk through one another", scenario=lambda s: s.model_copy(update={"collision_avoidance": False})
         ),
     }

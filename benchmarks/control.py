@@ -137,7 +137,7 @@ def apart(policy: Policy, repeats: int, frames: int) -> dict[str, Any]:
     for name in ("brawl_30", "armies_200"):
         spent = {}
         for said in ("true", "false"):
-            scenario = load_scenario(name, [f"keep_apart={said}"])
+            scenario = load_scenario(name, [f"collision_avoidance={said}"])
             crowd, _ = cast_crowd(scenario, place_groups(scenario), [policy])
             timings = np.min([timed(crowd, policy, frames, 1)[0] for _ in range(repeats)], axis=0)
             spent[said] = float(timings[:, : len(STAGES) - 1].sum() * 1e-6)

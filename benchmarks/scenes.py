@@ -100,7 +100,7 @@ def ring(radius: float, count: int, policy: str) -> Scenario:
                 ],
                 "opponents": {"kind": "target", "target": "head"},
                 "targets": {"head": {"kind": "points", "points": [[0, 0]], "height": 1.55}},
-                "keep_apart": False,
+                "collision_avoidance": False,
             }
         )
     )

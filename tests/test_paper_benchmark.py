@@ -49,7 +49,7 @@ def test_every_difference_changes_either_the_training_or_the_scene(bench: Simple
 
 def test_scenes_as_in_the_paper_have_none_of_what_control_adds(bench: SimpleNamespace) -> None:
     scenario = bench.paper_differences.as_in_the_paper(load_scenario(ROOT / "scenarios" / "brawl_30.yaml"))
-    assert not scenario.keep_apart
+    assert not scenario.collision_avoidance
     assert {kind.tempo for kind in scenario.types.values()} == {None}
     assert {group.opponents.hysteresis for group in scenario.groups} == {0.0}
 

@@ -5,7 +5,7 @@ Points are tuples of three numbers [m].
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from crowdsim.jit import kernel
 
@@ -41,11 +41,22 @@ def lands_on_upright_body(fist, head, sizes, tolerance):
     return -tolerance <= distance <= tolerance
 
 
+class PosedBody(NamedTuple):
+    """A body that may be hit: centre of the head, upper and lower end of the torso, and their radii [m]."""
+
+    head: Any
+    neck: Any
+    pelvis: Any
+    head_radius: float
+    torso_radius: float
+
+
 @kernel(inline=True)
-def lands_on_posed_body(fist, head, neck, pelvis, head_radius, torso_radius, tolerance):
-    """Return whether a fist lands on a body whose torso reaches from neck to pelvis."""
+def lands_on_posed_body(fist, body, tolerance):
+    """Return whether a fist lands on a ``PosedBody``."""
+    head, neck, pelvis = body.head, body.neck, body.pelvis
     hx, hy, hz = fist[0] - head[0], fist[1] - head[1], fist[2] - head[2]
-    distance = math.sqrt(hx * hx + hy * hy + hz * hz) - head_radius
+    distance = math.sqrt(hx * hx + hy * hy + hz * hz) - body.head_radius
     dx, dy, dz = neck[0] - pelvis[0], neck[1] - pelvis[1], neck[2] - pelvis[2]
     lx, ly, lz = fist[0] - pelvis[0], fist[1] - pelvis[1], fist[2] - pelvis[2]
     square = dx * dx + dy * dy + dz * dz
@@ -53,5 +64,5 @@ def lands_on_posed_body(fist, head, neck, pelvis, head_radius, torso_radius, tol
     if square > 0.0:
         t = min(max((lx * dx + ly * dy + lz * dz) / square, 0.0), 1.0)
     lx, ly, lz = lx - t * dx, ly - t * dy, lz - t * dz
-    distance = min(distance, math.sqrt(lx * lx + ly * ly + lz * lz) - torso_radius)
+    distance = min(distance, math.sqrt(lx * lx + ly * ly + lz * lz) - body.torso_radius)
     return -tolerance <= distance <= tolerance

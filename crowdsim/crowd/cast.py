@@ -100,7 +100,7 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         hysteresis=np.array([_hysteresis(scenario.groups[group].opponents) for group, _ in moods]),
         intervals=np.array([0.0 if kind.tempo is None else 60.0 * rate / kind.tempo for kind in settings]),
         arena=pack_arena(scenario.arena),
-        crowding=Crowding() if scenario.keep_apart else Crowding.none(),
+        crowding=Crowding() if scenario.collision_avoidance else Crowding.none(),
         seed=scenario.seed,
     )
     changes = tuple(_change(scenario, placed, policies, crowd, moods, owners, event, rate) for event in scenario.events)

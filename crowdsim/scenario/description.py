@@ -45,6 +45,8 @@ class Description(StrictModel):
     Lengths are metres, angles are degrees; x points to the left and z ahead of an avatar with heading 0.
     """
 
+    renamed = {"keep_apart": "collision_avoidance"}
+
     version: Literal[1] = Field(description="Version of this format.")
     name: Name = Field(description="Name of the scenario, and of the folder that a run writes.")
     description: str = Field(default="", description="What the scenario shows, in words.")
@@ -69,7 +71,7 @@ class Description(StrictModel):
         default_factory=lambda: AnyoneOpponents(kind="anyone"),
         description="Opponents of avatars whose group names none.",
     )
-    keep_apart: bool = Field(
+    collision_avoidance: bool = Field(
         default=True,
         description="Whether avatars avoid collisions; else they walk through one another.",
     )

@@ -57,8 +57,7 @@ def q_learning(
     tries = tries if len(model.probabilities) > 1 else 1
     rounds = max_sweeps * (1 + exploitations * tries)
     learning = Learning(visits, _step_sizes(rounds, omega, settle), seed)
-    entries = np.empty(model.state_count * cells, np.int64)
-    found = np.empty(model.state_count * cells, np.float32)
+    entries, found = (np.empty(model.state_count * cells, kind) for kind in (np.int64, np.float32))
     residuals: list[float] = []
     converged, played = False, 0
     while len(residuals) < max_sweeps and not converged:
@@ -73,7 +72,7 @@ def q_learning(
             try_best(packed, layers, q, entries, found, learning, tries)
             put(q, entries, found)
             played += 1
-    values = np.empty(model.state_count * cells, np.float32)
+    values = np.empty_like(found)
     values_from_q(model.offsets, cells, q, values)
     return Solution(
         values=values.reshape(model.state_count, cells),

@@ -4,7 +4,7 @@ import naive_core
 import numpy as np
 import pytest
 
-from crowdsim.core.bodies import BodySizes, lands_on_posed_body, lands_on_upright_body
+from crowdsim.core.bodies import BodySizes, PosedBody, lands_on_posed_body, lands_on_upright_body
 
 SIZES = BodySizes(head_radius=0.11, torso_radius=0.15, neck_drop=0.16, pelvis_drop=0.66)
 
@@ -20,7 +20,7 @@ def test_landing_on_an_upright_body_matches_naive(tolerance):
         if spare > 1e-6:
             assert lands_on_upright_body(fist, head, SIZES, tolerance) == expected
             radii = SIZES.head_radius, SIZES.torso_radius
-            assert lands_on_posed_body(fist, head, neck, pelvis, *radii, tolerance) == expected
+            assert lands_on_posed_body(fist, PosedBody(head, neck, pelvis, *radii), tolerance) == expected
         landed += expected
     assert 10 < landed < 390
 
@@ -33,7 +33,7 @@ def test_landing_on_a_posed_body_matches_naive():
         sizes = (*rng.uniform(0.05, 0.3, 2).tolist(), float(rng.choice([0.05, 0.2])))
         expected, spare = naive_core.lands(fist, head, neck, pelvis, *sizes)
         if spare > 1e-6:
-            assert lands_on_posed_body(fist, head, neck, pelvis, *sizes) == expected
+            assert lands_on_posed_body(fist, PosedBody(head, neck, pelvis, *sizes[:2]), sizes[2]) == expected
         landed += expected
     assert 10 < landed < 390
 
@@ -41,4 +41,6 @@ def test_landing_on_a_posed_body_matches_naive():
 def test_a_torso_without_length_is_a_ball():
     middle = (0.0, 1.0, 0.0)
     for away, lands in [(0.24, True), (0.26, False), (0.06, True), (0.04, False)]:
-        assert lands_on_posed_body((away, 1.0, 0.0), (9.0, 9.0, 9.0), middle, middle, 0.1, 0.15, 0.1) is lands
+        assert (
+            lands_on_posed_body((away, 1.0, 0.0), PosedBody((9.0, 9.0, 9.0), middle, middle, 0.1, 0.15), 0.1) is lands
+        )

@@ -416,7 +416,7 @@ def test_those_who_keep_no_distance_need_no_neighbours():
 
 def test_a_scenario_may_let_avatars_walk_through_one_another():
     for said, rules in ((True, Crowding()), (False, Crowding.none())):
-        scenario = load_scenario("brawl_30", [f"keep_apart={str(said).lower()}"])
+        scenario = load_scenario("brawl_30", [f"collision_avoidance={str(said).lower()}"])
         chosen = POLICIES[0]
         fight = replace(chosen.behaviours[0], name="fight")
         boxer = [replace(chosen, name="boxer", behaviours=(fight, *chosen.behaviours[1:]))]

@@ -8,10 +8,10 @@ import pytest
 from naive_policy import random_actions
 from naive_policy import surface_distance as naive_distance
 
+from crowdsim.core.bodies import PosedBody, lands_on_posed_body
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.layout import Target
 from crowdsim.crowd.kernels.rewards import Options, add_strikes
-from crowdsim.crowd.kernels.strikes import Body, touches
 from crowdsim.errors import RecipeError
 from crowdsim.policy import rewards
 from crowdsim.policy.action_rewards import action_reward
@@ -195,8 +195,8 @@ def test_compiled_control_and_training_land_as_the_naive_twin_does(tolerance, sc
         assert surface_distance(point, head, body) == pytest.approx(distance, abs=1e-7)
         assert landing(surface_distance(point, head, body), tolerance) == lands
         assert kernels.strike_lands(tuple(point), tuple(head), term, 0) == lands
-        posed = Body(tuple(head), tuple(neck), tuple(pelvis), *map(float, radii))
-        assert touches(posed, tolerance, tuple(point)) == lands
+        posed = PosedBody(tuple(head), tuple(neck), tuple(pelvis), *map(float, radii))
+        assert lands_on_posed_body(tuple(point), posed, tolerance) == lands
         assert added == lands
     assert 20 < landed < count - 20
 

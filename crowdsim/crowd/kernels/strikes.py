@@ -1,11 +1,11 @@
 """Strikes thrown on the way to a frame, and whether they land."""
 
-import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from crowdsim.core.angles import cos_sin
+from crowdsim.core.bodies import PosedBody, lands_on_posed_body
 from crowdsim.crowd.kernels.interpolation import ground_at, point_at
 from crowdsim.crowd.kernels.layout import (
     ACTION,
@@ -54,16 +54,6 @@ from crowdsim.jit import kernel
 
 ATTACKER, VICTIM, SIDE, LANDED = range(4)
 WHEN, POINT_X, POINT_Y, POINT_Z, FAST = range(5)
-
-
-class Body(NamedTuple):
-    """A body that may be hit: centre of the head, upper and lower end of the torso, and their radii [m]."""
-
-    head: Any
-    neck: Any
-    pelvis: Any
-    head_radius: float
-    torso_radius: float
 
 
 class Stretch(NamedTuple):
@@ -189,7 +179,7 @@ def _lands(model, avatars, targets, now, i, opponent, share, point):
         neck = (hx, hy - sizes[policy, NECK_DROP] * scale, hz)
         pelvis = (hx, hy - sizes[policy, PELVIS_DROP] * scale, hz)
         head_radius, torso_radius = sizes[policy, HEAD_RADIUS] * scale, sizes[policy, TORSO_RADIUS] * scale
-        return touches(Body((hx, hy, hz), neck, pelvis, head_radius, torso_radius), tolerance, point)
+        return lands_on_posed_body(point, PosedBody((hx, hy, hz), neck, pelvis, head_radius, torso_radius), tolerance)
     j = avatars.slot_of[opponent] if opponent >= 0 else now.present
     if j >= now.present:
         return False
@@ -199,7 +189,7 @@ def _lands(model, avatars, targets, now, i, opponent, share, point):
     far = size * (sizes[whose, REACH] + real[SPEED, j] * sizes[whose, PACE]) + tolerance
     if dx * dx + dz * dz > far * far:
         return False
-    return touches(_body_at(model, avatars, j, share), tolerance, point)
+    return lands_on_posed_body(point, _body_at(model, avatars, j, share), tolerance)
 
 
 @kernel(inline=True)
@@ -226,28 +216,10 @@ def _body_at(model, avatars, j, share):
     size, policy = real[SCALE, j], whole[POLICY, j]
     cos, sin = cos_sin(turn + heading)
     cos, sin = cos * size, sin * size
-    return Body(
+    return PosedBody(
         point_at(model.bodies, frame, HEAD, x, z, size, cos, sin),
         point_at(model.bodies, frame, NECK, x, z, size, cos, sin),
         point_at(model.bodies, frame, PELVIS, x, z, size, cos, sin),
         sizes[policy, HEAD_RADIUS] * size,
         sizes[policy, TORSO_RADIUS] * size,
     )
-
-
-@kernel(inline=True)
-def touches(body, tolerance, point):
-    """Return whether a fist lands on a body: within the tolerance of its surface (``rewards.lands``)."""
-    px, py, pz = point
-    head, neck, pelvis = body.head, body.neck, body.pelvis
-    hx, hy, hz = px - head[0], py - head[1], pz - head[2]
-    distance = math.sqrt(hx * hx + hy * hy + hz * hz) - body.head_radius
-    dx, dy, dz = neck[0] - pelvis[0], neck[1] - pelvis[1], neck[2] - pelvis[2]
-    lx, ly, lz = px - pelvis[0], py - pelvis[1], pz - pelvis[2]
-    square = dx * dx + dy * dy + dz * dz
-    t = 0.0
-    if square > 0.0:
-        t = min(max((lx * dx + ly * dy + lz * dz) / square, 0.0), 1.0)
-    lx, ly, lz = lx - t * dx, ly - t * dy, lz - t * dz
-    distance = min(distance, math.sqrt(lx * lx + ly * ly + lz * lz) - body.torso_radius)
-    return -tolerance <= distance <= tolerance

@@ -2,15 +2,8 @@
 
 import numpy as np
 
+from crowdsim.core.random import mix
 from crowdsim.jit import kernel
-
-
-@kernel(allocates=False)
-def mix(bits):
-    """Scramble 64 bits."""
-    bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return bits ^ (bits >> np.uint64(31))
 
 
 @kernel(allocates=False)

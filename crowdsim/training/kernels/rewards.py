@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import prange
 
+from crowdsim.core.exponentials import exponential
 from crowdsim.jit import kernel
 from crowdsim.policy.kernels.rewards import (
     ASIDE,
@@ -43,22 +44,6 @@ class Landed(NamedTuple):
     offsets: Any
     cells: Any
     rewards: Any
-
-
-@kernel(inline=True)
-def exponential(value):
-    """Return the exponential of a number up to 0, to 1e-9 of it; what lies below -32 counts as -32.
-
-    exp(v) = exp(v / 1024) ^ 1024: the polynomial that is best for so small a number, and ten squarings, which
-    vectorise, as library functions do not.
-    """
-    y = max(value, -32.0) * (1.0 / 1024.0)
-    v = 0.9999999999995212 + y * (
-        0.9999999992338505 + y * (0.49999980375826153 + y * (0.16664906210443037 + y * 0.04102110216102971))
-    )
-    for _ in range(10):
-        v *= v
-    return v
 
 
 @kernel(allocates=False)
