@@ -20,7 +20,7 @@ LOW, SINKING = 0.03, 0.15
 TOUCH = 0.02
 """How far from the surface that it hits a fist may be [m]."""
 DISC = 0.2
-"""Radius of the disc on the floor around a pelvis that bodies are told apart by [m]."""
+"""Radius of the disc on the floor around a pelvis whose overlap is measured [m]."""
 POINTS = (*JOINTS, "left_fist", "right_fist", "head_middle")
 
 
@@ -188,8 +188,8 @@ def _at(path: Array, frame: float) -> Array:
 def fists(stage: Stage) -> dict[str, Any]:
     """Distance of striking fists from the surface of head (a sphere) or torso (a capsule from pelvis to neck) [m].
 
-    The fist is its middle. ``buried`` are strikes that are told to miss, although the fist is in the body by more than
-    ``TOUCH``.
+    The fist is its middle. ``buried`` are strikes that are reported as missed although the fist is in the body by
+    more than ``TOUCH``.
     """
     sizes, events, last = stage.sizes, stage.events, len(stage.figures[0].head) - 2
     pelvis, neck = JOINTS.index("pelvis"), JOINTS.index("neck")

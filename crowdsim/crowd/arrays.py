@@ -159,7 +159,7 @@ class World(NamedTuple):
 
 
 class Record(NamedTuple):
-    """What a chunk of frames tells of each avatar, by number.
+    """The record of each avatar in a chunk of frames, by number.
 
     Attributes:
         whole: Action and opponent. Shape (2, frames, N), int32.
@@ -179,7 +179,7 @@ class Scratch(NamedTuple):
 
     Attributes:
         situations: Where each one's target is and how it moves (``values.value_actions``). Shape (batch, 6), float64.
-        states: The state that it chooses in, -1 where there is nobody to fight. Shape (batch,), int32.
+        states: The state that it chooses in, -1 where there is no opponent. Shape (batch,), int32.
         moods: Its mood. Shape (batch,), int32.
         policies: Its policy. Shape (batch,), int32.
         order: Places in the batch in the order of states. Shape (batch,), int64.

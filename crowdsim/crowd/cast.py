@@ -175,8 +175,8 @@ def unlearned_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]
 
 def _weights(policy: Policy, given: dict[str, float], width: int, others: float = 0.0) -> Array:
     """Return weights of a policy's behaviours in its order, ``others`` for those not named and up to ``width``."""
-    told = [given.get(behaviour.name, others) for behaviour in policy.behaviours]
-    return np.array(told + [others] * (width - len(told)))
+    result = [given.get(behaviour.name, others) for behaviour in policy.behaviours]
+    return np.array(result + [others] * (width - len(result)))
 
 
 def _hysteresis(opponents: Opponents | None) -> float:

@@ -1,4 +1,4 @@
-"""What a simulation tells of a few control frames, as plain arrays."""
+"""Some control frames of a simulation as plain arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A crowd before its first frame: who stands where, how each chooses, whom each fights."""
+"""A crowd before its first frame: positions, preferences and opponents of its avatars."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Crowding:
 
     @classmethod
     def none(cls) -> Crowding:
-        """Return rules by which nobody heeds anybody but the opponent; the arena stays."""
+        """Return rules without collision avoidance; the arena stays."""
         return cls(end=0.0, path=0.0, reach=0.0, most=1)
 
     def numbers(self) -> Array:

@@ -1,4 +1,4 @@
-"""The simulation: a crowd that is run control frame by control frame, and tells of itself in chunks of plain arrays.
+"""The simulation: a crowd is run control frame by control frame and yields chunks of plain arrays.
 
 At every frame those whose action has ended observe and choose, all from the state at that frame; then the frame is
 recorded, and all move on. A small crowd runs many frames in one compiled call; a large one goes stage by stage, each

@@ -1,4 +1,4 @@
-"""Kernels of a simulation made ready before its clock runs, by a few avatars that nobody sees."""
+"""Loads or compiles the kernels of a simulation before its clock starts, by running a few avatars unrecorded."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FEW = 40
 """Avatars that make kernels ready; more than fit into one leaf of a tree."""
 
 _FRAMES = (1, 2)
-"""Control frames of the chunks that they run; in the first one nobody moves."""
+"""Control frames of the chunks that they run; in the first one no avatar moves."""
 
 
 def warm_up(

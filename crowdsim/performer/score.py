@@ -215,7 +215,7 @@ class Style:
 
 @dataclass(frozen=True)
 class Score:
-    """One clip on paper: who stands how, and what happens when."""
+    """One clip as a score: stances, and what happens when."""
 
     seconds: float
     style: Style

@@ -123,7 +123,7 @@ STEP = 1.0
 """What a step is worth that a foot makes only because of a cut, where the graph's most costly cut is worth 1."""
 
 QUIET = 0.1
-"""Speed that is added where cuts are weighed by speeds, since nobody stands quite still [m/s]."""
+"""Speed that is added where cuts are weighed by speeds, since people never stand quite still [m/s]."""
 
 STILLEST = 4.0
 """Most that stillness may make of a cut."""

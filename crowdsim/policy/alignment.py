@@ -24,7 +24,7 @@ SETTLED = (0.1, 0.72)
 """Time before a cut within which a foot that stands came down, and after it within which it comes up, so that it needs
 no step for the cut [s]."""
 _UNSURE = 0.15
-"""How much earlier than that a foot that comes up begins to count [s], since nobody's pace is the capture's."""
+"""How much earlier than that a foot that comes up begins to count [s], since paces differ from the capture's."""
 _TRUNK, _FREE, _TURN = 2e-5, 1e-4, 1e-3
 """How much hips and shoulders count, and a foot that goes or comes, where one that stands on counts 1, so that it stays
 exactly where it is; and how much how a foot is turned counts beside where it stands."""
@@ -98,11 +98,11 @@ def _stands(database: MotionDatabase) -> tuple[Array, Array]:
     spans = stand_spans(contacts, starts)
     frames = np.arange(len(contacts))
     clip = np.searchsorted(starts, frames, side="right") - 1
-    told = []
+    result = []
     for k, edge in enumerate((starts[clip], starts[clip + 1] - 1)):
         lasts = (np.abs(frames[:, None] - spans[..., k]) + 1) / database.playback_rate
-        told.append(np.where(contacts, np.where(spans[..., k] == edge[:, None], np.inf, lasts), 0.0))
-    return told[0], told[1]
+        result.append(np.where(contacts, np.where(spans[..., k] == edge[:, None], np.inf, lasts), 0.0))
+    return result[0], result[1]
 
 
 def _points(database: MotionDatabase, frames: Array) -> Array:

@@ -85,8 +85,8 @@ def _write(folder: Path, policy: Policy, timings: Mapping[str, Any]) -> None:
     for name, array in zip(policy.actions._fields, policy.actions, strict=True):
         arrays[f"actions_{name}"] = array
     stored = []
-    for behaviour, told in zip(policy.behaviours, document["behaviours"], strict=True):
-        told["stored_low"], told["stored_step"] = behaviour.low, behaviour.step
+    for behaviour, report in zip(policy.behaviours, document["behaviours"], strict=True):
+        report["stored_low"], report["stored_step"] = behaviour.low, behaviour.step
         stored.append(
             behaviour.table.astype(np.float16) if policy.recipe["precision"] == "float16" else behaviour.table
         )
@@ -147,10 +147,10 @@ def read_document(folder: FileName) -> dict[str, Any]:
 def read_timings(folder: FileName) -> dict[str, Any]:
     """Return what training took, by behaviour; an empty mapping where that is not known."""
     try:
-        told = json.loads((Path(folder) / "timings.json").read_text(encoding="utf-8"))
+        report = json.loads((Path(folder) / "timings.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return told if isinstance(told, dict) else {}
+    return report if isinstance(report, dict) else {}
 
 
 def encode(values: Array, precision: str) -> tuple[Array, float, float]:
@@ -207,24 +207,24 @@ def _map(path: Path, facts: Mapping[str, Any]) -> Array:
 
 def _split(thing: Any, prefix: str, arrays: dict[str, Array]) -> dict[str, Any]:
     """Return the plain fields of a dataclass, and put its arrays with the others."""
-    told: dict[str, Any] = {}
+    report: dict[str, Any] = {}
     for field in dataclasses.fields(thing):
         value = getattr(thing, field.name)
         if isinstance(value, np.ndarray):
             arrays[f"{prefix}_{field.name}"] = value
         elif not dataclasses.is_dataclass(value):
-            told[field.name] = dict(value) if isinstance(value, Mapping) else value
-    return told
+            report[field.name] = dict(value) if isinstance(value, Mapping) else value
+    return report
 
 
-def _join(kind: type[Any], prefix: str, told: Mapping[str, Any], arrays: Mapping[str, Array], **parts: Any) -> Any:
+def _join(kind: type[Any], prefix: str, report: Mapping[str, Any], arrays: Mapping[str, Array], **parts: Any) -> Any:
     """Return a dataclass from its plain fields, its arrays, and other dataclasses."""
     values = dict(parts)
     for field in dataclasses.fields(kind):
         if f"{prefix}_{field.name}" in arrays:
             values[field.name] = arrays[f"{prefix}_{field.name}"]
-        elif field.name in told:
-            value = told[field.name]
+        elif field.name in report:
+            value = report[field.name]
             values[field.name] = tuple(value) if isinstance(value, list) else value
     return kind(**values)
 
@@ -251,25 +251,24 @@ def _assemble(folder: Path, document: Mapping[str, Any], arrays: Mapping[str, Ar
     stored = arrays["values"]
     values = stored.astype(np.float32) if stored.dtype == np.float16 else stored
     behaviours, first = [], 0
-    for told in document["behaviours"]:
-        end = first + told["entries"]
-        grid = build_grid(Axis(**axis) for axis in told["axes"])
-        expected = grid.cells * (actions.action_count if told["lookup"] == "q" else actions.state_count)
-        if told["entries"] != expected or end > len(values):
-            raise PolicyError(
-                f"{folder / 'values.npy'}: holds {told['entries']} entries for {told['name']!r}, expected {expected}"
-            )
+    for report in document["behaviours"]:
+        end = first + report["entries"]
+        grid = build_grid(Axis(**axis) for axis in report["axes"])
+        expected = grid.cells * (actions.action_count if report["lookup"] == "q" else actions.state_count)
+        if report["entries"] != expected or end > len(values):
+            what = f"holds {report['entries']} entries for {report['name']!r}, expected {expected}"
+            raise PolicyError(f"{folder / 'values.npy'}: {what}")
         behaviours.append(
             Behaviour(
-                name=told["name"],
+                name=report["name"],
                 grid=grid,
-                lookup=told["lookup"],
+                lookup=report["lookup"],
                 table=values[first:end],
-                scale=told["scale"],
-                terms=terms.validate_python(told["rewards"]),
-                discount=told["discount"],
-                low=told["stored_low"],
-                step=told["stored_step"],
+                scale=report["scale"],
+                terms=terms.validate_python(report["rewards"]),
+                discount=report["discount"],
+                low=report["stored_low"],
+                step=report["stored_step"],
             )
         )
         first = end

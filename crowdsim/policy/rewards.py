@@ -12,7 +12,7 @@ counts control frames from the action's state, and gamma is the discount a frame
 * ``proximity``: gamma^t exp(-d(t) / sigma), summed over the action's frames (``sum``, which does not depend on where
   actions are cut) or its greatest (``max``, the paper's). d(t) is how far the target is from where it is wanted: at a
   distance, or between two distances, from the avatar.
-* ``transition``: what cuts cost, since they are seen.
+* ``transition``: what transitions cost, since they are visible.
 
 To add a term, write its model with a code of its own, add it to ``TERMS`` and ``AnyTerm``, define what it is worth in
 ``action_rewards.py`` and in ``term_reward`` of ``kernels/rewards.py``, and list it in ``COMPILED``: training knows it
@@ -172,14 +172,14 @@ class ProximityTerm(Term):
 
 
 class TransitionTerm(Term):
-    """What a cut costs: its weight times how visible it is (``Actions.costs``), and an amount for each cut."""
+    """What a transition costs: its weight times how visible it is (``Actions.costs``), and an amount for each one."""
 
     code: ClassVar[int] = 2
     kind: Literal["transition"]
-    each: float = Field(default=0.0, ge=0.0, description="What each cut costs however good it is.")
+    each: float = Field(default=0.0, ge=0.0, description="What each transition costs however good it is.")
 
     def pack(self, body: TargetBody) -> tuple[float, ...]:
-        """Return weight and the amount for each cut."""
+        """Return weight and the amount for each transition."""
         return (self.weight, self.each)
 
 

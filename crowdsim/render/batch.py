@@ -242,7 +242,7 @@ class _Stopped(Exception):
 def _start_worker(counter: Any, stop: Any) -> None:
     global _COUNTER, _STOP
     _COUNTER, _STOP = counter, stop
-    # Ctrl-C reaches every process; the first one tells the others.
+    # Ctrl-C reaches every process; the first one stops the others.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 

@@ -65,7 +65,7 @@ def watch(source: PoseSource) -> Crowd:
 def _drop_strays(places: Array) -> None:
     """Write NaN over the places (M, N, 3) of those who are far away from a large crowd at a moment.
 
-    A single one who runs off would else make all others small. Of a few avatars nobody is a stray.
+    Otherwise a single stray avatar would make all others small. Of a few avatars none is a stray.
     """
     if places.shape[1] < _MANY:
         return

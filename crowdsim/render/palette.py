@@ -1,4 +1,4 @@
-"""Colours: teams told apart by hue, avatars by shade."""
+"""Colours: a hue for each team, a shade for each avatar."""
 
 from __future__ import annotations
 

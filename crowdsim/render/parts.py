@@ -1,4 +1,4 @@
-"""Folders of a video's segments: an interrupted video goes on from them, and they are told from folders of others."""
+"""Folders of a video's segments, from which an interrupted video continues; a mark says that they are ours."""
 
 from __future__ import annotations
 

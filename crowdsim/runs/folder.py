@@ -144,7 +144,7 @@ def claim_folder(folder: Path, inputs: Iterable[str], planned: Iterable[str]) ->
         for name in old:
             stat_plain(folder, name)
         refuse_others(folder, held, old, journal.files, begin | rest)
-        # Noted before the manifest goes, so that it can be told what they are, should this process end here.
+        # Noted before the manifest goes, so that they are recognised should this process end here.
         write_journal(folder, Journal(journal.inputs | begin, journal.files | rest | old))
         remove_plain(folder, [MANIFEST])
         remove_plain(folder, sorted(old - {MANIFEST}))
@@ -250,9 +250,9 @@ def describe_run(folder: Path) -> dict[str, Any]:
     try:
         held = [path.name for path in folder.iterdir()]
         if MANIFEST in held:
-            told = read_manifest(folder)
-            numbers = {name: told[name] for name in ("avatars", "control_frames")}
-            return {"state": "done", **numbers, "seconds": told["seconds"]["total"]}
+            report = read_manifest(folder)
+            numbers = {name: report[name] for name in ("avatars", "control_frames")}
+            return {"state": "done", **numbers, "seconds": report["seconds"]["total"]}
         if TAKE in held:
             take = open_take(folder)
             state = "interrupted" if take.status == "interrupted" else "unfinished"

@@ -1,6 +1,6 @@
 """The journal of a run folder: which files are being written in it, noted before the first of them is begun.
 
-What a killed or interrupted command leaves is told by its journal from files of the user. The journal goes when the
+Its journal distinguishes what a killed or interrupted command leaves from files of the user. The journal goes when the
 manifest lists everything.
 """
 

@@ -62,7 +62,7 @@ def _processor() -> str:
 
 
 def peak_memory() -> int | None:
-    """Return the most memory that this process has held [bytes]; None where the system does not tell."""
+    """Return the most memory that this process has held [bytes]; None where the system does not report it."""
     try:
         import resource
     except ImportError:
@@ -72,7 +72,7 @@ def peak_memory() -> int | None:
 
 
 def available_memory() -> int | None:
-    """Return how much memory is free for programs [bytes]; None where the system does not tell."""
+    """Return how much memory is free for programs [bytes]; None where the system does not report it."""
     try:
         with open("/proc/meminfo", encoding="utf-8") as file:
             for line in file:
@@ -92,7 +92,7 @@ def checksums(folder: Path, names: Iterable[str] | None = None, threads: int = 1
     chosen = sorted(set(walk(folder) if names is None else names) - {NAME, JOURNAL})
     with ThreadPoolExecutor(max(1, threads)) as pool:
         hashes = list(pool.map(lambda name: _hash(folder, name), chosen))
-    return {name: {"bytes": size, "sha256": told} for name, (size, told) in zip(chosen, hashes, strict=True)}
+    return {name: {"bytes": size, "sha256": report} for name, (size, report) in zip(chosen, hashes, strict=True)}
 
 
 def _hash(folder: Path, name: str) -> tuple[int, str]:
@@ -105,22 +105,22 @@ def _hash(folder: Path, name: str) -> tuple[int, str]:
     return size, digest.hexdigest()
 
 
-def write_manifest(folder: Path, told: Mapping[str, Any], files: Mapping[str, Mapping[str, Any]]) -> Path:
+def write_manifest(folder: Path, report: Mapping[str, Any], files: Mapping[str, Mapping[str, Any]]) -> Path:
     """Write a run's manifest, which is the only proof that it is done.
 
     Args:
         folder: The run folder.
-        told: What a reader should know of the run.
+        report: What a reader should know of the run.
         files: Its files, as ``checksums`` gives them.
 
     Raises:
         OutputError: It cannot be written.
     """
-    return _write(folder, {"format": FORMAT, "version": VERSION, **told, **describe_machine(), "files": files})
+    return _write(folder, {"format": FORMAT, "version": VERSION, **report, **describe_machine(), "files": files})
 
 
 def update_manifest(
-    folder: Path, kind: str, written: Sequence[str], told: Mapping[str, Any], replaces: bool = True, threads: int = 1
+    folder: Path, kind: str, written: Sequence[str], report: Mapping[str, Any], replaces: bool = True, threads: int = 1
 ) -> list[str]:
     """Note in a finished run's manifest that files of an output have been written anew.
 
@@ -128,7 +128,7 @@ def update_manifest(
         folder: The run folder.
         kind: Folder of the output in it, ``bvh`` say; ``pictures`` for those of the renderer.
         written: Names of the files in the run folder.
-        told: What a reader should know of them.
+        report: What a reader should know of them.
         replaces: Whether they are all files of that folder, so that others that the manifest lists there go.
         threads: Threads that sum up files.
 
@@ -147,7 +147,7 @@ def update_manifest(
     for name in stale:
         del files[name]
     files.update(checksums(folder, written, threads))
-    exports = {**document.get("exports", {}), kind: dict(told)}
+    exports = {**document.get("exports", {}), kind: dict(report)}
     _write(folder, {**document, "exports": exports, "files": dict(sorted(files.items()))})
     return stale
 
@@ -234,14 +234,14 @@ def verify(folder: Path, threads: int = 1) -> Verdict:
     )
 
 
-def _differs(folder: Path, name: str, told: Mapping[str, Any]) -> str:
+def _differs(folder: Path, name: str, report: Mapping[str, Any]) -> str:
     """Say how a file differs from what was recorded of it; an empty text when it does not."""
     path = folder / name
     try:
         size = stat_plain(folder, name).st_size
-        if size != told.get("bytes"):
-            return f"{path}: has {size} bytes, expected {told.get('bytes')}"
-        if _hash(folder, name)[1] != told.get("sha256"):
+        if size != report.get("bytes"):
+            return f"{path}: has {size} bytes, expected {report.get('bytes')}"
+        if _hash(folder, name)[1] != report.get("sha256"):
             return f"{path}: has changed: its SHA-256 is not the one in {NAME}"
     except FileNotFoundError:
         return f"{path}: is missing"

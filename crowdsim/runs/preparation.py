@@ -77,8 +77,8 @@ def prepare(scenario: Scenario, policies: Sequence[Policy], placed: Placed | Non
 
     rates = {policy.name: float(policy.database.control_rate) for policy in policies}
     if len(set(rates.values())) > 1:
-        told = ", ".join(f"{name} has {rate:g}" for name, rate in rates.items())
-        raise RunError(f"{scenario.name}: policies of one run need one control rate, but {told}")
+        result = ", ".join(f"{name} has {rate:g}" for name, rate in rates.items())
+        raise RunError(f"{scenario.name}: policies of one run need one control rate, but {result}")
     placed = placed or place_groups(scenario)
     crowd, script = cast_crowd(scenario, placed, policies)
     rate = next(iter(rates.values()))

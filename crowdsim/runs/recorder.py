@@ -36,14 +36,14 @@ class Recorder:
         return [(above / path.relative_to(self._folder)).as_posix() for path in paths]
 
     def settle(
-        self, kind: str, written: Sequence[Path], told: Mapping[str, Any], replaces: bool = False, threads: int = 1
+        self, kind: str, written: Sequence[Path], result: Mapping[str, Any], replaces: bool = False, threads: int = 1
     ) -> None:
         """Record files that have been written; a run that has no manifest yet keeps them in its journal.
 
         Args:
             kind: Folder of these files in the folder, or another word for them.
             written: The files.
-            told: What a reader should know of them.
+            result: What a reader should know of them.
             replaces: Whether they are all files of their kind, so that others that the manifest lists go.
             threads: Threads that sum up files.
 
@@ -56,7 +56,7 @@ class Recorder:
         (name,) = self.names([self._folder / kind])
         try:
             with _alone(self._run):
-                update_manifest(self._run, name, self.names(written), told, replaces, threads)
+                update_manifest(self._run, name, self.names(written), result, replaces, threads)
         except OSError as error:
             raise OutputError(f"{error.filename or self._run}: cannot be recorded: {error.strerror or error}") from None
 

@@ -19,13 +19,13 @@ def needs(avatars: int, frames: int, folder: Path) -> str:
     """Return a sentence on the memory and room on disk that a run takes, and whether there is as much."""
     memory = _BASE_BYTES + avatars * (_AVATAR_BYTES + frames * _FRAME_BYTES)
     room = avatars * frames * _DISK_BYTES
-    told = f"{avatars:,} avatars x {frames:,} control frames take up to {memory / 1e9:.1f} GB of memory and "
-    told += f"{room / 1e9:.1f} GB on disk, without outputs"
+    result = f"{avatars:,} avatars x {frames:,} control frames take up to {memory / 1e9:.1f} GB of memory and "
+    result += f"{room / 1e9:.1f} GB on disk, without outputs"
     existing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     free = shutil.disk_usage(existing).free
     available = available_memory()
     if available is not None and memory > available:
-        told += f"; only {available / 1e9:.1f} GB of memory are free"
+        result += f"; only {available / 1e9:.1f} GB of memory are free"
     if room > free:
-        told += f"; only {free / 1e9:.1f} GB are free in {existing}"
-    return told
+        result += f"; only {free / 1e9:.1f} GB are free in {existing}"
+    return result

@@ -1,4 +1,4 @@
-"""Checks a file without using it: scenarios and recipes are told apart by their keys."""
+"""Checks a file without using it: scenarios and recipes are recognised by their keys."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def find_file_faults(path: Path) -> list[str]:
 def find_file_warnings(path: Path) -> list[str]:
     """Return what a scenario without a fault asks of its policies that they cannot do, a line each.
 
-    Policies that are not trained yet are passed over, since nobody knows what they can do.
+    Policies that are not trained yet are passed over, since their abilities are unknown.
     """
     if _is_recipe(path):
         return []
@@ -168,8 +168,8 @@ def _control_rate(scenario: Scenario) -> float:
     first = next(iter(rates.values()))
     for name, policy in used.items():
         if rates[policy] != first:
-            told = ", ".join(f"{policy} has {rate:g}" for policy, rate in rates.items())
-            raise scenario.error(f"policies of one run need one control rate, but {told}", "types", name, "policy")
+            result = ", ".join(f"{policy} has {rate:g}" for policy, rate in rates.items())
+            raise scenario.error(f"policies of one run need one control rate, but {result}", "types", name, "policy")
     return first
 
 

@@ -132,7 +132,7 @@ def _opponents_findings(
         what = f"is 'other_team', but all avatars are of team {own.team!r}, expected a second team or kind 'anyone'"
         yield Finding((*path, "kind"), what)
     if opponents.kind == "anyone" and scenario.avatar_count == 1:
-        what = "there is one avatar and nobody to fight, expected a second avatar or a scripted target"
+        what = "there is one avatar without an opponent, expected a second avatar or a scripted target"
         yield Finding(path, what)
     if isinstance(opponents, FixedOpponents):
         for other in _indices(names, opponents.group):

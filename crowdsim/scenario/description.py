@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, PrivateAttr
 
@@ -45,7 +45,7 @@ class Description(StrictModel):
     Lengths are metres, angles are degrees; x points to the left and z ahead of an avatar with heading 0.
     """
 
-    renamed = {"keep_apart": "collision_avoidance"}
+    renamed: ClassVar[dict[str, str]] = {"keep_apart": "collision_avoidance"}
 
     version: Literal[1] = Field(description="Version of this format.")
     name: Name = Field(description="Name of the scenario, and of the folder that a run writes.")

@@ -138,8 +138,8 @@ def plan_landings(
         # Of those who are not there nothing is known.
         values[~np.isfinite(values)] = 0.0
     _lean_alike(near.attackers[order], near.hands[order], near.times[order], order, leans, moves)
-    told = (near.times, near.hands, shifts, near.spans, near.lean_spans, leans, moves)
-    return Landings(starts, *(values[order] for values in told))
+    result = (near.times, near.hands, shifts, near.spans, near.lean_spans, leans, moves)
+    return Landings(starts, *(values[order] for values in result))
 
 
 def _lean_alike(attackers: Array, hands: Array, times: Array, order: Array, leans: Array, moves: Array) -> None:

@@ -12,7 +12,7 @@ from crowdsim.core.types import Array
 _LONGEST, _FURTHEST = 0.5, 0.5
 """What takes longer [s] or goes further [m] is no single step."""
 _LEAST = 12
-"""Fewer steps tell nothing."""
+"""Fewer steps are no sample."""
 _TYPICAL = 60
 """Percentile of the speeds of planted feet that a foot may be dragged at."""
 
@@ -61,13 +61,13 @@ def measure_gait(contacts: Array, points: Array, starts: Array, rate: float) -> 
                 far = float(np.hypot(*(way[-1] - way[0])[[0, 2]]))
                 # It moves a little before it counts as being in the air, and after.
                 steps.append((far, (down - up + 2) / rate, float(way[:, 1].max() - way[0, 1])))
-    told = np.array(steps).reshape(-1, 3)
-    told = told[(told[:, 0] < _FURTHEST) & (told[:, 1] < _LONGEST)]
-    if len(told) < _LEAST:
+    result = np.array(steps).reshape(-1, 3)
+    result = result[(result[:, 0] < _FURTHEST) & (result[:, 1] < _LONGEST)]
+    if len(result) < _LEAST:
         return USUAL._replace(slide=slide)
     # Least squares of lines that do not fall.
-    apart = told[:, 0] - told[:, 0].mean()
+    apart = result[:, 0] - result[:, 0].mean()
     square = max(float(apart @ apart), 1e-9)
-    each = [max(float(apart @ told[:, k]) / square, 0.0) for k in (1, 2)]
-    rest = [float(np.mean(told[:, k] - e * told[:, 0])) for k, e in zip((1, 2), each, strict=True)]
+    each = [max(float(apart @ result[:, k]) / square, 0.0) for k in (1, 2)]
+    rest = [float(np.mean(result[:, k] - e * result[:, 0])) for k, e in zip((1, 2), each, strict=True)]
     return Gait(rest[0], each[0], rest[1], each[1], slide)

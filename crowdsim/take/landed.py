@@ -79,8 +79,8 @@ class Landed:
 def find_landed(take: TakeData, buried: Array | None = None) -> Landed:
     """Return a take's landed strikes and those that are ``buried`` (E,); of two of a hand at once, the first."""
     events = take.events
-    told = np.asarray(events.landed, dtype=bool)
-    landed = np.flatnonzero(told if buried is None else told | buried)
+    result = np.asarray(events.landed, dtype=bool)
+    landed = np.flatnonzero(result if buried is None else result | buried)
     frames = np.asarray(events.frame, dtype=np.float64)[landed]
     attackers = np.asarray(events.attacker)[landed].astype(np.int64)
     hands = np.asarray(events.hand)[landed].astype(np.int64)
@@ -109,7 +109,7 @@ def find_landed(take: TakeData, buried: Array | None = None) -> Landed:
         spans=spans,
         lean_spans=_lean_spans(attackers[order], times[order]),
         again=again,
-        missed=~told[chosen],
+        missed=~result[chosen],
     )
 
 

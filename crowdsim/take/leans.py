@@ -109,10 +109,10 @@ def plan_leans(arms: Limbs, least: float, hands: Array, shifts: Array, positions
     parents = np.asarray(arms.parents)[np.maximum(mine, 0)]
     frames = turns[rows[:, None], np.maximum(parents, 0)].astype(float)
     local = quaternion.rotate(quaternion.conjugate(frames), found)
-    told = np.zeros((count, JOINTS, 3))
-    told[:, :2] = local[:, :2]
-    told[rows, 2 + hands] = local[:, 2]
-    return Leans(told, moved)
+    result = np.zeros((count, JOINTS, 3))
+    result[:, :2] = local[:, :2]
+    result[rows, 2 + hands] = local[:, 2]
+    return Leans(result, moved)
 
 
 def _goal(now: Array, wanted: Array, longest: Array, soft: Array) -> Array:

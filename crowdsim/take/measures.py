@@ -146,7 +146,7 @@ class FightCounter:
         after = np.minimum(before + 1, chunk.frames - 1)
         share = np.clip(frames - chunk.first - before, 0.0, 1.0)[:, None]
         offsets = [self._offsets(chunk, rows, attacker, victim) for rows in (before, after)]
-        # A share of zero takes nothing from a frame in which somebody may be absent.
+        # A share of zero takes nothing from a frame in which an avatar may be absent.
         offset = np.where(share > 0.0, offsets[0] * (1.0 - share) + offsets[1] * share, offsets[0])
         return np.linalg.norm(offset, axis=1)
 

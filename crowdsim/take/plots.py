@@ -73,7 +73,7 @@ def action_figure(take: TakeData) -> Figure:
     begun[1:] = (action[1:] != action[:-1]) | (phase[1:] <= phase[:-1])
     figure = new_figure(9.0, 4.5)
     axes = figure.subplots()
-    told = []
+    result = []
     for index, name in enumerate(take.cast.policy_names):
         mine = begun & (action >= 0) & (take.cast.policies == index)[None]
         if not mine.any():
@@ -82,7 +82,7 @@ def action_figure(take: TakeData) -> Figure:
         counts = counts[counts > 0]
         axes.plot(np.arange(1, len(counts) + 1), counts, drawstyle="steps-post", label=name)
         half = int(np.searchsorted(np.cumsum(counts), 0.5 * counts.sum())) + 1
-        told.append(f"{name}: {len(counts)} actions used, half of the time {half} of them")
+        result.append(f"{name}: {len(counts)} actions used, half of the time {half} of them")
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
@@ -91,7 +91,7 @@ def action_figure(take: TakeData) -> Figure:
         axis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("rank of the action, the most used first")
     axes.set_ylabel("number of times used")
-    axes.set_title("\n".join(told), fontsize=10)
-    if told:
+    axes.set_title("\n".join(result), fontsize=10)
+    if result:
         axes.legend()
     return figure

@@ -131,7 +131,7 @@ class PoseSampler:
         numbers = np.arange(self.take.avatar_count) if avatars is None else np.asarray(avatars)
         owners = self.take.cast.policies[numbers]
         times = (np.arange(start, stop) / fps)[:, None]
-        told = []
+        result = []
         for index, motion in enumerate(self.motions):
             mine = numbers[owners == index]
             if not len(mine):
@@ -142,8 +142,8 @@ class PoseSampler:
             none = window.transitions()._replace(starts=np.zeros(len(mine) + 1, np.int64))
             poses = self._passes.blend(window, none, places, moments)
             scales = self.take.cast.scales[mine]
-            told.append(Poses(index, mine, motion.skeleton, scales, *poses, places.ground))
-        return told
+            result.append(Poses(index, mine, motion.skeleton, scales, *poses, places.ground))
+        return result
 
     def present(self, avatar: int, start: int, stop: int, fps: float) -> int:
         """Return in how many of the output frames ``start`` to ``stop`` an avatar is there."""

@@ -53,7 +53,7 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict
     landed = int(np.count_nonzero(take.events.landed))
     opponent = np.asarray(take.opponent[:])
     there = present[1:] & present[:-1] & (opponent[:-1] != -1) & (opponent[1:] != -1)
-    told: dict[str, Any] = {
+    report: dict[str, Any] = {
         "avatars": take.avatar_count,
         "control_frames": take.frame_count,
         "seconds": take.seconds,
@@ -62,12 +62,12 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict
         "hits_per_minute_per_avatar": landed / minutes if minutes else None,
         **asdict(measure_fights(take)),
     }
-    told.update(_of_poses(sampler, progress))
-    told.update(_of_fists(sampler))
-    told["opponent_changes"] = int(np.count_nonzero(there & (opponent[1:] != opponent[:-1])))
-    told["thrown_per_minute_captured"] = _captured_strikes(sampler)
-    told["transitions_per_second"] = _count_transitions(sampler) / (minutes * 60.0) if minutes else None
-    return told
+    report.update(_of_poses(sampler, progress))
+    report.update(_of_fists(sampler))
+    report["opponent_changes"] = int(np.count_nonzero(there & (opponent[1:] != opponent[:-1])))
+    report["thrown_per_minute_captured"] = _captured_strikes(sampler)
+    report["transitions_per_second"] = _count_transitions(sampler) / (minutes * 60.0) if minutes else None
+    return report
 
 
 def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, float | None]:

@@ -81,10 +81,10 @@ class Take(TakeData):
         if outside.size:
             raise TakeError(f"{outside[0]:g} s is not in the take, expected 0 to {self.seconds:g} s")
         flat = times.reshape(-1)
-        told = np.empty((len(flat), len(self.joint_names(avatar)), 3), np.float32)
+        result = np.empty((len(flat), len(self.joint_names(avatar)), 3), np.float32)
         for which, _, _, positions, _ in self.sampler.moments(np.full(len(flat), avatar), flat):
-            told[which] = positions
-        return told.reshape(*times.shape, *told.shape[1:])
+            result[which] = positions
+        return result.reshape(*times.shape, *result.shape[1:])
 
     def strikes(self, landed: bool | None = None) -> Array:
         """Return the strikes as a table, in the order of time.

@@ -221,7 +221,7 @@ class PruningSpec(StrictModel):
         default=0.25,
         ge=0.0,
         allow_inf_nan=False,
-        description="Least time from a cut to the next decision, and so to the next cut [s].",
+        description="Least time from a transition to the next decision, and so to the next transition [s].",
     )
 
 

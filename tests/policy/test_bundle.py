@@ -126,7 +126,7 @@ def test_inspect_tells_what_is_asked_for(trained):
     graph = {"frames", "transitions", "states", "actions", "branching", "action_frames", "transitions_per_second"}
     assert set(report["graph"]) >= {*graph, "uncut_seconds"}
     punch = report["behaviours"]["punch"]
-    told_of_each = {
+    keys_of_each = {
         "axes",
         "cells",
         "entries",
@@ -137,7 +137,7 @@ def test_inspect_tells_what_is_asked_for(trained):
         "seconds",
         "updates_per_second",
     }
-    assert set(punch) >= told_of_each
+    assert set(punch) >= keys_of_each
     assert punch["cells"] == 6 * 8 * 3
     assert punch["entries"] == punch["cells"] * report["graph"]["actions"] == punch["bytes"] // 4
     assert punch["seconds"] > 0

@@ -349,7 +349,7 @@ def test_nobody_to_fight_is_a_mistake():
         "'anyone'"
     ]
     assert findings(one.replace("count: 3", "count: 1")) == [
-        "1:1: opponents: there is one avatar and nobody to fight, expected a second avatar or a scripted target"
+        "1:1: opponents: there is one avatar without an opponent, expected a second avatar or a scripted target"
     ]
 
 

@@ -21,7 +21,7 @@ def kinds_of(*displacements, strikes=(), hands=()):
     return [MotionKind(kind) for kind in motion_kinds(actions, np.array(hands, int))]
 
 
-def test_steps_are_told_apart_by_where_they_lead():
+def test_steps_are_distinguished_by_where_they_lead():
     assert kinds_of([0, 0.5, 0], [0.1, -0.5, 0], [0.5, 0.2, 0], [-0.5, 0.2, 0.1]) == [
         MotionKind.STEP_FORWARD, MotionKind.STEP_BACK, MotionKind.STEP_LEFT, MotionKind.STEP_RIGHT,
     ]  # fmt: skip

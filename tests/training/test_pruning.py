@@ -162,7 +162,7 @@ def test_training_prunes_the_same_way_on_two_threads_and_says_so(recipe):
         ("prune: {spacing: -1}", r"prune\.spacing: is -1, expected a number of at least 0"),
     ],
 )
-def test_wrong_settings_are_told_with_their_place(tmp_path, line, message):
+def test_wrong_settings_are_reported_with_their_position(tmp_path, line, message):
     (tmp_path / "bad.yaml").write_text(RECIPE + line + "\n")
     with pytest.raises(RecipeError, match=message):
         load_recipe(tmp_path / "bad.yaml")

@@ -137,14 +137,14 @@ def test_an_unknown_key_of_a_reward_names_the_nearest_one(tmp_path):
         ),
     ],
 )
-def test_what_does_not_go_together_is_told_with_its_place(tmp_path, old, new, message):
+def test_what_does_not_go_together_is_reported_with_its_position(tmp_path, old, new, message):
     [line] = faults(tmp_path, changed(old, new))
     place, rest = message.split(": ", 1)
     assert line.split(": ", 1)[1] == rest
     assert line.split(":")[0] == place.split(":")[0]
 
 
-def test_a_range_that_is_too_wide_is_told(tmp_path):
+def test_a_range_that_is_too_wide_is_reported(tmp_path):
     [line] = faults(tmp_path, changed("tolerance: 0.1", "tolerance: -0.1"))
     assert line.startswith("14:20: behaviours.punch.rewards[0].tolerance: is -0.1, expected ")
 
@@ -165,7 +165,7 @@ def test_default_weights_are_those_of_behaviours_that_the_recipe_learns(tmp_path
         ("  punch: -1\n", "16:10: weights.punch: is -1, expected a number from 0.0 to 1000.0"),
     ],
 )
-def test_a_weight_of_what_is_not_learned_is_told_with_its_line(tmp_path, lines, expected):
+def test_a_weight_of_what_is_not_learned_is_reported_with_its_line(tmp_path, lines, expected):
     assert faults(tmp_path, RECIPE + "weights:\n" + lines) == [expected]
 
 
@@ -185,7 +185,7 @@ def test_a_weight_of_what_is_not_learned_is_told_with_its_line(tmp_path, lines, 
         ),
     ],
 )
-def test_an_impossible_stretch_or_band_is_told(tmp_path, old, new, message):
+def test_an_impossible_stretch_or_band_is_reported(tmp_path, old, new, message):
     [line] = faults(tmp_path, changed(old, new))
     assert line.split(": ", 2)[2].startswith(message)
 

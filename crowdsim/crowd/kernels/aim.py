@@ -48,7 +48,7 @@ from crowdsim.jit import kernel
 def aim(model, avatars, world, now, due, count, nearest, scratch):
     """Choose opponents for avatars ``due[:count]`` and write their situations (``values.value_actions``).
 
-    The state is that in which the action ends, or -1 where there is nobody to fight.
+    The state is that in which the action ends, or -1 where there is no opponent.
     """
     whole, real, slot_of, arena = avatars.whole, avatars.real, avatars.slot_of, world.arena
     for q in range(count):

@@ -72,7 +72,7 @@ def order_by_state(states, count, starts, out_order):
 
 @kernel(inline=True)
 def _keep_running(model, avatars, due, count, scratch):
-    """Where there is nobody to fight, let captured motion run on: the cheapest transition is worth most."""
+    """Where there is no opponent, let captured motion continue: the cheapest transition is worth most."""
     for q in range(count):
         if scratch.states[q] < 0:
             state = model.actions[avatars.whole[ACTION, due[q]], NEXT]
