@@ -152,7 +152,7 @@ def _sizes(policy: Policy) -> list[float]:
 
 
 def farthest(policy: Policy) -> float:
-    """Return the distance beyond which behaviours distinguish no positions [m]; targets further away are observed there."""
+    """Return the distance beyond which behaviours distinguish no positions [m]; further targets are observed there."""
     axes = [axis for behaviour in policy.behaviours for axis in behaviour.grid.axes if axis.name == "distance"]
     return max((axis.maximum + axis.fade for axis in axes), default=math.inf)
 
