@@ -12,6 +12,7 @@ from crowdsim import PoseSampler, load_scenario, open_run, read_bvh, run_to, to_
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.performer.session import perform_solo
+from crowdsim.take.kernels.records import Moments
 
 SCENARIO = """version: 1
 name: two
@@ -74,7 +75,7 @@ def test_a_run_is_read_as_the_package_has_it(witness: SimpleNamespace, workplace
     poses = sampler.sample(0, take.output_frames(60), 60)[0]
     places, _ = poses.joints()
     database, times = policies[0].database, np.arange(len(places)) / 60.0
-    shown = sampler.window(0, np.arange(2), times).place(times[:, None], np.arange(2))
+    shown = sampler.window(0, np.arange(2), times).place(Moments(np.arange(2), times[:, None]))
     np.testing.assert_allclose(stage.frames.T, shown.frames + shown.fractions, atol=1e-3)
     np.testing.assert_allclose(stage.scales, take.cast.scales, rtol=1e-5)
     roles = [database.body.roles[name] for name in witness.witness.JOINTS]
