@@ -4,7 +4,7 @@
     python tests/digests.py --compare before.json     # with the change; exits with 1 where something differs
 
 Takes, exports and pictures of every shipped scenario, arrays of every trained policy, clips of the performer. Manifests
-and profiles hold timings, and the description of a policy holds the fingerprint of its sources; they are left out.
+and profiles hold timings, and the description of a policy holds the fingerprint of its sources; all are left out.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-LEFT_OUT = {"manifest.json", "profile.csv", "policy.json"}
+LEFT_OUT = {"manifest.json", "profile.csv", "policy.json", "timings.json"}
 # Control frames, share of the avatars, what is exported of every tenth frame, and output frames to draw.
 SCENES: dict[str, tuple[int, float, list[str], str]] = {
     "duel": (600, 1.0, ["--bvh", "--ply", "--pcd"], "0:60"),
