@@ -435,7 +435,7 @@ def crowd(count: int, radius: float = 5.0) -> dict:
         (crowd(0), "four.yaml:11:10: groups[0].count: is 0, expected a whole number from 1 to 10000000"),
         (
             crowd(1),
-            "four.yaml:17:3: opponents: there is one avatar and nobody to fight, expected a second avatar or a "
+            "four.yaml:17:3: opponents: there is one avatar without an opponent, expected a second avatar or a "
             "scripted target",
         ),
         (
