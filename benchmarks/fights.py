@@ -41,7 +41,7 @@ def decided(take: Take) -> np.ndarray:
 
 
 def judge(take: Take) -> dict[str, float]:
-    """Return strikes landed a minute and avatar by both measures, and thrown."""
+    """Return strikes landed per avatar per minute by both measures, and thrown."""
     events = take.events
     minutes = take.seconds / 60.0 * take.avatar_count
     fights = events.victim >= 0
@@ -78,7 +78,7 @@ def main() -> None:
     if options.json:
         print(json.dumps(outcome, indent=2))
         return
-    print(f"{'a minute and avatar':<30}{'thrown':>9}{'strict':>9}{'generous':>10}")
+    print(f"{'per avatar per minute':<30}{'thrown':>9}{'strict':>9}{'generous':>10}")
     for name, found in outcome.items():
         for how, numbers in found.items():
             print(f"{name + ', ' + how:<30}{numbers['thrown']:9.1f}{numbers['strict']:9.1f}{numbers['generous']:10.1f}")

@@ -72,7 +72,7 @@ def _motion(figures: Figures) -> list[Row]:
         ("planted feet slide", _slide(figures, "median", "median")),
         ("", _slide(figures, "95", "95th percentile")),
         ("joints accelerate", None if jump is None else f"{rating(jump, 1.0)}, around transitions"),
-        ("transitions", None if cuts is None else f"{number(cuts, 3)} per second and avatar; the capture has none"),
+        ("transitions", None if cuts is None else f"{number(cuts, 3)} per avatar per second; the capture has none"),
         ("fists that land", _fists(figures)),
         ("bodies overlap", None if overlap is None else f"{percent(overlap)} of the time"),
     ]

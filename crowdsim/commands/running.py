@@ -109,7 +109,7 @@ def _print_report(report: Any) -> None:
     print(f"  avatars         {figures.avatars:,}")
     print(f"  control frames  {figures.control_frames:,} ({figures.seconds:.1f} s)")
     print(f"  strikes         {figures.strikes_thrown:,} thrown, {figures.strikes_landed:,} landed")
-    print(f"  hits            {figures.hits_per_minute_per_avatar:.1f} a minute and avatar")
+    print(f"  hits            {figures.hits_per_minute_per_avatar:.1f} per avatar per minute")
     print(f"  overlap         {figures.overlap_share:.2%} of avatar-frames")
     print(f"  control         {frame:.3f} ms a frame, {seconds['control'] / total:.2%} of the time")
     if report.compiled:

@@ -61,7 +61,7 @@ def test_a_run_leaves_take_outputs_and_a_manifest_and_says_so(workplace: Path, c
     assert set(result["files"]) == set(tree(folder))
     printed = capsys.readouterr().out
     assert len(printed.splitlines()) < 20
-    for line in ("avatars         4\n", "control frames  40 (2.7 s)\n", "a minute and avatar\n",
+    for line in ("avatars         4\n", "control frames  40 (2.7 s)\n", "per avatar per minute\n",
                  "bvh             output/four/bvh (4 files, ", "ply             output/four/ply (4 files"):  # fmt: skip
         assert line in printed
     assert crowdsim("verify", "output/four") == 0
