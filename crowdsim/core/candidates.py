@@ -51,7 +51,7 @@ def draw_candidate(values, count, rules, number, chances):
         for c in range(near):
             chances[c] = math.exp((chances[c] - top) / rules.temperature)
             total += chances[c]
-        return _nth_candidate(values, count, floor, _draw_chance(chances, near, number * total))
+        return _nth_candidate(values, count, floor, draw_chance(chances, near, number * total))
     return _draw_among_best(values, count, top, rules, number, chances)
 
 
@@ -80,7 +80,7 @@ def _draw_among_best(values, count, top, rules, number, chances):
             for m in range(k + 1, count):
                 chances[m] = 0.0
             break
-    return _draw_chance(chances, count, number * total)
+    return draw_chance(chances, count, number * total)
 
 
 @kernel(inline=True)
@@ -95,7 +95,7 @@ def _is_among_first(values, count, floor, k, most):
 
 
 @kernel(inline=True)
-def _draw_chance(chances, count, wanted):
+def draw_chance(chances, count, wanted):
     """Return the first chance above 0 up to which they add up to more than is wanted, or the last one above 0."""
     picked = 0
     for k in range(count):

@@ -83,7 +83,7 @@ class Avatars(NamedTuple):
     Nothing that is computed depends on slots. "Before" is one control frame ago.
 
     Rows of ``whole``: number; policy; mood (row of ``World.moods``); team; skip, the team that the opponent may not be
-    of (-1 nearest of anyone, -2 ``fixed`` says); fixed (number of the opponent, -2 - k for target k, -1 for nobody);
+    of (-1 nearest of anyone, -2 ``fixed`` says); fixed (number of the opponent, -2 - k for target k, -1 for none);
     opponent, likewise; opponent before the last decision; decisions taken; action; action before, negative when there
     was no decision in this frame; pending, the last whole frame of the action before its next strike, or -1 where the
     action before may still have one; burst, strikes left of the present burst, 0 for an avatar that rests.

@@ -26,7 +26,7 @@ class Chunk:
         x: Where it stands [m]. float32.
         z: Likewise. float32.
         heading: Where it looks [rad], in -pi..pi. float32.
-        opponent: Avatar that it fights, ``-2 - k`` for scripted target k, -1 for nobody. int32.
+        opponent: Avatar that it fights, ``-2 - k`` for scripted target k, -1 for none. int32.
         targets: Places of scripted targets [m]. Shape (frames, G, 3), float32.
         events: Strikes thrown on the way to these frames.
         timings: Time of each of ``STAGES`` [ns], in a run that is profiled. Shape (frames, 6), int64.

@@ -68,7 +68,7 @@ class Crowd:
         scale: Size of the body over its skeleton's. Shape (N,).
         speed: Frames of motion in a control frame. Shape (N,).
         skip: Team that an avatar does not fight, ``ANYONE`` or ``SCRIPTED``. Shape (N,).
-        fixed: With ``SCRIPTED``: an avatar, -2 - k for target k, or -1 for nobody. Shape (N,).
+        fixed: With ``SCRIPTED``: an avatar, -2 - k for target k, or -1 for none. Shape (N,).
         present: Whether it is there from the start. Shape (N,), bool.
         weights: Weight of each behaviour of the policy. Shape (M, B).
         margins: How far below the best value a candidate may lie. Shape (M,).

@@ -17,7 +17,7 @@ class Events:
     Attributes:
         frame: When, in control frames from the start, between frames too. Shape (S,), float32 in a take.
         attacker: Avatar that struck. Shape (S,), int32.
-        victim: Its opponent, an avatar or ``-2 - target``; -1 for nobody. Shape (S,), int32.
+        victim: Its opponent, an avatar or ``-2 - target``; -1 for none. Shape (S,), int32.
         hand: 0 left, 1 right. Shape (S,), uint8.
         point: Where the fist was [m]. Shape (S, 3), float32.
         speed: Its highest speed before [m/s]. Shape (S,), float32.

@@ -110,9 +110,9 @@ class ScipyIndex(TreeIndex):
 
     def observe(self, avatars: Avatars, due: Array, reach: float, out: Observed) -> None:
         """Write the nearest opponent's slot, and the slots of neighbours, for each slot of ``due``, which ascend."""
-        nobody = np.full(len(avatars.skip), -2, np.int32)
+        skip_none = np.full(len(avatars.skip), -2, np.int32)
         assert self._tree is not None
-        observe(self._tree, due, nobody, avatars.opponent, avatars.slot_of, reach, out)
+        observe(self._tree, due, skip_none, avatars.opponent, avatars.slot_of, reach, out)
         for skip, (slots, tree) in self._trees.items():
             rows = np.flatnonzero(avatars.skip[due] == skip)
             if tree is None or len(rows) == 0:

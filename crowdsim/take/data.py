@@ -67,7 +67,7 @@ class TakeData:
         x: Where the avatar stands [m]. Shape (F, N), float32.
         z: Likewise [m].
         heading: Where it looks [rad].
-        opponent: Avatar that it fights, ``-2 - k`` for scripted target k, -1 for nobody. Shape (F, N), int32.
+        opponent: Avatar that it fights, ``-2 - k`` for scripted target k, -1 for none. Shape (F, N), int32.
         cast: What is constant for each avatar.
         targets: Places of scripted targets [m]. Shape (F, G, 3), float32.
         target_names: Names of scripted targets. Length G.

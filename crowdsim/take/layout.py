@@ -10,7 +10,7 @@ LABELS = {
     "x": ("m", "position along x"),
     "z": ("m", "position along z"),
     "heading": ("rad", "heading, rotation about +y from +z"),
-    "opponent": ("1", "avatar number of the opponent, -2 - k for scripted target k, -1 for nobody"),
+    "opponent": ("1", "avatar number of the opponent, -2 - k for scripted target k, -1 for none"),
     "type": ("1", "index into the attribute type_names"),
     "team": ("1", "index into the attribute team_names"),
     "policy": ("1", "index into the attribute policy_names"),
@@ -22,7 +22,7 @@ LABELS = {
 EVENT_LABELS = {
     "frame": ("control frames", "time of furthest reach since the first control frame"),
     "attacker": ("1", "avatar number of the attacker"),
-    "victim": ("1", "avatar number of the victim, -2 - k for scripted target k, -1 for nobody"),
+    "victim": ("1", "avatar number of the victim, -2 - k for scripted target k, -1 for none"),
     "hand": ("1", "hand, 0 left and 1 right"),
     "point": ("m", "position of the fist"),
     "speed": ("m/s", "highest fist speed before, relative to the pelvis"),

@@ -94,7 +94,7 @@ class Take(TakeData):
 
         Returns:
             A structured array, a row a strike: ``seconds`` [s], ``attacker``, ``victim`` (an avatar, ``-2 - k`` for
-            scripted target k, -1 for nobody), ``hand`` (``left`` or ``right``), ``x``, ``y``, ``z`` of the fist [m],
+            scripted target k, -1 for none), ``hand`` (``left`` or ``right``), ``x``, ``y``, ``z`` of the fist [m],
             its highest ``speed`` before [m/s], and ``landed``. Shape (S,), dtype ``STRIKE``.
         """
         events = self.events

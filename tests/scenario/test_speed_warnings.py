@@ -12,7 +12,7 @@ from crowdsim.commands.figures_text import number
 from crowdsim.scenario.scenario import Scenario, resolve_scenario
 from crowdsim.scenario.warnings import speed_warnings
 
-TOLD = {"tiny": {"sustained_speed": 1.5, "strikes": {"reach": {"distance": [0.4, 0.8]}}}}
+STATISTICS = {"tiny": {"sustained_speed": 1.5, "strikes": {"reach": {"distance": [0.4, 0.8]}}}}
 CIRCLE = {"kind": "circle", "radius": 4.0, "speed": 2.0}
 FOLLOW = {"kind": "target", "target": "head"}
 
@@ -20,7 +20,7 @@ FOLLOW = {"kind": "target", "target": "head"}
 def warnings(**changes: object) -> list[str]:
     report = scene(**{"opponents": FOLLOW, "targets": {"head": CIRCLE}, **changes})
     scenario = resolve_scenario(Scenario.model_validate(report))
-    return [str(finding) for finding in scenario.place(speed_warnings(scenario, TOLD))]
+    return [str(finding) for finding in scenario.place(speed_warnings(scenario, STATISTICS))]
 
 
 def test_a_target_that_outruns_its_followers_is_named_with_what_they_can_do() -> None:

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.core.candidates import draw_chance
 from crowdsim.core.random import uniform
 from crowdsim.crowd.kernels.aim import aim
 from crowdsim.crowd.kernels.crowding import avoid
@@ -143,7 +144,7 @@ def pick(values, row, n, margin, most, temperature, number, chances):
     for c in range(near):
         chances[c] = math.exp((chances[c] - top) / temperature)
         total += chances[c]
-    return _candidate(values, row, n, floor, _drawn(chances, near, number * total))
+    return _candidate(values, row, n, floor, draw_chance(chances, near, number * total))
 
 
 @kernel(inline=True)
@@ -180,20 +181,7 @@ def _pick_best(values, row, n, most, temperature, number, chances):
             for m in range(k + 1, n):
                 chances[m] = 0.0
             break
-    return _drawn(chances, n, number * total)
-
-
-@kernel(inline=True)
-def _drawn(chances, count, wanted):
-    """Return the first chance that is not zero and up to which they add up to more than is wanted, or the last one."""
-    picked = 0
-    for k in range(count):
-        if chances[k] > 0.0:
-            picked = k
-            wanted -= chances[k]
-            if wanted < 0.0:
-                break
-    return picked
+    return draw_chance(chances, n, number * total)
 
 
 @kernel(inline=True)
