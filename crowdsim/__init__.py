@@ -18,7 +18,7 @@ Conventions, said here once; every module keeps them:
 from importlib import import_module
 from typing import Any
 
-from crowdsim.jit import choose_kernel_cache
+from crowdsim.jit.environment import choose_kernel_cache
 
 __version__ = "0.1.0"
 

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from crowdsim import jit
-from crowdsim.jit import choose_kernel_cache
+from crowdsim.jit import environment
+from crowdsim.jit.cache import source_digest
+from crowdsim.jit.environment import choose_kernel_cache
 
 
 @pytest.fixture
@@ -20,10 +21,10 @@ def read_only(tmp_path, monkeypatch):
     package.mkdir(parents=True)
     monkeypatch.setenv("NUMBA_CACHE_DIR", "")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(jit.tempfile, "gettempdir", lambda: str(tmp_path / "tmp"))
+    monkeypatch.setattr(environment.tempfile, "gettempdir", lambda: str(tmp_path / "tmp"))
     really = os.access
     closed = {package}
-    monkeypatch.setattr(jit.os, "access", lambda path, mode: Path(path) not in closed and really(path, mode))
+    monkeypatch.setattr(environment.os, "access", lambda path, mode: Path(path) not in closed and really(path, mode))
     from numba import config
 
     monkeypatch.setattr(config, "CACHE_DIR", config.CACHE_DIR)
@@ -76,7 +77,7 @@ def test_where_the_variable_decides_it_does(read_only, monkeypatch):
 
 def test_numba_is_loaded_without_scipys_linear_algebra_which_comes_when_it_is_asked_for():
     program = (
-        "import sys; from crowdsim.jit import load_numba; load_numba()\n"
+        "import sys; from crowdsim.jit.environment import load_numba; load_numba()\n"
         "assert 'numba.np.arraymath' in sys.modules and 'scipy.linalg' not in sys.modules\n"
         "import scipy.linalg.cython_blas\n"
     )
@@ -108,7 +109,9 @@ def package_copy(tmp_path):
     folder = tmp_path / "twig"
     folder.mkdir()
     (folder / "__init__.py").write_text("")
-    shutil.copy(jit.__file__, folder / "jit.py")
+    shutil.copytree(Path(environment.__file__).parent, folder / "jit", ignore=shutil.ignore_patterns("__pycache__"))
+    for path in (folder / "jit").glob("*.py"):
+        path.write_text(path.read_text().replace("crowdsim.jit", "twig.jit"))
     for stem, text in (("leaf", LEAF), ("caller", CALLER), ("other", OTHER)):
         (folder / f"{stem}_kernels.py").write_text(text.format(name="twig"))
 
@@ -191,4 +194,4 @@ def test_kernels_import_names_from_the_module_that_defines_them(tmp_path):
     path = tmp_path / "some_kernels.py"
     path.write_text("from crowdsim.crowd.kernels import layout\n")
     with pytest.raises(ImportError, match=r"crowdsim\.crowd\.kernels is a package"):
-        jit.source_digest(path)
+        source_digest(path)

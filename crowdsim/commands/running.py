@@ -55,7 +55,7 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Run scenarios: simulate, and write take and outputs."""
-    from crowdsim.jit import load_numba
+    from crowdsim.jit.environment import load_numba
     from crowdsim.runs.run import Interrupted
     from crowdsim.runs.runner import run_to
     from crowdsim.scenario.frame_ranges import parse_length
