@@ -7,11 +7,14 @@ import re
 import shutil
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numba
+from filelock import FileLock
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 
 from crowdsim.jit.compilers import pack_part, unpack_part
@@ -56,8 +59,40 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def _index_key(self, sig: Any, codegen: Any) -> str:
         versions = (numba.__version__, sys.implementation.cache_tag)
-        text = repr((versions, self._part, [_describe(kind) for kind in sig], codegen.magic_tuple()))
-        return f"{self._py_func.__qualname__}.{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+        text = repr((versions, [_describe(kind) for kind in sig], codegen.magic_tuple()))
+        kind = ".part" if self._part else ""
+        return f"{self._py_func.__qualname__}{kind}.{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+
+    def path(self, signature: tuple[Any, ...], codegen: Any) -> Path:
+        """Return the file of a signature, whether it is there or not."""
+        return Path(self.cache_path) / f"{self._index_key(signature, codegen)}.nbc"
+
+    @contextmanager
+    def hold(self, signature: tuple[Any, ...], codegen: Any, wait: bool = True) -> Iterator[bool]:
+        """Keep other processes from compiling a signature meanwhile; they load what this one has compiled.
+
+        Yields:
+            Whether it is this process that compiles; without ``wait``, False where another one does. True as well where
+            files cannot be locked: then each process compiles for itself.
+        """
+        path = self.path(signature, codegen)
+        lock = FileLock(path.with_suffix(".lock"), timeout=-1 if wait else 0)
+        try:
+            self._impl.locator.ensure_cache_path()
+            lock.acquire()
+        except TimeoutError:
+            yield False
+            return
+        except (OSError, NotImplementedError):
+            yield True
+            return
+        try:
+            yield True
+        finally:
+            # Whoever waits for it finds the compiled kernel.
+            with suppress(OSError):
+                path.with_suffix(".lock").unlink(missing_ok=True)
+            lock.release()
 
     def _save_overload(self, sig: Any, data: Any) -> None:
         try:

@@ -24,8 +24,16 @@ class KernelLibrary(JITCodeLibrary):  # type: ignore[misc]
     """Code of a kernel that Python calls."""
 
     def _optimize_functions(self, module: Any) -> None:
-        """Leave functions as they are: everything is optimised once, at the end."""
+        """Simplify functions, those alone that are defined here; numba does as much for each that is called."""
+        if not hasattr(self._codegen, "_pass_builder"):
+            # Older versions of numba have one manager of passes for all functions.
+            super()._optimize_functions(module)
+            return
         module.data_layout = self._codegen._data_layout
+        for function in module.functions:
+            if not function.is_declaration:
+                manager, builder = self._codegen._function_pass_manager()
+                manager.run(function, builder)
 
     def finalize(self) -> None:
         """Optimise, compile, and give each part the environment that it was compiled in."""

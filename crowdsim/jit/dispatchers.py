@@ -8,6 +8,7 @@ from typing import Any
 
 import numba
 from numba import types
+from numba.core.compiler_lock import global_compiler_lock
 
 from crowdsim.jit.cache import KernelCache
 from crowdsim.jit.compilers import KernelCompiler, PartCompiler
@@ -21,15 +22,15 @@ def build_dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> A
         options: numba's options.
     """
     dispatcher: Any = numba.njit(pipeline_class=KernelCompiler, no_cfunc_wrapper=True, **options)(function)
-    dispatcher._cache = KernelCache(function, part=False)
+    _keep(dispatcher, KernelCache(function, part=False))
 
     @cache
     def part() -> Any:
         one: Any = numba.njit(pipeline_class=PartCompiler, no_cfunc_wrapper=True, no_cpython_wrapper=True, **options)(
             function
         )
-        one._cache = KernelCache(function, part=True)
         one.add_overload = lambda result: one.overloads.update({tuple(result.signature.args): result})
+        _keep(one, KernelCache(function, part=True))
         return one
 
     def get_call_template(args: Any, kws: Any) -> Any:
@@ -39,3 +40,23 @@ def build_dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> A
     dispatcher.get_call_template = get_call_template
     dispatcher.get_overload = lambda signature: part().get_overload(signature)
     return dispatcher
+
+
+def _keep(dispatcher: Any, kept: KernelCache) -> None:
+    """Keep what is compiled, and compile nothing that another process compiles at this moment.
+
+    A process that holds a kernel waits for those that it calls, never the other way round, so none wait in a circle.
+    """
+    compile_now = dispatcher.compile
+
+    def compile_once(signature: tuple[Any, ...]) -> Any:
+        codegen = dispatcher.targetctx.codegen()
+        # Threads wait here, before they hold a kernel.
+        with global_compiler_lock:
+            if tuple(signature) in dispatcher.overloads or kept.path(signature, codegen).is_file():
+                return compile_now(signature)
+            with kept.hold(signature, codegen):
+                return compile_now(signature)
+
+    dispatcher._cache = kept
+    dispatcher.compile = compile_once

@@ -58,7 +58,7 @@ class Window:
 
         def read(array: Any) -> Array:
             values = np.asarray(array[first:stop])
-            return values if whole else values[:, avatars]
+            return np.ascontiguousarray(values if whole else values[:, avatars])
 
         self.motion, self.avatars, self.threads = motion, avatars, threads
         action = read(take.action).astype(np.int64)

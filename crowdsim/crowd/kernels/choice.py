@@ -97,13 +97,13 @@ def _draw_actions(model, avatars, world, frame, due, count, scratch, out_chosen)
         if interval > 0.0 and whole[BURST, own] <= 0:
             if frame >= real[RESTED, own]:
                 least, most = BURSTS
-                drawn = uniform(stream[BURST_STREAM], whole[NUMBER, own], whole[DECISIONS, own])
+                drawn = uniform(stream[BURST_STREAM], np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own]))
                 whole[BURST, own] = least + int(drawn * (most - least + 1))
             else:
                 for k in range(offsets[state + 1] - offsets[state]):
                     action = offsets[state] + k
                     values[q, k] -= REST * (actions[action + 1, STRIKES] - actions[action, STRIKES])
-        number = uniform(stream[CHOICE_STREAM], whole[NUMBER, own], whole[DECISIONS, own])
+        number = uniform(stream[CHOICE_STREAM], np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own]))
         picked = pick(
             values, q, offsets[state + 1] - offsets[state], moods[mood, MARGIN], moods[mood, MOST],
             moods[mood, TEMPERATURE], number, chances,

@@ -180,7 +180,7 @@ def _lands(model, avatars, targets, now, i, opponent, share, point):
         pelvis = (hx, hy - sizes[policy, PELVIS_DROP] * scale, hz)
         head_radius, torso_radius = sizes[policy, HEAD_RADIUS] * scale, sizes[policy, TORSO_RADIUS] * scale
         return lands_on_posed_body(point, PosedBody((hx, hy, hz), neck, pelvis, head_radius, torso_radius), tolerance)
-    j = avatars.slot_of[opponent] if opponent >= 0 else now.present
+    j = np.int64(avatars.slot_of[opponent]) if opponent >= 0 else np.int64(now.present)
     if j >= now.present:
         return False
     whose, size = avatars.whole[POLICY, j], real[SCALE, j]
