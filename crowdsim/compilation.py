@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, contextmanager
 from time import perf_counter
 from typing import Any
@@ -54,13 +54,19 @@ class Compilation:
 
 
 @contextmanager
-def watch_compilation(announce: Callable[[str], None] | None = None) -> Iterator[Compilation]:
+def watch_compilation(
+    announce: Callable[[str], None] | None = None, uses: Collection[str] = (), workers: int = 0
+) -> Iterator[Compilation]:
     """Measure what kernels take to compile or to load while this is open.
 
     Args:
         announce: Called once, when the first kernel must be compiled.
+        uses: What kernels will be needed for; those are compiled ahead (``jit.ahead``).
+        workers: Processes that compile ahead.
     """
     from numba.core import event
+
+    from crowdsim.jit.ahead import compile_ahead
 
     class Listener(event.Listener):  # type: ignore[misc]
         def __init__(self, start: Callable[[], None], end: Callable[[], None]) -> None:
@@ -72,8 +78,9 @@ def watch_compilation(announce: Callable[[str], None] | None = None) -> Iterator
         def on_end(self, event: Any) -> None:
             self.end()
 
-    compilation = Compilation(announce)
     with ExitStack() as stack:
+        missing = stack.enter_context(compile_ahead(uses, workers, announce)) if uses else 0
+        compilation = Compilation(None if missing else announce)
         listener = Listener(compilation.begin, compilation.end)
         stack.enter_context(event.install_listener("numba:compiler_lock", listener))
         stack.enter_context(event.install_listener("numba:compile", Listener(compilation.compile, lambda: None)))

@@ -49,13 +49,14 @@ def train(
     from crowdsim.compilation import watch_compilation
     from crowdsim.policy.bundle import read_document, read_timings
     from crowdsim.training.summary import summarise
-    from crowdsim.training.train import train_recipe
+    from crowdsim.training.train import is_trained, train_recipe
 
     _check_options(recipe, name, behaviours)
     written = None if name is None else _write_recipe(name, mocap, behaviours)
     chosen = str(written or recipe)
     try:
-        with Bars() as bars, watch_compilation(bars.note) as compilation:
+        uses = ["training"] if force or not is_trained(chosen, None if written else mocap) else []
+        with Bars() as bars, watch_compilation(bars.note, uses, threads) as compilation:
             folder, trained = train_recipe(chosen, None if written else mocap, threads, force, bars)
     except MotionError as error:
         if written is None:

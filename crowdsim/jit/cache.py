@@ -108,7 +108,7 @@ def _describe(kind: Any) -> str:
     return f"{kind}[{' '.join(getattr(kind, 'fields', ()))}]({', '.join(map(_describe, kind.types))})"
 
 
-class _Folder:
+class Folder:
     """Folder of the compiled code of a source file, in the form that numba's cache asks for."""
 
     def __init__(self, source: Path) -> None:
@@ -122,9 +122,11 @@ class _Folder:
         self.path = self._parent / f"{source.stem}-{self._stamp}"
 
     def get_cache_path(self) -> str:
+        """Return the folder."""
         return str(self.path)
 
     def get_source_stamp(self) -> str:
+        """Return the digest."""
         return self._stamp
 
     def ensure_cache_path(self) -> None:
@@ -143,7 +145,7 @@ class _Results(CompileResultCacheImpl):  # type: ignore[misc]
 
     def __init__(self, function: Any) -> None:
         self._lineno = function.__code__.co_firstlineno
-        self._locator = _Folder(Path(function.__code__.co_filename))
+        self._locator = Folder(Path(function.__code__.co_filename))
         self._filename_base = function.__qualname__
 
 

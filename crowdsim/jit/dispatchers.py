@@ -58,5 +58,6 @@ def _keep(dispatcher: Any, kept: KernelCache) -> None:
             with kept.hold(signature, codegen):
                 return compile_now(signature)
 
-    dispatcher._cache = kept
+    dispatcher._cache = dispatcher.kept = kept
+    dispatcher.compile_held = compile_now
     dispatcher.compile = compile_once

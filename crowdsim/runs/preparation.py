@@ -60,9 +60,35 @@ def load_policies(
     """
     from crowdsim.training.train import ready_policy
 
-    names = dict.fromkeys(kind.policy for name, kind in scenario.types.items() if name in scenario.used_types)
     # A bundle goes by the name that the scenario calls it, wherever it was trained.
-    return [replace(ready_policy(name, mocap, threads, progress), name=name) for name in names]
+    return [replace(ready_policy(name, mocap, threads, progress), name=name) for name in policy_names(scenario)]
+
+
+def policy_names(scenario: Scenario) -> list[str]:
+    """Return the names of the policies that a scenario's types use, in the order of the types."""
+    return list(dict.fromkeys(kind.policy for name, kind in scenario.types.items() if name in scenario.used_types))
+
+
+def kernel_uses(scenario: Scenario, mocap: FileName | None = None) -> list[str]:
+    """Return what a scenario needs kernels for, in the order of need (``jit.signatures``).
+
+    Raises:
+        RecipeError: A recipe is invalid.
+        PolicyError: A bundle is foreign or damaged, or capture for it is missing.
+    """
+    from crowdsim.crowd.simulation import SMALL
+    from crowdsim.training.train import is_trained
+
+    outputs = scenario.outputs
+    needed = {
+        "training": not all(is_trained(name, mocap) for name in policy_names(scenario)),
+        "few": scenario.avatar_count <= SMALL,
+        "many": scenario.avatar_count > SMALL,
+        "bvh": outputs.bvh is not None,
+        "clouds": outputs.ply is not None or outputs.pcd is not None,
+        "pictures": outputs.render is not None,
+    }
+    return [use for use, is_needed in needed.items() if is_needed]
 
 
 def prepare(scenario: Scenario, policies: Sequence[Policy], placed: Placed | None = None) -> Prepared:

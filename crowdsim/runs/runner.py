@@ -18,7 +18,7 @@ from crowdsim.runs.journal import remove_journal
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import checksums, peak_memory, read_manifest, write_manifest
 from crowdsim.runs.outputs import expect_outputs, plan_outputs, write_outputs
-from crowdsim.runs.preparation import Prepared, load_policies, prepare
+from crowdsim.runs.preparation import Prepared, kernel_uses, load_policies, prepare
 from crowdsim.runs.resources import LARGE, needs
 from crowdsim.runs.run import Report, Run
 from crowdsim.runs.validation import check_scenario, late_events
@@ -99,7 +99,8 @@ def run_to(
     resolved = dump_scenario(scenario)
     if check_folder(one.folder, resolved, force):
         return _done_before(one.report)
-    with watch_compilation(tell) as compilation:
+    check_scenario(scenario)
+    with watch_compilation(tell, kernel_uses(scenario, mocap), threads) as compilation:
         one.clock.watch(compilation)
         _run_in_folder(one, resolved)
         one.report.compiled = compilation.count
@@ -129,7 +130,6 @@ def _prepare(one: Run) -> tuple[Prepared, list[str]]:
     from crowdsim.crowd.placement import place_groups
 
     scenario = one.scenario
-    check_scenario(scenario)
     placed = place_groups(scenario)
     one.report.notes += map(str, scenario.place(late_events(scenario)))
     policies = load_policies(scenario, one.mocap, one.threads, one.progress)

@@ -82,6 +82,22 @@ def ready_policy(
     return bundle.load_policy(folder)
 
 
+def is_trained(name: FileName, mocap: FileName | None = None) -> bool:
+    """Return whether ``ready_policy`` need not train.
+
+    Raises:
+        RecipeError: The recipe is invalid.
+        PolicyError: The bundle is foreign or damaged, or capture is not in the folder given for it.
+    """
+    try:
+        path = assets.find_recipe(name)
+    except RecipeError:
+        return True
+    with _naming(path):
+        given = (Path(name) / "policy.json").is_file()
+        return given or not stale(assets.bundle_folder(path), load_recipe(path), mocap)
+
+
 def stale(folder: Path, recipe: Recipe, mocap: FileName | None = None) -> str:
     """Return why the bundle in a folder is not what the recipe would train now, or an empty string when it is.
 

@@ -1,0 +1,188 @@
+"""What kernels cost to compile, by package, and that the list of what each is called with is up to date.
+
+    python benchmarks/compilation.py [--json] [--quick] [--write]
+
+A policy is trained, a few and many avatars are run, and every output is written, each in a process of its own, with
+nothing compiled before. Seconds are CPU time of the compiler, each kernel without those that it calls. ``signatures``
+counts the kernels whose arguments differ from what ``crowdsim/jit/signatures.json`` says; ``--write`` writes it anew.
+With ``--quick`` only the training is done.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import yaml
+from _quick import ROOT, small_policies
+
+from crowdsim.jit.signatures import Listed, encode, listed, write
+
+USES = ("training", "few", "many", "bvh", "clouds", "pictures")
+RECIPES = ("boxer", "boxer_crowd")
+
+
+def watch() -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return lists that fill up: kernels that Python calls, in this order, and all that are compiled."""
+    from numba.core import event
+
+    from crowdsim.jit.cache import KernelCache
+
+    called: list[dict[str, Any]] = []
+    compiled: list[dict[str, Any]] = []
+    load = KernelCache.load_overload
+    stacks: dict[int, list[list[float]]] = {}
+
+    def note(self: Any, signature: Any, context: Any) -> Any:
+        function = self._py_func
+        if not self._part:
+            arguments = [encode(kind) for kind in signature]
+            called.append({"module": function.__module__, "name": function.__qualname__, "arguments": arguments})
+        return load(self, signature, context)
+
+    class Listener(event.Listener):  # type: ignore[misc]
+        def on_start(self, event: Any) -> None:
+            stacks.setdefault(threading.get_ident(), []).append([time.thread_time(), 0.0])
+
+        def on_end(self, event: Any) -> None:
+            stack = stacks[threading.get_ident()]
+            started, inner = stack.pop()
+            seconds = time.thread_time() - started
+            if stack:
+                stack[-1][1] += seconds
+            function = event.data["dispatcher"].py_func
+            compiled.append({
+                "module": function.__module__, "name": function.__qualname__, "seconds": seconds - inner,
+                "part": bool(event.data["dispatcher"].targetoptions.get("no_cpython_wrapper")),
+            })  # fmt: skip
+
+    KernelCache.load_overload = note  # type: ignore[method-assign]
+    event.register("numba:compile", Listener())
+    return called, compiled
+
+
+def commands(use: str, folder: Path) -> list[list[str]]:
+    """Return the commands that a use stands for; on one thread, so that no other process compiles."""
+    few, none = folder / "few", ["--set", "outputs={}"]
+    return {
+        "training": [["train", name, "--force"] for name in RECIPES],
+        "few": [["run", "brawl_30", "--frames", "60", "--out", str(few), *none]],
+        "many": [["run", "crowd_10k", "--frames", "30", "--fraction", "0.1", "--out", str(folder / "many"), *none]],
+        "bvh": [["export", str(few), "--bvh", "--out", str(folder)]],
+        "clouds": [["export", str(few), "--ply", "--out", str(folder)]],
+        "pictures": [["render", str(few), "--out", str(folder / "pictures"), "--frames", "0:2"]],
+    }[use]
+
+
+def work(use: str, folder: Path) -> None:
+    """Run the commands of a use, and print what they called and compiled."""
+    called, compiled = watch()
+    from crowdsim.cli import main
+
+    for words in commands(use, folder):
+        sys.argv = ["crowdsim", *words, "--threads", "1", "--quiet"]
+        try:
+            main()
+        except SystemExit as leave:
+            if leave.code:
+                raise
+    print(json.dumps({"called": called, "compiled": compiled}))
+
+
+@contextmanager
+def recipes() -> Iterator[None]:
+    """Work in a folder with the shipped recipes of the embedded boxer, shortened."""
+    with small_policies():
+        for name in RECIPES:
+            path = Path("policies") / f"{name}.yaml"
+            recipe = yaml.safe_load(path.read_text(encoding="utf-8"))
+            shipped = yaml.safe_load((ROOT / path).read_text(encoding="utf-8"))
+            recipe["motion"] = {**shipped["motion"], "performer": {**shipped["motion"]["performer"], "seconds": 60}}
+            recipe["graph"], recipe["prune"] = {**shipped["graph"], "branching": 8}, shipped["prune"]
+            for label, behaviour in recipe["behaviours"].items():
+                behaviour["finer"] = shipped["behaviours"][label].get("finer", 1)
+            path.write_text(yaml.safe_dump(recipe, sort_keys=False), encoding="utf-8")
+        yield
+
+
+def measure(quick: bool) -> dict[str, Any]:
+    """Return kernels and seconds by package, and the list of what is called."""
+    found: dict[str, Listed] = {}
+    rows: list[dict[str, Any]] = []
+    with recipes(), tempfile.TemporaryDirectory() as kernels, tempfile.TemporaryDirectory() as folder:
+        for use in USES[:1] if quick else USES:
+            done = subprocess.run(
+                [sys.executable, __file__, "--use", use, "--folder", folder],
+                capture_output=True, text=True, check=False, env={**os.environ, "NUMBA_CACHE_DIR": kernels},
+            )  # fmt: skip
+            if done.returncode:
+                sys.exit(done.stderr.strip() or f"{use} failed")
+            document = json.loads(done.stdout.splitlines()[-1])
+            rows += document["compiled"]
+            for one in document["called"]:
+                key = json.dumps(one)
+                found.setdefault(key, Listed(uses=[], **one))
+                if use not in found[key].uses:
+                    found[key].uses.append(use)
+    return {"entries": list(found.values()), "rows": rows}
+
+
+def summarise(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return, by package, its kernels, how often they were compiled, and the seconds that took."""
+    packages: dict[str, dict[str, Any]] = {}
+    for row in rows:
+        parts = row["module"].split(".")
+        name = parts[1] if parts[0] == "crowdsim" else "numba's own"
+        one = packages.setdefault(name, {"package": name, "kernels": set(), "compiled": 0, "seconds": 0.0})
+        one["kernels"].add((row["module"], row["name"]))
+        one["compiled"] += 1
+        one["seconds"] += row["seconds"]
+    ordered = sorted(packages.values(), key=lambda one: -one["seconds"])
+    return [{**one, "kernels": len(one["kernels"])} for one in ordered]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="What kernels cost to compile.")
+    parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
+    parser.add_argument("--quick", action="store_true", help="a minute: the training alone")
+    parser.add_argument("--write", action="store_true", help="write crowdsim/jit/signatures.json")
+    parser.add_argument("--use", choices=USES, help=argparse.SUPPRESS)
+    parser.add_argument("--folder", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.use:
+        work(options.use, Path(options.folder))
+        return
+    outcome = measure(options.quick)
+    before = {json.dumps(one[:2] + one[3:]) for one in listed(("training",) if options.quick else ())}
+    now = {json.dumps(one[:2] + one[3:]) for one in outcome["entries"]}
+    if options.write:
+        write(outcome["entries"])
+    packages = summarise(outcome["rows"])
+    report = {
+        "packages": packages,
+        "kernels": sum(one["kernels"] for one in packages),
+        "compiled": sum(one["compiled"] for one in packages),
+        "seconds": sum(one["seconds"] for one in packages),
+        "signatures": len(now ^ before),
+    }
+    if options.json:
+        print(json.dumps(report, indent=2))
+        return
+    print(f"{'':<16}{'kernels':>9}{'compiled':>9}{'seconds':>9}")
+    for one in [*packages, {"package": "all", **report}]:
+        print(f"{one['package']:<16}{one['kernels']:>9}{one['compiled']:>9}{one['seconds']:>9.1f}")
+    print(f"kernels whose arguments differ from crowdsim/jit/signatures.json: {report['signatures']}")
+
+
+if __name__ == "__main__":
+    main()

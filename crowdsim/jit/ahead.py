@@ -1,0 +1,113 @@
+"""Kernels that will be needed are compiled by processes of their own, while this one gets on with its work.
+
+Each worker goes through the list of ``signatures`` in the order of need, and compiles what nobody has compiled or is
+compiling. Where a worker dies, or cannot write, the kernel is compiled when it is called, as it would have been anyhow.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from crowdsim.jit.signatures import Listed, listed, resolve
+
+PACKAGE = Path(__file__).resolve().parent.parent
+SECONDS = 1.5
+"""Roughly what a kernel takes to compile [s]."""
+
+
+@contextmanager
+def compile_ahead(uses: Collection[str], workers: int, announce: Callable[[str], None] | None = None) -> Iterator[int]:
+    """Let workers compile, while this is open, the kernels that some uses need and that are not compiled yet.
+
+    Args:
+        uses: What kernels will be needed for, of those in ``signatures.json``.
+        workers: Processes; with fewer than two nothing is compiled ahead, since it would only take turns.
+        announce: Called with what is compiled, and about how long it takes.
+
+    Yields:
+        How many kernels are missing.
+    """
+    missing = [one for one in listed(uses) if not _is_compiled(one)]
+    if missing and announce is not None:
+        seconds = SECONDS * len(missing) / max(1, workers)
+        announce(
+            f"compiling {len(missing)} kernels, which takes about {max(1, round(seconds))} s on {max(1, workers)} "
+            f"core{'s' * (workers > 1)} and is done once"
+        )
+    processes = [_start(uses) for _ in range(min(workers, len(missing)) if workers > 1 else 0)]
+    try:
+        yield len(missing)
+    finally:
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            process.wait()
+
+
+def _is_compiled(entry: Listed) -> bool:
+    """Return whether a kernel has been compiled for Python; for which arguments is not looked at."""
+    from crowdsim.jit.cache import Folder
+
+    source = PACKAGE.parent.joinpath(*entry.module.split(".")).with_suffix(".py")
+    if not source.is_file():
+        return True
+    names = Folder(source).path.glob(f"{entry.name}.*.nbc")
+    return any(".part." not in path.name for path in names)
+
+
+def _start(uses: Collection[str]) -> subprocess.Popen[bytes]:
+    program = f"from {__name__} import work; work()"
+    return subprocess.Popen(
+        [sys.executable, "-c", program, str(os.getpid()), *uses],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+        start_new_session=True,
+    )
+
+
+def work() -> None:
+    """Compile what is listed for some uses, in the order of need; what another process compiles meanwhile is left out.
+
+    The arguments of the program are the number of the process that started it, with which it ends, and the uses.
+    """
+    from crowdsim.jit.environment import load_numba
+
+    def stop(*_: Any) -> None:
+        sys.exit(1)
+
+    signal.signal(signal.SIGTERM, stop)
+    warnings.simplefilter("ignore")
+    owner, uses = int(sys.argv[1]), sys.argv[2:]
+    load_numba()
+    for entry in listed(uses):
+        if os.getppid() != owner:
+            return
+        if not _is_compiled(entry):
+            compile_listed(entry)
+
+
+def compile_listed(entry: Listed) -> bool:
+    """Compile one kernel unless it is compiled, or another process compiles it; return whether it was done here."""
+    try:
+        ((kernel, signature),) = resolve([entry])
+    except (ImportError, AttributeError):
+        # The list is of another version of the package.
+        return False
+    codegen = kernel.targetctx.codegen()
+    if kernel.kept.path(signature, codegen).is_file():
+        return False
+    with kernel.kept.hold(signature, codegen, wait=False) as mine:
+        if not mine or kernel.kept.path(signature, codegen).is_file():
+            return False
+        kernel.compile_held(signature)
+    return True
