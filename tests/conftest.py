@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import time
 from pathlib import Path
 
 import pytest
@@ -33,19 +32,12 @@ def tiny_policy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     base = tmp_path_factory.getbasetemp()
     shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "policies"
     shared.mkdir(exist_ok=True)
-    recipe, lock = shared / "tiny.yaml", shared / "lock"
-    while True:
-        try:
-            lock.touch(exist_ok=False)
-            break
-        except FileExistsError:
-            time.sleep(0.2)
-    try:
-        if not recipe.exists():
-            recipe.write_text((Path(__file__).parent / "tiny_policy.yaml").read_text(encoding="utf-8"))
-        return train_recipe(recipe, threads=2)[0]
-    finally:
-        lock.unlink()
+    recipe = shared / "tiny.yaml"
+    if not recipe.exists():
+        fresh = shared / f"tiny-{os.getpid()}.txt"
+        fresh.write_text((Path(__file__).parent / "tiny_policy.yaml").read_text(encoding="utf-8"))
+        os.replace(fresh, recipe)
+    return train_recipe(recipe, threads=2)[0]
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from filelock import FileLock
+from filelock import FileLock, Timeout
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 
 from crowdsim.jit.compilers import pack_part, unpack_part
@@ -80,7 +80,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         try:
             self._impl.locator.ensure_cache_path()
             lock.acquire()
-        except TimeoutError:
+        except Timeout:
             yield False
             return
         except (OSError, NotImplementedError):

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock, Timeout
 
 from crowdsim import assets
 from crowdsim.core.types import Array, FileName, Progress
@@ -53,8 +54,11 @@ def train_recipe(
     with _naming(path):
         if not force and not stale(folder, recipe, mocap):
             return folder, False
-        policy, timings = train_policy(recipe, path.stem, mocap, threads, progress)
-    bundle.write_bundle(folder, policy, timings)
+        with _alone(folder, progress) as waited:
+            if waited and not force and not stale(folder, recipe, mocap):
+                return folder, False
+            policy, timings = train_policy(recipe, path.stem, mocap, threads, progress)
+            bundle.write_bundle(folder, policy, timings)
     return folder, True
 
 
@@ -235,6 +239,35 @@ def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None
     if not len(database.strike_frames):
         require_no_strikes(recipe, captures)
     return database
+
+
+@contextmanager
+def _alone(folder: Path, progress: Progress | None) -> Iterator[bool]:
+    """Let one process at a time train a bundle; give whether this one had to wait for another.
+
+    Where files cannot be locked, each trains for itself, and the last one's bundle stays.
+    """
+    path = folder.with_name(f".{folder.name}.lock")
+    lock = FileLock(path)
+    waited = False
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            waited = True
+            if progress is not None:
+                progress("wait for another process that trains it", 0, 1)
+            lock.acquire()
+    except (OSError, NotImplementedError):
+        yield waited
+        return
+    try:
+        yield waited
+    finally:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+        lock.release()
 
 
 @contextmanager
