@@ -16,10 +16,10 @@ import numpy as np
 
 from crowdsim.core.types import Array, Progress
 from crowdsim.errors import OutputError, RunError
-from crowdsim.export.bvh import make_folder
 from crowdsim.export.cloud_kernels import Bodies, Points, Riders, When, place_points
 from crowdsim.export.stream import Block, run_all, stream_poses
 from crowdsim.export.surface import Surface, build_surface
+from crowdsim.files import make_folder
 from crowdsim.take.poses import Poses, PoseSampler
 
 FIELDS = ("x", "y", "z", "nx", "ny", "nz", "vx", "vy", "vz", "avatar", "team", "joint")
@@ -80,7 +80,7 @@ class CloudSink:
 
     Args:
         sampler: Poses of the take.
-        folder: Folder for the files; made when missing.
+        folder: Folder for the files, which is there when the first is written.
         kind: ``ply`` or ``pcd``, both binary.
         fps: Output frames a second.
         points: Points an avatar.
@@ -89,7 +89,6 @@ class CloudSink:
         avatars: Numbers of the avatars; all when None.
 
     Raises:
-        OutputError: The folder cannot be made.
         RunError: Open3D cannot be loaded.
     """
 
@@ -116,7 +115,6 @@ class CloudSink:
         self._chosen[self.avatars] = True
         self._surfaces: dict[int, Surface] = {}
         self._files: list[Path] = []
-        make_folder(folder)
 
     @property
     def total(self) -> int:
@@ -209,9 +207,10 @@ def export_clouds(
         The files, in the order of frames.
 
     Raises:
-        OutputError: A file cannot be written.
+        OutputError: The folder cannot be made, or a file cannot be written.
         RunError: Open3D cannot be loaded.
     """
+    make_folder(folder)
     sink = CloudSink(sampler, folder, kind, fps, points, frames, every, avatars)
     return stream_poses(sampler, fps, [sink], threads, progress)[0]
 

@@ -15,12 +15,13 @@ from typing import Any
 
 from crowdsim.core.types import Array, Progress
 from crowdsim.errors import CrowdsimError, OutputError, TakeError, under_way
+from crowdsim.files import make_folder
 from crowdsim.render.camera import Keys
 from crowdsim.render.contact_sheet import sheet_frames, write_sheet
 from crowdsim.render.parts import is_parts, make_parts, remove_parts
 from crowdsim.render.source import PoseSource
 from crowdsim.render.stage import Stage, build_stage
-from crowdsim.render.video import encode, ffmpeg, has_mark, join, make_folder, planes, write_png
+from crowdsim.render.video import encode, ffmpeg, has_mark, join, planes, write_png
 
 Record = Callable[[Path, Sequence[Path]], AbstractContextManager[Callable[[Sequence[Path]], None]]]
 """Is handed a folder and all that is about to be written in it, and within its context the files when they are done."""

@@ -162,15 +162,3 @@ def has_mark(path: Path, mark: str) -> bool:
             return bool(image.info.get("crowdsim") == mark)
     except (OSError, UnidentifiedImageError):
         return False
-
-
-def make_folder(path: Path) -> None:
-    """Make a folder and those above it.
-
-    Raises:
-        OutputError: It cannot be made.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot make the folder: {error.strerror or error}") from error

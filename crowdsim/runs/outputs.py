@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from crowdsim.core.types import Progress
 from crowdsim.errors import CrowdsimError, under_way
+from crowdsim.files import make_folder
 from crowdsim.runs.journal import series_name
 from crowdsim.scenario.frame_ranges import output_frames, parse_frames
 
@@ -116,7 +117,7 @@ def _note(folder: Path, planned: Sequence[Path]) -> Iterator[Callable[[Sequence[
 
 
 def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple[float, Sink]]:
-    """Writers of the motion that a scenario asks for, each with its rate."""
+    """Return writers of the motion that a scenario asks for, each with its rate, and make their folders."""
     from crowdsim.export.bvh import BvhSink
 
     take, wanted = sampler.take, scenario.outputs
@@ -124,6 +125,7 @@ def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple
     if wanted.bvh is not None:
         fps = wanted.bvh.fps or scenario.fps
         frames = _cut(wanted.bvh.frames_at(fps), take.output_frames(fps))
+        make_folder(folder / "bvh")
         sinks.append((fps, BvhSink(sampler, folder / "bvh", fps, frames, wanted.bvh.avatars)))
     for kind in ("ply", "pcd"):
         cloud = getattr(wanted, kind)
@@ -133,6 +135,7 @@ def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple
 
         fps = cloud.fps or scenario.fps
         frames = _cut(cloud.frames_at(fps), take.output_frames(fps))
+        make_folder(folder / kind)
         sink = CloudSink(sampler, folder / kind, kind, fps, cloud.points, frames, cloud.every, cloud.avatars)
         sinks.append((fps, sink))
     return sinks
@@ -227,7 +230,8 @@ def _sink(
     frames: tuple[int, int] | None,
     avatars: Sequence[int] | None,
 ) -> Sink:
-    """Return the writer of one kind of export."""
+    """Return the writer of one kind of export, whose folder is made."""
+    make_folder(target / kind)
     if kind == "bvh":
         from crowdsim.export.bvh import BvhSink
 

@@ -207,7 +207,7 @@ def _write_take(one: Run, prepared: Prepared) -> tuple[Take, Array | None]:
 
     path, cast = one.folder / TAKE, prepared.cast
     counter = StatisticsCounter(prepared.policies, cast.policies, cast.scales, prepared.frames)
-    writer = TakeWriter(path, prepared.header, prepared.frames, take_chunk(one, prepared))
+    writer = TakeWriter(path, prepared.header, prepared.frames, take_chunk(one, prepared)).open()
     one.clock.lap("take")
     timings = record(one, prepared, writer, counter)
     take = open_take(path)

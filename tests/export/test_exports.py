@@ -14,7 +14,9 @@ from crowdsim.export.stream import stream_poses
 from crowdsim.runs.preparation import load_policies
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
+from crowdsim.take.data import TakeHeader
 from crowdsim.take.poses import PoseSampler
+from crowdsim.take.store import TakeWriter
 
 FPS = 30.0
 COMING = {
@@ -150,8 +152,16 @@ def test_velocities_are_how_points_move(sampler: PoseSampler, tmp_path: Path) ->
     np.testing.assert_allclose(first.velocities.T, (second.places - first.places) * FPS, atol=1e-3)
 
 
+def test_writers_make_no_folders_when_they_are_built(sampler: PoseSampler, tmp_path: Path) -> None:
+    BvhSink(sampler, tmp_path / "bvh", FPS)
+    CloudSink(sampler, tmp_path / "ply", "ply", FPS, 20)
+    TakeWriter(tmp_path / "take.zarr", TakeHeader(sampler.take.cast, 15.0, "test", 3, ()), 1)
+    assert not list(tmp_path.iterdir())
+
+
 def test_outputs_that_share_poses_have_the_bytes_of_outputs_alone(sampler, tmp_path: Path, monkeypatch) -> None:
     frames = sampler.take.output_frames(FPS)
+    (tmp_path / "together").mkdir()
     sinks = [
         BvhSink(sampler, tmp_path / "together", FPS),
         CloudSink(sampler, tmp_path / "together", "ply", FPS, 20, (3, frames - 2), 4, [0, 2]),
