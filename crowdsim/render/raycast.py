@@ -19,10 +19,25 @@ from crowdsim.render.kernels.capsules import (
 )
 from crowdsim.render.kernels.cells import count_entries, fill_entries
 from crowdsim.render.kernels.columns import (
+    CENTRE_X,
+    CENTRE_Z,
     COLUMNS,
+    EYE_X,
+    FOCAL,
+    GREATEST_U,
+    GREATEST_V,
     GRID_U,
     GRID_V,
+    HALF_X,
+    HALF_Z,
+    LEAST_U,
+    LEAST_V,
+    MIDDLE_X,
+    MIDDLE_Y,
     PER_METRE,
+    RADIUS,
+    REACH,
+    RIGHT_X,
     ROWS,
     SOFTNESS,
     SUN_X,
@@ -176,14 +191,9 @@ def _shadow_lists(shades: Array, cones: Array, camera: Array, light: Array, segm
     shadow_bounds(shades, bounds)
     pad = SUN_SOFTNESS * 2.5 / light[SUN_Y] + 0.25
     bounds += [-pad, -pad, pad, pad]
-    cell, columns, rows = _cells(bounds[2] - bounds[0], bounds[3] - bounds[1], 0.08, 400_000)
-    light[GRID_U], light[GRID_V], light[PER_METRE], light[COLUMNS], light[ROWS] = (
-        bounds[0],
-        bounds[1],
-        1.0 / cell,
-        columns,
-        rows,
-    )
+    u, v = bounds[LEAST_U], bounds[LEAST_V]
+    cell, columns, rows = _cells(bounds[GREATEST_U] - u, bounds[GREATEST_V] - v, 0.08, 400_000)
+    light[GRID_U], light[GRID_V], light[PER_METRE], light[COLUMNS], light[ROWS] = u, v, 1.0 / cell, columns, rows
     # Where cells are large the crowd is far away, and shadows may blur over a pixel there.
     light[WIDEST] = max(0.05, 0.45 * cell)
     shadow_segments(shades, cones, camera, light, THINNEST, segments)
@@ -195,10 +205,11 @@ def _contact_lists(cones: Array, camera: Array, segments: Array) -> tuple[Array,
     floor = np.array([0.0, 0.0, 1.0, 1.0, 1.0, CONTACT_REACH])
     if not len(cones):
         return floor, Lists(np.zeros(2, np.int32), np.zeros(1, np.int32))
-    around = np.abs(cones[:, [3, 5]]) + (cones[:, 6:7] + CONTACT_REACH)
-    low, high = (cones[:, [0, 2]] - around).min(axis=0), (cones[:, [0, 2]] + around).max(axis=0)
+    middle = cones[:, [CENTRE_X, CENTRE_Z]]
+    around = np.abs(cones[:, [HALF_X, HALF_Z]]) + (cones[:, [RADIUS]] + CONTACT_REACH)
+    low, high = (middle - around).min(axis=0), (middle + around).max(axis=0)
     cell, columns, rows = _cells(float(high[0] - low[0]), float(high[1] - low[1]), 0.15, 200_000)
-    floor[:5] = low[0], low[1], 1.0 / cell, columns, rows
+    floor[:REACH] = low[0], low[1], 1.0 / cell, columns, rows
     contact_segments(cones, camera, floor, segments)
     return floor, _lists(segments, columns, rows)
 
@@ -207,19 +218,19 @@ def _project_flashes(flashes: Flashes | None, camera: Array) -> Array:
     """Places of flashes on the picture, see ``draw_tiles``; those behind the eye fall out."""
     if flashes is None or not len(flashes.points):
         return np.zeros((0, 6), np.float32)
-    basis = camera[3:12].reshape(3, 3)
-    x, y, z = basis @ (np.asarray(flashes.points, float) - camera[:3]).T
+    basis = camera[RIGHT_X:FOCAL].reshape(3, 3)
+    x, y, z = basis @ (np.asarray(flashes.points, float) - camera[EYE_X:RIGHT_X]).T
     seen = z > 0.2
     x, y, z = x[seen], y[seen], z[seen]
-    focal = camera[12]
+    focal = camera[FOCAL]
     # Far flashes fade, so that they do not hide a crowd.
     true = 0.24 * focal / z
     size = np.maximum(true, 2.0)
     fade = np.clip(true / 6.0, 0.2, 1.0)
     return np.stack(
         [
-            camera[13] + focal * x / z,
-            camera[14] - focal * y / z,
+            camera[MIDDLE_X] + focal * x / z,
+            camera[MIDDLE_Y] - focal * y / z,
             np.sqrt(x * x + y * y + z * z) - 0.45,
             size,
             np.asarray(flashes.ages, float)[seen],

@@ -93,7 +93,8 @@ def write_outputs(run: Run, take: Take, policies: Sequence[Policy]) -> dict[str,
         run.clock.lap("export")
     if wanted.render is not None:
         from crowdsim.crowd.cast import pack_arena
-        from crowdsim.render.command import render_source, scenario_options
+        from crowdsim.render.batch import render
+        from crowdsim.render.command import scenario_options
         from crowdsim.render.take_source import TakeSource
 
         arena = pack_arena(scenario.arena)
@@ -101,7 +102,7 @@ def write_outputs(run: Run, take: Take, policies: Sequence[Policy]) -> dict[str,
         options = scenario_options(wanted.render, threads)
         shown = take.output_frames(wanted.render.fps)
         options = replace(options, frames=_cut(wanted.render.frames_at(wanted.render.fps), shown))
-        rendered = render_source(source, run.folder, options, progress, _note)
+        rendered = render(source, run.folder, options, progress, _note)
         found["pictures"] = list(rendered.files)
         run.clock.lap("render")
     return found
