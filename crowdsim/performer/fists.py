@@ -70,7 +70,7 @@ def lead_fists(
         shoulders: Shoulder joints, lead and rear [m]. Shape (F, 2, 3).
 
     Returns:
-        Place of the fists [m], shape (F, 2, 3), and the reaches as they were carried out.
+        Position of the fists [m], shape (F, 2, 3), and the reaches as they were carried out.
     """
     guards, frame = hold_guard(score, heading, trunk, channels)
     centre = shoulders.mean(axis=1)

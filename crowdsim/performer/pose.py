@@ -26,10 +26,10 @@ class Trunk:
     """The trunk over F frames, in the world.
 
     Attributes:
-        hips: Place of the pelvis [m]. Shape (F, 3).
+        hips: Position of the pelvis [m]. Shape (F, 3).
         hips_turn: Rotation of the pelvis. Shape (F, 4).
         spine: Local rotations of Spine, Spine1, Spine2. Shape (F, 3, 4).
-        chest: Place of Spine2 [m]. Shape (F, 3).
+        chest: Position of Spine2 [m]. Shape (F, 3).
         chest_turn: Its rotation. Shape (F, 4).
     """
 
@@ -132,7 +132,7 @@ def pose_arm(
         side: 0 for the left arm, 1 for the right.
         chest_turn: Rotation of the chest. Shape (F, 4).
         collar: Rotation of the collar bone in the world. Shape (F, 4).
-        shoulder: Place of the shoulder joint [m]. Shape (F, 3).
+        shoulder: Position of the shoulder joint [m]. Shape (F, 3).
         fist: Where the fist shall be [m], within reach. Shape (F, 3).
         swivel: Turn of the elbow from hanging to the outside. Shape (F,) [rad].
         roll: Pronation of the fist, from thumb up. Shape (F,) [rad].
@@ -171,7 +171,7 @@ def foot_turn(yaw: Array, heel: Array) -> Array:
     return quat.multiply(quat.about_y(yaw), _about_x(heel))
 
 
-def ankle_place(ball: Array, turn: Array) -> Array:
+def ankle_position(ball: Array, turn: Array) -> Array:
     """Return where the ankle is [m] when the ball of the foot is at ``ball`` (F, 3) and the foot is turned so."""
     return ball - quat.rotate(turn, np.array([0.0, bones.BALL_HEIGHT - bones.ANKLE_HEIGHT, bones.BALL_AHEAD]))
 

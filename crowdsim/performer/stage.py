@@ -19,7 +19,7 @@ from crowdsim.performer.life import add_life
 from crowdsim.performer.pose import (
     LEG_REACH,
     Trunk,
-    ankle_place,
+    ankle_position,
     foot_turn,
     girdle,
     level_toes,
@@ -50,11 +50,11 @@ class Staged:
     """Motion of an orthodox boxer over F frames, with what the ground truth needs.
 
     Attributes:
-        root_positions: Place of the pelvis [m]. Shape (F, 3).
+        root_positions: Position of the pelvis [m]. Shape (F, 3).
         rotations: Local rotations. Shape (F, 22, 4).
         footwork: Tracks of the feet.
-        fists: Place of the fists, lead and rear [m]. Shape (F, 2, 3).
-        shoulders: Place of the shoulder joints [m]. Shape (F, 2, 3).
+        fists: Position of the fists, lead and rear [m]. Shape (F, 2, 3).
+        shoulders: Position of the shoulder joints [m]. Shape (F, 2, 3).
         reaches: The punches as they were carried out.
     """
 
@@ -119,7 +119,7 @@ class _Soles:
     """Feet over F frames, lead and rear.
 
     Attributes:
-        ankles: Place of the ankles [m]. Shape (F, 2, 3).
+        ankles: Position of the ankles [m]. Shape (F, 2, 3).
         turns: Rotation of each foot. Shape (F, 4).
         yaws: Heading of each foot [rad]. Shape (F,).
     """
@@ -186,7 +186,7 @@ def _set_feet(style: Style, feet: Footwork, channels: Array, rotations: Array) -
         lift = feet.lifts[:, foot] + _SOLE * np.sin(feet.toes_up[:, foot])
         ball = np.stack([feet.balls[:, foot, 0], bones.BALL_HEIGHT + lift, feet.balls[:, foot, 1]], axis=-1)
         turns.append(foot_turn(yaw, heel - feet.toes_up[:, foot]))
-        ankles[:, foot] = ankle_place(ball, turns[foot])
+        ankles[:, foot] = ankle_position(ball, turns[foot])
         rotations[:, bones.TOES[foot]] = level_toes(heel, feet.points[:, foot])
         yaws.append(yaw)
     return _Soles(ankles, (turns[0], turns[1]), (yaws[0], yaws[1]))

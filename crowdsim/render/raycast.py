@@ -73,12 +73,12 @@ class Capsules:
     """Rounded cones in the world, those of one avatar beside one another.
 
     Attributes:
-        places: Both ends (3, 3) and both radii [m]. Shape (K, 8), float32.
+        shapes: Both ends (3, 3) and both radii [m]. Shape (K, 8), float32.
         paints: Linear red, green, blue and gloss, each 0..1. Shape (K, 4), float32.
         owners: Avatar of each. Shape (K,), int32.
     """
 
-    places: Array
+    shapes: Array
     paints: Array
     owners: Array
 
@@ -130,8 +130,8 @@ def draw(
     """
     width, height = size
     camera = view.pack(width, height)
-    chosen = np.empty(len(capsules.places), np.int32)
-    count = choose_capsules(capsules.places, camera, width, height, SHADOW_REACH, SMALLEST, chosen)
+    chosen = np.empty(len(capsules.shapes), np.int32)
+    count = choose_capsules(capsules.shapes, camera, width, height, SHADOW_REACH, SMALLEST, chosen)
     chosen = chosen[:count]
     light = np.zeros(16)
     across = np.cross(sun, [0.0, 0.0, 1.0] if abs(sun[2]) < 0.9 else [1.0, 0.0, 0.0])
@@ -144,7 +144,7 @@ def draw(
     )
     cones, shades = np.empty((count, 8), np.float32), np.empty((count, 9), np.float32)
     segments, spans = np.empty((count, 6), np.float32), np.empty((count, 2), np.int32)
-    view_capsules(capsules.places, chosen, camera, light, cones, shades, segments, spans)
+    view_capsules(capsules.shapes, chosen, camera, light, cones, shades, segments, spans)
     owners = np.ascontiguousarray(capsules.owners[chosen])
     paints = np.ascontiguousarray(capsules.paints[chosen])
     neighbours = np.empty((count, _NEIGHBOURS), np.int32)
@@ -215,7 +215,7 @@ def _contact_lists(cones: Array, camera: Array, segments: Array) -> tuple[Array,
 
 
 def _project_flashes(flashes: Flashes | None, camera: Array) -> Array:
-    """Places of flashes on the picture, see ``draw_tiles``; those behind the eye fall out."""
+    """Positions of flashes on the picture, see ``draw_tiles``; those behind the eye fall out."""
     if flashes is None or not len(flashes.points):
         return np.zeros((0, 6), np.float32)
     basis = camera[RIGHT_X:FOCAL].reshape(3, 3)

@@ -1,4 +1,4 @@
-"""From a scenario to a crowd that is ready for its first frame: policies, places, and what is constant."""
+"""From a scenario to a crowd that is ready for its first frame: policies, positions, and what is constant."""
 
 from __future__ import annotations
 

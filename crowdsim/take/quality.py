@@ -1,4 +1,4 @@
-"""Figures of a run: strikes, opponents, cuts, feet that slide, jumps at cuts."""
+"""Figures of a run: strikes, opponents, transitions, feet that slide, jumps at transitions."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from crowdsim.take.poses import Poses, PoseSampler
 
 TOUCH = 0.02
 """How far from a surface a fist touches it [m]."""
-_NEAR_CUT = 0.1
-"""Time around a cut in which accelerations count as its own [s]."""
+_NEAR_TRANSITION = 0.1
+"""Time around a transition in which accelerations count as its own [s]."""
 _MOST_POSES = 150_000
 _POSES_AT_ONCE = 20_000
 _MOST_STRIKES = 4000
@@ -39,10 +39,10 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict
         ``avatars``, ``control_frames``, ``seconds``; ``strikes_thrown``, ``strikes_landed``,
         ``hits_per_minute_per_avatar``; the attributes of ``FightMeasures``, positions from 10 s on;
         ``opponent_changes`` of all avatars; ``transitions_per_second`` of an avatar; ``foot_slide_median`` and
-        ``foot_slide_95``, speed over the floor of planted feet [m/s], those apart that make a step for a cut, and
-        beside them the capture's own in the frames that are shown, and in all that there are;
+        ``foot_slide_95``, speed over the floor of planted feet [m/s], those apart that make a step for a transition,
+        and beside them the capture's own in the frames that are shown, and in all that there are;
         ``thrown_per_minute_captured``, strikes in a minute of the capture of the mean avatar;
-        ``transition_jump_ratio``, accelerations of joints near cuts over those of the captured frames shown there;
+        ``transition_jump_ratio``, accelerations of joints near transitions over those of the frames shown there;
         ``fist_gap_median``, ``fist_gap_95`` and ``fist_gap_most``, how far fists are from the surface of the avatars
         that they land on [m], and ``fists_off_share``, the share of them that are further than ``TOUCH`` from it.
         Figures of which there is nothing to measure are None.
@@ -94,13 +94,13 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
         sizes = np.linalg.norm(np.diff(places, 2, axis=0), axis=-1).mean(axis=-1) * rate * rate
         near = np.zeros(frames.shape, bool)
         for owner, time in zip(transitions.owners, transitions.times, strict=True):
-            low, high = np.searchsorted(times, (time - _NEAR_CUT, time + _NEAR_CUT))
+            low, high = np.searchsorted(times, (time - _NEAR_TRANSITION, time + _NEAR_TRANSITION))
             near[low:high, owner] = True
         part = where.fractions[..., None, None]
         own_balls = motion.balls[now] * (1.0 - part) + motion.balls[later] * part
         own_speeds = np.linalg.norm(np.diff(own_balls, axis=0), axis=-1) * poses.scales[None, :, None] * rate
         both = planted[1:] & planted[:-1]
-        # Over a cut the capture has no speed.
+        # Over a transition the capture has no speed.
         both &= (np.diff(frames, axis=0) >= 0)[..., None] & (np.diff(frames, axis=0) < 4)[..., None]
         beneath.append(own_speeds[both])
         counts = near[1:-1] & np.isfinite(sizes)

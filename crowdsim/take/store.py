@@ -139,7 +139,7 @@ class TakeWriter:
         return array
 
     def append(self, chunk: dict[str, Array], events: Events, targets: Array | None = None) -> None:
-        """Add control frames: an array (n, N) for each of ``VARIABLES``, the strikes thrown, and places of targets.
+        """Add control frames: an array (n, N) for each of ``VARIABLES``, the strikes thrown, and positions of targets.
 
         Raises:
             OutputError: They cannot be written.

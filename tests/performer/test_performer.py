@@ -89,10 +89,10 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_does_not():
 
 def test_the_skeleton_stands_on_the_floor_and_is_as_tall_as_said():
     skeleton = build_skeleton()
-    places = skeleton.rest_positions()
-    crown = places[skeleton.end_parents[0]] + skeleton.end_offsets[0]
+    rest = skeleton.rest_positions()
+    crown = rest[skeleton.end_parents[0]] + skeleton.end_offsets[0]
     assert crown[1] == pytest.approx(1.75, abs=1e-9)
-    assert places[TOES, 1] == pytest.approx(BALL_HEIGHT)
+    assert rest[TOES, 1] == pytest.approx(BALL_HEIGHT)
     assert skeleton.joint_count == 22
 
 
@@ -157,7 +157,7 @@ def test_no_two_strikes_are_the_same(long_session):
 
 
 def test_targets_are_spread_over_what_a_boxer_reaches(long_session):
-    places = np.array([strike.place for performance in long_session for strike in performance.truth.strikes])
+    places = np.array([strike.position for performance in long_session for strike in performance.truth.strikes])
     height, ahead = places[:, 1], places[:, 2]
     assert np.mean(height < 1.25) > 0.1
     assert np.percentile(height, 95) > 1.5

@@ -72,7 +72,7 @@ NEIGHBOUR_GAP = 0.15
 
 
 @kernel
-def place_capsules(positions, rotations, scales, joints, starts, ends, radii, out_places):
+def place_capsules(positions, rotations, scales, joints, starts, ends, radii, out_shapes):
     """Write the capsules of bodies in the world: both ends (3, 3) and both radii. Shape (n * K, 8), float32."""
     count = joints.shape[0]
     for n in range(positions.shape[0]):
@@ -85,10 +85,10 @@ def place_capsules(positions, rotations, scales, joints, starts, ends, radii, ou
                 else:
                     a, b, c = ends[k, 0], ends[k, 1], ends[k, 2]
                 x, y, z = rotate(rotations[n, j], a, b, c)
-                out_places[row, START_X + 3 * end] = positions[n, j, 0] + scale * x
-                out_places[row, START_Y + 3 * end] = positions[n, j, 1] + scale * y
-                out_places[row, START_Z + 3 * end] = positions[n, j, 2] + scale * z
-                out_places[row, START_RADIUS + end] = scale * radii[k, end]
+                out_shapes[row, START_X + 3 * end] = positions[n, j, 0] + scale * x
+                out_shapes[row, START_Y + 3 * end] = positions[n, j, 1] + scale * y
+                out_shapes[row, START_Z + 3 * end] = positions[n, j, 2] + scale * z
+                out_shapes[row, START_RADIUS + end] = scale * radii[k, end]
 
 
 @kernel
@@ -104,7 +104,7 @@ def _depth(cone, camera):
 
 
 @kernel
-def choose_capsules(places, camera, width, height, margin, smallest, out_chosen):
+def choose_capsules(shapes, camera, width, height, margin, smallest, out_chosen):
     """Write the capsules that show, or whose shadow may, ascending, and return how many.
 
     A capsule shows when the sphere about it, widened by ``margin`` [m], reaches into the view, and when it covers
@@ -113,10 +113,10 @@ def choose_capsules(places, camera, width, height, margin, smallest, out_chosen)
     count = 0
     tx, ty = 0.5 * width / camera[FOCAL], 0.5 * height / camera[FOCAL]
     lx, ly = math.sqrt(1.0 + tx * tx), math.sqrt(1.0 + ty * ty)
-    for c in range(places.shape[0]):
-        ax, ay, az = _from_eye(places[c], START_X, camera)
-        bx, by, bz = _from_eye(places[c], END_X, camera)
-        ra, rb = places[c, START_RADIUS], places[c, END_RADIUS]
+    for c in range(shapes.shape[0]):
+        ax, ay, az = _from_eye(shapes[c], START_X, camera)
+        bx, by, bz = _from_eye(shapes[c], END_X, camera)
+        ra, rb = shapes[c, START_RADIUS], shapes[c, END_RADIUS]
         mx, my, mz = 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz)
         long = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2 + (bz - az) ** 2)
         wide = max(ra, rb)
@@ -136,13 +136,13 @@ def choose_capsules(places, camera, width, height, margin, smallest, out_chosen)
 
 
 @kernel
-def view_capsules(places, chosen, camera, light, out_cones, out_shades, out_segments, out_spans):
+def view_capsules(shapes, chosen, camera, light, out_cones, out_shades, out_segments, out_spans):
     """Write the chosen capsules as ``draw_tiles`` wants them, and as segments of the screen in tiles."""
     for n in range(chosen.shape[0]):
         c = chosen[n]
-        ax, ay, az = _from_eye(places[c], START_X, camera)
-        bx, by, bz = _from_eye(places[c], END_X, camera)
-        ra, rb = places[c, START_RADIUS], places[c, END_RADIUS]
+        ax, ay, az = _from_eye(shapes[c], START_X, camera)
+        bx, by, bz = _from_eye(shapes[c], END_X, camera)
+        ra, rb = shapes[c, START_RADIUS], shapes[c, END_RADIUS]
         cone = out_cones[n]
         cone[CENTRE_X], cone[CENTRE_Y], cone[CENTRE_Z] = 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz)
         cone[HALF_X], cone[HALF_Y], cone[HALF_Z] = 0.5 * (bx - ax), 0.5 * (by - ay), 0.5 * (bz - az)
