@@ -40,8 +40,7 @@ def render(
     from crowdsim.render.command import parse_size, render_many
     from crowdsim.render.options import RenderOptions
     from crowdsim.render.take_source import TakeSource
-    from crowdsim.runs.arena import read_arena
-    from crowdsim.runs.opening import open_run
+    from crowdsim.runs.opening import open_run, read_arena
     from crowdsim.runs.recorder import record_files
     from crowdsim.scenario.frame_ranges import parse_frames
 

@@ -232,9 +232,9 @@ def _limbs(
 ) -> Limbs:
     """Two limbs; ``sample`` holds positions and rotations of all joints in some poses."""
     joints = np.array([[body.roles[f"{side}_{name}"] for name in names] for side in _SIDES], np.int64)
-    places, turns = sample
+    positions, rotations = sample
     hinges = [
-        hinge_axis(places[:, upper], places[:, middle], places[:, end], turns[:, upper])
+        hinge_axis(positions[:, upper], positions[:, middle], positions[:, end], rotations[:, upper])
         for upper, middle, end in joints
     ]
     toes = [body.roles.get(f"{side}_toe", -1) if names[2] == "foot" else -1 for side in _SIDES]

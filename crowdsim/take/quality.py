@@ -83,15 +83,15 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
         where = window.place(Moments(np.arange(len(poses.avatars)), times[:, None]))
         frames, now = where.frames, np.maximum(where.frames, 0)
         later = now + (where.fractions > 0.0)
-        places, turns = poses.joints()
-        balls = _balls(sampler, poses, places, turns)
+        positions, rotations = poses.joints()
+        balls = _balls(sampler, poses, positions, rotations)
         transitions = window.transitions()
         planted = motion.contacts[now] & motion.contacts[later] & (frames >= 0)[..., None]
         planted &= ~_stepping(transitions, window.steps(transitions, window.foot_plants()), times, len(poses.avatars))
         speeds = np.linalg.norm(np.diff(balls, axis=0), axis=-1) * rate
         slides.append(speeds[planted[1:] & planted[:-1]])
-        places = places[:, :, motion.joints]
-        sizes = np.linalg.norm(np.diff(places, 2, axis=0), axis=-1).mean(axis=-1) * rate * rate
+        positions = positions[:, :, motion.joints]
+        sizes = np.linalg.norm(np.diff(positions, 2, axis=0), axis=-1).mean(axis=-1) * rate * rate
         near = np.zeros(frames.shape, bool)
         for owner, time in zip(transitions.owners, transitions.times, strict=True):
             low, high = np.searchsorted(times, (time - _NEAR_TRANSITION, time + _NEAR_TRANSITION))
@@ -134,10 +134,14 @@ def _of_fists(sampler: PoseSampler) -> dict[str, float | None]:
     times = np.asarray(events.frame, dtype=np.float64)[some] / sampler.take.control_rate
     fists, surfaces = np.full((len(some), 3), np.nan), np.full((len(some), 3), np.nan)
     hands = np.asarray(events.hand)[some].astype(np.int64)
-    for which, body, scales, places, turns in sampler.moments(np.asarray(events.attacker)[some].astype(int), times):
-        fists[which] = body_points(body, places, turns, scales)[3][np.arange(len(which)), hands[which]]
-    for which, body, scales, places, turns in sampler.moments(np.asarray(events.victim)[some].astype(int), times):
-        head, neck, pelvis, _ = body_points(body, places, turns, scales)
+    for which, body, scales, positions, rotations in sampler.moments(
+        np.asarray(events.attacker)[some].astype(int), times
+    ):
+        fists[which] = body_points(body, positions, rotations, scales)[3][np.arange(len(which)), hands[which]]
+    for which, body, scales, positions, rotations in sampler.moments(
+        np.asarray(events.victim)[some].astype(int), times
+    ):
+        head, neck, pelvis, _ = body_points(body, positions, rotations, scales)
         surfaces[which] = surface_point(
             fists[which], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales
         )
@@ -157,7 +161,7 @@ class _CapturedMotion:
 
     def __init__(self, sampler: PoseSampler, index: int) -> None:
         database = sampler.policies[index].database
-        positions, turns = forward_kinematics(
+        positions, rotations = forward_kinematics(
             database.skeleton, database.root_positions, database.rotations, parallel=False
         )
         self.joints = sorted(set(database.body.roles.values()))
@@ -172,7 +176,7 @@ class _CapturedMotion:
         self.accelerations = _filled(self.accelerations)
         roles, body = database.body.roles, database.body
         feet = [roles["left_foot"], roles["right_foot"]]
-        self.balls = (positions[:, feet] + quaternion.rotate(turns[:, feet], body.sole_offsets[:, 1]))[..., [0, 2]]
+        self.balls = (positions[:, feet] + quaternion.rotate(rotations[:, feet], body.sole_offsets[:, 1]))[..., [0, 2]]
         speeds = np.linalg.norm(np.diff(self.balls, axis=0), axis=-1) * rate
         both = self.contacts[1:] & self.contacts[:-1]
         both[starts[1:] - 1] = False
@@ -194,12 +198,12 @@ def _stepping(transitions: Transitions, steps: Steps, times: Array, avatars: int
     return stepping
 
 
-def _balls(sampler: PoseSampler, poses: Poses, places: Array, turns: Array) -> Array:
+def _balls(sampler: PoseSampler, poses: Poses, positions: Array, rotations: Array) -> Array:
     """Balls of the feet over the floor. Shape (T, n, 2, 2)."""
     body = sampler.motions[poses.policy].body
     feet = [body.roles["left_foot"], body.roles["right_foot"]]
-    soles = quaternion.rotate(turns[:, :, feet], body.sole_offsets[:, 1]) * poses.scales[:, None, None]
-    return np.asarray((places[:, :, feet] + soles)[..., [0, 2]])
+    soles = quaternion.rotate(rotations[:, :, feet], body.sole_offsets[:, 1]) * poses.scales[:, None, None]
+    return np.asarray((positions[:, :, feet] + soles)[..., [0, 2]])
 
 
 def _some_poses(sampler: PoseSampler, progress: Progress | None) -> Iterator[tuple[Poses, int, float]]:
