@@ -147,8 +147,6 @@ def _findings_of(detail: dict[str, Any], here: _Located) -> list[Finding]:
         if "prefixItems" not in here.part:
             expected = f"at {'least' if kind == 'too_short' else 'most'} {limit}"
         what = f"has {count} item{'s'[: count != 1]}, expected {expected}"
-    elif kind == "string_too_short":
-        what = "is empty text, expected text"
     elif reason is not None:
         what = f"{show(here.value)}, {reason}"
     elif expected == "a value":
