@@ -10,10 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from _plain_bvh import Array
 from _witness import HINGES, JOINTS, Figure, Sizes, Source, flexions, hinge_axes
-from numpy.typing import NDArray
-
-Array = NDArray[Any]
 
 LOW, SINKING = 0.03, 0.15
 """A foot stands while its ball is lower than this [m] and rises or falls slower than this [m/s]."""

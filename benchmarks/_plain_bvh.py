@@ -25,7 +25,7 @@ class PlainBvh:
     Attributes:
         names: Names of the joints. Length J.
         parents: Parent of each joint, -1 for the root. Shape (J,).
-        offsets: Place of each joint in its parent's frame [m]. Shape (J, 3).
+        offsets: Position of each joint in its parent's frame [m]. Shape (J, 3).
         channels: Channels of each joint, in the order of the file.
         fps: Frames a second.
         values: Numbers of the file, a row a frame. Shape (F, C).
@@ -90,9 +90,9 @@ def turn(axis: str, degrees: Array) -> Array:
 
 
 def local_turns(bvh: PlainBvh) -> tuple[Array, Array]:
-    """Places (F, J, 3) [m] and turns (F, J, 3, 3) of joints in their parents' frames."""
+    """Positions (F, J, 3) [m] and turns (F, J, 3, 3) of joints in their parents' frames."""
     frames, column = len(bvh.values), 0
-    places = np.broadcast_to(bvh.offsets, (frames, *bvh.offsets.shape)).copy()
+    positions = np.broadcast_to(bvh.offsets, (frames, *bvh.offsets.shape)).copy()
     turns = np.broadcast_to(np.eye(3), (frames, len(bvh.names), 3, 3)).copy()
     for joint, channels in enumerate(bvh.channels):
         # A joint that has positions is where they say, offset or not.
@@ -101,23 +101,23 @@ def local_turns(bvh: PlainBvh) -> tuple[Array, Array]:
             column += 1
             axis, kind = channel[0], channel[1:]
             if kind == "position":
-                places[:, joint, "XYZ".index(axis)] = value * CENTIMETRE
+                positions[:, joint, "XYZ".index(axis)] = value * CENTIMETRE
             else:
                 turns[:, joint] = turns[:, joint] @ turn(axis, value)
-    return places, turns
+    return positions, turns
 
 
 def pose(bvh: PlainBvh, turned: dict[int, Array] | None = None) -> tuple[Array, Array]:
-    """Places (F, J, 3) [m] and turns (F, J, 3, 3) of joints in the world.
+    """Positions (F, J, 3) [m] and turns (F, J, 3, 3) of joints in the world.
 
     Joints of ``turned`` turn as if half a turn about an axis (3,) of their parent's frame lay before it and after it.
     """
-    places, turns = local_turns(bvh)
+    positions, turns = local_turns(bvh)
     for joint, axis in (turned or {}).items():
         half = 2.0 * np.outer(axis, axis) / np.dot(axis, axis) - np.eye(3)
         turns[:, joint] = half @ turns[:, joint] @ half
     for joint, parent in enumerate(bvh.parents):
         if parent >= 0:
-            places[:, joint] = places[:, parent] + np.einsum("fij,fj->fi", turns[:, parent], places[:, joint])
+            positions[:, joint] = positions[:, parent] + np.einsum("fij,fj->fi", turns[:, parent], positions[:, joint])
             turns[:, joint] = turns[:, parent] @ turns[:, joint]
-    return places, turns
+    return positions, turns

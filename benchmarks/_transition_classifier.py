@@ -12,10 +12,8 @@ from typing import Any
 
 import numpy as np
 from _exported_measures import Stage
+from _plain_bvh import Array
 from _witness import JOINTS
-from numpy.typing import NDArray
-
-Array = NDArray[Any]
 
 CLEAR = 0.3
 """Time beyond the window in which no transition lies where none is to be seen [s]."""

@@ -1,8 +1,8 @@
 """Bodies in BVH files as points in the world: what exported figures and the capture behind them are judged by.
 
 It shares no code with the package: BVH files are read and posed by ``_plain_bvh``. Sizes of bodies (radii of head and
-torso, places of fists and soles on hands and feet) and where actions begin in the capture are numbers of the policy's
-bundle.
+torso, positions of fists and soles on hands and feet) and where actions begin in the capture are numbers of the
+policy's bundle.
 """
 
 from __future__ import annotations
@@ -13,10 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _plain_bvh import pose, read_plain
-from numpy.typing import NDArray
-
-Array = NDArray[Any]
+from _plain_bvh import Array, pose, read_plain
 
 JOINTS = (
     "pelvis", "chest", "neck", "head",
@@ -39,7 +36,7 @@ class Sizes:
         names: Names of the joints.
         parents: Parent of each joint. Shape (J,).
         roles: Joint of each role.
-        offsets: Place of each joint in its parent's frame, unscaled [m]. Shape (J, 3).
+        offsets: Position of each joint in its parent's frame, unscaled [m]. Shape (J, 3).
         fists: Middle of each fist in the frame of its hand [m]. Shape (2, 3).
         head: Middle of the head in the frame of its joint [m]. Shape (3,).
         soles: Heel and ball in the frame of each foot [m]. Shape (2, 2, 3).
@@ -50,7 +47,7 @@ class Sizes:
         rate: Playback frames a second.
         clip_names: Clips of the database.
         clip_starts: First control frame of each, and the end. Shape (clips + 1,).
-        roots: Places of the root over the database's playback frames [m]. Shape (P, 3).
+        roots: Positions of the root over the database's playback frames [m]. Shape (P, 3).
         first: Playback frame at which each action begins. Shape (A,).
         lengths: Length of each action [control frames]. Shape (A,).
     """
@@ -74,11 +71,11 @@ class Sizes:
     lengths: Array
 
     def rest(self) -> Array:
-        """Places of the joints in the rest pose [m]. Shape (J, 3)."""
-        places = np.zeros_like(self.offsets)
-        for joint in range(1, len(places)):
-            places[joint] = places[self.parents[joint]] + self.offsets[joint]
-        return places
+        """Positions of the joints in the rest pose [m]. Shape (J, 3)."""
+        positions = np.zeros_like(self.offsets)
+        for joint in range(1, len(positions)):
+            positions[joint] = positions[self.parents[joint]] + self.offsets[joint]
+        return positions
 
 
 def read_sizes(bundle: Path) -> Sizes:
@@ -115,7 +112,7 @@ class Figure:
     """A body over F frames, in the world [m].
 
     Attributes:
-        joints: Places of ``JOINTS``. Shape (F, 16, 3).
+        joints: Positions of ``JOINTS``. Shape (F, 16, 3).
         fists: Middles of the fists, left and right. Shape (F, 2, 3).
         head: Middle of the head. Shape (F, 3).
         soles: Heel and ball of each foot. Shape (F, 2, 2, 3).
@@ -168,23 +165,23 @@ def read_figure(path: Path, sizes: Sizes, turned: tuple[str, ...] = ()) -> tuple
     scale = float(bones.sum() / np.linalg.norm(sizes.offsets[1:], axis=1).sum())
     rest = sizes.rest()
     uppers = {sizes.roles[name]: sizes.roles[name.replace("elbow", "shoulder")] for name in turned}
-    places, turns = pose(bvh, {joint: rest[joint] - rest[upper] for joint, upper in uppers.items()})
+    positions, turns = pose(bvh, {joint: rest[joint] - rest[upper] for joint, upper in uppers.items()})
 
     def at(role: str, offset: Array) -> Array:
         joint = sizes.roles[role]
-        return places[:, joint] + turns[:, joint] @ (offset * scale)
+        return positions[:, joint] + turns[:, joint] @ (offset * scale)
 
-    crosses, dots = np.empty((len(places), 4, 3)), np.empty((len(places), 4))
+    crosses, dots = np.empty((len(positions), 4, 3)), np.empty((len(positions), 4))
     for k, middle in enumerate(HINGES):
         side = middle.split("_")[0]
         upper, lower = ("hip", "foot") if "knee" in middle else ("shoulder", "hand")
         a, b, c = (sizes.roles[role] for role in (f"{side}_{upper}", middle, f"{side}_{lower}"))
-        one, two = _unit(places[:, b] - places[:, a]), _unit(places[:, c] - places[:, b])
+        one, two = _unit(positions[:, b] - positions[:, a]), _unit(positions[:, c] - positions[:, b])
         crosses[:, k] = np.einsum("fji,fj->fi", turns[:, a], np.cross(one, two))
         dots[:, k] = np.sum(one * two, axis=1)
     sides = ("left", "right")
     figure = Figure(
-        joints=places[:, [sizes.roles[role] for role in JOINTS]],
+        joints=positions[:, [sizes.roles[role] for role in JOINTS]],
         fists=np.stack([at(f"{side}_hand", sizes.fists[k]) for k, side in enumerate(sides)], axis=1),
         head=at("head", sizes.head),
         soles=np.stack(

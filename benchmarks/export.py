@@ -51,10 +51,10 @@ class Posed:
         turns = quaternion.about_y(np.arange(AVATARS) * 2.4)
         rotations = clip.rotations[rows]
         rotations[:, :, 0] = quaternion.multiply(turns, rotations[:, :, 0])
-        places = quaternion.rotate(turns, clip.root_positions[rows]) + np.arange(AVATARS)[:, None] * [1.0, 0.0, 0.3]
+        positions = quaternion.rotate(turns, clip.root_positions[rows]) + np.arange(AVATARS)[:, None] * [1.0, 0.0, 0.3]
         scales = np.linspace(0.94, 1.06, AVATARS).astype(np.float32)
         whole = np.arange(AVATARS)
-        self._poses = Poses(0, whole, skeleton, scales, places.astype(np.float32), rotations.astype(np.float32),
+        self._poses = Poses(0, whole, skeleton, scales, positions.astype(np.float32), rotations.astype(np.float32),
                             np.zeros((frames, AVATARS, 3)))  # fmt: skip
         self._frames = frames
         self.policies = (SimpleNamespace(database=SimpleNamespace(skeleton=skeleton, body=build_body(skeleton))),)
@@ -134,7 +134,7 @@ def measure(frames: int, clouds: int, threads: int, repeats: int) -> dict[str, A
         def legacy() -> None:
             for number in range(50):
                 points = open3d.geometry.PointCloud()
-                points.points = open3d.utility.Vector3dVector(some.places.astype(float))
+                points.points = open3d.utility.Vector3dVector(some.positions.astype(float))
                 points.normals = open3d.utility.Vector3dVector(some.normals.astype(float))
                 open3d.io.write_point_cloud(folder / f"{number}.ply", points)
 

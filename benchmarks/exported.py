@@ -41,11 +41,9 @@ from _exported_measures import Stage, feet, fists, hinges, overlap, peaks, undis
 from _quick import small_policies
 from _transition_classifier import classify_transitions
 from _witness import Sizes, read_figure, read_sizes, read_source
-from numpy.typing import NDArray
 
 from crowdsim.assets import find_bundle
-
-Array = NDArray[Any]
+from crowdsim.core.types import Array
 
 SCENES = {"brawl_30": 60, "brawl_30_cmu": 60, "armies_200": 30}
 """What is run without a RUN, and frames a second of its files."""

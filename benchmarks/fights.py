@@ -47,8 +47,8 @@ def judge(take: Take) -> dict[str, float]:
     fights = events.victim >= 0
     attacker, victim = (np.asarray(who)[fights].astype(int) for who in (events.attacker, events.victim))
     frame = decided(take)[np.floor(events.frame[fights]).astype(int), attacker]
-    places = np.stack([take.x[frame, victim], np.full(len(frame), HEIGHT), take.z[frame, victim]], axis=-1)
-    near = np.linalg.norm(events.point[fights] - places, axis=-1) <= NEAR
+    positions = np.stack([take.x[frame, victim], np.full(len(frame), HEIGHT), take.z[frame, victim]], axis=-1)
+    near = np.linalg.norm(events.point[fights] - positions, axis=-1) <= NEAR
     return {
         "thrown": len(events.frame) / minutes,
         "strict": float(events.landed.sum()) / minutes,

@@ -71,14 +71,14 @@ TABLES: dict[str, list[dict[str, Any]]] = {
 @nb.njit(cache=True)
 def search(
     start, horizon, offsets, nexts, firsts, lengths, ground, stride, first_strikes, strike_frames, strike_places,
-    spots, points, nodes, places, keys, counts, out_spots, out_points,
+    spots, points, nodes, positions, keys, counts, out_spots, out_points,
 ):  # fmt: skip
     """Follow all actions from a state, by time, and write the first frame at which spots and points are reached."""
     out_spots[:] = horizon
     out_points[:] = horizon
     heads = np.full(horizon + 1, -1, np.int64)
     nodes[0, 0], nodes[0, 1], heads[0] = start, -1, 0
-    places[0] = 0.0
+    positions[0] = 0.0
     used = 1
     mask = keys.shape[0] - 1
     for now in range(horizon):
@@ -86,7 +86,7 @@ def search(
         counts[:] = 0
         node = heads[now]
         while node >= 0:
-            state, x, z, heading = nodes[node, 0], places[node, 0], places[node, 1], places[node, 2]
+            state, x, z, heading = nodes[node, 0], positions[node, 0], positions[node, 1], positions[node, 2]
             node = nodes[node, 1]
             turn = int((heading % (2 * math.pi)) / (math.pi / 8))
             key = ((math.floor(x / 0.2) + 64) * 128 + math.floor(z / 0.2) + 64) * 16 + turn
@@ -134,9 +134,9 @@ def search(
                 if then < horizon and used < nodes.shape[0]:
                     g = ground[high]
                     nodes[used, 0], nodes[used, 1] = nexts[action], heads[then]
-                    places[used, 0] = ax + g[0] * cos + g[1] * sin
-                    places[used, 1] = az + g[1] * cos - g[0] * sin
-                    places[used, 2] = g[2] + aligned
+                    positions[used, 0] = ax + g[0] * cos + g[1] * sin
+                    positions[used, 1] = az + g[1] * cos - g[0] * sin
+                    positions[used, 2] = g[2] + aligned
                     heads[then] = used
                     used += 1
 
@@ -157,7 +157,7 @@ class Responsiveness:
         self.first_strikes = np.searchsorted(database.strike_frames, np.arange(database.frame_count) * database.stride)
         self.starts = rng.integers(0, database.frame_count, starts)
         # Room for the bodies of a search; what does not fit is left off, for all graphs alike.
-        self.nodes, self.places = np.empty((4_000_000, 2), np.int64), np.empty((4_000_000, 3))
+        self.nodes, self.positions = np.empty((4_000_000, 2), np.int64), np.empty((4_000_000, 3))
         self.keys, self.counts = np.empty(1 << 17, np.int64), np.empty(1 << 17, np.int64)
 
     def ask(self, graph: MotionGraph) -> dict[str, float]:
@@ -170,7 +170,7 @@ class Responsiveness:
             search(
                 state, self.horizon, graph.action_offsets, graph.action_next, graph.action_first,
                 graph.action_lengths, database.ground, database.stride, self.first_strikes, database.strike_frames,
-                database.strike_places.astype(float), self.spots, self.points, self.nodes, self.places, self.keys,
+                database.strike_places.astype(float), self.spots, self.points, self.nodes, self.positions, self.keys,
                 self.counts, spots[row], points[row],
             )  # fmt: skip
         rate = database.control_rate

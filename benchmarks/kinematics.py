@@ -36,11 +36,11 @@ GOAL = 2.5e6
 
 
 @numba.njit(cache=True)
-def bend_arms(limbs: Any, rotations: Any, places: Any, turns: Any, targets: Any, distance: float) -> None:
+def bend_arms(limbs: Any, rotations: Any, positions: Any, turns: Any, targets: Any, distance: float) -> None:
     """Bend the first limb of every pose onto its target."""
     for i in range(len(targets)):
         target = targets[i, 0], targets[i, 1], targets[i, 2]
-        bend_limb(limbs, 0, rotations[i], World(places[i], turns[i]), target, distance)
+        bend_limb(limbs, 0, rotations[i], World(positions[i], turns[i]), target, distance)
 
 
 def best_seconds(work: Callable[[], object], repeats: int) -> float:
@@ -72,8 +72,8 @@ def measure(poses: int, repeats: int) -> dict[str, dict[str, float]]:
         "upc-pymotion fk": lambda: fk(rotations, roots, body.offsets, body.parents),
         "upc-pymotion fk_quat": lambda: fk_quat(rotations, roots, body.offsets, body.parents),
     }
-    places = fk(rotations, roots, body.offsets, body.parents)[0]
-    gap = float(np.abs(places - forward_kinematics(body, roots, rotations)[0]).max())
+    positions = fk(rotations, roots, body.offsets, body.parents)[0]
+    gap = float(np.abs(positions - forward_kinematics(body, roots, rotations)[0]).max())
     assert gap < 1e-4, f"we and upc-pymotion differ by {gap}"
 
     none: Any = None

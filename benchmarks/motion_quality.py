@@ -36,8 +36,8 @@ from typing import Any
 
 import numpy as np
 from _quick import small_policies
-from numpy.typing import NDArray
 
+from crowdsim.core.types import Array
 from crowdsim.graph.motion_graph import MotionGraph
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.database import MotionDatabase
@@ -51,12 +51,10 @@ from crowdsim.take.poses import PoseSampler
 from crowdsim.take.take import Cast, Events, Take
 from crowdsim.training.train import ready_policy
 
-Array = NDArray[Any]
-
 APART = 0.5
 """Time within which no other transition lies where one counts as apart [s]."""
 NOISE = 1e-5
-"""Standard deviation of the noise on places [m]."""
+"""Standard deviation of the noise on positions [m]."""
 NEAR = 0.05
 """Time around a hard transition that `motions alone` leaves out [s]."""
 FADE = 12
@@ -110,7 +108,7 @@ def made(sampler: PoseSampler, half: int, most: int, rng: np.random.Generator) -
     gaps = np.where(transitions.owners[1:] == transitions.owners[:-1], np.diff(transitions.times), np.inf)
     apart = np.minimum(np.concatenate([[np.inf], gaps]), np.concatenate([gaps, [np.inf]])) > APART
     chosen = np.sort(rng.permutation(np.flatnonzero(fits))[:most])
-    places = []
+    positions = []
     for transition in chosen:
         poses = sampler.sample(
             centre[transition] - reach, centre[transition] + reach + 1, rate, numbers[[transitions.owners[transition]]]
@@ -119,8 +117,8 @@ def made(sampler: PoseSampler, half: int, most: int, rng: np.random.Generator) -
         rotations = np.array(poses.rotations[:, 0], dtype=float)
         rotations[:, 0] = quaternion.multiply(quaternion.about_y(-base[2]), rotations[:, 0])
         roots = ground.to_local(base, np.asarray(poses.root_positions[:, 0], dtype=float))
-        places.append(joints(database, roots[None], rotations[None])[0])
-    return leave[chosen], enter[chosen], np.stack(places), apart[chosen]
+        positions.append(joints(database, roots[None], rotations[None])[0])
+    return leave[chosen], enter[chosen], np.stack(positions), apart[chosen]
 
 
 def take_of_transitions(database: MotionDatabase, leave: Array, enter: Array) -> PoseSampler:
@@ -169,7 +167,7 @@ def take_of_transitions(database: MotionDatabase, leave: Array, enter: Array) ->
 
 
 def played(database: MotionDatabase, middle: Array, reach: int) -> tuple[Array, Array]:
-    """Captured motion around frames in their ground frame: places of roots (n, T, 3) and rotations (n, T, J, 4)."""
+    """Captured motion around frames in their ground frame: positions of roots (n, T, 3) and rotations (n, T, J, 4)."""
     frames = middle[:, None] * database.stride + np.arange(-reach, reach + 1)
     origin = database.ground[middle * database.stride][:, None]
     roots = ground.to_local(origin, database.root_positions[frames])
@@ -179,16 +177,16 @@ def played(database: MotionDatabase, middle: Array, reach: int) -> tuple[Array, 
 
 
 def joints(database: MotionDatabase, roots: Array, rotations: Array) -> Array:
-    """Places of the joints that have roles (n, T, roles, 3)."""
+    """Positions of the joints that have roles (n, T, roles, 3)."""
     count, times = roots.shape[:2]
     flat = rotations.reshape(count * times, -1, 4).astype(np.float32)
-    places, _ = forward_kinematics(database.skeleton, roots.reshape(-1, 3), flat, parallel=False)
+    positions, _ = forward_kinematics(database.skeleton, roots.reshape(-1, 3), flat, parallel=False)
     kept = sorted(set(database.body.roles.values()))
-    return places[:, kept].reshape(count, times, len(kept), 3).astype(float)
+    return positions[:, kept].reshape(count, times, len(kept), 3).astype(float)
 
 
 def ways(database: MotionDatabase, leave: Array, enter: Array, half: int) -> dict[str, Array]:
-    """Joint places over windows of plain ways to transition, and of the capture. Shape (n, T, roles, 3)."""
+    """Joint positions over windows of plain ways to transition, and of the capture. Shape (n, T, roles, 3)."""
     reach = half + 1
     before, after = played(database, leave, reach), played(database, enter, reach)
     steps = np.arange(-reach, reach + 1)
@@ -209,16 +207,16 @@ def ways(database: MotionDatabase, leave: Array, enter: Array, half: int) -> dic
 
 
 def alone(database: MotionDatabase, leave: Array, enter: Array, half: int) -> Array:
-    """Joint places around transitions that are made one at a time. Shape (n, T, roles, 3)."""
+    """Joint positions around transitions that are made one at a time. Shape (n, T, roles, 3)."""
     sampler, reach, centre = take_of_transitions(database, leave, enter), half + 1, ROWS * database.stride
     poses = sampler.sample(centre - reach, centre + reach + 1, database.playback_rate)[0]
     return joints(database, poses.root_positions.swapaxes(0, 1), poses.rotations.swapaxes(0, 1))
 
 
-def features(places: Array, rate: float, leave_out: float) -> tuple[Array, Array]:
+def features(positions: Array, rate: float, leave_out: float) -> tuple[Array, Array]:
     """Velocities and accelerations of windows (n, ...), and their sizes alone, but in the middle."""
-    velocity = (places[:, 2:] - places[:, :-2]) * (0.5 * rate)
-    acceleration = (places[:, 2:] - 2.0 * places[:, 1:-1] + places[:, :-2]) * (rate * rate)
+    velocity = (positions[:, 2:] - positions[:, :-2]) * (0.5 * rate)
+    acceleration = (positions[:, 2:] - 2.0 * positions[:, 1:-1] + positions[:, :-2]) * (rate * rate)
     both = np.stack([velocity, acceleration], axis=2)[:, ::2]
     steps = np.arange(both.shape[1]) * 2 - velocity.shape[1] // 2
     both = both[:, np.abs(steps) >= leave_out * rate - 1e-6]
@@ -246,8 +244,8 @@ def areas(
     bare = kind == "motions alone"
     shown = transitions["hard" if bare else kind]
     pairs = {
-        key: features(places, rate, NEAR if bare else 0.0)
-        for key, places in ((kind, shown), ("left", transitions["left"]), ("entered", transitions["entered"]))
+        key: features(positions, rate, NEAR if bare else 0.0)
+        for key, positions in ((kind, shown), ("left", transitions["left"]), ("entered", transitions["entered"]))
     }
     half = np.arange(len(leave)) % 2 == 0
     outcome: dict[str, list[float]] = {"logistic": [], "trees": []}
@@ -292,7 +290,9 @@ def judge(
     """How well classifiers distinguish transitions from captured motion, with our blends and with plain ones."""
     transitions = {**ways(database, leave, enter, ours.shape[1] // 2 - 1), "ours": ours}
     rng = np.random.default_rng(0)
-    transitions = {key: places + noise * rng.standard_normal(places.shape) for key, places in transitions.items()}
+    transitions = {
+        key: positions + noise * rng.standard_normal(positions.shape) for key, positions in transitions.items()
+    }
     outcome: dict[str, Any] = {
         "transitions": len(leave),
         "of_them_different": len(np.unique(np.stack([leave, enter]), axis=1).T),

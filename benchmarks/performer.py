@@ -26,11 +26,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial import KDTree
 
 from crowdsim.capture.loading import load_capture, usable_clip
+from crowdsim.core.types import Array
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.analysis import on_floor
 from crowdsim.motion.body import HEIGHT, Body, build_body
@@ -42,8 +42,6 @@ from crowdsim.motion.strikes import find_strikes
 from crowdsim.motion.tracks import Tracks, build_tracks, speeds
 from crowdsim.performer.session import Performance, perform, perform_solo
 from crowdsim.performer.solo import FOOTWORK
-
-Array = NDArray[Any]
 
 FPS = 60.0
 BEARINGS = np.linspace(-1.114, 1.317, 11)

@@ -21,9 +21,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pymotion.ops.skeleton_np import fk_quat
 
+from crowdsim.core.types import Array
 from crowdsim.graph.motion_graph import MotionGraph, build_graph
 from crowdsim.motion import ground
 from crowdsim.motion.database import MotionDatabase, build_database
@@ -33,8 +33,6 @@ from crowdsim.policy.alignment import align_actions
 from crowdsim.policy.rewards import target_body
 from crowdsim.take.poses import PoseSampler
 from crowdsim.take.take import Cast, Events, Take
-
-Array = NDArray[Any]
 
 JOINTS = 31
 GOAL = 200_000
@@ -55,7 +53,7 @@ def walk(database: MotionDatabase, graph: MotionGraph, shifts: Array, avatars: i
     side = int(np.ceil(np.sqrt(avatars)))
     base = np.stack([np.arange(avatars) % side * 1.2, np.arange(avatars) // side * 1.2, rng.uniform(-3, 3, avatars)], 1)
     told_action, told_phase = np.empty((frames, avatars), np.int32), np.empty((frames, avatars), np.float32)
-    places = np.empty((frames, avatars, 3), np.float32)
+    positions = np.empty((frames, avatars, 3), np.float32)
     for frame in range(frames):
         done = phase >= lengths[action]
         base[done] = _moved(database, base, origins[action], lengths[action] * stride)[done]
@@ -67,7 +65,7 @@ def walk(database: MotionDatabase, graph: MotionGraph, shifts: Array, avatars: i
         base[done] = ground.compose(base, shifts[action])[done]
         phase = np.where(done, 0, phase)
         told_action[frame], told_phase[frame] = action, phase
-        places[frame] = _moved(database, base, origins[action], phase * stride)
+        positions[frame] = _moved(database, base, origins[action], phase * stride)
         phase = phase + 1
     count = int(avatars * seconds / 2)
     attackers = rng.integers(0, avatars, count).astype(np.int32)
@@ -83,7 +81,7 @@ def walk(database: MotionDatabase, graph: MotionGraph, shifts: Array, avatars: i
     zeros, ones = np.zeros(avatars, np.int16), np.ones(avatars, np.float32)
     cast = Cast(np.arange(avatars).astype(str), zeros, zeros, zeros, ones, ones, ("boxer",), ("all",), ("boxer",),
                 np.full((1, 3), np.nan))  # fmt: skip
-    x, z, heading = (places[..., k] for k in range(3))
+    x, z, heading = (positions[..., k] for k in range(3))
     return Take(told_action, told_phase, x, z, heading, np.full(told_action.shape, -1, np.int32),
                 cast, np.zeros((frames, 0, 3), np.float32), (), events, database.control_rate, "walk", 0, ("",),
                 "done")  # fmt: skip

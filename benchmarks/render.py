@@ -37,6 +37,7 @@ from _quick import small_policies
 
 from crowdsim.motion import quaternion
 from crowdsim.render.batch import render
+from crowdsim.render.options import RenderOptions
 from crowdsim.render.stage import build_stage
 from crowdsim.render.take_source import TakeSource
 from crowdsim.render.video import encode, planes
@@ -89,10 +90,10 @@ def frames_a_second(source: Any, size: tuple[int, int], frames: int, repeats: in
     """Best rate of several renderings of the first frames of a source to MP4, and least CPU time of a frame [ms]."""
     best, least = 0.0, np.inf
     with tempfile.TemporaryDirectory() as folder:
-        render(source, Path(folder) / "warm", size=size, frames=(0, 2))
+        render(source, Path(folder) / "warm", RenderOptions(size=size, frames=(0, 2)))
         for repeat in range(repeats):
             started, before = time.perf_counter(), spent()
-            render(source, Path(folder) / str(repeat), size=size, frames=(0, frames))
+            render(source, Path(folder) / str(repeat), RenderOptions(size=size, frames=(0, frames)))
             best = max(best, frames / (time.perf_counter() - started))
             least = min(least, (spent() - before) / frames * 1000.0)
     return best, float(least)
@@ -107,7 +108,7 @@ def memory(source: Any, size: tuple[int, int], frames: int) -> dict[str, float]:
             seen[done] = process.memory_info().rss
 
     with tempfile.TemporaryDirectory() as folder:
-        render(source, Path(folder), size=size, frames=(0, frames), progress=watch)
+        render(source, Path(folder), RenderOptions(size=size, frames=(0, frames)), progress=watch)
     return {"growth_mib": (seen[frames] - seen[frames // 10]) / 2**20, "most_mib": max(seen.values()) / 2**20}
 
 

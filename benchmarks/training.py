@@ -52,7 +52,7 @@ def synthetic_actions(states: int = 437, count: int = 27072, seed: int = 1) -> A
     strikes = draw.random(count) < 0.3
     k = int(strikes.sum())
     bearing, distance = draw.uniform(-1.114, 1.317, k), draw.uniform(0.3, 1.3, k)
-    places = np.stack([distance * np.sin(bearing), draw.uniform(1.2, 1.6, k), distance * np.cos(bearing)], -1)
+    positions = np.stack([distance * np.sin(bearing), draw.uniform(1.2, 1.6, k), distance * np.cos(bearing)], -1)
     return Actions(
         offsets=np.concatenate([[0], np.cumsum(n)]).astype(np.int32),
         next=draw.integers(0, states, count).astype(np.int32),
@@ -63,7 +63,7 @@ def synthetic_actions(states: int = 437, count: int = 27072, seed: int = 1) -> A
         paths=(np.repeat(steps, lengths, axis=0) * frames[:, None]).astype(np.float32),
         strike_offsets=np.concatenate([[0], np.cumsum(strikes)]).astype(np.int32),
         strike_times=(draw.uniform(0.1, 1.0, k) * lengths[strikes]).astype(np.float32),
-        strike_places=places.astype(np.float32),
+        strike_places=positions.astype(np.float32),
         strike_speeds=draw.uniform(0.5, 1.5, k).astype(np.float32),
         strike_ids=np.arange(k, dtype=np.int32),
     )

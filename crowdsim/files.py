@@ -1,4 +1,4 @@
-"""Regular files inside a folder: named, found, opened and removed without following links or opening devices."""
+"""Folders of outputs, and regular files inside a folder: named, found, opened and removed without following links."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import stat
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
+
+from crowdsim.errors import OutputError
 
 _KINDS = {
     stat.S_IFREG: "a regular file",
@@ -129,3 +131,17 @@ def remove_empty(folder: Path, names: Iterable[str]) -> None:
         except OSError:
             # It holds something that is not ours, or is a link.
             continue
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for outputs, and those above it.
+
+    Raises:
+        OutputError: It cannot be made, or is a file.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise OutputError(f"{folder}: is a file, expected a folder to write into") from None
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None

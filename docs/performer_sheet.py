@@ -72,7 +72,7 @@ def _draw_move(move: str, seed: int, threads: int) -> np.ndarray:
             eye = target + 5.6 * np.array([math.sin(azimuth), 0.16, math.cos(azimuth)])
             capsules = cast.place([(positions[frame : frame + 1], rotations[frame : frame + 1])])
             large = draw(
-                Capsules(capsules.places, paints, capsules.owners),
+                Capsules(capsules.shapes, paints, capsules.owners),
                 look_at(eye, target, field=math.radians(20.0)),
                 (2 * TILE[0], 2 * TILE[1]),
                 sun_direction(azimuth + 0.7),

@@ -2,9 +2,9 @@
 
     python docs/quality_strips.py RUN [PICTURE] [--seed N]
 
-Five cuts over which the body changes most, five over which a planted foot would jump furthest, and five strikes that
-land, drawn among the hundred that ask for most. Each is shown from the side, by moments that are evenly spaced (times
-in seconds from the cut or the strike): above as the capture has it, cut hard, below as it is shown.
+Five transitions over which the body changes most, five over which a planted foot would jump furthest, and five strikes
+that land, drawn among the hundred that ask for most. Each is shown from the side, by moments that are evenly spaced
+(times in seconds from the transition or the strike): above as captured, without a blend, below as it is shown.
 """
 
 from __future__ import annotations
@@ -15,17 +15,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from crowdsim.core.types import Array
 from crowdsim.render.caption import draw_caption
 from crowdsim.render.raycast import draw, sun_direction
 from crowdsim.render.scene import build_cast
 from crowdsim.render.view import look_at
 from crowdsim.runs.opening import open_run
 from crowdsim.take.poses import Poses, PoseSampler
-
-Array = NDArray[Any]
 
 FPS = 60.0
 STEPS, WIDE_STEPS = np.arange(-12, 13, 3), np.arange(-28, 29, 7)
@@ -99,8 +97,8 @@ def _draw_tile(
         figures.append(sampler.policies[part.policy].database.body)
         owners.extend([index] * len(part.avatars))
         scales.extend(part.scales.tolist())
-        places, turns = part.at(at).joints()
-        posed.append((places[0], turns[0]))
+        positions, turns = part.at(at).joints()
+        posed.append((positions[0], turns[0]))
     colours = np.array([[0.62, 0.3, 0.22], [0.25, 0.36, 0.6]])[: len(owners)]
     cast = build_cast(figures, np.array(owners, np.int32), scales, colours=colours)
     large = draw(
@@ -116,7 +114,7 @@ def _draw_tile(
     return tile
 
 
-def _some_cuts(sampler: PoseSampler) -> list[tuple[Any, Any, Array]]:
+def _some_transitions(sampler: PoseSampler) -> list[tuple[Any, Any, Array]]:
     take = sampler.take
     result = []
     for index in range(len(sampler.motions)):
@@ -139,26 +137,26 @@ def _inside(sampler: PoseSampler, time: float) -> bool:
 
 
 def transitions(sampler: PoseSampler, rng: np.random.Generator) -> list[tuple[float, list[int]]]:
-    """Return times and avatars of five cuts over which the body changes much."""
+    """Return times and avatars of five transitions over which the body changes much."""
     sizes, moments = [], []
-    for frames, cuts, avatars in _some_cuts(sampler):
-        turned = np.abs(np.sum(frames.rotations[cuts.before] * frames.rotations[cuts.after], axis=-1))
+    for frames, transitions, avatars in _some_transitions(sampler):
+        turned = np.abs(np.sum(frames.rotations[transitions.before] * frames.rotations[transitions.after], axis=-1))
         change = np.arccos(np.clip(turned, 0.0, 1.0)).mean(axis=1)
-        for k in range(len(cuts.times)):
-            sizes.append(change[k] if _inside(sampler, cuts.times[k]) else -1.0)
-            moments.append((float(cuts.times[k]), [int(avatars[cuts.owners[k]])]))
+        for k in range(len(transitions.times)):
+            sizes.append(change[k] if _inside(sampler, transitions.times[k]) else -1.0)
+            moments.append((float(transitions.times[k]), [int(avatars[transitions.owners[k]])]))
     return _pick(np.array(sizes), moments, rng)
 
 
 def plants(sampler: PoseSampler, rng: np.random.Generator) -> list[tuple[float, list[int]]]:
-    """Return times and avatars of five cuts over which planted feet would jump far."""
+    """Return times and avatars of five transitions over which planted feet would jump far."""
     sizes, moments = [], []
-    for frames, cuts, avatars in _some_cuts(sampler):
-        planted = frames.contacts[cuts.before] & frames.contacts[cuts.after]
-        jump = (np.linalg.norm(cuts.gaps[..., :3], axis=-1) * planted).max(axis=1)
-        for k in range(len(cuts.times)):
-            sizes.append(jump[k] if _inside(sampler, cuts.times[k]) else -1.0)
-            moments.append((float(cuts.times[k]), [int(avatars[cuts.owners[k]])]))
+    for frames, transitions, avatars in _some_transitions(sampler):
+        planted = frames.contacts[transitions.before] & frames.contacts[transitions.after]
+        jump = (np.linalg.norm(transitions.gaps[..., :3], axis=-1) * planted).max(axis=1)
+        for k in range(len(transitions.times)):
+            sizes.append(jump[k] if _inside(sampler, transitions.times[k]) else -1.0)
+            moments.append((float(transitions.times[k]), [int(avatars[transitions.owners[k]])]))
     return _pick(np.array(sizes), moments, rng)
 
 

@@ -37,7 +37,7 @@ def read(text):
 
 def world_positions(parents, offsets, channels, motion):
     """Return positions (F, J, 3) in file units, every joint by a 4 x 4 matrix."""
-    places = np.empty((len(motion), len(parents), 3))
+    positions = np.empty((len(motion), len(parents), 3))
     for frame, row in enumerate(motion):
         worlds, at = [], 0
         for joint, parent in enumerate(parents):
@@ -53,5 +53,5 @@ def world_positions(parents, offsets, channels, motion):
                     local = local @ turn
                 at += 1
             worlds.append(local if parent < 0 else worlds[parent] @ local)
-            places[frame, joint] = worlds[joint][:3, 3]
-    return places
+            positions[frame, joint] = worlds[joint][:3, 3]
+    return positions

@@ -10,7 +10,7 @@ from crowdsim.crowd.kernels.choice import BURSTS, REST
 from crowdsim.crowd.kernels.opponents import BEHIND
 from crowdsim.crowd.model import TOLERANCE
 from crowdsim.crowd.random import Purpose, uniform
-from crowdsim.crowd.script import target_places
+from crowdsim.crowd.script import target_positions
 from crowdsim.motion import ground
 from crowdsim.policy.policy import action_values
 
@@ -116,7 +116,7 @@ def run(crowd, policies, frames, script=None):
                 one.phase_before = min(one.phase, one.length)
                 one.phase += one.speed
         due = [one for one in avatars if one.phase >= one.length]
-        targets = target_places(paths, frame - 1, 2, policies[0].database.control_rate)
+        targets = target_positions(paths, frame - 1, 2, policies[0].database.control_rate)
         chosen = [decide(one, avatars, crowd, targets, frame) for one in due]
         for one, (opponent, action) in zip(due, chosen, strict=True):
             one.action_before, one.start_before, one.start = one.action, one.start, one.stands()
@@ -138,9 +138,9 @@ def run(crowd, policies, frames, script=None):
 
 def decide(one, avatars, crowd, targets, frame):
     """Opponent and next action of one avatar, from what all are like now."""
-    places = np.array([other.stands() for other in avatars])
-    x, z, team = places[:, 0], places[:, 1], np.array([other.team for other in avatars])
-    mine = places[one.number]
+    positions = np.array([other.stands() for other in avatars])
+    x, z, team = positions[:, 0], positions[:, 1], np.array([other.team for other in avatars])
+    mine = positions[one.number]
     if one.skip == -2:
         opponent = one.fixed
     else:
@@ -176,7 +176,7 @@ def decide(one, avatars, crowd, targets, frame):
         values = action_values(policy, weights, state, seen, turned / (one.scale * one.speed), lasts * one.speed)
     near = neighbours(x, z, mine[0], mine[1], one.number, crowd.crowding.reach, crowd.crowding.most)
     for k, action in enumerate(ways):
-        values[k] -= crowding(one, action, mine, [avatars[j] for j in near], places, crowd)
+        values[k] -= crowding(one, action, mine, [avatars[j] for j in near], positions, crowd)
     counts = np.diff(actions.strike_offsets)[list(ways)]
     interval = crowd.intervals[one.mood]
     if interval > 0 and one.burst == 0:
@@ -209,7 +209,7 @@ def within_grids(policy, target):
     return np.array([target[0] * shrink, target[1], target[2] * shrink])
 
 
-def crowding(one, action, mine, near, places, crowd):
+def crowding(one, action, mine, near, positions, crowd):
     """What an action costs for neighbours and the arena."""
     rules = crowd.crowding
     left_over = min(one.phase - one.length, one.speed)
@@ -217,7 +217,7 @@ def crowding(one, action, mine, near, places, crowd):
     end = ground.compose(mine, one.policy.actions.displacements[action] * [one.scale, one.scale, 1.0])
     worst = 0.0
     for other in near:
-        now = places[other.number]
+        now = positions[other.number]
         left = (other.length - other.phase) / other.speed
         share = min(frames / left, 1.0) if left > 0 else 1.0
         then = now + share * (ground.compose(other.start, other.way(other.action, other.length)) - now)

@@ -40,9 +40,9 @@ def test_its_reader_and_kinematics_agree_with_the_package(witness: SimpleNamespa
     clip = perform_solo("jab").clip
     orders = ["XYZ", "ZXY", "YXZ"] * clip.skeleton.joint_count
     write_bvh(tmp_path / "jab.bvh", clip, orders[: clip.skeleton.joint_count])
-    places, turns = witness.plain_bvh.pose(witness.plain_bvh.read_plain(tmp_path / "jab.bvh"))
+    positions, turns = witness.plain_bvh.pose(witness.plain_bvh.read_plain(tmp_path / "jab.bvh"))
     expected, quaternions = clip_kinematics(to_clip(read_bvh(tmp_path / "jab.bvh"), 0.01))
-    np.testing.assert_allclose(places, expected, atol=2e-6)
+    np.testing.assert_allclose(positions, expected, atol=2e-6)
     axis = np.array([0.3, -0.5, 0.8])
     np.testing.assert_allclose(turns @ axis, quaternion.rotate(quaternions, axis), atol=2e-6)
 
@@ -73,14 +73,14 @@ def test_a_run_is_read_as_the_package_has_it(witness: SimpleNamespace, workplace
     take, policies, _ = open_run(workplace / "run")
     sampler = PoseSampler(take, policies)
     poses = sampler.sample(0, take.output_frames(60), 60)[0]
-    places, _ = poses.joints()
-    database, times = policies[0].database, np.arange(len(places)) / 60.0
+    positions, _ = poses.joints()
+    database, times = policies[0].database, np.arange(len(positions)) / 60.0
     shown = sampler.window(0, np.arange(2), times).place(Moments(np.arange(2), times[:, None]))
     np.testing.assert_allclose(stage.frames.T, shown.frames + shown.fractions, atol=1e-3)
     np.testing.assert_allclose(stage.scales, take.cast.scales, rtol=1e-5)
     roles = [database.body.roles[name] for name in witness.witness.JOINTS]
     for avatar, figure in enumerate(stage.figures):
-        np.testing.assert_allclose(figure.joints, places[:, avatar, roles], atol=1e-5)
+        np.testing.assert_allclose(figure.joints, positions[:, avatar, roles], atol=1e-5)
     # The capture behind it is the database's, mirror images included.
     np.testing.assert_allclose(stage.source.figure.joints[:, 0], database.root_positions, atol=2e-3)
     report = witness.exported.judge(workplace / "run", stage, 0.4)

@@ -123,8 +123,8 @@ def test_training_ends_with_a_summary_whose_json_says_the_same(inside, capsys):
         "    little motion: 8 s, which soon repeats itself: add clips",
         f"  next        {summary['next']}",
     ]
-    places = [text.index(line) for line in lines]
-    assert places == sorted(places)
+    positions = [text.index(line) for line in lines]
+    assert positions == sorted(positions)
     for weakness in summary["weaknesses"]:
         assert f"    {weakness['what']}: {weakness['advice']}\n" in text
     assert crowdsim("inspect", "me", "--json") == 0

@@ -77,8 +77,8 @@ def to_clip(bvh: Bvh, unit_scale: float = 1.0, up_axis: str = "y") -> Clip:
     if moves and frames:
         translations = np.repeat(offsets[None], frames, axis=0)
         translations[:, 0] = roots_at
-        for joint, places in moves.items():
-            translations[:, joint] = places
+        for joint, positions in moves.items():
+            translations[:, joint] = positions
     ends = bvh.end_parents < joints
     skeleton = Skeleton(
         names=bvh.names[:joints],
@@ -122,27 +122,27 @@ def _read_rotations(bvh: Bvh, joints: int, up_axis: str) -> Array:
 
 
 def _read_positions(bvh: Bvh, joints: int, unit_scale: float, up_axis: str) -> dict[int, Array]:
-    """Return places (F, 3) [m] of the joints that have position channels, y up."""
+    """Return positions (F, 3) [m] of the joints that have position channels, y up."""
     starts = bvh.first_channels()
     moves = {}
     for joint in range(joints):
         own = [(place, AXIS[name[0]]) for place, name in enumerate(bvh.channels[joint]) if name.endswith("position")]
         if own:
-            places = np.repeat(bvh.offsets[joint : joint + 1], bvh.frame_count, axis=0)
+            positions = np.repeat(bvh.offsets[joint : joint + 1], bvh.frame_count, axis=0)
             for place, axis in own:
-                places[:, axis] = bvh.motion[:, int(starts[joint]) + place]
-            moves[joint] = turn_up(places * unit_scale, up_axis)
+                positions[:, axis] = bvh.motion[:, int(starts[joint]) + place]
+            moves[joint] = turn_up(positions * unit_scale, up_axis)
     return moves
 
 
 def _settle(moves: dict[int, Array], offsets: Array) -> None:
     """Make the positions of joints that do not move their offsets (J, 3), and leave the others in ``moves``."""
     for joint in list(moves):
-        places = moves[joint]
-        if len(places) and np.isfinite(places).all():
-            low, high = places.min(axis=0), places.max(axis=0)
-            if (high - low).max() <= _STILL * np.abs(places).max():
-                offsets[joint] = places[0] if (high == low).all() else np.median(places, axis=0)
+        positions = moves[joint]
+        if len(positions) and np.isfinite(positions).all():
+            low, high = positions.min(axis=0), positions.max(axis=0)
+            if (high - low).max() <= _STILL * np.abs(positions).max():
+                offsets[joint] = positions[0] if (high == low).all() else np.median(positions, axis=0)
                 del moves[joint]
 
 
@@ -188,9 +188,9 @@ def channel_motion(
 
     Args:
         channels: Channel names of each joint.
-        root_positions: Place of the root [m]. Shape (F, 3).
+        root_positions: Position of the root [m]. Shape (F, 3).
         rotations: Local rotations. Shape (F, J, 4), wxyz.
-        translations: Places of the joints in their parents' frames [m], where they have position channels. Shape
+        translations: Positions of the joints in their parents' frames [m], where they have position channels. Shape
             (F, J, 3).
         unit_scale: Metres in one file unit.
         previous: The angles of the frame before [deg], so that chunks join: shape (J, 3), changed in place to those of
@@ -205,8 +205,8 @@ def channel_motion(
     motion = np.empty((frames, int(starts[-1])))
     for joint, own in enumerate(channels):
         if len(own) == 6:
-            places = root_positions if joint == 0 or translations is None else translations[:, joint]
-            motion[:, starts[joint] : starts[joint] + 3] = places / unit_scale
+            positions = root_positions if joint == 0 or translations is None else translations[:, joint]
+            motion[:, starts[joint] : starts[joint] + 3] = positions / unit_scale
         columns[joint] = starts[joint + 1] - 3
         orders[joint] = [AXIS[name[0]] for name in own[-3:]]
     if previous is None:

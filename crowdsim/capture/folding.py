@@ -49,11 +49,11 @@ def backward_elbows(clip: Clip, roles: Mapping[str, int]) -> tuple[str, ...]:
     hips = [rest[roles[f"{side}_hip"]] for side in SIDES]
     up = _unit(rest[roles["head"]] - 0.5 * (hips[0] + hips[1]))
     forward = _unit(np.cross(hips[0] - hips[1], up))
-    places, turns = clip_kinematics(clip)
+    positions, turns = clip_kinematics(clip)
     found = []
     for side in SIDES:
         shoulder, elbow, hand = (roles[f"{side}_{role}"] for role in ("shoulder", "elbow", "hand"))
-        upper, lower = (_unit(places[:, b] - places[:, a]) for a, b in ((shoulder, elbow), (elbow, hand)))
+        upper, lower = (_unit(positions[:, b] - positions[:, a]) for a, b in ((shoulder, elbow), (elbow, hand)))
         axes = np.cross(upper, lower)
         bent = np.linalg.norm(axes, axis=1) > _BENT
         if np.count_nonzero(bent) < _LEAST * clip.fps:

@@ -223,8 +223,8 @@ def _in_metres(clip: Clip, scale: float, up_axis: str) -> Clip:
         return clip
     turn = up_axis != "y"
 
-    def move(places: Array) -> Array:
-        return np.asarray(turn_up(places * scale, up_axis) if turn else places * scale)
+    def move(positions: Array) -> Array:
+        return np.asarray(turn_up(positions * scale, up_axis) if turn else positions * scale)
 
     rotations = clip.rotations
     if turn:
@@ -245,16 +245,16 @@ def _flips(clip: Clip, start: int) -> list[str]:
     if least >= np.pi:
         return []
     dots = np.abs(np.einsum("fjc,fjc->fj", clip.rotations[start + 1 :], clip.rotations[start:-1]))
-    places = np.argwhere(dots < np.cos(0.5 * least))
+    flips = np.argwhere(dots < np.cos(0.5 * least))
     found = []
-    for frame, joint in places[:_MOST_FLIPS]:
+    for frame, joint in flips[:_MOST_FLIPS]:
         angle = np.rad2deg(2.0 * np.arccos(dots[frame, joint]))
         found.append(
             f"joint {clip.skeleton.names[joint]!r} flips by {angle:.0f} degrees "
             f"between frames {start + frame} and {start + frame + 1}"
         )
-    if len(places) > _MOST_FLIPS:
-        found.append(f"{len(places) - _MOST_FLIPS} more flips of joints")
+    if len(flips) > _MOST_FLIPS:
+        found.append(f"{len(flips) - _MOST_FLIPS} more flips of joints")
     return found
 
 

@@ -56,23 +56,23 @@ def skeleton_figure(capture: Capture) -> Figure:
     """Draw the body from the front and the side; the front names the limbs, the side the trunk, in the margins."""
     figure = new_figure(20, 6)
     skeleton, body = capture.clip.skeleton, capture.body
-    places, ends, what = _shown_pose(capture)
+    positions, ends, what = _shown_pose(capture)
     for axes, view in zip(figure.subplots(1, 2), ("front", "side"), strict=True):
         # From the front the figure's left is on the viewer's right, from the side it looks to the right.
         across = 0 if view == "front" else 2
         for joint, parent in enumerate(skeleton.parents):
             colour = _joint_colour(skeleton, capture.roles, joint)
             if parent >= 0:
-                bone = places[[parent, joint]]
+                bone = positions[[parent, joint]]
                 axes.plot(bone[:, across], bone[:, 1], color=colour, lw=1.5)
-            axes.plot(places[joint, across], places[joint, 1], "o", ms=3, color=colour)
+            axes.plot(positions[joint, across], positions[joint, 1], "o", ms=3, color=colour)
         for parent, end in zip(skeleton.end_parents, ends, strict=True):
-            bone = np.stack([places[parent], end])
+            bone = np.stack([positions[parent], end])
             axes.plot(bone[:, across], bone[:, 1], ":", color=_joint_colour(skeleton, capture.roles, int(parent)), lw=1)
-        _name_roles(axes, capture, places, view)
+        _name_roles(axes, capture, positions, view)
         # Both views have one scale, with room for names beside.
-        middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
-        size = max(float(np.ptp(places, axis=0).max()), 1e-6)
+        middle = 0.5 * (positions.min(axis=0) + positions.max(axis=0))
+        size = max(float(np.ptp(positions, axis=0).max()), 1e-6)
         axes.set_aspect("equal", adjustable="box")
         axes.set_xlim(middle[across] - 1.3 * size, middle[across] + 1.3 * size)
         axes.set_ylim(middle[1] - 0.62 * size, middle[1] + 0.62 * size)
@@ -92,33 +92,33 @@ def skeleton_figure(capture: Capture) -> Figure:
 def _shown_pose(capture: Capture) -> tuple[Array, Array, str]:
     """Joints (J, 3) and end sites (E, 3) of the pose that is drawn, facing +z, and what pose it is."""
     skeleton, roles = capture.clip.skeleton, capture.roles
-    places = skeleton.rest_positions() - skeleton.offsets[0]
+    positions = skeleton.rest_positions() - skeleton.offsets[0]
     turns, what = None, "rest pose"
     if roles:
-        positions, rotations = sample_poses(capture.motion)
+        samples, rotations = sample_poses(capture.motion)
         feet = [roles["left_foot"], roles["right_foot"]]
-        rise = places[roles["head"], 1] - places[feet, 1].mean()
-        if len(positions) and (not rests_like_a_body(skeleton, roles) or rise < 0.4 * np.ptp(places, axis=0).max()):
-            frame = int(np.argmax(positions[:, roles["head"], 1] - positions[:, feet, 1].mean(axis=1)))
-            places, turns = positions[frame] - positions[frame, 0], rotations[frame]
+        rise = positions[roles["head"], 1] - positions[feet, 1].mean()
+        if len(samples) and (not rests_like_a_body(skeleton, roles) or rise < 0.4 * np.ptp(positions, axis=0).max()):
+            frame = int(np.argmax(samples[:, roles["head"], 1] - samples[:, feet, 1].mean(axis=1)))
+            positions, turns = samples[frame] - samples[frame, 0], rotations[frame]
             what = "standing (the rest pose is none)"
     ends = (
         skeleton.end_offsets if turns is None else quaternion.rotate(turns[skeleton.end_parents], skeleton.end_offsets)
     )
-    ends = places[skeleton.end_parents] + ends
+    ends = positions[skeleton.end_parents] + ends
     if roles:
-        across = places[roles["left_hip"]] - places[roles["right_hip"]]
+        across = positions[roles["left_hip"]] - positions[roles["right_hip"]]
         facing = np.array([0.0, 0.0, np.arctan2(-across[2], across[0])])
-        places, ends = ground.to_local(facing, places), ground.to_local(facing, ends)
-    return places, ends, what
+        positions, ends = ground.to_local(facing, positions), ground.to_local(facing, ends)
+    return positions, ends, what
 
 
-def _name_roles(axes: Any, capture: Capture, places: Array, view: str) -> None:
+def _name_roles(axes: Any, capture: Capture, positions: Array, view: str) -> None:
     """Write roles and joint names into the margins, each with a line to its joint, spread so that none overlap."""
     roles, names = capture.roles, capture.clip.skeleton.names
     across = 0 if view == "front" else 2
-    low, high = float(places[:, 1].min()), float(places[:, 1].min() + max(np.ptp(places[:, 1]), 1e-6))
-    reach = float(np.abs(places[:, across]).max(initial=0.0)) + 0.08 * (high - low)
+    low, high = float(positions[:, 1].min()), float(positions[:, 1].min() + max(np.ptp(positions[:, 1]), 1e-6))
+    reach = float(np.abs(positions[:, across]).max(initial=0.0)) + 0.08 * (high - low)
     if view == "front":
         margins = {1.0: [r for r in roles if r.startswith("left")], -1.0: [r for r in roles if r.startswith("right")]}
     else:
@@ -126,14 +126,14 @@ def _name_roles(axes: Any, capture: Capture, places: Array, view: str) -> None:
     for sign, chosen in margins.items():
         # Level arms are named from the shoulder outwards.
         chosen = sorted(
-            chosen, key=lambda role: (-round(places[roles[role], 1] / (0.06 * (high - low))), ROLES.index(role))
+            chosen, key=lambda role: (-round(positions[roles[role], 1] / (0.06 * (high - low))), ROLES.index(role))
         )
-        heights = _spread(places[[roles[role] for role in chosen], 1], 0.055 * (high - low))
+        heights = _spread(positions[[roles[role] for role in chosen], 1], 0.055 * (high - low))
         for role, height in zip(chosen, heights, strict=True):
-            place = places[roles[role]]
+            position = positions[roles[role]]
             axes.annotate(
                 f"{role}: {names[roles[role]]}",
-                (place[across], place[1]),
+                (position[across], position[1]),
                 xytext=(sign * reach, height),
                 fontsize=8,
                 color=_joint_colour(capture.clip.skeleton, roles, roles[role]),
@@ -158,14 +158,14 @@ def path_figure(analysis: ClipAnalysis) -> Figure:
     """
     figure = new_figure(8, 7)
     axes = figure.subplots()
-    places = analysis.tracks.ground
-    axes.plot(places[:, 1], places[:, 0], color=_NEUTRAL, lw=1, label="pelvis")
-    every = places[:: round(analysis.clip.fps)]
+    path = analysis.tracks.ground
+    axes.plot(path[:, 1], path[:, 0], color=_NEUTRAL, lw=1, label="pelvis")
+    every = path[:: round(analysis.clip.fps)]
     axes.quiver(every[:, 1], every[:, 0], np.cos(every[:, 2]), np.sin(every[:, 2]), width=0.004, scale=22)
     for foot, (side, colour) in enumerate(zip(_SIDES, _COLOURS, strict=True)):
         planted = analysis.tracks.balls[analysis.contacts[:, foot], foot]
         axes.plot(planted[:, 2], planted[:, 0], ".", ms=3, color=colour, alpha=0.4, label=f"{side} foot planted")
-    axes.plot(places[0, 1], places[0, 0], "o", color="tab:green", label="start")
+    axes.plot(path[0, 1], path[0, 0], "o", color="tab:green", label="start")
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.1)
     axes.set_xlabel("z [m]")
@@ -225,13 +225,13 @@ def _mark_rejected(axes: Any, analysis: ClipAnalysis, seconds: Array) -> None:
 
 def pose_figure(analysis: ClipAnalysis, start: float) -> Figure:
     """Draw stick figures of motion that begins at a time [s] from the side and the front, each in its ground frame."""
-    skeleton, (positions, _) = analysis.clip.skeleton, clip_kinematics(analysis.clip)
+    skeleton, (joints, _) = analysis.clip.skeleton, clip_kinematics(analysis.clip)
     figure = new_figure(16, 5.5)
     frames = np.unique(np.linspace(0, analysis.clip.frame_count - 1, _FIGURES).round().astype(int))
-    spacing = max(0.1, round(0.75 * float(positions[..., 1].max(initial=1.0)), 1))
+    spacing = max(0.1, round(0.75 * float(joints[..., 1].max(initial=1.0)), 1))
     for axes, view in zip(figure.subplots(2, 1), ("side, facing right", "front"), strict=True):
         for column, frame in enumerate(frames):
-            local = ground.to_local(analysis.tracks.ground[frame], positions[frame])
+            local = ground.to_local(analysis.tracks.ground[frame], joints[frame])
             across = column * spacing + (local[:, 2] if view.startswith("side") else local[:, 0])
             for joint, parent in enumerate(skeleton.parents):
                 if parent >= 0:

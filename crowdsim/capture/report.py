@@ -14,7 +14,7 @@ HANDS = ("left", "right")
 
 
 def describe_capture(capture: Capture) -> dict[str, Any]:
-    """Return a capture's figures; times are seconds in the file, places metres in the ground frame."""
+    """Return a capture's figures; times are seconds in the file, positions metres in the ground frame."""
     bvh, skeleton, analysis = capture.bvh, capture.clip.skeleton, capture.analysis
     result: dict[str, Any] = {
         "joints": bvh.joint_count,
@@ -55,7 +55,7 @@ def describe_capture(capture: Capture) -> dict[str, Any]:
                 "place": [round(float(value), 4) for value in place],
             }
             for frame, hand, speed, place in zip(
-                strikes.frames, strikes.hands, strikes.speeds, strikes.places, strict=True
+                strikes.frames, strikes.hands, strikes.speeds, strikes.positions, strict=True
             )
         ],
         rejected_list=_rejected(capture.start, analysis),

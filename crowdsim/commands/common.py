@@ -17,8 +17,6 @@ from typing import Annotated, Any
 
 import typer
 
-from crowdsim.errors import OutputError
-
 
 def _count_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -138,17 +136,3 @@ def size_text(count: float) -> str:
             return f"{count:.0f} {unit}" if unit == "bytes" else f"{count:.1f} {unit}"
         count /= 1000
     return f"{count:.1f} GB"
-
-
-def make_folder(folder: Path) -> None:
-    """Make a folder for outputs.
-
-    Raises:
-        OutputError: It cannot be made or is a file.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise OutputError(f"{folder}: is a file, expected a folder to write into") from None
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made: {error.strerror}") from None

@@ -9,9 +9,10 @@ from typing import Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import CORES, Json, make_folder, note, print_json
+from crowdsim.commands.common import CORES, Json, note, print_json
 from crowdsim.commands.progress import Bars
 from crowdsim.errors import CrowdsimError, under_way
+from crowdsim.files import make_folder
 
 
 def inspect(

@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
-from crowdsim.commands.common import make_folder, say
+from crowdsim.commands.common import say
 from crowdsim.commands.progress import Bars
 from crowdsim.errors import under_way
+from crowdsim.files import make_folder
 
 
 def perform(

@@ -7,9 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import Json, Mocap, Search, complete_scenario, make_folder, print_json
+from crowdsim.commands.common import Json, Mocap, Search, complete_scenario, print_json
 from crowdsim.commands.progress import Bars
 from crowdsim.errors import CrowdsimError, under_way
+from crowdsim.files import make_folder
 
 
 def profile(

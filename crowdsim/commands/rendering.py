@@ -37,10 +37,10 @@ def render(
     jobs: Annotated[int, typer.Option(metavar="N", min=1, max=256, help="Processes that draw.")] = 1,
 ) -> None:
     """Render runs and BVH files to PNG, MP4 and contact sheets."""
-    from crowdsim.render.command import RenderOptions, parse_size, render_many
+    from crowdsim.render.command import parse_size, render_many
+    from crowdsim.render.options import RenderOptions
     from crowdsim.render.take_source import TakeSource
-    from crowdsim.runs.arena import read_arena
-    from crowdsim.runs.opening import open_run
+    from crowdsim.runs.opening import open_run, read_arena
     from crowdsim.runs.recorder import record_files
     from crowdsim.scenario.frame_ranges import parse_frames
 

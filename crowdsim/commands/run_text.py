@@ -67,12 +67,16 @@ def _opponents(figures: Figures) -> list[Row]:
 
 
 def _motion(figures: Figures) -> list[Row]:
-    jump, cuts, overlap = (figures[k] for k in ("transition_jump_ratio", "transitions_per_second", "overlap_share"))
+    names = ("transition_jump_ratio", "transitions_per_second", "overlap_share")
+    jump, transitions, overlap = (figures[name] for name in names)
     return [
         ("planted feet slide", _slide(figures, "median", "median")),
         ("", _slide(figures, "95", "95th percentile")),
         ("joints accelerate", None if jump is None else f"{rating(jump, 1.0)}, around transitions"),
-        ("transitions", None if cuts is None else f"{number(cuts, 3)} per avatar per second; the capture has none"),
+        (
+            "transitions",
+            None if transitions is None else f"{number(transitions, 3)} per avatar per second; the capture has none",
+        ),
         ("fists that land", _fists(figures)),
         ("bodies overlap", None if overlap is None else f"{percent(overlap)} of the time"),
     ]

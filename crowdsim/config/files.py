@@ -14,11 +14,11 @@ from dataclasses import replace
 from typing import Any, ClassVar, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, ValidationError
 
 from crowdsim.config.findings import Fault, Faults, show, translate
 from crowdsim.config.overrides import override
-from crowdsim.config.schema import describe, spot_of
+from crowdsim.config.schema import Part, describe, schema_of
 from crowdsim.config.tree import MAXIMUM_BYTES, Document, Finding, read_document, scalar
 from crowdsim.core.types import FileName
 from crowdsim.errors import CrowdsimError
@@ -38,6 +38,14 @@ class StrictModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     renamed: ClassVar[dict[str, str]] = {}
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: Any, handler: GetJsonSchemaHandler) -> Part:
+        """Return the JSON Schema of the model, with the keys that were renamed as ``renamed``."""
+        schema = handler(core)
+        if cls.renamed:
+            handler.resolve_ref_schema(schema)["renamed"] = cls.renamed
+        return schema
 
 
 def load_model(
@@ -114,7 +122,7 @@ def _document(path: FileName) -> Document:
 def _read(
     path: FileName, model: type[Model], overrides: Sequence[str], context: dict[str, Any] | None
 ) -> tuple[Model | None, list[Finding]]:
-    document, top, value = _document(path), spot_of(model), None
+    document, top, value = _document(path), schema_of(model), None
     findings = document.findings
     if not isinstance(document.data, dict):
         if not findings:

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from crowdsim.config.schema import Spot, describe, discriminator, join, member, step
+from crowdsim.config.schema import Part, describe, discriminator, join, keys, members, quoted, step, words
 from crowdsim.config.tree import Document, Finding, Loc
 from crowdsim.errors import is_near, nearest
 
@@ -36,51 +36,51 @@ class _Located:
     Attributes:
         loc: The location without the labels of union members.
         value: What the data has there, or above it where it has nothing.
-        spot: What the schema expects there; None where it says nothing.
+        part: What the schema expects there.
         parent: The same a level above.
-        union: The outermost plain union on the way, and the label of its member.
+        union: The outermost union without a discriminator on the way, and the label of its member.
     """
 
     loc: Loc
     value: Any
-    spot: Spot | None
-    parent: Spot | None = None
+    part: Part
+    parent: Part
     union: tuple[_Located, str] | None = None
 
 
-def translate(error: ValidationError, document: Document, top: Spot) -> list[Finding]:
-    """Return the findings of a validation error; the members of a plain union speak with one voice."""
+def translate(error: ValidationError, document: Document, top: Part) -> list[Finding]:
+    """Return the findings of a validation error; of a union's members the one that the value is meant for speaks."""
     findings: list[Finding] = []
+    labels: dict[Loc, list[str]] = {}
     unions: dict[Loc, tuple[_Located, dict[str, list[Finding | None]]]] = {}
     for detail in error.errors(include_url=False):
-        here = _locate(detail["loc"], document.data, top)
+        here = _locate(detail["loc"], document.data, top, labels)
         if document.hides(here.loc):
             continue
-        found = _findings_of(dict(detail), here)
+        found: list[Any] = _findings_of(dict(detail), here)
         if here.union is None:
             findings += found
             continue
-        # A member that the value's very type rules out has nothing to say once another one is meant.
         outer, label = here.union
-        common = discriminator(outer.spot)
-        ruled_out = here.loc == outer.loc and detail["type"].endswith(("_type", "literal_error", "int_from_float"))
-        ruled_out = ruled_out or (common is not None and here.loc == (*outer.loc, common[0]))
-        labels = unions.setdefault(outer.loc, (outer, {}))[1]
-        labels.setdefault(label, []).extend([None] if ruled_out else found)
-    for outer, labels in unions.values():
-        meant = [[finding for finding in found if finding] for found in labels.values() if None not in found]
+        common = discriminator(outer.part)
+        of_another = here.loc == outer.loc and detail["type"].endswith(("_type", "literal_error", "int_from_float"))
+        if of_another or (common and here.loc == (*outer.loc, common[0])):
+            found = [None]
+        unions.setdefault(outer.loc, (outer, {}))[1].setdefault(label, []).extend(found)
+    for outer, by_label in unions.values():
+        meant = [found for found in by_label.values() if None not in found and found]
         if meant:
-            findings += sorted(meant, key=len)[0]
+            findings += [finding for finding in min(meant, key=len) if finding]
         elif not any(loc[: len(outer.loc)] == outer.loc for loc in document.unreadable):
             findings.append(_no_member(outer))
     return [document.place(finding) for finding in findings if not document.hides(finding.loc)]
 
 
-def unknown_key(loc: Loc, spot: Spot | None) -> Finding:
+def unknown_key(loc: Loc, part: Part) -> Finding:
     """Return the finding of a key that a mapping does not know, with its new name or the nearest known one."""
-    key, known = str(loc[-1]), spot.keys if spot else []
-    renamed = spot.renamed.get(key) if spot else None
-    expected = f"it is now called '{renamed}'" if renamed else f"expected {join(known)}{nearest(key, known)}"
+    key = str(loc[-1])
+    renamed = part.get("renamed", {}).get(key)
+    expected = f"it is now called '{renamed}'" if renamed else f"expected {join(keys(part))}{nearest(key, keys(part))}"
     return Finding(loc, f"unknown key, {expected}", of_key=loc)
 
 
@@ -94,34 +94,39 @@ def show(value: Any) -> str:
     return f"is {text if len(text) <= 60 else text[:57] + '...'}"
 
 
-def holds(value: Any, part: Any) -> bool:
+def holds(value: Any, at: Any) -> bool:
     """Whether a mapping or list has something at a key or index."""
-    return part in value if isinstance(value, dict) else isinstance(value, list) and part in range(len(value))
+    return at in value if isinstance(value, dict) else isinstance(value, list) and at in range(len(value))
 
 
-def _locate(location: tuple[Any, ...], value: Any, top: Spot) -> _Located:
-    """Follow a location of pydantic, which has a label of the member chosen after every union."""
-    here = _Located((), value, top)
-    for part in location:
-        spot, inside = here.spot, holds(here.value, part)
-        if spot is not None and spot.members:
-            union = here.union or (None if spot.tagged else (here, str(part)))
-            here = replace(here, spot=member(spot, str(part)), union=union)
-        elif part == "[key]":
+def _locate(location: tuple[Any, ...], data: Any, top: Part, labels: dict[Loc, list[str]]) -> _Located:
+    """Follow a location of pydantic through data and schema.
+
+    After every union it has a label: the discriminator's value, or a name of the member. Pydantic names all members in
+    the order of the schema; ``labels`` keeps those of each union.
+    """
+    here = _Located((), data, top, {})
+    for i, at in enumerate(location):
+        if "discriminator" in here.part:
+            here = replace(here, part=(discriminator(here.part) or ("", {}))[1].get(at, {}))
+        elif members(here.part):
+            known = labels.setdefault(location[:i], [])
+            known += [at] if at not in known else []
+            here = replace(here, part=members(here.part)[known.index(at)], union=here.union or (here, at))
+        elif at == "[key]":
             break
-        elif inside or spot is not None:
-            value = here.value[part] if inside else here.value
-            here = _Located((*here.loc, part), value, step(spot, part), spot, here.union)
-            if not inside:
-                break
+        elif holds(here.value, at):
+            here = _Located((*here.loc, at), here.value[at], step(here.part, at), here.part, here.union)
+        else:
+            return replace(here, loc=(*here.loc, at), part=step(here.part, at), parent=here.part)
     return here
 
 
 def _findings_of(detail: dict[str, Any], here: _Located) -> list[Finding]:
     """Return what an error of pydantic says in words; nothing where another finding says it."""
     kind, loc, context = detail["type"], here.loc, detail.get("ctx", {})
-    shown, expected, reason = show(here.value), describe(here.spot), context.get("error")
-    what = f"{shown}, expected {expected}"
+    reason, expected = context.get("error"), describe(here.part)
+    what = f"{show(here.value)}, expected {expected}"
     if isinstance(reason, Faults):
         return [replace(finding, loc=(*loc, *finding.loc)) for finding in reason.findings]
     if detail["loc"][-1:] == ("[key]",):
@@ -139,53 +144,49 @@ def _findings_of(detail: dict[str, Any], here: _Located) -> list[Finding]:
         count, limit = len(here.value), context.get("min_length", context.get("max_length"))
         if kind == "too_short" and count >= limit:
             return []  # pydantic counts valid items only; the others have findings of their own
-        if here.spot is None or not here.spot.is_pair_or_the_like:
+        if "prefixItems" not in here.part:
             expected = f"at {'least' if kind == 'too_short' else 'most'} {limit}"
         what = f"has {count} item{'s'[: count != 1]}, expected {expected}"
-    elif kind == "string_too_short":
-        what = "is empty text, expected text"
     elif reason is not None:
-        what = f"{shown}, {reason}"
-    elif here.spot is None or expected == "a value":
-        what = f"{shown}, expected {re.sub('^(Input|Value) should be ', '', detail['msg'])}"
+        what = f"{show(here.value)}, {reason}"
+    elif expected == "a value":
+        what = f"{show(here.value)}, expected {re.sub('^(Input|Value) should be ', '', detail['msg'])}"
     elif kind == "literal_error":
-        what += _near(here.value, here.spot.words)
-    elif here.spot.kind is str and isinstance(here.value, int | float):
+        what += _near(here.value, words(here.part))
+    elif here.part.get("type") == "string" and isinstance(here.value, int | float):
         what += " in quotes"
     return [Finding(loc, what)]
 
 
-def _is_misspelt(key: str, spot: Spot | None, given: Any) -> bool:
+def _is_misspelt(key: str, part: Part, given: Any) -> bool:
     """Whether an unknown key is a misspelt missing one, and has a finding of its own."""
-    if spot is None or not isinstance(given, dict):
-        return False
-    return any(
-        spot.renamed.get(name) == key or nearest(name, spot.keys) == nearest(key, [key])
+    return isinstance(given, dict) and any(
+        part.get("renamed", {}).get(name) == key or nearest(name, keys(part)) == nearest(key, [key])
         for name in given
-        if name not in spot.keys
+        if name not in keys(part)
     )
 
 
 def _no_member(here: _Located) -> Finding:
     """Return the finding of a value that is meant for no member of a union."""
-    if discriminator(here.spot) and isinstance(here.value, dict):
+    if discriminator(here.part) and isinstance(here.value, dict):
         return _wrong_tag(here)
-    words = [word for choice in here.spot.members for word in choice.words] if here.spot else []
-    return Finding(here.loc, f"{show(here.value)}, expected {describe(here.spot)}{_near(here.value, words)}")
+    choices = [word for choice in members(here.part) for word in words(choice)]
+    return Finding(here.loc, f"{show(here.value)}, expected {describe(here.part)}{_near(here.value, choices)}")
 
 
 def _wrong_tag(here: _Located) -> Finding:
-    """Return the finding of a mapping whose key that chooses among the models of a union is missing or wrong."""
-    key, words = discriminator(here.spot) or ("kind", [])
-    loc, expected = (*here.loc, key), join([f"'{word}'" for word in words])
+    """Return the finding of a mapping whose key that chooses among the members of a union is missing or wrong."""
+    key, tags = discriminator(here.part) or ("kind", {})
     if key in here.value:
-        return Finding(loc, f"{show(here.value[key])}, expected {expected}{_near(here.value[key], words)}")
-    known = {name for choice in here.spot.members for name in choice.keys} if here.spot else set()
+        what = f"{show(here.value[key])}, expected {quoted(tags)}{_near(here.value[key], tags)}"
+        return Finding((*here.loc, key), what)
+    known = {name for choice in tags.values() for name in keys(choice)}
     for other in here.value:
         if other not in known and is_near(other, key):
-            what = f"unknown key, expected {key}: {expected} (did you mean '{key}'?)"
-            return Finding((*here.loc, other), what, of_key=(*here.loc, other))
-    return Finding(loc, f"missing, expected {expected}")
+            loc = (*here.loc, other)
+            return Finding(loc, f"unknown key, expected {key}: {quoted(tags)} (did you mean '{key}'?)", of_key=loc)
+    return Finding((*here.loc, key), f"missing, expected {quoted(tags)}")
 
 
 def _near(value: Any, words: Iterable[Any]) -> str:

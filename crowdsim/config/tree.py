@@ -22,8 +22,11 @@ MAXIMUM_DEPTH = 64
 _INTEGER = re.compile(r"[-+]?[0-9]+(?:_[0-9]+)*|0x[0-9a-fA-F]+|0o[0-7]+")
 _FLOAT = re.compile(r"[-+]?(?:[0-9]+(?:_[0-9]+)*\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
-_WORDS = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
-_EMPTY = ("", "~", "null", "Null", "NULL")
+_WORDS = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+}
 # PyYAML tags plain words by YAML 1.1, timestamps among them; scalar() decides what they are.
 _TAGS = ("map", "seq", "str", "int", "float", "bool", "null", "merge", "value", "timestamp")
 _TOO_DEEP = f"nested too deeply, expected at most {MAXIMUM_DEPTH} levels"
@@ -104,8 +107,6 @@ def key_path(loc: Loc) -> str:
 
 def scalar(text: str) -> Any:
     """Return what an unquoted word means: None, a boolean, a number or the text; inf and nan come back as floats."""
-    if text in _EMPTY:
-        return None
     if text in _WORDS:
         return _WORDS[text]
     if len(text) < 400 and _INTEGER.fullmatch(text):

@@ -31,9 +31,9 @@ class Model(NamedTuple):
             Shape (A, 8 or more), float32.
         paths: Where each action leads in control frames 1 to T: x, z [m], cosine and sine of the turn, and the frame;
             then room to read beyond the last one. Shape (5, .), float32.
-        strikes: For each strike its time [control frames from the state], the fist's place seen from the action's start
-            [m], its speed [m/s], the hand, which of its state's actions it is in, and what it earns where it lands by
-            each strike term of the policy; then room. Shape (K, 8 or more), float32.
+        strikes: For each strike its time [control frames from the state], the fist's position seen from the action's
+            start [m], its speed [m/s], the hand, which of its state's actions it is in, and what it earns where it
+            lands by each strike term of the policy; then room. Shape (K, 8 or more), float32.
         behaviours: As in ``policy.LookupTables``, places moved; then what a transition costs the behaviour, for a cost
             of 1 and for each one. Shape (B, 13), float64.
         discounts: Powers of each behaviour's discount: row 0 from 0 on; row T for frames 1 to T, and zeros behind them.
@@ -145,8 +145,8 @@ class World(NamedTuple):
             [control frames]; 0 no time. Shape (M, 5), float64.
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]. Shape (5,).
         crowding: The numbers of ``Crowding``. Shape (7,), float64.
-        targets: Places of scripted targets, from the frame before the first that is run on [m]. Shape (frames, G, 3),
-            float64.
+        targets: Positions of scripted targets, from the frame before the first that is run on [m]. Shape
+            (frames, G, 3), float64.
         stream: What seed and purpose contribute to draws of actions and of bursts. Shape (2,), uint64.
     """
 
@@ -182,7 +182,7 @@ class Scratch(NamedTuple):
         states: The state that it chooses in, -1 where there is no opponent. Shape (batch,), int32.
         moods: Its mood. Shape (batch,), int32.
         policies: Its policy. Shape (batch,), int32.
-        order: Places in the batch in the order of states. Shape (batch,), int64.
+        order: Indices in the batch in the order of states. Shape (batch,), int64.
         starts: Where each state begins in it. Shape (S + 2,), int64.
         values: What its actions are worth. Shape (batch, most actions of a state), float64.
         begins: Where the actions of each of a block begin in ``cells`` and ``work``. Shape (block + 1,), int64.
@@ -223,7 +223,7 @@ class Strikes(NamedTuple):
 
     Attributes:
         whole: Attacker, victim, hand, whether it landed. Shape (S, 4), int32.
-        real: Frame, place x, y, z [m], speed [m/s]. Shape (S, 5), float64.
+        real: Frame, position x, y, z [m], speed [m/s]. Shape (S, 5), float64.
     """
 
     whole: Array

@@ -58,7 +58,7 @@ class Crowd:
     """Who is in a run; N avatars, M moods (ways to choose, one a group and type), P policies.
 
     Attributes:
-        x: Places at the start [m]. Shape (N,).
+        x: Positions at the start [m]. Shape (N,).
         z: Likewise. Shape (N,).
         heading: Where avatars look at the start [rad]. Shape (N,).
         policy: Index of each avatar's policy. Shape (N,).
@@ -165,7 +165,7 @@ def build_crowd(
 
 
 def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Avatars:
-    """Return the avatars at their places, each in a state drawn from its policy's, about to take its first decision.
+    """Return the avatars at their positions, each in a state drawn from its policy's, about to take its first decision.
 
     Args:
         crowd: The crowd.
@@ -173,7 +173,7 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
         order: Number of the avatar in each slot; by default the present ones come first. Shape (N,).
 
     Raises:
-        RunError: A place is not finite.
+        RunError: A position is not finite.
     """
     count = crowd.count
     numbers = np.argsort(~crowd.present, kind="stable") if order is None else np.asarray(order)

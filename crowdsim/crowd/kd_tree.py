@@ -65,15 +65,15 @@ def build_tree(x: ArrayLike, z: ArrayLike, team: ArrayLike | None = None) -> tup
     """Return a tree over copies of points, and the order of its leaves.
 
     Args:
-        x: Places across [m]. Shape (N,).
-        z: Places ahead [m]. Shape (N,).
+        x: Positions across [m]. Shape (N,).
+        z: Positions ahead [m]. Shape (N,).
         team: Team of each point, 0 or greater; without it everyone is a team of one's own. Shape (N,).
 
     Returns:
         The tree, in which a point's ``number`` is its index here, and the index of each of its points. Shape (N,).
 
     Raises:
-        ValueError: Shapes differ, or a place is not finite (with the point's index).
+        ValueError: Shapes differ, or a position is not finite (with the point's index).
     """
     xs, zs = np.array(x, dtype=float), np.array(z, dtype=float)
     teams = np.arange(len(xs), dtype=np.int32) if team is None else np.asarray(team, np.int32)
@@ -81,7 +81,7 @@ def build_tree(x: ArrayLike, z: ArrayLike, team: ArrayLike | None = None) -> tup
         raise ValueError(f"x {xs.shape}, z {zs.shape} and team {teams.shape} differ in shape, expected (N,)")
     bad = np.flatnonzero(~np.isfinite(xs) | ~np.isfinite(zs))
     if len(bad):
-        raise ValueError(f"point {bad[0]} is at ({xs[bad[0]]}, {zs[bad[0]]}), expected finite places")
+        raise ValueError(f"point {bad[0]} is at ({xs[bad[0]]}, {zs[bad[0]]}), expected finite positions")
     order = sort_tree(plan_tree(xs, zs, np.arange(len(xs), dtype=np.int32), teams))
     tree = plan_tree(xs, zs, order, teams[order])
     fit_tree(tree)
@@ -95,8 +95,8 @@ def nearest(
 
     Args:
         tree: The fitted tree.
-        x: Places across [m]. Shape (Q,).
-        z: Places ahead [m]. Shape (Q,).
+        x: Positions across [m]. Shape (Q,).
+        z: Positions ahead [m]. Shape (Q,).
         own: Point of the tree that a query skips, -1 for none. Shape (Q,), int32.
         own_team: Team that a query skips, -1 for none. Shape (Q,), int32.
         workers: Threads to share the queries.

@@ -103,10 +103,10 @@ def strike_rows(policies: Sequence[Policy], behaviours: Array, terms: Array, sta
     for p, policy in enumerate(policies):
         actions, database = policy.actions, policy.database
         speeds, hands = database.strike_speeds[actions.strike_ids], database.strike_hands[actions.strike_ids]
-        places = np.reshape(actions.strike_places, (-1, 3))
+        positions = np.reshape(actions.strike_places, (-1, 3))
         owners = np.repeat(np.arange(actions.action_count), np.diff(actions.strike_offsets))
         owners -= np.repeat(actions.offsets[:-1], np.diff(actions.offsets))[owners]
-        columns = [actions.strike_times, *places.T, speeds, hands, owners]
+        columns = [actions.strike_times, *positions.T, speeds, hands, owners]
         for row in behaviours[starts["behaviour"][p] : starts["behaviour"][p + 1]]:
             for term in terms[int(row[layout.FIRST_TERM]) : int(row[layout.LAST_TERM])]:
                 if term[layout.KIND] == StrikeTerm.code:

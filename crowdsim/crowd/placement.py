@@ -31,7 +31,7 @@ class Placed:
     """All avatars of a scenario as they stand at the start, waiting groups included.
 
     Attributes:
-        x, z: Places [m]. Shape (N,).
+        x, z: Positions [m]. Shape (N,).
         heading: Where they look [rad], in -pi..pi. Shape (N,).
         group, team, type: Indices into ``groups``, ``teams`` and ``types``. Shape (N,), int32.
         scale, speed: Factors of body size and of speed. Shape (N,).
@@ -92,7 +92,7 @@ def place_groups(scenario: Scenario) -> Placed:
 
 
 def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: Array, heading: Array) -> None:
-    """Write places and the placement's own headings of one group."""
+    """Write positions and the placement's own headings of one group."""
     group = scenario.groups[index]
     placement, count, here = group.placement, group.count, slice(start, stop)
     if isinstance(placement, DiscPlacement):
@@ -242,7 +242,7 @@ def _bearing(towards: tuple[float, float], x: Array, z: Array) -> Array:
 
 
 def _turned(centre: tuple[float, float], degrees: float, across: Array, ahead: Array) -> tuple[Array, Array]:
-    """Return places given to the left and ahead of a centre that is turned about +y."""
+    """Return positions given to the left and ahead of a centre that is turned about +y."""
     cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return centre[0] + across * cos + ahead * sin, centre[1] - across * sin + ahead * cos
 

@@ -14,7 +14,7 @@ from crowdsim.core.types import Array
 class TargetPath(Protocol):
     """Where a scripted target is."""
 
-    def places(self, seconds: Array) -> Array:
+    def positions(self, seconds: Array) -> Array:
         """Return the target at given times [s] as points [m]. Shape (n, 3)."""
 
 
@@ -34,7 +34,7 @@ class CirclePath:
     centre: tuple[float, float]
     height: float
 
-    def places(self, seconds: Array) -> Array:
+    def positions(self, seconds: Array) -> Array:
         """Return the target at given times [s] as points [m]. Shape (n, 3)."""
         angle = np.maximum(seconds, 0.0) * self.speed / self.radius
         x = self.centre[0] + self.radius * np.sin(angle)
@@ -58,7 +58,7 @@ class LinePath:
     loop: bool
     height: float
 
-    def places(self, seconds: Array) -> Array:
+    def positions(self, seconds: Array) -> Array:
         """Return the target at given times [s] as points [m]. Shape (n, 3)."""
         corners = np.asarray(self.points, dtype=float)
         if self.loop:
@@ -159,9 +159,9 @@ class Agenda:
         return bool(landed >= change.strikes > 0)
 
 
-def target_places(paths: Sequence[TargetPath], first: int, count: int, rate: float) -> Array:
+def target_positions(paths: Sequence[TargetPath], first: int, count: int, rate: float) -> Array:
     """Return where scripted targets are in ``count`` control frames from ``first`` on [m]. Shape (count, G, 3)."""
     seconds = np.arange(first, first + count) / rate
     if not paths:
         return np.zeros((count, 0, 3))
-    return np.stack([path.places(seconds) for path in paths], axis=1)
+    return np.stack([path.positions(seconds) for path in paths], axis=1)

@@ -22,7 +22,7 @@ from crowdsim.crowd.kernels.loop import run_frames
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import SEARCHES, Index, build_index
 from crowdsim.crowd.random import Purpose, stream
-from crowdsim.crowd.script import Agenda, Change, Script, target_places
+from crowdsim.crowd.script import Agenda, Change, Script, target_positions
 from crowdsim.crowd.stages import Stages, lost_avatar
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import nearest
@@ -54,7 +54,7 @@ class Simulation:
             ``direct`` in frames with up to ``SMALL`` avatars, the tree in others.
 
     Raises:
-        RunError: The policies do not go together, or a place is not finite.
+        RunError: The policies do not go together, or a position is not finite.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class Simulation:
         """Run the next ``frames`` control frames and return them.
 
         Raises:
-            RunError: An avatar's place or values are not finite; the message names avatar and frame.
+            RunError: An avatar's position or values are not finite; the message names avatar and frame.
         """
         first, count = self.frame, self.crowd.count
         record = empty_record(frames, count)
@@ -135,7 +135,7 @@ class Simulation:
                 ran, thrown = self._run_stages(rows, times)
             strikes.append(thrown)
             done += ran
-        targets = target_places(self._script.targets, first, frames, self.rate)
+        targets = target_positions(self._script.targets, first, frames, self.rate)
         return Chunk(
             first=first,
             action=record.whole[0],
@@ -186,7 +186,7 @@ class Simulation:
     def _world_at(self, first: int, frames: int) -> World:
         if not self._script.targets:
             return self._world._replace(targets=np.zeros((frames, 0, 3)))
-        return self._world._replace(targets=target_places(self._script.targets, first, frames, self.rate))
+        return self._world._replace(targets=target_positions(self._script.targets, first, frames, self.rate))
 
     def _blank(self, record: Record, first: int, last: int) -> None:
         """Mark avatars as absent in the record; those that are present write over it."""
@@ -269,7 +269,7 @@ def simulate(
         chunk: Control frames in a chunk; by default a million avatar-frames, at most 256.
 
     Raises:
-        RunError: An avatar's place or values are not finite; the message names avatar and frame.
+        RunError: An avatar's position or values are not finite; the message names avatar and frame.
     """
     size = chunk or min(max(_CHUNK_AVATAR_FRAMES // max(crowd.count, 1), 1), 256)
     simulation = Simulation(crowd, policies, script, threads, search, order, profiled)

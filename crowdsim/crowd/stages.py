@@ -160,6 +160,6 @@ def lost_avatar(avatars: Avatars, slot: int, frame: int) -> RunError:
     avatar = int(avatars.number[slot])
     x, z = avatars.x[slot], avatars.z[slot]
     return RunError(
-        f"avatar {avatar} at control frame {frame}: its place ({x:g}, {z:g}) or the values of its actions are not "
+        f"avatar {avatar} at control frame {frame}: its position ({x:g}, {z:g}) or the values of its actions are not "
         "finite numbers; the policy's tables or motion are damaged"
     )

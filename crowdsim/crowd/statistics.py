@@ -36,7 +36,7 @@ class CrowdStatistics:
         hits_per_minute_per_avatar: Strikes landed over the minutes that avatars were present.
         overlap_share: Share of avatar-frames in which a body's disc overlaps another's.
         opponent_changes: How often an avatar took another opponent.
-        transitions_per_second: Cuts from one piece of captured motion to another, an avatar and second.
+        transitions_per_second: Transitions from one piece of captured motion to another, an avatar and second.
     """
 
     avatars: int
@@ -64,7 +64,7 @@ class StatisticsCounter:
         self._rate = float(policies[0].database.control_rate)
         self._policy, self._scale = np.asarray(policy, np.int64), np.asarray(scale, dtype=float)
         self._starts = np.concatenate([[0], np.cumsum([one.actions.action_count for one in policies])])
-        self._cuts = np.concatenate([np.asarray(one.actions.costs) > 0 for one in policies])
+        self._is_transition = np.concatenate([np.asarray(one.actions.costs) > 0 for one in policies])
         self._every = max(1, -(-planned * len(self._scale) // _OVERLAP_AVATAR_FRAMES))
         self._last: tuple[Array, Array, Array] | None = None
         self._frames = self._present = self._thrown = self._landed = self._changes = self._transitions = 0
@@ -83,7 +83,7 @@ class StatisticsCounter:
                 here = (action >= 0) & (before >= 0)
                 switched = here & ((action != before) | (done <= done_before))
                 whose = self._starts[self._policy[switched]] + action[switched]
-                self._transitions += int(np.count_nonzero(self._cuts[whose]))
+                self._transitions += int(np.count_nonzero(self._is_transition[whose]))
                 known = here & (opponent != -1) & (opponent_before != -1)
                 self._changes += int(np.count_nonzero(known & (opponent != opponent_before)))
             self._last = (action, done, opponent)
@@ -114,7 +114,7 @@ def overlapping(x: ArrayLike, z: ArrayLike, scale: ArrayLike = 1.0, radius: floa
     """Return whether each body's disc overlaps another's: closer than the two radii, each times its scale.
 
     Args:
-        x: Places [m]. Shape (N,).
+        x: Positions [m]. Shape (N,).
         z: Likewise. Shape (N,).
         scale: Scale of each body. Shape (N,) or ().
         radius: Radius for scale 1 [m].

@@ -10,8 +10,8 @@ import numpy as np
 
 from crowdsim.bvh.io import BvhWriter
 from crowdsim.core.types import Array, Progress
-from crowdsim.errors import OutputError
 from crowdsim.export.stream import Block, run_all, stream_poses
+from crowdsim.files import make_folder
 from crowdsim.take.poses import Poses, PoseSampler
 
 _DECIMALS = 5
@@ -26,13 +26,10 @@ class BvhSink:
 
     Args:
         sampler: Poses of the take.
-        folder: Folder for the files; made when missing.
+        folder: Folder for the files, which is there when the first is written.
         fps: Output frames a second.
         frames: First output frame and one past the last; all when None.
         avatars: Numbers of the avatars; all when None.
-
-    Raises:
-        OutputError: The folder cannot be made.
     """
 
     kind = "bvh"
@@ -52,7 +49,6 @@ class BvhSink:
         self.done = 0
         self._sampler, self._folder, self._fps = sampler, folder, fps
         self._writers: dict[int, BvhWriter] | None = None
-        make_folder(folder)
 
     @property
     def total(self) -> int:
@@ -138,25 +134,12 @@ def export_bvh(
         The files, in the order of the avatars.
 
     Raises:
-        OutputError: A file cannot be written.
+        OutputError: The folder cannot be made, or a file cannot be written.
     """
+    make_folder(folder)
     return stream_poses(sampler, fps, [BvhSink(sampler, folder, fps, frames, avatars)], threads, progress)[0]
 
 
 def bvh_name(avatar: str) -> str:
     """Return the name of an avatar's BVH file."""
     return f"{avatar}.bvh"
-
-
-def make_folder(folder: Path) -> None:
-    """Make a folder for files.
-
-    Raises:
-        OutputError: It cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise OutputError(f"{folder}: is a file, expected a folder to write into") from None
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None

@@ -13,12 +13,12 @@ class Riders(NamedTuple):
 
     Attributes:
         joints: Joint of each point. Shape (K,).
-        places: Position in that joint's frame [m]. Shape (K, 3).
+        positions: Position in that joint's frame [m]. Shape (K, 3).
         normals: Outward normal there. Shape (K, 3).
     """
 
     joints: Array
-    places: Array
+    positions: Array
     normals: Array
 
 
@@ -56,12 +56,12 @@ class Points(NamedTuple):
     """Points in the world; P of them.
 
     Attributes:
-        places: Positions [m]. Shape (P, 3), float32.
+        positions: Positions [m]. Shape (P, 3), float32.
         normals: Shape (P, 3), float32.
         velocities: Shape (3, P), float32 [m/s].
     """
 
-    places: Array
+    positions: Array
     normals: Array
     velocities: Array
 
@@ -105,12 +105,12 @@ def place_points(bodies, when, columns, riders, first, points):
         rate = 1.0 / (when.seconds * (high - low)) if high > low else 0.0
         scale = bodies.scales[n]
         for i in range(riders.joints.shape[0]):
-            j, own, normal = riders.joints[i], riders.places[i], riders.normals[i]
+            j, own, normal = riders.joints[i], riders.positions[i], riders.normals[i]
             offset = own[0] * scale, own[1] * scale, own[2] * scale
             position, rotation = bodies.positions[frame, n, j], bodies.rotations[frame, n, j]
-            place = points.places[row]
+            point = points.positions[row]
             x, y, z = rotate(rotation, offset[0], offset[1], offset[2])
-            place[0], place[1], place[2] = position[0] + x, position[1] + y, position[2] + z
+            point[0], point[1], point[2] = position[0] + x, position[1] + y, position[2] + z
             _write_velocity(bodies, n, j, low, high, rate, offset, points.velocities[:, row])
             turned = points.normals[row]
             turned[0], turned[1], turned[2] = rotate(rotation, normal[0], normal[1], normal[2])

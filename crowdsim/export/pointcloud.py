@@ -16,14 +16,14 @@ import numpy as np
 
 from crowdsim.core.types import Array, Progress
 from crowdsim.errors import OutputError, RunError
-from crowdsim.export.bvh import make_folder
 from crowdsim.export.cloud_kernels import Bodies, Points, Riders, When, place_points
 from crowdsim.export.stream import Block, run_all, stream_poses
 from crowdsim.export.surface import Surface, build_surface
+from crowdsim.files import make_folder
 from crowdsim.take.poses import Poses, PoseSampler
 
 FIELDS = ("x", "y", "z", "nx", "ny", "nz", "vx", "vy", "vz", "avatar", "team", "joint")
-"""What every point has: place [m], normal, velocity [m/s], float32; avatar, team and joint numbers, int32."""
+"""What every point has: position [m], normal, velocity [m/s], float32; avatar, team and joint numbers, int32."""
 _SYSTEM_PACKAGES = "libgl1 libegl1 libgomp1 libusb-1.0-0 libx11-6"
 
 
@@ -56,7 +56,7 @@ class Cloud:
     """Points of a frame; n of them.
 
     Attributes:
-        places: Where they are [m]. Shape (n, 3), float32.
+        positions: Where they are [m]. Shape (n, 3), float32.
         normals: Outward normals. Shape (n, 3), float32.
         velocities: How they move [m/s]. Shape (3, n), float32.
         avatar: Avatar that each is on. Shape (n,), int32.
@@ -64,7 +64,7 @@ class Cloud:
         joint: Joint that it rides on, a number of its skeleton. Shape (n,), int32.
     """
 
-    places: Array
+    positions: Array
     normals: Array
     velocities: Array
     avatar: Array
@@ -80,7 +80,7 @@ class CloudSink:
 
     Args:
         sampler: Poses of the take.
-        folder: Folder for the files; made when missing.
+        folder: Folder for the files, which is there when the first is written.
         kind: ``ply`` or ``pcd``, both binary.
         fps: Output frames a second.
         points: Points an avatar.
@@ -89,7 +89,6 @@ class CloudSink:
         avatars: Numbers of the avatars; all when None.
 
     Raises:
-        OutputError: The folder cannot be made.
         RunError: Open3D cannot be loaded.
     """
 
@@ -116,7 +115,6 @@ class CloudSink:
         self._chosen[self.avatars] = True
         self._surfaces: dict[int, Surface] = {}
         self._files: list[Path] = []
-        make_folder(folder)
 
     @property
     def total(self) -> int:
@@ -169,26 +167,26 @@ class CloudSink:
         return self._surfaces[policy]
 
     def _build(
-        self, blocks: Sequence[Poses], joints: Sequence[tuple[Array, Array]], surfaces: Sequence[Surface], row: int
+        self, blocks: Sequence[Poses], all_joints: Sequence[tuple[Array, Array]], surfaces: Sequence[Surface], row: int
     ) -> Cloud:
         here = [
-            np.flatnonzero(np.isfinite(places[row, :, 0, 0]) & self._chosen[poses.avatars])
-            for poses, (places, _) in zip(blocks, joints, strict=True)
+            np.flatnonzero(np.isfinite(joints[row, :, 0, 0]) & self._chosen[poses.avatars])
+            for poses, (joints, _) in zip(blocks, all_joints, strict=True)
         ]
         numbers = [poses.avatars[columns].astype(np.int32) for poses, columns in zip(blocks, here, strict=True)]
         count = self._points * sum(map(len, numbers))
-        places, normals = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
+        positions, normals = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
         velocities = np.empty((3, count), np.float32)
         first = 0
-        for poses, (positions, rotations), surface, columns in zip(blocks, joints, surfaces, here, strict=True):
-            bodies = Bodies(positions, rotations, poses.scales.astype(np.float32))
-            when = When(max(row - 1, 0), row, min(row + 1, len(positions) - 1), 1.0 / self._fps)
-            riders = Riders(surface.joints, surface.places, surface.normals)
-            first = place_points(bodies, when, columns, riders, first, Points(places, normals, velocities))
+        for poses, (joints, rotations), surface, columns in zip(blocks, all_joints, surfaces, here, strict=True):
+            bodies = Bodies(joints, rotations, poses.scales.astype(np.float32))
+            when = When(max(row - 1, 0), row, min(row + 1, len(joints) - 1), 1.0 / self._fps)
+            riders = Riders(surface.joints, surface.positions, surface.normals)
+            first = place_points(bodies, when, columns, riders, first, Points(positions, normals, velocities))
         avatar = np.repeat(np.concatenate(numbers), self._points)
         own_joints = [np.tile(surface.joints, len(own)) for surface, own in zip(surfaces, numbers, strict=True)]
         teams = self._sampler.take.cast.teams.astype(np.int32)
-        return Cloud(places, normals, velocities, avatar, teams[avatar], np.concatenate(own_joints))
+        return Cloud(positions, normals, velocities, avatar, teams[avatar], np.concatenate(own_joints))
 
 
 def export_clouds(
@@ -209,9 +207,10 @@ def export_clouds(
         The files, in the order of frames.
 
     Raises:
-        OutputError: A file cannot be written.
+        OutputError: The folder cannot be made, or a file cannot be written.
         RunError: Open3D cannot be loaded.
     """
+    make_folder(folder)
     sink = CloudSink(sampler, folder, kind, fps, points, frames, every, avatars)
     return stream_poses(sampler, fps, [sink], threads, progress)[0]
 
@@ -227,7 +226,7 @@ def write_cloud(path: Path, cloud: Cloud) -> None:
     o3d: Any = open3d
     shared = o3d.core.Tensor.from_numpy
     points = o3d.t.geometry.PointCloud()
-    points.point.positions = shared(cloud.places)
+    points.point.positions = shared(cloud.positions)
     if path.suffix == ".ply":
         points.point.normals = shared(cloud.normals)
     else:
@@ -242,7 +241,7 @@ def write_cloud(path: Path, cloud: Cloud) -> None:
     try:
         done = o3d.t.io.write_point_cloud(str(partial), points)
         # Open3D calls some files written that a full disk has cut off.
-        if not (done and _is_whole(partial, len(cloud.places))):
+        if not (done and _is_whole(partial, len(cloud.positions))):
             raise OSError("the disk may be full, or the folder cannot be written")
         os.replace(partial, path)
     except OSError as error:

@@ -19,12 +19,12 @@ class Surface:
 
     Attributes:
         joints: Joint of each point. Shape (K,), int32.
-        places: Place in that joint's frame [m]. Shape (K, 3).
+        positions: Position in that joint's frame [m]. Shape (K, 3).
         normals: Outward normal there. Shape (K, 3).
     """
 
     joints: Array
-    places: Array
+    positions: Array
     normals: Array
 
 
@@ -40,13 +40,13 @@ def build_surface(skeleton: Skeleton, body: Body, points: int) -> Surface:
     centres = rest[body.capsule_joints]
     wanted = points
     while True:
-        joints, places, normals = _spread(body, wanted)
-        outside = _outside(body, centres, rest[joints] + places)
+        joints, positions, normals = _spread(body, wanted)
+        outside = _outside(body, centres, rest[joints] + positions)
         kept = np.flatnonzero(outside)
         if len(kept) >= points:
             # Evenly spaced picks keep the spread even.
             kept = kept[np.floor(np.arange(points) * (len(kept) / points)).astype(int)]
-            return Surface(joints[kept].astype(np.int32), places[kept], normals[kept])
+            return Surface(joints[kept].astype(np.int32), positions[kept], normals[kept])
         wanted += max(1, points - len(kept))
 
 
@@ -55,15 +55,15 @@ def _spread(body: Body, count: int) -> tuple[Array, Array, Array]:
     lengths = np.linalg.norm(body.capsule_ends - body.capsule_starts, axis=1)
     areas = 2 * np.pi * (body.capsule_radii**2).sum(axis=1) + np.pi * body.capsule_radii.sum(axis=1) * lengths
     shares = np.maximum(1, np.round(count * areas / areas.sum()).astype(int))
-    joints, places, normals = [], [], []
+    joints, positions, normals = [], [], []
     for capsule, share in enumerate(shares):
         place, normal = _on_capsule(
             body.capsule_starts[capsule], body.capsule_ends[capsule], body.capsule_radii[capsule], int(share)
         )
         joints.append(np.full(share, body.capsule_joints[capsule]))
-        places.append(place)
+        positions.append(place)
         normals.append(normal)
-    return np.concatenate(joints), np.concatenate(places), np.concatenate(normals)
+    return np.concatenate(joints), np.concatenate(positions), np.concatenate(normals)
 
 
 def _on_capsule(start: Array, end: Array, radii: Array, count: int) -> tuple[Array, Array]:
@@ -85,8 +85,8 @@ def _on_capsule(start: Array, end: Array, radii: Array, count: int) -> tuple[Arr
     ring = np.sqrt(np.maximum(0.0, 1.0 - along**2))
     around = np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * other
     normals = ring[:, None] * around + along[:, None] * axis
-    places = start + (share * length)[:, None] * axis + radius[:, None] * normals
-    return places, normals
+    positions = start + (share * length)[:, None] * axis + radius[:, None] * normals
+    return positions, normals
 
 
 def _outside(body: Body, centres: Array, points: Array) -> Array:

@@ -48,14 +48,14 @@ def frame_features(database: MotionDatabase, settings: GraphSettings, progress: 
     for start in range(0, frames, _CHUNK):
         rows = slice(start, min(frames, start + _CHUNK))
         middle = np.arange(rows.start, rows.stop) * stride
-        earlier, places, later = (
-            _world_places(database, playback, joints) for playback in (before[rows], middle, after[rows])
+        earlier, positions, later = (
+            _world_positions(database, playback, joints) for playback in (before[rows], middle, after[rows])
         )
         here = database.ground[middle][:, None, :]
         seconds = (after[rows] - before[rows]) / database.playback_rate
         velocities = (later - earlier) / np.maximum(seconds, 1.0 / database.playback_rate)[:, None, None]
         turn = here * [0.0, 0.0, 1.0]
-        features[rows, 0] = grounds.to_local(here, places) * scale[:, None]
+        features[rows, 0] = grounds.to_local(here, positions) * scale[:, None]
         features[rows, 1] = grounds.to_local(turn, velocities) * (scale * settings.velocity_weight)[:, None]
         if progress is not None:
             progress("features", rows.stop, frames)
@@ -91,7 +91,7 @@ def _neighbours(database: MotionDatabase) -> tuple[Array, Array]:
     return np.maximum(middle - 1, first), np.minimum(middle + 1, last)
 
 
-def _world_places(database: MotionDatabase, playback: Array, joints: Array) -> Array:
+def _world_positions(database: MotionDatabase, playback: Array, joints: Array) -> Array:
     """Return places of some joints in the clips' worlds at playback frames, in double precision [m]."""
     roots = database.root_positions[playback].astype(np.float64)
     rotations = database.rotations[playback].astype(np.float64)

@@ -1,4 +1,4 @@
-"""Numbers of a motion graph: its size, and how often it cuts when actions are drawn at random."""
+"""Numbers of a motion graph: its size, and how many transitions it makes at random."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class GraphStatistics:
         cost_mean: Mean cost of the transitions [m].
         cost_95: Their 95th percentile [m].
         threshold: Largest cost allowed [m].
-        transitions_per_second: Cuts a second of a body that draws its actions evenly at random. A policy cuts less.
-        uncut_seconds: Median time between two cuts of such a body [s].
+        transitions_per_second: Those of a body that draws its actions evenly at random. A policy makes fewer.
+        uncut_seconds: Median time between two transitions of such a body [s].
     """
 
     frames: int
@@ -92,17 +92,17 @@ def _random_shares(graph: MotionGraph) -> Array:
 
 
 def _median_run(graph: MotionGraph, shares: Array) -> float:
-    """Return the median number of frames from one cut to the next, actions being drawn evenly at random."""
-    cuts = graph.action_cuts
-    if not cuts.any():
+    """Return the median number of frames from one transition to the next, actions being drawn evenly at random."""
+    transitions = graph.action_cuts
+    if not transitions.any():
         return float("inf")
     counts = np.diff(graph.action_offsets)
     # The action that continues the capture comes first in its state, where there is one.
     onward = np.minimum(graph.action_offsets[:-1], graph.action_count - 1)
-    stay = np.where(~cuts[onward], 1.0 / counts, 0.0)
-    states = graph.action_next[cuts]
-    frames = graph.action_lengths[cuts].astype(np.int64)
-    mass = shares[cuts] / shares[cuts].sum()
+    stay = np.where(~transitions[onward], 1.0 / counts, 0.0)
+    states = graph.action_next[transitions]
+    frames = graph.action_lengths[transitions].astype(np.int64)
+    mass = shares[transitions] / shares[transitions].sum()
     lengths, ends = [], []
     for _ in range(_RUNS):
         lengths.append(frames)

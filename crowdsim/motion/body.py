@@ -32,7 +32,7 @@ _SOLE = 0.02
 
 @dataclass(frozen=True)
 class Body:
-    """A human body on a skeleton; every place is in the named joint's own frame.
+    """A human body on a skeleton; every position is in the named joint's own frame.
 
     Attributes:
         roles: Joint of each role of ``ROLES`` that the skeleton has; the toes may be missing.
@@ -64,7 +64,7 @@ class Body:
     capsule_parts: Array
 
 
-def standing_height(skeleton: Skeleton, roles: Mapping[str, int], places: Array | None = None) -> float:
+def standing_height(skeleton: Skeleton, roles: Mapping[str, int], positions: Array | None = None) -> float:
     """Return the height of the standing body from its bones, in the unit of the offsets.
 
     Legs and trunk up to the base of the skull make 84 % of a human's height (after Winter's table of segments), and
@@ -73,15 +73,15 @@ def standing_height(skeleton: Skeleton, roles: Mapping[str, int], places: Array 
     Args:
         skeleton: The skeleton.
         roles: Its joints by role.
-        places: Joint positions of any true pose, for the way from the hips to the spine. Shape (J, 3); the rest pose
+        positions: Joint positions of any true pose, for the way from the hips to the spine. Shape (J, 3); the rest pose
             when None.
     """
     tree = JointTree(skeleton, None)
     legs = [tree.way(roles[f"{side}_hip"], roles[f"{side}_foot"]) for side in ("left", "right")]
-    places = skeleton.rest_positions() if places is None else places
+    positions = skeleton.rest_positions() if positions is None else positions
     # The trunk begins between the hips; the pelvis joint may lie above or below.
-    hips = 0.5 * (places[roles["left_hip"]] + places[roles["right_hip"]])
-    trunk = tree.way(roles["spine"], roles["head"]) + float(np.linalg.norm(places[roles["spine"]] - hips))
+    hips = 0.5 * (positions[roles["left_hip"]] + positions[roles["right_hip"]])
+    trunk = tree.way(roles["spine"], roles["head"]) + float(np.linalg.norm(positions[roles["spine"]] - hips))
     return (float(np.mean(legs)) + trunk) / 0.84
 
 
@@ -106,7 +106,7 @@ def build_body(
             "expected a head, two hands and two feet on a trunk"
         )
     stance = _Stance(skeleton, roles, pose)
-    height = standing_height(skeleton, roles, stance.places)
+    height = standing_height(skeleton, roles, stance.positions)
     size = height / HEIGHT
     fists = np.stack([_fist(stance, side, height) for side in ("left", "right")])
     soles = np.stack([_sole(stance, side, size) for side in ("left", "right")])
@@ -132,11 +132,11 @@ def build_body(
 
 
 class _Stance:
-    """The pose in which a body is measured: places of joints, and ways between them in the joints' own frames."""
+    """The pose in which a body is measured: positions of joints, and ways between them in the joints' own frames."""
 
     def __init__(self, skeleton: Skeleton, roles: Mapping[str, int], pose: tuple[Array, Array] | None) -> None:
         self.skeleton, self.roles, self.posed = skeleton, roles, pose is not None
-        self.places = skeleton.rest_positions() if pose is None else np.asarray(pose[0], float)
+        self.positions = skeleton.rest_positions() if pose is None else np.asarray(pose[0], float)
         self.turns = None if pose is None else np.asarray(pose[1], float)
 
     def own(self, joint: int, vector: Array) -> Array:
@@ -145,14 +145,14 @@ class _Stance:
 
     def way(self, joint: int, start: int, end: int) -> Array:
         """The way from one joint to another in the frame of a third."""
-        return self.own(joint, self.places[end] - self.places[start])
+        return self.own(joint, self.positions[end] - self.positions[start])
 
     def at(self, role: str) -> int:
         """The joint of a role."""
         return self.roles[role]
 
     def ends(self, joint: int) -> Array:
-        """Places of the end sites that hang on a joint, in its frame. Shape (n, 3)."""
+        """Positions of the end sites that hang on a joint, in its frame. Shape (n, 3)."""
         return self.skeleton.end_offsets[self.skeleton.end_parents == joint]
 
 
@@ -165,15 +165,15 @@ def _fist(stance: _Stance, side: str, height: float) -> Array:
     """Middle of the fist: the knuckles where there are fingers, else a little beyond the wrist."""
     hand = stance.at(f"{side}_hand")
     ahead = _unit(stance.way(hand, stance.at(f"{side}_elbow"), hand))
-    places = [stance.skeleton.offsets[child] for child in stance.skeleton.children(hand)]
-    places = [
-        place for place in places if 0.02 * height < np.dot(place, ahead) and np.linalg.norm(place) < 0.1 * height
+    positions = [stance.skeleton.offsets[child] for child in stance.skeleton.children(hand)]
+    positions = [
+        place for place in positions if 0.02 * height < np.dot(place, ahead) and np.linalg.norm(place) < 0.1 * height
     ]
-    if places:
+    if positions:
         # Bones of the palm begin at the wrist, and a thumb alone lies aside: the fist is no nearer and no further.
-        middle = np.mean(places, axis=0)
+        middle = np.mean(positions, axis=0)
         reach = float(np.clip(np.linalg.norm(middle), 0.04 * height, 0.055 * height))
-        ahead = _unit(_unit(middle) + (ahead if len(places) == 1 else 0.0))
+        ahead = _unit(_unit(middle) + (ahead if len(positions) == 1 else 0.0))
         return np.asarray(ahead * reach)
     return np.asarray(ahead * 0.045 * height)
 

@@ -38,7 +38,7 @@ class MotionDatabase:
         playback_rate: Playback frames a second.
         clip_names: Names of the clips, a mirrored one with the suffix ``~mirror``. Length C.
         clip_starts: First control frame of each clip, and F. Shape (C + 1,), int32.
-        root_positions: Place of the root in its clip's world, the floor at 0 [m]. Shape (P, 3), float32.
+        root_positions: Position of the root in its clip's world, the floor at 0 [m]. Shape (P, 3), float32.
         rotations: Local joint rotations, continuous in sign within a clip. Shape (P, J, 4), float32.
         ground: Ground transform of the body in its clip's world: where its feet stand, as ``Tracks.stances`` say, and
             turned by as much in all frames that headings are where bodies face on the average, mirror images by as
@@ -46,7 +46,7 @@ class MotionDatabase:
             another, feet stay where they are. Feet of a body that travels pass one another: hips and shoulders say
             where it faces. Shape (P, 3), float64; headings are continuous within a clip.
         contacts: Whether the left and right foot are planted. Shape (P, 2), bool.
-        fists: Place of the left and right fist in the frame's own ground frame [m]. Shape (P, 2, 3), float32.
+        fists: Position of the left and right fist in the frame's own ground frame [m]. Shape (P, 2, 3), float32.
         heads: Centre of the head in the frame's own ground frame [m]. Shape (P, 3), float32.
         necks: Upper end of the torso's capsule, likewise. Shape (P, 3), float32.
         pelvises: Lower end of the torso's capsule, likewise. Shape (P, 3), float32.
@@ -54,7 +54,8 @@ class MotionDatabase:
         strike_hands: 0 for the left hand, 1 for the right. Shape (S,), uint8.
         strike_peaks: Playback frame of the fist's highest speed before that. Shape (S,), int32.
         strike_speeds: That speed, relative to the pelvis [m/s]. Shape (S,), float32.
-        strike_places: Place of the fist at ``strike_frames`` in that frame's ground frame [m]. Shape (S, 3), float32.
+        strike_places: Position of the fist at ``strike_frames`` in that frame's ground frame [m]. Shape (S, 3),
+            float32.
     """
 
     skeleton: Skeleton
@@ -172,8 +173,8 @@ def _join(
     grounds = _grounds(clips) + _grounds(images)
 
     def local(name: str) -> Array:
-        places = [getattr(part.tracks, name) for part in parts]
-        joined = [ground.to_local(g if p.ndim == 2 else g[:, None], p) for g, p in zip(grounds, places, strict=True)]
+        positions = [getattr(part.tracks, name) for part in parts]
+        joined = [ground.to_local(g if p.ndim == 2 else g[:, None], p) for g, p in zip(grounds, positions, strict=True)]
         return np.concatenate(joined).astype(np.float32)
 
     def strikes(name: str, shift: bool = False) -> Array:

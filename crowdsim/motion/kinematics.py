@@ -1,4 +1,4 @@
-"""Forward kinematics: from local joint rotations to places and turns in the world."""
+"""Forward kinematics: from local joint rotations to positions and rotations in the world."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ def forward_kinematics(
     translations: Array | None = None,
     parallel: bool | None = None,
 ) -> tuple[Array, Array]:
-    """Return the places and turns of all joints in the world.
+    """Return the positions and rotations of all joints in the world.
 
     Args:
         skeleton: The skeleton, J joints.
-        root_positions: Place of the root [m]. Shape (F, 3).
+        root_positions: Position of the root [m]. Shape (F, 3).
         rotations: Local rotations. Shape (F, J, 4).
-        translations: Places of joints in their parents' frames [m], for joints that move. Shape (F, J, 3).
+        translations: Positions of joints in their parents' frames [m], for joints that move. Shape (F, J, 3).
         parallel: Use every numba thread; by default when there are many frames. The result is the same.
 
     Returns:

@@ -177,7 +177,7 @@ def _left_of(tree: JointTree, legs: tuple[int, int], feet: list[int], crown: int
                 ahead += pose[chain[-1]] - ankle
             else:
                 ends = tree.skeleton.end_offsets[tree.skeleton.end_parents == foot]
-                # Without poses' rotations an end site's place is known in the rest pose only.
+                # Without poses' rotations an end site's position is known in the rest pose only.
                 if len(tree.poses) == 1 and len(ends):
                     ahead += ends[0]
         # Facing +z with y up, left is +x = y cross z.

@@ -16,9 +16,9 @@ class Skeleton:
     Attributes:
         names: Joint names, parents before children. Length J.
         parents: Index of each joint's parent, -1 for the root. Shape (J,), int32.
-        offsets: Place of each joint in its parent's frame [m]. Shape (J, 3).
+        offsets: Position of each joint in its parent's frame [m]. Shape (J, 3).
         end_parents: Joint that each end site hangs on. Shape (E,), int32.
-        end_offsets: Place of each end site in its joint's frame [m]. Shape (E, 3).
+        end_offsets: Position of each end site in its joint's frame [m]. Shape (E, 3).
     """
 
     names: tuple[str, ...]
@@ -37,12 +37,12 @@ class Skeleton:
         return [int(child) for child in np.flatnonzero(self.parents == joint)]
 
     def rest_positions(self) -> Array:
-        """Return each joint's place in the rest pose, the root at its offset [m]. Shape (J, 3)."""
-        places = np.array(self.offsets, dtype=float)
+        """Return each joint's position in the rest pose, the root at its offset [m]. Shape (J, 3)."""
+        positions = np.array(self.offsets, dtype=float)
         for joint, parent in enumerate(self.parents):
             if parent >= 0:
-                places[joint] += places[parent]
-        return places
+                positions[joint] += positions[parent]
+        return positions
 
     def scaled(self, factor: float) -> Skeleton:
         """Return the same tree with every offset multiplied by ``factor``."""
@@ -75,10 +75,11 @@ class Clip:
         name: What the clip is called (a file's stem).
         skeleton: The skeleton that moves.
         fps: Frames a second.
-        root_positions: Place of the root in the world [m]. Shape (F, 3).
+        root_positions: Position of the root in the world [m]. Shape (F, 3).
         rotations: Local rotation of each joint; the root's is in the world. Shape (F, J, 4), wxyz.
-        translations: Place of each joint in its parent's frame [m], for files whose joints move against their parents,
-            shape (F, J, 3) with the root's row equal to ``root_positions``; None when every joint keeps its offset.
+        translations: Position of each joint in its parent's frame [m], for files whose joints move against their
+            parents, shape (F, J, 3) with the root's row equal to ``root_positions``; None when every joint keeps its
+            offset.
         source: Path of the file it came from, or an empty string.
     """
 

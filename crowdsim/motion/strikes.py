@@ -84,7 +84,7 @@ class Strikes:
         hands: 0 left, 1 right. Shape (S,), uint8.
         peaks: Frame of the fist's highest speed before. Shape (S,), int32.
         speeds: That speed, relative to the pelvis [m/s]. Shape (S,), float32.
-        places: Place of the fist at ``frames`` in that frame's ground frame [m]. Shape (S, 3), float32.
+        positions: Position of the fist at ``frames`` in that frame's ground frame [m]. Shape (S, 3), float32.
         highest_speed: Highest fist speed of the clip, strike or not [m/s].
         rejected: Fast swings that are no strikes.
     """
@@ -93,7 +93,7 @@ class Strikes:
     hands: Array
     peaks: Array
     speeds: Array
-    places: Array
+    positions: Array
     highest_speed: float
     rejected: Rejected
 
@@ -140,13 +140,13 @@ def find_strikes(tracks: Tracks, height: float, fps: float) -> Strikes:
     found.sort()
     frames = np.array([strike[0] for strike in found], np.int32)
     hands = np.array([strike[1] for strike in found], np.uint8)
-    places = ground.to_local(tracks.ground[frames], tracks.fists[frames, hands]) if found else np.zeros((0, 3))
+    positions = ground.to_local(tracks.ground[frames], tracks.fists[frames, hands]) if found else np.zeros((0, 3))
     return Strikes(
         frames=frames,
         hands=hands,
         peaks=np.array([strike[2] for strike in found], np.int32),
         speeds=np.array([strike[3] for strike in found], np.float32),
-        places=places.astype(np.float32),
+        positions=positions.astype(np.float32),
         highest_speed=highest,
         rejected=_rejected(sorted(rejected)),
     )

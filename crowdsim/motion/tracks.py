@@ -61,10 +61,10 @@ def build_tracks(body: Body, positions: Array, rotations: Array) -> Tracks:
     balls = positions[:, feet] + quaternion.rotate(rotations[:, feet], body.sole_offsets[:, 1])
     # A foot that stands turns about its toes.
     toes = [role[name] for name in ("left_toe", "right_toe") if name in role]
-    stands = positions[:, toes] if len(toes) == 2 else balls
+    soles = positions[:, toes] if len(toes) == 2 else balls
     return Tracks(
         ground=_ground(pelvis, across),
-        stances=_ground(stands.mean(axis=1), across + _FEET * (stands[:, 0] - stands[:, 1])),
+        stances=_ground(soles.mean(axis=1), across + _FEET * (soles[:, 0] - soles[:, 1])),
         fists=positions[:, hands] + quaternion.rotate(rotations[:, hands], body.fist_offsets),
         shoulders=shoulders,
         heads=positions[:, role["head"]] + quaternion.rotate(rotations[:, role["head"]], body.head_offset),
@@ -80,11 +80,11 @@ def clip_tracks(clip: Clip, body: Body) -> Tracks:
     return build_tracks(body, *clip_kinematics(clip))
 
 
-def _ground(places: Array, across: Array) -> Array:
-    """Return ground transforms under places (F, 3), with what is across (F, 3) from the right to the left."""
+def _ground(middles: Array, across: Array) -> Array:
+    """Return ground transforms under positions (F, 3), with what is across (F, 3) from the right to the left."""
     # Facing is left cross up.
     heading = np.unwrap(np.arctan2(-across[:, 2], across[:, 0]))
-    return np.stack([places[:, 0], places[:, 2], heading], axis=1).astype(float)
+    return np.stack([middles[:, 0], middles[:, 2], heading], axis=1).astype(float)
 
 
 def speeds(path: Array, fps: float) -> Array:

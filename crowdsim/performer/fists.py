@@ -38,7 +38,7 @@ def hold_guard(score: Score, heading: Array, trunk: Trunk, channels: Array) -> t
     style = score.style
     stance = quat.about_y(heading)
     rest = quat.about_y(style.blade + style.twist)
-    deviation = quat.multiply(quat.multiply(quat.conjugate(stance), trunk.chest_turn), quat.conjugate(rest))
+    deviation = quat.multiply(quat.multiply(quat.conjugate(stance), trunk.chest_rotation), quat.conjugate(rest))
     part = quat.from_rotation_vector(_GUARD_FOLLOWS * quat.to_rotation_vector(deviation))
     frame = quat.multiply(stance, part)
     fists = np.stack(
@@ -70,12 +70,12 @@ def lead_fists(
         shoulders: Shoulder joints, lead and rear [m]. Shape (F, 2, 3).
 
     Returns:
-        Place of the fists [m], shape (F, 2, 3), and the reaches as they were carried out.
+        Position of the fists [m], shape (F, 2, 3), and the reaches as they were carried out.
     """
     guards, frame = hold_guard(score, heading, trunk, channels)
     centre = shoulders.mean(axis=1)
     spacing = times[1] - times[0] if len(times) > 1 else 1.0
-    ahead = quat.rotate(trunk.chest_turn, np.array([0.0, 0.0, 1.0]))
+    ahead = quat.rotate(trunk.chest_rotation, np.array([0.0, 0.0, 1.0]))
     fists, arcs = guards.copy(), np.zeros(guards.shape[:2])
     done = []
     for planned in score.reaches:

@@ -22,7 +22,7 @@ class Footwork:
 
     Attributes:
         heading: Heading of the stance, continuous [rad]. Shape (F,).
-        balls: Place of the balls of the feet on the floor (x, z) [m]. Shape (F, 2, 2).
+        balls: Position of the balls of the feet on the floor (x, z) [m]. Shape (F, 2, 2).
         lifts: Height of the balls over where they are when planted [m]. Shape (F, 2).
         yaws: Heading of the feet, continuous [rad]. Shape (F, 2).
         heels: Lift of the heels that comes from stepping [rad]. Shape (F, 2).
@@ -70,19 +70,19 @@ def trace_feet(score: Score, times: Array) -> Footwork:
         heading += turn.angle * step(times, turn.start, turn.end)
     for pivot in score.pivots:
         yaws[:, pivot.foot] += pivot.angle * step(times, pivot.start, pivot.end)
-    places = prints.copy()
+    positions = prints.copy()
     facing = print_yaws.copy()
     pivots = sorted(score.pivots, key=lambda pivot: pivot.start)
     for footstep in sorted(score.footsteps, key=lambda footstep: footstep.start):
         foot, swing = footstep.foot, footstep.swing
         start, end = footstep.start, footstep.end
-        shift = np.array([footstep.x, footstep.z]) - places[foot]
+        shift = np.array([footstep.x, footstep.z]) - positions[foot]
         turned = sum(p.angle for p in pivots if p.foot == foot and p.start < start)
         gone = step(times, start, end) if swing.ramps is None else glide(times, start, end, *swing.ramps)
         balls[:, foot] += shift * gone[:, None]
         yaws[:, foot] += (footstep.yaw - facing[foot] - turned) * step(times, start, end)
         facing[foot] = footstep.yaw - turned
-        places[foot] += shift
+        positions[foot] += shift
         length = end - start
         carried += 0.5 * shift * step(times, start - swing.push, end + swing.settle)[:, None]
         aloft = window(times, start, end)

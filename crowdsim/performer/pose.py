@@ -26,35 +26,35 @@ class Trunk:
     """The trunk over F frames, in the world.
 
     Attributes:
-        hips: Place of the pelvis [m]. Shape (F, 3).
-        hips_turn: Rotation of the pelvis. Shape (F, 4).
+        hips: Position of the pelvis [m]. Shape (F, 3).
+        hips_rotation: Rotation of the pelvis. Shape (F, 4).
         spine: Local rotations of Spine, Spine1, Spine2. Shape (F, 3, 4).
-        chest: Place of Spine2 [m]. Shape (F, 3).
-        chest_turn: Its rotation. Shape (F, 4).
+        chest: Position of Spine2 [m]. Shape (F, 3).
+        chest_rotation: Its rotation. Shape (F, 4).
     """
 
     hips: Array
-    hips_turn: Array
+    hips_rotation: Array
     spine: Array
     chest: Array
-    chest_turn: Array
+    chest_rotation: Array
 
 
-def pose_trunk(skeleton: Skeleton, hips: Array, hips_turn: Array, twist: Array, flex: Array, bend: Array) -> Trunk:
+def pose_trunk(skeleton: Skeleton, hips: Array, hips_rotation: Array, twist: Array, flex: Array, bend: Array) -> Trunk:
     """Bend the spine by angles (F,) [rad] that its three joints share."""
     spine = np.stack(
         [quat.from_euler(np.stack([twist, flex, -bend], axis=-1) * share, "YXZ") for share in _SPINE_SHARES], axis=1
     )
-    place, turn = hips, hips_turn
+    place, turn = hips, hips_rotation
     for index, joint in enumerate((bones.SPINE, bones.SPINE1, bones.SPINE2)):
         place = place + quat.rotate(turn, skeleton.offsets[joint])
         turn = quat.multiply(turn, spine[:, index])
-    return Trunk(hips, hips_turn, spine, place, turn)
+    return Trunk(hips, hips_rotation, spine, place, turn)
 
 
-def pose_head(chest_turn: Array, gaze: Array) -> Array:
+def pose_head(chest_rotation: Array, gaze: Array) -> Array:
     """Return local rotations of Neck and Head (F, 2, 4) that look as ``gaze`` (F, 4) does, as far as a neck turns."""
-    turn = quat.to_rotation_vector(quat.multiply(quat.conjugate(chest_turn), gaze))
+    turn = quat.to_rotation_vector(quat.multiply(quat.conjugate(chest_rotation), gaze))
     size = np.linalg.norm(turn, axis=-1, keepdims=True)
     held = soft_cap(size, 1.25, 0.12) / np.maximum(size, 1e-9)
     turn = np.where(size > 1e-9, turn * held, turn)
@@ -124,15 +124,15 @@ def within_reach(fists: Array, shoulders: Array) -> Array:
 
 
 def pose_arm(
-    side: int, chest_turn: Array, collar: Array, shoulder: Array, fist: Array, swivel: Array, roll: Array
+    side: int, chest_rotation: Array, collar: Array, shoulder: Array, fist: Array, swivel: Array, roll: Array
 ) -> tuple[Array, Array, Array]:
     """Bend an arm so that the fist is where it should be.
 
     Args:
         side: 0 for the left arm, 1 for the right.
-        chest_turn: Rotation of the chest. Shape (F, 4).
+        chest_rotation: Rotation of the chest. Shape (F, 4).
         collar: Rotation of the collar bone in the world. Shape (F, 4).
-        shoulder: Place of the shoulder joint [m]. Shape (F, 3).
+        shoulder: Position of the shoulder joint [m]. Shape (F, 3).
         fist: Where the fist shall be [m], within reach. Shape (F, 3).
         swivel: Turn of the elbow from hanging to the outside. Shape (F,) [rad].
         roll: Pronation of the fist, from thumb up. Shape (F,) [rad].
@@ -147,17 +147,17 @@ def pose_arm(
     axis = gap / np.maximum(distance, 1e-9)[:, None]
     # The elbow hangs when the arm points ahead; carried along the shortest turn from there, it is before the chest when
     # the fist is up, and behind it when the fist is down, and only an arm that points back would leave it undefined.
-    carried = quat.multiply(quat.between(quat.rotate(chest_turn, _AHEAD), axis), chest_turn)
+    carried = quat.multiply(quat.between(quat.rotate(chest_rotation, _AHEAD), axis), chest_rotation)
     down, out = quat.rotate(carried, _DOWN), quat.rotate(carried, _LEFT) * sign
     pole = np.cos(swivel)[:, None] * down + np.sin(swivel)[:, None] * out
     bone, away, fold = triangle(axis, distance, bones.UPPER_ARM, lower, pole)
     x, z = bone * sign, -away
-    upper_turn = frame_of(x, np.cross(z, x), z)
-    half = np.zeros_like(upper_turn)
+    upper_rotation = frame_of(x, np.cross(z, x), z)
+    half = np.zeros_like(upper_rotation)
     half[:, 0], half[:, 2] = np.cos(0.5 * fold), -sign * np.sin(0.5 * fold)
     forearm = quat.multiply(half, _about_x(0.6 * roll))
     hand = _about_x(0.4 * roll)
-    return quat.multiply(quat.conjugate(collar), upper_turn), forearm, hand
+    return quat.multiply(quat.conjugate(collar), upper_rotation), forearm, hand
 
 
 def _about_x(angle: Array) -> Array:
@@ -166,17 +166,19 @@ def _about_x(angle: Array) -> Array:
     return turn
 
 
-def foot_turn(yaw: Array, heel: Array) -> Array:
+def foot_rotation(yaw: Array, heel: Array) -> Array:
     """Return the rotation of a foot (F, 4) that looks along ``yaw`` with the heel up by ``heel`` (F,) [rad]."""
     return quat.multiply(quat.about_y(yaw), _about_x(heel))
 
 
-def ankle_place(ball: Array, turn: Array) -> Array:
+def ankle_position(ball: Array, turn: Array) -> Array:
     """Return where the ankle is [m] when the ball of the foot is at ``ball`` (F, 3) and the foot is turned so."""
     return ball - quat.rotate(turn, np.array([0.0, bones.BALL_HEIGHT - bones.ANKLE_HEIGHT, bones.BALL_AHEAD]))
 
 
-def pose_leg(hips_turn: Array, hip: Array, ankle: Array, foot: Array, knee_yaw: Array) -> tuple[Array, Array, Array]:
+def pose_leg(
+    hips_rotation: Array, hip: Array, ankle: Array, foot: Array, knee_yaw: Array
+) -> tuple[Array, Array, Array]:
     """Bend a leg so that the ankle is where it should be and the knee points along ``knee_yaw`` (F,) [rad].
 
     Returns:
@@ -194,7 +196,7 @@ def pose_leg(hips_turn: Array, hip: Array, ankle: Array, foot: Array, knee_yaw: 
     shank = _about_x(fold)
     lower = quat.multiply(thigh, shank)
     return (
-        quat.multiply(quat.conjugate(hips_turn), thigh),
+        quat.multiply(quat.conjugate(hips_rotation), thigh),
         shank,
         quat.multiply(quat.conjugate(lower), foot),
     )

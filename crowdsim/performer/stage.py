@@ -19,8 +19,8 @@ from crowdsim.performer.life import add_life
 from crowdsim.performer.pose import (
     LEG_REACH,
     Trunk,
-    ankle_place,
-    foot_turn,
+    ankle_position,
+    foot_rotation,
     girdle,
     level_toes,
     pose_arm,
@@ -50,11 +50,11 @@ class Staged:
     """Motion of an orthodox boxer over F frames, with what the ground truth needs.
 
     Attributes:
-        root_positions: Place of the pelvis [m]. Shape (F, 3).
+        root_positions: Position of the pelvis [m]. Shape (F, 3).
         rotations: Local rotations. Shape (F, 22, 4).
         footwork: Tracks of the feet.
-        fists: Place of the fists, lead and rear [m]. Shape (F, 2, 3).
-        shoulders: Place of the shoulder joints [m]. Shape (F, 2, 3).
+        fists: Position of the fists, lead and rear [m]. Shape (F, 2, 3).
+        shoulders: Position of the shoulder joints [m]. Shape (F, 2, 3).
         reaches: The punches as they were carried out.
     """
 
@@ -119,7 +119,7 @@ class _Soles:
     """Feet over F frames, lead and rear.
 
     Attributes:
-        ankles: Place of the ankles [m]. Shape (F, 2, 3).
+        ankles: Position of the ankles [m]. Shape (F, 2, 3).
         turns: Rotation of each foot. Shape (F, 4).
         yaws: Heading of each foot [rad]. Shape (F,).
     """
@@ -141,16 +141,16 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
     rotations[..., 0] = 1.0
 
     soles = _set_feet(style, feet, channels, rotations)
-    hips, hips_turn = _carry_pelvis(score, feet, channels, soles.ankles)
+    hips, hips_rotation = _carry_pelvis(score, feet, channels, soles.ankles)
     trunk = pose_trunk(
         skeleton,
         hips,
-        hips_turn,
+        hips_rotation,
         style.twist + channels[:, Channel.TWIST],
         0.55 * style.lean + channels[:, Channel.FLEX],
         channels[:, Channel.BEND],
     )
-    rotations[:, bones.HIPS] = hips_turn
+    rotations[:, bones.HIPS] = hips_rotation
     rotations[:, bones.SPINE : bones.SPINE2 + 1] = trunk.spine
     _bend_legs(trunk, soles, rotations)
     head = _look(style, skeleton, feet, channels, trunk, rotations)
@@ -160,7 +160,7 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
     for side in range(2):
         upper, forearm, hand = pose_arm(
             side,
-            trunk.chest_turn,
+            trunk.chest_rotation,
             collars[side],
             shoulders[:, side],
             fists[:, side],
@@ -185,8 +185,8 @@ def _set_feet(style: Style, feet: Footwork, channels: Array, rotations: Array) -
         # A foot on its heel has its ball as high as the heel is low.
         lift = feet.lifts[:, foot] + _SOLE * np.sin(feet.toes_up[:, foot])
         ball = np.stack([feet.balls[:, foot, 0], bones.BALL_HEIGHT + lift, feet.balls[:, foot, 1]], axis=-1)
-        turns.append(foot_turn(yaw, heel - feet.toes_up[:, foot]))
-        ankles[:, foot] = ankle_place(ball, turns[foot])
+        turns.append(foot_rotation(yaw, heel - feet.toes_up[:, foot]))
+        ankles[:, foot] = ankle_position(ball, turns[foot])
         rotations[:, bones.TOES[foot]] = level_toes(heel, feet.points[:, foot])
         yaws.append(yaw)
     return _Soles(ankles, (turns[0], turns[1]), (yaws[0], yaws[1]))
@@ -196,8 +196,10 @@ def _bend_legs(trunk: Trunk, soles: _Soles, rotations: Array) -> None:
     """Write the rotations of the legs between pelvis and feet."""
     for foot in range(2):
         sign = 1 - 2 * foot
-        hip = trunk.hips + quat.rotate(trunk.hips_turn, np.array([bones.HIP_HALF * sign, -bones.HIP_DROP, 0.0]))
-        thigh, shank, sole = pose_leg(trunk.hips_turn, hip, soles.ankles[:, foot], soles.turns[foot], soles.yaws[foot])
+        hip = trunk.hips + quat.rotate(trunk.hips_rotation, np.array([bones.HIP_HALF * sign, -bones.HIP_DROP, 0.0]))
+        thigh, shank, sole = pose_leg(
+            trunk.hips_rotation, hip, soles.ankles[:, foot], soles.turns[foot], soles.yaws[foot]
+        )
         rotations[:, bones.UP_LEGS[foot]] = thigh
         rotations[:, bones.LEGS[foot]] = shank
         rotations[:, bones.FEET[foot]] = sole
@@ -216,14 +218,14 @@ def _look(style: Style, skeleton: Skeleton, feet: Footwork, channels: Array, tru
         ),
         "YXZ",
     )
-    facing = quat.multiply(trunk.chest_turn, quat.about_y(-style.blade - style.twist))
+    facing = quat.multiply(trunk.chest_rotation, quat.about_y(-style.blade - style.twist))
     gaze = quat.slerp(gaze, facing, _GAZE_FOLLOWS)
-    rotations[:, [bones.NECK, bones.HEAD]] = pose_head(trunk.chest_turn, gaze)
-    neck = trunk.chest + quat.rotate(trunk.chest_turn, skeleton.offsets[bones.NECK])
-    neck_turn = quat.multiply(trunk.chest_turn, rotations[:, bones.NECK])
-    skull = neck + quat.rotate(neck_turn, skeleton.offsets[bones.HEAD])
-    head_turn = quat.multiply(neck_turn, rotations[:, bones.HEAD])
-    return np.asarray(skull + quat.rotate(head_turn, np.array([0.0, bones.HEAD_CENTRE, 0.0])))
+    rotations[:, [bones.NECK, bones.HEAD]] = pose_head(trunk.chest_rotation, gaze)
+    neck = trunk.chest + quat.rotate(trunk.chest_rotation, skeleton.offsets[bones.NECK])
+    neck_rotation = quat.multiply(trunk.chest_rotation, rotations[:, bones.NECK])
+    skull = neck + quat.rotate(neck_rotation, skeleton.offsets[bones.HEAD])
+    head_rotation = quat.multiply(neck_rotation, rotations[:, bones.HEAD])
+    return np.asarray(skull + quat.rotate(head_rotation, np.array([0.0, bones.HEAD_CENTRE, 0.0])))
 
 
 def _raise_shoulders(skeleton: Skeleton, channels: Array, trunk: Trunk, rotations: Array) -> tuple[list[Array], Array]:
@@ -234,7 +236,7 @@ def _raise_shoulders(skeleton: Skeleton, channels: Array, trunk: Trunk, rotation
             side, 0.12 + channels[:, Channel.LEAD_FORTH + side], 0.08 + channels[:, Channel.LEAD_RAISE + side]
         )
         rotations[:, bones.SHOULDERS[side]] = local
-        collars.append(quat.multiply(trunk.chest_turn, local))
-        root = trunk.chest + quat.rotate(trunk.chest_turn, skeleton.offsets[bones.SHOULDERS[side]])
+        collars.append(quat.multiply(trunk.chest_rotation, local))
+        root = trunk.chest + quat.rotate(trunk.chest_rotation, skeleton.offsets[bones.SHOULDERS[side]])
         shoulders[:, side] = root + quat.rotate(collars[side], skeleton.offsets[bones.ARMS[side]])
     return collars, shoulders

@@ -22,7 +22,7 @@ class TrueStrike:
         frame: Frame of the fist's furthest reach from the middle between the shoulders.
         peak: Frame of the fist's highest speed relative to the pelvis on the way there.
         speed: That speed [m/s].
-        place: The fist at ``frame``, in the stance's ground frame there (x, y, z) [m].
+        position: The fist at ``frame``, in the stance's ground frame there (x, y, z) [m].
         start: Time at which the fist sets off [s].
         hit: Planned time of the hit [s].
         end: Time at which it is back [s].
@@ -33,7 +33,7 @@ class TrueStrike:
     frame: int
     peak: int
     speed: float
-    place: tuple[float, float, float]
+    position: tuple[float, float, float]
     start: float
     hit: float
     end: float
@@ -92,7 +92,7 @@ def find_truth(score: Score, staged: Staged, times: Array) -> Truth:
         frame = first + int(np.argmax(far[first:last, hand]))
         begin = max(int(reach.start * fps), 0)
         peak = begin + int(np.argmax(speed[begin : frame + 1, hand]))
-        place = ground.to_local(stance[frame], fists[frame, hand])
+        position = ground.to_local(stance[frame], fists[frame, hand])
         strikes.append(
             TrueStrike(
                 reach.kind,
@@ -100,7 +100,7 @@ def find_truth(score: Score, staged: Staged, times: Array) -> Truth:
                 frame,
                 peak,
                 float(speed[peak, hand]),
-                (float(place[0]), float(place[1]), float(place[2])),
+                (float(position[0]), float(position[1]), float(position[2])),
                 float(reach.start),
                 float(reach.hit),
                 float(reach.end),
@@ -125,7 +125,7 @@ def mirror_truth(truth: Truth) -> Truth:
     return Truth(
         contacts=truth.contacts[:, ::-1].copy(),
         strikes=tuple(
-            replace(strike, hand=1 - strike.hand, place=(-strike.place[0], *strike.place[1:]))
+            replace(strike, hand=1 - strike.hand, position=(-strike.position[0], *strike.position[1:]))
             for strike in truth.strikes
         ),
         defences=tuple(replace(d, kind=_OTHER_SIDE.get(d.kind, d.kind)) for d in truth.defences),

@@ -43,7 +43,7 @@ class ClipSource:
         avatar_figures: Shape (1,).
         positions: Joint positions [m]. Shape (F, J, 3).
         rotations: Joint rotations. Shape (F, J, 4).
-        stands: Ground transforms. Shape (F, 3).
+        grounds: Ground transforms. Shape (F, 3).
     """
 
     name: str
@@ -57,7 +57,7 @@ class ClipSource:
     avatar_figures: Array
     positions: Array
     rotations: Array
-    stands: Array
+    grounds: Array
 
     @property
     def frame_count(self) -> int:
@@ -66,7 +66,7 @@ class ClipSource:
 
     def ground(self, frames: Array) -> Array:
         """Return the ground transforms at some frames. Shape (n, 1, 3)."""
-        return self.stands[np.asarray(frames), None]
+        return self.grounds[np.asarray(frames), None]
 
     def poses(self, frame: int) -> list[tuple[Array, Array]]:
         """Return the pose at a frame."""
@@ -96,13 +96,13 @@ def show_rate(fps: float, wanted: float | None = None) -> float:
     return float(wanted) if wanted else fps / max(1, int(np.ceil(fps / MOST_FPS - 1e-6)))
 
 
-def clip_source(clip: Clip, figure: Figure | None = None, stands: Array | None = None, team: int = 0) -> ClipSource:
+def clip_source(clip: Clip, figure: Figure | None = None, grounds: Array | None = None, team: int = 0) -> ClipSource:
     """Return a clip in metres, y up, as a source of pictures.
 
     Args:
         clip: The clip, at the rate of the pictures.
         figure: Its body; capsules along its bones by default.
-        stands: Ground transforms (F, 3); where its root is and where it moves to by default.
+        grounds: Ground transforms (F, 3); where its root is and where it moves to by default.
         team: Number of the team whose colours it wears.
 
     Raises:
@@ -115,11 +115,11 @@ def clip_source(clip: Clip, figure: Figure | None = None, stands: Array | None =
     if not finite.all():
         raise BvhError(f"{clip.source or clip.name}: frame {int(np.argmin(finite))} holds a value that is no number")
     middles = 0.5 * (positions.min(axis=1) + positions.max(axis=1))
-    if stands is None:
+    if grounds is None:
         way = positions[-1, 0] - positions[0, 0]
         heading = float(np.arctan2(way[0], way[2])) if np.hypot(way[0], way[2]) > 0.3 else 0.0
-        stands = np.stack([middles[:, 0], middles[:, 2], np.full(len(middles), heading)], axis=1)
-    wide = np.abs(positions[..., [0, 2]] - stands[:, None, :2]).max() / 0.45
+        grounds = np.stack([middles[:, 0], middles[:, 2], np.full(len(middles), heading)], axis=1)
+    wide = np.abs(positions[..., [0, 2]] - grounds[:, None, :2]).max() / 0.45
     height = max(float(positions[..., 1].max()), float(wide) * 0.9, 0.2)
     digest = hashlib.sha256()
     for array in (positions, rotations):
@@ -136,7 +136,7 @@ def clip_source(clip: Clip, figure: Figure | None = None, stands: Array | None =
         avatar_figures=np.zeros(1, np.int32),
         positions=positions.astype(np.float32),
         rotations=rotations.astype(np.float32),
-        stands=stands,
+        grounds=grounds,
     )
 
 

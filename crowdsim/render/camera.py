@@ -25,11 +25,11 @@ CAMERAS = ("auto", "orbit", "follow:AVATAR", "top", "side", "front")
 
 @dataclass(frozen=True)
 class Keys:
-    """A camera that moves through given places.
+    """A camera that moves through given positions.
 
     Attributes:
         seconds: Times, ascending [s]. Shape (K,).
-        positions: Place of the eye at each [m]. Shape (K, 3).
+        positions: Position of the eye at each [m]. Shape (K, 3).
         targets: What it looks at [m]. Shape (K, 3).
     """
 
@@ -115,11 +115,11 @@ def _following(source: PoseSource, avatar: int) -> Callable[[int], View]:
     path = np.concatenate([source.ground(frames[i : i + block])[:, avatar] for i in range(0, len(frames), block)])
     path = filled(path[:, None])[:, 0]
     tall = float(source.avatar_heights[avatar])
-    places = hann(path[:, :2], round(0.8 * source.fps / step))
+    smooth = hann(path[:, :2], round(0.8 * source.fps / step))
     headings = hann(np.unwrap(path[:, 2])[:, None], round(1.6 * source.fps / step))
 
     def view(frame: int) -> View:
-        x, z = between(places, frame / step)
+        x, z = between(smooth, frame / step)
         heading = float(between(headings, frame / step)[0])
         forward = np.array([math.sin(heading), 0.0, math.cos(heading)])
         left = np.array([forward[2], 0.0, -forward[0]])

@@ -14,8 +14,8 @@ from crowdsim.errors import CrowdsimError, OutputError
 from crowdsim.render.batch import Record, Rendered, render
 from crowdsim.render.bvh_figure import BVH_CAMERA, bvh_source
 from crowdsim.render.camera import Keys, parse_camera
+from crowdsim.render.options import RenderOptions
 from crowdsim.render.source import PoseSource
-from crowdsim.scenario.frame_ranges import FrameRange
 
 __all__ = [
     "Outcome",
@@ -24,27 +24,10 @@ __all__ = [
     "parse_size",
     "render_bvh",
     "render_many",
-    "render_source",
     "scenario_options",
 ]
 
 SMALLEST_SIZE, LARGEST_SIZE = 16, 8192
-
-
-@dataclass(frozen=True)
-class RenderOptions:
-    """How to draw, the same for every file of a batch; see ``crowdsim.render.batch.render``."""
-
-    size: tuple[int, int] = (1280, 720)
-    fps: float | None = None
-    frames: FrameRange | tuple[int | None, int | None] | None = None
-    camera: str | Keys | None = None
-    mp4: bool = True
-    png: bool = False
-    contact_sheet: int = 0
-    caption: bool = True
-    threads: int | None = None
-    jobs: int = 1
 
 
 @dataclass(frozen=True)
@@ -114,41 +97,6 @@ def scenario_options(output: Any, threads: int | None = None) -> RenderOptions:
     )
 
 
-def render_source(
-    source: PoseSource,
-    out: Path,
-    options: RenderOptions,
-    progress: Progress | None = None,
-    record: Record | None = None,
-) -> Rendered:
-    """Draw a source into a folder as the options say; errors as of ``render``."""
-    frames = None
-    if isinstance(options.frames, FrameRange):
-        frames = options.frames.resolve(source.frame_count, source.fps, getattr(source, "frame_limit", None))
-    elif options.frames is not None:
-        start, stop = options.frames
-        frames = (start or 0, source.frame_count if stop is None else stop)
-    if options.fps is not None and not 0 < options.fps <= 1000:
-        raise CrowdsimError(f"fps is {options.fps}, expected more than 0 and 1000 at the most")
-    if not (options.mp4 or options.png or options.contact_sheet):
-        raise CrowdsimError("nothing to write, expected --mp4, --png or --contact-sheet")
-    return render(
-        source,
-        out,
-        size=options.size,
-        frames=frames,
-        camera=options.camera or "auto",
-        mp4=options.mp4,
-        png=options.png,
-        contact_sheet=options.contact_sheet,
-        caption=options.caption,
-        threads=options.threads,
-        jobs=options.jobs,
-        progress=progress,
-        record=record,
-    )
-
-
 def render_bvh(
     path: FileName,
     out: Path,
@@ -164,7 +112,7 @@ def render_bvh(
         OutputError: A file cannot be written.
     """
     source, findings = bvh_source(path, options.fps)
-    return render_source(source, out, _with_camera(options, BVH_CAMERA), progress, record), findings
+    return render(source, out, _with_camera(options, BVH_CAMERA), progress, record), findings
 
 
 def _with_camera(options: RenderOptions, camera: str) -> RenderOptions:
@@ -204,7 +152,7 @@ def render_many(
                 rendered, notes = render_bvh(path, out, options, progress, record)
             else:
                 source, notes = open_source(path, options)
-                rendered = render_source(source, out, options, progress, record)
+                rendered = render(source, out, options, progress, record)
             outcomes.append(Outcome(path, out, rendered, None, notes))
         except CrowdsimError as error:
             outcomes.append(Outcome(path, out, None, error, notes))

@@ -30,7 +30,7 @@ class Crowd:
         step: Frames between moments.
         fps: Frames a second.
         avatars: Number of avatars N.
-        places: Ground transforms of N avatars and G things at each moment; NaN for those absent and for strays, who
+        grounds: Ground transforms of N avatars and G things at each moment; NaN for those absent and for strays, who
             have left a large crowd. Shape (M, N + G, 3).
         heights: How high they reach [m]. Shape (N + G,).
         facing: Heading in which the camera ``auto`` looks [rad].
@@ -39,7 +39,7 @@ class Crowd:
     step: int
     fps: float
     avatars: int
-    places: Array
+    grounds: Array
     heights: Array
     facing: float
 
@@ -50,26 +50,26 @@ def watch(source: PoseSource) -> Crowd:
     frames = np.arange(0, max(source.frame_count, 1) - 1 + step, step).clip(max=max(source.frame_count - 1, 0))
     block = max(1, 400_000 // max(len(source.avatar_teams), 1))
     parts = [source.ground(frames[i : i + block]).astype(np.float32) for i in range(0, len(frames), block)]
-    places = np.concatenate(parts)
+    grounds = np.concatenate(parts)
     heights = np.asarray(source.avatar_heights, float)
-    _drop_strays(places)
-    facing = _find_facing(places)
+    _drop_strays(grounds)
+    facing = _find_facing(grounds)
     things = np.stack([np.asarray(source.markers(int(frame)), float) for frame in frames])
     if things.shape[1]:
         ground = np.concatenate([things[..., [0, 2]], np.zeros((*things.shape[:2], 1))], axis=-1)
-        places = np.concatenate([places, ground.astype(np.float32)], axis=1)
+        grounds = np.concatenate([grounds, ground.astype(np.float32)], axis=1)
         heights = np.append(heights, things[..., 1].max(axis=0) + _THING)
-    return Crowd(step, source.fps, len(source.avatar_teams), places, heights, facing)
+    return Crowd(step, source.fps, len(source.avatar_teams), grounds, heights, facing)
 
 
-def _drop_strays(places: Array) -> None:
+def _drop_strays(grounds: Array) -> None:
     """Write NaN over the places (M, N, 3) of those who are far away from a large crowd at a moment.
 
     Otherwise a single stray avatar would make all others small. Of a few avatars none is a stray.
     """
-    if places.shape[1] < _MANY:
+    if grounds.shape[1] < _MANY:
         return
-    for moment in places:
+    for moment in grounds:
         here = np.isfinite(moment[:, 0])
         if np.count_nonzero(here) < _MANY:
             continue
@@ -78,12 +78,12 @@ def _drop_strays(places: Array) -> None:
         moment[away > _STRAY * np.percentile(away[here], 95)] = np.nan
 
 
-def _find_facing(places: Array) -> float:
+def _find_facing(grounds: Array) -> float:
     """Heading in which to look so that the crowd lies along the width of the picture."""
-    if places.shape[1] == 1:
-        heading = places[np.isfinite(places[:, 0, 2]), 0, 2]
+    if grounds.shape[1] == 1:
+        heading = grounds[np.isfinite(grounds[:, 0, 2]), 0, 2]
         return float(math.atan2(np.sin(heading).sum(), np.cos(heading).sum()) + math.pi)
-    flat = places[..., :2].reshape(-1, 2)
+    flat = grounds[..., :2].reshape(-1, 2)
     flat = flat[np.isfinite(flat[:, 0])]
     if len(flat) < 2:
         return math.pi
@@ -98,17 +98,17 @@ def _find_facing(places: Array) -> float:
     return facing + math.pi if math.cos(facing) > 0.0 else facing
 
 
-def filled(places: Array) -> Array:
+def filled(grounds: Array) -> Array:
     """Places (M, n, k), those of absent avatars by where they were last or will be first, else the middle of all."""
-    filled = places.copy()
-    present = np.isfinite(places[..., 0])
-    middle = places[present].mean(axis=0) if present.any() else np.zeros(places.shape[-1])
-    moments = np.arange(len(places))
+    filled = grounds.copy()
+    present = np.isfinite(grounds[..., 0])
+    middle = grounds[present].mean(axis=0) if present.any() else np.zeros(grounds.shape[-1])
+    moments = np.arange(len(grounds))
     for avatar in np.flatnonzero(~present.all(axis=0)):
         here = moments[present[:, avatar]]
         if len(here):
             nearest_moment = here[np.maximum(np.searchsorted(here, moments, side="right") - 1, 0)]
-            filled[:, avatar] = places[nearest_moment, avatar]
+            filled[:, avatar] = grounds[nearest_moment, avatar]
         else:
             filled[:, avatar] = middle
     return filled

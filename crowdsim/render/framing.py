@@ -59,7 +59,7 @@ def _solve(limits: Array, tx: float, ty: float, closest: Array) -> tuple[Array, 
 
 
 def _centre(across: Array, ahead: Array) -> float:
-    """Place of an eye, to the right or up, that sees points as far to one side as to the other; ``ahead`` is positive.
+    """Return where an eye, to the right or up, sees points as far to one side as to the other; ``ahead`` is positive.
 
     Args:
         across: Points to the right or up [m]. Shape (n,).
@@ -88,8 +88,8 @@ def _elevation(kind: str, wide: float, deep: float, tall: float, avatars: int) -
 def _extent(crowd: Crowd, way: Array) -> float:
     """How far the crowd reaches along a level direction (2,) at most moments [m]."""
     extents = []
-    for places in crowd.places:
-        here = places[np.isfinite(places[:, 0]), :2]
+    for grounds in crowd.grounds:
+        here = grounds[np.isfinite(grounds[:, 0]), :2]
         if len(here):
             along = here[:, 0] * float(way[0]) + here[:, 1] * float(way[1])
             extents.append(float(along.max() - along.min()))
@@ -105,7 +105,7 @@ def _width_and_depth(crowd: Crowd, azimuth: float, tall: float) -> tuple[float, 
 def _aside(crowd: Crowd, azimuth: float, tall: float) -> float:
     """How far ``auto`` looks aside [rad]: at one alone, and along a line of many, which would leave ground empty."""
     wide, deep = _width_and_depth(crowd, azimuth, tall)
-    seen = int(np.isfinite(crowd.places[:, : crowd.avatars, 0]).any(axis=0).sum())
+    seen = int(np.isfinite(crowd.grounds[:, : crowd.avatars, 0]).any(axis=0).sum())
     return _OBLIQUE if crowd.avatars == 1 or (seen > 4 and wide > _LINE * deep) else 0.0
 
 
@@ -123,14 +123,14 @@ def frame_crowd(crowd: Crowd, kind: str, size: tuple[int, int]) -> Callable[[int
     normals, basis, tx, ty = _sides(azimuth, elevation, size)
     level = np.hypot(normals[:, 0], normals[:, 2])
     reach = level[:, None] * _REACH * crowd.heights + np.maximum(normals[:, 1:2] * 1.06 * crowd.heights, 0.0)
-    limits = np.empty((len(crowd.places), 4))
-    middles = np.empty(len(crowd.places))
-    for moment, places in enumerate(crowd.places):
-        here = np.isfinite(places[:, 0])
+    limits = np.empty((len(crowd.grounds), 4))
+    middles = np.empty(len(crowd.grounds))
+    for moment, grounds in enumerate(crowd.grounds):
+        here = np.isfinite(grounds[:, 0])
         if not here.any():
             limits[moment], middles[moment] = limits[moment - 1], middles[moment - 1]
             continue
-        x, z = places[here, :2].T.astype(float)
+        x, z = grounds[here, :2].T.astype(float)
         flat = normals[:, :1] * x + normals[:, 2:] * z
         limits[moment] = (flat + reach[:, here]).max(axis=1)
         ahead = x * basis[2, 0] + z * basis[2, 2]
@@ -151,14 +151,14 @@ def frame_crowd(crowd: Crowd, kind: str, size: tuple[int, int]) -> Callable[[int
 
 
 def _centres(crowd: Crowd, basis: Array, along: Array) -> Array:
-    """Places of the eye to the right and up (M, 2) from which the crowd stands in the middle at each moment."""
-    centres = np.zeros((len(crowd.places), 2))
-    for moment, places in enumerate(crowd.places):
-        here = np.isfinite(places[:, 0])
+    """Positions of the eye to the right and up (M, 2) from which the crowd stands in the middle at each moment."""
+    centres = np.zeros((len(crowd.grounds), 2))
+    for moment, grounds in enumerate(crowd.grounds):
+        here = np.isfinite(grounds[:, 0])
         if not here.any():
             centres[moment] = centres[moment - 1]
             continue
-        feet = places[here, 0, None].astype(float) * basis[:, 0] + places[here, 1, None].astype(float) * basis[:, 2]
+        feet = grounds[here, 0, None].astype(float) * basis[:, 0] + grounds[here, 1, None].astype(float) * basis[:, 2]
         heads = feet + crowd.heights[here, None] * basis[:, 1]
         right, up, ahead = np.concatenate([feet, heads]).T
         ahead = np.maximum(ahead - along[moment], 0.3)
@@ -168,7 +168,7 @@ def _centres(crowd: Crowd, basis: Array, along: Array) -> Array:
 
 def orbit_crowd(crowd: Crowd, size: tuple[int, int]) -> Callable[[int], View]:
     """A camera that circles the crowd and frames it."""
-    flat = filled(crowd.places[..., :2])
+    flat = filled(crowd.grounds[..., :2])
     centres = smooth(0.5 * (flat.min(axis=1) + flat.max(axis=1)), crowd)
     tall = float(crowd.heights.max())
     radii = np.linalg.norm(flat - centres[:, None], axis=-1).max(axis=1)

@@ -8,8 +8,7 @@ import re
 from pathlib import Path
 
 from crowdsim.errors import OutputError
-from crowdsim.files import open_plain, remove_plain, walk
-from crowdsim.render.video import make_folder
+from crowdsim.files import make_folder, open_plain, remove_plain, walk
 
 _MARK = "mark"
 _FILES = re.compile(r"mark|\.mark\.part|parts\.txt|\.?\d{8,}-\d{8,}\.mp4(?:\.part)?")

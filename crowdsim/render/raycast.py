@@ -19,10 +19,25 @@ from crowdsim.render.kernels.capsules import (
 )
 from crowdsim.render.kernels.cells import count_entries, fill_entries
 from crowdsim.render.kernels.columns import (
+    CENTRE_X,
+    CENTRE_Z,
     COLUMNS,
+    EYE_X,
+    FOCAL,
+    GREATEST_U,
+    GREATEST_V,
     GRID_U,
     GRID_V,
+    HALF_X,
+    HALF_Z,
+    LEAST_U,
+    LEAST_V,
+    MIDDLE_X,
+    MIDDLE_Y,
     PER_METRE,
+    RADIUS,
+    REACH,
+    RIGHT_X,
     ROWS,
     SOFTNESS,
     SUN_X,
@@ -58,12 +73,12 @@ class Capsules:
     """Rounded cones in the world, those of one avatar beside one another.
 
     Attributes:
-        places: Both ends (3, 3) and both radii [m]. Shape (K, 8), float32.
+        shapes: Both ends (3, 3) and both radii [m]. Shape (K, 8), float32.
         paints: Linear red, green, blue and gloss, each 0..1. Shape (K, 4), float32.
         owners: Avatar of each. Shape (K,), int32.
     """
 
-    places: Array
+    shapes: Array
     paints: Array
     owners: Array
 
@@ -115,8 +130,8 @@ def draw(
     """
     width, height = size
     camera = view.pack(width, height)
-    chosen = np.empty(len(capsules.places), np.int32)
-    count = choose_capsules(capsules.places, camera, width, height, SHADOW_REACH, SMALLEST, chosen)
+    chosen = np.empty(len(capsules.shapes), np.int32)
+    count = choose_capsules(capsules.shapes, camera, width, height, SHADOW_REACH, SMALLEST, chosen)
     chosen = chosen[:count]
     light = np.zeros(16)
     across = np.cross(sun, [0.0, 0.0, 1.0] if abs(sun[2]) < 0.9 else [1.0, 0.0, 0.0])
@@ -129,7 +144,7 @@ def draw(
     )
     cones, shades = np.empty((count, 8), np.float32), np.empty((count, 9), np.float32)
     segments, spans = np.empty((count, 6), np.float32), np.empty((count, 2), np.int32)
-    view_capsules(capsules.places, chosen, camera, light, cones, shades, segments, spans)
+    view_capsules(capsules.shapes, chosen, camera, light, cones, shades, segments, spans)
     owners = np.ascontiguousarray(capsules.owners[chosen])
     paints = np.ascontiguousarray(capsules.paints[chosen])
     neighbours = np.empty((count, _NEIGHBOURS), np.int32)
@@ -176,14 +191,9 @@ def _shadow_lists(shades: Array, cones: Array, camera: Array, light: Array, segm
     shadow_bounds(shades, bounds)
     pad = SUN_SOFTNESS * 2.5 / light[SUN_Y] + 0.25
     bounds += [-pad, -pad, pad, pad]
-    cell, columns, rows = _cells(bounds[2] - bounds[0], bounds[3] - bounds[1], 0.08, 400_000)
-    light[GRID_U], light[GRID_V], light[PER_METRE], light[COLUMNS], light[ROWS] = (
-        bounds[0],
-        bounds[1],
-        1.0 / cell,
-        columns,
-        rows,
-    )
+    u, v = bounds[LEAST_U], bounds[LEAST_V]
+    cell, columns, rows = _cells(bounds[GREATEST_U] - u, bounds[GREATEST_V] - v, 0.08, 400_000)
+    light[GRID_U], light[GRID_V], light[PER_METRE], light[COLUMNS], light[ROWS] = u, v, 1.0 / cell, columns, rows
     # Where cells are large the crowd is far away, and shadows may blur over a pixel there.
     light[WIDEST] = max(0.05, 0.45 * cell)
     shadow_segments(shades, cones, camera, light, THINNEST, segments)
@@ -195,31 +205,32 @@ def _contact_lists(cones: Array, camera: Array, segments: Array) -> tuple[Array,
     floor = np.array([0.0, 0.0, 1.0, 1.0, 1.0, CONTACT_REACH])
     if not len(cones):
         return floor, Lists(np.zeros(2, np.int32), np.zeros(1, np.int32))
-    around = np.abs(cones[:, [3, 5]]) + (cones[:, 6:7] + CONTACT_REACH)
-    low, high = (cones[:, [0, 2]] - around).min(axis=0), (cones[:, [0, 2]] + around).max(axis=0)
+    middle = cones[:, [CENTRE_X, CENTRE_Z]]
+    around = np.abs(cones[:, [HALF_X, HALF_Z]]) + (cones[:, [RADIUS]] + CONTACT_REACH)
+    low, high = (middle - around).min(axis=0), (middle + around).max(axis=0)
     cell, columns, rows = _cells(float(high[0] - low[0]), float(high[1] - low[1]), 0.15, 200_000)
-    floor[:5] = low[0], low[1], 1.0 / cell, columns, rows
+    floor[:REACH] = low[0], low[1], 1.0 / cell, columns, rows
     contact_segments(cones, camera, floor, segments)
     return floor, _lists(segments, columns, rows)
 
 
 def _project_flashes(flashes: Flashes | None, camera: Array) -> Array:
-    """Places of flashes on the picture, see ``draw_tiles``; those behind the eye fall out."""
+    """Positions of flashes on the picture, see ``draw_tiles``; those behind the eye fall out."""
     if flashes is None or not len(flashes.points):
         return np.zeros((0, 6), np.float32)
-    basis = camera[3:12].reshape(3, 3)
-    x, y, z = basis @ (np.asarray(flashes.points, float) - camera[:3]).T
+    basis = camera[RIGHT_X:FOCAL].reshape(3, 3)
+    x, y, z = basis @ (np.asarray(flashes.points, float) - camera[EYE_X:RIGHT_X]).T
     seen = z > 0.2
     x, y, z = x[seen], y[seen], z[seen]
-    focal = camera[12]
+    focal = camera[FOCAL]
     # Far flashes fade, so that they do not hide a crowd.
     true = 0.24 * focal / z
     size = np.maximum(true, 2.0)
     fade = np.clip(true / 6.0, 0.2, 1.0)
     return np.stack(
         [
-            camera[13] + focal * x / z,
-            camera[14] - focal * y / z,
+            camera[MIDDLE_X] + focal * x / z,
+            camera[MIDDLE_Y] - focal * y / z,
             np.sqrt(x * x + y * y + z * z) - 0.45,
             size,
             np.asarray(flashes.ages, float)[seen],

@@ -40,10 +40,10 @@ class Cast:
 
         Args:
             poses: World positions (n, J, 3) and rotations (n, J, 4) of the members of each figure.
-            markers: Places of things that are no avatars, which show as balls [m]. Shape (G, 3).
+            markers: Positions of things that are no avatars, which show as balls [m]. Shape (G, 3).
         """
         balls = 0 if markers is None else len(markers)
-        places = np.empty((len(self.owners) + balls, 8), np.float32)
+        shapes = np.empty((len(self.owners) + balls, 8), np.float32)
         row = 0
         for figure, avatars, (positions, rotations) in zip(self.figures, self.members, poses, strict=True):
             rows = len(avatars) * len(figure.capsule_joints)
@@ -55,15 +55,15 @@ class Cast:
                 figure.capsule_starts,
                 figure.capsule_ends,
                 figure.capsule_radii,
-                places[row : row + rows],
+                shapes[row : row + rows],
             )
             row += rows
         if markers is None or not balls:
-            return Capsules(places, self.paints, self.owners)
-        places[row:] = np.concatenate([markers, markers, np.full((balls, 2), _BALL)], axis=1)
+            return Capsules(shapes, self.paints, self.owners)
+        shapes[row:] = np.concatenate([markers, markers, np.full((balls, 2), _BALL)], axis=1)
         paints = np.concatenate([self.paints, np.tile(np.array(_BALL_PAINT, np.float32), (balls, 1))])
         owners = np.concatenate([self.owners, len(self.scales) + np.arange(balls, dtype=np.int32)])
-        return Capsules(places, paints, owners)
+        return Capsules(shapes, paints, owners)
 
 
 def build_cast(

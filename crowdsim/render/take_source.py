@@ -111,8 +111,8 @@ class TakeSource:
                     self._blocks.popitem(last=False)
         posed = []
         for poses in block:
-            places, turns = poses.at(frame - start).joints()
-            posed.append((places[0], turns[0]))
+            positions, rotations = poses.at(frame - start).joints()
+            posed.append((positions[0], rotations[0]))
         return posed
 
     def hits(self, frame: int) -> tuple[Array, Array, Array]:

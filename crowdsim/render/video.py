@@ -41,7 +41,7 @@ def planes(picture: Array) -> Array:
     return out
 
 
-def encode(path: Path, pictures: Iterable[Array], size: tuple[int, int], fps: float, preset: str = "veryfast") -> None:
+def encode(path: Path, pictures: Iterable[Array], size: tuple[int, int], fps: float) -> None:
     """Write pictures as H.264 that browsers play, in a process of its own; the file appears when it is whole.
 
     Args:
@@ -49,7 +49,6 @@ def encode(path: Path, pictures: Iterable[Array], size: tuple[int, int], fps: fl
         pictures: Flat planes of each frame, see ``planes``.
         size: Width and height [px], both even.
         fps: Frames a second.
-        preset: Of x264: 'ultrafast', 'veryfast', 'medium' ...
 
     Raises:
         OutputError: The file cannot be written.
@@ -58,7 +57,7 @@ def encode(path: Path, pictures: Iterable[Array], size: tuple[int, int], fps: fl
         ffmpeg(), "-v", "error", "-nostdin", "-y",
         "-f", "rawvideo", "-pix_fmt", "yuv420p", "-s", f"{size[0]}x{size[1]}", "-r", f"{fps:.10g}",
         "-color_range", "tv", "-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709", "-i", "-",
-        "-an", "-c:v", "libx264", "-preset", preset, "-crf", "20", "-bf", "0", "-threads", str(_ENCODER_THREADS),
+        "-an", "-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-bf", "0", "-threads", str(_ENCODER_THREADS),
         "-pix_fmt", "yuv420p", "-color_range", "tv", "-colorspace", "bt709", "-color_primaries", "bt709",
         "-color_trc", "bt709", "-fflags", "+bitexact", "-flags:v", "+bitexact", "-map_metadata", "-1",
         "-movflags", "+faststart", "-f", "mp4",
@@ -162,15 +161,3 @@ def has_mark(path: Path, mark: str) -> bool:
             return bool(image.info.get("crowdsim") == mark)
     except (OSError, UnidentifiedImageError):
         return False
-
-
-def make_folder(path: Path) -> None:
-    """Make a folder and those above it.
-
-    Raises:
-        OutputError: It cannot be made.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot make the folder: {error.strerror or error}") from error

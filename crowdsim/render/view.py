@@ -18,7 +18,7 @@ class View:
     """An eye in the world.
 
     Attributes:
-        eye: Its place [m]. Shape (3,).
+        eye: Its position [m]. Shape (3,).
         ahead: Unit direction in which it looks. Shape (3,).
         right: Unit direction to the right of the picture. Shape (3,).
         haze: Distance at which haze hides half of what is seen [m].

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.files import open_plain, remove_empty, remove_plain, stat_plain, walk
+from crowdsim.files import make_folder, open_plain, remove_empty, remove_plain, stat_plain, walk
 from crowdsim.runs.journal import NAME as JOURNAL
 from crowdsim.runs.journal import Journal, Noted, find_noted, read_journal, write_journal
 from crowdsim.runs.manifest import NAME as MANIFEST
@@ -94,10 +94,7 @@ def hold_folder(folder: Path, shared: bool = False) -> Iterator[None]:
     Raises:
         OutputError: It cannot be made, or another process holds it.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
+    make_folder(folder)
     try:
         import fcntl
     except ImportError:

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+import yaml
 from numpy.typing import ArrayLike
+from pydantic import TypeAdapter, ValidationError
 
 from crowdsim import assets
 from crowdsim.core.types import Array, FileName
+from crowdsim.files import open_plain
+from crowdsim.runs.folder import RESOLVED
 from crowdsim.runs.manifest import NAME as MANIFEST
+from crowdsim.scenario.parts import Arena
 from crowdsim.take.take import Take
 
 if TYPE_CHECKING:
@@ -56,3 +62,19 @@ def open_run(folder: FileName) -> OpenedRun:
     elif not (folder / MANIFEST).exists():
         notes.append(f"{folder}: the run is not finished; its take is, some outputs may be missing")
     return OpenedRun(replace(take, policies=tuple(policies)), policies, notes)
+
+
+def read_arena(folder: Path) -> Array:
+    """Return the arena of the scenario that was run in a folder, see ``pack_arena``. Shape (5,).
+
+    Ground is open where the scenario is not there any more or says nothing that can be read.
+    """
+    from crowdsim.crowd.cast import pack_arena
+
+    try:
+        with open_plain(folder, RESOLVED) as file:
+            scenario = yaml.safe_load(file.read())
+        arena: Any = TypeAdapter(Arena).validate_python(scenario["arena"])
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError, ValidationError):
+        return np.zeros(5)
+    return pack_arena(arena)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from crowdsim.core.types import Progress
 from crowdsim.errors import CrowdsimError, under_way
+from crowdsim.files import make_folder
 from crowdsim.runs.journal import series_name
 from crowdsim.scenario.frame_ranges import output_frames, parse_frames
 
@@ -50,13 +51,13 @@ def plan_outputs(scenario: Scenario, avatars: Sequence[str], control_frames: int
         if cloud is not None:
             fps = cloud.fps or scenario.fps
             count = output_frames(control_frames, control_rate, fps)
-            start, stop = _cut(cloud.frames_at(fps), count) or (0, count)
+            start, stop = _limited(cloud.frames_at(fps), count) or (0, count)
             names.append(series_name(kind, range(start, stop, cloud.every), kind))
     if wanted.render is not None:
         from crowdsim.render.batch import picture_files
 
         count = output_frames(control_frames, control_rate, wanted.render.fps)
-        frames = _cut(wanted.render.frames_at(wanted.render.fps), count) or (0, count)
+        frames = _limited(wanted.render.frames_at(wanted.render.fps), count) or (0, count)
         sheet = wanted.render.contact_sheet or 0
         names += [path.as_posix() for path in picture_files(Path(), frames, wanted.render.mp4, False, sheet)]
         if wanted.render.png:
@@ -92,15 +93,16 @@ def write_outputs(run: Run, take: Take, policies: Sequence[Policy]) -> dict[str,
         run.clock.lap("export")
     if wanted.render is not None:
         from crowdsim.crowd.cast import pack_arena
-        from crowdsim.render.command import render_source, scenario_options
+        from crowdsim.render.batch import render
+        from crowdsim.render.command import scenario_options
         from crowdsim.render.take_source import TakeSource
 
         arena = pack_arena(scenario.arena)
         source = TakeSource(take, policies, wanted.render.fps, threads=threads, arena=arena)
         options = scenario_options(wanted.render, threads)
         shown = take.output_frames(wanted.render.fps)
-        options = replace(options, frames=_cut(wanted.render.frames_at(wanted.render.fps), shown))
-        rendered = render_source(source, run.folder, options, progress, _note)
+        options = replace(options, frames=_limited(wanted.render.frames_at(wanted.render.fps), shown))
+        rendered = render(source, run.folder, options, progress, _note)
         found["pictures"] = list(rendered.files)
         run.clock.lap("render")
     return found
@@ -116,14 +118,15 @@ def _note(folder: Path, planned: Sequence[Path]) -> Iterator[Callable[[Sequence[
 
 
 def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple[float, Sink]]:
-    """Writers of the motion that a scenario asks for, each with its rate."""
+    """Return writers of the motion that a scenario asks for, each with its rate, and make their folders."""
     from crowdsim.export.bvh import BvhSink
 
     take, wanted = sampler.take, scenario.outputs
     sinks: list[tuple[float, Any]] = []
     if wanted.bvh is not None:
         fps = wanted.bvh.fps or scenario.fps
-        frames = _cut(wanted.bvh.frames_at(fps), take.output_frames(fps))
+        frames = _limited(wanted.bvh.frames_at(fps), take.output_frames(fps))
+        make_folder(folder / "bvh")
         sinks.append((fps, BvhSink(sampler, folder / "bvh", fps, frames, wanted.bvh.avatars)))
     for kind in ("ply", "pcd"):
         cloud = getattr(wanted, kind)
@@ -132,7 +135,8 @@ def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple
         from crowdsim.export.pointcloud import CloudSink
 
         fps = cloud.fps or scenario.fps
-        frames = _cut(cloud.frames_at(fps), take.output_frames(fps))
+        frames = _limited(cloud.frames_at(fps), take.output_frames(fps))
+        make_folder(folder / kind)
         sink = CloudSink(sampler, folder / kind, kind, fps, cloud.points, frames, cloud.every, cloud.avatars)
         sinks.append((fps, sink))
     return sinks
@@ -227,7 +231,8 @@ def _sink(
     frames: tuple[int, int] | None,
     avatars: Sequence[int] | None,
 ) -> Sink:
-    """Return the writer of one kind of export."""
+    """Return the writer of one kind of export, whose folder is made."""
+    make_folder(target / kind)
     if kind == "bvh":
         from crowdsim.export.bvh import BvhSink
 
@@ -237,6 +242,6 @@ def _sink(
     return CloudSink(sampler, target / kind, kind, options.fps, options.points, frames, options.every, avatars)
 
 
-def _cut(frames: Sequence[int] | None, count: int) -> tuple[int, int] | None:
+def _limited(frames: Sequence[int] | None, count: int) -> tuple[int, int] | None:
     """Return a checked range of a scenario's output frames, cut to the ``count`` that there are."""
     return None if frames is None else (frames[0], min(frames[1], count))

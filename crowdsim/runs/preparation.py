@@ -1,15 +1,18 @@
-"""From a scenario to a crowd that is ready for its first frame: policies, places, and what is constant."""
+"""From a scenario to a crowd that is ready for its first frame: policies, what is constant, memory and room on disk."""
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import RunError
+from crowdsim.runs.manifest import available_memory
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.take.data import Cast, TakeHeader
 
@@ -18,6 +21,14 @@ if TYPE_CHECKING:
     from crowdsim.crowd.placement import Placed
     from crowdsim.crowd.script import Script
     from crowdsim.policy.policy import Policy
+
+
+LARGE = 20_000
+"""Avatars from which on a run reports beforehand what it needs."""
+
+_BASE_BYTES, _AVATAR_BYTES, _FRAME_BYTES, _DISK_BYTES = 400e6, 1200.0, 6.0, 20.0
+"""Memory of a run: of the program and a policy, an avatar, an avatar-frame's strikes; and what a take holds of it on
+disk at most. Measured with the shipped crowds, rounded up."""
 
 
 @dataclass(frozen=True)
@@ -138,3 +149,19 @@ def build_cast(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
 
 def _rgb(colour: str) -> list[float]:
     return [int(colour[place : place + 2], 16) / 255.0 for place in (1, 3, 5)]
+
+
+def needs(avatars: int, frames: int, folder: Path) -> str:
+    """Return a sentence on the memory and room on disk that a run takes, and whether there is as much."""
+    memory = _BASE_BYTES + avatars * (_AVATAR_BYTES + frames * _FRAME_BYTES)
+    room = avatars * frames * _DISK_BYTES
+    result = f"{avatars:,} avatars x {frames:,} control frames take up to {memory / 1e9:.1f} GB of memory and "
+    result += f"{room / 1e9:.1f} GB on disk, without outputs"
+    existing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
+    free = shutil.disk_usage(existing).free
+    available = available_memory()
+    if available is not None and memory > available:
+        result += f"; only {available / 1e9:.1f} GB of memory are free"
+    if room > free:
+        result += f"; only {free / 1e9:.1f} GB are free in {existing}"
+    return result

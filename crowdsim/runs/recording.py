@@ -49,9 +49,12 @@ def record(run: Run, prepared: Prepared, sink: Sink, counter: StatisticsCounter 
     """
     frames, clock = prepared.frames, run.clock
     step = max(1, min(take_chunk(run, prepared), _STEP_AVATAR_FRAMES // len(prepared.cast.names)))
+    crowd, policies, script = prepared.crowd, prepared.policies, prepared.script
+    profiled, search = run.scenario.outputs.profile is not None, run.scenario.opponents.search
     timings: list[Array] = []
     try:
-        simulation = _start(run, prepared)
+        model = warm_up(crowd, policies, script, search, profiled)
+        simulation = Simulation(crowd, policies, script, run.threads, search, run.order, profiled, model)
         try:
             clock.lap("prepare")
             while simulation.frame < frames:
@@ -77,11 +80,3 @@ def record(run: Run, prepared: Prepared, sink: Sink, counter: StatisticsCounter 
         sink.abandon()
         raise
     return np.concatenate(timings) if timings else None
-
-
-def _start(run: Run, prepared: Prepared) -> Simulation:
-    """Return the simulation of a run, whose kernels are ready."""
-    crowd, policies, script = prepared.crowd, prepared.policies, prepared.script
-    profiled, search = run.scenario.outputs.profile is not None, run.scenario.opponents.search
-    model = warm_up(crowd, policies, script, search, profiled)
-    return Simulation(crowd, policies, script, run.threads, search, run.order, profiled, model)

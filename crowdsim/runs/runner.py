@@ -18,8 +18,7 @@ from crowdsim.runs.journal import remove_journal
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import checksums, peak_memory, read_manifest, write_manifest
 from crowdsim.runs.outputs import expect_outputs, plan_outputs, write_outputs
-from crowdsim.runs.preparation import Prepared, kernel_uses, load_policies, prepare
-from crowdsim.runs.resources import LARGE, needs
+from crowdsim.runs.preparation import LARGE, Prepared, kernel_uses, load_policies, needs, prepare
 from crowdsim.runs.run import Report, Run
 from crowdsim.runs.validation import check_scenario, late_events
 from crowdsim.scenario.scenario import Scenario, dump_scenario
@@ -55,17 +54,13 @@ def run(
         PolicyError: A bundle is foreign or damaged, or capture for it is missing.
         RunError: The run failed.
     """
-    from crowdsim.crowd.placement import place_groups
     from crowdsim.runs.recording import record
     from crowdsim.take.memory import TakeCollector
 
     one = Run(scenario, threads, mocap, progress, order=order)
-    placed = None
     if policies is None:
         check_scenario(scenario)
-        placed = place_groups(scenario)
-    chosen = load_policies(scenario, mocap, threads, progress) if policies is None else policies
-    prepared = prepare(scenario, chosen, placed)
+    prepared = _prepare(one) if policies is None else prepare(scenario, policies)
     collector = TakeCollector(prepared.header, prepared.policies)
     record(one, prepared, collector)
     return collector.take()
@@ -109,7 +104,13 @@ def run_to(
 
 def _run_in_folder(one: Run, resolved: str) -> None:
     """Run a scenario into a folder that is fit for it, unless another run has done so meanwhile."""
-    prepared, outputs = _prepare(one)
+    prepared = _prepare(one)
+    outputs = _plan(one.folder, one.scenario, prepared)
+    expect_outputs(one.scenario)
+    one.clock.lap("prepare")
+    avatars = len(prepared.cast.names)
+    if one.notify is not None and avatars >= LARGE:
+        one.notify(needs(avatars, prepared.frames, one.folder))
     with one.catch_signals(), hold_folder(one.folder):
         # Another run may have come and gone since the first look.
         if check_folder(one.folder, resolved, one.force, locked=True):
@@ -125,27 +126,20 @@ def _run_in_folder(one: Run, resolved: str) -> None:
             raise RunError(f"{where}: cannot be read or written: {error.strerror or error}") from error
 
 
-def _prepare(one: Run) -> tuple[Prepared, list[str]]:
-    """Return all that a run in a folder begins with, and the names of what it will write there."""
+def _prepare(one: Run) -> Prepared:
+    """Return all that a run of a checked scenario begins with; its policies are found or trained."""
     from crowdsim.crowd.placement import place_groups
 
     scenario = one.scenario
     placed = place_groups(scenario)
     one.report.notes += map(str, scenario.place(late_events(scenario)))
     policies = load_policies(scenario, one.mocap, one.threads, one.progress)
-    expect_outputs(scenario)
     one.clock.lap("policies")
     if one.notify is not None:
         warnings = speed_warnings(scenario, {policy.name: policy.statistics for policy in policies})
         for warning in scenario.place(warnings):
             one.notify(str(warning))
-    prepared = prepare(scenario, policies, placed)
-    outputs = _plan(one.folder, scenario, prepared)
-    one.clock.lap("prepare")
-    avatars = len(prepared.cast.names)
-    if one.notify is not None and avatars >= LARGE:
-        one.notify(needs(avatars, prepared.frames, one.folder))
-    return prepared, outputs
+    return prepare(scenario, policies, placed)
 
 
 def _plan(folder: Path, scenario: Scenario, prepared: Prepared) -> list[str]:
@@ -207,7 +201,7 @@ def _write_take(one: Run, prepared: Prepared) -> tuple[Take, Array | None]:
 
     path, cast = one.folder / TAKE, prepared.cast
     counter = StatisticsCounter(prepared.policies, cast.policies, cast.scales, prepared.frames)
-    writer = TakeWriter(path, prepared.header, prepared.frames, take_chunk(one, prepared))
+    writer = TakeWriter(path, prepared.header, prepared.frames, take_chunk(one, prepared)).open()
     one.clock.lap("take")
     timings = record(one, prepared, writer, counter)
     take = open_take(path)

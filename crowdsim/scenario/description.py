@@ -11,7 +11,6 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, PrivateAttr
 
 from crowdsim.config.files import Finding, StrictModel, place
-from crowdsim.config.schema import Words
 from crowdsim.errors import ScenarioError
 from crowdsim.scenario.events import Event
 from crowdsim.scenario.groups import AnyoneOpponents, Group, Opponents, PointsPlacement, Target
@@ -36,7 +35,7 @@ def _read_length(value: Any) -> Any:
 
 
 def _allow_length_text(schema: dict[str, Any]) -> None:
-    schema["anyOf"].insert(1, {"type": "string", "pattern": f"^{_LENGTH.pattern}$"})
+    schema["anyOf"].append({"type": "string", "pattern": f"^{_LENGTH.pattern}$", "examples": ["20s"]})
 
 
 class Description(StrictModel):
@@ -54,7 +53,6 @@ class Description(StrictModel):
     duration: Annotated[
         Annotated[int, Field(ge=1, le=100_000_000)] | Seconds,
         BeforeValidator(_read_length),
-        Words("text such as 20s", besides=True),
     ] = Field(
         description="Length in control frames, or in seconds: text such as `20s`, or a mapping with `seconds`.",
         json_schema_extra=_allow_length_text,

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from crowdsim.config.files import Fault, StrictModel
-from crowdsim.config.schema import Words
+from crowdsim.config.schema import Expected
 from crowdsim.scenario.frame_ranges import first_frame_at
 from crowdsim.scenario.parts import Metres
 
@@ -28,7 +28,7 @@ class SecondsRange(StrictModel):
     """A stretch of time."""
 
     seconds: Annotated[
-        tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(gt=0)]], Words("a list of two numbers [s]")
+        tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(gt=0)]], Expected("a list of two numbers [s]")
     ] = Field(description="Begin and end [s].")
 
 
@@ -47,16 +47,16 @@ def _read_range(value: Any) -> Any:
 
 
 def _allow_range_text(schema: dict[str, Any]) -> None:
-    schema["anyOf"].insert(0, {"type": "string", "pattern": f"^({_RANGE.pattern})$"})
+    text = {"type": "string", "pattern": f"^({_RANGE.pattern})$", "examples": ["0:120", "2s:5s"]}
+    schema["anyOf"].insert(2, text)
 
 
 class _Ranged(StrictModel):
     """An output that can be cut to some frames."""
 
     frames: Annotated[
-        Annotated[Frames, Words("a list of two whole numbers")] | SecondsRange | None,
+        Annotated[Frames, Expected("a list of two whole numbers")] | SecondsRange | None,
         BeforeValidator(_read_range),
-        Words("text such as 0:120 or 2s:5s", besides=True),
     ] = Field(default=None, description=_FRAMES, json_schema_extra=_allow_range_text)
 
     @model_validator(mode="after")

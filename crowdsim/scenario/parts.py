@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, model_validator
 
 from crowdsim.config.files import Fault, Faults, Finding, StrictModel
-from crowdsim.config.schema import Words, join
+from crowdsim.config.schema import Expected, join
 from crowdsim.errors import nearest
 from crowdsim.scenario.names import NAME, NAME_RULE
 from crowdsim.training.pursuit import MARGIN, MOST, TEMPERATURE
@@ -45,7 +45,7 @@ Name = Annotated[str, AfterValidator(_name), WithJsonSchema({"type": "string", "
 PolicyName = Annotated[Name, AfterValidator(_policy)]
 Colour = Annotated[str, AfterValidator(_colour), WithJsonSchema({"type": "string", "pattern": f"^{_COLOUR}$"})]
 Metres = Annotated[float, Field(ge=-100_000, le=100_000)]
-Point = Annotated[tuple[Metres, Metres], Words("a list of two numbers, x and z [m]")]
+Point = Annotated[tuple[Metres, Metres], Expected("a list of two numbers, x and z [m]")]
 Weight = Annotated[float, Field(ge=0, le=1000)]
 Weights = dict[Name, Weight]
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 from pydantic import ValidationError, ValidationInfo, model_validator
 
 from crowdsim import assets
 from crowdsim.config.files import Faults, Finding, dump_yaml, find_faults, load_model
-from crowdsim.config.schema import join, spot_of
+from crowdsim.config.schema import quoted
 from crowdsim.core.types import FileName
 from crowdsim.errors import ScenarioError, nearest
 from crowdsim.scenario.checks import name_findings, sense_findings
@@ -95,11 +95,10 @@ def load_scenario(
         # A validated copy counts every key as set; types must still know what their file says to be merged.
         scenario = scenario.model_copy(update={key: getattr(changed, key) for key in changes})
     if search is not None:
-        choices = spot_of(Search).words
+        choices = get_args(get_args(Search)[0])
         if search not in choices:
-            raise ScenarioError(
-                f"the search is {search!r}, expected {join([repr(word) for word in choices])}{nearest(search, choices)}"
-            )
+            what = f"the search is {search!r}, expected {quoted(choices)}{nearest(search, choices)}"
+            raise ScenarioError(what)
         scenario = with_search(scenario, search)
     resolved = resolve_scenario(scenario, file.parent)
     resolved._source = file

@@ -69,7 +69,7 @@ class TakeData:
         heading: Where it looks [rad].
         opponent: Avatar that it fights, ``-2 - k`` for scripted target k, -1 for none. Shape (F, N), int32.
         cast: What is constant for each avatar.
-        targets: Places of scripted targets [m]. Shape (F, G, 3), float32.
+        targets: Positions of scripted targets [m]. Shape (F, G, 3), float32.
         target_names: Names of scripted targets. Length G.
         events: Strikes.
         control_rate: Control frames a second.

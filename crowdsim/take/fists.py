@@ -95,13 +95,13 @@ def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9))
 
 
-def body_points(body: Body, positions: Array, turns: Array, scales: Array) -> tuple[Array, Array, Array, Array]:
+def body_points(body: Body, positions: Array, rotations: Array, scales: Array) -> tuple[Array, Array, Array, Array]:
     """Return head (n, 3), neck (n, 3), pelvis (n, 3) and fists (n, 2, 3) of posed bodies of sizes (n,) [m]."""
     roles = body.roles
     sizes = np.asarray(scales)[:, None]
-    head = positions[:, roles["head"]] + sizes * quaternion.rotate(turns[:, roles["head"]], body.head_offset)
+    head = positions[:, roles["head"]] + sizes * quaternion.rotate(rotations[:, roles["head"]], body.head_offset)
     hands = [roles["left_hand"], roles["right_hand"]]
-    fists = positions[:, hands] + sizes[..., None] * quaternion.rotate(turns[:, hands], body.fist_offsets)
+    fists = positions[:, hands] + sizes[..., None] * quaternion.rotate(rotations[:, hands], body.fist_offsets)
     return head, positions[:, roles["neck"]], positions[:, roles["pelvis"]], fists
 
 
@@ -122,17 +122,19 @@ def plan_landings(
     arms = motion.arms
     fists, shoulders = np.full((len(near.times), 3), np.nan), np.full((len(near.times), 3), np.nan)
     posed = pose_at(near.attackers, near.times)
-    for which, body, scales, positions, turns in posed:
+    for which, body, scales, positions, rotations in posed:
         rows, hands = np.arange(len(which)), near.hands[which]
-        fists[which] = body_points(body, positions, turns, scales)[3][rows, hands]
+        fists[which] = body_points(body, positions, rotations, scales)[3][rows, hands]
         shoulders[which] = positions[rows, arms.joints[hands, 0]]
     shifts = _surfaces(take, near, fists, shoulders, struck_at, motion.target) - fists
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
     shifts = np.where(np.isfinite(shifts), shifts, 0.0)
     leans, moves = np.zeros((len(near.times), JOINTS, 3)), np.zeros((len(near.times), 3))
-    for which, _, _, positions, turns in posed:
-        leans[which], moves[which] = plan_leans(arms, ELBOW_LEAST, near.hands[which], shifts[which], positions, turns)
+    for which, _, _, positions, rotations in posed:
+        leans[which], moves[which] = plan_leans(
+            arms, ELBOW_LEAST, near.hands[which], shifts[which], positions, rotations
+        )
     order, starts = by_column(columns[near.attackers], count, near.times)
     for values in (leans, moves):
         # Of those who are not there nothing is known.
@@ -182,8 +184,8 @@ def _surfaces(
     """Nearest points on what is hit, scripted targets as large as control takes them for. Shape (E, 3)."""
     points = np.full((len(near.times), 3), np.nan)
     people = np.flatnonzero(near.victims >= 0)
-    for which, body, scales, positions, turns in pose_at(near.victims[people], near.times[people]):
-        head, neck, pelvis, _ = body_points(body, positions, turns, scales)
+    for which, body, scales, positions, rotations in pose_at(near.victims[people], near.times[people]):
+        head, neck, pelvis, _ = body_points(body, positions, rotations, scales)
         chosen = people[which]
         points[chosen] = surface_point(
             fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales, shoulders[chosen]

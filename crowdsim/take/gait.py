@@ -1,4 +1,4 @@
-"""How a body steps and stands in its own capture: what steps that feet make for cuts are modelled on."""
+"""How a body steps and stands in its own capture: what steps that feet make for transitions are modelled on."""
 
 from __future__ import annotations
 

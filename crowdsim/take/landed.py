@@ -18,7 +18,7 @@ LEAN = 0.22
 _LEAST_LEAN = 0.15
 """How long it leans at the least [s]."""
 TOGETHER = 0.07
-"""Strikes of a hand that are no further apart are one: a cut shortly after a strike showed it again [s]."""
+"""Strikes of a hand that are no further apart are one: a transition shortly after a strike showed it again [s]."""
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ def plan_leans(arms: Limbs, least: float, hands: Array, shifts: Array, positions
         least: Least flexion of an elbow [rad].
         hands: Which hand of each strikes. Shape (E,).
         shifts: How far its fist is to go [m]. Shape (E, 3).
-        positions: Places of joints at the strikes [m]. Shape (E, J, 3).
+        positions: Positions of joints at the strikes [m]. Shape (E, J, 3).
         turns: Their rotations in the world. Shape (E, J, 4).
     """
     rows, count = np.arange(len(hands)), len(hands)

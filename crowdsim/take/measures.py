@@ -222,8 +222,8 @@ def opponent_offsets(chunk: Chunk, rows: slice = slice(None)) -> tuple[Array, Ar
     scripted = opponent <= -2
     if scripted.any():
         row, avatar = np.nonzero(scripted)
-        places = targets[row, -2 - opponent[row, avatar]]
-        ox[row, avatar], oz[row, avatar] = places[:, 0], places[:, 2]
+        points = targets[row, -2 - opponent[row, avatar]]
+        ox[row, avatar], oz[row, avatar] = points[:, 0], points[:, 2]
         known |= scripted & (action >= 0)
     return ox - x, oz - z, known
 

@@ -1,4 +1,4 @@
-"""A policy's motion as poses need it: rotations without the heading, places in the ground frame, soles and hinges."""
+"""A policy's motion as poses need it: rotations without heading, positions in the ground frame, soles and hinges."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Frames(NamedTuple):
     Attributes:
         rotations: Local rotations, the root's without the heading, continuous in sign in a clip. Shape (P, J, 4),
             float32.
-        roots: Place of the root in the frame's ground frame [m]. Shape (P, 3), float32.
+        roots: Position of the root in the frame's ground frame [m]. Shape (P, 3), float32.
         ground: Ground transform in the clip's world. Shape (P, 3), float64.
         contacts: Whether each foot is planted. Shape (P, 2), bool.
         holds: Point of each foot about which it turns while it stands, in the frame's ground frame [m].
@@ -70,7 +70,7 @@ class Limbs(NamedTuple):
 
     Attributes:
         parents: Parent of each joint of the skeleton. Shape (J,).
-        offsets: Place of each joint in its parent's frame [m]. Shape (J, 3).
+        offsets: Position of each joint in its parent's frame [m]. Shape (J, 3).
         chain: Joints from the root to the ends, parents first.
         joints: Upper, middle and end joint. Shape (2, 3).
         hinges: Axis of flexion in the upper joint's frame. Shape (2, 3).
@@ -120,7 +120,7 @@ class PoseMotion:
         arms: The arms.
         hinges: Elbows and knees.
         gait: How it steps and stands.
-        fists: Place of the left and right fist in the frame's ground frame [m]. Shape (P, 2, 3), float32.
+        fists: Position of the left and right fist in the frame's ground frame [m]. Shape (P, 2, 3), float32.
         heads: Centre of the head in the frame's ground frame [m]. Shape (P, 3), float32.
         strikes: Playback frames at which strikes reach furthest, ascending. Shape (S,).
         origins: Playback frame that lies on the avatar when each action starts. Shape (A,).
@@ -230,11 +230,11 @@ def _limbs(
     bends: Array,
     sample: tuple[Array, Array],
 ) -> Limbs:
-    """Two limbs; ``sample`` holds places and turns of all joints in some poses."""
+    """Two limbs; ``sample`` holds positions and rotations of all joints in some poses."""
     joints = np.array([[body.roles[f"{side}_{name}"] for name in names] for side in _SIDES], np.int64)
-    places, turns = sample
+    positions, rotations = sample
     hinges = [
-        hinge_axis(places[:, upper], places[:, middle], places[:, end], turns[:, upper])
+        hinge_axis(positions[:, upper], positions[:, middle], positions[:, end], rotations[:, upper])
         for upper, middle, end in joints
     ]
     toes = [body.roles.get(f"{side}_toe", -1) if names[2] == "foot" else -1 for side in _SIDES]

@@ -44,9 +44,9 @@ def world_joints(skeleton: Skeleton, scales: Array, poses: Posed) -> tuple[Array
     """Return positions (T, n, J, 3) [m] and rotations (T, n, J, 4) in the world of poses of bodies of sizes (n,)."""
     times, count, joints = poses.rotations.shape[:3]
     flat = poses.rotations.reshape(-1, joints, 4)
-    places, turns = forward_kinematics(skeleton, np.zeros((len(flat), 3), np.float32), flat, parallel=False)
-    places = places.reshape(times, count, joints, 3) * scales[:, None, None].astype(np.float32)
-    return places + poses.roots[:, :, None], turns.reshape(times, count, joints, 4)
+    positions, rotations = forward_kinematics(skeleton, np.zeros((len(flat), 3), np.float32), flat, parallel=False)
+    positions = positions.reshape(times, count, joints, 3) * scales[:, None, None].astype(np.float32)
+    return positions + poses.roots[:, :, None], rotations.reshape(times, count, joints, 4)
 
 
 class Passes:
@@ -162,8 +162,8 @@ class Passes:
         found = []
         for which, index, window, moments in self._moments(avatars, times):
             motion, scales = window.motion, window.rows.scales[moments.columns]
-            positions, turns = world_joints(motion.skeleton, scales, pose(window, index, moments))
-            found.append((which, motion.body, scales, positions[0], turns[0]))
+            positions, rotations = world_joints(motion.skeleton, scales, pose(window, index, moments))
+            found.append((which, motion.body, scales, positions[0], rotations[0]))
         return found
 
     def _columns_of(self, window: Window) -> Array:

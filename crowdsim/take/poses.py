@@ -43,7 +43,7 @@ class Poses:
         avatars: Numbers of the avatars. Shape (n,).
         skeleton: Their skeleton, unscaled.
         scales: Size of each body. Shape (n,).
-        root_positions: Place of the root in the world [m]; NaN while absent. Shape (T, n, 3), float32.
+        root_positions: Position of the root in the world [m]; NaN while absent. Shape (T, n, 3), float32.
         rotations: Local joint rotations, the root's in the world; NaN while absent. Shape (T, n, J, 4), float32.
         ground: Ground transform. Shape (T, n, 3), float64.
     """
@@ -67,7 +67,7 @@ class Poses:
         )
 
     def joints(self) -> tuple[Array, Array]:
-        """Return places (T, n, J, 3) [m] and rotations (T, n, J, 4) of all joints in the world."""
+        """Return positions (T, n, J, 3) [m] and rotations (T, n, J, 4) of all joints in the world."""
         return world_joints(self.skeleton, self.scales, Posed(self.root_positions, self.rotations))
 
 

@@ -1,4 +1,4 @@
-"""Figures of a run: strikes, opponents, cuts, feet that slide, jumps at cuts."""
+"""Figures of a run: strikes, opponents, transitions, feet that slide, jumps at transitions."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from crowdsim.take.poses import Poses, PoseSampler
 
 TOUCH = 0.02
 """How far from a surface a fist touches it [m]."""
-_NEAR_CUT = 0.1
-"""Time around a cut in which accelerations count as its own [s]."""
+_NEAR_TRANSITION = 0.1
+"""Time around a transition in which accelerations count as its own [s]."""
 _MOST_POSES = 150_000
 _POSES_AT_ONCE = 20_000
 _MOST_STRIKES = 4000
@@ -39,10 +39,10 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict
         ``avatars``, ``control_frames``, ``seconds``; ``strikes_thrown``, ``strikes_landed``,
         ``hits_per_minute_per_avatar``; the attributes of ``FightMeasures``, positions from 10 s on;
         ``opponent_changes`` of all avatars; ``transitions_per_second`` of an avatar; ``foot_slide_median`` and
-        ``foot_slide_95``, speed over the floor of planted feet [m/s], those apart that make a step for a cut, and
-        beside them the capture's own in the frames that are shown, and in all that there are;
+        ``foot_slide_95``, speed over the floor of planted feet [m/s], those apart that make a step for a transition,
+        and beside them the capture's own in the frames that are shown, and in all that there are;
         ``thrown_per_minute_captured``, strikes in a minute of the capture of the mean avatar;
-        ``transition_jump_ratio``, accelerations of joints near cuts over those of the captured frames shown there;
+        ``transition_jump_ratio``, accelerations of joints near transitions over those of the frames shown there;
         ``fist_gap_median``, ``fist_gap_95`` and ``fist_gap_most``, how far fists are from the surface of the avatars
         that they land on [m], and ``fists_off_share``, the share of them that are further than ``TOUCH`` from it.
         Figures of which there is nothing to measure are None.
@@ -83,24 +83,24 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
         where = window.place(Moments(np.arange(len(poses.avatars)), times[:, None]))
         frames, now = where.frames, np.maximum(where.frames, 0)
         later = now + (where.fractions > 0.0)
-        places, turns = poses.joints()
-        balls = _balls(sampler, poses, places, turns)
+        positions, rotations = poses.joints()
+        balls = _balls(sampler, poses, positions, rotations)
         transitions = window.transitions()
         planted = motion.contacts[now] & motion.contacts[later] & (frames >= 0)[..., None]
         planted &= ~_stepping(transitions, window.steps(transitions, window.foot_plants()), times, len(poses.avatars))
         speeds = np.linalg.norm(np.diff(balls, axis=0), axis=-1) * rate
         slides.append(speeds[planted[1:] & planted[:-1]])
-        places = places[:, :, motion.joints]
-        sizes = np.linalg.norm(np.diff(places, 2, axis=0), axis=-1).mean(axis=-1) * rate * rate
+        positions = positions[:, :, motion.joints]
+        sizes = np.linalg.norm(np.diff(positions, 2, axis=0), axis=-1).mean(axis=-1) * rate * rate
         near = np.zeros(frames.shape, bool)
         for owner, time in zip(transitions.owners, transitions.times, strict=True):
-            low, high = np.searchsorted(times, (time - _NEAR_CUT, time + _NEAR_CUT))
+            low, high = np.searchsorted(times, (time - _NEAR_TRANSITION, time + _NEAR_TRANSITION))
             near[low:high, owner] = True
         part = where.fractions[..., None, None]
         own_balls = motion.balls[now] * (1.0 - part) + motion.balls[later] * part
         own_speeds = np.linalg.norm(np.diff(own_balls, axis=0), axis=-1) * poses.scales[None, :, None] * rate
         both = planted[1:] & planted[:-1]
-        # Over a cut the capture has no speed.
+        # Over a transition the capture has no speed.
         both &= (np.diff(frames, axis=0) >= 0)[..., None] & (np.diff(frames, axis=0) < 4)[..., None]
         beneath.append(own_speeds[both])
         counts = near[1:-1] & np.isfinite(sizes)
@@ -134,10 +134,14 @@ def _of_fists(sampler: PoseSampler) -> dict[str, float | None]:
     times = np.asarray(events.frame, dtype=np.float64)[some] / sampler.take.control_rate
     fists, surfaces = np.full((len(some), 3), np.nan), np.full((len(some), 3), np.nan)
     hands = np.asarray(events.hand)[some].astype(np.int64)
-    for which, body, scales, places, turns in sampler.moments(np.asarray(events.attacker)[some].astype(int), times):
-        fists[which] = body_points(body, places, turns, scales)[3][np.arange(len(which)), hands[which]]
-    for which, body, scales, places, turns in sampler.moments(np.asarray(events.victim)[some].astype(int), times):
-        head, neck, pelvis, _ = body_points(body, places, turns, scales)
+    for which, body, scales, positions, rotations in sampler.moments(
+        np.asarray(events.attacker)[some].astype(int), times
+    ):
+        fists[which] = body_points(body, positions, rotations, scales)[3][np.arange(len(which)), hands[which]]
+    for which, body, scales, positions, rotations in sampler.moments(
+        np.asarray(events.victim)[some].astype(int), times
+    ):
+        head, neck, pelvis, _ = body_points(body, positions, rotations, scales)
         surfaces[which] = surface_point(
             fists[which], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales
         )
@@ -157,7 +161,7 @@ class _CapturedMotion:
 
     def __init__(self, sampler: PoseSampler, index: int) -> None:
         database = sampler.policies[index].database
-        positions, turns = forward_kinematics(
+        positions, rotations = forward_kinematics(
             database.skeleton, database.root_positions, database.rotations, parallel=False
         )
         self.joints = sorted(set(database.body.roles.values()))
@@ -172,7 +176,7 @@ class _CapturedMotion:
         self.accelerations = _filled(self.accelerations)
         roles, body = database.body.roles, database.body
         feet = [roles["left_foot"], roles["right_foot"]]
-        self.balls = (positions[:, feet] + quaternion.rotate(turns[:, feet], body.sole_offsets[:, 1]))[..., [0, 2]]
+        self.balls = (positions[:, feet] + quaternion.rotate(rotations[:, feet], body.sole_offsets[:, 1]))[..., [0, 2]]
         speeds = np.linalg.norm(np.diff(self.balls, axis=0), axis=-1) * rate
         both = self.contacts[1:] & self.contacts[:-1]
         both[starts[1:] - 1] = False
@@ -194,12 +198,12 @@ def _stepping(transitions: Transitions, steps: Steps, times: Array, avatars: int
     return stepping
 
 
-def _balls(sampler: PoseSampler, poses: Poses, places: Array, turns: Array) -> Array:
+def _balls(sampler: PoseSampler, poses: Poses, positions: Array, rotations: Array) -> Array:
     """Balls of the feet over the floor. Shape (T, n, 2, 2)."""
     body = sampler.motions[poses.policy].body
     feet = [body.roles["left_foot"], body.roles["right_foot"]]
-    soles = quaternion.rotate(turns[:, :, feet], body.sole_offsets[:, 1]) * poses.scales[:, None, None]
-    return np.asarray((places[:, :, feet] + soles)[..., [0, 2]])
+    soles = quaternion.rotate(rotations[:, :, feet], body.sole_offsets[:, 1]) * poses.scales[:, None, None]
+    return np.asarray((positions[:, :, feet] + soles)[..., [0, 2]])
 
 
 def _some_poses(sampler: PoseSampler, progress: Progress | None) -> Iterator[tuple[Poses, int, float]]:

@@ -40,33 +40,40 @@ class TakeWriter:
         frames: Control frames that are planned.
         chunk: Control frames in a chunk on disk.
 
-    Raises:
-        OutputError: The folder cannot be written, or a take is there already.
     """
 
     def __init__(self, path: Path, header: TakeHeader, frames: int, chunk: int = 64) -> None:
-        import zarr
-
         self.path = path
         self._partial = path.with_name(path.name + ".partial")
         self._chunk = chunk
         self._frames = frames
-        self._control_rate = header.control_rate
+        self._header = header
         self._room = min(frames, CHUNKS_AT_FIRST * chunk)
         self._done = 0
         self._kept: list[dict[str, Array]] = []
         self._kept_targets: list[Array] = []
         self._kept_events: list[Events] = []
-        for taken in (path, self._partial):
+
+    def open(self) -> TakeWriter:
+        """Make the folder, write what is constant, and return the writer.
+
+        Raises:
+            OutputError: The folder cannot be written, or a take is there already.
+        """
+        import zarr
+
+        for taken in (self.path, self._partial):
             if os.path.lexists(taken):
                 raise OutputError(f"{taken}: is there already, expected a new name for the take")
         with self._writing():
             self._partial.mkdir(parents=True)
             self._group: Any = zarr.open_group(str(self._partial), mode="w", **_format_two())
-            self._begin(header)
+            self._begin()
+        return self
 
-    def _begin(self, header: TakeHeader) -> None:
+    def _begin(self) -> None:
         """Write what is constant, and arrays without values."""
+        header = self._header
         cast, targets = header.cast, len(header.target_names)
         chunk, frames, avatars = self._chunk, self._frames, len(cast.names)
         # All at once: one by one each would be written to disk anew.
@@ -132,7 +139,7 @@ class TakeWriter:
         return array
 
     def append(self, chunk: dict[str, Array], events: Events, targets: Array | None = None) -> None:
-        """Add control frames: an array (n, N) for each of ``VARIABLES``, the strikes thrown, and places of targets.
+        """Add control frames: an array (n, N) for each of ``VARIABLES``, the strikes thrown, and positions of targets.
 
         Raises:
             OutputError: They cannot be written.
@@ -199,7 +206,7 @@ class TakeWriter:
                 array = self._group[name]
                 if array.shape[0] > self._done:
                     array.resize((self._done, *array.shape[1:]))
-            time = np.arange(self._done, dtype="<f8") / self._control_rate
+            time = np.arange(self._done, dtype="<f8") / self._header.control_rate
             self._create(self._group, "time", time.shape, (max(1, len(time)),), "<f8", ["frame"])[...] = time
             self._group.attrs["status"] = status
             zarr.consolidate_metadata(str(self._partial))

@@ -285,16 +285,16 @@ def test_other_readers_see_the_same_places(tmp_path):
     import pybvh
 
     clip = walking_clip(12, seed=4)
-    places, _ = clip_kinematics(clip)
+    positions, _ = clip_kinematics(clip)
     write_bvh(tmp_path / "a.bvh", clip, order=("XYZ", "ZXY", "YZX", "ZYX"))
     other = pybvh.read_bvh_file(str(tmp_path / "a.bvh"))
-    np.testing.assert_allclose(other.joint_positions() / 100, places, atol=1e-6)
+    np.testing.assert_allclose(other.joint_positions() / 100, positions, atol=1e-6)
     tree = bvhio.readAsHierarchy(str(tmp_path / "a.bvh"))
     for frame in range(12):
         tree.loadPose(frame)
         for joint, _, _ in tree.layout():
             if joint.Name in clip.skeleton.names:
-                place = places[frame, clip.skeleton.names.index(joint.Name)]
+                place = positions[frame, clip.skeleton.names.index(joint.Name)]
                 np.testing.assert_allclose(np.array(list(joint.PositionWorld)) / 100, place, atol=1e-4)
 
 
@@ -342,8 +342,8 @@ def test_joints_that_are_not_depth_first_are_written_as_they_hang_together():
     assert back.skeleton.names == ("root", "left", "left_end", "right", "right_end")
     expected, _ = clip_kinematics(clip)
     found, _ = clip_kinematics(back)
-    places = [back.skeleton.names.index(name) for name in skeleton.names]
-    np.testing.assert_allclose(found[:, places], expected, atol=1e-6)
+    positions = [back.skeleton.names.index(name) for name in skeleton.names]
+    np.testing.assert_allclose(found[:, positions], expected, atol=1e-6)
     bvh = from_clip(clip)
     with pytest.raises(BvhError, match="joints are out of order"):
         format_bvh(replace(bvh, parents=skeleton.parents, names=skeleton.names))

@@ -40,14 +40,14 @@ def test_elbows_that_fold_backward_are_named_and_turned_back(wrong, tmp_path):
 def test_an_elbow_that_is_turned_moves_its_forearm_alone_and_bends_as_far():
     clip = perform_solo("hook").clip if "hook" in MOVES else perform_solo("jab").clip
     roles = human_roles(clip.skeleton, sample_poses(clip)[0])
-    places, turned = (clip_kinematics(c)[0] for c in (clip, fold_forward(clip, roles, ELBOWS[:1])))
-    moved = np.abs(places - turned).max(axis=(0, 2)) > 1e-6
+    positions, turned = (clip_kinematics(c)[0] for c in (clip, fold_forward(clip, roles, ELBOWS[:1])))
+    moved = np.abs(positions - turned).max(axis=(0, 2)) > 1e-6
     assert list(np.flatnonzero(moved)) == [roles["left_hand"]]
 
     def reach(p):
         return np.linalg.norm(p[:, roles["left_hand"]] - p[:, roles["left_shoulder"]], axis=1)
 
-    np.testing.assert_allclose(reach(places), reach(turned), atol=1e-6)
+    np.testing.assert_allclose(reach(positions), reach(turned), atol=1e-6)
 
 
 def test_where_the_rest_pose_is_no_body_nothing_is_told():

@@ -19,7 +19,7 @@ def database(rng, frames=40, stride=4):
     ground = np.cumsum(rng.normal(0, [0.02, 0.02, 0.03], (count, 3)), axis=0)
     heads = np.array([0.0, 1.6, 0.05]) + rng.normal(0, 0.02, (count, 3))
     strikes = np.sort(rng.choice(np.arange(stride, count - stride), frames // 3, replace=False))
-    places = rng.normal([0, 1.4, 0.6], [0.15, 0.1, 0.1], (len(strikes), 3))
+    positions = rng.normal([0, 1.4, 0.6], [0.15, 0.1, 0.1], (len(strikes), 3))
     nothing = np.zeros((0, 3))
     body = Body(
         roles={"pelvis": 0}, height=1.75, fist_offsets=np.zeros((2, 3)), head_offset=np.zeros(3),
@@ -46,7 +46,7 @@ def database(rng, frames=40, stride=4):
         strike_hands=rng.integers(0, 2, len(strikes)).astype(np.uint8),
         strike_peaks=strikes.astype(np.int32),
         strike_speeds=rng.uniform(4, 9, len(strikes)).astype(np.float32),
-        strike_places=places.astype(np.float32),
+        strike_places=positions.astype(np.float32),
     )
 
 

@@ -11,7 +11,7 @@ from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.workers import Workers
 
 
-def places(kind, count, seed=0):
+def positions(kind, count, seed=0):
     rng = np.random.default_rng(seed)
     team = rng.integers(0, 2, count).astype(np.int32)
     if kind == "lattice":
@@ -48,7 +48,7 @@ def ask_all(tree, order, skip_team=True, workers=None):
 @settings(deadline=None, max_examples=60)
 @given(skip_team=st.booleans(), **everything)
 def test_the_nearest_opponent_is_that_of_a_direct_comparison(kind, count, seed, skip_team):
-    x, z, team = places(kind, count, seed)
+    x, z, team = positions(kind, count, seed)
     tree, order = build_tree(x, z, team)
     found, _ = ask_all(tree, order, skip_team)
     skipped = team if skip_team else np.full(count, -1)
@@ -58,7 +58,7 @@ def test_the_nearest_opponent_is_that_of_a_direct_comparison(kind, count, seed, 
 @settings(deadline=None, max_examples=40)
 @given(most=st.integers(1, 9), **everything)
 def test_neighbours_are_those_of_a_direct_comparison_nearest_first(kind, count, seed, most):
-    x, z, team = places(kind, count, seed)
+    x, z, team = positions(kind, count, seed)
     tree, order = build_tree(x, z, team)
     own = np.arange(count, dtype=np.int32)
     counts, points = neighbours(tree, tree.xs, tree.zs, own, 1.5, most)
@@ -79,7 +79,7 @@ def test_observing_finds_the_same_where_more_is_near_than_can_be_shared(kind, co
 
 
 def observe_and_compare(kind, count, seed, most, share):
-    x, z, team = places(kind, count, seed)
+    x, z, team = positions(kind, count, seed)
     tree, order = build_tree(x, z, team)
     rng = np.random.default_rng(seed)
     due = np.flatnonzero(rng.random(count) < share).astype(np.int32)
@@ -99,7 +99,7 @@ def observe_and_compare(kind, count, seed, most, share):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_five_thousand_avatars_get_the_distances_of_scipy(kind):
-    x, z, team = places(kind, 5000)
+    x, z, team = positions(kind, 5000)
     tree, order = build_tree(x, z, team)
     found, distance = ask_all(tree, order)
     for side in (0, 1):
@@ -121,7 +121,7 @@ def test_among_equally_distant_opponents_the_lower_number_decides():
 
 def test_refitted_boxes_stay_exact_after_avatars_have_moved():
     rng = np.random.default_rng(5)
-    x, z, team = places("spread", 2000)
+    x, z, team = positions("spread", 2000)
     tree, order = build_tree(x, z, team)
     tree.xs[:] += rng.normal(0, 5, 2000)
     tree.zs[:] += rng.normal(0, 5, 2000)
@@ -133,7 +133,7 @@ def test_refitted_boxes_stay_exact_after_avatars_have_moved():
 
 
 def test_two_threads_sort_fit_and_find_the_same_as_one():
-    x, z, team = places("spread", 60_000)
+    x, z, team = positions("spread", 60_000)
     tree, order = build_tree(x, z, team)
     with Workers(2) as two:
         again, same = build_tree(x, z, team)
@@ -146,7 +146,7 @@ def test_two_threads_sort_fit_and_find_the_same_as_one():
 
 
 def test_thirty_avatars_are_one_leaf():
-    x, z, team = places("spread", 30)
+    x, z, team = positions("spread", 30)
     tree, _ = build_tree(x, z, team)
     assert tree.depth == 0
     assert LEAF == 32
@@ -154,7 +154,7 @@ def test_thirty_avatars_are_one_leaf():
 
 @pytest.mark.parametrize("count", [31, 32, 33, 64, 65, 1000, 4097])
 def test_no_leaf_holds_more_than_its_share(count):
-    tree, _ = build_tree(*places("spread", count)[:2])
+    tree, _ = build_tree(*positions("spread", count)[:2])
     leaves = 1 << tree.depth
     sizes = np.diff([(leaf * count) >> tree.depth for leaf in range(leaves + 1)])
     assert sizes.max() <= LEAF
@@ -162,7 +162,7 @@ def test_no_leaf_holds_more_than_its_share(count):
 
 
 def test_without_another_team_nobody_is_found():
-    x, z, _ = places("spread", 100)
+    x, z, _ = positions("spread", 100)
     tree, order = build_tree(x, z, np.zeros(100, np.int32))
     assert (ask_all(tree, order)[0] == -1).all()
 

@@ -75,9 +75,9 @@ def test_absent_avatars_are_nobodys_opponent():
     assert all(present[list(near)].all() for near in around.values())
 
 
-def kept(places, old, near, heading=0.0, hysteresis=0.3):
+def kept(positions, old, near, heading=0.0, hysteresis=0.3):
     """Whom avatar 0, at the origin, fights next: ``old`` until now, while ``near`` is nearest."""
-    people = build_crowd(*np.array([[0.0, 0.0], *places]).T, heading=heading, hysteresis=hysteresis)
+    people = build_crowd(*np.array([[0.0, 0.0], *positions]).T, heading=heading, hysteresis=hysteresis)
     avatars = build_avatars(people, MODEL)
     avatars.real[HEADING] = heading
     avatars.whole[OPPONENT, 0] = old
@@ -98,18 +98,18 @@ def test_an_opponent_behind_must_be_so_much_nearer(heading):
         (np.pi, np.pi / 2, 0.3 - BEHIND / 2),  # from behind to the side: sooner
     ]:
         for more, expected in ((-0.01, 1), (0.01, 2)):
-            places = [turned(2.0, old), turned(2.0 - much_nearer - more, new)]
-            assert kept(places, 1, 2, heading) == expected
+            positions = [turned(2.0, old), turned(2.0 - much_nearer - more, new)]
+            assert kept(positions, 1, 2, heading) == expected
 
 
 def test_opponents_seem_as_far_as_the_naive_twin_says():
     rng = np.random.default_rng(5)
     changed = 0
     for _ in range(300):
-        places, heading, hysteresis = rng.uniform(-2, 2, (2, 2)), rng.uniform(-3, 3), rng.uniform(0, 0.5)
-        far = [naive_crowd.seems_far(np.array([0.0, 0.0, heading]), *place) for place in places]
+        positions, heading, hysteresis = rng.uniform(-2, 2, (2, 2)), rng.uniform(-3, 3), rng.uniform(0, 0.5)
+        far = [naive_crowd.seems_far(np.array([0.0, 0.0, heading]), *place) for place in positions]
         expected = 1 if far[1] >= far[0] - hysteresis else 2
-        assert kept(places, 1, 2, heading, hysteresis) == expected
+        assert kept(positions, 1, 2, heading, hysteresis) == expected
         changed += expected == 2
     assert 50 < changed < 250
 

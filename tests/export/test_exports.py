@@ -14,7 +14,9 @@ from crowdsim.export.stream import stream_poses
 from crowdsim.runs.preparation import load_policies
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
+from crowdsim.take.data import TakeHeader
 from crowdsim.take.poses import PoseSampler
+from crowdsim.take.store import TakeWriter
 
 FPS = 30.0
 COMING = {
@@ -108,7 +110,7 @@ def test_clouds_read_back_with_all_their_fields(sampler: PoseSampler, tmp_path: 
     cloud = CloudSink(sampler, tmp_path, kind, FPS, 40).build(30)
     read = open3d.t.io.read_point_cloud(str(path))
     columns = {name: read.point[name].numpy() for name in read.point}
-    np.testing.assert_array_equal(columns["positions"], cloud.places)
+    np.testing.assert_array_equal(columns["positions"], cloud.positions)
     if kind == "ply":
         np.testing.assert_array_equal(columns["normals"], cloud.normals)
     else:
@@ -137,21 +139,29 @@ def test_plyfile_and_trimesh_read_clouds_too(sampler: PoseSampler, tmp_path: Pat
     assert {prop.name: prop.val_dtype for prop in vertex.properties} == {
         name: "i4" if name in ("avatar", "team", "joint") else "f4" for name in FIELDS
     }
-    np.testing.assert_array_equal(np.column_stack([vertex[name] for name in "xyz"]), cloud.places)
-    np.testing.assert_array_equal(trimesh.load(str(path)).vertices, cloud.places)
+    np.testing.assert_array_equal(np.column_stack([vertex[name] for name in "xyz"]), cloud.positions)
+    np.testing.assert_array_equal(trimesh.load(str(path)).vertices, cloud.positions)
 
 
 def test_velocities_are_how_points_move(sampler: PoseSampler, tmp_path: Path) -> None:
     sink = CloudSink(sampler, tmp_path, "ply", FPS, 40)
     before, cloud, after = (sink.build(frame) for frame in (4, 5, 6))
-    np.testing.assert_allclose(cloud.velocities.T, (after.places - before.places) * FPS / 2, atol=1e-3)
+    np.testing.assert_allclose(cloud.velocities.T, (after.positions - before.positions) * FPS / 2, atol=1e-3)
     assert 0.1 < np.abs(cloud.velocities).max() < 20
     first, second = sink.build(0), sink.build(1)
-    np.testing.assert_allclose(first.velocities.T, (second.places - first.places) * FPS, atol=1e-3)
+    np.testing.assert_allclose(first.velocities.T, (second.positions - first.positions) * FPS, atol=1e-3)
+
+
+def test_writers_make_no_folders_when_they_are_built(sampler: PoseSampler, tmp_path: Path) -> None:
+    BvhSink(sampler, tmp_path / "bvh", FPS)
+    CloudSink(sampler, tmp_path / "ply", "ply", FPS, 20)
+    TakeWriter(tmp_path / "take.zarr", TakeHeader(sampler.take.cast, 15.0, "test", 3, ()), 1)
+    assert not list(tmp_path.iterdir())
 
 
 def test_outputs_that_share_poses_have_the_bytes_of_outputs_alone(sampler, tmp_path: Path, monkeypatch) -> None:
     frames = sampler.take.output_frames(FPS)
+    (tmp_path / "together").mkdir()
     sinks = [
         BvhSink(sampler, tmp_path / "together", FPS),
         CloudSink(sampler, tmp_path / "together", "ply", FPS, 20, (3, frames - 2), 4, [0, 2]),

@@ -30,9 +30,9 @@ def distances_to_capsules(body, centres, points):
 def test_points_lie_on_the_skin_and_inside_nothing(clip, count: int) -> None:
     body = build_body(clip.skeleton)
     surface = build_surface(clip.skeleton, body, count)
-    assert surface.places.shape == (count, 3)
+    assert surface.positions.shape == (count, 3)
     rest = clip.skeleton.rest_positions()
-    gaps = distances_to_capsules(body, rest[body.capsule_joints], rest[surface.joints] + surface.places)
+    gaps = distances_to_capsules(body, rest[body.capsule_joints], rest[surface.joints] + surface.positions)
     assert gaps.min() > -0.003
     assert gaps.max() < 0.01
     np.testing.assert_allclose(np.linalg.norm(surface.normals, axis=1), 1.0, atol=1e-9)
@@ -41,8 +41,8 @@ def test_points_lie_on_the_skin_and_inside_nothing(clip, count: int) -> None:
 def test_points_are_spread_evenly(clip) -> None:
     body = build_body(clip.skeleton)
     surface = build_surface(clip.skeleton, body, 2000)
-    places = clip.skeleton.rest_positions()[surface.joints] + surface.places
-    gaps = np.linalg.norm(places[:, None] - places[None], axis=-1)
+    positions = clip.skeleton.rest_positions()[surface.joints] + surface.positions
+    gaps = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
     np.fill_diagonal(gaps, np.inf)
     nearest = gaps.min(axis=1)
     assert np.percentile(nearest, 95) < 3.0 * np.percentile(nearest, 50)
@@ -52,28 +52,28 @@ def test_points_ride_on_their_joints(clip) -> None:
     body = build_body(clip.skeleton)
     surface = build_surface(clip.skeleton, body, 50)
     generator = np.random.default_rng(5)
-    positions = generator.normal(size=(3, 4, clip.skeleton.joint_count, 3)).astype(np.float32)
+    joints_at = generator.normal(size=(3, 4, clip.skeleton.joint_count, 3)).astype(np.float32)
     rotations = quaternion.normalise(generator.normal(size=(3, 4, clip.skeleton.joint_count, 4))).astype(np.float32)
-    positions[0, 2] = positions[2, 3] = np.nan  # one avatar comes at row 1, one leaves after it
+    joints_at[0, 2] = joints_at[2, 3] = np.nan  # one avatar comes at row 1, one leaves after it
     scales = np.array([1.0, 0.5, 2.0, 1.5], np.float32)
     columns = np.array([0, 2, 3])
-    places, normals = np.full((151, 3), np.inf, np.float32), np.full((151, 3), np.inf, np.float32)
+    positions, normals = np.full((151, 3), np.inf, np.float32), np.full((151, 3), np.inf, np.float32)
     velocities = np.full((3, 151), np.inf, np.float32)
-    riders = Riders(surface.joints, surface.places, surface.normals)
-    bodies, points = Bodies(positions, rotations, scales), Points(places, normals, velocities)
+    riders = Riders(surface.joints, surface.positions, surface.normals)
+    bodies, points = Bodies(joints_at, rotations, scales), Points(positions, normals, velocities)
     end = place_points(bodies, When(0, 1, 2, 0.1), columns, riders, 1, points)
     assert end == 151
-    assert np.isinf(places[0]).all()
+    assert np.isinf(positions[0]).all()
     joints = surface.joints
     for number, avatar in enumerate(columns):
         here = slice(1 + number * 50, 51 + number * 50)
         rows = [
-            positions[row, avatar, joints]
-            + quaternion.rotate(rotations[row, avatar, joints], surface.places * scales[avatar])
+            joints_at[row, avatar, joints]
+            + quaternion.rotate(rotations[row, avatar, joints], surface.positions * scales[avatar])
             for row in range(3)
         ]
         low, high = {0: (0, 2), 2: (1, 2), 3: (0, 1)}[int(avatar)]
-        np.testing.assert_allclose(places[here], rows[1], atol=1e-5)
+        np.testing.assert_allclose(positions[here], rows[1], atol=1e-5)
         expected = quaternion.rotate(rotations[1, avatar, joints], surface.normals)
         np.testing.assert_allclose(normals[here], expected, atol=1e-5)
         expected = (rows[high] - rows[low]) / (0.1 * (high - low))
@@ -82,11 +82,11 @@ def test_points_ride_on_their_joints(clip) -> None:
 
 def test_a_single_frame_does_not_move(clip) -> None:
     surface = build_surface(clip.skeleton, build_body(clip.skeleton), 20)
-    positions = np.zeros((1, 1, clip.skeleton.joint_count, 3), np.float32)
+    joints_at = np.zeros((1, 1, clip.skeleton.joint_count, 3), np.float32)
     rotations = np.zeros((1, 1, clip.skeleton.joint_count, 4), np.float32)
     rotations[..., 0] = 1.0
-    places, normals, velocities = (np.full(shape, np.inf, np.float32) for shape in ((20, 3), (20, 3), (3, 20)))
-    riders = Riders(surface.joints, surface.places, surface.normals)
-    bodies = Bodies(positions, rotations, np.ones(1, np.float32))
-    place_points(bodies, When(0, 0, 0, 0.1), np.array([0]), riders, 0, Points(places, normals, velocities))
+    positions, normals, velocities = (np.full(shape, np.inf, np.float32) for shape in ((20, 3), (20, 3), (3, 20)))
+    riders = Riders(surface.joints, surface.positions, surface.normals)
+    bodies = Bodies(joints_at, rotations, np.ones(1, np.float32))
+    place_points(bodies, When(0, 0, 0, 0.1), np.array([0]), riders, 0, Points(positions, normals, velocities))
     assert (velocities == 0).all()

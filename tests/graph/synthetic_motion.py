@@ -53,7 +53,7 @@ def database(clips, control_rate: float = 15.0, playback_rate: float = 60.0, hei
     stride = round(playback_rate / control_rate)
     roots, rotations, headings, contacts = (np.concatenate(parts) for parts in zip(*clips, strict=True))
     frames = len(roots)
-    places, nothing = np.zeros((frames, 3), np.float32), np.zeros(0, np.int32)
+    positions, nothing = np.zeros((frames, 3), np.float32), np.zeros(0, np.int32)
     return MotionDatabase(
         skeleton=skeleton(),
         body=body(height),
@@ -66,9 +66,9 @@ def database(clips, control_rate: float = 15.0, playback_rate: float = 60.0, hei
         ground=np.stack([roots[:, 0], roots[:, 2], headings], axis=-1),
         contacts=contacts,
         fists=np.zeros((frames, 2, 3), np.float32),
-        heads=places,
-        necks=places,
-        pelvises=places,
+        heads=positions,
+        necks=positions,
+        pelvises=positions,
         strike_frames=nothing,
         strike_hands=nothing.astype(np.uint8),
         strike_peaks=nothing,

@@ -46,8 +46,8 @@ def test_the_distance_is_the_weighted_mean_of_joint_distances_on_a_body_of_stand
     settings = GraphSettings(velocity_weight=0, joint_weights=weights)
     database = synthetic_motion.database([motion], height=1.4)
     features = frame_features(database, settings)
-    places = forward_kinematics(database.skeleton, *(array.astype(float) for array in motion[:2]))[0][::4]
-    local = grounds.to_local(database.ground[::4, None, :], places) * 1.75 / 1.4
+    positions = forward_kinematics(database.skeleton, *(array.astype(float) for array in motion[:2]))[0][::4]
+    local = grounds.to_local(database.ground[::4, None, :], positions) * 1.75 / 1.4
     counted = {
         "pelvis": 1,
         "chest": 0.5,

@@ -18,8 +18,8 @@ def _tracks(balls: np.ndarray) -> Tracks:
     frames = len(balls)
     still = np.zeros((frames, 3)) + np.array([0.0, 1.0, 0.0])
     pair = np.repeat(still[:, None], 2, axis=1)
-    places = np.zeros((frames, 3))
-    return Tracks(places, places, pair, pair, still, still, still, balls + np.array([0.0, 0.02, 0.0]), balls)
+    positions = np.zeros((frames, 3))
+    return Tracks(positions, positions, pair, pair, still, still, still, balls + np.array([0.0, 0.02, 0.0]), balls)
 
 
 def _step(fps: float = 60.0, lift: float = 0.15) -> np.ndarray:

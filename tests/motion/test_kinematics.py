@@ -31,9 +31,9 @@ def test_places_and_turns_are_those_of_the_slow_twin(seed, joints, frames, movin
     roots = rng.normal(size=(frames, 3))
     rotations = quaternion.normalise(rng.normal(size=(frames, joints, 4)))
     translations = rng.normal(size=(frames, joints, 3)) if moving else None
-    places, turns = forward_kinematics(body, roots, rotations, translations)
-    expected_places, expected_turns = forward(body.parents, body.offsets, roots, rotations, translations)
-    np.testing.assert_allclose(places, expected_places, atol=1e-12)
+    positions, turns = forward_kinematics(body, roots, rotations, translations)
+    expected_positions, expected_turns = forward(body.parents, body.offsets, roots, rotations, translations)
+    np.testing.assert_allclose(positions, expected_positions, atol=1e-12)
     if frames:
         np.testing.assert_allclose(matrices(turns), expected_turns, atol=1e-12)
 
@@ -42,16 +42,16 @@ def test_the_rest_pose_is_the_sum_of_offsets():
     body = random_body(np.random.default_rng(1), 20)
     rotations = np.zeros((1, 20, 4))
     rotations[..., 0] = 1.0
-    places, turns = forward_kinematics(body, body.offsets[:1], rotations)
-    np.testing.assert_allclose(places[0], body.rest_positions(), atol=1e-12)
+    positions, turns = forward_kinematics(body, body.offsets[:1], rotations)
+    np.testing.assert_allclose(positions[0], body.rest_positions(), atol=1e-12)
     np.testing.assert_array_equal(turns, rotations)
 
 
 def test_two_bars_at_right_angles_stand_where_geometry_puts_them():
     body = Skeleton(("a", "b", "c"), np.array([-1, 0, 1], np.int32), np.array([[0, 0, 0], [1, 0, 0], [2.0, 0, 0]]))
     quarter = about([0, 0, 1], np.pi / 2)
-    places, turns = forward_kinematics(body, np.array([[5.0, 6, 7]]), np.repeat(quarter[None], 3, axis=0)[None])
-    np.testing.assert_allclose(places[0], [[5, 6, 7], [5, 7, 7], [3, 7, 7]], atol=1e-12)
+    positions, turns = forward_kinematics(body, np.array([[5.0, 6, 7]]), np.repeat(quarter[None], 3, axis=0)[None])
+    np.testing.assert_allclose(positions[0], [[5, 6, 7], [5, 7, 7], [3, 7, 7]], atol=1e-12)
     np.testing.assert_allclose(quaternion.rotate(turns[0, 2], [1, 0, 0]), [0, -1, 0], atol=1e-12)
 
 
@@ -59,8 +59,8 @@ def test_bones_keep_their_lengths():
     rng = np.random.default_rng(2)
     body = random_body(rng, 31)
     rotations = quaternion.normalise(rng.normal(size=(100, 31, 4)))
-    places, _ = forward_kinematics(body, np.zeros((100, 3)), rotations)
-    lengths = np.linalg.norm(places[:, 1:] - places[:, body.parents[1:]], axis=-1)
+    positions, _ = forward_kinematics(body, np.zeros((100, 3)), rotations)
+    lengths = np.linalg.norm(positions[:, 1:] - positions[:, body.parents[1:]], axis=-1)
     np.testing.assert_allclose(
         lengths, np.broadcast_to(np.linalg.norm(body.offsets[1:], axis=1), (100, 30)), rtol=1e-12
     )
@@ -72,11 +72,11 @@ def test_moving_the_root_moves_all_joints_alike():
     rotations = quaternion.normalise(rng.normal(size=(5, 9, 4)))
     roots = rng.normal(size=(5, 3))
     turn = quaternion.normalise(rng.normal(size=4))
-    places, turns = forward_kinematics(body, roots, rotations)
+    positions, turns = forward_kinematics(body, roots, rotations)
     moved = rotations.copy()
     moved[:, 0] = quaternion.multiply(turn, rotations[:, 0])
-    new_places, new_turns = forward_kinematics(body, quaternion.rotate(turn, roots) + 1.0, moved)
-    np.testing.assert_allclose(new_places, quaternion.rotate(turn, places) + 1.0, atol=1e-12)
+    new_positions, new_turns = forward_kinematics(body, quaternion.rotate(turn, roots) + 1.0, moved)
+    np.testing.assert_allclose(new_positions, quaternion.rotate(turn, positions) + 1.0, atol=1e-12)
     np.testing.assert_allclose(new_turns, quaternion.multiply(turn, turns), atol=1e-12)
 
 
@@ -99,10 +99,10 @@ def test_single_precision_stays_single_and_agrees():
     body = random_body(rng, 31)
     rotations = quaternion.normalise(rng.normal(size=(10, 31, 4)))
     roots = rng.normal(size=(10, 3))
-    places, turns = forward_kinematics(body, roots, rotations)
-    small_places, small_turns = forward_kinematics(body, roots.astype(np.float32), rotations.astype(np.float32))
-    assert small_places.dtype == small_turns.dtype == np.float32
-    np.testing.assert_allclose(small_places, places, atol=1e-4)
+    positions, turns = forward_kinematics(body, roots, rotations)
+    small_positions, small_turns = forward_kinematics(body, roots.astype(np.float32), rotations.astype(np.float32))
+    assert small_positions.dtype == small_turns.dtype == np.float32
+    np.testing.assert_allclose(small_positions, positions, atol=1e-4)
     np.testing.assert_allclose(small_turns, turns, atol=1e-5)
 
 

@@ -58,7 +58,7 @@ def test_a_jab_is_found_with_frame_hand_place_and_speed():
     assert found.hands.tolist() == [0]
     assert found.frames[0] == pytest.approx(90, abs=1)
     assert found.peaks[0] == pytest.approx(90 - 4.5, abs=1)
-    np.testing.assert_allclose(found.places[0], [0.1, 1.45, 0.65], atol=0.02)
+    np.testing.assert_allclose(found.positions[0], [0.1, 1.45, 0.65], atol=0.02)
     assert found.speeds[0] == pytest.approx(1.5 * np.hypot(0.45, 0.05) / 0.15, rel=0.08)
     assert found.highest_speed == pytest.approx(float(found.speeds[0]), rel=1e-6)
 
@@ -164,7 +164,7 @@ def test_walking_along_does_not_speed_up_a_fist():
 def test_a_clip_without_strikes_gives_empty_arrays():
     found = find_strikes(_tracks(REST * [-1.0, 1.0, 1.0], REST), 1.75, FPS)
     assert found.frames.shape == (0,)
-    assert found.places.shape == (0, 3)
+    assert found.positions.shape == (0, 3)
     assert find_strikes(_tracks(REST[:1], REST[:1]), 1.75, FPS).frames.shape == (0,)
 
 

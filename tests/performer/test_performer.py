@@ -89,10 +89,10 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_does_not():
 
 def test_the_skeleton_stands_on_the_floor_and_is_as_tall_as_said():
     skeleton = build_skeleton()
-    places = skeleton.rest_positions()
-    crown = places[skeleton.end_parents[0]] + skeleton.end_offsets[0]
+    rest = skeleton.rest_positions()
+    crown = rest[skeleton.end_parents[0]] + skeleton.end_offsets[0]
     assert crown[1] == pytest.approx(1.75, abs=1e-9)
-    assert places[TOES, 1] == pytest.approx(BALL_HEIGHT)
+    assert rest[TOES, 1] == pytest.approx(BALL_HEIGHT)
     assert skeleton.joint_count == 22
 
 
@@ -152,12 +152,12 @@ def test_strikes_are_as_fast_as_punches_and_about_eighty_a_minute(long_session):
 
 def test_no_two_strikes_are_the_same(long_session):
     strikes = [strike for performance in long_session for strike in performance.truth.strikes]
-    looks = {(round(strike.speed, 4), *(round(x, 4) for x in strike.place)) for strike in strikes}
+    looks = {(round(strike.speed, 4), *(round(x, 4) for x in strike.position)) for strike in strikes}
     assert len(looks) == len(strikes)
 
 
 def test_targets_are_spread_over_what_a_boxer_reaches(long_session):
-    places = np.array([strike.place for performance in long_session for strike in performance.truth.strikes])
+    places = np.array([strike.position for performance in long_session for strike in performance.truth.strikes])
     height, ahead = places[:, 1], places[:, 2]
     assert np.mean(height < 1.25) > 0.1
     assert np.percentile(height, 95) > 1.5
@@ -167,12 +167,12 @@ def test_targets_are_spread_over_what_a_boxer_reaches(long_session):
 
 def test_hooks_and_uppercuts_hit_at_close_quarters_and_straights_at_arms_length(long_session):
     strikes = [strike for performance in long_session for strike in performance.truth.strikes]
-    far = {kind: [np.hypot(s.place[0], s.place[2]) for s in strikes if s.kind == kind] for kind in PUNCHES}
+    far = {kind: [np.hypot(s.position[0], s.position[2]) for s in strikes if s.kind == kind] for kind in PUNCHES}
     for kind in ("lead_hook", "rear_hook", "lead_uppercut", "rear_uppercut"):
         assert min(far[kind]) < 0.5
     assert max(far["jab"]) > 0.92
     assert max(far["straight"]) > 0.92
-    near = [s for s in strikes if np.hypot(s.place[0], s.place[2]) < 0.58]
+    near = [s for s in strikes if np.hypot(s.position[0], s.position[2]) < 0.58]
     assert 0.05 < len(near) / len(strikes) < 0.35
 
 
@@ -356,7 +356,7 @@ def test_the_truth_of_a_strike_is_where_its_fist_is(session, posed):
         tracks = build_tracks(build_body(performance.clip.skeleton), positions, rotations)
         for strike in performance.truth.strikes:
             place = ground.to_local(performance.truth.stance[strike.frame], tracks.fists[strike.frame, strike.hand])
-            assert place == pytest.approx(strike.place, abs=0.02)
+            assert place == pytest.approx(strike.position, abs=0.02)
             assert strike.start * FPS - 1 <= strike.peak <= strike.frame
 
 

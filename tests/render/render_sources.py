@@ -48,9 +48,9 @@ class Walkers:
     def poses(self, frame):
         self.drawn.append(frame)
         x, z, heading = self.paths[frame].T
-        places = np.stack([x, np.full_like(x, 0.95), z], axis=-1)[:, None]
+        positions = np.stack([x, np.full_like(x, 0.95), z], axis=-1)[:, None]
         turns = np.stack([np.cos(heading / 2), 0 * x, np.sin(heading / 2), 0 * x], axis=-1)[:, None]
-        return [(places, turns)]
+        return [(positions, turns)]
 
     def hits(self, frame):
         if not len(self.strikes):

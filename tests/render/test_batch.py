@@ -9,9 +9,11 @@ from render_sources import Walkers, random_walk
 from test_video import decode, describe
 
 from crowdsim.errors import CrowdsimError, OutputError, RunError, TakeError
-from crowdsim.render import batch
+from crowdsim.render import segments
 from crowdsim.render.batch import render
 from crowdsim.render.contact_sheet import sheet_frames
+from crowdsim.render.options import RenderOptions
+from crowdsim.render.stage import build_stage
 
 SIZE = (96, 64)
 
@@ -30,28 +32,28 @@ def pixels(folder):
 
 
 def test_threads_jobs_and_ranges_give_the_same_pixels(tmp_path, walkers, monkeypatch):
-    monkeypatch.setattr(batch, "SEGMENT", 7)
+    monkeypatch.setattr(segments, "SEGMENT", 7)
     settings = {"size": SIZE, "mp4": False, "png": True}
-    render(walkers, tmp_path / "one", threads=1, **settings)
+    render(walkers, tmp_path / "one", RenderOptions(threads=1, **settings))
     whole = pixels(tmp_path / "one")
     assert len(whole) == 20
     assert len(set(whole.values())) == 20
-    render(walkers, tmp_path / "three", threads=3, **settings)
+    render(walkers, tmp_path / "three", RenderOptions(threads=3, **settings))
     assert pixels(tmp_path / "three") == whole
-    render(walkers, tmp_path / "jobs", threads=2, jobs=2, **settings)
+    render(walkers, tmp_path / "jobs", RenderOptions(threads=2, jobs=2, **settings))
     assert pixels(tmp_path / "jobs") == whole
-    render(walkers, tmp_path / "range", frames=(5, 9), **settings)
+    render(walkers, tmp_path / "range", RenderOptions(frames=(5, 9), **settings))
     assert pixels(tmp_path / "range") == {name: whole[name] for name in sorted(whole)[5:9]}
 
 
 def test_a_video_of_segments_shows_every_frame_once(tmp_path, walkers, monkeypatch):
-    monkeypatch.setattr(batch, "SEGMENT", 8)
-    done = render(walkers, tmp_path, size=SIZE, threads=2, frames=(3, 20))
+    monkeypatch.setattr(segments, "SEGMENT", 8)
+    done = render(walkers, tmp_path, RenderOptions(size=SIZE, threads=2, frames=(3, 20)))
     assert (done.drawn, done.kept) == (17, 0)
     assert done.files == (tmp_path / "video.mp4",)
     assert [path.name for path in tmp_path.iterdir()] == ["video.mp4"]
     assert describe(tmp_path / "video.mp4")[1] == 17
-    stage = batch.build_stage(walkers, SIZE)
+    stage = build_stage(walkers, SIZE)
     shown = np.array([stage.picture(frame) for frame in range(3, 20)], int)
     for index, picture in enumerate(decode(tmp_path / "video.mp4", SIZE)):
         errors = np.abs(shown - picture).mean(axis=(1, 2, 3))
@@ -60,17 +62,17 @@ def test_a_video_of_segments_shows_every_frame_once(tmp_path, walkers, monkeypat
 
 
 def test_finished_segments_are_kept_after_an_interruption(tmp_path, walkers, monkeypatch):
-    monkeypatch.setattr(batch, "SEGMENT", 5)
+    monkeypatch.setattr(segments, "SEGMENT", 5)
 
     def interrupt(stage, done, total):
         if done == 12:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        render(walkers, tmp_path, size=SIZE, threads=1, progress=interrupt)
+        render(walkers, tmp_path, RenderOptions(size=SIZE, threads=1), progress=interrupt)
     assert not (tmp_path / "video.mp4").exists()
     walkers.drawn.clear()
-    done = render(walkers, tmp_path, size=SIZE, threads=1)
+    done = render(walkers, tmp_path, RenderOptions(size=SIZE, threads=1))
     assert (done.drawn, done.kept) == (10, 10)
     assert sorted(set(walkers.drawn)) == list(range(10, 20))
     assert [path.name for path in tmp_path.iterdir()] == ["video.mp4"]
@@ -78,20 +80,25 @@ def test_finished_segments_are_kept_after_an_interruption(tmp_path, walkers, mon
 
 def test_finished_pictures_are_kept_unless_something_changed(tmp_path, walkers):
     settings = {"size": SIZE, "mp4": False, "png": True, "threads": 1}
-    render(walkers, tmp_path, frames=(0, 8), **settings)
+    render(walkers, tmp_path, RenderOptions(frames=(0, 8), **settings))
     walkers.drawn.clear()
-    render(walkers, tmp_path, **settings)
+    render(walkers, tmp_path, RenderOptions(**settings))
     assert sorted(set(walkers.drawn)) == list(range(8, 20))
     walkers.drawn.clear()
-    assert render(walkers, tmp_path, **settings).kept == 20
+    assert render(walkers, tmp_path, RenderOptions(**settings)).kept == 20
     assert walkers.drawn == []
-    render(walkers, tmp_path, camera="top", **settings)
+    render(walkers, tmp_path, RenderOptions(camera="top", **settings))
     assert sorted(set(walkers.drawn)) == list(range(20))
 
 
 def test_progress_counts_frames(tmp_path, walkers):
     seen = []
-    render(walkers, tmp_path, size=SIZE, threads=2, contact_sheet=2, progress=lambda *step: seen.append(step))
+    render(
+        walkers,
+        tmp_path,
+        RenderOptions(size=SIZE, threads=2, contact_sheet=2),
+        progress=lambda *step: seen.append(step),
+    )
     assert [step for step in seen if step[0] == "frames"] == [("frames", i, 20) for i in range(1, 21)]
     assert seen[-1] == ("contact sheet", 2, 2)
 
@@ -100,7 +107,7 @@ def test_a_contact_sheet_shows_moments_spread_over_the_range(tmp_path, walkers):
     assert sheet_frames(0, 100, 4) == [12, 37, 62, 87]
     assert sheet_frames(10, 12, 5) == [10, 11]
     walkers.drawn.clear()
-    done = render(walkers, tmp_path, size=SIZE, mp4=False, contact_sheet=6, caption=False, threads=1)
+    done = render(walkers, tmp_path, RenderOptions(size=SIZE, mp4=False, contact_sheet=6, caption=False, threads=1))
     assert done.files == (tmp_path / "contact_sheet.png",)
     assert walkers.drawn == sheet_frames(0, 20, 6)
     sheet = np.asarray(Image.open(done.files[0]))
@@ -109,8 +116,8 @@ def test_a_contact_sheet_shows_moments_spread_over_the_range(tmp_path, walkers):
 
 
 def test_a_caption_can_be_turned_off(walkers):
-    with_it = batch.build_stage(walkers, (320, 180)).picture(4).astype(int)
-    without = batch.build_stage(walkers, (320, 180), caption=False).picture(4).astype(int)
+    with_it = build_stage(walkers, (320, 180)).picture(4).astype(int)
+    without = build_stage(walkers, (320, 180), caption=False).picture(4).astype(int)
     rows = np.flatnonzero((with_it != without).any(axis=(1, 2)))
     assert rows.min() > 0.85 * 180
     assert np.abs(with_it - without).max() > 40
@@ -119,8 +126,8 @@ def test_a_caption_can_be_turned_off(walkers):
 def test_strikes_that_land_flash_for_a_moment(walkers):
     x, z, _ = walkers.paths[10, 0]
     walkers.strikes = np.array([[10 / 30, x, 1.4, z]])
-    lit = batch.build_stage(walkers, SIZE, caption=False)
-    plain = batch.build_stage(Walkers(walkers.paths), SIZE, caption=False)
+    lit = build_stage(walkers, SIZE, caption=False)
+    plain = build_stage(Walkers(walkers.paths), SIZE, caption=False)
     glow = [(lit.picture(f).astype(int) - plain.picture(f)).sum() for f in (9, 10, 13, 19)]
     assert glow[0] == 0
     assert glow[1] > glow[2] > 0
@@ -128,8 +135,8 @@ def test_strikes_that_land_flash_for_a_moment(walkers):
 
 
 def test_cameras_stand_side_by_side(walkers):
-    both = batch.build_stage(walkers, SIZE, "side+top", caption=False).picture(3)
-    halves = [batch.build_stage(walkers, (48, 64), camera, caption=False).picture(3) for camera in ("side", "top")]
+    both = build_stage(walkers, SIZE, "side+top", caption=False).picture(3)
+    halves = [build_stage(walkers, (48, 64), camera, caption=False).picture(3) for camera in ("side", "top")]
     beside = [*range(47), *range(49, 96)]
     np.testing.assert_array_equal(both[:, beside], np.concatenate(halves, axis=1)[:, beside])
     assert len(np.unique(both[:, 47:49])) == 1
@@ -148,7 +155,7 @@ def test_cameras_stand_side_by_side(walkers):
 )
 def test_what_cannot_be_drawn_is_refused_before_anything_is_made(tmp_path, walkers, arguments, error, message):
     with pytest.raises(error) as caught:
-        render(walkers, tmp_path / "out", **{"size": SIZE, **arguments})
+        render(walkers, tmp_path / "out", RenderOptions(**{"size": SIZE, **arguments}))
     assert str(caught.value).startswith(message)
     assert not (tmp_path / "out").exists()
 
@@ -157,8 +164,8 @@ def test_a_failure_leaves_no_half_written_video(tmp_path, walkers, monkeypatch):
     def full(path, picture, mark=""):
         raise OutputError(f"{path}: cannot write picture: No space left on device, the disk is full")
 
-    monkeypatch.setattr(batch, "write_png", full)
+    monkeypatch.setattr(segments, "write_png", full)
     with pytest.raises(RunError, match="the disk is full"):
-        render(walkers, tmp_path, size=SIZE, png=True, threads=2)
+        render(walkers, tmp_path, RenderOptions(size=SIZE, png=True, threads=2))
     assert not (tmp_path / "video.mp4").exists()
     assert not list(tmp_path.rglob("*.part"))

@@ -6,14 +6,14 @@ from render_sources import Walkers, random_walk
 from test_bvh_figure import SNAKE
 
 from crowdsim.errors import CrowdsimError, TakeError
+from crowdsim.render.batch import render
 from crowdsim.render.command import (
-    RenderOptions,
     parse_size,
     render_bvh,
     render_many,
-    render_source,
     scenario_options,
 )
+from crowdsim.render.options import RenderOptions
 from crowdsim.scenario.outputs import RenderOutput
 
 SMALL = RenderOptions(size=(64, 48), threads=1)
@@ -87,14 +87,14 @@ def test_a_shared_output_folder_is_refused(tmp_path):
 def test_open_ranges_end_with_the_source(tmp_path):
     walkers = Walkers(random_walk(6, 2, 0))
     options = RenderOptions(size=(64, 48), frames=(4, None), mp4=False, png=True)
-    assert [path.name for path in render_source(walkers, tmp_path, options).files] == ["000004.png", "000005.png"]
+    assert [path.name for path in render(walkers, tmp_path, options).files] == ["000004.png", "000005.png"]
     with pytest.raises(TakeError, match="frames 6:6 are not there"):
-        render_source(walkers, tmp_path, RenderOptions(frames=(6, None)))
+        render(walkers, tmp_path, RenderOptions(frames=(6, None)))
 
 
 def test_nothing_to_write_is_said(tmp_path):
     with pytest.raises(CrowdsimError, match="nothing to write, expected --mp4, --png or --contact-sheet"):
-        render_source(Walkers(np.zeros((3, 1, 3))), tmp_path, RenderOptions(mp4=False))
+        render(Walkers(np.zeros((3, 1, 3))), tmp_path, RenderOptions(mp4=False))
 
 
 def test_a_scenarios_section_says_how_to_draw():

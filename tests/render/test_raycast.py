@@ -20,9 +20,9 @@ SUN = sun_direction(0.7)
 
 def capsules(*rows, owners=None):
     """Capsules of red paint from rows of both ends and both radii."""
-    places = np.array(rows, np.float32).reshape(-1, 8)
-    paints = np.tile(np.array([0.7, 0.05, 0.05, 0.2], np.float32), (len(places), 1))
-    return Capsules(places, paints, np.arange(len(places), dtype=np.int32) if owners is None else owners)
+    shapes = np.array(rows, np.float32).reshape(-1, 8)
+    paints = np.tile(np.array([0.7, 0.05, 0.05, 0.2], np.float32), (len(shapes), 1))
+    return Capsules(shapes, paints, np.arange(len(shapes), dtype=np.int32) if owners is None else owners)
 
 
 def crowd(count, seed=0):
@@ -149,7 +149,7 @@ def test_any_number_of_threads_gives_the_same_pixels(threads):
 def test_the_order_of_avatars_does_not_show():
     scene = crowd(60)
     order = np.random.default_rng(3).permutation(60)
-    mixed = Capsules(scene.places[order], scene.paints[order], scene.owners[order])
+    mixed = Capsules(scene.shapes[order], scene.paints[order], scene.owners[order])
     there, here = draw(mixed, VIEW, (160, 96), SUN), draw(scene, VIEW, (160, 96), SUN)
     assert np.abs(there.astype(int) - here).max() <= 1
 
@@ -157,7 +157,7 @@ def test_the_order_of_avatars_does_not_show():
 def test_a_scene_far_from_the_origin_looks_like_one_at_it():
     scene = crowd(40)
     shift = np.array([1230.0, 0.0, -870.0])
-    moved = scene.places.astype(float)
+    moved = scene.shapes.astype(float)
     moved[:, :3] += shift
     moved[:, 3:6] += shift
     far = draw(
@@ -197,7 +197,7 @@ def test_shadows_lie_where_rays_to_the_sun_are_stopped():
         np.concatenate(
             [(row[:3] + row[3:6]) / 2, (row[3:6] - row[:3]) / 2, [(row[6] + row[7]) / 2, (row[7] - row[6]) / 2]]
         )
-        for row in scene.places.astype(float)
+        for row in scene.shapes.astype(float)
     ]
     ratio = shares_of_sun(scene, view)
     half = math.tan(math.radians(12.5))

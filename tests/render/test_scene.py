@@ -72,7 +72,7 @@ def test_capsules_stand_where_the_pose_puts_their_joint():
     count = len(figure.capsule_joints)
     for avatar in range(3):
         for k in range(count):
-            row = placed.places[avatar * count + k]
+            row = placed.shapes[avatar * count + k]
             joint = figure.capsule_joints[k]
             for end, local in ((0, figure.capsule_starts[k]), (1, figure.capsule_ends[k])):
                 place = positions[avatar, joint] + scales[avatar] * quaternion.rotate(turns[avatar, joint], local)
@@ -91,8 +91,8 @@ def test_several_kinds_of_bodies_stand_together():
     ]
     placed = cast.place(still, np.array([[1.0, 2.0, 3.0]]))
     assert placed.owners.tolist() == [1] * 32 + [0, 2] + [3]
-    assert placed.places[-1, :6].tolist() == [1, 2, 3, 1, 2, 3]
-    assert len(placed.paints) == len(placed.places)
+    assert placed.shapes[-1, :6].tolist() == [1, 2, 3, 1, 2, 3]
+    assert len(placed.paints) == len(placed.shapes)
 
 
 def test_a_body_wears_a_guard_behind_its_face():

@@ -86,8 +86,8 @@ def test_frames_do_not_depend_on_what_was_asked_for_before(policy):
     other._block = 5
     assert one.frame_count == 59
     for frame in (58, 3, 40, 4):
-        (places, turns), (again, turned) = one.poses(frame)[0], other.poses(frame)[0]
-        np.testing.assert_array_equal(places, again)
+        (positions, turns), (again, turned) = one.poses(frame)[0], other.poses(frame)[0]
+        np.testing.assert_array_equal(positions, again)
         np.testing.assert_array_equal(turns, turned)
 
 
@@ -99,13 +99,13 @@ def test_avatars_stand_where_the_take_has_them_and_are_absent_before_they_come(p
     found = source.ground(np.arange(12, 20))
     np.testing.assert_allclose(found[..., 0], take.x[12:20], atol=1e-6)
     np.testing.assert_allclose(found[..., 1], take.z[12:20], atol=1e-6)
-    places, _ = source.poses(4)[0]
-    assert np.isnan(places[-1]).all()
-    assert np.isfinite(places[:-1]).all()
-    assert places[:-1, :, 1].max() > 1.2
+    positions, _ = source.poses(4)[0]
+    assert np.isnan(positions[-1]).all()
+    assert np.isfinite(positions[:-1]).all()
+    assert positions[:-1, :, 1].max() > 1.2
     # Pelvises stand over the ground transforms.
     pelvis = source.figures[0].roles["pelvis"]
-    assert np.abs(places[:-1, pelvis][:, [0, 2]] - source.ground(np.array([4]))[0, :-1, :2]).max() < 0.25
+    assert np.abs(positions[:-1, pelvis][:, [0, 2]] - source.ground(np.array([4]))[0, :-1, :2]).max() < 0.25
 
 
 def test_strikes_that_landed_are_seen_for_a_moment_and_targets_move(policy):

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from scenes import crowdsim, write_scene
 
-from crowdsim.runs.arena import read_arena
+from crowdsim.runs.opening import read_arena
 
 
 @pytest.mark.parametrize(

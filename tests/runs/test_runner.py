@@ -18,7 +18,7 @@ from scenes import crowdsim, write_scene
 
 import crowdsim as package
 from crowdsim.errors import RunError
-from crowdsim.runs import resources, runner
+from crowdsim.runs import preparation, runner
 from crowdsim.runs.journal import Noted, read_journal
 from crowdsim.runs.manifest import Verdict, read_manifest, verify, write_manifest
 from crowdsim.runs.preparation import load_policies, prepare
@@ -697,13 +697,13 @@ def test_status_tells_finished_runs_from_others(workplace: Path, capsys) -> None
 
 
 def test_a_large_crowd_is_told_beforehand_what_it_needs(tmp_path, monkeypatch):
-    result = resources.needs(1_000_000, 60, tmp_path / "not" / "there")
+    result = preparation.needs(1_000_000, 60, tmp_path / "not" / "there")
     assert re.fullmatch(
         r"1,000,000 avatars x 60 control frames take up to 2\.0 GB of memory and 1\.2 GB on disk, without outputs.*",
         result,
     )
-    monkeypatch.setattr(resources, "available_memory", lambda: 10**9)
-    short = resources.needs(1_000_000, 10**7, tmp_path)
+    monkeypatch.setattr(preparation, "available_memory", lambda: 10**9)
+    short = preparation.needs(1_000_000, 10**7, tmp_path)
     assert "; only 1.0 GB of memory are free; only " in short
     assert short.endswith(f" GB are free in {tmp_path}")
 

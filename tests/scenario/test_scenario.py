@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -11,7 +12,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from crowdsim import assets
-from crowdsim.config.schema import spot_of
 from crowdsim.crowd.opponents import SEARCHES
 from crowdsim.crowd.placement import place_groups
 from crowdsim.errors import ScenarioError, nearest
@@ -339,7 +339,7 @@ def test_another_search_is_asked_for_wherever_the_scenario_names_one():
         assert str(error.value) == (
             "the search is 'kdtree', expected 'auto', 'kd_tree' or 'scipy' (did you mean 'kd_tree'?)"
         )
-    assert spot_of(Search).words == SEARCHES
+    assert get_args(get_args(Search)[0]) == SEARCHES
 
 
 def test_nobody_to_fight_is_a_mistake():

@@ -52,7 +52,8 @@ def chunk(first: int, frames: int) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("reactions", [True, False])
 def test_a_take_knows_whether_hits_show(tmp_path: Path, reactions: bool) -> None:
-    writer = TakeWriter(tmp_path / "take.zarr", TakeHeader(CAST, 15.0, "test", 3, ("abc",), reactions=reactions), 1)
+    header = TakeHeader(CAST, 15.0, "test", 3, ("abc",), reactions=reactions)
+    writer = TakeWriter(tmp_path / "take.zarr", header, 1).open()
     writer.append(chunk(0, 1), events(), None)
     writer.close()
     assert open_take(tmp_path).reactions is reactions
@@ -60,7 +61,7 @@ def test_a_take_knows_whether_hits_show(tmp_path: Path, reactions: bool) -> None
 
 def write(path: Path, sizes: list[int], planned: int | None = None, chunk_rows: int = 4) -> TakeWriter:
     frames = sum(sizes) if planned is None else planned
-    writer = TakeWriter(path, HEADER, frames, chunk_rows)
+    writer = TakeWriter(path, HEADER, frames, chunk_rows).open()
     first = 0
     for size in sizes:
         writer.append(chunk(first, size), events(first + 0.5), np.full((size, 1, 3), float(first)))
@@ -98,7 +99,7 @@ def test_the_bytes_do_not_depend_on_how_frames_came_in(tmp_path: Path) -> None:
 
 
 def test_xarray_reads_every_variable_as_it_was_written(tmp_path: Path) -> None:
-    writer = TakeWriter(tmp_path / "take.zarr", HEADER, 9, 4)
+    writer = TakeWriter(tmp_path / "take.zarr", HEADER, 9, 4).open()
     zeros = {name: np.zeros((9, AVATARS)) for name in VARIABLES}
     zeros["x"][2, 3], zeros["opponent"][1, 1], zeros["action"][0, 0] = np.nan, -1, 7
     strikes = events(0.0, 1.5, 2.5)
@@ -213,7 +214,7 @@ def test_foreign_and_damaged_takes_are_refused(tmp_path: Path) -> None:
 )
 def test_names_that_no_scenario_could_give_are_refused(tmp_path: Path, names: list[str], message: str) -> None:
     cast = replace(CAST, names=np.array([*names, "y", "z"]))
-    writer = TakeWriter(tmp_path / "take.zarr", TakeHeader(cast, 15.0, "test", 3, ("abc",)), 1)
+    writer = TakeWriter(tmp_path / "take.zarr", TakeHeader(cast, 15.0, "test", 3, ("abc",)), 1).open()
     writer.append(chunk(0, 1), events(), None)
     writer.close()
     with pytest.raises(TakeError, match=rf"take\.zarr: {message}"):
@@ -227,7 +228,7 @@ def test_the_longest_group_name_with_a_number_is_an_avatar_name(tmp_path: Path) 
 
 def test_policy_names_that_lead_elsewhere_are_refused(tmp_path: Path) -> None:
     cast = replace(CAST, policy_names=("../boxer",))
-    writer = TakeWriter(tmp_path / "take.zarr", TakeHeader(cast, 15.0, "test", 3, ("abc",)), 1)
+    writer = TakeWriter(tmp_path / "take.zarr", TakeHeader(cast, 15.0, "test", 3, ("abc",)), 1).open()
     writer.append(chunk(0, 1), events(), None)
     writer.close()
     with pytest.raises(TakeError, match=r"a policy is named '\.\./boxer', expected a name of letters"):

@@ -5,7 +5,23 @@ import math
 import numpy as np
 
 from crowdsim.jit import kernel
-from crowdsim.render.kernels.columns import EYE_Y, HAZE, SUN_X, SUN_Y, SUN_Z
+from crowdsim.render.kernels.columns import (
+    EYE_Y,
+    FLASH_AGE,
+    FLASH_DEPTH,
+    FLASH_POWER,
+    FLASH_SIZE,
+    FLASH_X,
+    FLASH_Y,
+    GLOSS,
+    HAZE,
+    PAINT_BLUE,
+    PAINT_GREEN,
+    PAINT_RED,
+    SUN_X,
+    SUN_Y,
+    SUN_Z,
+)
 from crowdsim.render.kernels.tiles import (
     BLUE,
     DX,
@@ -59,7 +75,7 @@ def paint_points(buf, lit, count, camera, light, paints):
         shine = shine * shine
         shine = shine * shine
         shine = shine * shine * shine
-        gloss = paints[c, 3]
+        gloss = paints[c, GLOSS]
         shine = gloss * min(TWO * sun, ONE) * shine * shine
         # At a grazing angle everything mirrors the sky.
         rim = max(ONE + nx * dx + ny * dy + nz * dz, ZERO)
@@ -69,9 +85,9 @@ def paint_points(buf, lit, count, camera, light, paints):
         far = far * far
         fog = far / (ONE + far)
         share, clear = points[SHARE + p] * fog, points[SHARE + p] * (ONE - fog)
-        red = paints[c, 0] * (F(1.22) * sun + F(0.40) * sky + F(0.20) * floor) + shine + F(0.8) * rim
-        green = paints[c, 1] * (F(1.19) * sun + F(0.45) * sky + F(0.20) * floor) + shine + F(0.9) * rim
-        blue = paints[c, 2] * (F(1.11) * sun + F(0.53) * sky + F(0.19) * floor) + shine + rim
+        red = paints[c, PAINT_RED] * (F(1.22) * sun + F(0.40) * sky + F(0.20) * floor) + shine + F(0.8) * rim
+        green = paints[c, PAINT_GREEN] * (F(1.19) * sun + F(0.45) * sky + F(0.20) * floor) + shine + F(0.9) * rim
+        blue = paints[c, PAINT_BLUE] * (F(1.11) * sun + F(0.53) * sky + F(0.19) * floor) + shine + rim
         buf[RED + i] += clear * red + share * F(0.66)
         buf[GREEN + i] += clear * green + share * F(0.73)
         buf[BLUE + i] += clear * blue + share * F(0.81)
@@ -81,11 +97,11 @@ def paint_points(buf, lit, count, camera, light, paints):
 def add_flashes(buf, x0, y0, flashes):
     """Add a star and a ring of light for every flash whose square touches the tile."""
     for f in range(flashes.shape[0]):
-        fx, fy, size = flashes[f, 0] - x0, flashes[f, 1] - y0, flashes[f, 3]
+        fx, fy, size = flashes[f, FLASH_X] - x0, flashes[f, FLASH_Y] - y0, flashes[f, FLASH_SIZE]
         reach = 2.2 * size
         if fx + reach < 0.0 or fy + reach < 0.0 or fx - reach > 8.0 or fy - reach > 8.0:
             continue
-        depth, age, power = flashes[f, 2], flashes[f, 4], flashes[f, 5]
+        depth, age, power = flashes[f, FLASH_DEPTH], flashes[f, FLASH_AGE], flashes[f, FLASH_POWER]
         for i in range(N):
             x, y = ((i & 7) + 0.5 - fx) / size, ((i >> 3) + 0.5 - fy) / size
             square = x * x + y * y

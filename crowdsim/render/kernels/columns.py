@@ -1,4 +1,4 @@
-"""Names of the columns of arrays that describe camera, light and floor."""
+"""Names of the columns of the arrays that the kernels of drawing work on."""
 
 EYE_X, EYE_Y, EYE_Z = 0, 1, 2
 RIGHT_X, RIGHT_Y, RIGHT_Z = 3, 4, 5
@@ -17,3 +17,31 @@ columns and rows, tangent of the sun's apparent radius, widest blur [m]."""
 
 FLOOR_X, FLOOR_Z, FLOOR_PER_METRE, FLOOR_COLUMNS, FLOOR_ROWS, REACH = 0, 1, 2, 3, 4, 5
 """A floor: corner of the grid of contacts [m], its cells a metre, its columns and rows, reach [m]."""
+
+START_X, START_Y, START_Z, END_X, END_Y, END_Z, START_RADIUS, END_RADIUS = 0, 1, 2, 3, 4, 5, 6, 7
+"""A capsule in the world: both ends and both radii [m]."""
+
+CENTRE_X, CENTRE_Y, CENTRE_Z, HALF_X, HALF_Y, HALF_Z, RADIUS, TAPER = 0, 1, 2, 3, 4, 5, 6, 7
+"""A cone relative to the eye: centre, half axis, radius at the centre, half the difference of the radii [m]."""
+
+SHADE_U, SHADE_V, SHADE_W, ALONG_U, ALONG_V, ALONG_W, SHADE_RADIUS, SHADE_TAPER, PER_SQUARE = 0, 1, 2, 3, 4, 5, 6, 7, 8
+"""A cone in light space: first end, the way to the second, first radius, difference to the second [m], one over the
+squared length of the way in u and v [1/m^2]."""
+
+LEAST_U, LEAST_V, GREATEST_U, GREATEST_V = 0, 1, 2, 3
+"""The region of light space that cones reach [m]."""
+
+AX, AY, BX, BY, A_RADIUS, B_RADIUS = 0, 1, 2, 3, 4, 5
+"""A segment of a grid: both ends and both radii [cells]; a negative first radius leaves it out."""
+
+FIRST_ROW, LAST_ROW = 0, 1
+"""Rows of pixels that a cone may touch."""
+
+PAINT_RED, PAINT_GREEN, PAINT_BLUE, GLOSS = 0, 1, 2, 3
+"""Linear colour and gloss of a cone."""
+
+FLASH_X, FLASH_Y, FLASH_DEPTH, FLASH_SIZE, FLASH_AGE, FLASH_POWER = 0, 1, 2, 3, 4, 5
+"""A flash: position in the picture [px], distance from the eye [m], size [px], age 0..1, brightness."""
+
+ARENA_KIND, ARENA_X, ARENA_Z, ARENA_HALF_X, ARENA_HALF_Z, ARENA_LINE = 0, 1, 2, 3, 4, 5
+"""An arena: kind (0 none, 1 circle, 2 rectangle), centre, half sizes and half the width of its line [m]."""

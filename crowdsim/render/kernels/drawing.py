@@ -4,6 +4,18 @@ import numpy as np
 
 from crowdsim.jit import kernel
 from crowdsim.render.kernels.colour import add_flashes, develop, paint_points
+from crowdsim.render.kernels.columns import (
+    CENTRE_X,
+    CENTRE_Y,
+    CENTRE_Z,
+    FIRST_ROW,
+    HALF_X,
+    HALF_Y,
+    HALF_Z,
+    LAST_ROW,
+    RADIUS,
+    TAPER,
+)
 from crowdsim.render.kernels.cones import meet_cone, start_tile
 from crowdsim.render.kernels.ground import lay_arena, lay_ground, paint_background
 from crowdsim.render.kernels.points import gather_points
@@ -43,8 +55,8 @@ def draw_tiles(first, step, camera, light, floor, scene, grids, arena, flashes, 
         for index in range(listed.shape[0]):
             c = cones[listed[index]]
             span = spans[listed[index]]
-            top, bottom = max(span[0] - y0, 0), min(span[1] - y0, 7)
-            cone = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7]
+            top, bottom = max(span[FIRST_ROW] - y0, 0), min(span[LAST_ROW] - y0, 7)
+            cone = c[CENTRE_X], c[CENTRE_Y], c[CENTRE_Z], c[HALF_X], c[HALF_Y], c[HALF_Z], c[RADIUS], c[TAPER]
             meet_cone(buf, 8 * top, 8 * bottom + 8, F(index), cone)
         lay_ground(buf, camera)
         lay_arena(buf, camera, arena)

@@ -5,7 +5,19 @@ import math
 import numpy as np
 
 from crowdsim.jit import kernel
-from crowdsim.render.kernels.columns import EYE_X, EYE_Y, EYE_Z, HAZE, SUN_Y
+from crowdsim.render.kernels.columns import (
+    ARENA_HALF_X,
+    ARENA_HALF_Z,
+    ARENA_KIND,
+    ARENA_LINE,
+    ARENA_X,
+    ARENA_Z,
+    EYE_X,
+    EYE_Y,
+    EYE_Z,
+    HAZE,
+    SUN_Y,
+)
 from crowdsim.render.kernels.tiles import (
     BLUE,
     DX,
@@ -80,11 +92,11 @@ def lay_arena(buf, camera, arena):
     for i in range(N):
         buf[LINE + i] = ZERO
         buf[OUTSIDE + i] = ZERO
-    if arena[0] == 0.0:
+    if arena[ARENA_KIND] == 0.0:
         return
-    round_ = arena[0] == 1.0
-    cx, cz = F(arena[1] - camera[EYE_X]), F(arena[2] - camera[EYE_Z])
-    half_x, half_z, thick = F(arena[3]), F(arena[4]), F(arena[5])
+    round_ = arena[ARENA_KIND] == 1.0
+    cx, cz = F(arena[ARENA_X] - camera[EYE_X]), F(arena[ARENA_Z] - camera[EYE_Z])
+    half_x, half_z, thick = F(arena[ARENA_HALF_X]), F(arena[ARENA_HALF_Z]), F(arena[ARENA_LINE])
     for i in range(N):
         dx, dz = abs(buf[GROUND_X + i] - cx), abs(buf[GROUND_Z + i] - cz)
         wx, wz = buf[WIDTH_X + i], buf[WIDTH_Z + i]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from crowdsim.jit import kernel
-from crowdsim.render.kernels.columns import EYE_Y
+from crowdsim.render.kernels.columns import CENTRE_X, CENTRE_Y, CENTRE_Z, EYE_Y, HALF_X, HALF_Y, HALF_Z
 from crowdsim.render.kernels.tiles import (
     DX,
     DY,
@@ -53,7 +53,11 @@ def _add_point(lit, count, buf, i, c, t, s, share, cones):
     points = lit.values
     dx, dy, dz = buf[DX + i], buf[DY + i], buf[DZ + i]
     x, y, z = t * dx, t * dy, t * dz
-    nx, ny, nz = x - cones[c, 0] - s * cones[c, 3], y - cones[c, 1] - s * cones[c, 4], z - cones[c, 2] - s * cones[c, 5]
+    nx, ny, nz = (
+        x - cones[c, CENTRE_X] - s * cones[c, HALF_X],
+        y - cones[c, CENTRE_Y] - s * cones[c, HALF_Y],
+        z - cones[c, CENTRE_Z] - s * cones[c, HALF_Z],
+    )
     inverse = ONE / math.sqrt(max(nx * nx + ny * ny + nz * nz, F(1e-12)))
     points[X + count], points[Y + count], points[Z + count] = x, y, z
     points[NX + count], points[NY + count], points[NZ + count] = nx * inverse, ny * inverse, nz * inverse

@@ -6,17 +6,34 @@ import numpy as np
 
 from crowdsim.jit import kernel
 from crowdsim.render.kernels.columns import (
+    ALONG_U,
+    ALONG_V,
+    ALONG_W,
+    CENTRE_X,
+    CENTRE_Y,
+    CENTRE_Z,
     FLOOR_COLUMNS,
     FLOOR_PER_METRE,
     FLOOR_ROWS,
     FLOOR_X,
     FLOOR_Z,
     GRID_U,
+    HALF_X,
+    HALF_Y,
+    HALF_Z,
+    PER_SQUARE,
+    RADIUS,
     REACH,
+    SHADE_RADIUS,
+    SHADE_TAPER,
+    SHADE_U,
+    SHADE_V,
+    SHADE_W,
     SOFTNESS,
     SUN_X,
     SUN_Y,
     SUN_Z,
+    TAPER,
     U_X,
     U_Y,
     U_Z,
@@ -126,8 +143,15 @@ def _cast_shadow(points, ids, start, stop, c, shades, sun):
     the sun's apparent size times the way the light has to go: shadows are sharp where they meet what casts them.
     """
     lx, ly, lz, ux, uy, uz, vx, vy, vz, softness, widest = sun
-    su, sv, sw, bu, bv, bw = shades[c, 0], shades[c, 1], shades[c, 2], shades[c, 3], shades[c, 4], shades[c, 5]
-    first, more, over = shades[c, 6], shades[c, 7], shades[c, 8]
+    su, sv, sw, bu, bv, bw = (
+        shades[c, SHADE_U],
+        shades[c, SHADE_V],
+        shades[c, SHADE_W],
+        shades[c, ALONG_U],
+        shades[c, ALONG_V],
+        shades[c, ALONG_W],
+    )
+    first, more, over = shades[c, SHADE_RADIUS], shades[c, SHADE_TAPER], shades[c, PER_SQUARE]
     for q in range(stop - start):
         p = U(start) + U(q)
         x, y, z = points[AT_X + p], points[AT_Y + p], points[AT_Z + p]
@@ -191,8 +215,8 @@ def find_sun(lit, count, light, shades, lists, room):
 @kernel(fastmath=FLAGS)
 def _cover_sky(points, ids, start, stop, only, c, cones, strength, reach):
     """Take from the points of cone ``only`` the share of their sky that cone ``c`` hides, none beyond ``reach``."""
-    mx, my, mz, r, k = cones[c, 0], cones[c, 1], cones[c, 2], cones[c, 6], cones[c, 7]
-    hx, hy, hz = cones[c, 3], cones[c, 4], cones[c, 5]
+    mx, my, mz, r, k = cones[c, CENTRE_X], cones[c, CENTRE_Y], cones[c, CENTRE_Z], cones[c, RADIUS], cones[c, TAPER]
+    hx, hy, hz = cones[c, HALF_X], cones[c, HALF_Y], cones[c, HALF_Z]
     over = ONE / max(hx * hx + hy * hy + hz * hz, TINY)
     fade = ONE / reach
     for q in range(stop - start):

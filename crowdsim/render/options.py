@@ -1,0 +1,85 @@
+"""How a source is drawn."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+from crowdsim.errors import CrowdsimError, TakeError
+from crowdsim.render.camera import Keys
+from crowdsim.render.source import PoseSource
+from crowdsim.render.stage import Stage, build_stage
+from crowdsim.scenario.frame_ranges import FrameRange
+
+
+@dataclass(frozen=True)
+class RenderOptions:
+    """What to draw of a source, and how.
+
+    Attributes:
+        size: Width and height [px], even for a video.
+        fps: Pictures a second, at which the source is opened; its own rate when None.
+        frames: First frame and the one after the last, either None for that of the source; or a range as a user gives
+            it; all when None.
+        camera: See ``crowdsim.render.camera.parse_camera``; or keys; that which suits the source when None.
+        mp4: Whether to write a video.
+        png: Whether to write every frame as PNG.
+        contact_sheet: Number of moments on a contact sheet; 0 for none.
+        caption: Whether pictures have a small caption.
+        threads: Frames drawn at once in all; as many as there are processors when None.
+        jobs: Processes that share the frames.
+    """
+
+    size: tuple[int, int] = (1280, 720)
+    fps: float | None = None
+    frames: FrameRange | tuple[int | None, int | None] | None = None
+    camera: str | Keys | None = None
+    mp4: bool = True
+    png: bool = False
+    contact_sheet: int = 0
+    caption: bool = True
+    threads: int | None = None
+    jobs: int = 1
+
+    @property
+    def thread_count(self) -> int:
+        """Number of threads."""
+        return self.threads or os.cpu_count() or 1
+
+    def check(self) -> None:
+        """Raise what no source could be drawn with.
+
+        Raises:
+            CrowdsimError: Nothing is to be written, or a number is out of range.
+        """
+        if self.fps is not None and not 0 < self.fps <= 1000:
+            raise CrowdsimError(f"fps is {self.fps}, expected more than 0 and 1000 at the most")
+        if not (self.mp4 or self.png or self.contact_sheet):
+            raise CrowdsimError("nothing to write, expected --mp4, --png or --contact-sheet")
+        if self.mp4 and (self.size[0] % 2 or self.size[1] % 2):
+            raise CrowdsimError(f"size {self.size[0]}x{self.size[1]}: a video needs an even width and height")
+        for name, number in (("threads", self.threads), ("jobs", self.jobs)):
+            if number is not None and number < 1:
+                raise CrowdsimError(f"{name} is {number}, expected 1 or more")
+
+    def frame_range(self, source: PoseSource) -> tuple[int, int]:
+        """Return the first frame of a source that is drawn, and the one after the last.
+
+        Raises:
+            TakeError: The range is empty or reaches beyond the source.
+        """
+        count, name = source.frame_count, source.name
+        if isinstance(self.frames, FrameRange):
+            start, stop = self.frames.resolve(count, source.fps, getattr(source, "frame_limit", None))
+        else:
+            first, last = self.frames or (None, None)
+            start, stop = first or 0, count if last is None else last
+        if count < 1:
+            raise TakeError(f"{name}: there is no frame to draw")
+        if not 0 <= start < stop <= count:
+            raise TakeError(f"{name}: frames {start}:{stop} are not there, expected a range within 0:{count}")
+        return start, stop
+
+    def stage(self, source: PoseSource) -> Stage:
+        """Return a source with everything that its pictures share; errors as of ``build_stage``."""
+        return build_stage(source, self.size, self.camera or "auto", self.caption)
