@@ -18,8 +18,9 @@ class Compilation:
         count: Kernels that were compiled; those that were only loaded do not count.
     """
 
-    def __init__(self, announce: Callable[[str], None] | None = None) -> None:
+    def __init__(self, announce: Callable[[str], None] | None = None, text: str = ANNOUNCEMENT) -> None:
         self.count = 0
+        self._text = text
         self._announce = announce
         self._spent = 0.0
         self._depth = 0
@@ -50,7 +51,7 @@ class Compilation:
         """Note that a kernel must be compiled, and announce the first one."""
         self.count += 1
         if self.count == 1 and self._announce is not None:
-            self._announce(ANNOUNCEMENT)
+            self._announce(self._text)
 
 
 @contextmanager
@@ -79,8 +80,8 @@ def watch_compilation(
             self.end()
 
     with ExitStack() as stack:
-        missing = stack.enter_context(compile_ahead(uses, workers, announce)) if uses else 0
-        compilation = Compilation(None if missing else announce)
+        missing = stack.enter_context(compile_ahead(uses, workers)) if uses else ""
+        compilation = Compilation(announce, missing or ANNOUNCEMENT)
         listener = Listener(compilation.begin, compilation.end)
         stack.enter_context(event.install_listener("numba:compiler_lock", listener))
         stack.enter_context(event.install_listener("numba:compile", Listener(compilation.compile, lambda: None)))

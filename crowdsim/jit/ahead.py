@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -24,27 +24,23 @@ SECONDS = 1.5
 
 
 @contextmanager
-def compile_ahead(uses: Collection[str], workers: int, announce: Callable[[str], None] | None = None) -> Iterator[int]:
+def compile_ahead(uses: Collection[str], workers: int) -> Iterator[str]:
     """Let workers compile, while this is open, the kernels that some uses need and that are not compiled yet.
 
     Args:
         uses: What kernels will be needed for, of those in ``signatures.json``.
         workers: Processes; with fewer than two nothing is compiled ahead, since it would only take turns.
-        announce: Called with what is compiled, and about how long it takes.
 
     Yields:
-        How many kernels are missing.
+        What is missing, and about how long it takes to compile; nothing where all is there.
     """
     missing = [one for one in listed(uses) if not _is_compiled(one)]
-    if missing and announce is not None:
-        seconds = SECONDS * len(missing) / max(1, workers)
-        announce(
-            f"compiling {len(missing)} kernels, which takes about {max(1, round(seconds))} s on {max(1, workers)} "
-            f"core{'s' * (workers > 1)} and is done once"
-        )
+    seconds = max(1, round(SECONDS * len(missing) / max(1, workers)))
+    cores = "1 core" if workers < 2 else f"{workers} cores"
+    report = f"compiling {len(missing)} kernels, which takes about {seconds} s on {cores} and is done once"
     processes = [_start(uses) for _ in range(min(workers, len(missing)) if workers > 1 else 0)]
     try:
-        yield len(missing)
+        yield report if missing else ""
     finally:
         for process in processes:
             process.terminate()
