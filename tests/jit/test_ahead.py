@@ -170,3 +170,38 @@ def test_types_of_arguments_come_back_from_their_text():
         assert decode(json.loads(json.dumps(encode(typeof(value))))) == typeof(value)
     with pytest.raises((TypeError, AttributeError)):
         encode(typeof([1]))
+
+
+FAST = """from twig.jit import kernel
+
+FLAGS = {"reassoc", "contract", "nsz"}
+
+
+@kernel(fastmath=FLAGS)
+def part(values, i):
+    return values[i] * 1.1 + values[i - 1] * 0.7 - values[i - 2] * 0.3
+
+
+@kernel(fastmath=FLAGS)
+def total(values):
+    result = 0.0
+    for i in range(2, len(values)):
+        result += part(values, i) * part(values, i - 1)
+    return result
+"""
+SUM = """
+import numpy as np
+import twig.fast_kernels as fast
+print('"' + fast.total(np.sin(np.arange(1000.0))).hex() + '"')
+"""
+
+
+def test_results_have_the_same_bits_whether_what_a_kernel_calls_was_kept_or_not(twig):
+    folder, start = twig
+    (folder / "fast_kernels.py").write_text(FAST)
+    fresh = finish(start(SUM))
+    compiled = [path for path in folder.rglob("total.*.nbc") if ".part." not in path.name]
+    first = compiled[0].read_bytes()
+    compiled[0].unlink()
+    assert finish(start(SUM)) == fresh
+    assert len(compiled[0].read_bytes()) == len(first)
