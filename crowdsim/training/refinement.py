@@ -22,6 +22,8 @@ from crowdsim.training.value_iteration import value_iteration
 COARSEST = 10
 """Grids are coarsened while every axis over the ground keeps as many points."""
 
+NEGLIGIBLE = 1e-6
+"""Weights of a fit up to this are taken for 0."""
 
 ROUGH = 10.0
 """How much further from settled values may be on grids that only lead to a finer one."""
@@ -140,7 +142,10 @@ def _along_axes(values: Array, grid: Grid, operators: list[Array]) -> Array:
             continue
         before, after = int(np.prod(shape[:d])), int(np.prod(shape[d + 1 :]))
         out = np.empty((len(values), before, operator.shape[0], after), np.float32)
-        apply_along_axis(operator, result.reshape(len(values), before, shape[d], after), out)
+        rows, columns = np.nonzero(np.abs(operator) > NEGLIGIBLE)
+        offsets = np.searchsorted(rows, np.arange(len(operator) + 1))
+        weights = operator[rows, columns].astype(np.float32)
+        apply_along_axis(offsets, columns, weights, result.reshape(len(values), before, shape[d], after), out)
         shape[d] = operator.shape[0]
         result = out.reshape(len(values), -1)
     return result
