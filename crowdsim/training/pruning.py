@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 COARSE = {"distance": 11, "bearing": 16, "height": 3}
 """Most points of each axis on which the wide graph is learned."""
 
+ROUGH = 0.03
+"""Tolerance of those values: a third of it keeps the same ways but for one in fifty, and as good ones."""
+
 
 def prune_graph(
     database: MotionDatabase,
@@ -166,7 +169,7 @@ def _coarse(spec: BehaviourSpec) -> BehaviourSpec:
         "axes": spec.axes.model_copy(update=axes),
         "lookup": "v",
         "backup": "interpolation_of_max",
-        "solver": ValueIterationSpec(tolerance=1e-2),
+        "solver": ValueIterationSpec(tolerance=ROUGH),
         "finer": 1,
     }
     return spec.model_copy(update=changes)

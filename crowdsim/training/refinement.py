@@ -42,7 +42,8 @@ def solve_by_levels(
     Args:
         model_on: Builds the behaviour's model on a grid.
         grid: The grid of the table.
-        finer: The last sweeps are done on a grid this many times finer, and the table is fitted to its values.
+        finer: The last sweeps are done on a grid this many times finer over the ground, and the table is fitted to its
+            values.
         tolerance: The sweeps on the finest grid end when no value changes by more than this.
         max_sweeps: Most sweeps on each grid.
         progress: Called with (stage, done, total).
@@ -76,8 +77,9 @@ def solve_by_levels(
 
 
 def refine(grid: Grid, times: int) -> Grid:
-    """Return a grid with ``times`` as many steps on each axis; all points of the given one are in it."""
-    return build_grid(_with_steps(axis, times * _steps(axis)) for axis in grid.axes)
+    """Return a grid with ``times`` as many steps over the ground; all points of the given one are in it."""
+    moving = [_with_steps(axis, times * _steps(axis)) for axis in grid.moving_axes]
+    return build_grid([*moving, *grid.axes[len(moving) :]])
 
 
 def coarser_grids(grid: Grid) -> list[Grid]:
