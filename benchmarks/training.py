@@ -89,11 +89,9 @@ def quantecon_problem(model: Model) -> Any:
     from quantecon.markov import DiscreteDP
 
     cells, layers = model.grid.cells, model.grid.layers
-    u, v = (model.shares[0, :, :, axis].astype(float) for axis in (0, 1))
-    corner_weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v], axis=-1)
-    corner_weights *= model.discounts.astype(float)[:, None, None]
-    lowers = model.lowers[0].astype(np.int64)
-    entries = model.next.astype(np.int64)[:, None, None] * cells + lowers[..., None] * layers + model.steps[lowers]
+    corners, corner_weights = (part[0] for part in model.corners(0, model.action_count))
+    corner_weights = corner_weights.astype(float) * model.discounts.astype(float)[:, None, None]
+    entries = model.next.astype(np.int64)[:, None, None] * cells + corners
     pairs = model.action_count * cells
     data, columns = np.empty((pairs, 4)), np.empty((pairs, 4), np.int32)
     rewards, states, actions = np.empty(pairs), np.empty(pairs, np.int64), np.empty(pairs, np.int64)
@@ -119,16 +117,16 @@ def quantecon_problem(model: Model) -> Any:
 def time_sweeps(model: Model, repeats: int) -> dict[str, float]:
     """Return the least seconds of a sweep by QuantEcon and by ours on one and two threads."""
     problem = quantecon_problem(model)
-    packed, layers, best = sweep_model(model), model.grid.layers, np.empty(0, np.uint16)
+    packed, layers = sweep_model(model), model.grid.layers
     size = model.state_count * model.grid.cells
     values = np.random.default_rng(2).random(size)
-    theirs, ours = np.empty(size), np.empty(size, np.float32)
-    changes, narrow = np.empty(model.state_count), values.astype(np.float32)
+    theirs, ours = np.empty(size), np.empty((model.state_count, model.grid.cells), np.float32)
+    changes, narrow = np.empty(model.state_count, np.float32), values.astype(np.float32)
 
     def sweep(threads: int) -> float:
         numba.set_num_threads(threads)
         started = time.perf_counter()
-        improve(packed, layers, narrow, ours, best, changes)
+        improve(packed, layers, narrow, 0, 1, ours, changes)
         return time.perf_counter() - started
 
     def reference() -> float:
@@ -145,7 +143,7 @@ def time_sweeps(model: Model, repeats: int) -> dict[str, float]:
         taken["quantecon"].append(reference())
         for n in threads:
             taken[f"ours_{n}t"].append(sweep(n))
-    difference = float(np.abs(ours - theirs).max())
+    difference = float(np.abs(ours.ravel() - theirs).max())
     if difference > 1e-4:
         raise SystemExit(f"the sweeps differ by {difference}")
     return {name: min(seconds) for name, seconds in taken.items()}

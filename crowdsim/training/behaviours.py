@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from crowdsim.core.types import Progress
+from crowdsim.core.types import Array, Progress
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Grid
 from crowdsim.policy.policy import Behaviour
-from crowdsim.policy.rewards import TargetBody
+from crowdsim.policy.rewards import TargetBody, Term
 from crowdsim.training.recipe import BehaviourSpec, QLearningSpec
-from crowdsim.training.scales import SHOWN, advantages, decisive_scale
+from crowdsim.training.scales import SHOWN, action_values_at, advantages, decisive_scale, fades_of
 from crowdsim.training.solution import Solution, q_table
+
+if TYPE_CHECKING:
+    from crowdsim.training.model import Model
 
 
 def train_behaviour(
@@ -28,43 +32,79 @@ def train_behaviour(
     progress: Progress | None = None,
 ) -> tuple[Behaviour, Solution]:
     """Return one behaviour trained over the actions of a graph, and what its solver found."""
-    from crowdsim.training.model import Model, build_model, build_movement
-    from crowdsim.training.q_learning import q_learning
-    from crowdsim.training.ranges import resolve_grid, resolve_terms, sample_targets
-    from crowdsim.training.refinement import solve_by_levels
-    from crowdsim.training.value_iteration import value_iteration
+    from crowdsim.training.ranges import sample_targets
 
-    def report(stage: str, done: int, total: int) -> None:
-        if progress is not None:
-            progress(f"{name}: {stage}", done, total)
-
-    grid = resolve_grid(spec, database)
-    terms = resolve_terms(spec, database)
-    target = spec.target
-    movement = build_movement(target.speed, target.directions, target.still, database.control_rate)
-
-    def model_on(one: Grid) -> Model:
-        report("model", 0, 1)
-        model = build_model(actions, one, terms, body, spec.discount, movement)
-        report("model", 1, 1)
-        return model
-
-    options = spec.solver.model_dump(exclude={"kind"})
-    if isinstance(spec.solver, QLearningSpec):
-        solution = q_learning(model_on(grid), progress=report, **options)
-    elif spec.backup == "max_of_interpolated":
-        solution = value_iteration(model_on(grid), spec.backup, progress=report, **options)
-    else:
-        solution = solve_by_levels(model_on, grid, spec.finer, progress=report, **options)
+    model_on, grid, terms = prepare_models(name, spec, database, actions, body, progress)
+    solution = solve(name, spec, model_on, grid, progress)
     if spec.lookup == "v":
         table = solution.values.ravel()
     else:
         table = solution.q if solution.q is not None else q_table(model_on(grid), solution.values)
     table = np.asarray(table, dtype=np.float32)
-    behaviour = Behaviour(name, grid, spec.lookup, table, 1.0, terms, spec.discount)
-    spread = decisive_scale(behaviour, actions, body, sample_targets(database), float(np.abs(solution.values).max()))
+    targets = sample_targets(database)
+    worth = action_values_at(targets, grid, terms, solution.values, spec.discount, actions, body)
+    spread = decisive_scale(worth, actions, fades_of(grid, targets), float(np.abs(solution.values).max()))
     if spec.lookup == "q" and precision == "int8":
         table = advantages(table, actions, grid.cells, SHOWN * spread)
     stored, zero, step = bundle.encode(table, precision)
     scale = spread if spec.normalise else 1.0
-    return replace(behaviour, table=stored, scale=scale, low=zero, step=step), solution
+    return Behaviour(name, grid, spec.lookup, stored, scale, terms, spec.discount, zero, step), solution
+
+
+def prepare_models(
+    name: str,
+    spec: BehaviourSpec,
+    database: MotionDatabase,
+    actions: Actions,
+    body: TargetBody,
+    progress: Progress | None = None,
+) -> tuple[Callable[[Grid], Model], Grid, tuple[Term, ...]]:
+    """Return what builds a behaviour's model on a grid, the grid of its table, and the terms of its reward."""
+    from crowdsim.training.model import build_model, build_movement
+    from crowdsim.training.ranges import resolve_grid, resolve_terms
+
+    terms, target = resolve_terms(spec, database), spec.target
+    movement = build_movement(target.speed, target.directions, target.still, database.control_rate)
+    report = _reporter(name, progress)
+
+    def model_on(grid: Grid) -> Model:
+        report("model", 0, 1)
+        model = build_model(actions, grid, terms, body, spec.discount, movement)
+        report("model", 1, 1)
+        return model
+
+    return model_on, resolve_grid(spec, database), terms
+
+
+def solve(
+    name: str,
+    spec: BehaviourSpec,
+    model_on: Callable[[Grid], Model],
+    grid: Grid,
+    progress: Progress | None = None,
+    start: Array | None = None,
+) -> Solution:
+    """Return what the solver of a behaviour finds on its grid; value iteration may start from values (S, C)."""
+    from crowdsim.training.q_learning import q_learning
+    from crowdsim.training.refinement import solve_by_levels
+    from crowdsim.training.value_iteration import value_iteration
+
+    options = spec.solver.model_dump(exclude={"kind"})
+    report = _reporter(name, progress)
+    if isinstance(spec.solver, QLearningSpec):
+        return q_learning(model_on(grid), progress=report, **options)
+    if spec.backup == "max_of_interpolated":
+        return value_iteration(model_on(grid), spec.backup, progress=report, **options)
+    if start is not None:
+        return value_iteration(model_on(grid), spec.backup, progress=report, start=start, **options)
+    return solve_by_levels(model_on, grid, spec.finer, progress=report, **options)
+
+
+def _reporter(name: str, progress: Progress | None) -> Progress:
+    """Return progress that names the behaviour."""
+
+    def report(stage: str, done: int, total: int) -> None:
+        if progress is not None:
+            progress(f"{name}: {stage}", done, total)
+
+    return report

@@ -22,13 +22,16 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.environment import AXIS_KINDS, Grid
+from crowdsim.policy.environment import Grid
 from crowdsim.policy.rewards import StrikeTerm, TargetBody, Term, TransitionTerm, pack_terms
 
 if TYPE_CHECKING:
     from crowdsim.training.kernels.rewards import Landed
 
 BACKUPS = ("max_of_interpolated", "interpolation_of_max")
+
+MOVING = ("distance", "bearing")
+"""The axes along which a target is seen to move when an avatar does, in the order of ``Model.axes``."""
 
 
 @dataclass(frozen=True)
@@ -68,10 +71,13 @@ class Model:
         offsets: CSR: actions of each state. Shape (S + 1,), int32.
         next: State in which each action ends. Shape (A,), int32.
         discounts: gamma^T of each action. Shape (A,), float32.
-        lowers: Lower corner of the moving cells around the place where each cell's target is seen after each action.
-            Shape (O, A, M), uint16, or int32 when there are many cells.
-        shares: Share of the next grid point on each moving axis. Shape (O, A, M, D), float32.
-        steps: From a lower corner to all its corners, in cells of the table. Shape (M, 2^D), int32.
+        axes: The distance and the bearing as compiled code reads them: first point (squeezed), points a unit, count,
+            rate, whether it wraps, stride in a table. One that the grid lacks has a single point. Shape (2, 6),
+            float32.
+        ends: The ground where each action ends: what is added to a place along x and z [m], with the way that the
+            target goes meanwhile, and cosine and sine of the heading. Shape (O, A, 4), float32.
+        xs: Where the target of each moving cell is, to the left [m]. Shape (M,), float32.
+        zs: Ahead.
         probabilities: p(o). Shape (O,), float32.
         near: What each action earns in each moving cell, landed strikes left out: the reward there is for where the
             target is over the ground. Shape (O, A, M), float32; (O, A, 1) where it is the same everywhere.
@@ -86,9 +92,10 @@ class Model:
     offsets: Array
     next: Array
     discounts: Array
-    lowers: Array
-    shares: Array
-    steps: Array
+    axes: Array
+    ends: Array
+    xs: Array
+    zs: Array
     probabilities: Array
     near: Array
     landed: Array
@@ -105,11 +112,17 @@ class Model:
         """Number of actions A."""
         return len(self.next)
 
-    @property
-    def nbytes(self) -> int:
-        """Memory that successors and rewards take."""
-        landed = self.landed_cells.nbytes + self.landed_rewards.nbytes
-        return int(self.lowers.nbytes + self.shares.nbytes + self.near.nbytes + landed)
+    def corners(self, first: int, last: int) -> tuple[Array, Array]:
+        """Return where the targets are seen after actions ``first`` to ``last``: cells of a table, and their weights.
+
+        Shapes (O, n, M, 4), int32, for the first layer, and float32; weights add up to 1.
+        """
+        from crowdsim.training.kernels.successors import list_corners
+
+        shape = (len(self.probabilities), last - first, len(self.xs), 4)
+        cells, weights = np.empty(shape, np.int32), np.empty(shape, np.float32)
+        list_corners(self.axes, self.ends[:, first:last], self.xs, self.zs, cells, weights)
+        return cells, weights
 
     def rewards(self, first: int, last: int) -> Array:
         """Return the rewards of actions ``first`` to ``last``, averaged over outcomes. Shape (n, C), float32."""
@@ -145,24 +158,17 @@ def build_model(
     Raises:
         RecipeError: Training does not know a term or an axis.
     """
-    from crowdsim.training.kernels.rewards import fill_near
-    from crowdsim.training.kernels.successors import fill_successors
+    from crowdsim.training.kernels.rewards import Places, fill_near
 
     movement = build_movement() if movement is None else movement
-    moving, layers = len(grid.moving_axes), grid.layers
-    axes = grid.pack()[:moving]
-    axes[:, 5] /= layers
-    targets = grid.targets()
-    count, cells, ways = actions.action_count, grid.cells // layers, len(movement.probabilities)
-
-    lowers = np.empty((ways, count, cells), np.uint16 if cells <= 65536 else np.int32)
-    shares = np.empty((ways, count, cells, moving), np.float32)
-    fill_successors(actions, axes, targets[::layers].copy(), movement.velocities, lowers, shares)
+    layers, targets = grid.layers, grid.targets()
+    xs, zs = (np.ascontiguousarray(targets[::layers, axis], np.float32) for axis in (0, 2))
+    count, ways = actions.action_count, len(movement.probabilities)
 
     packed, log_discount = pack_terms(terms, body), math.log(discount)
-    near = np.empty((ways, count, 1 if _same_everywhere(terms) else cells), np.float32)
-    xs, zs = targets[::layers, 0].copy(), targets[::layers, 2].copy()
-    fill_near(actions, xs, zs, movement.velocities, packed, log_discount, near)
+    near = np.empty((ways, count, 1 if _same_everywhere(terms) else len(xs)), np.float32)
+    for velocity, out in zip(movement.velocities.astype(np.float32), near, strict=True):
+        fill_near(actions, Places(xs, zs, *(np.full(len(xs), one) for one in velocity)), packed, log_discount, out)
     landed = _landed_rewards(actions, grid, movement, packed, log_discount)
     return Model(
         grid=grid,
@@ -170,9 +176,10 @@ def build_model(
         offsets=actions.offsets,
         next=actions.next,
         discounts=(discount ** actions.lengths.astype(np.float64)).astype(np.float32),
-        lowers=lowers,
-        shares=shares,
-        steps=corner_steps(grid),
+        axes=moving_axes(grid),
+        ends=action_ends(actions, movement),
+        xs=xs,
+        zs=zs,
         probabilities=movement.probabilities.astype(np.float32),
         near=near,
         landed=landed.offsets,
@@ -188,10 +195,10 @@ def _landed_rewards(actions: Actions, grid: Grid, movement: Movement, packed: Ar
     targets, velocities = grid.targets(), movement.velocities
     offsets = np.zeros(len(movement.probabilities) * actions.action_count + 1, np.int64)
     counted = Landed(offsets, np.zeros(0, np.int32), np.zeros(0, np.float32))
-    fill_landed(actions, targets, velocities, packed, log_discount, counted)
+    fill_landed(actions, targets, grid.layers, velocities, packed, log_discount, counted)
     np.cumsum(offsets, out=offsets)
     listed = Landed(offsets, np.empty(offsets[-1], np.int32), np.empty(offsets[-1], np.float32))
-    fill_landed(actions, targets, velocities, packed, log_discount, listed)
+    fill_landed(actions, targets, grid.layers, velocities, packed, log_discount, listed)
     return listed
 
 
@@ -202,19 +209,20 @@ def _same_everywhere(terms: tuple[Term, ...]) -> bool:
     )
 
 
-def corner_steps(grid: Grid) -> Array:
-    """Return the way from each moving cell to the corners above it, in cells of the table. Shape (M, 2^D), int32.
+def moving_axes(grid: Grid) -> Array:
+    """Return the distance and the bearing of a grid as sweeps read them (``Model.axes``)."""
+    rows = [[0.0, 1.0, 1.0, 0.0, 0.0, 0.0] for _ in MOVING]
+    for axis, stride in zip(grid.axes, grid.strides, strict=True):
+        if axis.name in MOVING and axis.count > 1:
+            row = [axis.first, 1.0 / axis.step, axis.count, axis.rate, axis.wraps, stride]
+            rows[MOVING.index(axis.name)] = [float(number) for number in row]
+    return np.array(rows, np.float32)
 
-    Corner ``i`` takes the upper grid point on axis d where bit d of ``i`` is set.
-    """
-    moving = grid.moving_axes
-    places = np.indices(tuple(axis.count for axis in moving)).reshape(len(moving), -1)
-    steps = np.zeros((places.shape[1], 2 ** len(moving)), np.int32)
-    for d, axis in enumerate(moving):
-        assert AXIS_KINDS[axis.name].moves
-        upper = (places[d] + 1) % axis.count if axis.wraps else np.minimum(places[d] + 1, axis.count - 1)
-        step = (upper - places[d]) * grid.strides[d]
-        for corner in range(steps.shape[1]):
-            if corner >> d & 1:
-                steps[:, corner] += step
-    return steps
+
+def action_ends(actions: Actions, movement: Movement) -> Array:
+    """Return the ground where each action ends, for each way in which the target moves (``Model.ends``)."""
+    x, z, heading = actions.displacements.T.astype(float)
+    gone = movement.velocities[:, None, :] * actions.lengths[:, None]
+    turned = np.broadcast_to([np.cos(heading), np.sin(heading)], (len(gone), 2, len(x)))
+    ends = np.stack([gone[..., 0] - x, gone[..., 1] - z, turned[:, 0], turned[:, 1]], axis=-1)
+    return ends.astype(np.float32)

@@ -10,7 +10,6 @@ left has fewer decisions, each among fewer actions, and hardly earns less (``ben
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +18,7 @@ from crowdsim.core.types import Array, Progress
 from crowdsim.graph.states import MotionGraph, graph_of_transitions
 from crowdsim.graph.transitions import Transitions, decision_frames
 from crowdsim.policy.actions import Actions, build_actions
-from crowdsim.policy.rewards import TargetBody
+from crowdsim.policy.rewards import TargetBody, Term, TransitionTerm
 from crowdsim.training.recipe import BehaviourSpec, PruningSpec, ValueIterationSpec
 
 if TYPE_CHECKING:
@@ -29,8 +28,8 @@ if TYPE_CHECKING:
 COARSE = {"distance": 11, "bearing": 16, "height": 3}
 """Most points of each axis on which the wide graph is learned."""
 
-_BLOCK = 64
-"""States that one thread judges at a time."""
+ROUGH = 0.03
+"""Tolerance of those values: a third of it keeps the same ways but for one in fifty, and as good ones."""
 
 
 def prune_graph(
@@ -55,7 +54,8 @@ def prune_graph(
         MotionError: What is left has no cycle.
     """
     actions = build_actions(database, graph)
-    keep, gains = judge_ways(database, graph, actions, specs, body, settings.ways, progress)
+    values: dict[str, Array] = {}
+    keep, gains = judge_ways(database, graph, actions, specs, body, settings.ways, progress, values)
     ways = _ways(graph, graph.action_cuts)
     worth = np.zeros(len(ways))
     chosen = keep[graph.action_cuts]
@@ -66,9 +66,11 @@ def prune_graph(
     landing = _frames(settings.landing, database)
     if landing > 1:
         fits = decisions[ways.sources] & (_uncut(ways, decisions, database) >= landing)
-        graph = graph_of_transitions(ways.chosen(fits), database.clip_starts, graph.threshold, database.clip_names)
+        wide = graph
+        graph = graph_of_transitions(ways.chosen(fits), database.clip_starts, wide.threshold, database.clip_names)
         actions = build_actions(database, graph)
-        keep, _ = judge_ways(database, graph, actions, specs, body, settings.ways, progress)
+        values = _values_at(graph.state_frames, values, wide.state_frames)
+        keep, _ = judge_ways(database, graph, actions, specs, body, settings.ways, progress, values)
         left = _ways(graph, graph.action_cuts & keep)
     else:
         left = ways.chosen(chosen & decisions[ways.sources])
@@ -102,42 +104,59 @@ def judge_ways(
     body: TargetBody,
     ways: int,
     progress: Progress | None = None,
+    values: dict[str, Array] | None = None,
 ) -> tuple[Array, Array]:
     """Return which actions of a graph are kept, and what each adds to those kept before it.
+
+    Args:
+        database: The motion.
+        graph: The graph.
+        actions: Its actions.
+        specs: What is to be learned, by name.
+        body: Sizes of the target.
+        ways: How many actions that begin with a cut each state keeps at most.
+        progress: Called with (stage, done, total).
+        values: Values of each behaviour from which to start, shape (S, C); replaced by those that were found.
 
     Returns:
         Whether each action is kept, shape (A,), bool; where captured motion runs on, it always is. What each of the
         others adds to what its state is worth, in parts of the behaviours' scales, shape (A,), float64.
     """
-    import numba
-
-    from crowdsim.policy.policy import build_lookup_tables
-    from crowdsim.training.behaviours import train_behaviour
+    from crowdsim.training.behaviours import prepare_models, solve
     from crowdsim.training.kernels import judging
     from crowdsim.training.ranges import sample_targets
+    from crowdsim.training.scales import action_values_at, decisive_scale, fades_of
 
-    coarse = []
-    for name, spec in specs.items():
-        label = f"prune, {name}"
-        coarse.append(train_behaviour(label, _coarse(spec), database, actions, body, progress=progress)[0])
-    tables = build_lookup_tables(actions, tuple(coarse), body)
-    count = len(coarse)
-    moods = np.concatenate([np.eye(count), np.ones((1 if count > 1 else 0, count))])
-    keep = np.zeros(actions.action_count, np.uint8)
-    gains = np.zeros(actions.action_count)
-    situations = judging.Situations(tables, moods, sample_targets(database))
-    cuts, states = graph.action_cuts, actions.state_count
-
-    def judge(first: int) -> int:
-        last = min(first + _BLOCK, states)
-        judging.judge_ways(situations, cuts, ways, first, last, keep, gains)
-        return last
-
-    with ThreadPoolExecutor(numba.get_num_threads()) as pool:
-        for last in pool.map(judge, range(0, states, _BLOCK)):
-            if progress is not None:
-                progress("prune, ways out", last, states)
+    targets, values = sample_targets(database), {} if values is None else values
+    worth = np.empty((len(specs), actions.action_count, len(targets)), np.float32)
+    factors, prices = np.zeros((len(specs), len(targets))), np.zeros((len(specs), actions.action_count))
+    for row, (name, spec) in enumerate(specs.items()):
+        label, rough = f"prune, {name}", _coarse(spec)
+        model_on, grid, terms = prepare_models(label, rough, database, actions, body, progress)
+        values[name] = solve(label, rough, model_on, grid, progress, values.get(name)).values
+        worth[row] = action_values_at(targets, grid, terms, values[name], spec.discount, actions, body)
+        fades = fades_of(grid, targets)
+        scale = decisive_scale(worth[row], actions, fades, float(np.abs(values[name]).max()))
+        factors[row] = (fades / scale if scale > 0.0 else 0.0) if spec.normalise else fades
+        prices[row] = _prices(terms, actions)
+    keep, gains = np.zeros(actions.action_count, np.uint8), np.zeros(actions.action_count)
+    judging.judge_ways(actions.offsets, graph.action_cuts, judging.Judged(worth, factors, prices), ways, keep, gains)
+    if progress is not None:
+        progress("prune, ways out", actions.state_count, actions.state_count)
     return keep.astype(bool), gains
+
+
+def _prices(terms: tuple[Term, ...], actions: Actions) -> Array:
+    """Return what the transition into each action costs by a reward. Shape (A,)."""
+    costs = np.asarray(actions.costs, dtype=float)
+    each = [one.weight * costs + one.each for one in terms if isinstance(one, TransitionTerm)]
+    return np.where(costs > 0.0, np.sum(each, axis=0), 0.0) if each else np.zeros(len(costs))
+
+
+def _values_at(frames: Array, values: dict[str, Array], of_frames: Array) -> dict[str, Array]:
+    """Return the values of the states at frames, taken from those of the states next to them at other frames."""
+    middles = (of_frames[1:] + of_frames[:-1]) / 2.0
+    return {name: table[np.searchsorted(middles, frames)] for name, table in values.items()}
 
 
 def _coarse(spec: BehaviourSpec) -> BehaviourSpec:
@@ -150,7 +169,7 @@ def _coarse(spec: BehaviourSpec) -> BehaviourSpec:
         "axes": spec.axes.model_copy(update=axes),
         "lookup": "v",
         "backup": "interpolation_of_max",
-        "solver": ValueIterationSpec(tolerance=1e-2),
+        "solver": ValueIterationSpec(tolerance=ROUGH),
         "finer": 1,
     }
     return spec.model_copy(update=changes)

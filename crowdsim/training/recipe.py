@@ -171,7 +171,7 @@ class BehaviourSpec(StrictModel):
         default=1,
         ge=1,
         le=4,
-        description="The table is fitted to values on a grid this many times finer on each axis; 1: to none.",
+        description="The table is fitted to values on a grid this many times finer over the ground; 1: to none.",
     )
     target: TargetMovement = Field(default_factory=TargetMovement, description="How the target moves in training.")
     normalise: bool = Field(

@@ -22,6 +22,8 @@ from crowdsim.training.value_iteration import value_iteration
 COARSEST = 10
 """Grids are coarsened while every axis over the ground keeps as many points."""
 
+NEGLIGIBLE = 1e-6
+"""Weights of a fit up to this are taken for 0."""
 
 ROUGH = 10.0
 """How much further from settled values may be on grids that only lead to a finer one."""
@@ -40,7 +42,8 @@ def solve_by_levels(
     Args:
         model_on: Builds the behaviour's model on a grid.
         grid: The grid of the table.
-        finer: The last sweeps are done on a grid this many times finer, and the table is fitted to its values.
+        finer: The last sweeps are done on a grid this many times finer over the ground, and the table is fitted to its
+            values.
         tolerance: The sweeps on the finest grid end when no value changes by more than this.
         max_sweeps: Most sweeps on each grid.
         progress: Called with (stage, done, total).
@@ -74,8 +77,9 @@ def solve_by_levels(
 
 
 def refine(grid: Grid, times: int) -> Grid:
-    """Return a grid with ``times`` as many steps on each axis; all points of the given one are in it."""
-    return build_grid(_with_steps(axis, times * _steps(axis)) for axis in grid.axes)
+    """Return a grid with ``times`` as many steps over the ground; all points of the given one are in it."""
+    moving = [_with_steps(axis, times * _steps(axis)) for axis in grid.moving_axes]
+    return build_grid([*moving, *grid.axes[len(moving) :]])
 
 
 def coarser_grids(grid: Grid) -> list[Grid]:
@@ -140,7 +144,10 @@ def _along_axes(values: Array, grid: Grid, operators: list[Array]) -> Array:
             continue
         before, after = int(np.prod(shape[:d])), int(np.prod(shape[d + 1 :]))
         out = np.empty((len(values), before, operator.shape[0], after), np.float32)
-        apply_along_axis(operator, result.reshape(len(values), before, shape[d], after), out)
+        rows, columns = np.nonzero(np.abs(operator) > NEGLIGIBLE)
+        offsets = np.searchsorted(rows, np.arange(len(operator) + 1))
+        weights = operator[rows, columns].astype(np.float32)
+        apply_along_axis(offsets, columns, weights, result.reshape(len(values), before, shape[d], after), out)
         shape[d] = operator.shape[0]
         result = out.reshape(len(values), -1)
     return result

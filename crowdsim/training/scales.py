@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.policy import Behaviour
-from crowdsim.policy.rewards import TargetBody
+from crowdsim.policy.environment import LEAD, Grid, fade_factor
+from crowdsim.policy.rewards import TargetBody, Term, pack_terms
+from crowdsim.training.model import action_ends, build_movement, moving_axes
 
 SHOWN = 12.0
 """How far below the best action others are distinguished in a table of bytes, in parts of the behaviour's scale."""
@@ -18,7 +20,62 @@ INDIFFERENT = 1e-4
 """A behaviour whose decisions differ by less than this share of its values has no preference."""
 
 
-def decisive_scale(behaviour: Behaviour, actions: Actions, body: TargetBody, targets: Array, greatest: float) -> float:
+def action_values_at(
+    targets: Array,
+    grid: Grid,
+    terms: tuple[Term, ...],
+    values: Array,
+    discount: float,
+    actions: Actions,
+    body: TargetBody,
+) -> Array:
+    """Return what every action is worth for some targets, by the values V behind it.
+
+    Args:
+        targets: Where the target may be, and how it may move (``ranges.sample_targets``). Shape (N, 5).
+        grid: The environment.
+        terms: The reward's terms.
+        values: V. Shape (S, C).
+        discount: gamma, a control frame.
+        actions: The graph's actions.
+        body: Sizes of the target.
+
+    Returns:
+        Q. Shape (A, N), float32.
+    """
+    from crowdsim.training.kernels.judging import Learned, fill_action_values
+    from crowdsim.training.kernels.rewards import Places
+
+    layers, shares = _layers_around(grid, targets[:, 1])
+    learned = Learned(
+        axes=moving_axes(grid),
+        ends=action_ends(actions, build_movement())[0],
+        discounts=(discount ** actions.lengths.astype(np.float64)).astype(np.float32),
+        values=np.ascontiguousarray(values, np.float32),
+        terms=pack_terms(terms, body),
+        log_discount=math.log(discount),
+        heights=np.ascontiguousarray(targets[:, 1]),
+        layers=layers,
+        shares=shares,
+        lead=LEAD * float(actions.lengths.mean()),
+    )
+    places = Places(*(np.ascontiguousarray(targets[:, axis], np.float32) for axis in (0, 2, 3, 4)))
+    result = np.empty((actions.action_count, len(targets)), np.float32)
+    fill_action_values(actions, learned, places, result)
+    return result
+
+
+def _layers_around(grid: Grid, heights: Array) -> tuple[Array, Array]:
+    """Return the layers of a grid below and above heights (N,), shape (2, N), and the share of those above, (N,)."""
+    axis = next((one for one in grid.axes if one.name == "height"), None)
+    if axis is None:
+        return np.zeros((2, len(heights)), np.int64), np.zeros(len(heights), np.float32)
+    place = np.clip(axis.places(heights), 0.0, axis.count - 1.0)
+    lower = np.minimum(place.astype(np.int64), max(axis.count - 2, 0))
+    return np.stack([lower, np.minimum(lower + 1, axis.count - 1)]), (place - lower).astype(np.float32)
+
+
+def decisive_scale(values: Array, actions: Actions, fades: Array, greatest: float) -> float:
     """Return the scale on which a behaviour decides: how much better its best action is than the median one.
 
     The mean over all states, and over the targets that the behaviour counts for. Decisions depend on the differences
@@ -26,24 +83,27 @@ def decisive_scale(behaviour: Behaviour, actions: Actions, body: TargetBody, tar
     much they differ from place to place says nothing about decisions.
 
     Args:
-        behaviour: Its table not yet encoded.
+        values: What every action is worth for some targets (``action_values_at``). Shape (A, N), float32.
         actions: The graph's actions.
-        body: Sizes of the target.
-        targets: Where the target may be, and how it may move (``ranges.sample_targets``). Shape (N, 5).
+        fades: How much the behaviour counts for each of the targets. Shape (N,).
         greatest: Greatest size of the behaviour's values.
 
     Returns:
         The scale; 0 for a behaviour that is indifferent, which then counts for nothing.
     """
-    from crowdsim.policy.policy import build_lookup_tables
     from crowdsim.training.kernels.judging import action_spreads
 
-    tables = build_lookup_tables(actions, (behaviour,), body)
-    spreads = np.full((actions.state_count, len(targets)), np.nan)
-    action_spreads(tables, targets, spreads)
-    finite = spreads[np.isfinite(spreads)]
+    spreads = np.empty((actions.state_count, len(fades)))
+    action_spreads(actions.offsets, values, spreads)
+    counted = spreads[:, fades > 0.0]
+    finite = counted[np.isfinite(counted)]
     scale = float(np.mean(finite)) if len(finite) else 0.0
     return scale if scale > INDIFFERENT * greatest else 0.0
+
+
+def fades_of(grid: Grid, targets: Array) -> Array:
+    """Return how much a behaviour counts for each target (N, 5). Shape (N,)."""
+    return np.array([fade_factor(grid, target[:3]) for target in targets])
 
 
 def advantages(q: Array, actions: Actions, cells: int, shown: float) -> Array:

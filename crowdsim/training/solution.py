@@ -55,9 +55,10 @@ class SweepModel(NamedTuple):
     offsets: Array
     next: Array
     discounts: Array
-    lowers: Array
-    shares: Array
-    steps: Array
+    axes: Array
+    ends: Array
+    xs: Array
+    zs: Array
     probabilities: Array
     near: Array
     landed: Array

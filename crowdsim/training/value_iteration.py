@@ -1,7 +1,9 @@
 """Value iteration: sweeps of Bellman backups over the whole model until the values settle.
 
-The backup ``interpolation_of_max`` works on V alone, ``max_of_interpolated`` on Q. Both are modified policy iteration:
-a sweep that looks for the best action is followed by sweeps that only back up the best one, where those are cheaper.
+The backup ``interpolation_of_max`` works on V alone, ``max_of_interpolated`` on Q. A sweep over V goes through the
+states in groups and keeps what it finds at once (Gauss-Seidel), from later states of the motion to earlier ones, since
+values travel backwards. Over Q it is modified policy iteration: a sweep that looks for the best action is followed by
+sweeps that only back up the best one, which are cheaper.
 """
 
 from __future__ import annotations
@@ -9,17 +11,15 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from numpy.typing import DTypeLike
 
 from crowdsim.core.types import Array, Progress
-from crowdsim.training.kernels.following import follow, gather_best
 from crowdsim.training.kernels.improvement import improve
 from crowdsim.training.kernels.q_tables import improve_best_q, improve_q, put, values_from_q
 from crowdsim.training.model import BACKUPS, Model
 from crowdsim.training.solution import Solution, sweep_model, value_spread
 
-EVALUATION_WORTH = 24.0
-"""Actions a state from which evaluating the best of them costs clearly less than backing up all (measured)."""
+GROUPS = 16
+"""Groups of states that a sweep over V goes through: each reads what those before it have just found."""
 
 MOST_SHIFTS = 10
 """How often all values may be moved at once; a few times help, and at last plain sweeps must settle them."""
@@ -30,8 +30,7 @@ def value_iteration(
     backup: str = "interpolation_of_max",
     tolerance: float = 1e-3,
     max_sweeps: int = 2000,
-    precision: DTypeLike = np.float32,
-    evaluations: int | None = None,
+    evaluations: int = 10,
     progress: Progress | None = None,
     start: Array | None = None,
 ) -> Solution:
@@ -42,29 +41,25 @@ def value_iteration(
         backup: One of ``model.BACKUPS``.
         tolerance: The sweeps end when no value changes by more than this share of the spread of values.
         max_sweeps: They also end after this many.
-        precision: Type of the values.
-        evaluations: Sweeps of policy evaluation after each sweep; by default as many as pay.
+        evaluations: Sweeps of policy evaluation after each sweep, with the backup ``max_of_interpolated``.
         progress: Called with ("value iteration", sweeps done, sweeps expected).
-        start: Values to start from, for the backup ``interpolation_of_max``; by default 0. Shape (S, C).
+        start: Values to start from, for the backup ``interpolation_of_max``; by default 0; they are
+            overwritten. Shape (S, C).
 
     Raises:
         ValueError: The backup has another name.
     """
     if backup not in BACKUPS:
         raise ValueError(f"backup is {backup!r}, expected one of {', '.join(BACKUPS)}")
-    if evaluations is None:
-        costly = backup == "max_of_interpolated" or model.action_count >= EVALUATION_WORTH * model.state_count
-        evaluations = 10 if costly else 0
     started = time.perf_counter()
     residuals: list[float] = []
     if backup == "interpolation_of_max":
-        first = np.zeros(model.state_count * model.grid.cells) if start is None else start.ravel()
-        values, updates = _iterate_v(
-            model, tolerance, max_sweeps, first.astype(precision), evaluations, residuals, progress
-        )
+        size = model.state_count * model.grid.cells
+        first = np.zeros(size, np.float32) if start is None else np.ascontiguousarray(start, np.float32).ravel()
+        values, updates = _iterate_v(model, tolerance, max_sweeps, first, residuals, progress)
         q = None
     else:
-        values, q, updates = _iterate_q(model, tolerance, max_sweeps, precision, evaluations, residuals, progress)
+        values, q, updates = _iterate_q(model, tolerance, max_sweeps, evaluations, residuals, progress)
     return Solution(
         values=values.reshape(model.state_count, model.grid.cells),
         q=q,
@@ -90,49 +85,33 @@ def _report(progress: Progress | None, residuals: list[float], tolerance: float,
 
 
 def _iterate_v(
-    model: Model,
-    tolerance: float,
-    max_sweeps: int,
-    values: Array,
-    evaluations: int,
-    residuals: list[float],
-    progress: Progress | None,
+    model: Model, tolerance: float, max_sweeps: int, values: Array, residuals: list[float], progress: Progress | None
 ) -> tuple[Array, int]:
-    size, precision = len(values), values.dtype
-    packed, layers = sweep_model(model), model.grid.layers
-    other = np.empty_like(values)
-    best = np.zeros(size if evaluations else 0, np.uint16)
-    changes = np.empty(model.state_count)
-    updates = 0
-    width = len(model.probabilities) * model.steps.shape[1] if evaluations else 0
-    earned, weights = np.empty(size if evaluations else 0, precision), np.empty((size, width), precision)
-    entries = np.empty((size, width), np.int32 if size < 2**31 else np.int64)
+    packed, layers, states = sweep_model(model), model.grid.layers, model.state_count
+    groups = min(GROUPS, states)
+    table = values.reshape(states, -1)
+    found = np.empty((-(-states // groups), table.shape[1]), np.float32)
+    changes = np.empty(states, np.float32)
     gains: list[float] = []
-    before, shifts = float(np.mean(values, dtype=np.float64)), 0
+    some = values[:: max(1, len(values) // 1_000_000)]
+    before, shifts = float(np.mean(some, dtype=np.float64)), 0
     while len(residuals) < max_sweeps:
-        improve(packed, layers, values, other, best, changes)
-        values, other = other, values
+        for first in reversed(range(groups)):
+            improve(packed, layers, values, first, groups, found, changes)
+            table[first::groups] = found[: len(range(first, states, groups))]
         residuals.append(float(changes.max()) / value_spread(values))
-        updates += model.action_count * model.grid.cells
         _report(progress, residuals, tolerance, max_sweeps)
         if residuals[-1] <= tolerance:
             break
-        if not evaluations:
-            mean = float(np.mean(values, dtype=np.float64))
-            gains.append(mean - before)
-            shift = _shift(gains) if shifts < MOST_SHIFTS else 0.0
-            if shift:
-                shifts += 1
-                values += values.dtype.type(shift)
-                gains.clear()
-            before = mean + shift
-        if evaluations:
-            gather_best(packed, layers, best, earned, entries, weights)
-        for _ in range(evaluations):
-            follow(earned, entries, weights, values, other)
-            values, other = other, values
-            updates += size
-    return values, updates
+        mean = float(np.mean(some, dtype=np.float64))
+        gains.append(mean - before)
+        shift = _shift(gains) if shifts < MOST_SHIFTS else 0.0
+        if shift:
+            shifts += 1
+            values += np.float32(shift)
+            gains.clear()
+        before = mean + shift
+    return values, len(residuals) * model.action_count * model.grid.cells
 
 
 def _shift(gains: list[float]) -> float:
@@ -152,17 +131,16 @@ def _iterate_q(
     model: Model,
     tolerance: float,
     max_sweeps: int,
-    precision: DTypeLike,
     evaluations: int,
     residuals: list[float],
     progress: Progress | None,
 ) -> tuple[Array, Array, int]:
     cells, layers = model.grid.cells, model.grid.layers
     packed = sweep_model(model)
-    q, other = (np.zeros(model.action_count * cells, precision) for _ in range(2))
+    q, other = (np.zeros(model.action_count * cells, np.float32) for _ in range(2))
     changes = np.empty(model.state_count)
     entries = np.empty(model.state_count * cells, np.int64)
-    values = np.empty(model.state_count * cells, precision)
+    values = np.empty(model.state_count * cells, np.float32)
     updates = 0
     while len(residuals) < max_sweeps:
         improve_q(packed, layers, q, other, changes)

@@ -42,10 +42,11 @@ def read(values, grid, target):
 @pytest.mark.parametrize("grid", [GRID, STRETCHED], ids=["even", "stretched"])
 def test_a_refined_grid_holds_all_points_of_the_given_one(grid):
     finer = refine(grid, 3)
-    assert finer.shape == (16, 24, 7)
+    assert finer.shape == (16, 24, 3)
     for one, two in zip(grid.axes, finer.axes, strict=True):
         assert (one.minimum, one.maximum, one.wraps, one.stretch) == (two.minimum, two.maximum, two.wraps, two.stretch)
-        np.testing.assert_allclose(two.points[::3][: one.count], one.points, atol=1e-12)
+        times = 1 if one.name == "height" else 3
+        np.testing.assert_allclose(two.points[::times][: one.count], one.points, atol=1e-12)
 
 
 def test_coarser_grids_halve_the_steps_over_the_ground_and_end_with_the_grid_itself():
@@ -69,7 +70,7 @@ def test_what_a_stretched_grid_holds_stays_on_a_finer_one_and_comes_back():
     carried = interpolate(values, STRETCHED, finer)
     expected = np.stack([read(values, STRETCHED, target) for target in finer.targets()], axis=-1)
     np.testing.assert_allclose(carried, expected, atol=1e-5)
-    at_points = carried.reshape(2, *finer.shape)[:, ::2, ::2, ::2].reshape(2, -1)
+    at_points = carried.reshape(2, *finer.shape)[:, ::2, ::2].reshape(2, -1)
     np.testing.assert_allclose(at_points, values, atol=1e-6)
     for back in (interpolate, fit):
         np.testing.assert_allclose(back(carried, finer, STRETCHED), values, atol=2e-5)

@@ -7,9 +7,10 @@ from naive_policy import by_action, random_actions
 from naive_policy import value_iteration as naive_value_iteration
 
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.environment import Axis, build_grid
+from crowdsim.policy.environment import Axis, build_grid, corners
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, TransitionTerm
 from crowdsim.training.kernels.exploration import Learning, try_everything
+from crowdsim.training.kernels.successors import empty_successors, find_successors
 from crowdsim.training.model import BACKUPS, build_model, build_movement
 from crowdsim.training.q_learning import q_learning
 from crowdsim.training.solution import q_table, sweep_model
@@ -42,19 +43,39 @@ def test_value_iteration_finds_what_a_naive_solver_finds(grid, backup, movement)
     naive = naive_value_iteration(actions, grid, TERMS, BODY, DISCOUNT, movement, backup, sweeps=60)
     model = model_of(grid, movement, actions)
     for evaluations in (0, 3):
-        found = value_iteration(model, backup, tolerance=1e-7, precision=np.float64, evaluations=evaluations)
+        found = value_iteration(model, backup, tolerance=1e-6, evaluations=evaluations)
         assert found.converged
         q = found.q if found.q is not None else q_table(model, found.values)
         np.testing.assert_allclose(by_action(actions, grid.cells, q), naive, atol=1e-5)
 
 
-@pytest.mark.parametrize("backup", BACKUPS)
-def test_single_precision_is_within_a_ten_thousandth_of_double(backup):
-    model = model_of(GRIDS["punch"])
-    single = value_iteration(model, backup, tolerance=1e-6)
-    double = value_iteration(model, backup, tolerance=1e-7, precision=np.float64)
-    assert single.values.dtype == np.float32
-    np.testing.assert_allclose(single.values, double.values, atol=1e-4)
+@pytest.mark.parametrize("grid", GRIDS.values(), ids=GRIDS.keys())
+def test_successors_are_where_the_plain_grid_sees_the_target_after_each_action(grid):
+    movement, actions = build_movement(1.0, 3, 0.4), random_actions()
+    cells, weights = model_of(grid, movement, actions).corners(0, actions.action_count)
+    found = np.zeros((*cells.shape[:3], grid.cells))
+    for corner in range(4):
+        np.add.at(found, (*np.indices(cells.shape[:3]), cells[..., corner]), weights[..., corner])
+    for outcome, velocity in enumerate(movement.velocities):
+        for action, (x, z, heading) in enumerate(actions.displacements.tolist()):
+            cos, sin = np.cos(heading), np.sin(heading)
+            for m, target in enumerate(grid.targets()[:: grid.layers]):
+                dx, dz = target[[0, 2]] + actions.lengths[action] * velocity - [x, z]
+                seen = np.array([dx * cos - dz * sin, grid.targets()[0, 1], dx * sin + dz * cos])
+                expected = np.zeros(grid.cells)
+                np.add.at(expected, *corners(grid, seen))
+                np.testing.assert_allclose(found[outcome, action, m], expected, atol=1e-4)
+
+
+def test_bearings_come_within_a_few_millionths_of_the_arc_tangent():
+    angles = np.concatenate([np.linspace(-np.pi, np.pi, 2001), np.arange(-4, 5) * np.pi / 4])
+    axes = np.array([[0, 1, 1, 0, 0, 0], [-np.pi, 1000, 7000, 0, 0, 1]], np.float32)
+    ends, count = np.array([0, 0, 1, 0], np.float32), len(angles)
+    found = empty_successors(count)
+    find_successors(axes, ends, *(part(angles).astype(np.float32) for part in (np.sin, np.cos)), found)
+    error = (found.lowers + found.around) / 1000.0 - np.pi - angles
+    error -= 2.0 * np.pi * np.round(error / (2.0 * np.pi))
+    assert np.abs(error).max() < 5e-6
 
 
 def test_an_mdp_with_a_known_answer_is_solved():
@@ -76,10 +97,10 @@ def test_an_mdp_with_a_known_answer_is_solved():
     grid = build_grid([Axis("distance", 1.0, 2.0, 2), CIRCLE])
     term = ProximityTerm(kind="proximity", distance=1.0, sigma=0.5)
     model = build_model(actions, grid, (term,), BODY, 0.9)
-    found = value_iteration(model, tolerance=1e-12, precision=np.float64)
+    found = value_iteration(model, tolerance=1e-7)
     forever = 0.9 / (1 - 0.9)
     expected = [forever] * 7 + [np.exp(-2.0) * forever] * 7
-    np.testing.assert_allclose(found.values[0], expected, atol=1e-5)
+    np.testing.assert_allclose(found.values[0], expected, rtol=1e-5)
 
 
 def test_the_interpolation_of_the_maximum_is_never_below_the_maximum_of_the_interpolation():
@@ -128,7 +149,7 @@ def test_one_update_of_q_learning_is_the_one_done_on_paper():
     assert visits.tolist() == [1] * 6
 
     # The first update of all begins with Q = 0 and alpha = 1.
-    assert q_learning(model, max_sweeps=1, exploitations=0).q[1] == pytest.approx(reward, rel=1e-6)
+    assert q_learning(model, max_sweeps=1, exploitations=0).q[1] == pytest.approx(reward, rel=5e-6)
 
 
 def test_q_learning_comes_within_two_hundredths_of_value_iteration_when_the_target_stands():
@@ -158,7 +179,7 @@ def test_two_threads_give_the_same_bytes_as_one():
             solutions = [value_iteration(model, backup, tolerance=1e-3) for backup in BACKUPS]
             solutions.append(q_learning(model, max_sweeps=5))
             found.append(
-                [one.values.tobytes() for one in solutions] + [again.lowers.tobytes(), again.landed_rewards.tobytes()]
+                [one.values.tobytes() for one in solutions] + [again.near.tobytes(), again.landed_rewards.tobytes()]
             )
     finally:
         numba.set_num_threads(before)
@@ -167,7 +188,7 @@ def test_two_threads_give_the_same_bytes_as_one():
 
 def test_results_tell_how_they_were_found():
     model = model_of(GRIDS["polar"])
-    found = value_iteration(model, tolerance=1e-3, evaluations=0)
+    found = value_iteration(model, tolerance=1e-3)
     pairs = model.action_count * model.grid.cells
     assert (found.solver, found.backup, found.converged) == ("value_iteration", "interpolation_of_max", True)
     assert found.updates == found.sweeps * pairs == len(found.residuals) * pairs

@@ -9,6 +9,7 @@ from crowdsim.jit import kernel
 from crowdsim.training.kernels.draws import draw_number
 from crowdsim.training.kernels.model import earned_in
 from crowdsim.training.kernels.q_tables import best_after, best_entry
+from crowdsim.training.kernels.successors import empty_successors
 
 GOLDEN = 0.6180339887498949
 """Draws of one entry follow one another by this, so that all ways of the target come up evenly in few visits."""
@@ -44,14 +45,14 @@ def _step_size(learning, entry):
 
 
 @kernel(allocates=False)
-def _observe(model, layers, q, action, m, h, draw, weights):
+def _observe(model, layers, q, action, m, h, draw, found):
     """Do one trial of an action with the target in cell (m, h); return r + gamma^T max over a' of Q(a', e)."""
     outcome = 0
     while outcome < len(model.probabilities) - 1 and draw >= model.probabilities[outcome]:
         draw -= model.probabilities[outcome]
         outcome += 1
     earned = earned_in(model, outcome, action, m, m * layers + h)
-    return earned + model.discounts[action] * best_after(model, layers, q, outcome, action, m, h, weights)
+    return earned + model.discounts[action] * best_after(model, layers, q, outcome, action, m, h, found)
 
 
 @kernel(parallel=True)
@@ -61,11 +62,11 @@ def try_everything(model, layers, q, out, learning, changes):
     Q := Q + alpha (observed - Q), where what is observed reads the table of the round before; ``learning`` is a
     ``Learning``, and ``changes`` get the sum of the errors of each state.
     """
-    moving = model.lowers.shape[2]
+    moving = len(model.xs)
     visits = learning.visits
     for i in prange(len(model.offsets) - 1):
         s = np.int64(i)
-        weights = np.empty(model.steps.shape[1], q.dtype)
+        found = empty_successors(1)
         first = model.offsets[s]
         n = model.offsets[s + 1] - first
         change = 0.0
@@ -74,7 +75,7 @@ def try_everything(model, layers, q, out, learning, changes):
                 for h in range(layers):
                     entry = first * moving * layers + (m * layers + h) * n + k
                     draw = _first_draw(learning, entry) + visits[entry] * GOLDEN
-                    error = _observe(model, layers, q, first + k, m, h, draw % 1.0, weights) - q[entry]
+                    error = _observe(model, layers, q, first + k, m, h, draw % 1.0, found) - q[entry]
                     out[entry] = q[entry] + _step_size(learning, entry) * error
                     visits[entry] += 1
                     change += abs(error)
@@ -88,11 +89,11 @@ def try_best(model, layers, q, entries, values, learning, tries):
     Writes which entries change, and to what, so that all trials read the table of the round before. The entry moves by
     the mean of its trials: one that is tried until it is no longer the best would else end too low.
     """
-    cells = model.lowers.shape[2] * layers
+    cells = len(model.xs) * layers
     visits = learning.visits
     for i in prange(len(model.offsets) - 1):
         s = np.int64(i)
-        weights = np.empty(model.steps.shape[1], q.dtype)
+        found = empty_successors(1)
         first = model.offsets[s]
         n = model.offsets[s + 1] - first
         for c in range(cells):
@@ -102,7 +103,7 @@ def try_best(model, layers, q, entries, values, learning, tries):
             observed = np.float32(0.0)
             for trial in range(tries):
                 draw = (_first_draw(learning, entry) + (visits[entry] + trial) * GOLDEN) % 1.0
-                observed += _observe(model, layers, q, action, c // layers, c % layers, draw, weights)
+                observed += _observe(model, layers, q, action, c // layers, c % layers, draw, found)
             error = observed / np.float32(tries) - q[entry]
             entries[s * cells + c] = entry
             values[s * cells + c] = q[entry] + _step_size(learning, entry) * error

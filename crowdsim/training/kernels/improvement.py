@@ -1,129 +1,137 @@
-"""Bellman sweeps over V: every action of every state is backed up in every cell, and the best one counts.
-
-Every sweep reads the table of the sweep before and writes another, so its result does not depend on the number of
-threads.
-"""
+"""Bellman sweeps over V: every action of every state is backed up in every cell, and the best one counts."""
 
 import numpy as np
 from numba import prange
 
 from crowdsim.jit import kernel
 from crowdsim.training.kernels.backup import back_up_action
+from crowdsim.training.kernels.successors import (
+    DISTANCE,
+    STRIDE,
+    corners_of,
+    empty_successors,
+    find_successors,
+    weights_of,
+)
 
 
 @kernel(parallel=True)
-def improve(model, layers, values, out, best, residuals):
-    """Do one Bellman sweep: V'(s, c) = max over a of Q(a, c).
+def improve(model, layers, values, first, every, out, changes):
+    """Do a Bellman sweep over some states: V'(s, c) = max over a of Q(a, c).
+
+    All of them read the table of before, so the result does not depend on the number of threads.
 
     Args:
         model: ``SweepModel``.
         layers: Layers of the grid.
-        values: V. Flat.
-        out: Written: V'. Flat.
-        best: Written: which action is best, uint16, flat; or empty.
-        residuals: Written: by how much the values of each state change at most. Shape (S,).
+        values: V. Flat, float32.
+        first: The first of the states.
+        every: How far they are apart.
+        out: Written: V' of these states, one after another. Shape (at least as many, C), float32.
+        changes: Written: by how much the values of each of these states change at most. Shape (S,).
     """
-    cells = model.lowers.shape[2] * layers
-    simple = len(model.probabilities) == 1 and model.steps.shape[1] == 4
-    steps = model.steps.astype(np.uint64)
-    for i in prange(len(model.offsets) - 1):
-        s = np.int64(i)
-        state_out, state_best = out[s * cells : (s + 1) * cells], best[s * cells : (s + 1) * cells]
+    cells = len(model.xs) * layers
+    for i in prange((len(model.offsets) - 2 - first) // every + 1):
+        row, found = np.empty(cells, np.float32), empty_successors(len(model.xs))
+        s = np.int64(first + i * every)
+        best = out[i]
         for c in range(cells):
-            state_out[c] = -np.inf
-        if simple:
-            _improve_still(model, steps, layers, values, s, state_out, state_best)
-        else:
-            weights, row = np.empty(model.steps.shape[1], values.dtype), np.empty(cells, values.dtype)
-            _improve_state(model, layers, values, s, weights, row, state_out, state_best)
-        residual = 0.0
-        for c in range(cells):
-            residual = max(residual, abs(state_out[c] - values[s * cells + c]))
-        residuals[s] = residual
+            best[c] = -np.inf
+        for action in range(model.offsets[s], model.offsets[s + 1]):
+            if len(model.probabilities) == 1:
+                _raise_to_action(model, layers, values, np.int64(action), found, row, best)
+            else:
+                back_up_action(model, layers, values, np.int64(action), found, row)
+                _raise(best, row)
+        changes[s] = _greatest_change(values[s * cells : (s + 1) * cells], best)
 
 
 @kernel(allocates=False)
-def _improve_state(model, layers, values, state, weights, row, out, best):
-    """Improve one state; ``weights`` and ``row`` are scratch space."""
-    first = model.offsets[state]
-    for k in range(model.offsets[state + 1] - first):
-        back_up_action(model, values, first + k, layers, weights, row)
-        for c in range(len(best)):
-            best[c] = k if row[c] > out[c] else best[c]
-        for c in range(len(out)):
-            out[c] = max(row[c], out[c])
+def _raise_to_action(model, layers, values, action, found, later, best):
+    """Raise the best values to Q(action, .) where that is greater, for a target that stands still.
 
-
-@kernel(allocates=False)
-def _improve_still(model, steps, layers, values, state, out, best):
-    """Improve one state, for a target that stands still and two moving axes.
-
-    The number of layers is part of a type for those numbers that the shipped recipes have, so that compiled code
-    unrolls the loops over them.
+    What lands earns more than 0, so cells where strikes land are done once more. The values of the next state are
+    copied to the scratch space ``later`` first: they are read crosswise, which takes longer from far memory.
     """
-    first = model.offsets[state]
-    for k in range(model.offsets[state + 1] - first):
-        if layers == 1:
-            _raise_to_action(model, steps, (0,), values, first + k, k, out, best)
-        elif layers == 3:
-            _raise_to_action(model, steps, (0, 0, 0), values, first + k, k, out, best)
-        elif layers == 4:
-            _raise_to_action(model, steps, (0, 0, 0, 0), values, first + k, k, out, best)
-        else:
-            _raise_to_action(model, steps, range(layers), values, first + k, k, out, best)
-
-
-@kernel(allocates=False)
-def _raise_to_action(model, steps, lanes, values, action, k, out, best):
-    """Raise ``out`` to Q(action, .) where that is greater, and set ``best``, unless it is empty, to k there.
-
-    Everything in one pass over the cells; those where strikes land, which earns more than 0, are done once more.
-    Indices are unsigned, because compiled code would check whether signed ones count from the end. ``lanes`` has as
-    many items as the grid has layers.
-    """
-    layers, keep = np.uint64(len(lanes)), len(best) > 0
-    start = np.int64(model.next[action]) * len(out)
-    later = values[start : start + len(out)]
-    discount = model.discounts[action]
-    lowers, shares, near = model.lowers[0, action], model.shares[0, action], model.near[0, action]
-    wide = len(near) > 1
-    for i in range(len(lowers)):
-        m, lower = np.uint64(i), np.uint64(lowers[i])
-        w0, w1, w2, w3 = _four_weights(discount, shares, m)
-        earned = near[m] if wide else near[0]
-        at, e0 = m * layers, lower * layers
-        e1, e2, e3 = e0 + steps[lower, 1], e0 + steps[lower, 2], e0 + steps[lower, 3]
-        if keep:
-            for lane in range(len(lanes)):
-                h = np.uint64(lane)
-                value = w0 * later[e0 + h] + w1 * later[e1 + h] + w2 * later[e2 + h] + w3 * later[e3 + h]
-                value += earned
-                best[at + h] = k if value > out[at + h] else best[at + h]
-                out[at + h] = max(value, out[at + h])
-        else:
-            for lane in range(len(lanes)):
-                h = np.uint64(lane)
-                value = w0 * later[e0 + h] + w1 * later[e1 + h] + w2 * later[e2 + h] + w3 * later[e3 + h]
-                out[at + h] = max(value + earned, out[at + h])
+    find_successors(model.axes, model.ends[0, action], model.xs, model.zs, found)
+    start = np.int64(model.next[action]) * len(best)
+    for i in range(len(best)):
+        c = np.uint64(i)
+        later[c] = values[np.uint64(start) + c]
+    near = model.near[0, action]
+    across, discount = np.int64(model.axes[DISTANCE, STRIDE]), model.discounts[action]
+    if layers < 4:
+        _raise_layers(found, across, layers, later, discount, near, best)
+    else:
+        _raise_by_four(found, across, layers, later, discount, near, best)
     for entry in range(model.landed[action], model.landed[action + 1]):
         c = np.uint64(model.landed_cells[entry])
-        m = c // layers
-        h, lower = c - m * layers, np.uint64(lowers[m])
-        w0, w1, w2, w3 = _four_weights(discount, shares, m)
-        e0 = lower * layers
-        e1, e2, e3 = e0 + steps[lower, 1], e0 + steps[lower, 2], e0 + steps[lower, 3]
-        value = w0 * later[e0 + h] + w1 * later[e1 + h] + w2 * later[e2 + h] + w3 * later[e3 + h]
-        value += (near[m] if wide else near[0]) + model.landed_rewards[entry]
-        if keep:
-            best[c] = k if value > out[c] else best[c]
-        out[c] = max(value, out[c])
+        m = c // np.uint64(layers)
+        h = c - m * np.uint64(layers)
+        value = _value_between(later, corners_of(found, m, across), weights_of(found, m, discount), h)
+        value += (near[m] if len(near) > 1 else near[0]) + model.landed_rewards[entry]
+        best[c] = max(value, best[c])
 
 
 @kernel(inline=True)
-def _four_weights(discount, shares, m):
-    """Return the discounted weights of the four corners around the successor of moving cell ``m``."""
-    w1 = discount * shares[m, 0]
-    w3 = w1 * shares[m, 1]
-    w2 = discount * shares[m, 1] - w3
-    w0 = discount - w1 - w2
-    return w0, w1 - w3, w2, w3
+def _value_between(later, corners, weights, h):
+    """Return the weighted sum of the values at four corners, in layer ``h``."""
+    e0, e1, e2, e3 = corners
+    w0, w1, w2, w3 = weights
+    return w0 * later[e0 + h] + w1 * later[e1 + h] + w2 * later[e2 + h] + w3 * later[e3 + h]
+
+
+@kernel(allocates=False)
+def _raise_layers(found, across, layers, later, discount, near, best):
+    """Do what ``_raise_to_action`` does where no strike lands.
+
+    Indices are unsigned, because compiled code would check whether signed ones count from the end.
+    """
+    wide = len(near) > 1
+    for i in range(len(found.lowers)):
+        m = np.uint64(i)
+        corners, weights = corners_of(found, m, across), weights_of(found, m, discount)
+        earned = near[m] if wide else near[0]
+        at = m * np.uint64(layers)
+        for lane in range(layers):
+            h = np.uint64(lane)
+            best[at + h] = max(_value_between(later, corners, weights, h) + earned, best[at + h])
+
+
+@kernel(allocates=False)
+def _raise_by_four(found, across, layers, later, discount, near, best):
+    """Do the same for four layers at a time, which is faster; the last four may overlap with those before."""
+    wide, last = len(near) > 1, np.uint64(layers - 4)
+    for i in range(len(found.lowers)):
+        m = np.uint64(i)
+        corners, weights = corners_of(found, m, across), weights_of(found, m, discount)
+        earned = near[m] if wide else near[0]
+        for four in range((layers + 3) // 4):
+            h = min(np.uint64(4 * four), last)
+            c = m * np.uint64(layers) + h
+            v0 = _value_between(later, corners, weights, h) + earned
+            v1 = _value_between(later, corners, weights, h + np.uint64(1)) + earned
+            v2 = _value_between(later, corners, weights, h + np.uint64(2)) + earned
+            v3 = _value_between(later, corners, weights, h + np.uint64(3)) + earned
+            b0, b1, b2, b3 = best[c], best[c + np.uint64(1)], best[c + np.uint64(2)], best[c + np.uint64(3)]
+            best[c] = v0 if v0 > b0 else b0
+            best[c + np.uint64(1)] = v1 if v1 > b1 else b1
+            best[c + np.uint64(2)] = v2 if v2 > b2 else b2
+            best[c + np.uint64(3)] = v3 if v3 > b3 else b3
+
+
+@kernel(allocates=False)
+def _raise(best, row):
+    """Raise the best values to others where those are greater."""
+    for i in range(len(best)):
+        c = np.uint64(i)
+        best[c] = row[c] if row[c] > best[c] else best[c]
+
+
+@kernel(allocates=False)
+def _greatest_change(before, after):
+    """Return the greatest difference of two rows."""
+    change = np.float32(0.0)
+    for c in range(len(before)):
+        change = max(change, abs(after[c] - before[c]))
+    return change

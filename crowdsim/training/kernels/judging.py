@@ -4,57 +4,128 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import prange
 
 from crowdsim.jit import kernel
-from crowdsim.policy.kernels.axes import Corners
-from crowdsim.policy.kernels.rewards import Target
-from crowdsim.policy.kernels.values import evaluate_actions, fade_of
-
-# Columns of targets.
-X, Y, Z, VX, VZ = range(5)
+from crowdsim.training.kernels.rewards import earned_where, write_near
+from crowdsim.training.kernels.successors import (
+    DISTANCE,
+    STRIDE,
+    corners_of,
+    empty_successors,
+    find_successors,
+    weights_of,
+)
 
 WORST = -1e30  # below all values
 
 
-class Situations(NamedTuple):
-    """What actions are judged by.
+class Learned(NamedTuple):
+    """What a behaviour has learned, and N targets by which its decisions are judged.
 
     Attributes:
-        tables: ``LookupTables``.
-        weights: Weights of the behaviours. Shape (M, B).
-        targets: Where the target is and how far it moves in a control frame along x and z. Shape (N, 5).
+        axes: The moving axes of its grid (``Model.axes``).
+        ends: Where each action ends (``Model.ends``), for a target that stands still. Shape (A, 4), float32.
+        discounts: gamma^T of each action. Shape (A,), float32.
+        values: V. Shape (S, C), float32.
+        terms: The terms of its reward (``rewards.pack_terms``).
+        log_discount: log gamma.
+        heights: How high their heads are [m]. Shape (N,).
+        layers: Layers of the grid below and above each head. Shape (2, N), int64.
+        shares: Share of the layer above. Shape (N,), float32.
+        lead: How many frames after the end of an action its V is read for where a target will be.
     """
 
-    tables: Any
-    weights: Any
-    targets: Any
+    axes: Any
+    ends: Any
+    discounts: Any
+    values: Any
+    terms: Any
+    log_discount: float
+    heights: Any
+    layers: Any
+    shares: Any
+    lead: float
 
 
-@kernel
-def action_spreads(tables, targets, out):
-    """Write by how much the best action of each state is better than the median one, by the first behaviour.
+class Judged(NamedTuple):
+    """What ways are judged by, for B behaviours and N targets.
 
-    NaN where there is one action, or the behaviour counts for nothing. ``out``: shape (S, N) for N targets (N, 5).
+    Attributes:
+        values: Q of each behaviour, action and target. Shape (B, A, N), float32.
+        factors: How much each behaviour counts for a target, over its scale. Shape (B, N).
+        prices: What the transition into each action costs each behaviour, 0 where there is none. Shape (B, A).
     """
-    corners = Corners(np.empty(64, np.int64), np.empty(64))
-    one = np.ones(1)
-    most = 0
-    for s in range(out.shape[0]):
-        most = max(most, tables.actions.offsets[s + 1] - tables.actions.offsets[s])
-    values = np.empty(most)
-    for s in range(out.shape[0]):
-        for m in range(len(targets)):
-            target = _target(targets, m)
-            if fade_of(tables, 0, target) > 0.0:
-                n = evaluate_actions(tables, one, s, target, corners, values)
-                if n > 1:
-                    out[s, m] = spread_of(values, n)
+
+    values: Any
+    factors: Any
+    prices: Any
+
+
+@kernel(parallel=True)
+def fill_action_values(actions, learned, places, out):
+    """Write Q of every action for each target, by looking one action ahead.
+
+    Args:
+        actions: ``Actions``.
+        learned: ``Learned``.
+        places: Where the targets are, and how they move (``Places``).
+        out: Written: Q. Shape (A, N), float32.
+    """
+    count = out.shape[1]
+    for i in prange(len(out)):
+        action = np.int64(i)
+        total, best, found = out[action], np.empty(count, np.float32), empty_successors(count)
+        write_near(actions, action, places, learned.terms, learned.log_discount, best, total)
+        _add_landed(actions, action, learned, places, total)
+        xs, zs = np.empty(count, np.float32), np.empty(count, np.float32)
+        time = np.float32(actions.lengths[action] + learned.lead)
+        for m in range(count):
+            xs[m] = places.xs[m] + time * places.vxs[m]
+            zs[m] = places.zs[m] + time * places.vzs[m]
+        find_successors(learned.axes, learned.ends[action], xs, zs, found)
+        _add_values_behind(learned, action, actions.next[action], found, total)
 
 
 @kernel(allocates=False)
-def _target(targets, m):
-    """Return a row of targets."""
-    return Target(targets[m, X], targets[m, Y], targets[m, Z], targets[m, VX], targets[m, VZ])
+def _add_landed(actions, action, learned, places, total):
+    """Add what the strikes of an action earn that land on the targets."""
+    if actions.strike_offsets[action] < actions.strike_offsets[action + 1]:
+        for m in range(len(total)):
+            head, velocity = (places.xs[m], learned.heights[m], places.zs[m]), (places.vxs[m], places.vzs[m])
+            total[m] += earned_where(actions, action, head, velocity, learned.terms, learned.log_discount)
+
+
+@kernel(allocates=False)
+def _add_values_behind(learned, action, state, found, total):
+    """Add the discounted V of the state behind an action, where ``found`` says that targets are seen."""
+    values, across = learned.values[state], np.int64(learned.axes[DISTANCE, STRIDE])
+    for m in range(len(total)):
+        e0, e1, e2, e3 = corners_of(found, m, across)
+        w0, w1, w2, w3 = weights_of(found, m, learned.discounts[action])
+        for side in range(2):
+            h = np.uint64(learned.layers[side, m])
+            share = learned.shares[m] if side == 1 else np.float32(1.0) - learned.shares[m]
+            value = w0 * values[e0 + h] + w1 * values[e1 + h] + w2 * values[e2 + h] + w3 * values[e3 + h]
+            total[m] += share * value
+
+
+@kernel(parallel=True)
+def action_spreads(offsets, values, out):
+    """Write by how much the best action of each state is better than the median one; NaN where there is only one.
+
+    Args:
+        offsets: CSR: the actions of each state. Shape (S + 1,).
+        values: Q of each action for N targets. Shape (A, N), float32.
+        out: Written: the spreads. Shape (S, N).
+    """
+    for s in prange(len(out)):
+        n = offsets[s + 1] - offsets[s]
+        row = np.empty(n)
+        for m in range(out.shape[1]):
+            for k in range(n):
+                row[k] = values[offsets[s] + k, m]
+            out[s, m] = spread_of(row, n) if n > 1 else np.nan
 
 
 @kernel(allocates=False)
@@ -94,30 +165,26 @@ def _nth_smallest(values, n, place):
     return values[place]
 
 
-@kernel
-def judge_ways(situations, cuts, most, first_state, last_state, keep, gains):
+@kernel(parallel=True)
+def judge_ways(offsets, cuts, judged, most, keep, gains):
     """Mark the actions of each state that are worth keeping, and write what each adds (``pruning.judge_ways``).
 
     Args:
-        situations: ``Situations``.
+        offsets: CSR: the actions of each state. Shape (S + 1,).
         cuts: Whether each action begins with a cut; those that do not are always kept. Shape (A,).
+        judged: ``Judged``.
         most: How many others are kept at most.
-        first_state: First of the states.
-        last_state: One after the last.
         keep: Written: 1 where an action is kept. Shape (A,), uint8.
         gains: Written: by how much each of them, when it was taken, raised the best value on the average. Shape (A,).
     """
-    offsets = situations.tables.actions.offsets
-    count = len(situations.weights) * len(situations.targets)
-    corners = Corners(np.empty(64, np.int64), np.empty(64))
-    best = np.empty(count)
-    for s in range(first_state, last_state):
-        first, end = offsets[s], offsets[s + 1]
-        values, row = np.empty((end - first, count)), np.empty(end - first)
-        _evaluate_situations(situations, s, corners, row, values)
-        for m in range(count):
-            best[m] = WORST
+    behaviours, _, targets = judged.values.shape
+    count = (behaviours + 1 if behaviours > 1 else 1) * targets
+    for i in prange(len(offsets) - 1):
+        s = np.int64(i)
+        first, end = np.int64(offsets[s]), np.int64(offsets[s + 1])
+        values, best = np.empty((end - first, count)), np.full(count, WORST)
         for k in range(end - first):
+            _weigh_action(judged, first + k, values[k])
             if not cuts[first + k]:
                 keep[first + k] = 1
                 _raise(best, values[k])
@@ -125,14 +192,24 @@ def judge_ways(situations, cuts, most, first_state, last_state, keep, gains):
 
 
 @kernel(allocates=False)
-def _evaluate_situations(situations, state, corners, row, out):
-    """Write the values of the actions of a state in every situation, shape (n, M * N); ``row`` is scratch space."""
-    targets = situations.targets
-    for m in range(out.shape[1]):
-        weights = situations.weights[m // len(targets)]
-        evaluate_actions(situations.tables, weights, state, _target(targets, m % len(targets)), corners, row)
-        for k in range(out.shape[0]):
-            out[k, m] = row[k]
+def _weigh_action(judged, action, out):
+    """Write what an action is worth to each behaviour, target by target, and then to all of them together.
+
+    Together a transition costs what it costs the behaviour that it costs most, as in ``policy.action_values``.
+    """
+    behaviours, _, targets = judged.values.shape
+    for m in range(targets):
+        total, prices, highest, active = 0.0, 0.0, 0.0, 0
+        for b in range(behaviours):
+            factor = judged.factors[b, m]
+            worth, price = factor * judged.values[b, action, m], factor * judged.prices[b, action]
+            out[b * targets + m] = worth
+            total += worth
+            prices += price
+            highest = max(highest, price)
+            active += 1 if factor != 0.0 else 0
+        if behaviours > 1:
+            out[behaviours * targets + m] = total + (prices - highest if active > 1 else 0.0)
 
 
 @kernel(allocates=False)

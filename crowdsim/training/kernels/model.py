@@ -4,21 +4,7 @@ Values V lie flat at ``state * cells + cell``, Q-values at ``offsets[state] * ce
 the state.
 """
 
-import numpy as np
-
-from crowdsim.core.tables import split_weights
 from crowdsim.jit import kernel
-
-
-@kernel(allocates=False)
-def corner_weights(shares, outcome, action, cell, weights):
-    """Write the multilinear weights of the corners of one successor, in the order of ``model.corner_steps``."""
-    weights[0] = 1.0
-    count = 1
-    for d in range(shares.shape[3]):
-        share = shares[outcome, action, cell, d]
-        split_weights(weights, count, share, np.float32(1.0) - share)
-        count *= 2
 
 
 @kernel(allocates=False)

@@ -4,44 +4,42 @@ import numpy as np
 from numba import prange
 
 from crowdsim.jit import kernel
-from crowdsim.training.kernels.model import corner_weights, expected_reward
+from crowdsim.training.kernels.model import expected_reward
+from crowdsim.training.kernels.successors import (
+    DISTANCE,
+    STRIDE,
+    corners_of,
+    empty_successors,
+    find_successor,
+    weights_of,
+)
 
 
 @kernel(fastmath={"nnan", "nsz", "reassoc", "contract"}, allocates=False)
-def _greatest_between(q, entry, n, lower, layers, steps, weights):
-    """Return the greatest interpolated Q of a state, the table of whose layer starts at ``entry``."""
-    corners = len(weights)
-    low = entry + lower * layers * n
-    if corners == 4:
-        q0, q1 = q[low : low + n], q[low + steps[lower, 1] * n : low + steps[lower, 1] * n + n]
-        q2 = q[low + steps[lower, 2] * n : low + steps[lower, 2] * n + n]
-        q3 = q[low + steps[lower, 3] * n : low + steps[lower, 3] * n + n]
-        w0, w1, w2, w3 = weights[0], weights[1], weights[2], weights[3]
-        best = w0 * q0[0] + w1 * q1[0] + w2 * q2[0] + w3 * q3[0]
-        for k in range(n):
-            best = max(best, w0 * q0[k] + w1 * q1[k] + w2 * q2[k] + w3 * q3[k])
-        return best
-    best = weights[0] * q[low]
-    for corner in range(1, corners):
-        best += weights[corner] * q[low + steps[lower, corner] * n]
+def _greatest_between(q, n, corners, weights):
+    """Return the greatest interpolated Q of a state from the first entries of four cells and their weights."""
+    w0, w1, w2, w3 = weights
+    e0, e1, e2, e3 = corners
+    q0, q1, q2, q3 = q[e0 : e0 + n], q[e1 : e1 + n], q[e2 : e2 + n], q[e3 : e3 + n]
+    best = w0 * q0[0] + w1 * q1[0] + w2 * q2[0] + w3 * q3[0]
     for k in range(1, n):
-        value = weights[0] * q[low + k]
-        for corner in range(1, corners):
-            value += weights[corner] * q[low + steps[lower, corner] * n + k]
-        best = max(best, value)
+        best = max(best, w0 * q0[k] + w1 * q1[k] + w2 * q2[k] + w3 * q3[k])
     return best
 
 
 @kernel(allocates=False)
-def best_after(model, layers, q, outcome, action, m, h, weights):
-    """Return gamma^T max over a' of interpolated Q(a', e) behind an action in cell (m, h); ``weights`` is scratch."""
-    cells = model.lowers.shape[2] * layers
-    corner_weights(model.shares, outcome, action, m, weights)
+def best_after(model, layers, q, outcome, action, m, h, found):
+    """Return gamma^T max over a' of interpolated Q(a', e) behind an action in cell (m, h).
+
+    ``found`` is scratch space for one cell (``Successors``).
+    """
+    find_successor(model, outcome, action, m, found)
     after = model.next[action]
-    n = model.offsets[after + 1] - model.offsets[after]
-    start = model.offsets[after] * cells + h * n
-    lower = np.int64(model.lowers[outcome, action, m])
-    return _greatest_between(q, start, n, lower, layers, model.steps, weights)
+    n = np.int64(model.offsets[after + 1] - model.offsets[after])
+    start = np.int64(model.offsets[after]) * len(model.xs) * layers + h * n
+    e0, e1, e2, e3 = corners_of(found, 0, np.int64(model.axes[DISTANCE, STRIDE]))
+    corners = start + np.int64(e0) * n, start + np.int64(e1) * n, start + np.int64(e2) * n, start + np.int64(e3) * n
+    return _greatest_between(q, n, corners, weights_of(found, 0, np.float32(1.0)))
 
 
 @kernel(allocates=False)
@@ -54,11 +52,11 @@ def best_entry(q, first, n):
 
 
 @kernel(allocates=False)
-def _back_up_q(model, layers, q, action, m, h, weights):
+def _back_up_q(model, layers, q, action, m, h, found):
     """Return the paper's backup of one entry: r + gamma^T max over a' of interpolated Q(a', e), over all outcomes."""
     total = expected_reward(model, action, m, m * layers + h)
     for outcome in range(len(model.probabilities)):
-        best = best_after(model, layers, q, outcome, action, m, h, weights)
+        best = best_after(model, layers, q, outcome, action, m, h, found)
         total += model.discounts[action] * model.probabilities[outcome] * best
     return total
 
@@ -66,10 +64,10 @@ def _back_up_q(model, layers, q, action, m, h, weights):
 @kernel(parallel=True)
 def improve_q(model, layers, q, out, residuals):
     """Do one sweep of the paper's backup over every action of every state and every cell."""
-    moving = model.lowers.shape[2]
+    moving = len(model.xs)
     for i in prange(len(model.offsets) - 1):
         s = np.int64(i)
-        weights = np.empty(model.steps.shape[1], q.dtype)
+        found = empty_successors(1)
         first = model.offsets[s]
         n = model.offsets[s + 1] - first
         residual = 0.0
@@ -77,7 +75,7 @@ def improve_q(model, layers, q, out, residuals):
             for m in range(moving):
                 for h in range(layers):
                     entry = first * moving * layers + (m * layers + h) * n + k
-                    out[entry] = _back_up_q(model, layers, q, first + k, m, h, weights)
+                    out[entry] = _back_up_q(model, layers, q, first + k, m, h, found)
                     residual = max(residual, abs(out[entry] - q[entry]))
         residuals[s] = residual
 
@@ -85,10 +83,10 @@ def improve_q(model, layers, q, out, residuals):
 @kernel(parallel=True)
 def improve_best_q(model, layers, q, entries, values):
     """Back up only the action that is best so far in every state and cell; write which entries change, and to what."""
-    cells = model.lowers.shape[2] * layers
+    cells = len(model.xs) * layers
     for i in prange(len(model.offsets) - 1):
         s = np.int64(i)
-        weights = np.empty(model.steps.shape[1], q.dtype)
+        found = empty_successors(1)
         first = model.offsets[s]
         n = model.offsets[s + 1] - first
         for c in range(cells):
@@ -96,7 +94,7 @@ def improve_best_q(model, layers, q, entries, values):
             entry = best_entry(q, row, n)
             action = first + entry - row
             entries[s * cells + c] = entry
-            values[s * cells + c] = _back_up_q(model, layers, q, action, c // layers, c % layers, weights)
+            values[s * cells + c] = _back_up_q(model, layers, q, action, c // layers, c % layers, found)
 
 
 @kernel(parallel=True)

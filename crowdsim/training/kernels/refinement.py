@@ -7,17 +7,22 @@ from crowdsim.jit import kernel
 
 
 @kernel(parallel=True)
-def apply_along_axis(operator, values, out):
-    """Write a matrix (n, m) times values (S, before, m, after), along their third axis, to ``out``."""
+def apply_along_axis(offsets, columns, weights, values, out):
+    """Write a sparse matrix (n, m) times values (S, before, m, after), along their third axis, to ``out``.
+
+    Args:
+        offsets: CSR: entries of row i are ``offsets[i]:offsets[i + 1]``. Shape (n + 1,).
+        columns: Column of each entry.
+        weights: The entries, float32.
+        values: What is multiplied, float32.
+        out: Written: the product. Shape (S, before, n, after), float32.
+    """
     for s in prange(len(values)):
-        row = np.empty(values.shape[3])
         for b in range(values.shape[1]):
-            for i in range(operator.shape[0]):
-                row[:] = 0.0
-                for j in range(operator.shape[1]):
-                    weight = operator[i, j]
-                    if abs(weight) > 1e-6:
-                        for h in range(len(row)):
-                            row[h] += weight * values[s, b, j, h]
-                for h in range(len(row)):
-                    out[s, b, i, h] = row[h]
+            for i in range(out.shape[2]):
+                to = out[s, b, i]
+                to[:] = np.float32(0.0)
+                for entry in range(offsets[i], offsets[i + 1]):
+                    weight, row = weights[entry], values[s, b, columns[entry]]
+                    for h in range(len(to)):
+                        to[h] += weight * row[h]
