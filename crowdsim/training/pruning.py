@@ -29,7 +29,7 @@ COARSE = {"distance": 11, "bearing": 16, "height": 3}
 """Most points of each axis on which the wide graph is learned."""
 
 ROUGH = 0.03
-"""Tolerance of those values: a third of it keeps the same ways but for one in fifty, and as good ones."""
+"""Tolerance of those values: a third of it keeps the same ways but for one in twenty, and as good ones."""
 
 
 def prune_graph(
