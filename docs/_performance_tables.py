@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from _results import Results, number, scaled, short, whole
+from _results import MISSING, Results, number, scaled, short, whole
 
 STAGES = ("index", "observe", "choose", "advance", "strikes", "record")
 SIZES = {"10k": "10,000", "100k": "100,000", "1m": "1,000,000"}
@@ -143,20 +143,48 @@ def files(results: Results) -> list[str]:
 def start(results: Results) -> list[str]:
     """Return what the first run and later runs of the brawl spend their time on."""
     labels = {
-        "compile": "kernels compiled",
+        "compile": "kernels compiled or loaded",
         "policies": "the boxer trained and loaded",
         "control": "control",
         "take": "the take written",
         "export": "BVH and point clouds written",
         "checksums": "checksums",
-        "wall_seconds": "the whole command",
     }
+    get = results.cell
     rows = [
-        [label, *(results.cell(number, "first_run", which, stage) for which in ("first", "again"))]
+        [label, *(get(number, "first_result", which, "stages", stage) for which in ("cold", "warm"))]
         for stage, label in labels.items()
     ]
+    rows += [
+        ["the whole command", get(number, "first_result", "cold", "wall_seconds"),
+         get(number, "first_result", "warm", "run_seconds")],
+        ["one control frame, nothing written, the whole command", "",
+         get(number, "first_result", "warm", "first_frame_seconds")],
+        ["`crowdsim train boxer --force`", "", get(number, "first_result", "warm", "train_boxer_seconds")],
+        ["`crowdsim train boxer_crowd --force`", "", get(number, "first_result", "warm", "train_boxer_crowd_seconds")],
+        ["`crowdsim train boxer_cmu --force`", "", get(number, "first_result", "warm", "train_boxer_cmu_seconds")],
+        ["most memory of a process [GB]", get(scaled(1e-9), "first_result", "cold", "peak_bytes"),
+         get(scaled(1e-9), "first_result", "warm", "train_peak_bytes")],
+        ["beside: scipy and Open3D imported", get(number, "first_result", "reference", "import_seconds"), ""],
+    ]  # fmt: skip
     header = ["`crowdsim run brawl_30` [s]", "first run", "later runs"]
-    return results.table(header, rows, "first_run")
+    return results.table(header, rows, "first_result")
+
+
+def compilation(results: Results) -> list[str]:
+    """Return what kernels cost to compile, by package."""
+    packages = results.get("compilation", "packages")
+    rows = [] if packages is MISSING else [
+        [f"`{one['package']}`" if one["package"] != "numba's own" else one["package"], str(one["kernels"]),
+         str(one["compiled"]), f"{one['seconds']:.1f}"]
+        for one in packages
+    ]  # fmt: skip
+    rows.append([
+        "all",
+        *(results.cell(form, "compilation", key)
+          for form, key in ((whole, "kernels"), (whole, "compiled"), (number, "seconds"))),
+    ])  # fmt: skip
+    return results.table(["package", "kernels", "compiled", "CPU time [s]"], rows, "compilation")
 
 
 PERFORMANCE_TABLES: dict[str, Callable[[Results], list[str]]] = {
@@ -164,6 +192,7 @@ PERFORMANCE_TABLES: dict[str, Callable[[Results], list[str]]] = {
     "stages": stages,
     "scale": scale,
     "start": start,
+    "compilation": compilation,
     "training": training,
     "graph": graph,
     "pictures": pictures,
