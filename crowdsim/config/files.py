@@ -122,21 +122,22 @@ def _document(path: FileName) -> Document:
 def _read(
     path: FileName, model: type[Model], overrides: Sequence[str], context: dict[str, Any] | None
 ) -> tuple[Model | None, list[Finding]]:
-    document, top, value = _document(path), schema_of(model), None
+    # The schema takes a tenth of a second to make, so it is asked for only where something is to be said with it.
+    document, value = _document(path), None
     findings = document.findings
     if not isinstance(document.data, dict):
         if not findings:
             what = "is empty" if document.data is None else show(document.data).replace("is", "holds", 1)
-            found = document.place(Finding((), f"the file {what}, expected {describe(top)}"))
+            found = document.place(Finding((), f"the file {what}, expected {describe(schema_of(model))}"))
             findings = [replace(found, line=1, column=1) if document.data is None else found]
         return None, findings
     for text in overrides:
-        findings += [replace(finding, source=f"--set {text}") for finding in override(document, text, top)]
+        findings += [replace(finding, source=f"--set {text}") for finding in override(document, text, schema_of(model))]
     try:
         # JSON is where pydantic's strict mode takes lists for tuples and whole numbers for floats, yet no other mix.
         value = model.model_validate_json(json.dumps(document.data), strict=True, context=context)
     except ValidationError as failure:
-        findings += translate(failure, document, top)
+        findings += translate(failure, document, schema_of(model))
         findings_in: Callable[[Any], list[Finding]] | None = getattr(model, "findings_in", None)
         findings += map(document.place, findings_in(document.data) if findings_in else [])
     unique = {str(finding): finding for finding in findings}

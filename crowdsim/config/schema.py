@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from pydantic import BaseModel, GetJsonSchemaHandler
@@ -37,6 +38,7 @@ class Expected:
         return {**handler(core), "errorMessage": f"expected {self.text}"}
 
 
+@cache
 def schema_of(model: type[BaseModel]) -> Part:
     """Return the JSON Schema of a model without references; models must not contain themselves."""
     schema = model.model_json_schema()

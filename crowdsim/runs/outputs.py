@@ -40,10 +40,10 @@ def plan_outputs(scenario: Scenario, avatars: Sequence[str], control_frames: int
         control_frames: Control frames of the run.
         control_rate: Control frames a second.
     """
-    from crowdsim.export.bvh import bvh_name
-
     wanted, names = scenario.outputs, []
     if wanted.bvh is not None:
+        from crowdsim.export.bvh import bvh_name
+
         numbers = range(len(avatars)) if wanted.bvh.avatars is None else wanted.bvh.avatars
         names += [f"bvh/{bvh_name(avatars[number])}" for number in numbers]
     for kind in ("ply", "pcd"):
