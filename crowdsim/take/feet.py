@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from crowdsim.take.kernels.feet import plant_feet
-from crowdsim.take.kernels.records import Footing, Moments, Places, Posed, Transitions
+from crowdsim.take.kernels.records import Footing, Moments, Playback, Posed, Transitions
 from crowdsim.take.window import Window
 from crowdsim.take.workers import share
 
 
-def hold_feet(window: Window, transitions: Transitions, places: Places, moments: Moments, poses: Posed) -> None:
+def hold_feet(window: Window, transitions: Transitions, playback: Playback, moments: Moments, poses: Posed) -> None:
     """Bring planted feet to where they belong, in place.
 
     They keep what the capture has them do there, rotations and all. Knees keep their plane; no sole goes below the
@@ -17,7 +17,7 @@ def hold_feet(window: Window, transitions: Transitions, places: Places, moments:
     Args:
         window: The stretch of the take.
         transitions: Its transitions.
-        places: Where the avatars are.
+        playback: Where the avatars are.
         moments: Who is posed, and when.
         poses: Their poses, changed.
     """
@@ -26,6 +26,6 @@ def hold_feet(window: Window, transitions: Transitions, places: Places, moments:
     footing = Footing(motion.frames, transitions, plants, window.steps(transitions, plants))
 
     def work(low: int, high: int) -> None:
-        plant_feet(low, high, moments, places, window.rows, footing, motion.legs, poses)
+        plant_feet(low, high, moments, playback, window.rows, footing, motion.legs, poses)
 
     share(window.threads, len(moments.columns), work)

@@ -77,14 +77,16 @@ def build_silhouette(database: MotionDatabase) -> Silhouette:
     frame = int(np.argmin(np.sum((features - np.median(features, axis=0)) ** 2, axis=1)))
     body: Body = database.body
     one = slice(frame, frame + 1)
-    places, turns = forward_kinematics(database.skeleton, database.root_positions[one], database.rotations[one])
+    positions, world_rotations = forward_kinematics(
+        database.skeleton, database.root_positions[one], database.rotations[one]
+    )
     stance = np.asarray(database.ground[frame], float)
     joints = body.capsule_joints
 
     def posed(offsets: Array) -> Array:
-        return ground.to_local(stance, places[0, joints] + quaternion.rotate(turns[0, joints], offsets))
+        return ground.to_local(stance, positions[0, joints] + quaternion.rotate(world_rotations[0, joints], offsets))
 
-    head, neck, pelvis, _ = body_points(body, places, turns, np.ones(1))
+    head, neck, pelvis, _ = body_points(body, positions, world_rotations, np.ones(1))
     head, neck, pelvis = (ground.to_local(stance, point[0]) for point in (head, neck, pelvis))
     radii = np.asarray(body.capsule_radii, float)
     starts, ends = posed(body.capsule_starts), posed(body.capsule_ends)
@@ -99,13 +101,15 @@ def find_hits(sampler: PoseSampler, silhouette: Silhouette) -> Hits:
     victims = np.asarray(events.victim)[some].astype(np.int64)
     hands, frames = np.asarray(events.hand)[some].astype(np.int64), np.asarray(events.frame, dtype=float)[some]
     times, hit = frames / take.control_rate, np.full((len(some), 3), np.nan)
-    for which, body, scales, places, turns in sampler.moments(np.asarray(events.attacker)[some].astype(int), times):
-        hit[which] = body_points(body, places, turns, scales)[3][np.arange(len(which)), hands[which]]
+    for which, body, scales, positions, world_rotations in sampler.moments(
+        np.asarray(events.attacker)[some].astype(int), times
+    ):
+        hit[which] = body_points(body, positions, world_rotations, scales)[3][np.arange(len(which)), hands[which]]
     rows = np.clip(np.round(frames).astype(np.int64), 0, take.frame_count - 1)
     headings = np.asarray(take.heading[:])[rows, victims].astype(float)
     points, on_head = np.full((len(some), 3), np.nan), np.zeros(len(some), bool)
-    for which, body, scales, places, turns in sampler.moments(victims, times):
-        head, neck, pelvis, _ = body_points(body, places, turns, scales)
+    for which, body, scales, positions, world_rotations in sampler.moments(victims, times):
+        head, neck, pelvis, _ = body_points(body, positions, world_rotations, scales)
         axis = pelvis - neck
         share = np.sum((hit[which] - neck) * axis, axis=1) / np.maximum(np.sum(axis * axis, axis=1), 1e-12)
         share = np.clip(share, 0.0, 1.0)[:, None]

@@ -39,12 +39,12 @@ class Leans(NamedTuple):
     """How trunks lean for strikes; E strikes.
 
     Attributes:
-        turns: Rotation vectors in the frames of the joints' parents: lower spine, chest, left and right collar [rad].
-            Shape (E, 4, 3).
+        rotations: Rotation vectors in the frames of the joints' parents: lower spine, chest, left and right collar
+            [rad]. Shape (E, 4, 3).
         shifts: How far the pelvis goes [m]. Shape (E, 3).
     """
 
-    turns: Array
+    rotations: Array
     shifts: Array
 
 
@@ -55,7 +55,9 @@ def leaning_joints(arms: Limbs) -> Array:
     return np.array([lower, upper if upper != lower else -1, *(c if c not in (lower, upper) else -1 for c in collars)])
 
 
-def plan_leans(arms: Limbs, least: float, hands: Array, shifts: Array, positions: Array, turns: Array) -> Leans:
+def plan_leans(
+    arms: Limbs, least: float, hands: Array, shifts: Array, positions: Array, world_rotations: Array
+) -> Leans:
     """Find what trunks have to give for fists that are to be carried.
 
     Args:
@@ -64,7 +66,7 @@ def plan_leans(arms: Limbs, least: float, hands: Array, shifts: Array, positions
         hands: Which hand of each strikes. Shape (E,).
         shifts: How far its fist is to go [m]. Shape (E, 3).
         positions: Positions of joints at the strikes [m]. Shape (E, J, 3).
-        turns: Their rotations in the world. Shape (E, J, 4).
+        world_rotations: Their rotations in the world. Shape (E, J, 4).
     """
     rows, count = np.arange(len(hands)), len(hands)
     joints = leaning_joints(arms)
@@ -74,7 +76,7 @@ def plan_leans(arms: Limbs, least: float, hands: Array, shifts: Array, positions
     corners = np.where((mine >= 0)[..., None], positions[rows[:, None], mine], upper[:, None]).astype(float)
     corners[:, 1] = np.where((mine[:, 1] >= 0)[:, None], corners[:, 1], corners[:, 2])
     levers = np.diff(np.concatenate([corners, upper[:, None]], axis=1), axis=1)
-    fists = quaternion.rotate(turns[rows, arms.joints[hands, 2]].astype(float), arms.points[hands, 0])
+    fists = quaternion.rotate(world_rotations[rows, arms.joints[hands, 2]].astype(float), arms.points[hands, 0])
     size = np.linalg.norm(end - middle, axis=1) / np.linalg.norm(arms.offsets[arms.joints[hands, 2]], axis=1)
     fists *= size[:, None]
     a, b = np.linalg.norm(middle - upper, axis=1), np.linalg.norm(end - middle, axis=1)
@@ -107,7 +109,7 @@ def plan_leans(arms: Limbs, least: float, hands: Array, shifts: Array, positions
         goes |= (done >= _ROUNDS[0]) & (np.abs(lack) > _ENOUGH)
         moved = _at_most(moved + np.where(goes, step * _PELVIS, 0.0)[:, None] * way, _MOST_SHIFT)
     parents = np.asarray(arms.parents)[np.maximum(mine, 0)]
-    frames = turns[rows[:, None], np.maximum(parents, 0)].astype(float)
+    frames = world_rotations[rows[:, None], np.maximum(parents, 0)].astype(float)
     local = quaternion.rotate(quaternion.conjugate(frames), found)
     result = np.zeros((count, JOINTS, 3))
     result[:, :2] = local[:, :2]

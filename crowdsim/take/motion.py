@@ -45,7 +45,7 @@ class Frames(NamedTuple):
         feet: Turn of each foot in the frame's ground frame. Shape (P, 2, 4), float32.
         tracks: That point and the turn of each foot in the clip's world, and the turn of its toes on it, if there are
             any. Shape (P, 2, 11), float32.
-        stands: First and last frame over which each foot stands on as it does in this one, or is in the air as in this
+        plants: First and last frame over which each foot stands on as it does in this one, or is in the air as in this
             one. Shape (P, 2, 2), int32.
         bounds: First and last playback frame of the clip of each frame. Shape (P, 2).
         stride: Playback frames in a control frame.
@@ -59,7 +59,7 @@ class Frames(NamedTuple):
     holds: Array
     feet: Array
     tracks: Array
-    stands: Array
+    plants: Array
     bounds: Array
     stride: int
     rate: float
@@ -153,13 +153,15 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     rotations = np.array(database.rotations, dtype=np.float32)
     rotations[:, 0] = quaternion.multiply(headings, rotations[:, 0])
     _align_signs(rotations, starts)
-    positions, turns = forward_kinematics(skeleton, database.root_positions, database.rotations, parallel=False)
+    positions, world_rotations = forward_kinematics(
+        skeleton, database.root_positions, database.rotations, parallel=False
+    )
     some = slice(None, None, max(1, len(positions) // _SAMPLE))
-    sample = positions[some], turns[some]
+    sample = positions[some], world_rotations[some]
     bends = np.array([body.roles["spine"], body.roles["chest"]])
     legs = _limbs(skeleton, body, ("hip", "knee", "foot"), body.sole_offsets, bends, sample)
     feet = legs.joints[:, 2]
-    holds = positions[:, feet] + quaternion.rotate(turns[:, feet], legs.holds)
+    holds = positions[:, feet] + quaternion.rotate(world_rotations[:, feet], legs.holds)
     contacts = np.array(database.contacts, dtype=bool)
     clip = np.searchsorted(starts, np.arange(starts[-1]), side="right") - 1
     frames = Frames(
@@ -168,9 +170,9 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         ground=np.array(database.ground, dtype=np.float64),
         contacts=contacts,
         holds=ground.to_local(database.ground[:, None], holds).astype(np.float32),
-        feet=quaternion.multiply(headings[:, None], turns[:, feet]).astype(np.float32),
-        tracks=_tracks(holds, turns[:, feet], rotations, legs.toes),
-        stands=_at_rest(contacts, starts),
+        feet=quaternion.multiply(headings[:, None], world_rotations[:, feet]).astype(np.float32),
+        tracks=_tracks(holds, world_rotations[:, feet], rotations, legs.toes),
+        plants=_at_rest(contacts, starts),
         bounds=np.stack([starts[clip], starts[clip + 1] - 1], axis=1),
         stride=stride,
         rate=float(database.playback_rate),
@@ -194,10 +196,10 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     )
 
 
-def _tracks(holds: Array, turns: Array, rotations: Array, toes: Array) -> Array:
+def _tracks(holds: Array, world_rotations: Array, rotations: Array, toes: Array) -> Array:
     """Return what each foot does in its clip's world, side by side."""
     tracks = np.zeros((len(holds), 2, 11), np.float32)
-    tracks[..., :3], tracks[..., 3:7], tracks[..., 7] = holds, turns, 1.0
+    tracks[..., :3], tracks[..., 3:7], tracks[..., 7] = holds, world_rotations, 1.0
     there = toes >= 0
     tracks[:, there, 7:] = rotations[:, toes[there]]
     return tracks

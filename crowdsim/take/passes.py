@@ -20,7 +20,7 @@ from crowdsim.take.feet import hold_feet
 from crowdsim.take.fists import PoseAt, plan_landings, reach_out
 from crowdsim.take.kernels.blending import blend_poses
 from crowdsim.take.kernels.reactions import LENGTH
-from crowdsim.take.kernels.records import Moments, Places, Posed, Transitions
+from crowdsim.take.kernels.records import Moments, Playback, Posed, Transitions
 from crowdsim.take.landed import LEAN, Landed, find_landed
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.reactions import build_trunk, give_way, plan_blows
@@ -74,33 +74,33 @@ class Passes:
         stop = min(self._take.frame_count, int(np.ceil((times.max() + REACH) * rate)) + 2)
         return Window(self._take, self._motions[index], avatars, first, stop, self._threads)
 
-    def blend(self, window: Window, transitions: Transitions, places: Places, moments: Moments) -> Posed:
+    def blend(self, window: Window, transitions: Transitions, playback: Playback, moments: Moments) -> Posed:
         """Return captured motion with what blends add to it."""
-        motion, shape = window.motion, places.frames.shape
+        motion, shape = window.motion, playback.frames.shape
         poses = Posed(np.empty((*shape, 3), np.float32), np.empty((*shape, motion.skeleton.joint_count, 4), np.float32))
 
         def blend(low: int, high: int) -> None:
             blend_poses(
-                low, high, moments, places, window.rows, motion.frames, transitions, motion.hinges, poses
+                low, high, moments, playback, window.rows, motion.frames, transitions, motion.hinges, poses
             )  # fmt: skip
 
         share(self._threads, len(moments.columns), blend)
         return poses
 
-    def pose(self, window: Window, index: int, moments: Moments) -> tuple[Posed, Places]:
+    def pose(self, window: Window, index: int, moments: Moments) -> tuple[Posed, Playback]:
         """Return poses before fists are carried, and where the avatars are."""
-        places = window.place(moments)
+        playback = window.playback(moments)
         transitions = window.transitions()
-        poses = self.blend(window, transitions, places, moments)
-        hold_feet(window, transitions, places, moments, poses)
+        poses = self.blend(window, transitions, playback, moments)
+        hold_feet(window, transitions, playback, moments, poses)
         if self._reactions:
             self._give_way(window, index, moments, poses)
-        return poses, places
+        return poses, playback
 
-    def place_at(self, avatars: Array, times: Array) -> list[tuple[Array, PoseMotion, Array, Places]]:
+    def place_at(self, avatars: Array, times: Array) -> list[tuple[Array, PoseMotion, Array, Playback]]:
         """Return where avatars (E,) are at times (E,)."""
         return [
-            (which, window.motion, window.rows.scales[moments.columns], window.place(moments))
+            (which, window.motion, window.rows.scales[moments.columns], window.playback(moments))
             for which, _, window, moments in self._moments(avatars, times)
         ]
 
@@ -135,7 +135,7 @@ class Passes:
 
     def _pose_nearly(self, window: Window, index: int, moments: Moments) -> Posed:
         """Poses with blends and late blows."""
-        poses = self.blend(window, window.transitions(), window.place(moments), moments)
+        poses = self.blend(window, window.transitions(), window.playback(moments), moments)
         if self._reactions:
             self._give_way(window, index, moments, poses, _LATE)
         return poses

@@ -138,11 +138,11 @@ class PoseSampler:
                 continue
             moments = Moments(np.arange(len(mine)), times)
             window = self.window(index, mine, times)
-            places = window.place(moments)
+            playback = window.playback(moments)
             none = window.transitions()._replace(starts=np.zeros(len(mine) + 1, np.int64))
-            poses = self._passes.blend(window, none, places, moments)
+            poses = self._passes.blend(window, none, playback, moments)
             scales = self.take.cast.scales[mine]
-            result.append(Poses(index, mine, motion.skeleton, scales, *poses, places.ground))
+            result.append(Poses(index, mine, motion.skeleton, scales, *poses, playback.ground))
         return result
 
     def present(self, avatar: int, start: int, stop: int, fps: float) -> int:
@@ -168,10 +168,10 @@ class PoseSampler:
         some = np.flatnonzero(missed & (times >= first) & (times < last))
         points = np.asarray(events.point, dtype=np.float64).reshape(-1, 3)[some]
         victims = np.asarray(events.victim)[some].astype(np.int64)
-        for which, motion, scales, places in self._passes.place_at(victims, times[some]):
-            frames, size = np.maximum(places.frames[0], 0), scales[:, None]
+        for which, motion, scales, playback in self._passes.place_at(victims, times[some]):
+            frames, size = np.maximum(playback.frames[0], 0), scales[:, None]
             heads, pelvises = (
-                ground.to_world(places.ground[0], local[frames].astype(float) * size)
+                ground.to_world(playback.ground[0], local[frames].astype(float) * size)
                 for local in (motion.heads, motion.frames.roots)
             )
             body, necks = motion.body, heads + _NECK * (pelvises - heads)
@@ -183,10 +183,10 @@ class PoseSampler:
     def _sample_policy(self, index: int, avatars: Array, times: Array) -> Poses:
         moments = Moments(np.arange(len(avatars)), times[:, None])
         window = self.window(index, avatars, times)
-        poses, places = self._passes.pose(window, index, moments)
+        poses, playback = self._passes.pose(window, index, moments)
         self._passes.reach_out(window, moments, poses)
         scales = self.take.cast.scales[avatars]
-        return Poses(index, avatars, self.motions[index].skeleton, scales, *poses, places.ground)
+        return Poses(index, avatars, self.motions[index].skeleton, scales, *poses, playback.ground)
 
     def window(self, index: int, avatars: Array, times: Array) -> Window:
         """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on."""

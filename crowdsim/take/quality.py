@@ -80,7 +80,7 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
         motion = captured[poses.policy]
         times = (start + np.arange(len(poses.rotations))) / rate
         window = sampler.window(poses.policy, poses.avatars, times)
-        where = window.place(Moments(np.arange(len(poses.avatars)), times[:, None]))
+        where = window.playback(Moments(np.arange(len(poses.avatars)), times[:, None]))
         frames, now = where.frames, np.maximum(where.frames, 0)
         later = now + (where.fractions > 0.0)
         positions, rotations = poses.joints()

@@ -8,14 +8,14 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.take.kernels.reactions import LENGTH, Blows, Trunk, show_reactions
-from crowdsim.take.kernels.records import Moments, Places, Posed
+from crowdsim.take.kernels.records import Moments, Playback, Posed
 from crowdsim.take.landed import Landed, by_column
 from crowdsim.take.motion import PoseMotion, chain_of
 from crowdsim.take.window import Window
 from crowdsim.take.workers import share
 
-PlaceAt = Callable[[Array, Array], list[tuple[Array, PoseMotion, Array, Places]]]
-"""Places avatars (E,) at times (E,): for each policy which of them, its motion, scales, and places of shape (1, n)."""
+PlaceAt = Callable[[Array, Array], list[tuple[Array, PoseMotion, Array, Playback]]]
+"""Of avatars (E,) at times (E,): for each policy which of them, its motion, scales, and playback of shape (1, n)."""
 
 _TYPICAL_SPEED, _STRONGEST = 8.0, 1.6
 _SWING = 0.05
@@ -51,12 +51,12 @@ def plan_blows(landed: Landed, columns: Array, count: int, first: float, last: f
     near = near.of((near.victims >= 0) & ~near.again & ~near.missed)
     near = near.of(columns[near.victims] >= 0)
     axes = np.zeros((len(near.times), 3))
-    for which, motion, scales, places in place_at(near.attackers, near.times):
-        frames, hands = places.frames[0], near.hands[which]
+    for which, motion, scales, playback in place_at(near.attackers, near.times):
+        frames, hands = playback.frames[0], near.hands[which]
         now = np.maximum(frames, 0)
         before = np.maximum(now - round(_SWING * motion.frames.rate), motion.frames.bounds[now, 0])
         way = (motion.fists[now, hands] - motion.fists[before, hands]).astype(float) * scales[:, None]
-        heading = places.ground[0, :, 2]
+        heading = playback.ground[0, :, 2]
         cos, sin = np.cos(heading), np.sin(heading)
         x, z = way[:, 0] * cos + way[:, 2] * sin, way[:, 2] * cos - way[:, 0] * sin
         length = np.hypot(x, z)
@@ -65,9 +65,9 @@ def plan_blows(landed: Landed, columns: Array, count: int, first: float, last: f
         # Up cross the way: about it, what points up goes along the way.
         axes[which, 0], axes[which, 2] = z * strength, -x * strength
     parts = np.ones(len(near.times), np.int64)
-    for which, motion, scales, places in place_at(near.victims, near.times):
-        head = motion.heads[np.maximum(places.frames[0], 0)].astype(float) * scales[:, None]
-        place = places.ground[0]
+    for which, motion, scales, playback in place_at(near.victims, near.times):
+        head = motion.heads[np.maximum(playback.frames[0], 0)].astype(float) * scales[:, None]
+        place = playback.ground[0]
         cos, sin = np.cos(place[:, 2]), np.sin(place[:, 2])
         x = place[:, 0] + head[:, 0] * cos + head[:, 2] * sin
         z = place[:, 1] - head[:, 0] * sin + head[:, 2] * cos

@@ -13,8 +13,8 @@ from crowdsim.take.data import TakeData
 from crowdsim.take.kernels.blending import BLEND
 from crowdsim.take.kernels.columns import GAP_COLUMNS
 from crowdsim.take.kernels.foot_plants import find_foot_plants
-from crowdsim.take.kernels.placing import place_avatars
-from crowdsim.take.kernels.records import FootPlants, Moments, Places, Rows, Steps, Transitions
+from crowdsim.take.kernels.placing import find_playback
+from crowdsim.take.kernels.records import FootPlants, Moments, Playback, Rows, Steps, Transitions
 from crowdsim.take.kernels.steps import StepRules, plan_steps
 from crowdsim.take.kernels.transitions import measure_transitions
 from crowdsim.take.motion import PoseMotion
@@ -82,20 +82,20 @@ class Window:
             rate=float(take.control_rate),
         )
 
-    def place(self, moments: Moments) -> Places:
+    def playback(self, moments: Moments) -> Playback:
         """Return where avatars are.
 
         Between two control frames the ground transform follows the motion from the earlier one and up to the later one;
         where the two disagree, because avatars have been pushed apart, one passes into the other.
         """
         shape = (len(moments.times), len(moments.columns))
-        places = Places(np.empty(shape, np.int32), np.empty(shape), np.empty((*shape, 3)))
+        playback = Playback(np.empty(shape, np.int32), np.empty(shape), np.empty((*shape, 3)))
 
         def work(low: int, high: int) -> None:
-            place_avatars(low, high, self.rows, self.motion.frames, moments, places)
+            find_playback(low, high, self.rows, self.motion.frames, moments, playback)
 
         share(self.threads, len(moments.columns), work)
-        return places
+        return playback
 
     def transitions(self) -> Transitions:
         """Return the transitions, measured."""

@@ -54,7 +54,7 @@ def hard(take: Take, policy: Any, fps: float = 60.0) -> np.ndarray:
     poses = sampler(take, policy)
     window = poses.window(0, np.arange(take.avatar_count), np.array([0.0, take.seconds]))
     times = (np.arange(take.output_frames(fps)) / fps)[:, None]
-    places = window.place(Moments(np.arange(take.avatar_count), times))
+    places = window.playback(Moments(np.arange(take.avatar_count), times))
     motion = window.motion.frames
     turns = np.array(motion.rotations[places.frames], float)
     turns[..., 0, :] = quaternion.multiply(quaternion.about_y(places.ground[..., 2]), turns[..., 0, :])
@@ -211,7 +211,7 @@ def test_a_foot_that_is_in_the_air_for_the_moment_of_a_cut_stands_before_it_and_
             times = np.arange(round((transitions.times[0] - 0.35) * 60), round((transitions.times[0] + 0.35) * 60))
             toe = motion.body.roles[("left_toe", "right_toe")[foot]]
             places = poses.sample(times[0], times[-1] + 1, 60)[0].joints()[0][:, 0, toe]
-            frames = window.place(Moments(np.arange(1), (times / 60)[:, None])).frames[:, 0]
+            frames = window.playback(Moments(np.arange(1), (times / 60)[:, None])).frames[:, 0]
             hops = (times / 60 > steps.moves[0, foot, 0] - 0.02) & (times / 60 < steps.moves[0, foot, 1] + 0.02)
             still = contacts[frames, foot] & ~hops
             speeds = np.linalg.norm(np.diff(places[:, [0, 2]], axis=0), axis=-1) * 60
@@ -247,7 +247,7 @@ def test_a_heel_that_is_up_at_a_cut_comes_down_before_the_foot_steps() -> None:
 def _slide(places: np.ndarray, take: Take, policy: Any) -> np.ndarray:
     roles = database().body.roles
     window = sampler(take, policy).window(0, np.arange(take.avatar_count), np.array([0.0, take.seconds]))
-    frames = window.place(Moments(np.arange(take.avatar_count), (np.arange(len(places)) / 60.0)[:, None])).frames
+    frames = window.playback(Moments(np.arange(take.avatar_count), (np.arange(len(places)) / 60.0)[:, None])).frames
     planted = np.array(database().contacts[frames])
     transitions = window.transitions()
     steps = window.steps(transitions, window.foot_plants())

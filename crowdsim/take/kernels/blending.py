@@ -213,14 +213,14 @@ def _write_root(motion, frame, fraction, scale, ground, offsets, pose, root):
 
 
 @kernel
-def blend_poses(first, stop, moments, places, rows, motion, transitions, hinges, poses):
+def blend_poses(first, stop, moments, playback, rows, motion, transitions, hinges, poses):
     """Write poses in the world, blended over transitions.
 
     Args:
         first: First of the moments' avatars.
         stop: One past the last.
         moments: Who and when, a ``Moments``.
-        places: Where they are then, a ``Places``.
+        playback: Where they are then, a ``Playback``.
         rows: The control frames, a ``Rows``.
         motion: The playback frames, a ``motion.Frames``.
         transitions: A ``Transitions``.
@@ -235,8 +235,8 @@ def blend_poses(first, stop, moments, places, rows, motion, transitions, hinges,
     for i in range(first, stop):
         n = moments.columns[i]
         low, last = transitions.starts[n], transitions.starts[n + 1]
-        for t in range(places.frames.shape[0]):
-            frame = places.frames[t, i]
+        for t in range(playback.frames.shape[0]):
+            frame = playback.frames[t, i]
             if frame < 0:
                 poses.roots[t, i] = np.nan
                 poses.rotations[t, i] = np.nan
@@ -249,9 +249,11 @@ def blend_poses(first, stop, moments, places, rows, motion, transitions, hinges,
             offsets.ground[:] = 0.0
             if blended:
                 _add_transitions(low, last, time, motion, transitions, rows, n, remaining, offsets)
-            fraction, pose = places.fractions[t, i], poses.rotations[t, i]
+            fraction, pose = playback.fractions[t, i], poses.rotations[t, i]
             _write_rotations(frame, fraction, motion.rotations, blended, sums, pose)
             if blended:
                 for k in range(hinges.joints.shape[0]):
                     _unfold(hinges.bones[k], hinges.limits[k, 0], hinges.limits[k, 1], pose[hinges.joints[k]])
-            _write_root(motion, frame, fraction, rows.scales[n], places.ground[t, i], offsets, pose, poses.roots[t, i])
+            _write_root(
+                motion, frame, fraction, rows.scales[n], playback.ground[t, i], offsets, pose, poses.roots[t, i]
+            )

@@ -194,14 +194,14 @@ def _plant_pose(footing, now, ground, legs, root, pose, world, asked):
 
 
 @kernel
-def plant_feet(first, stop, moments, places, rows, footing, legs, poses):
+def plant_feet(first, stop, moments, playback, rows, footing, legs, poses):
     """Bring planted feet to where they belong, in place.
 
     Args:
         first: First of the moments' avatars.
         stop: One past the last.
         moments: Who and when, a ``Moments``.
-        places: Where they are then, a ``Places``.
+        playback: Where they are then, a ``Playback``.
         rows: The control frames, a ``Rows``.
         footing: A ``Footing``.
         legs: A ``motion.Limbs``.
@@ -219,8 +219,8 @@ def plant_feet(first, stop, moments, places, rows, footing, legs, poses):
         pace = rows.speeds[n] * footing.motion.rate
         low, stop_at = transitions.starts[n], transitions.starts[n + 1]
         asked.plants[:] = 0
-        for t in range(places.frames.shape[0]):
-            frame = places.frames[t, i]
+        for t in range(playback.frames.shape[0]):
+            frame = playback.frames[t, i]
             if frame < 0:
                 continue
             time = times[t, 0 if shared else i]
@@ -231,7 +231,9 @@ def plant_feet(first, stop, moments, places, rows, footing, legs, poses):
                 high += 1
             while middle < high and (transitions.times[middle] - time) * rows.rate <= 1e-9:
                 middle += 1
-            part = places.fractions[t, i]
+            part = playback.fractions[t, i]
             following = frame + 1 if part > 0.0 else frame
             now = Instant(n, time, frame, following, part, rows.scales[n], pace, low, middle, high)
-            _plant_pose(footing, now, places.ground[t, i], legs, poses.roots[t, i], poses.rotations[t, i], world, asked)
+            _plant_pose(
+                footing, now, playback.ground[t, i], legs, poses.roots[t, i], poses.rotations[t, i], world, asked
+            )

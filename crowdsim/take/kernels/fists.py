@@ -37,7 +37,7 @@ class Landings(NamedTuple):
         shifts: How far the fist has to be carried then [m]. Shape (E, 3).
         spans: How long before and after it [s]. Shape (E, 2).
         lean_spans: How long before and after it the trunk leans for it [s]. Shape (E, 2).
-        turns: Rotation vectors of the joints that lean then, see ``leans.Leans``. Shape (E, 4, 3).
+        rotations: Rotation vectors of the joints that lean then, see ``leans.Leans``. Shape (E, 4, 3).
         moves: How far the pelvis goes then [m]. Shape (E, 3).
     """
 
@@ -47,7 +47,7 @@ class Landings(NamedTuple):
     shifts: NDArray[Any]
     spans: NDArray[Any]
     lean_spans: NDArray[Any]
-    turns: NDArray[Any]
+    rotations: NDArray[Any]
     moves: NDArray[Any]
 
 
@@ -103,7 +103,7 @@ def _lean_at(landings, n, time, within, lean):
             whole += square
             for k in range(JOINTS):
                 for j in range(3):
-                    lean[k, j] += square * landings.turns[strike, k, j]
+                    lean[k, j] += square * landings.rotations[strike, k, j]
             for j in range(3):
                 lean[PELVIS, j] += square * landings.moves[strike, j]
     if whole <= 0.0:

@@ -138,7 +138,7 @@ def _add_motion(motion, foot, start, steps, direction, scale, stays, share, chan
     if stays:
         first = last = start
         if motion.contacts[start, foot]:
-            first, last = motion.stands[start, foot, 0], motion.stands[start, foot, 1]
+            first, last = motion.plants[start, foot, 0], motion.plants[start, foot, 1]
     frame = min(max(start + steps, float(first)), float(last))
     low = int(frame)
     part = frame - low
@@ -177,8 +177,8 @@ def _played_on(footing, now, foot, k, begin, end):
     elif at <= begin:
         behind = min(behind, begin - at)
     elif not stays:
-        ahead = min(ahead, (old - motion.stands[old, foot, 0]) / now.pace)
-        behind = min(behind, (motion.stands[new, foot, 1] - new) / now.pace)
+        ahead = min(ahead, (old - motion.plants[old, foot, 0]) / now.pace)
+        behind = min(behind, (motion.plants[new, foot, 1] - new) / now.pace)
     return ahead, behind, stays
 
 

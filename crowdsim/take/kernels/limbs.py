@@ -175,16 +175,18 @@ def bend_limb(limbs, side, pose, world, target, distance):
     b = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     flexion = _flexion(a, b, distance_between(p, r))
     change = min(_flexion(a, b, distance), max(MOST, flexion)) - flexion
-    h, turns, parents = limbs.hinges[side], world.rotations, limbs.parents
-    axis = _bend_axis(u, v, a, b, rotate(turns[upper], h[0], h[1], h[2]))
+    h, world_rotations, parents = limbs.hinges[side], world.rotations, limbs.parents
+    axis = _bend_axis(u, v, a, b, rotate(world_rotations[upper], h[0], h[1], h[2]))
     bend, reached = _solve_bend(u, v, a, b, axis, flexion, change)
     swing, found = _shortest_rotation(reached, (target[0] - p[0], target[1] - p[1], target[2] - p[2]))
     if not found:
         return
     # The upper joint swings; all between it and the middle joint goes along, and the middle joint bends in it.
     bend = multiply(swing, bend)
-    above = turns[parents[upper]]
-    _write_local((above[0], above[1], above[2], above[3]), multiply(swing, turns[upper]), pose[upper])
-    _write_local(multiply(swing, turns[parents[middle]]), multiply(bend, turns[middle]), pose[middle])
-    unmoved = multiply((1.0, 0.0, 0.0, 0.0), turns[end])
-    _write_local(multiply(bend, turns[parents[end]]), unmoved, pose[end])
+    above = world_rotations[parents[upper]]
+    _write_local((above[0], above[1], above[2], above[3]), multiply(swing, world_rotations[upper]), pose[upper])
+    _write_local(
+        multiply(swing, world_rotations[parents[middle]]), multiply(bend, world_rotations[middle]), pose[middle]
+    )
+    unmoved = multiply((1.0, 0.0, 0.0, 0.0), world_rotations[end])
+    _write_local(multiply(bend, world_rotations[parents[end]]), unmoved, pose[end])

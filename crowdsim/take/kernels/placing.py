@@ -131,7 +131,7 @@ def _pushed(rows, motion, ground, n, before, part, exact, split):
 
 
 @kernel(allocates=False)
-def place_avatars(first, stop, rows, motion, moments, places):
+def find_playback(first, stop, rows, motion, moments, playback):
     """Find where avatars are.
 
     Args:
@@ -140,13 +140,13 @@ def place_avatars(first, stop, rows, motion, moments, places):
         rows: The control frames, a ``Rows``.
         motion: The playback frames, a ``motion.Frames``.
         moments: Who and when, a ``Moments``.
-        places: Written, a ``Places``.
+        playback: Written, a ``Playback``.
     """
     times = moments.times
     shared = times.shape[1] == 1
     for i in range(first, stop):
         for t in range(times.shape[0]):
             frame, fraction, ground = place_at(rows, motion, times[t, 0 if shared else i], moments.columns[i])
-            places.frames[t, i], places.fractions[t, i] = frame, fraction
-            out = places.ground[t, i]
+            playback.frames[t, i], playback.fractions[t, i] = frame, fraction
+            out = playback.ground[t, i]
             out[X], out[Z], out[HEADING] = ground

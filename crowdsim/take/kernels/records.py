@@ -47,7 +47,7 @@ class Moments(NamedTuple):
     times: Array
 
 
-class Places(NamedTuple):
+class Playback(NamedTuple):
     """Where avatars are at T times; n of them.
 
     Attributes:
