@@ -21,6 +21,8 @@ BODY_RADIUS = 0.2
 """Radius of the disc that a body of scale 1 takes up [m]."""
 
 _OVERLAP_AVATAR_FRAMES = 2_000_000
+_FEW = 128
+"""As many bodies are compared in pairs, which needs no compiled tree."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,11 @@ def overlapping(x: ArrayLike, z: ArrayLike, scale: ArrayLike = 1.0, radius: floa
     radii = np.broadcast_to(np.asarray(scale, dtype=float) * radius, xs.shape)
     if len(xs) < 2:
         return np.zeros(len(xs), bool)
+    if len(xs) <= _FEW:
+        near = np.hypot(xs[:, None] - xs, zs[:, None] - zs) < radii[:, None] + radii
+        np.fill_diagonal(near, val=False)
+        few: Array = near.any(axis=1)
+        return few
     tree, order = build_tree(xs, zs)
     own = np.arange(len(xs), dtype=np.int32)
     counts, near = neighbours(tree, tree.xs, tree.zs, own, float(2 * radii.max()), 16)
