@@ -30,7 +30,7 @@ class Avatar:
         self.number, self.policy = number, policies[crowd.policy[number]]
         self.scale, self.speed = float(crowd.scale[number]), float(crowd.speed[number])
         self.team, self.skip, self.fixed = int(crowd.team[number]), int(crowd.skip[number]), int(crowd.fixed[number])
-        self.mood = int(crowd.mood[number])
+        self.cohort = int(crowd.cohort[number])
         actions, graph = self.policy.actions, self.policy.graph
         with_entry = [s for s in range(actions.state_count) if (actions.next == s).any()]
         self.state = with_entry[int(float(uniform(crowd.seed, Purpose.START, number)) * len(with_entry))]
@@ -147,7 +147,7 @@ def decide(one, avatars, crowd, targets, frame):
         opponent = nearest(x, z, team, mine[0], mine[1], one.number, one.skip)
         old = one.opponent
         if opponent >= 0 and old >= 0 and team[old] != one.skip:
-            kept = seems_far(mine, x[old], z[old]) - crowd.hysteresis[one.mood]
+            kept = seems_far(mine, x[old], z[old]) - crowd.hysteresis[one.cohort]
             if seems_far(mine, x[opponent], z[opponent]) >= kept:
                 opponent = old
     target, moving, lasts = None, np.zeros(2), 0.0
@@ -170,7 +170,7 @@ def decide(one, avatars, crowd, targets, frame):
     if target is None:
         values = -actions.costs[list(ways)].astype(float)
     else:
-        weights = {b.name: crowd.weights[one.mood, k] for k, b in enumerate(policy.behaviours)}
+        weights = {b.name: crowd.weights[one.cohort, k] for k, b in enumerate(policy.behaviours)}
         seen = within_grids(policy, ground.to_local(mine, target) / one.scale)
         turned = ground.to_local([0, 0, mine[2]], np.array([moving[0], 0, moving[1]]))
         values = action_values(policy, weights, state, seen, turned / (one.scale * one.speed), lasts * one.speed)
@@ -178,7 +178,7 @@ def decide(one, avatars, crowd, targets, frame):
     for k, action in enumerate(ways):
         values[k] -= crowding(one, action, mine, [avatars[j] for j in near], positions, crowd)
     counts = np.diff(actions.strike_offsets)[list(ways)]
-    interval = crowd.intervals[one.mood]
+    interval = crowd.intervals[one.cohort]
     if interval > 0 and one.burst == 0:
         if frame >= one.rested:
             least, most = BURSTS
@@ -233,11 +233,11 @@ def crowding(one, action, mine, near, positions, crowd):
 def pick(values, one, crowd):
     """Place of the action that is drawn among the candidates."""
     best = max(range(len(values)), key=lambda k: (values[k], -k))
-    temperature = crowd.temperatures[one.mood]
+    temperature = crowd.temperatures[one.cohort]
     if temperature <= 0:
         return best
-    order = sorted(range(len(values)), key=lambda k: (-values[k], k))[: crowd.most[one.mood]]
-    candidates = sorted(k for k in order if values[k] >= values[best] - crowd.margins[one.mood])
+    order = sorted(range(len(values)), key=lambda k: (-values[k], k))[: crowd.most[one.cohort]]
+    candidates = sorted(k for k in order if values[k] >= values[best] - crowd.margins[one.cohort])
     chances = np.exp((values[candidates] - values[best]) / temperature)
     number = float(uniform(crowd.seed, Purpose.CHOICE, one.number, one.decisions))
     place = np.searchsorted(np.cumsum(chances), number * chances.sum(), side="right")

@@ -8,8 +8,8 @@ from crowdsim.training.pruning import _coarse
 from crowdsim.training.ranges import sample_targets
 
 
-def value(policy, mood, state, target):
-    return action_values(policy, mood, state, target[:3], (target[3], 0.0, target[4]))
+def value(policy, weighting, state, target):
+    return action_values(policy, weighting, state, target[:3], (target[3], 0.0, target[4]))
 
 
 def ways_worth_keeping(database, graph, actions, specs, body, ways, every=7):
@@ -17,12 +17,12 @@ def ways_worth_keeping(database, graph, actions, specs, body, ways, every=7):
     behaviours = tuple(train_behaviour(name, _coarse(spec), database, actions, body)[0] for name, spec in specs.items())
     policy = Policy("naive", database, graph, actions, behaviours, body, np.zeros(0), {}, {}, "", {})
     names = [behaviour.name for behaviour in behaviours]
-    moods = [{name: 1.0} for name in names] + [dict.fromkeys(names, 1.0)]
+    weightings = [{name: 1.0} for name in names] + [dict.fromkeys(names, 1.0)]
     targets = sample_targets(database)
     keep, gains = np.zeros(actions.action_count, bool), np.zeros(actions.action_count)
     for state in range(0, graph.state_count, every):
         first, end = graph.action_offsets[state : state + 2]
-        worth = np.array([value(policy, mood, state, target) for mood in moods for target in targets])
+        worth = np.array([value(policy, weighting, state, target) for weighting in weightings for target in targets])
         captured = [k for k in range(end - first) if not graph.action_cuts[first + k]]
         held = list(captured)
         while len(held) < len(captured) + ways:

@@ -82,8 +82,8 @@ class Avatars(NamedTuple):
     Slots follow the index, so that neighbours in space are neighbours in memory; those of absent avatars come last.
     Nothing that is computed depends on slots. "Before" is one control frame ago.
 
-    Rows of ``whole``: number; policy; mood (row of ``World.moods``); team; skip, the team that the opponent may not be
-    of (-1 nearest of anyone, -2 ``fixed`` says); fixed (number of the opponent, -2 - k for target k, -1 for none);
+    Rows of ``whole``: number; policy; cohort (row of ``World.cohorts``); team; skip, the team that the opponent may not
+    be of (-1 nearest of anyone, -2 ``fixed`` says); fixed (number of the opponent, -2 - k for target k, -1 for none);
     opponent, likewise; opponent before the last decision; decisions taken; action; action before, negative when there
     was no decision in this frame; pending, the last whole frame of the action before its next strike, or -1 where the
     action before may still have one; burst, strikes left of the present burst, 0 for an avatar that rests.
@@ -136,11 +136,11 @@ class Avatars(NamedTuple):
 
 
 class World(NamedTuple):
-    """What avatars share: how they choose, the arena, and scripted targets; M moods, G targets.
+    """What avatars share: how they choose, the arena, and scripted targets; M cohorts, G targets.
 
     Attributes:
         weights: Weight of each behaviour of the policy. Shape (M, B), float64.
-        moods: How far below the best value a candidate may lie, how many candidates there are at most, the randomness
+        cohorts: How far below the best value a candidate may lie, how many candidates there are at most, the randomness
             of the draw, how much nearer another opponent must be [m], and how long it takes to recover from a strike
             [control frames]; 0 no time. Shape (M, 5), float64.
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]. Shape (5,).
@@ -151,7 +151,7 @@ class World(NamedTuple):
     """
 
     weights: Array
-    moods: Array
+    cohorts: Array
     arena: Array
     crowding: Array
     targets: Array
@@ -180,7 +180,7 @@ class Scratch(NamedTuple):
     Attributes:
         situations: Where each one's target is and how it moves (``values.value_actions``). Shape (batch, 6), float64.
         states: The state that it chooses in, -1 where there is no opponent. Shape (batch,), int32.
-        moods: Its mood. Shape (batch,), int32.
+        cohorts: Its cohort. Shape (batch,), int32.
         policies: Its policy. Shape (batch,), int32.
         order: Indices in the batch in the order of states. Shape (batch,), int64.
         starts: Where each state begins in it. Shape (S + 2,), int64.
@@ -202,7 +202,7 @@ class Scratch(NamedTuple):
 
     situations: Array
     states: Array
-    moods: Array
+    cohorts: Array
     policies: Array
     order: Array
     starts: Array
@@ -251,7 +251,7 @@ def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
     return Scratch(
         situations=np.zeros((batch, 6)),
         states=np.empty(batch, np.int32),
-        moods=np.empty(batch, np.int32),
+        cohorts=np.empty(batch, np.int32),
         policies=np.empty(batch, np.int32),
         order=np.empty(batch, np.int64),
         starts=np.empty(len(model.offsets) + 1, np.int64),

@@ -52,7 +52,7 @@ def policies_of_types(scenario: Scenario, policies: Sequence[Policy]) -> Array:
 def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -> tuple[Crowd, Script]:
     """Return the crowd of a scenario before its first frame, and what is planned.
 
-    Avatars of a group and type share a mood: weights, candidates, temperature and hysteresis.
+    Avatars of a group and type are a cohort, which shares weights, candidates, temperature and hysteresis.
 
     Args:
         scenario: The scenario, resolved.
@@ -64,19 +64,19 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
     """
     learned = {policy.name: [one.name for one in policy.behaviours] for policy in policies}
     scenario.refuse(unlearned_behaviours(scenario, learned))
-    moods, mood = np.unique(np.stack([placed.group, placed.type], axis=1), axis=0, return_inverse=True)
-    mood = mood.reshape(-1)
+    cohorts, cohort = np.unique(np.stack([placed.group, placed.type], axis=1), axis=0, return_inverse=True)
+    cohort = cohort.reshape(-1)
     owners = policies_of_types(scenario, policies)
     width = max(len(policy.behaviours) for policy in policies)
     rate = float(policies[0].database.control_rate)
     kinds = list(scenario.types.values())
-    weights = np.zeros((len(moods), width))
-    for row, (_, kind) in enumerate(moods):
+    weights = np.zeros((len(cohorts), width))
+    for row, (_, kind) in enumerate(cohorts):
         policy = policies[owners[kind]]
         named = kinds[kind].behaviours
         own = policy.weights
         weights[row] = _weights(policy, named, width) if named else np.pad(own, (0, width - len(own)))
-    settings = [kinds[kind] for _, kind in moods]
+    settings = [kinds[kind] for _, kind in cohorts]
     skip, fixed = np.empty(placed.count, np.int32), np.full(placed.count, -1, np.int32)
     for index, group in enumerate(scenario.groups):
         _set_opponents(scenario, placed, placed.group == index, group.opponents, skip, fixed)
@@ -87,7 +87,7 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         policy=owners[placed.type],
         team=placed.team.astype(np.int32),
         group=placed.group.astype(np.int32),
-        mood=mood.astype(np.int16),
+        cohort=cohort.astype(np.int16),
         scale=placed.scale.astype(np.float32),
         speed=placed.speed.astype(np.float32),
         skip=skip,
@@ -97,13 +97,15 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         margins=np.array([kind.candidates.margin for kind in settings]),
         most=np.array([kind.candidates.maximum for kind in settings], np.int32),
         temperatures=np.array([kind.temperature for kind in settings]),
-        hysteresis=np.array([_hysteresis(scenario.groups[group].opponents) for group, _ in moods]),
+        hysteresis=np.array([_hysteresis(scenario.groups[group].opponents) for group, _ in cohorts]),
         intervals=np.array([0.0 if kind.tempo is None else 60.0 * rate / kind.tempo for kind in settings]),
         arena=pack_arena(scenario.arena),
         crowding=Crowding() if scenario.collision_avoidance else Crowding.none(),
         seed=scenario.seed,
     )
-    changes = tuple(_change(scenario, placed, policies, crowd, moods, owners, event, rate) for event in scenario.events)
+    changes = tuple(
+        _change(scenario, placed, policies, crowd, cohorts, owners, event, rate) for event in scenario.events
+    )
     return crowd, Script(tuple(_path(target) for target in scenario.targets.values()), changes)
 
 
@@ -237,7 +239,7 @@ def _change(
     placed: Placed,
     policies: Sequence[Policy],
     crowd: Crowd,
-    moods: Array,
+    cohorts: Array,
     owners: Array,
     event: Event,
     rate: float,
@@ -247,17 +249,17 @@ def _change(
     group = None if event.group is None else placed.groups.index(event.group)
     who = np.ones(placed.count, bool) if group is None else placed.group == group
     if isinstance(event, WeightsEvent):
-        rows = np.ones(len(moods), bool) if group is None else moods[:, 0] == group
+        rows = np.ones(len(cohorts), bool) if group is None else cohorts[:, 0] == group
         weights = np.full(crowd.weights.shape, np.nan)
         for row in np.flatnonzero(rows):
-            policy = policies[owners[moods[row, 1]]]
+            policy = policies[owners[cohorts[row, 1]]]
             weights[row] = _weights(policy, event.behaviours, crowd.weights.shape[1], np.nan)
         heat = np.where(rows, np.nan if event.temperature is None else event.temperature, np.nan)
         return Change(**when, weights=weights, temperatures=heat)
     if isinstance(event, RetargetEvent):
         skip, fixed = crowd.skip.copy(), crowd.fixed.copy()
         _set_opponents(scenario, placed, who, event.opponents, skip, fixed)
-        rows = np.ones(len(moods), bool) if group is None else moods[:, 0] == group
+        rows = np.ones(len(cohorts), bool) if group is None else cohorts[:, 0] == group
         margin = np.where(rows, _hysteresis(event.opponents), np.nan)
         return Change(**when, who=who, skip=skip, fixed=fixed, hysteresis=margin)
     return Change(**when, who=who, present=isinstance(event, AddEvent))

@@ -55,7 +55,7 @@ class Crowding:
 
 @dataclass(frozen=True)
 class Crowd:
-    """Who is in a run; N avatars, M moods (ways to choose, one a group and type), P policies.
+    """Who is in a run; N avatars, M cohorts (ways to choose, one a group and type), P policies.
 
     Attributes:
         x: Positions at the start [m]. Shape (N,).
@@ -64,7 +64,7 @@ class Crowd:
         policy: Index of each avatar's policy. Shape (N,).
         team: Shape (N,).
         group: Shape (N,).
-        mood: Row of ``weights`` and the like. Shape (N,).
+        cohort: Row of ``weights`` and the like. Shape (N,).
         scale: Size of the body over its skeleton's. Shape (N,).
         speed: Frames of motion in a control frame. Shape (N,).
         skip: Team that an avatar does not fight, ``ANYONE`` or ``SCRIPTED``. Shape (N,).
@@ -87,7 +87,7 @@ class Crowd:
     policy: Array
     team: Array
     group: Array
-    mood: Array
+    cohort: Array
     scale: Array
     speed: Array
     skip: Array
@@ -109,8 +109,8 @@ class Crowd:
         return len(self.x)
 
 
-class Mood(NamedTuple):
-    """How the avatars of a crowd of one mood choose; see ``Crowd``."""
+class Cohort(NamedTuple):
+    """How the avatars of a crowd of one cohort choose; see ``Crowd``."""
 
     weights: ArrayLike = (1.0, 1.0)
     margin: float = 0.1
@@ -130,12 +130,12 @@ def build_crowd(
     speed: ArrayLike = 1.0,
     **other: Any,
 ) -> Crowd:
-    """Return a crowd of one mood; without teams everyone fights anyone.
+    """Return a crowd of one cohort; without teams everyone fights anyone.
 
-    ``other`` are fields of ``Mood``, or further ones of ``Crowd``.
+    ``other`` are fields of ``Cohort``, or further ones of ``Crowd``.
     """
     xs = np.asarray(x, dtype=float)
-    mood = Mood(**{name: other.pop(name) for name in Mood._fields if name in other})
+    cohort = Cohort(**{name: other.pop(name) for name in Cohort._fields if name in other})
 
     def each(values: ArrayLike, dtype: Any) -> Array:
         return np.broadcast_to(np.asarray(values), xs.shape).astype(dtype)
@@ -148,18 +148,18 @@ def build_crowd(
         "policy": each(policy, np.int16),
         "team": teams,
         "group": np.zeros(len(xs), np.int32),
-        "mood": np.zeros(len(xs), np.int16),
+        "cohort": np.zeros(len(xs), np.int16),
         "scale": each(scale, np.float32),
         "speed": each(speed, np.float32),
         "skip": each(ANYONE, np.int32) if team is None else teams,
         "fixed": each(-1, np.int32),
         "present": np.ones(len(xs), bool),
-        "weights": np.atleast_2d(np.asarray(mood.weights, dtype=float)),
-        "margins": np.array([mood.margin]),
-        "most": np.array([mood.most], np.int32),
-        "temperatures": np.array([mood.temperature]),
-        "hysteresis": np.array([mood.hysteresis]),
-        "intervals": np.array([mood.interval]),
+        "weights": np.atleast_2d(np.asarray(cohort.weights, dtype=float)),
+        "margins": np.array([cohort.margin]),
+        "most": np.array([cohort.most], np.int32),
+        "temperatures": np.array([cohort.temperature]),
+        "hysteresis": np.array([cohort.hysteresis]),
+        "intervals": np.array([cohort.interval]),
     }
     return Crowd(**{**fields, **other})
 
@@ -186,7 +186,7 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
     whole[layout.NUMBER] = numbers
     for row, values in (
         (layout.POLICY, crowd.policy),
-        (layout.MOOD, crowd.mood),
+        (layout.COHORT, crowd.cohort),
         (layout.TEAM, crowd.team),
         (layout.SKIP, crowd.skip),
         (layout.FIXED, crowd.fixed),

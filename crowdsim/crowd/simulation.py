@@ -88,7 +88,7 @@ class Simulation:
         self._scratch = empty_scratch(self.model, crowd.crowding.most, min(SMALL, max(crowd.count, 1)))
         self._world = World(
             weights=np.array(crowd.weights, dtype=float),
-            moods=np.column_stack(
+            cohorts=np.column_stack(
                 [crowd.margins, crowd.most, crowd.temperatures, crowd.hysteresis, crowd.intervals]
             ).astype(float),
             arena=np.array(crowd.arena, dtype=float),
@@ -212,8 +212,8 @@ class Simulation:
     def _make(self, change: Change) -> None:
         for values, new in (
             (self._world.weights, change.weights),
-            (self._world.moods[:, layout.TEMPERATURE], change.temperatures),
-            (self._world.moods[:, layout.HYSTERESIS], change.hysteresis),
+            (self._world.cohorts[:, layout.TEMPERATURE], change.temperatures),
+            (self._world.cohorts[:, layout.HYSTERESIS], change.hysteresis),
         ):
             if new is not None:
                 np.copyto(values, new, where=~np.isnan(new))

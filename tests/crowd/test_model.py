@@ -61,7 +61,7 @@ def test_a_table_of_actions_needs_no_reward_terms(monkeypatch):
     scratch = empty_scratch(model, 1, 20)
     rng = np.random.default_rng(1)
     states, targets = rng.integers(chosen.actions.state_count, size=20), rng.uniform([-2, 1, -2], [2, 1.9, 2], (20, 3))
-    scratch.order[:], scratch.moods[:], scratch.policies[:], scratch.states[:] = np.arange(20), 0, 0, states
+    scratch.order[:], scratch.cohorts[:], scratch.policies[:], scratch.states[:] = np.arange(20), 0, 0, states
     scratch.situations[:, :3] = targets
     value_actions(model, np.ones((1, 2)), scratch, 0, 20)
     for k in range(20):

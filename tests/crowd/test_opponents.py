@@ -81,8 +81,8 @@ def kept(positions, old, near, heading=0.0, hysteresis=0.3):
     avatars = build_avatars(people, MODEL)
     avatars.real[HEADING] = heading
     avatars.whole[OPPONENT, 0] = old
-    moods = np.array([[0.1, 4.0, 0.0, hysteresis, 0.0]])
-    return change_opponent(avatars, moods, people.count, 0, avatars.slot_of[near])
+    cohorts = np.array([[0.1, 4.0, 0.0, hysteresis, 0.0]])
+    return change_opponent(avatars, cohorts, people.count, 0, avatars.slot_of[near])
 
 
 @pytest.mark.parametrize("heading", [0.0, 1.0, -2.5])

@@ -115,7 +115,7 @@ def test_actions_are_worth_what_the_policy_says(lookup, precisions):
     for index, chosen in enumerate((one, two)):
         states = rng.integers(chosen.actions.state_count, size=60)
         targets, weights = rng.uniform([-3, 1.0, -3], [3, 1.9, 3], (60, 3)), rng.uniform(0, 2, (60, 2))
-        scratch.situations[:, :3], scratch.moods[:], scratch.policies[:] = targets, np.arange(60), index
+        scratch.situations[:, :3], scratch.cohorts[:], scratch.policies[:] = targets, np.arange(60), index
         scratch.states[:] = states + model.policies[index, STATES]
         scratch.values[:] = np.nan
         value_actions(model, weights, scratch, 0, 60)
@@ -145,7 +145,7 @@ def test_terms_of_proximity_add_up_whatever_they_share(terms):
     rng = np.random.default_rng(4)
     scratch = empty_scratch(model, 1, 30)
     states, targets = rng.integers(chosen.actions.state_count, size=30), rng.uniform([-3, 1, -3], [3, 1.9, 3], (30, 3))
-    scratch.order[:], scratch.moods[:], scratch.policies[:], scratch.states[:] = np.arange(30), 0, 0, states
+    scratch.order[:], scratch.cohorts[:], scratch.policies[:], scratch.states[:] = np.arange(30), 0, 0, states
     scratch.situations[:, :3] = targets
     value_actions(model, np.ones((1, 2)), scratch, 0, 30)
     for k in range(30):
@@ -166,7 +166,7 @@ def test_a_target_beyond_all_grids_is_seen_where_they_end():
     bearings = rng.uniform(-3, 3, 20)
     at_end = end * np.stack([np.sin(bearings), np.zeros(20), np.cos(bearings)], axis=-1) + [0.0, 1.5, 0.0]
     states = rng.integers(chosen.actions.state_count, size=20)
-    scratch.order[:], scratch.moods[:], scratch.policies[:], scratch.states[:] = np.arange(20), 0, 0, states
+    scratch.order[:], scratch.cohorts[:], scratch.policies[:], scratch.states[:] = np.arange(20), 0, 0, states
     scratch.situations[:, :3] = (at_end - [0.0, 1.5, 0.0]) * rng.uniform(1.1, 9.0, (20, 1)) + [0.0, 1.5, 0.0]
     value_actions(model, np.ones((1, 2)), scratch, 0, 20)
     for k in range(20):
@@ -188,7 +188,7 @@ def test_a_behaviour_counts_less_beyond_its_bearings(lookup):
     model, scratch = build_model([chosen]), empty_scratch(build_model([chosen]), 1, 40)
     bearings = np.linspace(-3, 3, 40)
     targets = np.stack([np.sin(bearings), np.full(40, 1.5), np.cos(bearings)], axis=-1)
-    scratch.order[:], scratch.moods[:], scratch.policies[:], scratch.states[:] = np.arange(40), 0, 0, 2
+    scratch.order[:], scratch.cohorts[:], scratch.policies[:], scratch.states[:] = np.arange(40), 0, 0, 2
     scratch.situations[:, :3] = targets
     value_actions(model, np.ones((1, 2)), scratch, 0, 40)
     assert np.all(scratch.values[0, :2] == 0.0), "nothing counts behind"

@@ -78,7 +78,7 @@ def compare(chosen, seed=0, count=60):
     targets = rng.uniform([-2.5, 1.0, -2.5], [2.5, 1.9, 2.5], (count, 3))
     moving = rng.normal(0.0, 0.1, (count, 2))
     lasts = rng.choice([0.0, 0.7, 2.0, 3.5, np.inf], count)
-    scratch.order[:], scratch.moods[:], scratch.policies[:] = rng.permutation(count), np.arange(count), 0
+    scratch.order[:], scratch.cohorts[:], scratch.policies[:] = rng.permutation(count), np.arange(count), 0
     scratch.states[:] = states
     scratch.situations[:] = np.column_stack([targets, moving, lasts])
     scratch.values[:] = np.nan

@@ -12,13 +12,13 @@ from crowdsim.crowd.kernels.layout import (
     BASE_TURN,
     CENTRE_X,
     CENTRE_Z,
+    COHORT,
     END_X,
     END_Z,
     HEAD,
     HEADING,
     LASTS,
     LENGTH,
-    MOOD,
     MOVING_X,
     MOVING_Z,
     NEXT,
@@ -54,7 +54,7 @@ def aim(model, avatars, world, now, due, count, nearest, scratch):
     for q in range(count):
         _ask_for_targets(model, avatars, due, count, nearest, q)
         own = due[q]
-        opponent = change_opponent(avatars, world.moods, now.present, own, nearest[q])
+        opponent = change_opponent(avatars, world.cohorts, now.present, own, nearest[q])
         whole[OPPONENT_BEFORE, own] = whole[OPPONENT, own]
         whole[OPPONENT, own] = opponent
         seen = True
@@ -73,7 +73,7 @@ def aim(model, avatars, world, now, due, count, nearest, scratch):
             ask_for(model.moves, action * model.moves.shape[1])
             ask_for(model.actions, action * model.actions.shape[1])
         scratch.states[q] = state if seen else -1
-        scratch.moods[q], scratch.policies[q] = whole[MOOD, own], whole[POLICY, own]
+        scratch.cohorts[q], scratch.policies[q] = whole[COHORT, own], whole[POLICY, own]
 
 
 @kernel(inline=True)
@@ -83,7 +83,7 @@ def _ask_for_targets(model, avatars, due, count, nearest, q):
     width = whole.shape[1]
     if q + 2 * AHEAD < count:
         own, j = due[q + 2 * AHEAD], max(nearest[q + 2 * AHEAD], 0)
-        for row in (OPPONENT, SKIP, ACTION, MOOD, POLICY, OPPONENT_BEFORE):
+        for row in (OPPONENT, SKIP, ACTION, COHORT, POLICY, OPPONENT_BEFORE):
             ask_for(whole, row * width + own)
         for row in (X, Z, SCALE, HEADING):
             ask_for(real, row * width + own)

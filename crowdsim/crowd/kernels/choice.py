@@ -13,11 +13,11 @@ from crowdsim.crowd.kernels.layout import (
     BURST,
     BURST_STREAM,
     CHOICE_STREAM,
+    COHORT,
     COST,
     DECISIONS,
     INTERVAL,
     MARGIN,
-    MOOD,
     MOST,
     NEXT,
     NUMBER,
@@ -88,12 +88,12 @@ def _draw_actions(model, avatars, world, frame, due, count, scratch, out_chosen)
     Strikes come in bursts. A strike takes ``INTERVAL`` frames to recover from; after a burst an avatar rests until it
     has recovered from all of them, and strikes cost it dear meanwhile.
     """
-    whole, real, offsets, actions, moods = avatars.whole, avatars.real, model.offsets, model.actions, world.moods
+    whole, real, offsets, actions, cohorts = avatars.whole, avatars.real, model.offsets, model.actions, world.cohorts
     values, chances, stream = scratch.values, scratch.rows, world.stream
     for q in range(count):
         own = due[q]
-        state, mood = actions[whole[ACTION, own], NEXT], whole[MOOD, own]
-        interval = moods[mood, INTERVAL]
+        state, cohort = actions[whole[ACTION, own], NEXT], whole[COHORT, own]
+        interval = cohorts[cohort, INTERVAL]
         if interval > 0.0 and whole[BURST, own] <= 0:
             if frame >= real[RESTED, own]:
                 least, most = BURSTS
@@ -105,8 +105,8 @@ def _draw_actions(model, avatars, world, frame, due, count, scratch, out_chosen)
                     values[q, k] -= REST * (actions[action + 1, STRIKES] - actions[action, STRIKES])
         number = uniform(stream[CHOICE_STREAM], np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own]))
         picked = pick(
-            values, q, offsets[state + 1] - offsets[state], moods[mood, MARGIN], moods[mood, MOST],
-            moods[mood, TEMPERATURE], number, chances,
+            values, q, offsets[state + 1] - offsets[state], cohorts[cohort, MARGIN], cohorts[cohort, MOST],
+            cohorts[cohort, TEMPERATURE], number, chances,
         )  # fmt: skip
         if picked < 0:
             return own

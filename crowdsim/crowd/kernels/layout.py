@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 # Rows of ``Avatars.whole`` and ``Avatars.real``, a column for each slot.
 (
-    NUMBER, POLICY, MOOD, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE, PENDING,
+    NUMBER, POLICY, COHORT, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE, PENDING,
     BURST,
 ) = range(13)  # fmt: skip
 (
@@ -31,7 +31,7 @@ KIND, WEIGHT = range(2)
 ) = range(2, 13)  # fmt: skip
 NEAREST, SIGMA, BEST_FRAME, FACING, FURTHEST, ASIDE = range(2, 8)
 
-# Columns of ``World.moods``, the numbers of ``World.crowding`` and of ``World.arena``, and rows of ``World.stream``.
+# Columns of ``World.cohorts``, the numbers of ``World.crowding`` and of ``World.arena``, and rows of ``World.stream``.
 MARGIN, MOST, TEMPERATURE, HYSTERESIS, INTERVAL = range(5)
 END_COST, PATH_COST, DISC, GAP, OUTSIDE_COST, TURN_BACK, SIGHT = range(7)
 ARENA, CENTRE_X, CENTRE_Z, HALF_X, HALF_Z = range(5)

@@ -4,10 +4,10 @@ import math
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.layout import (
+    COHORT,
     FIXED,
     HEADING,
     HYSTERESIS,
-    MOOD,
     NUMBER,
     OPPONENT,
     SKIP,
@@ -94,7 +94,7 @@ def _find_nearest(whole, own, present, distances, best, found):
 
 
 @kernel(inline=True)
-def change_opponent(avatars, moods, present, own, nearest):
+def change_opponent(avatars, cohorts, present, own, nearest):
     """Return the number of an avatar's opponent, or of a target: the old one, unless another is nearer.
 
     Facing an opponent takes time: one right behind counts as ``BEHIND`` further away than one straight ahead.
@@ -113,7 +113,7 @@ def change_opponent(avatars, moods, present, own, nearest):
             bx, bz = real[X, nearest] - real[X, own], real[Z, nearest] - real[Z, own]
             cos, sin = cos_sin(real[HEADING, own])
             a, b = math.sqrt(ax * ax + az * az), math.sqrt(bx * bx + bz * bz)
-            near = moods[whole[MOOD, own], HYSTERESIS]
+            near = cohorts[whole[COHORT, own], HYSTERESIS]
             # Cosines of the directions of the two.
             ahead = (ax * sin + az * cos) / max(a, 1e-9) - (bx * sin + bz * cos) / max(b, 1e-9)
             if b + 0.5 * BEHIND * ahead >= a - near:

@@ -168,7 +168,7 @@ def _find_cells(model, weights, scratch, q, d, policy, distance):
     bearing, sought, ahead = 0.0, False, False
     for b in range(begun, end):
         spot = d * (end - begun) + b - begun
-        factor = weights[scratch.moods[q], b - begun]
+        factor = weights[scratch.cohorts[q], b - begun]
         if not sought and grids[b, 1, FADE] > 0.0:
             bearing, sought = math.atan2(target.x, target.z), True
         if factor != 0.0:
