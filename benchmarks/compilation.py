@@ -18,6 +18,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -151,6 +152,23 @@ def summarise(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{**one, "kernels": len(one["kernels"])} for one in ordered]
 
 
+def several(rows: list[dict[str, Any]]) -> dict[str, int]:
+    """Return the package's kernels that are compiled for more than one signature, and for how many.
+
+    One that Python calls and kernels call is compiled once for each.
+    """
+    counts = Counter(
+        (f"{row['module'].removeprefix('crowdsim.')}.{row['name']}", row["part"])
+        for row in rows
+        if row["module"].startswith("crowdsim.")
+    )
+    found: dict[str, int] = {}
+    for (name, _), count in sorted(counts.items()):
+        if count > 1:
+            found[name] = max(count, found.get(name, 0))
+    return found
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="What kernels cost to compile.")
     parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
@@ -170,6 +188,7 @@ def main() -> None:
     packages = summarise(outcome["rows"])
     report = {
         "packages": packages,
+        "several": several(outcome["rows"]),
         "kernels": sum(one["kernels"] for one in packages),
         "compiled": sum(one["compiled"] for one in packages),
         "seconds": sum(one["seconds"] for one in packages),
@@ -181,6 +200,8 @@ def main() -> None:
     print(f"{'':<16}{'kernels':>9}{'compiled':>9}{'seconds':>9}")
     for one in [*packages, {"package": "all", **report}]:
         print(f"{one['package']:<16}{one['kernels']:>9}{one['compiled']:>9}{one['seconds']:>9.1f}")
+    for name, count in report["several"].items():
+        print(f"{name}: {count} signatures")
     print(f"kernels whose arguments differ from crowdsim/jit/signatures.json: {report['signatures']}")
 
 

@@ -92,7 +92,7 @@ def strike(model, avatars, world, now, first, last, who, strikes, held):
     for k in range(first, listed):
         if k + AHEAD < listed:
             _ask_for_strike(model, avatars, who[k + AHEAD])
-        i = who[k]
+        i = np.int64(who[k])
         if whole[ACTION_BEFORE, i] >= 0:
             held = _list_strikes(model, avatars, world.targets, now, i, True, strikes, held)
         held = _list_strikes(model, avatars, world.targets, now, i, False, strikes, held)
