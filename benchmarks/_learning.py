@@ -13,6 +13,7 @@ from crowdsim.policy.rewards import ProximityTerm
 from crowdsim.training.behaviours import train_behaviour
 from crowdsim.training.evaluation import Composition, Episodes, EpisodeSettings, random_starts, run_episodes
 from crowdsim.training.fingerprint import capture_files
+from crowdsim.training.mirroring import solved_states
 from crowdsim.training.ranges import strike_reach
 from crowdsim.training.recipe import BehaviourSpec, Recipe, load_recipe
 from crowdsim.training.train import ready_policy, train_policy
@@ -82,7 +83,8 @@ def quickly_trained(stem: str, mocap: str | None, threads: int) -> tuple[Recipe,
 
 def train(policy: Policy, name: str, spec: BehaviourSpec, precision: str = "float32") -> Behaviour:
     """Return a behaviour trained over the policy's actions."""
-    return train_behaviour(name, spec, policy.database, policy.actions, policy.body, precision)[0]
+    solved = solved_states(policy.database, policy.graph, [spec])
+    return train_behaviour(name, spec, policy.database, policy.actions, policy.body, precision, solved=solved)[0]
 
 
 def changed(spec: BehaviourSpec, counts: dict[str, int], **more: Any) -> BehaviourSpec:

@@ -14,7 +14,10 @@ def value(policy, weighting, state, target):
 
 def ways_worth_keeping(database, graph, actions, specs, body, ways, every=7):
     """Return what ``pruning.judge_ways`` returns, for every seventh state; all else is 0."""
-    behaviours = tuple(train_behaviour(name, _coarse(spec), database, actions, body)[0] for name, spec in specs.items())
+    solved = graph.captured_states(database.captured_frames)
+    behaviours = tuple(
+        train_behaviour(name, _coarse(spec), database, actions, body, solved=solved)[0] for name, spec in specs.items()
+    )
     policy = Policy("naive", database, graph, actions, behaviours, body, np.zeros(0), {}, {}, "", {})
     names = [behaviour.name for behaviour in behaviours]
     weightings = [{name: 1.0} for name in names] + [dict.fromkeys(names, 1.0)]

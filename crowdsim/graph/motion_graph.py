@@ -1,4 +1,8 @@
-"""The motion graph of a database: features, transitions, states and actions in one call."""
+"""The motion graph of a database: features, transitions, states and actions in one call.
+
+Transitions and decisions are found for the captured frames; those of their mirror images are the mirror images of
+these, so that the graph is its own mirror image.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,7 @@ from crowdsim.errors import MotionError
 from crowdsim.graph.features import frame_features
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.graph.states import MotionGraph, graph_of_transitions
-from crowdsim.graph.transitions import Transitions, decision_frames, find_transitions
+from crowdsim.graph.transitions import Transitions, decision_frames, find_transitions, with_images
 from crowdsim.motion.database import MotionDatabase
 
 __all__ = ["MotionGraph", "build_graph"]
@@ -54,25 +58,32 @@ def _find(
     threshold: float | None,
     progress: Progress | None,
 ) -> Transitions:
-    """Return the cheapest transitions of each frame, up to a threshold if there is one."""
+    """Return the cheapest transitions of each captured frame, up to a threshold if there is one."""
     contacts = np.ascontiguousarray(database.contacts[:: database.stride])
     near = _frames(settings.near, database.control_rate)
     ceiling = np.inf if threshold is None else threshold
     return find_transitions(
-        features, database.clip_starts, contacts, near, settings.branching, ceiling=ceiling, progress=progress
+        features,
+        database.clip_starts,
+        contacts,
+        near,
+        settings.branching,
+        ceiling=ceiling,
+        progress=progress,
+        leading=database.captured_frames,
     )
 
 
 def _graph_at(
     database: MotionDatabase, transitions: Transitions, settings: GraphSettings, threshold: float
 ) -> MotionGraph:
-    """Return the graph of the transitions up to a threshold, at frames that lie apart."""
+    """Return the graph of the transitions up to a threshold, at frames that lie apart, and of their mirror images."""
     below = transitions.chosen(transitions.costs <= np.float32(threshold))
     # What costs nearly the threshold is worth little, and a little more than nothing.
     worth = np.float32(threshold) - below.costs + 1e-6
     spacing = _frames(settings.spacing, database.control_rate)
     decisions = decision_frames(below, worth, database.clip_starts, spacing)
-    chosen = below.chosen(decisions[below.sources])
+    chosen = with_images(below.chosen(decisions[below.sources]), database.captured_frames, database.frame_count)
     return graph_of_transitions(chosen, database.clip_starts, threshold, database.clip_names)
 
 

@@ -76,6 +76,36 @@ class MotionGraph:
         """Whether each action begins with a transition rather than the captured next frame. Shape (A,), bool."""
         return self.action_first != self.state_frames[self.action_states] + 1
 
+    def captured_states(self, captured: int) -> int:
+        """Return the number of states before their mirror images: that of state s is s + this.
+
+        S where the graph is not its own mirror image.
+
+        Args:
+            captured: Number of captured frames, behind which their mirror images lie.
+        """
+        return self.state_count // 2 if len(self.action_images(captured)) else self.state_count
+
+    def action_images(self, captured: int) -> Array:
+        """Return the mirror image of each action of the captured states. Shape (A / 2,), int64.
+
+        Empty where the graph is not its own mirror image.
+
+        Args:
+            captured: Number of captured frames, behind which their mirror images lie.
+        """
+        frames, half, count = len(self.frames_kept), self.state_count // 2, self.action_count // 2
+        own, others = self.state_frames[:half], self.state_frames[half:]
+        if 2 * captured == frames and np.array_equal(own + captured, others):
+            ways = self.state_frames[self.action_states].astype(np.int64) * frames + self.action_first
+            images = ways[:count] + captured * frames
+            images += np.where(self.action_first[:count] < captured, captured, -captured)
+            order = np.argsort(ways, kind="stable")
+            if np.array_equal(np.sort(images), ways[order][count:]):
+                result: Array = order[np.searchsorted(ways[order], images)]
+                return result
+        return np.zeros(0, np.int64)
+
 
 def graph_of_transitions(
     transitions: Transitions, clip_starts: Array, threshold: float, clip_names: tuple[str, ...] = ()

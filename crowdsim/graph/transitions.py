@@ -54,8 +54,9 @@ def find_transitions(
     most: int,
     ceiling: float = np.inf,
     progress: Progress | None = None,
+    leading: int | None = None,
 ) -> Transitions:
-    """Return the cheapest transitions of each frame.
+    """Return the cheapest transitions of each frame, or of the leading frames.
 
     Blocks of frames go through all threads one after another; the result is the same for any number of threads. Where
     costs are equal the earlier frame is taken.
@@ -68,9 +69,11 @@ def find_transitions(
         near: Frames of one clip must be this far apart, at least 1.
         most: Transitions to keep of each frame, at least 1.
         ceiling: Largest cost [m].
-        progress: Called with ('transitions', frames done, F).
+        progress: Called with ('transitions', frames done, frames whose transitions are found).
+        leading: Number of frames, from the first on, whose transitions are found; all when None.
     """
     frames = len(features)
+    leading = frames if leading is None else leading
     rows = _prepared(features)
     tiles = np.ascontiguousarray(rows.reshape(-1, _TILE, rows.shape[1]).transpose(0, 2, 1))
     clips = np.repeat(np.arange(len(clip_starts) - 1, dtype=np.int32), np.diff(clip_starts))
@@ -87,22 +90,46 @@ def find_transitions(
     best_squares = np.full((frames, most), np.inf, np.float32)
     # One rounding above, so that a cost of exactly the ceiling is met; the last word is the caller's comparison below.
     highest = np.float32(min(np.nextafter(np.float32(ceiling), np.float32(np.inf)).astype(float) ** 2, 1e30))
-    for start in range(0, frames, block):
-        stop = min(frames, start + block)
+    for start in range(0, leading, block):
+        stop = min(leading, start + block)
         top = max(0, start - 1)
         bottom = top + -(-(min(frames, stop + 1) - top) // 2) * 2
-        limit = min(highest, best_squares[:, -1].max())
+        limit = min(highest, best_squares[:leading, -1].max())
         square_distances(rows, tiles, top, bottom, limit, squares)
         local_minima(squares, top, start, stop, facts, limit, minima)
         keep_cheapest(start, stop - start, minima, last, best_frames, best_squares)
         if progress is not None:
-            progress("transitions", stop, frames)
+            progress("transitions", stop, leading)
+    return _kept(best_frames[:leading], best_squares[:leading], ceiling)
+
+
+def _kept(best_frames: Array, best_squares: Array, ceiling: float) -> Transitions:
+    """Return the transitions up to a ceiling, of partners of frames and their squared distances, shapes (F, N)."""
     costs = np.sqrt(best_squares)
     kept = np.isfinite(best_squares) & (costs <= np.float32(ceiling))
-    sources = np.repeat(np.arange(frames, dtype=np.int32), kept.sum(axis=1))
+    sources = np.repeat(np.arange(len(costs), dtype=np.int32), kept.sum(axis=1))
     targets = best_frames[kept] + np.int32(1)
     order = np.lexsort((targets, sources))
     return Transitions(sources[order], targets[order], costs[kept][order])
+
+
+def with_images(transitions: Transitions, captured: int, frames: int) -> Transitions:
+    """Return transitions out of captured frames and, after them, their mirror images.
+
+    Args:
+        transitions: The transitions; all sources are captured frames.
+        captured: Number of captured frames, behind which their mirror images lie; F where there are none.
+        frames: Number of all frames F.
+    """
+    if captured == frames:
+        return transitions
+    order = np.lexsort(((transitions.targets + captured) % frames, transitions.sources))
+    sources, targets = transitions.sources + np.int32(captured), (transitions.targets + np.int32(captured)) % frames
+    return Transitions(
+        np.concatenate([transitions.sources, sources[order]]),
+        np.concatenate([transitions.targets, targets[order].astype(np.int32)]),
+        np.concatenate([transitions.costs, transitions.costs[order]]),
+    )
 
 
 def decision_frames(transitions: Transitions, worth: Array, clip_starts: Array, spacing: int) -> Array:

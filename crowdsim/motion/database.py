@@ -89,6 +89,13 @@ class MotionDatabase:
         return int(self.clip_starts[-1])
 
     @property
+    def captured_frames(self) -> int:
+        """Number of control frames before the mirror images: that of frame f is f + this. F without mirror images."""
+        count = len(self.clip_names) // 2
+        images = tuple(f"{name}~mirror" for name in self.clip_names[:count])
+        return int(self.clip_starts[count]) if count and self.clip_names[count:] == images else self.frame_count
+
+    @property
     def seconds(self) -> float:
         """Length of all clips [s]."""
         return self.frame_count / self.control_rate

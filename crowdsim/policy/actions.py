@@ -71,6 +71,26 @@ class Actions(NamedTuple):
         return self.paths[self.path_offsets[1:] - 1]
 
 
+def leading_actions(actions: Actions, states: int) -> Actions:
+    """Return the actions of the first states of a graph; they may end in states that come later."""
+    count = int(actions.offsets[states])
+    paths, strikes = int(actions.path_offsets[count]), int(actions.strike_offsets[count])
+    return Actions(
+        offsets=actions.offsets[: states + 1],
+        next=actions.next[:count],
+        lengths=actions.lengths[:count],
+        shifts=actions.shifts[:count],
+        costs=actions.costs[:count],
+        path_offsets=actions.path_offsets[: count + 1],
+        paths=actions.paths[:paths],
+        strike_offsets=actions.strike_offsets[: count + 1],
+        strike_times=actions.strike_times[:strikes],
+        strike_places=actions.strike_places[:strikes],
+        strike_speeds=actions.strike_speeds[:strikes],
+        strike_ids=actions.strike_ids[:strikes],
+    )
+
+
 def build_actions(database: MotionDatabase, graph: MotionGraph, alignment: Alignment | None = None) -> Actions:
     """Return the actions of a graph over a database.
 

@@ -49,14 +49,18 @@ class Alignment(NamedTuple):
 
 
 def align_actions(database: MotionDatabase, graph: MotionGraph) -> Alignment:
-    """Return how the actions of a graph are laid on their states; what continues the capture is not shifted."""
-    stride = database.stride
-    chosen = np.flatnonzero(graph.action_cuts)
+    """Return how the actions of a graph are laid on their states; what continues the capture is not shifted.
+
+    Mirror images of actions are laid in mirror image.
+    """
+    stride, images = database.stride, graph.action_images(database.captured_frames)
+    chosen = np.flatnonzero(graph.action_cuts[: len(images) or graph.action_count])
     before = graph.state_frames[graph.action_states[chosen]].astype(np.int64) * stride
     after = (np.asarray(graph.action_first, dtype=np.int64)[chosen] - 1) * stride
     shifts, steps = np.zeros((graph.action_count, 3), np.float32), np.zeros(graph.action_count, np.float32)
     if len(chosen):
         shifts[chosen], steps[chosen] = align_cuts(database, before, after)
+    shifts[images], steps[images] = shifts[: len(images)] * [-1.0, 1.0, -1.0], steps[: len(images)]
     return Alignment(shifts, steps)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,10 +11,11 @@ import numpy as np
 from crowdsim.core.types import Array, Progress
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
-from crowdsim.policy.actions import Actions
+from crowdsim.policy.actions import Actions, leading_actions
 from crowdsim.policy.environment import Grid
 from crowdsim.policy.policy import Behaviour
 from crowdsim.policy.rewards import TargetBody, Term
+from crowdsim.training.mirroring import values_with_images
 from crowdsim.training.recipe import BehaviourSpec, QLearningSpec
 from crowdsim.training.scales import SHOWN, action_values_at, advantages, decisive_scale, fades_of
 from crowdsim.training.solution import Solution, q_table
@@ -30,20 +32,30 @@ def train_behaviour(
     body: TargetBody,
     precision: str = "float32",
     progress: Progress | None = None,
+    solved: int | None = None,
 ) -> tuple[Behaviour, Solution]:
-    """Return one behaviour trained over the actions of a graph, and what its solver found."""
+    """Return one behaviour trained over the actions of a graph, and what its solver found.
+
+    With ``solved`` (``mirroring.solved_states``) the other states are the mirror images of as many that are solved.
+    """
     from crowdsim.training.ranges import sample_targets
 
-    model_on, grid, terms = prepare_models(name, spec, database, actions, body, progress)
+    own = actions if solved is None else leading_actions(actions, solved)
+    model_on, grid, terms = prepare_models(name, spec, database, own, body, progress)
     solution = solve(name, spec, model_on, grid, progress)
+    targets = sample_targets(database)
+    worth = action_values_at(targets, grid, terms, solution.values, spec.discount, own, body)
+    spread = decisive_scale(worth, own, fades_of(grid, targets), float(np.abs(solution.values).max()))
+    if own.state_count < actions.state_count:
+        solution = replace(solution, values=values_with_images(solution.values, grid))
     if spec.lookup == "v":
         table = solution.values.ravel()
+    elif solution.q is not None:
+        table = solution.q
     else:
-        table = solution.q if solution.q is not None else q_table(model_on(grid), solution.values)
+        model_of_all, _, _ = prepare_models(name, spec, database, actions, body, progress)
+        table = q_table(model_of_all(grid), solution.values)
     table = np.asarray(table, dtype=np.float32)
-    targets = sample_targets(database)
-    worth = action_values_at(targets, grid, terms, solution.values, spec.discount, actions, body)
-    spread = decisive_scale(worth, actions, fades_of(grid, targets), float(np.abs(solution.values).max()))
     if spec.lookup == "q" and precision == "int8":
         table = advantages(table, actions, grid.cells, SHOWN * spread)
     stored, zero, step = bundle.encode(table, precision)

@@ -10,6 +10,10 @@ is between grid points. ``next`` is what the best action is worth there, by one 
 * ``max_of_interpolated``: the greatest interpolated Q, max over a' of sum of w Q(a', cell). It is the paper's.
 * ``interpolation_of_max``: V(s', cell) = max over a' of Q(a', cell), interpolated. It is cheaper by the number of
   actions a state has, and never smaller, since every corner may take another action.
+
+Where motion is mirrored, s* is the mirror image of the state s and c* that of the cell c, and V(s*, c*) = V(s, c). A
+model may then hold the captured states alone: an action that ends in s* ends in s, where the mirror image of the target
+is seen.
 """
 
 from __future__ import annotations
@@ -69,13 +73,14 @@ class Model:
         grid: The environment.
         discount: gamma, a control frame.
         offsets: CSR: actions of each state. Shape (S + 1,), int32.
-        next: State in which each action ends. Shape (A,), int32.
+        next: State in which each action ends, or whose mirror image that is. Shape (A,), int32.
         discounts: gamma^T of each action. Shape (A,), float32.
         axes: The distance and the bearing as compiled code reads them: first point (squeezed), points a unit, count,
             rate, whether it wraps, stride in a table. One that the grid lacks has a single point. Shape (2, 6),
             float32.
         ends: The ground where each action ends: what is added to a place along x and z [m], with the way that the
-            target goes meanwhile, and cosine and sine of the heading. Shape (O, A, 4), float32.
+            target goes meanwhile, cosine and sine of the heading, and -1 where the action ends in the mirror image of
+            a state, else 1. Shape (O, A, 5), float32.
         xs: Where the target of each moving cell is, to the left [m]. Shape (M,), float32.
         zs: Ahead.
         probabilities: p(o). Shape (O,), float32.
@@ -148,7 +153,8 @@ def build_model(
     """Return the model of one behaviour over the actions of a graph.
 
     Args:
-        actions: The graph's actions.
+        actions: The graph's actions, or those of the captured states alone, S of them: an action that ends in state
+            S + s ends in the mirror image of state s.
         grid: The environment.
         terms: The reward's terms.
         body: Sizes of the target.
@@ -174,7 +180,7 @@ def build_model(
         grid=grid,
         discount=discount,
         offsets=actions.offsets,
-        next=actions.next,
+        next=actions.next % np.int32(actions.state_count),
         discounts=(discount ** actions.lengths.astype(np.float64)).astype(np.float32),
         axes=moving_axes(grid),
         ends=action_ends(actions, movement),
@@ -223,6 +229,7 @@ def action_ends(actions: Actions, movement: Movement) -> Array:
     """Return the ground where each action ends, for each way in which the target moves (``Model.ends``)."""
     x, z, heading = actions.displacements.T.astype(float)
     gone = movement.velocities[:, None, :] * actions.lengths[:, None]
-    turned = np.broadcast_to([np.cos(heading), np.sin(heading)], (len(gone), 2, len(x)))
-    ends = np.stack([gone[..., 0] - x, gone[..., 1] - z, turned[:, 0], turned[:, 1]], axis=-1)
+    side = np.where(actions.next < actions.state_count, 1.0, -1.0)
+    turned = np.broadcast_to([np.cos(heading), np.sin(heading), side], (len(gone), 3, len(x)))
+    ends = np.stack([gone[..., 0] - x, gone[..., 1] - z, *turned.swapaxes(0, 1)], axis=-1)
     return ends.astype(np.float32)

@@ -6,6 +6,8 @@ the average over targets all around and over behaviours, alone and together; it 
 that adds most. Of decisions too near to one another those stay that add most, and no way out may land just before
 one: cuts that follow at once are seen most. Among the rest ways out are then chosen once more. The graph of what is
 left has fewer decisions, each among fewer actions, and hardly earns less (``benchmarks/policy_quality.py``).
+
+Mirrored motion is judged once for both sides: the ways out of mirror images are the mirror images of those kept.
 """
 
 from __future__ import annotations
@@ -16,9 +18,10 @@ import numpy as np
 
 from crowdsim.core.types import Array, Progress
 from crowdsim.graph.states import MotionGraph, graph_of_transitions
-from crowdsim.graph.transitions import Transitions, decision_frames
-from crowdsim.policy.actions import Actions, build_actions
+from crowdsim.graph.transitions import Transitions, decision_frames, with_images
+from crowdsim.policy.actions import Actions, build_actions, leading_actions
 from crowdsim.policy.rewards import TargetBody, Term, TransitionTerm
+from crowdsim.training.mirroring import solved_states
 from crowdsim.training.recipe import BehaviourSpec, PruningSpec, ValueIterationSpec
 
 if TYPE_CHECKING:
@@ -55,26 +58,43 @@ def prune_graph(
     """
     actions = build_actions(database, graph)
     values: dict[str, Array] = {}
+    states = _judged_states(database, graph, specs)
     keep, gains = judge_ways(database, graph, actions, specs, body, settings.ways, progress, values)
-    ways = _ways(graph, graph.action_cuts)
+    cuts = graph.action_cuts[: len(keep)]
+    ways = _ways(graph, cuts)
     worth = np.zeros(len(ways))
-    chosen = keep[graph.action_cuts]
+    chosen = keep[cuts]
     # What adds nothing is worth a little more than nothing, so that no frame loses all its ways for that.
-    worth[chosen] = gains[graph.action_cuts][chosen] + 1e-9
+    worth[chosen] = gains[cuts][chosen] + 1e-9
     spacing = _frames(settings.spacing, database)
     decisions = decision_frames(ways.chosen(chosen), worth[chosen], database.clip_starts, spacing)
     landing = _frames(settings.landing, database)
     if landing > 1:
-        fits = decisions[ways.sources] & (_uncut(ways, decisions, database) >= landing)
-        wide = graph
-        graph = graph_of_transitions(ways.chosen(fits), database.clip_starts, wide.threshold, database.clip_names)
+        mirrored = states < graph.state_count
+        everywhere = decisions | np.roll(decisions, database.captured_frames) if mirrored else decisions
+        fits = decisions[ways.sources] & (_uncut(ways, everywhere, database) >= landing)
+        wide = graph.state_frames[:states]
+        graph = _graph_of(database, ways.chosen(fits), graph.threshold, mirrored)
+        states = _judged_states(database, graph, specs)
+        values = _values_at(graph.state_frames[:states], values, wide)
         actions = build_actions(database, graph)
-        values = _values_at(graph.state_frames, values, wide.state_frames)
         keep, _ = judge_ways(database, graph, actions, specs, body, settings.ways, progress, values)
-        left = _ways(graph, graph.action_cuts & keep)
+        left = _ways(graph, graph.action_cuts[: len(keep)] & keep)
     else:
         left = ways.chosen(chosen & decisions[ways.sources])
-    return graph_of_transitions(left, database.clip_starts, graph.threshold, database.clip_names)
+    return _graph_of(database, left, graph.threshold, states < graph.state_count)
+
+
+def _judged_states(database: MotionDatabase, graph: MotionGraph, specs: dict[str, BehaviourSpec]) -> int:
+    """Return how many states ways are judged of: the captured ones where that is enough (``solved_states``)."""
+    return solved_states(database, graph, map(_coarse, specs.values()))
+
+
+def _graph_of(database: MotionDatabase, ways: Transitions, threshold: float, mirrored: bool) -> MotionGraph:
+    """Return the graph of some transitions, with their mirror images if it is ``mirrored``."""
+    if mirrored:
+        ways = with_images(ways, database.captured_frames, database.frame_count)
+    return graph_of_transitions(ways, database.clip_starts, threshold, database.clip_names)
 
 
 def _frames(seconds: float, database: MotionDatabase) -> int:
@@ -120,13 +140,15 @@ def judge_ways(
 
     Returns:
         Whether each action is kept, shape (A,), bool; where captured motion runs on, it always is. What each of the
-        others adds to what its state is worth, in parts of the behaviours' scales, shape (A,), float64.
+        others adds to what its state is worth, in parts of the behaviours' scales, shape (A,), float64. A counts the
+        actions of the states that are solved (``mirroring.solved_states``).
     """
     from crowdsim.training.behaviours import prepare_models, solve
     from crowdsim.training.kernels import judging
     from crowdsim.training.ranges import sample_targets
     from crowdsim.training.scales import action_values_at, decisive_scale, fades_of
 
+    actions = leading_actions(actions, _judged_states(database, graph, specs))
     targets, values = sample_targets(database), {} if values is None else values
     worth = np.empty((len(specs), actions.action_count, len(targets)), np.float32)
     factors, prices = np.zeros((len(specs), len(targets))), np.zeros((len(specs), actions.action_count))
@@ -140,7 +162,8 @@ def judge_ways(
         factors[row] = (fades / scale if scale > 0.0 else 0.0) if spec.normalise else fades
         prices[row] = _prices(terms, actions)
     keep, gains = np.zeros(actions.action_count, np.uint8), np.zeros(actions.action_count)
-    judging.judge_ways(actions.offsets, graph.action_cuts, judging.Judged(worth, factors, prices), ways, keep, gains)
+    cuts = graph.action_cuts[: len(keep)]
+    judging.judge_ways(actions.offsets, cuts, judging.Judged(worth, factors, prices), ways, keep, gains)
     if progress is not None:
         progress("prune, ways out", actions.state_count, actions.state_count)
     return keep.astype(bool), gains

@@ -53,7 +53,7 @@ class Motion(StrictModel):
 
     performer: PerformerSource | None = Field(default=None, description="Motion of the embedded boxer.")
     capture: CaptureSource | None = Field(default=None, description="Motion of BVH files.")
-    mirror: bool = Field(default=True, description="Add the mirror image of every clip.")
+    mirror: bool = Field(default=True, description="Add the mirror image of every clip; training learns both from one.")
     trim: bool = Field(default=True, description="Cut off calibration poses at the start of a clip.")
 
     @model_validator(mode="after")

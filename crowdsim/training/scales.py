@@ -37,7 +37,7 @@ def action_values_at(
         terms: The reward's terms.
         values: V. Shape (S, C).
         discount: gamma, a control frame.
-        actions: The graph's actions.
+        actions: The graph's actions, or those of the captured states (``build_model``).
         body: Sizes of the target.
 
     Returns:
@@ -61,7 +61,8 @@ def action_values_at(
     )
     places = Places(*(np.ascontiguousarray(targets[:, axis], np.float32) for axis in (0, 2, 3, 4)))
     result = np.empty((actions.action_count, len(targets)), np.float32)
-    fill_action_values(actions, learned, places, result)
+    own = actions._replace(next=actions.next % np.int32(actions.state_count))
+    fill_action_values(own, learned, places, result)
     return result
 
 

@@ -139,6 +139,7 @@ def train_policy(
         MotionError: The motion cannot be used, or holds no strikes where behaviours need them.
     """
     from crowdsim.graph.motion_graph import build_graph
+    from crowdsim.training.mirroring import solved_states
     from crowdsim.training.pruning import prune_graph
     from crowdsim.training.statistics import policy_statistics
 
@@ -163,10 +164,10 @@ def train_policy(
         trained, solutions = [], {}
         for label, spec in recipe.behaviours.items():
             begun = time.perf_counter()
-            behaviour, solution = train_behaviour(label, spec, database, actions, body, recipe.precision, progress)
-            trained.append(behaviour)
-            solutions[label] = solution
-            timings["behaviours"][label] = _timing(solution, time.perf_counter() - begun)
+            n = solved_states(database, graph, [spec])
+            one, solutions[label] = train_behaviour(label, spec, database, actions, body, recipe.precision, progress, n)
+            trained.append(one)
+            timings["behaviours"][label] = _timing(solutions[label], time.perf_counter() - begun)
         behaviours, values = _join_tables(trained)
         policy = Policy(
             name=name,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from crowdsim.graph.features import frame_features
 from crowdsim.graph.settings import GraphSettings
-from crowdsim.graph.transitions import Transitions, decision_frames, find_transitions
+from crowdsim.graph.transitions import Transitions, decision_frames, find_transitions, with_images
 
 
 def as_dict(found):
@@ -78,6 +78,24 @@ def test_a_ceiling_leaves_off_the_dear_ones_of_the_cheapest_and_nothing_else():
     assert same_bytes(
         every.chosen(every.costs <= np.float32(ceiling)), find_transitions(features, starts, contacts, 4, 8, ceiling)
     )
+
+
+def test_transitions_of_the_leading_frames_are_those_of_all_frames_that_begin_there():
+    features, starts, contacts = random_case(5, [150, 90, 160])
+    for ceiling in (np.inf, 1.0):
+        every = find_transitions(features, starts, contacts, 4, 6, ceiling)
+        leading = find_transitions(features, starts, contacts, 4, 6, ceiling, leading=240)
+        assert (leading.targets > 240).any()
+        assert same_bytes(leading, every.chosen(every.sources < 240))
+
+
+def test_images_of_transitions_lie_as_far_behind_them_as_captured_frames_are_many():
+    some = Transitions(*(np.array(part, np.int32) for part in ([0, 0, 3], [2, 7, 9])), np.array([1, 2, 3], np.float32))
+    both = with_images(some, 5, 10)
+    assert both.sources.tolist() == [0, 0, 3, 5, 5, 8]
+    assert both.targets.tolist() == [2, 7, 9, 2, 7, 4]
+    assert both.costs.tolist() == [1, 2, 3, 2, 1, 3]
+    assert with_images(some, 10, 10) is some
 
 
 def test_a_walk_that_repeats_exactly_has_transitions_at_cost_zero_whole_periods_apart_and_nowhere_else():

@@ -125,6 +125,7 @@ def test_the_same_clips_give_the_same_bytes(database, clips):
 def test_mirror_images_follow_the_clips(database, clips):
     both = build_database(measure_clips(clips), mirror=True)
     assert both.clip_names == ("first", "second", "first~mirror", "second~mirror")
+    assert both.captured_frames == database.captured_frames == database.frame_count
     half = database.frame_count
     assert both.clip_starts.tolist() == [*database.clip_starts.tolist(), *(half + database.clip_starts[1:]).tolist()]
     np.testing.assert_allclose(both.ground[4 * half :, 0], -both.ground[: 4 * half, 0], atol=1e-6)

@@ -104,7 +104,8 @@ def test_what_is_kept_is_what_an_obvious_search_keeps(motion, wide, recipe):
     actions, body = build_actions(motion, wide), target_body(motion)
     keep, gains = judge_ways(motion, wide, actions, recipe.behaviours, body, ways=3)
     expected_keep, expected_gains = ways_worth_keeping(motion, wide, actions, recipe.behaviours, body, ways=3)
-    states = np.arange(0, wide.state_count, 7)
+    states = np.arange(0, wide.captured_states(motion.captured_frames), 7)
+    assert len(keep) == len(gains) == wide.action_count // 2
     some = np.concatenate([np.arange(*wide.action_offsets[s : s + 2]) for s in states])
     np.testing.assert_array_equal(keep[some], expected_keep[some])
     np.testing.assert_allclose(gains[some], expected_gains[some], rtol=1e-4, atol=1e-7)
@@ -126,7 +127,7 @@ def test_an_avatar_earns_more_by_the_ways_of_worth_than_by_as_many_that_are_chea
     assert worthy.action_count < 0.5 * wide.action_count
     assert earned[1] > 1.03 * earned[0]
     # Half of the targets that ways are judged by move; here all stand still.
-    assert earned[1] > 0.7 * earned[2]
+    assert earned[1] > 0.65 * earned[2]
 
 
 def test_targets_lie_all_around_and_half_of_them_within_reach(motion):

@@ -70,7 +70,7 @@ def test_successors_are_where_the_plain_grid_sees_the_target_after_each_action(g
 def test_bearings_come_within_a_few_millionths_of_the_arc_tangent():
     angles = np.concatenate([np.linspace(-np.pi, np.pi, 2001), np.arange(-4, 5) * np.pi / 4])
     axes = np.array([[0, 1, 1, 0, 0, 0], [-np.pi, 1000, 7000, 0, 0, 1]], np.float32)
-    ends, count = np.array([0, 0, 1, 0], np.float32), len(angles)
+    ends, count = np.array([0, 0, 1, 0, 1], np.float32), len(angles)
     found = empty_successors(count)
     find_successors(axes, ends, *(part(angles).astype(np.float32) for part in (np.sin, np.cos)), found)
     error = (found.lowers + found.around) / 1000.0 - np.pi - angles

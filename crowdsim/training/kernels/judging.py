@@ -25,7 +25,7 @@ class Learned(NamedTuple):
 
     Attributes:
         axes: The moving axes of its grid (``Model.axes``).
-        ends: Where each action ends (``Model.ends``), for a target that stands still. Shape (A, 4), float32.
+        ends: Where each action ends (``Model.ends``), for a target that stands still. Shape (A, 5), float32.
         discounts: gamma^T of each action. Shape (A,), float32.
         values: V. Shape (S, C), float32.
         terms: The terms of its reward (``rewards.pack_terms``).

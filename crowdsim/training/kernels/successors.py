@@ -14,7 +14,7 @@ from crowdsim.jit import kernel
 DISTANCE, BEARING = range(2)
 FIRST, PER_STEP, COUNT, RATE, WRAPS, STRIDE = range(6)
 # Columns of ``Model.ends``.
-LEFT, AHEAD, COS, SIN = range(4)
+LEFT, AHEAD, COS, SIN, SIDE = range(5)
 
 
 class Successors(NamedTuple):
@@ -69,7 +69,7 @@ def find_successors(axes, end, xs, zs, found):
         found: Written.
     """
     zero, one = np.float32(0.0), np.float32(1.0)
-    left, ahead, cos, sin = end[LEFT], end[AHEAD], end[COS], end[SIN]
+    left, ahead, cos, sin, side = end[LEFT], end[AHEAD], end[COS], end[SIN], end[SIDE]
     nearest, rate, rings = axes[DISTANCE, FIRST], axes[DISTANCE, RATE], axes[DISTANCE, PER_STEP]
     farthest = axes[DISTANCE, COUNT] - one
     least, sectors, count = axes[BEARING, FIRST], axes[BEARING, PER_STEP], axes[BEARING, COUNT]
@@ -81,7 +81,7 @@ def find_successors(axes, end, xs, zs, found):
     for i in range(len(xs)):
         m = np.uint64(i)
         dx, dz = xs[m] + left, zs[m] + ahead
-        x, z = dx * cos - dz * sin, dx * sin + dz * cos
+        x, z = side * (dx * cos - dz * sin), dx * sin + dz * cos
         distance = np.float32(math.sqrt(x * x + z * z))
         place = min(max((distance / (one + rate * distance) - nearest) * rings, zero), farthest)
         ring = np.float32(np.int32(min(place, below)))
@@ -124,7 +124,7 @@ def list_corners(axes, ends, xs, zs, cells, weights):
 
     Args:
         axes: ``Model.axes``.
-        ends: ``Model.ends``. Shape (O, A, 4).
+        ends: ``Model.ends``. Shape (O, A, 5).
         xs: Where the targets are, to the left [m]. Shape (M,), float32.
         zs: Ahead.
         cells: Written: cells of a table, in its first layer. Shape (O, A, M, 4).
