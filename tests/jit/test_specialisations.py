@@ -1,4 +1,4 @@
-"""Each kernel is compiled for one signature, over trainings, runs and all outputs, and the list of signatures is true."""
+"""Each kernel is compiled for one signature, over trainings, runs and all outputs, and the list of them is true."""
 
 import json
 import subprocess
