@@ -75,7 +75,7 @@ def test_a_run_is_read_as_the_package_has_it(witness: SimpleNamespace, workplace
     poses = sampler.sample(0, take.output_frames(60), 60)[0]
     positions, _ = poses.joints()
     database, times = policies[0].database, np.arange(len(positions)) / 60.0
-    shown = sampler.window(0, np.arange(2), times).place(Moments(np.arange(2), times[:, None]))
+    shown = sampler.window(0, np.arange(2), times).playback(Moments(np.arange(2), times[:, None]))
     np.testing.assert_allclose(stage.frames.T, shown.frames + shown.fractions, atol=1e-3)
     np.testing.assert_allclose(stage.scales, take.cast.scales, rtol=1e-5)
     roles = [database.body.roles[name] for name in witness.witness.JOINTS]
