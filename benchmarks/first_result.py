@@ -9,7 +9,7 @@
 * reference: importing scipy and Open3D, and numba compiling a function of its own, so that machines can be compared.
 
 Seconds of stages are those that ``crowdsim run --json`` reports. ``outputs`` holds files and megabytes of each output.
-With ``--quick`` the policies are small, and so is the brawl.
+With ``--quick`` the policies are small, so is the brawl, and kernels that are compiled already are used.
 """
 
 from __future__ import annotations
@@ -54,19 +54,19 @@ def empty(quick: bool) -> Iterator[Path]:
     before, cache = Path.cwd(), os.environ.get("NUMBA_CACHE_DIR")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name).resolve()
-        os.environ["NUMBA_CACHE_DIR"] = str(folder / "kernels")
         try:
             if quick:
                 with small_policies():
                     yield folder / "kernels"
             else:
+                os.environ["NUMBA_CACHE_DIR"] = str(folder / "kernels")
                 (folder / "policies").mkdir()
                 for path in (ROOT / "policies").glob("*.yaml"):
                     shutil.copy(path, folder / "policies")
                 os.chdir(folder)
                 yield folder / "kernels"
         finally:
-            os.environ.pop("NUMBA_CACHE_DIR")
+            os.environ.pop("NUMBA_CACHE_DIR", None)
             if cache is not None:
                 os.environ["NUMBA_CACHE_DIR"] = cache
             os.chdir(before)
