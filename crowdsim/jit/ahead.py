@@ -1,7 +1,7 @@
 """Kernels that will be needed are compiled by processes of their own, while this one gets on with its work.
 
-Each worker goes through the list of ``signatures`` in the order of need, and compiles what nobody has compiled or is
-compiling. Where a worker dies, or cannot write, the kernel is compiled when it is called, as it would have been anyhow.
+Each worker goes through the list of ``signatures`` in the order of need, and compiles each kernel that no process has
+compiled or is compiling. Where a worker dies, cannot start or cannot write, kernels are compiled when they are called.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,8 @@ from crowdsim.jit.signatures import Listed, listed, resolve
 PACKAGE = Path(__file__).resolve().parent.parent
 SECONDS = 1.5
 """Roughly what a kernel takes to compile [s]."""
+PATIENCE = 0.5
+"""How long a worker may take to stop, which it does not while it optimises a kernel [s]."""
 
 
 @contextmanager
@@ -38,14 +40,22 @@ def compile_ahead(uses: Collection[str], workers: int) -> Iterator[str]:
     seconds = max(1, round(SECONDS * len(missing) / max(1, workers)))
     cores = "1 core" if workers < 2 else f"{workers} cores"
     report = f"compiling {len(missing)} kernels, which takes about {seconds} s on {cores} and is done once"
-    processes = [_start(uses) for _ in range(min(workers, len(missing)) if workers > 1 else 0)]
+    processes: list[subprocess.Popen[bytes]] = []
     try:
+        # A system that has no room for more processes compiles in this one.
+        with suppress(OSError):
+            for _ in range(min(workers, len(missing)) if workers > 1 else 0):
+                processes.append(_start(uses))
         yield report if missing else ""
     finally:
         for process in processes:
             process.terminate()
         for process in processes:
-            process.wait()
+            try:
+                process.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
 
 
 def _is_compiled(entry: Listed) -> bool:

@@ -84,6 +84,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             yield False
             return
         except (OSError, NotImplementedError):
+            # The folder cannot be written, or its file system has no locks.
             yield True
             return
         try:

@@ -205,3 +205,37 @@ def test_results_have_the_same_bits_whether_what_a_kernel_calls_was_kept_or_not(
     compiled[0].unlink()
     assert finish(start(SUM)) == fresh
     assert compiled[0].is_file()
+
+
+def test_where_no_worker_can_be_started_a_run_goes_on(twig):
+    _, start = twig
+    program = """
+import json
+import numpy as np
+from twig.jit import ahead
+def fail(uses):
+    raise BlockingIOError("no more processes")
+ahead._start = fail
+with ahead.compile_ahead(["few"], 2):
+    import twig.first_kernels as first
+    print(json.dumps(first.first(np.ones(3), (1, 2))))
+"""
+    assert finish(start(program)) == 4.0
+
+
+def test_a_worker_that_does_not_stop_is_ended(twig):
+    _, start = twig
+    program = """
+import json, subprocess, sys, time
+from twig.jit import ahead
+slow = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print(flush=True); time.sleep(60)"
+def begin(uses):
+    process = subprocess.Popen([sys.executable, "-c", slow], stdout=subprocess.PIPE)
+    process.stdout.readline()
+    return process
+ahead._start = begin
+with ahead.compile_ahead(["few"], 2):
+    begun = time.monotonic()
+print(json.dumps(time.monotonic() - begun))
+"""
+    assert finish(start(program)) < 10

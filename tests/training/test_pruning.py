@@ -111,23 +111,35 @@ def test_what_is_kept_is_what_an_obvious_search_keeps(motion, wide, recipe):
     np.testing.assert_allclose(gains[some], expected_gains[some], rtol=1e-4, atol=1e-7)
 
 
-@pytest.mark.parametrize(("name", "far"), [("approach", (0.6, 4.0)), ("punch", (0.3, 1.6))])
-def test_an_avatar_earns_more_by_the_ways_of_worth_than_by_as_many_that_are_cheap(motion, wide, recipe, name, far):
-    cheap = build_graph(motion, recipe.graph.model_copy(update={"branching": 5}))
-    worthy = prune(motion, wide, recipe, ways=5, spacing=0.0, landing=0.0)
-    earned = []
-    for graph in (cheap, worthy, wide):
-        actions, body = build_actions(motion, graph), target_body(motion)
-        behaviour, _ = train_behaviour(name, recipe.behaviours[name], motion, actions, body)
-        draw = np.random.default_rng(1)
-        states = draw.integers(0, actions.state_count, 400).astype(np.int32)
-        distance, bearing = draw.uniform(*far, 400), draw.uniform(-np.pi, np.pi, 400)
-        targets = np.stack([distance * np.sin(bearing), np.full(400, 1.5), distance * np.cos(bearing)], axis=-1)
-        earned.append(run_episodes(actions, behaviour, body, motion.control_rate, states, targets).returns.mean())
-    assert worthy.action_count < 0.5 * wide.action_count
-    assert earned[1] > 1.03 * earned[0]
+def returns_of(recipe, motion, graph, name, far):
+    """Mean return of 400 episodes of a behaviour that is learned on a graph, towards targets ``far`` away."""
+    actions, body = build_actions(motion, graph), target_body(motion)
+    behaviour, _ = train_behaviour(name, recipe.behaviours[name], motion, actions, body)
+    draw = np.random.default_rng(1)
+    states = draw.integers(0, actions.state_count, 400).astype(np.int32)
+    distance, bearing = draw.uniform(*far, 400), draw.uniform(-np.pi, np.pi, 400)
+    targets = np.stack([distance * np.sin(bearing), np.full(400, 1.5), distance * np.cos(bearing)], axis=-1)
+    return run_episodes(actions, behaviour, body, motion.control_rate, states, targets).returns.mean()
+
+
+@pytest.mark.parametrize(
+    ("name", "far", "share"), [("approach", (0.6, 4.0), 0.95), ("punch", (0.3, 1.6), 0.75)], ids=["approach", "punch"]
+)
+def test_an_avatar_earns_more_by_the_ways_of_worth_than_by_as_many_that_are_cheap(tmp_path, name, far, share):
+    shares = []
+    for seed in (3, 4, 5):
+        (tmp_path / "wide.yaml").write_text(RECIPE.replace("seed: 3", f"seed: {seed}"))
+        recipe = load_recipe(tmp_path / "wide.yaml")
+        motion = load_motion(recipe, [])
+        wide = build_graph(motion, recipe.graph)
+        cheap = build_graph(motion, recipe.graph.model_copy(update={"branching": 5}))
+        worthy = prune(motion, wide, recipe, ways=5, spacing=0.0, landing=0.0)
+        earned = [returns_of(recipe, motion, graph, name, far) for graph in (cheap, worthy, wide)]
+        assert worthy.action_count < 0.5 * wide.action_count
+        assert earned[1] > 1.03 * earned[0]
+        shares.append(earned[1] / earned[2])
     # Half of the targets that ways are judged by move; here all stand still.
-    assert earned[1] > 0.65 * earned[2]
+    assert np.mean(shares) > share
 
 
 def test_targets_lie_all_around_and_half_of_them_within_reach(motion):
