@@ -124,7 +124,7 @@ def test_only_kernels_are_compiled(path: Path) -> None:
 @pytest.mark.parametrize("path", MODULES, ids=relative)
 def test_only_point_clouds_import_open3d(path: Path) -> None:
     if any(name.split(".")[0] == "open3d" for name in imports(path)):
-        assert relative(path) == "crowdsim/export/pointcloud.py"
+        assert relative(path) == "crowdsim/export/cloud_files.py"
     assert not any(name.split(".")[0] in ("open3d", "pickle") for name in imports(path, everywhere=False))
 
 

@@ -3,9 +3,11 @@
 import math
 from typing import NamedTuple
 
-from crowdsim.core.quaternions import rotate
 from crowdsim.core.types import Array
 from crowdsim.jit import kernel
+
+MOTION_COLUMNS = 21
+"""What ``place_points`` keeps of a joint: two matrices and a velocity."""
 
 
 class Riders(NamedTuple):
@@ -52,37 +54,53 @@ class When(NamedTuple):
     seconds: float
 
 
-class Points(NamedTuple):
-    """Points in the world; P of them.
+class Wanted(NamedTuple):
+    """Avatars of a cloud, all there at its frame; c of them.
 
     Attributes:
-        positions: Positions [m]. Shape (P, 3), float32.
-        normals: Shape (P, 3), float32.
-        velocities: Shape (3, P), float32 [m/s].
+        columns: Which of the bodies each is. Shape (c,).
+        numbers: Number of the avatar. Shape (c,), int32.
+        teams: Its team. Shape (c,), int32.
     """
 
-    positions: Array
-    normals: Array
-    velocities: Array
+    columns: Array
+    numbers: Array
+    teams: Array
+
+
+@kernel(inline=True)
+def _matrix(q, scale):
+    """Return the matrix of a rotation times a scale, row by row."""
+    w, x, y, z = float(q[0]), float(q[1]), float(q[2]), float(q[3])
+    return (
+        scale * (1.0 - 2.0 * (y * y + z * z)), scale * 2.0 * (x * y - w * z), scale * 2.0 * (x * z + w * y),
+        scale * 2.0 * (x * y + w * z), scale * (1.0 - 2.0 * (x * x + z * z)), scale * 2.0 * (y * z - w * x),
+        scale * 2.0 * (x * z - w * y), scale * 2.0 * (y * z + w * x), scale * (1.0 - 2.0 * (x * x + y * y)),
+    )  # fmt: skip
 
 
 @kernel(allocates=False)
-def _write_velocity(bodies, n, j, low, high, rate, offset, velocity):
-    """Write the mean velocity of a point of a joint between two rows; zero where they are one."""
-    if high <= low:
-        velocity[0], velocity[1], velocity[2] = 0.0, 0.0, 0.0
-        return
-    here, there = bodies.positions[low, n, j], bodies.positions[high, n, j]
-    lx, ly, lz = rotate(bodies.rotations[low, n, j], offset[0], offset[1], offset[2])
-    hx, hy, hz = rotate(bodies.rotations[high, n, j], offset[0], offset[1], offset[2])
-    velocity[0] = (there[0] - here[0] + (hx - lx)) * rate
-    velocity[1] = (there[1] - here[1] + (hy - ly)) * rate
-    velocity[2] = (there[2] - here[2] + (hz - lz)) * rate
+def _measure_joints(bodies, when, n, motions):
+    """Write how an avatar's joints carry their points: position and normal matrices, velocity matrix and shift."""
+    frame = when.frame
+    low = when.before if math.isfinite(bodies.positions[when.before, n, 0, 0]) else frame
+    high = when.after if math.isfinite(bodies.positions[when.after, n, 0, 0]) else frame
+    rate = 1.0 / (when.seconds * (high - low)) if high > low else 0.0
+    scale = float(bodies.scales[n])
+    for j in range(motions.shape[0]):
+        rotation = _matrix(bodies.rotations[frame, n, j], 1.0)
+        here = _matrix(bodies.rotations[low, n, j], scale * rate)
+        there = _matrix(bodies.rotations[high, n, j], scale * rate)
+        for k in range(9):
+            motions[j, k] = rotation[k]
+            motions[j, 9 + k] = there[k] - here[k]
+        for k in range(3):
+            motions[j, 18 + k] = rate * (float(bodies.positions[high, n, j, k]) - float(bodies.positions[low, n, j, k]))
 
 
 @kernel(allocates=False)
-def place_points(bodies, when, columns, riders, first, points):
-    """Put the points of some avatars into the world, with normals and velocities.
+def place_points(bodies, when, wanted, riders, motions, values, labels):
+    """Put the points of some avatars into the world, with normals, velocities and labels.
 
     Velocities are differences between the rows before and after; where the avatar is absent in one of them, or they
     are one row, only as far as the frame.
@@ -90,29 +108,25 @@ def place_points(bodies, when, columns, riders, first, points):
     Args:
         bodies: A ``Bodies``.
         when: A ``When``.
-        columns: Avatars that are wanted, all there at the frame. Shape (c,).
+        wanted: A ``Wanted``.
         riders: A ``Riders``.
-        first: Row of the outputs at which the first avatar's points begin.
-        points: Written, a ``Points``.
-
-    Returns:
-        One past the last row written.
+        motions: Scratch. Shape (J, MOTION_COLUMNS).
+        values: Written: position [m], normal, velocity [m/s] of every point, avatar by avatar. Shape (c K, 9).
+        labels: Written: avatar, team and joint of every point. Shape (c K, 3).
     """
-    row, frame = first, when.frame
-    for n in columns:
-        low = when.before if math.isfinite(bodies.positions[when.before, n, 0, 0]) else frame
-        high = when.after if math.isfinite(bodies.positions[when.after, n, 0, 0]) else frame
-        rate = 1.0 / (when.seconds * (high - low)) if high > low else 0.0
-        scale = bodies.scales[n]
+    row = 0
+    for c in range(wanted.columns.shape[0]):
+        n = wanted.columns[c]
+        scale = float(bodies.scales[n])
+        _measure_joints(bodies, when, n, motions)
         for i in range(riders.joints.shape[0]):
             j, own, normal = riders.joints[i], riders.positions[i], riders.normals[i]
-            offset = own[0] * scale, own[1] * scale, own[2] * scale
-            position, rotation = bodies.positions[frame, n, j], bodies.rotations[frame, n, j]
-            point = points.positions[row]
-            x, y, z = rotate(rotation, offset[0], offset[1], offset[2])
-            point[0], point[1], point[2] = position[0] + x, position[1] + y, position[2] + z
-            _write_velocity(bodies, n, j, low, high, rate, offset, points.velocities[:, row])
-            turned = points.normals[row]
-            turned[0], turned[1], turned[2] = rotate(rotation, normal[0], normal[1], normal[2])
+            motion, position, value, label = motions[j], bodies.positions[when.frame, n, j], values[row], labels[row]
+            for k in range(3):
+                x, y, z = motion[3 * k], motion[3 * k + 1], motion[3 * k + 2]
+                value[k] = position[k] + scale * (x * own[0] + y * own[1] + z * own[2])
+                value[3 + k] = x * normal[0] + y * normal[1] + z * normal[2]
+                x, y, z = motion[9 + 3 * k], motion[10 + 3 * k], motion[11 + 3 * k]
+                value[6 + k] = motion[18 + k] + (x * own[0] + y * own[1] + z * own[2])
+            label[0], label[1], label[2] = wanted.numbers[c], wanted.teams[c], j
             row += 1
-    return row

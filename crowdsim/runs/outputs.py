@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 def expect_outputs(scenario: Scenario) -> None:
     """Begin what outputs of a scenario need later and what can go on beside the simulation."""
-    if scenario.outputs.ply is not None or scenario.outputs.pcd is not None:
-        from crowdsim.export.pointcloud import begin_probe
+    if scenario.outputs.pcd is not None:
+        from crowdsim.export.cloud_files import begin_probe
 
         begin_probe()
 

@@ -9,7 +9,8 @@ from scenes import crowdsim, write_scene
 
 from crowdsim.export import stream
 from crowdsim.export.bvh import BvhSink, export_bvh
-from crowdsim.export.pointcloud import FIELDS, CloudSink, export_clouds
+from crowdsim.export.cloud_files import FIELDS
+from crowdsim.export.pointcloud import CloudSink, export_clouds
 from crowdsim.export.stream import stream_poses
 from crowdsim.runs.preparation import load_policies
 from crowdsim.runs.runner import run
@@ -117,7 +118,7 @@ def test_clouds_read_back_with_all_their_fields(sampler: PoseSampler, tmp_path: 
         found = np.hstack([columns[name] for name in ("nx", "ny", "nz")])
         np.testing.assert_array_equal(found, cloud.normals)
     for row, name in enumerate(("vx", "vy", "vz")):
-        np.testing.assert_array_equal(columns[name][:, 0], cloud.velocities[row])
+        np.testing.assert_array_equal(columns[name][:, 0], cloud.velocities[:, row])
     for name in ("avatar", "team", "joint"):
         assert columns[name].dtype == np.int32
         np.testing.assert_array_equal(columns[name][:, 0], getattr(cloud, name))
@@ -146,10 +147,10 @@ def test_plyfile_and_trimesh_read_clouds_too(sampler: PoseSampler, tmp_path: Pat
 def test_velocities_are_how_points_move(sampler: PoseSampler, tmp_path: Path) -> None:
     sink = CloudSink(sampler, tmp_path, "ply", FPS, 40)
     before, cloud, after = (sink.build(frame) for frame in (4, 5, 6))
-    np.testing.assert_allclose(cloud.velocities.T, (after.positions - before.positions) * FPS / 2, atol=1e-3)
+    np.testing.assert_allclose(cloud.velocities, (after.positions - before.positions) * FPS / 2, atol=1e-3)
     assert 0.1 < np.abs(cloud.velocities).max() < 20
     first, second = sink.build(0), sink.build(1)
-    np.testing.assert_allclose(first.velocities.T, (second.positions - first.positions) * FPS, atol=1e-3)
+    np.testing.assert_allclose(first.velocities, (second.positions - first.positions) * FPS, atol=1e-3)
 
 
 def test_writers_make_no_folders_when_they_are_built(sampler: PoseSampler, tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crowdsim.export.cloud_kernels import Bodies, Points, Riders, When, place_points
+from crowdsim.export.cloud_kernels import MOTION_COLUMNS, Bodies, Riders, Wanted, When, place_points
 from crowdsim.export.surface import build_surface
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import build_body
@@ -57,27 +57,27 @@ def test_points_ride_on_their_joints(clip) -> None:
     joints_at[0, 2] = joints_at[2, 3] = np.nan  # one avatar comes at row 1, one leaves after it
     scales = np.array([1.0, 0.5, 2.0, 1.5], np.float32)
     columns = np.array([0, 2, 3])
-    positions, normals = np.full((151, 3), np.inf, np.float32), np.full((151, 3), np.inf, np.float32)
-    velocities = np.full((3, 151), np.inf, np.float32)
+    values, labels = np.full((150, 9), np.inf, np.float32), np.full((150, 3), -1, np.int32)
     riders = Riders(surface.joints, surface.positions, surface.normals)
-    bodies, points = Bodies(joints_at, rotations, scales), Points(positions, normals, velocities)
-    end = place_points(bodies, When(0, 1, 2, 0.1), columns, riders, 1, points)
-    assert end == 151
-    assert np.isinf(positions[0]).all()
+    wanted = Wanted(columns, np.array([7, 9, 10], np.int32), np.array([0, 1, 1], np.int32))
+    motions = np.full((clip.skeleton.joint_count, MOTION_COLUMNS), np.inf)
+    place_points(Bodies(joints_at, rotations, scales), When(0, 1, 2, 0.1), wanted, riders, motions, values, labels)
     joints = surface.joints
     for number, avatar in enumerate(columns):
-        here = slice(1 + number * 50, 51 + number * 50)
+        here = slice(number * 50, 50 + number * 50)
         rows = [
             joints_at[row, avatar, joints]
             + quaternion.rotate(rotations[row, avatar, joints], surface.positions * scales[avatar])
             for row in range(3)
         ]
         low, high = {0: (0, 2), 2: (1, 2), 3: (0, 1)}[int(avatar)]
-        np.testing.assert_allclose(positions[here], rows[1], atol=1e-5)
+        np.testing.assert_allclose(values[here, :3], rows[1], atol=1e-5)
         expected = quaternion.rotate(rotations[1, avatar, joints], surface.normals)
-        np.testing.assert_allclose(normals[here], expected, atol=1e-5)
+        np.testing.assert_allclose(values[here, 3:6], expected, atol=1e-5)
         expected = (rows[high] - rows[low]) / (0.1 * (high - low))
-        np.testing.assert_allclose(velocities[:, here].T, expected, atol=2e-4)
+        np.testing.assert_allclose(values[here, 6:], expected, atol=2e-4)
+        assert (labels[here, :2] == [[7, 0], [9, 1], [10, 1]][number]).all()
+        np.testing.assert_array_equal(labels[here, 2], joints)
 
 
 def test_a_single_frame_does_not_move(clip) -> None:
@@ -85,8 +85,10 @@ def test_a_single_frame_does_not_move(clip) -> None:
     joints_at = np.zeros((1, 1, clip.skeleton.joint_count, 3), np.float32)
     rotations = np.zeros((1, 1, clip.skeleton.joint_count, 4), np.float32)
     rotations[..., 0] = 1.0
-    positions, normals, velocities = (np.full(shape, np.inf, np.float32) for shape in ((20, 3), (20, 3), (3, 20)))
+    values, labels = np.full((20, 9), np.inf, np.float32), np.full((20, 3), -1, np.int32)
     riders = Riders(surface.joints, surface.positions, surface.normals)
     bodies = Bodies(joints_at, rotations, np.ones(1, np.float32))
-    place_points(bodies, When(0, 0, 0, 0.1), np.array([0]), riders, 0, Points(positions, normals, velocities))
-    assert (velocities == 0).all()
+    wanted = Wanted(np.array([0]), np.array([0], np.int32), np.array([0], np.int32))
+    motions = np.full((clip.skeleton.joint_count, MOTION_COLUMNS), np.inf)
+    place_points(bodies, When(0, 0, 0, 0.1), wanted, riders, motions, values, labels)
+    assert (values[:, 6:] == 0).all()
