@@ -89,7 +89,7 @@ def write_cloud(path: Path, cloud: Cloud) -> None:
         if path.suffix == ".ply":
             with open(partial, "wb") as file:
                 file.write(_ply_header(len(cloud.rows)))
-                file.write(cloud.rows)
+                file.write(cloud.rows.data)
         else:
             _write_pcd(partial, cloud)
         os.replace(partial, path)
