@@ -122,7 +122,8 @@ def prepare(scenario: Scenario, policies: Sequence[Policy], placed: Placed | Non
     cast = build_cast(scenario, placed, policies)
     fingerprints = tuple(policy.fingerprint for policy in policies)
     targets = tuple(scenario.targets)
-    header = TakeHeader(cast, rate, scenario.name, scenario.seed, fingerprints, targets, scenario.reactions)
+    options = scenario.reactions, scenario.collision_avoidance
+    header = TakeHeader(cast, rate, scenario.name, scenario.seed, fingerprints, targets, *options)
     return Prepared(policies, cast, crowd, script, scenario.control_frames(rate), rate, header)
 
 

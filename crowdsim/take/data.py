@@ -53,6 +53,7 @@ class TakeHeader:
     fingerprints: tuple[str, ...]
     target_names: tuple[str, ...] = ()
     reactions: bool = True
+    collision_avoidance: bool = True
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,7 @@ class TakeData:
         fingerprints: Fingerprint of each policy's bundle.
         status: ``done`` or ``interrupted``.
         reactions: Whether those whom a strike lands on give way to it.
+        collision_avoidance: Whether avatars avoid one another; trunks that lean into others give way then.
         policies: The policies, in the order of ``cast.policy_names``, where they are loaded: by ``crowdsim.run`` and
             ``crowdsim.open_run``. Poses need them.
     """
@@ -98,6 +100,7 @@ class TakeData:
     fingerprints: tuple[str, ...]
     status: str
     reactions: bool = True
+    collision_avoidance: bool = True
     policies: tuple[Policy, ...] = field(default=(), repr=False, compare=False)
 
     @property

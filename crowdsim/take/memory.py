@@ -62,5 +62,6 @@ class TakeCollector:
             fingerprints=header.fingerprints,
             status=self._status,
             reactions=header.reactions,
+            collision_avoidance=header.collision_avoidance,
             policies=self._policies,
         )

@@ -121,7 +121,8 @@ class PoseMotion:
         hinges: Elbows and knees.
         gait: How it steps and stands.
         fists: Position of the left and right fist in the frame's ground frame [m]. Shape (P, 2, 3), float32.
-        heads: Centre of the head in the frame's ground frame [m]. Shape (P, 3), float32.
+        trunks: Centre of the head, upper and lower end of the trunk in the frame's ground frame [m]. Shape (P, 3, 3),
+            float32.
         strikes: Playback frames at which strikes reach furthest, ascending. Shape (S,).
         origins: Playback frame that lies on the avatar when each action starts. Shape (A,).
         lengths: Length of each action [control frames]. Shape (A,).
@@ -137,7 +138,7 @@ class PoseMotion:
     hinges: Hinges
     gait: Gait
     fists: Array
-    heads: Array
+    trunks: Array
     strikes: Array
     origins: Array
     lengths: Array
@@ -188,7 +189,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         hinges=_hinges(skeleton, body, positions),
         gait=measure_gait(contacts, holds, starts, float(database.playback_rate)),
         fists=np.asarray(database.fists),
-        heads=np.asarray(database.heads),
+        trunks=np.stack([database.heads, database.necks, database.pelvises], axis=1),
         strikes=np.asarray(database.strike_frames, dtype=np.int64),
         origins=(np.asarray(graph.action_first, dtype=np.int64) - 1) * stride,
         lengths=np.asarray(graph.action_lengths, dtype=np.int64),

@@ -21,9 +21,11 @@ from crowdsim.take.fists import PoseAt, plan_landings, reach_out
 from crowdsim.take.kernels.blending import blend_poses
 from crowdsim.take.kernels.reactions import LENGTH
 from crowdsim.take.kernels.records import Moments, Playback, Posed, Transitions
+from crowdsim.take.kernels.separation import shift_roots
 from crowdsim.take.landed import LEAN, Landed, find_landed
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.reactions import build_trunk, give_way, plan_blows
+from crowdsim.take.separation import Separation
 from crowdsim.take.window import Window
 from crowdsim.take.workers import share
 
@@ -65,6 +67,7 @@ class Passes:
     def __init__(self, take: TakeData, motions: Sequence[PoseMotion], threads: int, reactions: bool) -> None:
         self.landed: Landed = find_landed(take)
         self._take, self._motions, self._threads, self._reactions = take, motions, threads, reactions
+        self._separation = Separation(take, motions)
         self._trunks = [build_trunk(motion) for motion in motions]
 
     def window(self, index: int, avatars: Array, times: Array) -> Window:
@@ -72,7 +75,8 @@ class Passes:
         rate = self._take.control_rate
         first = max(0, int(np.floor((times.min() - REACH) * rate)))
         stop = min(self._take.frame_count, int(np.ceil((times.max() + REACH) * rate)) + 2)
-        return Window(self._take, self._motions[index], avatars, first, stop, self._threads)
+        pushes = self._separation.rows(first, stop, avatars)
+        return Window(self._take, self._motions[index], avatars, first, stop, pushes, self._threads)
 
     def blend(self, window: Window, transitions: Transitions, playback: Playback, moments: Moments) -> Posed:
         """Return captured motion with what blends add to it."""
@@ -134,8 +138,9 @@ class Passes:
         return self.pose(window, index, moments)[0]
 
     def _pose_nearly(self, window: Window, index: int, moments: Moments) -> Posed:
-        """Poses with blends and late blows."""
+        """Poses with blends, trunks apart, and late blows."""
         poses = self.blend(window, window.transitions(), window.playback(moments), moments)
+        shift_roots(0, len(moments.columns), moments, window.rows, poses)
         if self._reactions:
             self._give_way(window, index, moments, poses, _LATE)
         return poses

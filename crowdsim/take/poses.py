@@ -172,7 +172,7 @@ class PoseSampler:
             frames, size = np.maximum(playback.frames[0], 0), scales[:, None]
             heads, pelvises = (
                 ground.to_world(playback.ground[0], local[frames].astype(float) * size)
-                for local in (motion.heads, motion.frames.roots)
+                for local in (motion.trunks[:, 0], motion.frames.roots)
             )
             body, necks = motion.body, heads + _NECK * (pelvises - heads)
             radii = body.head_radius * scales, body.torso_radius * scales

@@ -66,7 +66,7 @@ def plan_blows(landed: Landed, columns: Array, count: int, first: float, last: f
         axes[which, 0], axes[which, 2] = z * strength, -x * strength
     parts = np.ones(len(near.times), np.int64)
     for which, motion, scales, playback in place_at(near.victims, near.times):
-        head = motion.heads[np.maximum(playback.frames[0], 0)].astype(float) * scales[:, None]
+        head = motion.trunks[np.maximum(playback.frames[0], 0), 0].astype(float) * scales[:, None]
         place = playback.ground[0]
         cos, sin = np.cos(place[:, 2]), np.sin(place[:, 2])
         x = place[:, 0] + head[:, 0] * cos + head[:, 2] * sin

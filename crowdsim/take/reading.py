@@ -49,6 +49,7 @@ def read_group(folder: Path, group: Any, attributes: dict[str, Any]) -> Take:
         status=str(attributes["status"]),
         # Takes of before this could be said have them.
         reactions=bool(attributes.get("reactions", True)),
+        collision_avoidance=bool(attributes.get("collision_avoidance", True)),
     )
 
 

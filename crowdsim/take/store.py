@@ -92,6 +92,7 @@ class TakeWriter:
                 "policy_fingerprints": list(header.fingerprints),
                 "target_names": list(header.target_names),
                 "reactions": header.reactions,
+                "collision_avoidance": header.collision_avoidance,
                 # xarray reads coordinates that are no dimensions from here.
                 "coordinates": " ".join(COORDINATES),
                 "type_colours": [[None if np.isnan(c) else float(c) for c in row] for row in cast.colours],

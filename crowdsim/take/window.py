@@ -48,11 +48,19 @@ class Window:
         avatars: Numbers of the avatars, ascending; their place here is their column.
         first: First control frame.
         stop: One past the last.
+        pushes: How far trunks give way at these frames [m]. Shape (R, n, 2).
         threads: Threads that share the work.
     """
 
     def __init__(
-        self, take: TakeData, motion: PoseMotion, avatars: Array, first: int, stop: int, threads: int = 1
+        self,
+        take: TakeData,
+        motion: PoseMotion,
+        avatars: Array,
+        first: int,
+        stop: int,
+        pushes: Array,
+        threads: int = 1,
     ) -> None:
         whole = len(avatars) == take.avatar_count
 
@@ -78,6 +86,7 @@ class Window:
             fresh=fresh,
             speeds=speeds,
             scales=np.asarray(take.cast.scales, dtype=np.float64)[avatars],
+            pushes=pushes,
             first=first,
             rate=float(take.control_rate),
         )

@@ -50,13 +50,14 @@ def chunk(first: int, frames: int) -> dict[str, np.ndarray]:
     return {name: base + index for index, name in enumerate(VARIABLES)}
 
 
-@pytest.mark.parametrize("reactions", [True, False])
-def test_a_take_knows_whether_hits_show(tmp_path: Path, reactions: bool) -> None:
-    header = TakeHeader(CAST, 15.0, "test", 3, ("abc",), reactions=reactions)
+@pytest.mark.parametrize(("reactions", "avoidance"), [(True, False), (False, True)])
+def test_a_take_knows_whether_hits_show_and_bodies_give_way(tmp_path: Path, reactions: bool, avoidance: bool) -> None:
+    header = TakeHeader(CAST, 15.0, "test", 3, ("abc",), reactions=reactions, collision_avoidance=avoidance)
     writer = TakeWriter(tmp_path / "take.zarr", header, 1).open()
     writer.append(chunk(0, 1), events(), None)
     writer.close()
     assert open_take(tmp_path).reactions is reactions
+    assert open_take(tmp_path).collision_avoidance is avoidance
 
 
 def write(path: Path, sizes: list[int], planned: int | None = None, chunk_rows: int = 4) -> TakeWriter:

@@ -1,6 +1,7 @@
 """Compiled foot plants: legs that keep planted feet in their place, and soles above the floor.
 
-The pelvis goes down a little, and evenly, for a leg that would be overstretched.
+The pelvis goes down a little, and evenly, for a leg that would be overstretched. It goes aside, over the feet, where
+the trunk gives way to others.
 """
 
 import math
@@ -22,6 +23,7 @@ from crowdsim.take.kernels.limbs import (
     reach_of,
     soft_ramp,
 )
+from crowdsim.take.kernels.separation import push_at
 
 WIDE = 0.9
 """How far from a transition feet move for it [s]."""
@@ -171,8 +173,20 @@ def _reach_goals(legs, pose, world, drop, asked):
         bend_limb(legs, foot, pose, world, target, distance)
 
 
+@kernel(allocates=False)
+def _give_way(legs, push, root, world):
+    """Move the pelvis aside, and the legs with it."""
+    root[0] += push[0]
+    root[2] += push[1]
+    for foot in range(2):
+        for k in range(3):
+            position = world.positions[legs.joints[foot, k]]
+            position[0] += push[0]
+            position[2] += push[1]
+
+
 @kernel(inline=True)
-def _plant_pose(footing, now, ground, legs, root, pose, world, asked):
+def _plant_pose(footing, now, ground, push, legs, root, pose, world, asked):
     """Bring the planted feet of one pose to where they belong."""
     pose_chain(legs, now.scale, root, pose, world)
     lack = 0.0
@@ -187,6 +201,8 @@ def _plant_pose(footing, now, ground, legs, root, pose, world, asked):
         if asked.weights[foot] > 0.0:
             _hold_foot(footing, now, foot, (one, before, other, after), ground, legs, pose, world, asked)
         _lift_sole(legs, foot, now.scale, world, asked.goals[foot])
+    _give_way(legs, push, root, world)
+    for foot in range(2):
         lack += _measure_lack(legs, foot, world, asked)
     drop = DOWN * now.scale * math.tanh(lack / (DOWN * now.scale))
     root[1] -= drop
@@ -234,6 +250,7 @@ def plant_feet(first, stop, moments, playback, rows, footing, legs, poses):
             part = playback.fractions[t, i]
             following = frame + 1 if part > 0.0 else frame
             now = Instant(n, time, frame, following, part, rows.scales[n], pace, low, middle, high)
+            push = push_at(rows, time, n)
             _plant_pose(
-                footing, now, playback.ground[t, i], legs, poses.roots[t, i], poses.rotations[t, i], world, asked
+                footing, now, playback.ground[t, i], push, legs, poses.roots[t, i], poses.rotations[t, i], world, asked
             )

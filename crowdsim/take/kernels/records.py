@@ -18,6 +18,7 @@ class Rows(NamedTuple):
         fresh: Whether its action began on the way to this row. Shape (R, n), bool.
         speeds: Motion frames in a control frame. Shape (n,).
         scales: Size of each body. Shape (n,).
+        pushes: How far its trunk gives way to others, x and z [m]. Shape (R, n, 2).
         first: Control frame of the first row.
         rate: Control frames a second.
     """
@@ -31,6 +32,7 @@ class Rows(NamedTuple):
     fresh: Array
     speeds: Array
     scales: Array
+    pushes: Array
     first: int
     rate: float
 

@@ -1,0 +1,119 @@
+"""Compiled separation of trunks and heads that lean into one another."""
+
+import math
+
+from crowdsim.jit import kernel
+from crowdsim.take.kernels.limbs import soft_ramp
+from crowdsim.take.kernels.segments import nearest_on_segments
+
+NEAR = 1.6
+"""Distance on the ground beyond which no two trunks or heads meet [m]."""
+_ROOM, _SOFT = 0.01, 0.015
+"""Room that surfaces are given, and the depth over which they begin to give way [m]."""
+_MOST = 0.14
+"""Furthest that a trunk gives way [m]."""
+HEAD_POINT, NECK_POINT, PELVIS_POINT = 0, 1, 2
+
+
+@kernel(allocates=False)
+def _overlap(own, other, radii, others):
+    """Return how deep heads and trunks of two bodies are in one another [m]; negative where they are apart."""
+    neck, pelvis, head = own[NECK_POINT], own[PELVIS_POINT], own[HEAD_POINT]
+    neck_2, pelvis_2, head_2 = other[NECK_POINT], other[PELVIS_POINT], other[HEAD_POINT]
+    trunks = radii[1] + others[1] - nearest_on_segments(neck, pelvis, neck_2, pelvis_2)[2]
+    heads = radii[0] + others[0] - nearest_on_segments(head, head, head_2, head_2)[2]
+    one = radii[0] + others[1] - nearest_on_segments(head, head, neck_2, pelvis_2)[2]
+    two = radii[1] + others[0] - nearest_on_segments(neck, pelvis, head_2, head_2)[2]
+    return max(max(trunks, heads), max(one, two))
+
+
+@kernel(allocates=False)
+def _push_pair(points, radii, a, b, pushes):
+    """Add what two bodies push each other away."""
+    own, other = points[a], points[b]
+    depth = _overlap(own, other, radii[a], radii[b])
+    if depth < -4.0 * _SOFT:
+        return
+    x = 0.5 * (own[HEAD_POINT, 0] + own[PELVIS_POINT, 0] - other[HEAD_POINT, 0] - other[PELVIS_POINT, 0])
+    z = 0.5 * (own[HEAD_POINT, 2] + own[PELVIS_POINT, 2] - other[HEAD_POINT, 2] - other[PELVIS_POINT, 2])
+    far = math.sqrt(x * x + z * z)
+    if far < 1e-6:
+        return
+    push = 0.5 * _SOFT * soft_ramp((depth + _ROOM) / _SOFT) / far
+    pushes[a, 0] += push * x
+    pushes[a, 1] += push * z
+    pushes[b, 0] -= push * x
+    pushes[b, 1] -= push * z
+
+
+@kernel(allocates=False)
+def push_trunks(points, radii, order, wanted, pushes):
+    """Find how far bodies are pushed out of one another, at each of T times.
+
+    Args:
+        points: Middle of the head, upper and lower end of the trunk of each avatar, NaN while absent [m].
+            Shape (T, N, 3, 3).
+        radii: Radius of its head and of its trunk [m]. Shape (N, 2).
+        order: The avatars by x of the pelvis, absent ones last. Shape (T, N).
+        wanted: Whether an avatar's push is wanted. Shape (N,), bool.
+        pushes: Written: x and z [m]. Shape (T, N, 2).
+    """
+    count = order.shape[1]
+    for t in range(points.shape[0]):
+        for n in range(count):
+            pushes[t, n, 0] = pushes[t, n, 1] = 0.0
+        for i in range(count):
+            a = order[t, i]
+            x, z = points[t, a, PELVIS_POINT, 0], points[t, a, PELVIS_POINT, 2]
+            if not math.isfinite(x):
+                break
+            for j in range(i + 1, count):
+                b = order[t, j]
+                # Absent ones are not a number, and end the search too.
+                if not points[t, b, PELVIS_POINT, 0] - x < NEAR:
+                    break
+                if abs(points[t, b, PELVIS_POINT, 2] - z) < NEAR and (wanted[a] or wanted[b]):
+                    _push_pair(points[t], radii, a, b, pushes[t])
+        for n in range(count):
+            far = math.sqrt(pushes[t, n, 0] ** 2 + pushes[t, n, 1] ** 2)
+            if far > 0.0:
+                kept = _MOST * math.tanh(far / _MOST) / far
+                pushes[t, n, 0] *= kept
+                pushes[t, n, 1] *= kept
+
+
+@kernel(allocates=False)
+def push_at(rows, time, n):
+    """Return how far an avatar's trunk gives way at a time, x and z [m]: a cubic B-spline over control frames."""
+    clock = time * rows.rate - rows.first
+    before, last = math.floor(clock), rows.pushes.shape[0] - 1
+    u = clock - before
+    v = 1.0 - u
+    weights = v * v * v / 6.0, (4.0 - 6.0 * u * u + 3.0 * u * u * u) / 6.0, 0.0, u * u * u / 6.0
+    x = z = 0.0
+    for k in range(4):
+        weight = weights[k] if k != 2 else 1.0 - weights[0] - weights[1] - weights[3]
+        row = min(max(before - 1 + k, 0), last)
+        x += weight * rows.pushes[row, n, 0]
+        z += weight * rows.pushes[row, n, 1]
+    return x, z
+
+
+@kernel(allocates=False)
+def shift_roots(first, stop, moments, rows, poses):
+    """Move whole poses as far as their trunks give way, in place.
+
+    Args:
+        first: First of the moments' avatars.
+        stop: One past the last.
+        moments: Who and when, a ``Moments``.
+        rows: The control frames, a ``Rows``.
+        poses: Roots are moved, a ``Posed``.
+    """
+    times = moments.times
+    shared = times.shape[1] == 1
+    for i in range(first, stop):
+        for t in range(times.shape[0]):
+            x, z = push_at(rows, times[t, 0 if shared else i], moments.columns[i])
+            poses.roots[t, i, 0] += x
+            poses.roots[t, i, 2] += z

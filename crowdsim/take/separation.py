@@ -1,0 +1,93 @@
+"""How far trunks and heads give way to others that lean into them, at each control frame of a take."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.motion import ground
+from crowdsim.take.data import TakeData
+from crowdsim.take.kernels.separation import push_trunks
+from crowdsim.take.motion import PoseMotion
+
+_BLOCK = 64
+"""Control frames that are worked out at once."""
+_KEPT = 4_000_000
+"""Avatar-frames of which the pushes are kept."""
+
+
+class Separation:
+    """Pushes of trunks, worked out when they are asked for; those of small crowds are kept.
+
+    What an avatar gives way at a control frame depends on nothing but where the avatars near it are in their motion and
+    on the ground, two frames before to two frames after.
+
+    Args:
+        take: The take.
+        motions: The motion of each of its policies.
+    """
+
+    def __init__(self, take: TakeData, motions: Sequence[PoseMotion]) -> None:
+        self._take, self._motions = take, motions
+        self._blocks: dict[int, Array] = {}
+        self._radii = np.zeros((take.avatar_count, 2))
+        for index, motion in enumerate(motions):
+            mine = take.cast.policies == index
+            self._radii[mine] = [motion.body.head_radius, motion.body.torso_radius]
+        self._radii *= np.asarray(take.cast.scales, dtype=float)[:, None]
+        self._everyone = np.ones(take.avatar_count, bool)
+
+    def rows(self, first: int, stop: int, avatars: Array) -> Array:
+        """Return how far trunks of avatars (n,) give way at control frames, x and z [m]. Shape (R, n, 2)."""
+        take = self._take
+        if not take.collision_avoidance:
+            return np.zeros((stop - first, len(avatars), 2))
+        low, high = max(first - 1, 0), min(stop + 1, take.frame_count)
+        if take.avatar_count * take.frame_count <= _KEPT:
+            found = np.concatenate([self._block(b) for b in range(low // _BLOCK, (high - 1) // _BLOCK + 1)])
+            pushes = found[low - low // _BLOCK * _BLOCK :][: high - low, avatars]
+        else:
+            wanted = np.zeros(take.avatar_count, bool)
+            wanted[avatars] = True
+            pushes = self._find(low, high, wanted)[:, avatars]
+        return _widest(pushes)[first - low : stop - low]
+
+    def _block(self, block: int) -> Array:
+        if block not in self._blocks:
+            stop = min((block + 1) * _BLOCK, self._take.frame_count)
+            self._blocks[block] = self._find(block * _BLOCK, stop, self._everyone)
+        return self._blocks[block]
+
+    def _find(self, first: int, stop: int, wanted: Array) -> Array:
+        points = self._points(first, stop)
+        pushes = np.empty((*points.shape[:2], 2))
+        order = np.argsort(points[:, :, 2, 0], axis=1, kind="stable")
+        push_trunks(points, self._radii, order, wanted, pushes)
+        return pushes
+
+    def _points(self, first: int, stop: int) -> Array:
+        """Heads, necks and pelvises in the world at control frames. Shape (T, N, 3, 3)."""
+        take = self._take
+        action, done = np.asarray(take.action[first:stop]), np.asarray(take.action_frame[first:stop], dtype=float)
+        place = np.stack([np.asarray(values[first:stop], dtype=float) for values in (take.x, take.z, take.heading)], -1)
+        points = np.full((*action.shape, 3, 3), np.nan)
+        for index, motion in enumerate(self._motions):
+            here = (action >= 0) & (take.cast.policies == index)
+            some = action[here]
+            frames = motion.origins[some] + np.rint(
+                np.minimum(done[here], motion.lengths[some]) * motion.frames.stride
+            ).astype(np.int64)
+            sizes = np.broadcast_to(take.cast.scales, action.shape)[here][:, None, None]
+            points[here] = ground.to_world(place[here][:, None], motion.trunks[frames].astype(float) * sizes)
+        return points
+
+
+def _widest(pushes: Array) -> Array:
+    """The longest push of each frame, the one before and the one after, since what poses read is smoothed."""
+    longest, length = pushes.copy(), np.sum(pushes**2, axis=-1)
+    for one, other in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
+        further = length[other] > np.sum(longest[one] ** 2, axis=-1)
+        longest[one] = np.where(further[..., None], pushes[other], longest[one])
+    return longest

@@ -1,0 +1,41 @@
+"""Slow, obvious twins of the separation of trunks."""
+
+import itertools
+
+import numpy as np
+
+
+def distance_to_point(p, q, point):
+    """Least distance of a point from the segment p q."""
+    way = q - p
+    share = np.clip(way @ (point - p) / (way @ way), 0.0, 1.0) if way @ way > 0.0 else 0.0
+    return float(np.linalg.norm(p + share * way - point))
+
+
+def distance(p, q, r, s):
+    """Least distance of the segments p q and r s: at an end, or where their lines are nearest if that is in both."""
+    p, q, r, s = (np.asarray(point, dtype=float) for point in (p, q, r, s))
+    found = [distance_to_point(p, q, r), distance_to_point(p, q, s)]
+    found += [distance_to_point(r, s, p), distance_to_point(r, s, q)]
+    ways = np.stack([q - p, r - s], axis=1)
+    if np.linalg.matrix_rank(ways) == 2:
+        shares = np.linalg.lstsq(ways, r - p, rcond=None)[0]
+        if (shares >= 0.0).all() and (shares <= 1.0).all():
+            found.append(float(np.linalg.norm(p + ways @ shares - r)))
+    return min(found)
+
+
+def pushes(points, radii, room, soft, most):
+    """How far each of N bodies gives way; points are head, neck and pelvis. Shapes (N, 3, 3), (N, 2); (N, 2)."""
+    out = np.zeros((len(points), 2))
+    for a, b in itertools.permutations(range(len(points)), 2):
+        depth = -np.inf
+        for i, own in enumerate(((0, 0), (1, 2))):
+            for j, other in enumerate(((0, 0), (1, 2))):
+                gap = distance(*points[a][list(own)], *points[b][list(other)])
+                depth = max(depth, radii[a, i] + radii[b, j] - gap)
+        way = (points[a, 0] + points[a, 2] - points[b, 0] - points[b, 2])[[0, 2]]
+        if depth > -4.0 * soft:
+            out[a] += 0.5 * soft * np.logaddexp(0.0, (depth + room) / soft) * way / np.linalg.norm(way)
+    size = np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)
+    return out * most * np.tanh(size / most) / size

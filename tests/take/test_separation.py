@@ -1,0 +1,103 @@
+"""Trunks and heads that lean into others give way."""
+
+from dataclasses import replace
+
+import naive_separation as naive
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from take.synthetic_take import actions, build_take, database, sampler
+
+from crowdsim.take.kernels import separation
+from crowdsim.take.kernels.segments import nearest_on_segments
+from crowdsim.take.kernels.separation import push_trunks
+from crowdsim.take.separation import Separation
+
+
+@settings(deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from(["apart", "parallel", "point", "points", "crossing"]))
+def test_distance_of_segments_matches_naive(seed: int, kind: str) -> None:
+    rng = np.random.default_rng(seed)
+    p, q, r, s = rng.normal(size=(4, 3))
+    if kind == "parallel":
+        s = r + 1.7 * (q - p)
+    if kind in ("point", "points"):
+        q = p
+    if kind == "points":
+        s = r
+    if kind == "crossing":
+        r, s = 0.5 * (p + q) + 0.4 * s, 0.5 * (p + q) - 0.6 * s
+    share, part, far = nearest_on_segments(p, q, r, s)
+    assert far == pytest.approx(naive.distance(p, q, r, s), abs=1e-5)
+    assert np.linalg.norm(p + share * (q - p) - r - part * (s - r)) == pytest.approx(far, abs=1e-9)
+    assert 0.0 <= share <= 1.0
+    assert 0.0 <= part <= 1.0
+
+
+def crowd(seed: int, times: int = 3, count: int = 12) -> tuple[np.ndarray, np.ndarray]:
+    """Leaning bodies in a small place, some of them absent, and their radii."""
+    rng = np.random.default_rng(seed)
+    pelvises = rng.uniform(0.0, 1.2, (times, count, 3)) * [1.0, 0.1, 1.0] + [0.0, 0.9, 0.0]
+    necks = pelvises + rng.normal(0.0, 0.1, pelvises.shape) + [0.0, 0.5, 0.0]
+    heads = necks + rng.normal(0.0, 0.05, pelvises.shape) + [0.0, 0.15, 0.0]
+    points = np.stack([heads, necks, pelvises], axis=2)
+    points[1, 3] = points[2, 5:8] = np.nan
+    return points, rng.uniform(0.09, 0.17, (count, 2))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_pushes_match_naive(seed: int) -> None:
+    points, radii = crowd(seed)
+    order = np.argsort(points[:, :, 2, 0], axis=1)
+    found = np.full((*points.shape[:2], 2), np.inf)
+    push_trunks(points, radii, order, np.ones(len(radii), bool), found)
+    for time, bodies in enumerate(points):
+        there = np.isfinite(bodies[:, 0, 0])
+        expected = naive.pushes(bodies[there], radii[there], separation._ROOM, separation._SOFT, separation._MOST)
+        np.testing.assert_allclose(found[time, there], expected, atol=1e-6)
+        assert (found[time, ~there] == 0.0).all()
+
+
+def test_pushes_that_are_wanted_do_not_depend_on_others_that_are() -> None:
+    points, radii = crowd(7)
+    order = np.argsort(points[:, :, 2, 0], axis=1)
+    whole, some = np.empty((*points.shape[:2], 2)), np.empty((*points.shape[:2], 2))
+    wanted = np.arange(len(radii)) % 3 == 0
+    push_trunks(points, radii, order, np.ones(len(radii), bool), whole)
+    push_trunks(points, radii, order, wanted, some)
+    np.testing.assert_array_equal(whole[:, wanted], some[:, wanted])
+
+
+def test_bodies_inside_one_another_give_way_over_feet_that_stay() -> None:
+    first, lengths = actions(40)
+    take, policy = build_take(
+        [list(range(20)), list(range(20, 40))], first, lengths, 20, start=[(0.0, 0.0, 0.0), (0.22, 0.05, 3.0)]
+    )
+    roles, body = database().body.roles, database().body
+    near, through = (sampler(one, policy).sample(0, 76, 60)[0].joints()[0].astype(float)
+                     for one in (take, replace(take, collision_avoidance=False)))  # fmt: skip
+
+    def depth(positions: np.ndarray) -> np.ndarray:
+        ends = [positions[:, n, [roles["neck"], roles["pelvis"]]] for n in range(2)]
+        gaps = [nearest_on_segments(*a, *b)[2] for a, b in zip(*ends, strict=True)]
+        return np.asarray(2.0 * body.torso_radius - np.array(gaps))
+
+    assert depth(through).max() > 0.08
+    assert (depth(near) < np.maximum(0.75 * depth(through), 0.02)).all()
+    feet = [roles["left_foot"], roles["right_foot"]]
+    assert np.linalg.norm(near[:, :, feet] - through[:, :, feet], axis=-1).max() < 0.02
+    moved = (near - through)[:, :, roles["pelvis"]]
+    assert np.linalg.norm(np.diff(moved, 2, axis=0), axis=-1).max() * 3600.0 < 25.0
+
+
+def test_pushes_of_a_range_of_frames_and_some_avatars_are_those_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, lengths = actions(90)
+    queues = [list(range(start, start + 30)) for start in (0, 30, 60)]
+    take, policy = build_take(queues, first, lengths, 30, start=[(0.0, 0.0, 0.0), (0.3, 0.1, 3.0), (0.1, 0.4, 1.0)])
+    motions = sampler(take, policy).motions
+    whole = Separation(take, motions).rows(0, 30, np.arange(3))
+    assert np.abs(whole).max() > 0.01
+    monkeypatch.setattr("crowdsim.take.separation._KEPT", 0)
+    some = Separation(take, motions).rows(7, 19, np.array([0, 2]))
+    np.testing.assert_array_equal(some, whole[7:19][:, [0, 2]])
