@@ -39,3 +39,19 @@ def pushes(points, radii, room, soft, most):
             out[a] += 0.5 * soft * np.logaddexp(0.0, (depth + room) / soft) * way / np.linalg.norm(way)
     size = np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)
     return out * most * np.tanh(size / most) / size
+
+
+def depths(starts, ends, radii, arms):
+    """Greatest depth of each of N bodies of K capsules in another, without arms and of arms. Shape (N, 2)."""
+    out = np.zeros((len(starts), 2))
+    for a, b in itertools.permutations(range(len(starts)), 2):
+        for i, j in itertools.product(range(starts.shape[1]), repeat=2):
+            # Many points of one axis against the other, since tapered capsules have no closed form.
+            gaps = [
+                distance_to_point(starts[b, j], ends[b, j], starts[a, i] + share * (ends[a, i] - starts[a, i]))
+                for share in np.linspace(0.0, 1.0, 101)
+            ]
+            depth = radii[a, i, 0] + radii[b, j, 0] - min(gaps)
+            kind = int(arms[a, i] or arms[b, j])
+            out[a, kind] = max(out[a, kind], depth)
+    return out

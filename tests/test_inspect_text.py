@@ -19,7 +19,8 @@ KEYS_OF_A_RUN = (
     "avatars control_frames seconds strikes_thrown strikes_landed hits_per_minute_per_avatar overlap_share "
     "foot_slide_median foot_slide_95 transition_jump_ratio opponent_changes transitions_per_second control_seconds "
     "wall_seconds first_landed_seconds out_of_reach_share stuck_avatars thrown_per_minute landed_per_minute "
-    "least_landed_per_minute landed_share air_share turned_away_share distance_median"
+    "least_landed_per_minute landed_share air_share turned_away_share distance_median "
+    "penetration_share penetration_share_with_arms penetration_deepest penetrations_per_minute"
 ).split()
 
 
@@ -92,6 +93,16 @@ def test_a_run_of_which_little_can_be_measured_says_so() -> None:
     assert no_data("\n".join(lines))
     assert "    first landed  never" in lines
     assert "    not measured  no avatar has an opponent then, or the run ends before" in lines
+
+
+def test_penetration_is_stated_with_its_depth_and_with_arms() -> None:
+    figures = dict.fromkeys([*KEYS_OF_A_RUN, "thrown_per_minute_captured", "foot_slide_median_captured"])
+    figures |= dict.fromkeys(["foot_slide_95_captured", "fists_off_share", "fist_gap_median", "fist_gap_most"])
+    figures |= {"avatars": 2, "control_frames": 9, "seconds": 1.0, "strikes_thrown": 0, "strikes_landed": 0}
+    figures |= {"penetration_share": 0.004, "penetration_share_with_arms": 0.13, "penetration_deepest": 0.14}
+    text = "\n".join(run_lines(figures))
+    assert "0.40 % of the time deeper than 6.0 cm, 14.0 cm (deepest)" in text
+    assert "13.0 % of the time with arms" in text
 
 
 def test_fists_are_rated_by_the_distance_within_which_they_touch() -> None:

@@ -69,7 +69,7 @@ def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
         note(told_note)
     sampler = PoseSampler(take, policies, CORES)
     with Bars() as bars:
-        result = measure_take(sampler, progress=bars)
+        result = measure_take(sampler, bars, CORES)
     seconds = read_manifest(folder)["seconds"] if (folder / NAME).exists() else {}
     result["control_seconds"], result["wall_seconds"] = seconds.get("control"), seconds.get("total")
     if plots is not None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from crowdsim.commands.figures_text import Row, count, length, number, percent, rating, section, speed, time
 from crowdsim.take.measures import AFTER, AIR, OUT_OF_REACH, STUCK
+from crowdsim.take.penetration import DEEP
 from crowdsim.take.quality import TOUCH
 
 Figures = Mapping[str, Any]
@@ -67,8 +68,7 @@ def _opponents(figures: Figures) -> list[Row]:
 
 
 def _motion(figures: Figures) -> list[Row]:
-    names = ("transition_jump_ratio", "transitions_per_second", "overlap_share")
-    jump, transitions, overlap = (figures[name] for name in names)
+    jump, transitions = (figures[name] for name in ("transition_jump_ratio", "transitions_per_second"))
     return [
         ("planted feet slide", _slide(figures, "median", "median")),
         ("", _slide(figures, "95", "95th percentile")),
@@ -78,7 +78,17 @@ def _motion(figures: Figures) -> list[Row]:
             None if transitions is None else f"{number(transitions, 3)} per avatar per second; the capture has none",
         ),
         ("fists that land", _fists(figures)),
-        ("bodies overlap", None if overlap is None else f"{percent(overlap)} of the time"),
+        *_penetration(figures),
+    ]
+
+
+def _penetration(figures: Figures) -> list[Row]:
+    share, arms, deepest = (figures[f"penetration_{name}"] for name in ("share", "share_with_arms", "deepest"))
+    if share is None:
+        return [("bodies penetrate", None)]
+    return [
+        ("bodies penetrate", f"{percent(share)} of the time deeper than {length(DEEP)}, {length(deepest)} (deepest)"),
+        ("", f"{percent(arms)} of the time with arms"),
     ]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,6 +32,9 @@ _BLOCK, _AROUND = 8.0, 3.0
 """Length of stretches that are searched for buried fists at once, and how far around what is posed [s]."""
 _NECK, _NEAR = 0.3, 0.05
 """Where necks are between head and pelvis, and how near fists that miss may be to be looked at closely [m]."""
+
+_READ, _IN_MEMORY = ("action", "action_frame", "x", "z", "heading"), 4_000_000
+"""What poses read of a take; one of no more avatar-frames than this is read at once, not stretch by stretch."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,9 @@ class PoseSampler:
                     f"policy {name!r} is not the one that the take was recorded with (fingerprint "
                     f"{policy.fingerprint[:12]}, expected {fingerprint[:12]}); run the scenario again"
                 )
+        if take.frame_count * take.avatar_count <= _IN_MEMORY:
+            arrays: dict[str, Any] = {name: np.asarray(getattr(take, name)[:]) for name in _READ}
+            take = replace(take, **arrays)
         self.take = take
         self.policies = tuple(policies)
         self.motions = [prepare_motion(policy) for policy in policies]

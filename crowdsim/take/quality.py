@@ -15,6 +15,7 @@ from crowdsim.take.fists import body_points, surface_point
 from crowdsim.take.kernels.records import Moments, Steps, Transitions
 from crowdsim.take.kernels.steps import STEP
 from crowdsim.take.measures import measure_fights
+from crowdsim.take.penetration import measure_penetration
 from crowdsim.take.poses import Poses, PoseSampler
 
 TOUCH = 0.02
@@ -26,14 +27,15 @@ _POSES_AT_ONCE = 20_000
 _MOST_STRIKES = 4000
 
 
-def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict[str, Any]:
+def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads: int = 1) -> dict[str, Any]:
     """Return figures of a run, plain data.
 
     Poses of long runs and of large crowds are measured on avatars evenly picked, strikes and the like on all.
 
     Args:
         sampler: Poses of its take.
-        progress: Called with ("poses", avatars done, avatars).
+        progress: Called with ("poses", avatars done, avatars), then with ("penetration", frames done, frames).
+        threads: Threads that share the work.
 
     Returns:
         ``avatars``, ``control_frames``, ``seconds``; ``strikes_thrown``, ``strikes_landed``,
@@ -44,7 +46,8 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict
         ``thrown_per_minute_captured``, strikes in a minute of the capture of the mean avatar;
         ``transition_jump_ratio``, accelerations of joints near transitions over those of the frames shown there;
         ``fist_gap_median``, ``fist_gap_95`` and ``fist_gap_most``, how far fists are from the surface of the avatars
-        that they land on [m], and ``fists_off_share``, the share of them that are further than ``TOUCH`` from it.
+        that they land on [m], and ``fists_off_share``, the share of them that are further than ``TOUCH`` from it; the
+        attributes of ``Penetration``.
         Figures of which there is nothing to measure are None.
     """
     take = sampler.take
@@ -64,6 +67,7 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None) -> dict
     }
     report.update(_of_poses(sampler, progress))
     report.update(_of_fists(sampler))
+    report.update(asdict(measure_penetration(sampler, threads, progress)))
     report["opponent_changes"] = int(np.count_nonzero(there & (opponent[1:] != opponent[:-1])))
     report["thrown_per_minute_captured"] = _captured_strikes(sampler)
     report["transitions_per_second"] = _count_transitions(sampler) / (minutes * 60.0) if minutes else None

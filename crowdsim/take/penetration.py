@@ -1,0 +1,115 @@
+"""How deep avatars of a run are in one another, measured on the bodies that pictures and clouds show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from crowdsim.core.types import Array, Progress
+from crowdsim.motion import quaternion
+from crowdsim.motion.body import Body
+from crowdsim.motion.skeleton import Skeleton
+from crowdsim.take.kernels.penetration import Capsules, find_penetrations
+from crowdsim.take.poses import Poses, PoseSampler
+from crowdsim.take.workers import share
+
+DEEP, VERY_DEEP = 0.06, 0.08
+"""Depth that counts as penetration, and the depth of an episode [m]."""
+_RATE = 15.0
+"""Measured frames in a second."""
+_MOST_POSES, _POSES_AT_ONCE = 150_000, 4_000
+
+
+@dataclass(frozen=True)
+class Penetration:
+    """Figures of a run; None where there is nothing to measure.
+
+    Attributes:
+        penetration_share: Share of avatar-frames in which trunk, head or legs are deeper than ``DEEP`` in another's.
+        penetration_share_with_arms: Likewise, arms included.
+        penetration_deepest: Greatest depth of trunk, head or legs [m].
+        penetrations_per_minute: Episodes of trunk, head or legs deeper than ``VERY_DEEP``, per avatar per minute; None
+            where not every frame could be measured.
+    """
+
+    penetration_share: float | None
+    penetration_share_with_arms: float | None
+    penetration_deepest: float | None
+    penetrations_per_minute: float | None
+
+
+def measure_penetration(sampler: PoseSampler, threads: int = 1, progress: Progress | None = None) -> Penetration:
+    """Measure all avatars at 15 frames a second; at evenly picked ones where these are too many poses.
+
+    Args:
+        sampler: Poses of the run's take.
+        threads: Threads that share the work.
+        progress: Called with ("penetration", frames done, frames).
+    """
+    take = sampler.take
+    frames, most = take.output_frames(_RATE), _MOST_POSES // max(take.avatar_count, 1)
+    picked = np.arange(frames) if frames <= most else np.unique(np.linspace(0, frames - 1, most).astype(np.int64))
+    if not len(picked) or take.avatar_count < 2:
+        return Penetration(None, None, None, None)
+    at_once = max(1, _POSES_AT_ONCE // take.avatar_count)
+    found = []
+    for low in range(0, len(picked), at_once):
+        some = picked[low : low + at_once]
+        whole = some[-1] - some[0] == len(some) - 1
+        stretches = [(int(some[0]), int(some[-1]) + 1)] if whole else [(int(one), int(one) + 1) for one in some]
+        found += [_depths(sampler, sampler.sample(*stretch, _RATE), threads) for stretch in stretches]
+        if progress is not None:
+            progress("penetration", low + len(some), len(picked))
+    depths = np.concatenate(found)
+    there = np.isfinite(depths[..., 0])
+    if not there.any():
+        return Penetration(None, None, None, None)
+    bodies, arms = depths[..., 0][there], depths[..., 1][there]
+    deep = depths[..., 0] > VERY_DEEP
+    episodes = np.count_nonzero(deep[1:] & ~deep[:-1]) + np.count_nonzero(deep[0])
+    return Penetration(
+        float(np.mean(bodies > DEEP)),
+        float(np.mean(np.maximum(bodies, arms) > DEEP)),
+        float(bodies.max()),
+        float(episodes / (there.sum() / _RATE / 60.0)) if len(picked) == frames else None,
+    )
+
+
+def _depths(sampler: PoseSampler, groups: Sequence[Poses], threads: int) -> Array:
+    """Depths of all avatars, NaN while absent. Shape (T, N, 2)."""
+    bodies = [sampler.motions[group.policy] for group in groups]
+    most = max(len(motion.body.capsule_joints) for motion in bodies)
+    times, count = len(groups[0].rotations), sampler.take.avatar_count
+    ends = np.full((2, times, count, most, 3), np.nan)
+    radii, bounds = np.zeros((count, most, 2)), np.zeros((count, most))
+    arms, counts = np.zeros((count, most), bool), np.zeros(count, np.int64)
+    for group, motion in zip(groups, bodies, strict=True):
+        body, who = motion.body, group.avatars
+        # The pelvis comes first: it lies in the middle of a body.
+        order = np.argsort(body.capsule_joints != body.roles["pelvis"], kind="stable")
+        joints, own = body.capsule_joints[order], np.arange(len(order))
+        positions, rotations = (values[:, :, joints] for values in group.joints())
+        for k, offsets in enumerate((body.capsule_starts, body.capsule_ends)):
+            offset = quaternion.rotate(rotations, offsets[order]) * group.scales[:, None, None]
+            ends[k][:, who[:, None], own] = positions + offset
+        radii[who[:, None], own] = body.capsule_radii[order] * group.scales[:, None, None]
+        halves = 0.5 * np.linalg.norm(body.capsule_ends - body.capsule_starts, axis=1) + body.capsule_radii.max(axis=1)
+        bounds[who[:, None], own] = halves[order] * group.scales[:, None] * 1.001
+        arms[who[:, None], own] = _of_arms(motion.skeleton, body)[joints]
+        counts[who] = len(order)
+    capsules = Capsules(ends[0], ends[1], radii, bounds, arms, counts)
+    ranks, depths = np.argsort(ends[0][:, :, 0, 0], axis=1, kind="stable"), np.empty((times, count, 2))
+    share(threads, times, lambda low, high: find_penetrations(low, high, capsules, ranks, depths))
+    depths[~np.isfinite(ends[0][:, :, 0, 0])] = np.nan
+    return depths
+
+
+def _of_arms(skeleton: Skeleton, body: Body) -> Array:
+    """Whether each joint belongs to an arm. Shape (J,), bool."""
+    found = np.zeros(skeleton.joint_count, bool)
+    found[[body.roles[f"{side}_shoulder"] for side in ("left", "right")]] = True
+    for joint, parent in enumerate(skeleton.parents):
+        found[joint] |= parent >= 0 and bool(found[parent])
+    return found
