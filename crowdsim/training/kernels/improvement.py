@@ -40,9 +40,9 @@ def improve(low, high, model, layers, values, first, every, out, changes):
             best[c] = -np.inf
         for action in range(model.offsets[s], model.offsets[s + 1]):
             if len(model.probabilities) == 1:
-                _raise_to_action(model, layers, values, action, found, row, best)
+                _raise_to_action(model, layers, values, np.int64(action), found, row, best)
             else:
-                back_up_action(model, layers, values, action, found, row)
+                back_up_action(model, layers, values, np.int64(action), found, row)
                 _raise(best, row)
         changes[s] = _greatest_change(values[s * cells : (s + 1) * cells], best)
 
