@@ -48,6 +48,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from crowdsim.bvh.io import read_bvh, to_clip
+from crowdsim.core.workers import CORES
 from crowdsim.errors import MotionError
 from crowdsim.graph.motion_graph import MotionGraph, build_graph
 from crowdsim.graph.settings import GraphSettings
@@ -245,7 +246,7 @@ def time_build(seconds: float) -> dict[str, float]:
         "peak_megabytes_before": before / 1024,
         "states": graph.state_count,
         "actions": graph.action_count,
-        "threads": nb.get_num_threads(),
+        "threads": CORES,
     }
 
 

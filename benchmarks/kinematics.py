@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pymotion.ops.skeleton_np import fk, fk_quat
 
+from crowdsim.core.workers import CORES
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
@@ -63,12 +64,11 @@ def measure(poses: int, repeats: int) -> dict[str, dict[str, float]]:
     rotations = quaternion.normalise(rng.normal(size=(poses, joints, 4))).astype(np.float32)
     roots = rng.normal(size=(poses, 3)).astype(np.float32)
     wide_rotations, wide_roots = rotations.astype(float), roots.astype(float)
-    threads = min(2, numba.config.NUMBA_NUM_THREADS)
-    numba.set_num_threads(threads)
+    threads = min(2, CORES)
     forward: dict[str, Callable[[], object]] = {
-        "crowdsim, 1 thread": lambda: forward_kinematics(body, roots, rotations, parallel=False),
-        f"crowdsim, {threads} threads": lambda: forward_kinematics(body, roots, rotations, parallel=True),
-        "crowdsim, float64, 1 thread": lambda: forward_kinematics(body, wide_roots, wide_rotations, parallel=False),
+        "crowdsim, 1 thread": lambda: forward_kinematics(body, roots, rotations, threads=1),
+        f"crowdsim, {threads} threads": lambda: forward_kinematics(body, roots, rotations, threads=threads),
+        "crowdsim, float64, 1 thread": lambda: forward_kinematics(body, wide_roots, wide_rotations, threads=1),
         "upc-pymotion fk": lambda: fk(rotations, roots, body.offsets, body.parents),
         "upc-pymotion fk_quat": lambda: fk_quat(rotations, roots, body.offsets, body.parents),
     }
@@ -81,7 +81,7 @@ def measure(poses: int, repeats: int) -> dict[str, dict[str, float]]:
     arms = Limbs(
         body.parents, body.offsets, none, np.array([ARM] * 2), np.stack([hinge, hinge]), none, none, none, none
     )
-    world, turns = forward_kinematics(body, wide_roots, wide_rotations, parallel=False)
+    world, turns = forward_kinematics(body, wide_roots, wide_rotations, threads=1)
     reach = float(np.linalg.norm(body.offsets[ARM[1]]))
     way: NDArray[Any] = rng.normal(size=(poses, 3))
     targets = world[:, ARM[0]] + reach * way / np.linalg.norm(way, axis=1, keepdims=True)

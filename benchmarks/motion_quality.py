@@ -180,7 +180,7 @@ def joints(database: MotionDatabase, roots: Array, rotations: Array) -> Array:
     """Positions of the joints that have roles (n, T, roles, 3)."""
     count, times = roots.shape[:2]
     flat = rotations.reshape(count * times, -1, 4).astype(np.float32)
-    positions, _ = forward_kinematics(database.skeleton, roots.reshape(-1, 3), flat, parallel=False)
+    positions, _ = forward_kinematics(database.skeleton, roots.reshape(-1, 3), flat, threads=1)
     kept = sorted(set(database.body.roles.values()))
     return positions[:, kept].reshape(count, times, len(kept), 3).astype(float)
 

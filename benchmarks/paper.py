@@ -32,11 +32,11 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-import numba
 from _paper_differences import Difference, as_in_the_paper, differences, quicker, smaller
 from _realised_reward import RewardCounter
 from scenes import Scene, build_scene, play
 
+from crowdsim.core.workers import CORES, limited
 from crowdsim.crowd.simulation import simulate
 from crowdsim.policy.policy import Policy
 from crowdsim.policy.rewards import Term
@@ -167,7 +167,6 @@ def ablated(recipe: Recipe, base: Policy, base_seconds: float, options: argparse
 
 def measure(options: argparse.Namespace) -> dict[str, Any]:
     """Return everything that the tables show."""
-    numba.set_num_threads(options.threads)
     recipe = load_recipe(POLICIES / "boxer.yaml")
     base, seconds = trained(Recipe.model_validate(smaller(recipe, options.quick)), "boxer", options.threads)
     ours = base if options.quick else replace(ready_policy("boxer", threads=options.threads), name="boxer")
@@ -210,7 +209,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
     parser.add_argument("--quick", action="store_true", help="seconds: tiny motion, grids and scenes, the same keys")
     parser.add_argument("--seeds", type=int, default=3, help="number of seeds of each scene, from 1 on")
-    parser.add_argument("--threads", type=int, default=min(2, numba.config.NUMBA_NUM_THREADS))
+    parser.add_argument("--threads", type=int, default=min(2, CORES))
     parser.add_argument("--difference", action="extend", nargs="+", help="only these; all by default")
     options = parser.parse_args()
     unknown = [name for name in options.difference or [] if name not in differences(options.quick)]
@@ -218,7 +217,8 @@ def main() -> None:
         parser.error(f"no difference {unknown[0]!r}, there are {', '.join(differences(options.quick))}")
     if options.seeds < 1:
         parser.error(f"the number of seeds is {options.seeds}, expected 1 or more")
-    outcome = measure(options)
+    with limited(options.threads):
+        outcome = measure(options)
     if options.json:
         print(json.dumps(outcome, indent=2))
     else:

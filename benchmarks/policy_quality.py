@@ -28,7 +28,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-import numba
 from _composition import composed, joint_actions, joint_behaviour
 from _learning import (
     POLICIES,
@@ -44,6 +43,7 @@ from _learning import (
 )
 from _policy_tables import precisions, prices, resolutions
 
+from crowdsim.core.workers import CORES, limited
 from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.training.evaluation import Composition, Episodes
 from crowdsim.training.recipe import BehaviourSpec, Recipe, load_recipe
@@ -138,15 +138,8 @@ def details(policy: Policy, name: str, spec: BehaviourSpec, threads: int) -> Non
             print(line, flush=True)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description="How good trained policies are.")
-    parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
-    parser.add_argument("--mocap", default=os.environ.get("CROWDSIM_MOCAP"), help="folder of motion capture")
-    parser.add_argument("--policy", action="append", help="a recipe's stem; several may be named")
-    parser.add_argument("--threads", type=int, default=min(2, numba.config.NUMBA_NUM_THREADS))
-    parser.add_argument("--quick", action="store_true", help="seconds: little motion, coarse grids, few starts")
-    options = parser.parse_args()
-    numba.set_num_threads(options.threads)
+def measure(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the figures of each policy, and print them unless they are wanted as JSON."""
     outcome: dict[str, Any] = {}
     for stem in options.policy or SHIPPED:
         if load_recipe(POLICIES / f"{stem}.yaml").motion.capture is not None and not options.mocap:
@@ -164,6 +157,19 @@ def main() -> None:
                     print(f"  {key:<34}{value:12.4f}", flush=True)
             if name in recipe.behaviours and not options.quick:
                 details(policy, name, recipe.behaviours[name], options.threads)
+    return outcome
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="How good trained policies are.")
+    parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
+    parser.add_argument("--mocap", default=os.environ.get("CROWDSIM_MOCAP"), help="folder of motion capture")
+    parser.add_argument("--policy", action="append", help="a recipe's stem; several may be named")
+    parser.add_argument("--threads", type=int, default=min(2, CORES))
+    parser.add_argument("--quick", action="store_true", help="seconds: little motion, coarse grids, few starts")
+    options = parser.parse_args()
+    with limited(options.threads):
+        outcome = measure(options)
     if options.json:
         json.dump(outcome, sys.stdout, indent=2)
         print()

@@ -32,12 +32,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 from _quick import small_policies
 from _scene_goals import GOALS, summarise
 
 from crowdsim import load_policies, load_scenario
+from crowdsim.core.workers import CORES
 from crowdsim.crowd.chunk import Chunk
 from crowdsim.crowd.simulation import simulate
 from crowdsim.runs.preparation import prepare
@@ -218,7 +218,7 @@ def main() -> None:
     parser.add_argument("--scene", action="extend", nargs="+", help=f"of ring, {', '.join(names())}; all by default")
     parser.add_argument("--seeds", type=int, default=SEEDS, help="number of seeds, from 1 on")
     parser.add_argument("--policy", help="policy that stands in for those of all scenes")
-    parser.add_argument("--threads", type=int, default=min(2, numba.config.NUMBA_NUM_THREADS))
+    parser.add_argument("--threads", type=int, default=min(2, CORES))
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder of capture")
     parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
     parser.add_argument(

@@ -20,10 +20,10 @@ import time
 import warnings
 from typing import Any
 
-import numba
 import numpy as np
 import scipy.sparse
 
+from crowdsim.core.workers import CORES, limited, share
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Axis, Grid, build_grid
 from crowdsim.policy.policy import Behaviour
@@ -124,9 +124,8 @@ def time_sweeps(model: Model, repeats: int) -> dict[str, float]:
     changes, narrow = np.empty(model.state_count, np.float32), values.astype(np.float32)
 
     def sweep(threads: int) -> float:
-        numba.set_num_threads(threads)
         started = time.perf_counter()
-        improve(packed, layers, narrow, 0, 1, ours, changes)
+        share(model.state_count, improve, packed, layers, narrow, 0, 1, ours, changes, threads=threads)
         return time.perf_counter() - started
 
     def reference() -> float:
@@ -134,7 +133,7 @@ def time_sweeps(model: Model, repeats: int) -> dict[str, float]:
         problem.bellman_operator(values, theirs)
         return time.perf_counter() - started
 
-    threads = [count for count in (1, 2) if count <= numba.config.NUMBA_NUM_THREADS]
+    threads = [count for count in (1, 2) if count <= CORES]
     for run in [*[lambda n=n: sweep(n) for n in threads], reference]:
         run()
     # Taken in turn, so that what else the machine does hits all alike.
@@ -173,7 +172,6 @@ def measure(repeats: int = 7, movement_speed: float = 0.5, quick: bool = False) 
         models[name] = build_model(actions, grid, terms[name], body, DISCOUNT)
         build_seconds += time.perf_counter() - started
     sweeps = time_sweeps(models["punch"], repeats)
-    numba.set_num_threads(min(2, numba.config.NUMBA_NUM_THREADS))
 
     for model in models.values():
         value_iteration(model)
@@ -233,7 +231,8 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=7, help="sweeps timed of each kind")
     parser.add_argument("--quick", action="store_true", help="a small model, to see that all runs")
     options = parser.parse_args()
-    outcome = measure(2 if options.quick else options.repeats, quick=options.quick)
+    with limited(2):
+        outcome = measure(2 if options.quick else options.repeats, quick=options.quick)
     if options.json:
         json.dump(summary(outcome), sys.stdout, indent=2)
         print()

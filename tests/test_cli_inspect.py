@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -20,8 +19,7 @@ def clip(tmp_path_factory) -> Path:
 
 def _inspect(*words: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", "from crowdsim.cli import main; main()", "inspect", *map(str, words)]
-    environment = {**os.environ, "NUMBA_NUM_THREADS": "1"}
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
 def test_json_is_the_whole_of_standard_output(clip):

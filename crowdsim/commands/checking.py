@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from crowdsim.commands.common import CORES, Json, complete_either, detail, note, print_json, say
+from crowdsim.commands.common import Json, complete_either, detail, note, print_json, say
+from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError
 
 

@@ -9,8 +9,9 @@ from typing import Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import CORES, Json, note, print_json
+from crowdsim.commands.common import Json, note, print_json
 from crowdsim.commands.progress import Bars
+from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError, under_way
 from crowdsim.files import make_folder
 

@@ -10,8 +10,9 @@ from typing import Annotated
 
 import typer
 
-from crowdsim.commands.common import CORES, Frames, Threads, note, say
+from crowdsim.commands.common import Frames, Threads, note, say
 from crowdsim.commands.progress import Bars
+from crowdsim.core.workers import CORES
 
 
 def render(

@@ -11,7 +11,6 @@ from typing import Annotated, Any
 import typer
 
 from crowdsim.commands.common import (
-    CORES,
     Force,
     Frames,
     Json,
@@ -27,6 +26,7 @@ from crowdsim.commands.common import (
     talk,
 )
 from crowdsim.commands.progress import Bars
+from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError
 
 

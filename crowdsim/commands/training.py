@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import typer
 
 from crowdsim.commands.common import (
-    CORES,
     Force,
     Json,
     Mocap,
@@ -22,6 +21,7 @@ from crowdsim.commands.common import (
     talk,
 )
 from crowdsim.commands.progress import Bars
+from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError, MotionError, RunError
 
 

@@ -1,1 +1,1 @@
-"""What several packages use: type aliases, and small kernels."""
+"""What several packages use: type aliases, threads, and small kernels."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowdsim.core.types import Array, Progress
+from crowdsim.core.workers import share
 from crowdsim.graph.transitions_kernels import Frames, Minima, keep_cheapest, local_minima, square_distances
 
 _BLOCK_BYTES = 16e6
@@ -93,10 +94,10 @@ def find_transitions(
     for start in range(0, leading, block):
         stop = min(leading, start + block)
         top = max(0, start - 1)
-        bottom = top + -(-(min(frames, stop + 1) - top) // 2) * 2
+        pairs = -(-(min(frames, stop + 1) - top) // 2)
         limit = min(highest, best_squares[:leading, -1].max())
-        square_distances(rows, tiles, top, bottom, limit, squares)
-        local_minima(squares, top, start, stop, facts, limit, minima)
+        share(pairs, square_distances, rows, tiles, top, limit, squares, least=1)
+        share(stop - start, local_minima, squares, top, start, facts, limit, minima, least=1)
         keep_cheapest(start, stop - start, minima, last, best_frames, best_squares)
         if progress is not None:
             progress("transitions", stop, leading)

@@ -3,7 +3,6 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import prange
 
 from crowdsim.jit import kernel
 
@@ -38,27 +37,27 @@ class Minima(NamedTuple):
     counts: Any
 
 
-@kernel(parallel=True, fastmath={"contract"})
-def square_distances(features, tiles, start, stop, limit, out):
-    """Write squared distances of frames ``start``..``stop`` to themselves and all later frames.
+@kernel(fastmath={"contract"})
+def square_distances(low, high, features, tiles, start, limit, out):
+    """Write squared distances of frames to themselves and all later frames, for pairs of rows ``low`` to ``high``.
 
     Two rows go through a tile of columns at a time, four features at a time, so that every number loaded is used often.
 
     Args:
+        low: First pair of rows; pair p is of rows 2 p and 2 p + 1.
+        high: One past the last pair.
         features: Features of each frame; D is a multiple of 4, F a multiple of the tile's width W (F, D).
         tiles: The same by tiles of W frames, a tile's frames last (F / W, D, W).
-        start: First frame.
-        stop: One past the last frame; an even number of frames from ``start``.
+        start: Frame of row 0.
         limit: Where all partial sums of a tile exceed it they are left at that, so an entry above it is only a lower
             bound.
-        out: Row r belongs to frame ``start + r``; what lies before its own column is undefined (stop - start, F).
+        out: Row r belongs to frame ``start + r``; what lies before its own column is undefined (rows, F).
     """
     count, depth, width = tiles.shape
-    for pair in prange((stop - start) // 2):
+    sums, below_sums = np.empty(width, np.float32), np.empty(width, np.float32)
+    for pair in range(low, high):
         r = 2 * pair
         i = start + r
-        sums = np.empty(width, np.float32)
-        below_sums = np.empty(width, np.float32)
         for t in range(i // width, count):
             tile = tiles[t]
             for c in range(width):
@@ -119,15 +118,16 @@ def _is_lowest(squares, row, i, k, clips):
     return True
 
 
-@kernel(parallel=True)
-def local_minima(squares, first, start, stop, frames, limit, minima):
-    """Collect the local minima (i, k), i < k, of rows ``start``..``stop`` that may be transitions.
+@kernel(allocates=False)
+def local_minima(low, high, squares, first, start, frames, limit, minima):
+    """Collect the local minima (i, k), i < k, of frames from ``start`` on that may be transitions.
 
     Args:
-        squares: Squared distances; row r belongs to frame ``first + r``; holds the rows beside ``start`` and ``stop``.
+        low: First row of ``minima`` to write.
+        high: One past the last.
+        squares: Squared distances; row r belongs to frame ``first + r``; holds the rows before and after as well.
         first: Frame of the first row of ``squares``.
-        start: First frame i.
-        stop: One past the last frame i.
+        start: Frame i of row 0 of ``minima``.
         frames: ``Frames``.
         limit: Largest squared distance.
         minima: Written: ``Minima``.
@@ -135,7 +135,7 @@ def local_minima(squares, first, start, stop, frames, limit, minima):
     clips, contacts, near = frames.clips, frames.contacts, frames.near
     columns, found, counts = minima.columns, minima.squares, minima.counts
     last = clips.shape[0] - 1
-    for r in prange(stop - start):
+    for r in range(low, high):
         i = start + r
         count = 0
         for k in range(i + 1, last + 1):

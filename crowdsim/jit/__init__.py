@@ -9,7 +9,6 @@ from typing import Any
 def kernel(
     function: Callable[..., Any] | None = None,
     *,
-    parallel: bool = False,
     inline: bool = False,
     allocates: bool = True,
     fastmath: Collection[str] = (),
@@ -26,21 +25,18 @@ def kernel(
 
     Args:
         function: The function; without it, a decorator with these options is returned.
-        parallel: ``prange`` runs in threads.
         inline: The compiled code becomes part of each caller, which saves passing arrays; it allocates nothing.
         allocates: Whether the kernel creates arrays. One that does not needs no reference counts, which cost two atomic
             operations for every array that is passed to a function or read from a named tuple.
         fastmath: LLVM's flags for faster arithmetic that the kernel permits.
     """
     if function is None:
-        return lambda wanted: kernel(wanted, parallel=parallel, inline=inline, allocates=allocates, fastmath=fastmath)
+        return lambda wanted: kernel(wanted, inline=inline, allocates=allocates, fastmath=fastmath)
     from numba import config
 
     from crowdsim.jit.dispatchers import build_dispatcher
 
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
-    if parallel:
-        options["parallel"] = True
     if fastmath:
         options["fastmath"] = set(fastmath)
     if inline or not allocates:

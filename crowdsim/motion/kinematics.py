@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.motion.kinematics_kernels import pose_joints, pose_joints_parallel
+from crowdsim.core.workers import share
+from crowdsim.motion.kinematics_kernels import pose_joints
 from crowdsim.motion.skeleton import Clip, Skeleton
 
-_PARALLEL_FROM = 4096
-"""Frames from which threads pay."""
+_LEAST = 1024
+"""Frames that a thread works on at least."""
 
 
 def forward_kinematics(
@@ -17,7 +18,7 @@ def forward_kinematics(
     root_positions: Array,
     rotations: Array,
     translations: Array | None = None,
-    parallel: bool | None = None,
+    threads: int | None = None,
 ) -> tuple[Array, Array]:
     """Return the positions and rotations of all joints in the world.
 
@@ -26,7 +27,7 @@ def forward_kinematics(
         root_positions: Position of the root [m]. Shape (F, 3).
         rotations: Local rotations. Shape (F, J, 4).
         translations: Positions of joints in their parents' frames [m], for joints that move. Shape (F, J, 3).
-        parallel: Use every numba thread; by default when there are many frames. The result is the same.
+        threads: Number of threads (``share``). The result is the same.
 
     Returns:
         Positions [m], shape (F, J, 3), and rotations, shape (F, J, 4), both in the dtype of ``rotations``.
@@ -48,12 +49,8 @@ def forward_kinematics(
     parents = np.ascontiguousarray(skeleton.parents, dtype=np.int32)
     out_positions = np.empty((frames, joints, 3), dtype)
     out_rotations = np.empty((frames, joints, 4), dtype)
-    if parallel is None:
-        parallel = frames >= _PARALLEL_FROM
-    if parallel:
-        pose_joints_parallel(parents, offsets, roots, rotations, moved, out_positions, out_rotations)
-    else:
-        pose_joints(parents, offsets, roots, rotations, moved, 0, frames, out_positions, out_rotations)
+    arguments = parents, offsets, roots, rotations, moved, out_positions, out_rotations
+    share(frames, pose_joints, *arguments, threads=threads, least=_LEAST)
     return out_positions, out_rotations
 
 

@@ -1,16 +1,14 @@
 """Compiled forward kinematics."""
 
-import numba as nb
-
 from crowdsim.jit import kernel
 
 
 @kernel(fastmath={"contract", "nsz"})
-def pose_joints(parents, offsets, root_positions, rotations, translations, start, stop, out_positions, out_rotations):
-    """Compose frames ``start`` to ``stop`` from the root outwards; an empty ``translations`` means fixed offsets."""
+def pose_joints(low, high, parents, offsets, root_positions, rotations, translations, out_positions, out_rotations):
+    """Compose frames ``low`` to ``high`` from the root outwards; an empty ``translations`` means fixed offsets."""
     joints = parents.shape[0]
     moving = translations.shape[0] > 0
-    for f in range(start, stop):
+    for f in range(low, high):
         for c in range(3):
             out_positions[f, 0, c] = root_positions[f, c]
         for c in range(4):
@@ -37,16 +35,3 @@ def pose_joints(parents, offsets, root_positions, rotations, translations, start
             out_rotations[f, j, 1] = w * b + x * a + y * d - z * c
             out_rotations[f, j, 2] = w * c - x * d + y * a + z * b
             out_rotations[f, j, 3] = w * d + x * c - y * b + z * a
-
-
-@kernel(parallel=True)
-def pose_joints_parallel(parents, offsets, root_positions, rotations, translations, out_positions, out_rotations):
-    """Do the same with every thread, a block of frames each."""
-    frames = root_positions.shape[0]
-    blocks = (frames + 255) // 256
-    for block in nb.prange(blocks):
-        start = block * 256
-        stop = min(frames, start + 256)
-        pose_joints(
-            parents, offsets, root_positions, rotations, translations, start, stop, out_positions, out_rotations
-        )

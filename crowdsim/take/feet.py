@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from crowdsim.core.workers import share
 from crowdsim.take.kernels.feet import plant_feet
 from crowdsim.take.kernels.records import Footing, Moments, Playback, Posed, Transitions
 from crowdsim.take.window import Window
-from crowdsim.take.workers import share
 
 
 def hold_feet(window: Window, transitions: Transitions, playback: Playback, moments: Moments, poses: Posed) -> None:
@@ -28,4 +28,4 @@ def hold_feet(window: Window, transitions: Transitions, playback: Playback, mome
     def work(low: int, high: int) -> None:
         plant_feet(low, high, moments, playback, window.rows, footing, motion.legs, poses)
 
-    share(window.threads, len(moments.columns), work)
+    share(len(moments.columns), work, threads=window.threads)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.core.workers import share
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
 from crowdsim.policy.rewards import TargetBody, posed_distance
@@ -18,7 +19,6 @@ from crowdsim.take.landed import LEAN, TOGETHER, Landed, by_column
 from crowdsim.take.leans import leaning_joints, plan_leans
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.window import Window
-from crowdsim.take.workers import share
 
 PoseAt = Callable[[Array, Array], list[tuple[Array, Body, Array, Array, Array]]]
 """Poses avatars (E,) at times (E,): for each policy which of them, body, scales, joint positions and rotations."""
@@ -175,7 +175,7 @@ def reach_out(window: Window, landings: Landings, moments: Moments, poses: Posed
     def work(low: int, high: int) -> None:
         carry_fists(low, high, moments, landings, scales, arms, legs, leaning, within, poses)
 
-    share(window.threads, len(moments.columns), work)
+    share(len(moments.columns), work, threads=window.threads)
 
 
 def _surfaces(

@@ -154,9 +154,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     rotations = np.array(database.rotations, dtype=np.float32)
     rotations[:, 0] = quaternion.multiply(headings, rotations[:, 0])
     _align_signs(rotations, starts)
-    positions, world_rotations = forward_kinematics(
-        skeleton, database.root_positions, database.rotations, parallel=False
-    )
+    positions, world_rotations = forward_kinematics(skeleton, database.root_positions, database.rotations, threads=1)
     some = slice(None, None, max(1, len(positions) // _SAMPLE))
     sample = positions[some], world_rotations[some]
     bends = np.array([body.roles["spine"], body.roles["chest"]])

@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.core.workers import share
 from crowdsim.motion.body import Body
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
@@ -27,7 +28,6 @@ from crowdsim.take.motion import PoseMotion
 from crowdsim.take.reactions import build_trunk, give_way, plan_blows
 from crowdsim.take.separation import Separation
 from crowdsim.take.window import Window
-from crowdsim.take.workers import share
 
 Joints = tuple[Array, Body, Array, Array, Array]
 """Joints of some of the avatars asked for: which of them (n,), body, sizes (n,), positions (n, J, 3) [m] and rotations
@@ -46,7 +46,7 @@ def world_joints(skeleton: Skeleton, scales: Array, poses: Posed) -> tuple[Array
     """Return positions (T, n, J, 3) [m] and rotations (T, n, J, 4) in the world of poses of bodies of sizes (n,)."""
     times, count, joints = poses.rotations.shape[:3]
     flat = poses.rotations.reshape(-1, joints, 4)
-    positions, rotations = forward_kinematics(skeleton, np.zeros((len(flat), 3), np.float32), flat, parallel=False)
+    positions, rotations = forward_kinematics(skeleton, np.zeros((len(flat), 3), np.float32), flat, threads=1)
     positions = positions.reshape(times, count, joints, 3) * scales[:, None, None].astype(np.float32)
     return positions + poses.roots[:, :, None], rotations.reshape(times, count, joints, 4)
 
@@ -88,7 +88,7 @@ class Passes:
                 low, high, moments, playback, window.rows, motion.frames, transitions, motion.hinges, poses
             )  # fmt: skip
 
-        share(self._threads, len(moments.columns), blend)
+        share(len(moments.columns), blend, threads=self._threads)
         return poses
 
     def pose(self, window: Window, index: int, moments: Moments) -> tuple[Posed, Playback]:

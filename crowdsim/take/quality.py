@@ -166,7 +166,7 @@ class _CapturedMotion:
     def __init__(self, sampler: PoseSampler, index: int) -> None:
         database = sampler.policies[index].database
         positions, rotations = forward_kinematics(
-            database.skeleton, database.root_positions, database.rotations, parallel=False
+            database.skeleton, database.root_positions, database.rotations, threads=1
         )
         self.joints = sorted(set(database.body.roles.values()))
         self.contacts = np.asarray(database.contacts)

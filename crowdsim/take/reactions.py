@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.core.workers import share
 from crowdsim.take.kernels.reactions import LENGTH, Blows, Trunk, show_reactions
 from crowdsim.take.kernels.records import Moments, Playback, Posed
 from crowdsim.take.landed import Landed, by_column
 from crowdsim.take.motion import PoseMotion, chain_of
 from crowdsim.take.window import Window
-from crowdsim.take.workers import share
 
 PlaceAt = Callable[[Array, Array], list[tuple[Array, PoseMotion, Array, Playback]]]
 """Of avatars (E,) at times (E,): for each policy which of them, its motion, scales, and playback of shape (1, n)."""
@@ -96,4 +96,4 @@ def give_way(
     def work(low: int, high: int) -> None:
         show_reactions(low, high, moments, blows, trunk, recent, poses)
 
-    share(window.threads, len(moments.columns), work)
+    share(len(moments.columns), work, threads=window.threads)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.core.workers import share
 from crowdsim.policy.alignment import HARDLY, SETTLED
 from crowdsim.take.data import TakeData
 from crowdsim.take.kernels.blending import BLEND
@@ -18,7 +19,6 @@ from crowdsim.take.kernels.records import FootPlants, Moments, Playback, Rows, S
 from crowdsim.take.kernels.steps import StepRules, plan_steps
 from crowdsim.take.kernels.transitions import measure_transitions
 from crowdsim.take.motion import PoseMotion
-from crowdsim.take.workers import share
 
 LEAST_BLEND = 0.1
 """Least time that a blend lasts before a transition, and after it [s]."""
@@ -103,7 +103,7 @@ class Window:
         def work(low: int, high: int) -> None:
             find_playback(low, high, self.rows, self.motion.frames, moments, playback)
 
-        share(self.threads, len(moments.columns), work)
+        share(len(moments.columns), work, threads=self.threads)
         return playback
 
     def transitions(self) -> Transitions:
@@ -133,7 +133,7 @@ class Window:
         def work(low: int, high: int) -> None:
             measure_transitions(low, high, rows, frames, self.motion.legs.toes, transitions)
 
-        share(self.threads, count, work)
+        share(count, work, threads=self.threads)
         return transitions
 
     def _spans(self, before: Array, after: Array, pace: Array) -> Array:
@@ -156,7 +156,7 @@ class Window:
         def work(low: int, high: int) -> None:
             find_foot_plants(low, high, rows, self.motion.frames, plants)
 
-        share(self.threads, len(self.avatars), work)
+        share(len(self.avatars), work, threads=self.threads)
         return plants
 
     def steps(self, transitions: Transitions, plants: FootPlants) -> Steps:
@@ -167,5 +167,5 @@ class Window:
         def work(low: int, high: int) -> None:
             plan_steps(low, high, transitions, plants, motion.frames, scales, _STEP_RULES, motion.gait, steps)
 
-        share(self.threads, len(self.avatars), work)
+        share(len(self.avatars), work, threads=self.threads)
         return steps

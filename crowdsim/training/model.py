@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.core.workers import share
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Grid
 from crowdsim.policy.rewards import StrikeTerm, TargetBody, Term, TransitionTerm, pack_terms
@@ -174,7 +175,8 @@ def build_model(
     packed, log_discount = pack_terms(terms, body), math.log(discount)
     near = np.empty((ways, count, 1 if _same_everywhere(terms) else len(xs)), np.float32)
     for velocity, out in zip(movement.velocities.astype(np.float32), near, strict=True):
-        fill_near(actions, Places(xs, zs, *(np.full(len(xs), one) for one in velocity)), packed, log_discount, out)
+        places = Places(xs, zs, *(np.full(len(xs), one) for one in velocity))
+        share(count, fill_near, actions, places, packed, log_discount, out)
     landed = _landed_rewards(actions, grid, movement, packed, log_discount)
     return Model(
         grid=grid,
@@ -198,13 +200,13 @@ def _landed_rewards(actions: Actions, grid: Grid, movement: Movement, packed: Ar
     """Return what strikes earn where they land: offsets by outcome and action, cells and rewards (``Model``)."""
     from crowdsim.training.kernels.rewards import Landed, fill_landed
 
-    targets, velocities = grid.targets(), movement.velocities
-    offsets = np.zeros(len(movement.probabilities) * actions.action_count + 1, np.int64)
+    count, targets, velocities = actions.action_count, grid.targets(), movement.velocities
+    offsets = np.zeros(len(movement.probabilities) * count + 1, np.int64)
     counted = Landed(offsets, np.zeros(0, np.int32), np.zeros(0, np.float32))
-    fill_landed(actions, targets, grid.layers, velocities, packed, log_discount, counted)
+    share(count, fill_landed, actions, targets, grid.layers, velocities, packed, log_discount, counted)
     np.cumsum(offsets, out=offsets)
     listed = Landed(offsets, np.empty(offsets[-1], np.int32), np.empty(offsets[-1], np.float32))
-    fill_landed(actions, targets, grid.layers, velocities, packed, log_discount, listed)
+    share(count, fill_landed, actions, targets, grid.layers, velocities, packed, log_discount, listed)
     return listed
 
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crowdsim.core.types import Array, Progress
+from crowdsim.core.workers import share
 from crowdsim.graph.states import MotionGraph, graph_of_transitions
 from crowdsim.graph.transitions import Transitions, decision_frames, with_images
 from crowdsim.policy.actions import Actions, build_actions, leading_actions
@@ -144,7 +145,7 @@ def judge_ways(
         actions of the states that are solved (``mirroring.solved_states``).
     """
     from crowdsim.training.behaviours import prepare_models, solve
-    from crowdsim.training.kernels import judging
+    from crowdsim.training.kernels.judging import Judged, judge_ways
     from crowdsim.training.ranges import sample_targets
     from crowdsim.training.scales import action_values_at, decisive_scale, fades_of
 
@@ -163,7 +164,8 @@ def judge_ways(
         prices[row] = _prices(terms, actions)
     keep, gains = np.zeros(actions.action_count, np.uint8), np.zeros(actions.action_count)
     cuts = graph.action_cuts[: len(keep)]
-    judging.judge_ways(actions.offsets, cuts, judging.Judged(worth, factors, prices), ways, keep, gains)
+    judged = Judged(worth, factors, prices)
+    share(actions.state_count, judge_ways, actions.offsets, cuts, judged, ways, keep, gains)
     if progress is not None:
         progress("prune, ways out", actions.state_count, actions.state_count)
     return keep.astype(bool), gains

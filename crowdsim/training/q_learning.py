@@ -19,10 +19,11 @@ import time
 import numpy as np
 
 from crowdsim.core.types import Array, Progress
+from crowdsim.core.workers import share
 from crowdsim.training.kernels.exploration import Learning, try_best, try_everything
 from crowdsim.training.kernels.q_tables import put, values_from_q
 from crowdsim.training.model import Model
-from crowdsim.training.solution import Solution, sweep_model
+from crowdsim.training.solution import PUT, Solution, sweep_model
 
 
 def q_learning(
@@ -61,7 +62,7 @@ def q_learning(
     residuals: list[float] = []
     converged, played = False, 0
     while len(residuals) < max_sweeps and not converged:
-        try_everything(packed, layers, q, other, learning, changes)
+        share(model.state_count, try_everything, packed, layers, q, other, learning, changes)
         q, other = other, q
         played += 1
         residuals.append(float(changes.sum()) / len(q))
@@ -69,11 +70,11 @@ def q_learning(
         if progress is not None:
             progress("q-learning", len(residuals), max_sweeps)
         for _ in range(0 if converged else exploitations):
-            try_best(packed, layers, q, entries, found, learning, tries)
-            put(q, entries, found)
+            share(model.state_count, try_best, packed, layers, q, entries, found, learning, tries)
+            share(len(found), put, q, entries, found, least=PUT)
             played += 1
     values = np.empty_like(found)
-    values_from_q(model.offsets, cells, q, values)
+    share(model.state_count, values_from_q, model.offsets, cells, q, values)
     return Solution(
         values=values.reshape(model.state_count, cells),
         q=q,

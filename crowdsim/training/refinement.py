@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from crowdsim.core.types import Array, Progress
+from crowdsim.core.workers import share
 from crowdsim.policy.environment import Axis, Grid, build_grid
 from crowdsim.training.model import Model
 from crowdsim.training.solution import Solution
@@ -147,7 +148,8 @@ def _along_axes(values: Array, grid: Grid, operators: list[Array]) -> Array:
         rows, columns = np.nonzero(np.abs(operator) > NEGLIGIBLE)
         offsets = np.searchsorted(rows, np.arange(len(operator) + 1))
         weights = operator[rows, columns].astype(np.float32)
-        apply_along_axis(offsets, columns, weights, result.reshape(len(values), before, shape[d], after), out)
+        rows_before = result.reshape(len(values), before, shape[d], after)
+        share(len(values), apply_along_axis, offsets, columns, weights, rows_before, out)
         shape[d] = operator.shape[0]
         result = out.reshape(len(values), -1)
     return result

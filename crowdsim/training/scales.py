@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.core.workers import share
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import LEAD, Grid, fade_factor
 from crowdsim.policy.rewards import TargetBody, Term, pack_terms
@@ -62,7 +63,7 @@ def action_values_at(
     places = Places(*(np.ascontiguousarray(targets[:, axis], np.float32) for axis in (0, 2, 3, 4)))
     result = np.empty((actions.action_count, len(targets)), np.float32)
     own = actions._replace(next=actions.next % np.int32(actions.state_count))
-    fill_action_values(own, learned, places, result)
+    share(actions.action_count, fill_action_values, own, learned, places, result)
     return result
 
 
@@ -95,7 +96,7 @@ def decisive_scale(values: Array, actions: Actions, fades: Array, greatest: floa
     from crowdsim.training.kernels.judging import action_spreads
 
     spreads = np.empty((actions.state_count, len(fades)))
-    action_spreads(actions.offsets, values, spreads)
+    share(actions.state_count, action_spreads, actions.offsets, values, spreads)
     counted = spreads[:, fades > 0.0]
     finite = counted[np.isfinite(counted)]
     scale = float(np.mean(finite)) if len(finite) else 0.0

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.core.workers import share
 
 if TYPE_CHECKING:
     from crowdsim.training.model import Model
@@ -49,6 +50,10 @@ def value_spread(values: Array) -> float:
     return max(float(high - low), 1e-3 * float(np.abs(some).max())) or 1.0
 
 
+PUT = 4096
+"""Entries of a Q-table that a thread writes at least."""
+
+
 class SweepModel(NamedTuple):
     """The arrays of a model that sweeps read (``Model``)."""
 
@@ -76,6 +81,6 @@ def q_table(model: Model, values: Array) -> Array:
     from crowdsim.training.kernels.following import q_from_values
 
     q = np.empty(model.action_count * model.grid.cells, values.dtype)
-    packed = sweep_model(model)
-    q_from_values(packed, model.grid.layers, np.ascontiguousarray(values).ravel(), q)
+    packed, flat = sweep_model(model), np.ascontiguousarray(values).ravel()
+    share(model.state_count, q_from_values, packed, model.grid.layers, flat, q)
     return q

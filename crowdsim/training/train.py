@@ -14,6 +14,7 @@ from filelock import FileLock, Timeout
 
 from crowdsim import assets
 from crowdsim.core.types import Array, FileName, Progress
+from crowdsim.core.workers import limited
 from crowdsim.errors import CrowdsimError, MotionError, PolicyError, RecipeError, VersionError
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
@@ -143,7 +144,7 @@ def train_policy(
     from crowdsim.training.pruning import prune_graph
     from crowdsim.training.statistics import policy_statistics
 
-    with _threads(threads):
+    with limited(threads):
         started = time.perf_counter()
         files = capture_files(recipe, mocap)
         prints = fingerprints_of(recipe, files)
@@ -269,20 +270,6 @@ def _alone(folder: Path, progress: Progress | None) -> Iterator[bool]:
         with suppress(OSError):
             path.unlink(missing_ok=True)
         lock.release()
-
-
-@contextmanager
-def _threads(count: int) -> Iterator[None]:
-    """Let compiled code run on so many threads, and on as many as before afterwards."""
-    import numba
-    from numba import config
-
-    before = numba.get_num_threads()
-    numba.set_num_threads(max(1, min(count, int(getattr(config, "NUMBA_NUM_THREADS", 1)))))
-    try:
-        yield
-    finally:
-        numba.set_num_threads(before)
 
 
 @contextmanager

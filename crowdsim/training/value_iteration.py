@@ -13,10 +13,11 @@ import time
 import numpy as np
 
 from crowdsim.core.types import Array, Progress
+from crowdsim.core.workers import share
 from crowdsim.training.kernels.improvement import improve
 from crowdsim.training.kernels.q_tables import improve_best_q, improve_q, put, values_from_q
 from crowdsim.training.model import BACKUPS, Model
-from crowdsim.training.solution import Solution, sweep_model, value_spread
+from crowdsim.training.solution import PUT, Solution, sweep_model, value_spread
 
 GROUPS = 16
 """Groups of states that a sweep over V goes through: each reads what those before it have just found."""
@@ -97,8 +98,9 @@ def _iterate_v(
     before, shifts = float(np.mean(some, dtype=np.float64)), 0
     while len(residuals) < max_sweeps:
         for first in reversed(range(groups)):
-            improve(packed, layers, values, first, groups, found, changes)
-            table[first::groups] = found[: len(range(first, states, groups))]
+            rows = len(range(first, states, groups))
+            share(rows, improve, packed, layers, values, first, groups, found, changes)
+            table[first::groups] = found[:rows]
         residuals.append(float(changes.max()) / value_spread(values))
         _report(progress, residuals, tolerance, max_sweeps)
         if residuals[-1] <= tolerance:
@@ -143,7 +145,7 @@ def _iterate_q(
     values = np.empty(model.state_count * cells, np.float32)
     updates = 0
     while len(residuals) < max_sweeps:
-        improve_q(packed, layers, q, other, changes)
+        share(model.state_count, improve_q, packed, layers, q, other, changes)
         q, other = other, q
         residuals.append(float(changes.max()) / value_spread(q))
         updates += len(q)
@@ -151,8 +153,8 @@ def _iterate_q(
         if residuals[-1] <= tolerance:
             break
         for _ in range(evaluations):
-            improve_best_q(packed, layers, q, entries, values)
-            put(q, entries, values)
+            share(model.state_count, improve_best_q, packed, layers, q, entries, values)
+            share(len(values), put, q, entries, values, least=PUT)
             updates += len(values)
-    values_from_q(model.offsets, cells, q, values)
+    share(model.state_count, values_from_q, model.offsets, cells, q, values)
     return values, q, updates

@@ -1,13 +1,13 @@
 import itertools
 
 import naive_graph
-import numba
 import numpy as np
 import pytest
 import synthetic_motion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from crowdsim.core.workers import limited
 from crowdsim.graph.features import frame_features
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.graph.transitions import Transitions, decision_frames, find_transitions, with_images
@@ -59,14 +59,10 @@ def test_transitions_do_not_depend_on_the_block_size_and_are_sorted(monkeypatch)
 
 def test_transitions_are_the_same_bytes_for_one_thread_and_two():
     features, starts, contacts = random_case(4, [300, 200])
-    before = numba.get_num_threads()
     results = []
-    try:
-        for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
-            numba.set_num_threads(threads)
+    for threads in (1, 2):
+        with limited(threads):
             results.append(find_transitions(features, starts, contacts, 4, 12, 1.0))
-    finally:
-        numba.set_num_threads(before)
     assert len(results[0]) > 500
     assert same_bytes(*results)
 

@@ -81,16 +81,16 @@ def test_moving_the_root_moves_all_joints_alike():
 
 
 @pytest.mark.parametrize("moving", [False, True])
-def test_threads_and_blocks_do_not_change_a_byte(moving):
+def test_threads_do_not_change_a_byte(moving):
     rng = np.random.default_rng(4)
     body = random_body(rng, 7)
-    for frames in (1, 255, 256, 257, 1000):
+    for frames in (1, 2047, 2048, 2049, 5000):
         rotations = quaternion.normalise(rng.normal(size=(frames, 7, 4)))
         roots = rng.normal(size=(frames, 3))
         translations = rng.normal(size=(frames, 7, 3)) if moving else None
-        serial = forward_kinematics(body, roots, rotations, translations, parallel=False)
-        parallel = forward_kinematics(body, roots, rotations, translations, parallel=True)
-        for ours, theirs in zip(serial, parallel, strict=True):
+        one = forward_kinematics(body, roots, rotations, translations, threads=1)
+        three = forward_kinematics(body, roots, rotations, translations, threads=3)
+        for ours, theirs in zip(one, three, strict=True):
             assert ours.tobytes() == theirs.tobytes()
 
 

@@ -51,7 +51,7 @@ class Posed:
 
     def pose(self, rotations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Positions (J, 3) and rotations (J, 4) of the joints in the world."""
-        positions, turns = forward_kinematics(self.skeleton, self.root[None], rotations[None], parallel=False)
+        positions, turns = forward_kinematics(self.skeleton, self.root[None], rotations[None], threads=1)
         return positions[0], turns[0]
 
     def bent(self, target: np.ndarray, distance: float) -> np.ndarray:

@@ -59,7 +59,7 @@ def hard(take: Take, policy: Any, fps: float = 60.0) -> np.ndarray:
     turns = np.array(motion.rotations[places.frames], float)
     turns[..., 0, :] = quaternion.multiply(quaternion.about_y(places.ground[..., 2]), turns[..., 0, :])
     flat = turns.reshape(-1, turns.shape[-2], 4).astype(np.float32)
-    found, _ = forward_kinematics(database().skeleton, np.zeros((len(flat), 3), np.float32), flat, parallel=False)
+    found, _ = forward_kinematics(database().skeleton, np.zeros((len(flat), 3), np.float32), flat, threads=1)
     found = found.reshape(*turns.shape[:-1], 3) * np.asarray(take.cast.scales)[:, None, None]
     from crowdsim.motion import ground
 

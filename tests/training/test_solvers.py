@@ -1,11 +1,11 @@
 """Solvers: against a naive one, a known answer and one another; the same bytes on any number of threads."""
 
-import numba
 import numpy as np
 import pytest
 from naive_policy import by_action, random_actions
 from naive_policy import value_iteration as naive_value_iteration
 
+from crowdsim.core.workers import limited
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Axis, build_grid, corners
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, TransitionTerm
@@ -144,7 +144,7 @@ def test_one_update_of_q_learning_is_the_one_done_on_paper():
     before = np.array([7.0, 3.0, 4.0, 0.0, 2.0, 6.0], np.float32)
     after, visits, changes = np.empty_like(before), np.zeros(6, np.uint16), np.empty(2)
     learning = Learning(visits, np.array([0.2], np.float32), 0)
-    try_everything(sweep_model(model), grid.layers, before, after, learning, changes)
+    try_everything(0, 2, sweep_model(model), grid.layers, before, after, learning, changes)
     assert after[1] == pytest.approx(expected, rel=1e-6)
     assert visits.tolist() == [1] * 6
 
@@ -168,21 +168,17 @@ def test_q_learning_settles_on_the_expectation_when_the_target_moves():
     assert not np.array_equal(learned.q, other.q)
 
 
-@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one core")
 def test_two_threads_give_the_same_bytes_as_one():
     model = model_of(GRIDS["punch"], build_movement(1.0, 4, 0.3))
-    before, found = numba.get_num_threads(), []
-    try:
-        for threads in (1, 2):
-            numba.set_num_threads(threads)
+    found = []
+    for threads in (1, 2):
+        with limited(threads):
             again = model_of(GRIDS["punch"], build_movement(1.0, 4, 0.3))
             solutions = [value_iteration(model, backup, tolerance=1e-3) for backup in BACKUPS]
             solutions.append(q_learning(model, max_sweeps=5))
             found.append(
                 [one.values.tobytes() for one in solutions] + [again.near.tobytes(), again.landed_rewards.tobytes()]
             )
-    finally:
-        numba.set_num_threads(before)
     assert found[0] == found[1]
 
 

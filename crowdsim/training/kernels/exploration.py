@@ -3,7 +3,6 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import prange
 
 from crowdsim.jit import kernel
 from crowdsim.training.kernels.draws import draw_number
@@ -55,18 +54,16 @@ def _observe(model, layers, q, action, m, h, draw, found):
     return earned + model.discounts[action] * best_after(model, layers, q, outcome, action, m, h, found)
 
 
-@kernel(parallel=True)
-def try_everything(model, layers, q, out, learning, changes):
-    """Do one round of exploration: every action of every state is tried once in every cell.
+@kernel
+def try_everything(low, high, model, layers, q, out, learning, changes):
+    """Do one round of exploration: every action of states ``low`` to ``high`` is tried once in every cell.
 
     Q := Q + alpha (observed - Q), where what is observed reads the table of the round before; ``learning`` is a
     ``Learning``, and ``changes`` get the sum of the errors of each state.
     """
-    moving = len(model.xs)
+    moving, found = len(model.xs), empty_successors(1)
     visits = learning.visits
-    for i in prange(len(model.offsets) - 1):
-        s = np.int64(i)
-        found = empty_successors(1)
+    for s in range(low, high):
         first = model.offsets[s]
         n = model.offsets[s + 1] - first
         change = 0.0
@@ -82,18 +79,17 @@ def try_everything(model, layers, q, out, learning, changes):
         changes[s] = change
 
 
-@kernel(parallel=True)
-def try_best(model, layers, q, entries, values, learning, tries):
-    """Do one round of exploitation: in every state and cell the action that is best so far is tried a few times.
+@kernel
+def try_best(low, high, model, layers, q, entries, values, learning, tries):
+    """Do one round of exploitation: the action that is best so far in a cell is tried a few times.
 
+    That is done in every cell of states ``low`` to ``high``.
     Writes which entries change, and to what, so that all trials read the table of the round before. The entry moves by
     the mean of its trials: one that is tried until it is no longer the best would else end too low.
     """
-    cells = len(model.xs) * layers
+    cells, found = len(model.xs) * layers, empty_successors(1)
     visits = learning.visits
-    for i in prange(len(model.offsets) - 1):
-        s = np.int64(i)
-        found = empty_successors(1)
+    for s in range(low, high):
         first = model.offsets[s]
         n = model.offsets[s + 1] - first
         for c in range(cells):

@@ -1,7 +1,6 @@
 """Bellman sweeps over V: every action of every state is backed up in every cell, and the best one counts."""
 
 import numpy as np
-from numba import prange
 
 from crowdsim.jit import kernel
 from crowdsim.training.kernels.backup import back_up_action
@@ -15,25 +14,27 @@ from crowdsim.training.kernels.successors import (
 )
 
 
-@kernel(parallel=True)
-def improve(model, layers, values, first, every, out, changes):
+@kernel
+def improve(low, high, model, layers, values, first, every, out, changes):
     """Do a Bellman sweep over some states: V'(s, c) = max over a of Q(a, c).
 
-    All of them read the table of before, so the result does not depend on the number of threads.
+    All of them read the table of before, so the result does not depend on how they are shared out.
 
     Args:
+        low: First of the rows to write.
+        high: One past the last.
         model: ``SweepModel``.
         layers: Layers of the grid.
         values: V. Flat, float32.
-        first: The first of the states.
-        every: How far they are apart.
+        first: The state of row 0.
+        every: How far the states of rows are apart.
         out: Written: V' of these states, one after another. Shape (at least as many, C), float32.
         changes: Written: by how much the values of each of these states change at most. Shape (S,).
     """
     cells = len(model.xs) * layers
-    for i in prange((len(model.offsets) - 2 - first) // every + 1):
-        row, found = np.empty(cells, np.float32), empty_successors(len(model.xs))
-        s = np.int64(first + i * every)
+    row, found = np.empty(cells, np.float32), empty_successors(len(model.xs))
+    for i in range(low, high):
+        s = first + i * every
         best = out[i]
         for c in range(cells):
             best[c] = -np.inf

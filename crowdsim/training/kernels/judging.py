@@ -4,7 +4,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import prange
 
 from crowdsim.jit import kernel
 from crowdsim.training.kernels.rewards import earned_where, write_near
@@ -62,23 +61,25 @@ class Judged(NamedTuple):
     prices: Any
 
 
-@kernel(parallel=True)
-def fill_action_values(actions, learned, places, out):
-    """Write Q of every action for each target, by looking one action ahead.
+@kernel
+def fill_action_values(low, high, actions, learned, places, out):
+    """Write Q of actions ``low`` to ``high`` for each target, by looking one action ahead.
 
     Args:
+        low: First action.
+        high: One past the last.
         actions: ``Actions``.
         learned: ``Learned``.
         places: Where the targets are, and how they move (``Places``).
         out: Written: Q. Shape (A, N), float32.
     """
     count = out.shape[1]
-    for i in prange(len(out)):
-        action = np.int64(i)
-        total, best, found = out[action], np.empty(count, np.float32), empty_successors(count)
+    best, found = np.empty(count, np.float32), empty_successors(count)
+    xs, zs = np.empty(count, np.float32), np.empty(count, np.float32)
+    for action in range(low, high):
+        total = out[action]
         write_near(actions, action, places, learned.terms, learned.log_discount, best, total)
         _add_landed(actions, action, learned, places, total)
-        xs, zs = np.empty(count, np.float32), np.empty(count, np.float32)
         time = np.float32(actions.lengths[action] + learned.lead)
         for m in range(count):
             xs[m] = places.xs[m] + time * places.vxs[m]
@@ -110,16 +111,18 @@ def _add_values_behind(learned, action, state, found, total):
             total[m] += share * value
 
 
-@kernel(parallel=True)
-def action_spreads(offsets, values, out):
+@kernel
+def action_spreads(low, high, offsets, values, out):
     """Write by how much the best action of each state is better than the median one; NaN where there is only one.
 
     Args:
+        low: First state.
+        high: One past the last.
         offsets: CSR: the actions of each state. Shape (S + 1,).
         values: Q of each action for N targets. Shape (A, N), float32.
         out: Written: the spreads. Shape (S, N).
     """
-    for s in prange(len(out)):
+    for s in range(low, high):
         n = offsets[s + 1] - offsets[s]
         row = np.empty(n)
         for m in range(out.shape[1]):
@@ -165,11 +168,13 @@ def _nth_smallest(values, n, place):
     return values[place]
 
 
-@kernel(parallel=True)
-def judge_ways(offsets, cuts, judged, most, keep, gains):
+@kernel
+def judge_ways(low, high, offsets, cuts, judged, most, keep, gains):
     """Mark the actions of each state that are worth keeping, and write what each adds (``pruning.judge_ways``).
 
     Args:
+        low: First state.
+        high: One past the last.
         offsets: CSR: the actions of each state. Shape (S + 1,).
         cuts: Whether each action begins with a cut; those that do not are always kept. Shape (A,).
         judged: ``Judged``.
@@ -179,8 +184,7 @@ def judge_ways(offsets, cuts, judged, most, keep, gains):
     """
     behaviours, _, targets = judged.values.shape
     count = (behaviours + 1 if behaviours > 1 else 1) * targets
-    for i in prange(len(offsets) - 1):
-        s = np.int64(i)
+    for s in range(low, high):
         first, end = np.int64(offsets[s]), np.int64(offsets[s + 1])
         values, best = np.empty((end - first, count)), np.full(count, WORST)
         for k in range(end - first):

@@ -1,7 +1,6 @@
 """Bellman sweeps over Q by the paper's backup, ``max_of_interpolated``."""
 
 import numpy as np
-from numba import prange
 
 from crowdsim.jit import kernel
 from crowdsim.training.kernels.model import expected_reward
@@ -61,13 +60,11 @@ def _back_up_q(model, layers, q, action, m, h, found):
     return total
 
 
-@kernel(parallel=True)
-def improve_q(model, layers, q, out, residuals):
-    """Do one sweep of the paper's backup over every action of every state and every cell."""
-    moving = len(model.xs)
-    for i in prange(len(model.offsets) - 1):
-        s = np.int64(i)
-        found = empty_successors(1)
+@kernel
+def improve_q(low, high, model, layers, q, out, residuals):
+    """Do one sweep of the paper's backup over every action of states ``low`` to ``high`` and every cell."""
+    moving, found = len(model.xs), empty_successors(1)
+    for s in range(low, high):
         first = model.offsets[s]
         n = model.offsets[s + 1] - first
         residual = 0.0
@@ -80,13 +77,14 @@ def improve_q(model, layers, q, out, residuals):
         residuals[s] = residual
 
 
-@kernel(parallel=True)
-def improve_best_q(model, layers, q, entries, values):
-    """Back up only the action that is best so far in every state and cell; write which entries change, and to what."""
-    cells = len(model.xs) * layers
-    for i in prange(len(model.offsets) - 1):
-        s = np.int64(i)
-        found = empty_successors(1)
+@kernel
+def improve_best_q(low, high, model, layers, q, entries, values):
+    """Back up only the action that is best so far in every cell of states ``low`` to ``high``.
+
+    Writes which entries change, and to what.
+    """
+    cells, found = len(model.xs) * layers, empty_successors(1)
+    for s in range(low, high):
         first = model.offsets[s]
         n = model.offsets[s + 1] - first
         for c in range(cells):
@@ -97,10 +95,10 @@ def improve_best_q(model, layers, q, entries, values):
             values[s * cells + c] = _back_up_q(model, layers, q, action, c // layers, c % layers, found)
 
 
-@kernel(parallel=True)
-def values_from_q(offsets, cells, q, out):
-    """Write V(s, c) = max over a of Q(a, c)."""
-    for s in prange(len(offsets) - 1):
+@kernel(allocates=False)
+def values_from_q(low, high, offsets, cells, q, out):
+    """Write V(s, c) = max over a of Q(a, c) of states ``low`` to ``high``."""
+    for s in range(low, high):
         first = offsets[s]
         n = offsets[s + 1] - first
         for c in range(cells):
@@ -111,8 +109,8 @@ def values_from_q(offsets, cells, q, out):
             out[s * cells + c] = best
 
 
-@kernel(parallel=True)
-def put(q, entries, values):
-    """Write values to entries, no two of which are the same."""
-    for place in prange(len(entries)):
+@kernel(allocates=False)
+def put(low, high, q, entries, values):
+    """Write values ``low`` to ``high`` to entries, no two of which are the same."""
+    for place in range(low, high):
         q[entries[place]] = values[place]

@@ -1,23 +1,24 @@
 """Values along one axis of a grid at the points of another."""
 
 import numpy as np
-from numba import prange
 
 from crowdsim.jit import kernel
 
 
-@kernel(parallel=True)
-def apply_along_axis(offsets, columns, weights, values, out):
+@kernel(allocates=False)
+def apply_along_axis(low, high, offsets, columns, weights, values, out):
     """Write a sparse matrix (n, m) times values (S, before, m, after), along their third axis, to ``out``.
 
     Args:
+        low: First row of ``values``.
+        high: One past the last.
         offsets: CSR: entries of row i are ``offsets[i]:offsets[i + 1]``. Shape (n + 1,).
         columns: Column of each entry.
         weights: The entries, float32.
         values: What is multiplied, float32.
         out: Written: the product. Shape (S, before, n, after), float32.
     """
-    for s in prange(len(values)):
+    for s in range(low, high):
         for b in range(values.shape[1]):
             for i in range(out.shape[2]):
                 to = out[s, b, i]

@@ -4,7 +4,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import prange
 
 from crowdsim.jit import kernel
 from crowdsim.policy.kernels.rewards import (
@@ -157,15 +156,15 @@ def write_near(actions, action, places, terms, log_discount, best, total):
                 total[m] += term_reward(actions, action, target, terms, row, log_discount)
 
 
-@kernel(parallel=True)
-def fill_near(actions, places, terms, log_discount, out):
-    """Write what each action earns for targets at ``Places``, landed strikes left out.
+@kernel
+def fill_near(low, high, actions, places, terms, log_discount, out):
+    """Write what actions ``low`` to ``high`` earn for targets at ``Places``, landed strikes left out.
 
     ``out`` has the shape (A, M), or (A, 1) where the reward is the same everywhere.
     """
-    for action in prange(len(out)):
-        best = np.empty(out.shape[1], np.float32)
-        write_near(actions, np.int64(action), places, terms, log_discount, best, out[action])
+    best = np.empty(out.shape[1], np.float32)
+    for action in range(low, high):
+        write_near(actions, action, places, terms, log_discount, best, out[action])
 
 
 @kernel(allocates=False)
@@ -223,15 +222,14 @@ def _list_landed(actions, action, targets, layers, velocity, terms, log_discount
     return held
 
 
-@kernel(parallel=True)
-def fill_landed(actions, targets, layers, velocities, terms, log_discount, landed):
-    """Write the cells in which strikes of each action land and what they earn there into ``Landed``.
+@kernel(allocates=False)
+def fill_landed(low, high, actions, targets, layers, velocities, terms, log_discount, landed):
+    """Write the cells in which strikes of actions ``low`` to ``high`` land and what they earn there into ``Landed``.
 
     Without room for cells they are only counted. ``layers`` targets after one another are over the same place.
     """
     count, offsets, counting = len(actions.next), landed.offsets, len(landed.cells) == 0
-    for i in prange(count):
-        action = np.int64(i)
+    for action in range(low, high):
         for outcome in range(len(velocities)):
             at = offsets[outcome * count + action]
             held = _list_landed(actions, action, targets, layers, velocities[outcome], terms, log_discount, at, landed)
