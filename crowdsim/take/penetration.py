@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowdsim.core.types import Array, Progress
+from crowdsim.core.workers import share
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.take.kernels.penetration import Capsules, find_penetrations
 from crowdsim.take.poses import Poses, PoseSampler
-from crowdsim.take.workers import share
 
 DEEP, VERY_DEEP = 0.06, 0.08
 """Depth that counts as penetration, and the depth of an episode [m]."""
@@ -101,7 +101,7 @@ def _depths(sampler: PoseSampler, groups: Sequence[Poses], threads: int) -> Arra
         counts[who] = len(order)
     capsules = Capsules(ends[0], ends[1], radii, bounds, arms, counts)
     ranks, depths = np.argsort(ends[0][:, :, 0, 0], axis=1, kind="stable"), np.empty((times, count, 2))
-    share(threads, times, lambda low, high: find_penetrations(low, high, capsules, ranks, depths))
+    share(times, find_penetrations, capsules, ranks, depths, threads=threads)
     depths[~np.isfinite(ends[0][:, :, 0, 0])] = np.nan
     return depths
 
