@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 SYSTEM_PACKAGES := libgl1 libegl1 libgomp1 libusb-1.0-0 libx11-6
 
-.PHONY: demo test test-slow bench docs-tables docs-pictures docs-reference lint system clean
+.PHONY: demo test test-slow wheel bench docs-tables docs-pictures docs-reference lint system clean
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
@@ -47,6 +47,10 @@ test-slow: system $(VENV)/.installed-bench
 $(VENV)/.installed-bench: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,bench]'
 	touch $@ $(VENV)/.installed-test $(VENV)/.installed
+
+# Trains what ships trained, and builds dist/crowdsim-*.whl with it, which never trains it again where it is installed.
+wheel: $(VENV)/.installed
+	$(BIN)/python release/make_wheel.py
 
 # Measures everything, writes benchmarks/results.json, and makes the tables of the documentation from it. A benchmark
 # that fails keeps its previous figures; the tables are made all the same. BENCHMARKS="scenes control" measures these.

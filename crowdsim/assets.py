@@ -65,11 +65,23 @@ def find_recipe(name: FileName) -> Path:
 
 
 def bundle_folder(recipe: FileName) -> Path:
-    """Return where the bundle of a recipe is written: beside it, or in the user's cache when that is read-only."""
+    """Return where the bundle of a recipe is written: beside it, or in the user's cache.
+
+    That is where it goes when the folder beside the recipe is read-only, or the package holds a packed policy.
+    """
     recipe = Path(recipe)
+    if packed_policy(recipe) is not None:
+        return _cache() / recipe.stem
     beside = recipe.parent / recipe.stem
     writable = os.access(recipe.parent, os.W_OK) and (not beside.exists() or os.access(beside, os.W_OK))
     return beside if writable else _cache() / recipe.stem
+
+
+def packed_policy(recipe: FileName) -> Path | None:
+    """Return the packed policy of a recipe, as a wheel holds them (``training.packing``); None where there is none."""
+    recipe = Path(recipe)
+    path = recipe.parent / "packed" / f"{recipe.stem}.json"
+    return path if path.is_file() else None
 
 
 def find_bundle(name: FileName) -> Path:

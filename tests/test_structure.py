@@ -156,7 +156,7 @@ def test_the_package_says_what_it_has_when_asked_for_what_it_has_not() -> None:
 
 
 def test_nothing_is_kept_for_tests_alone() -> None:
-    tools = [*(ROOT / "benchmarks").glob("*.py"), *(ROOT / "docs").glob("*.py")]
+    tools = [path for folder in ("benchmarks", "docs", "release") for path in (ROOT / folder).glob("*.py")]
     used = set().union(*map(references, [*MODULES, *tools]))
     unused = {f"{relative(path)}: {name}" for path in MODULES for name in definitions(path) - used - FOR_TESTS}
     assert not unused

@@ -43,12 +43,13 @@ def inspect(
 
 
 def _inspect_bundle(name: str, as_json: bool, plots: Path | None) -> None:
-    from crowdsim import assets
     from crowdsim.commands.policy_text import policy_lines
     from crowdsim.policy.bundle import load_policy, read_timings
     from crowdsim.training.statistics import inspect_bundle
+    from crowdsim.training.train import find_bundle
 
-    folder = assets.find_bundle(name)
+    with Bars() as bars:
+        folder = find_bundle(name, bars)
     policy = load_policy(folder)
     result = inspect_bundle(policy, read_timings(folder))
     if plots is not None:

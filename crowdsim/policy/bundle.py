@@ -7,28 +7,20 @@ all else has the same bytes whenever the same thing is trained. Arrays are mappe
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, PolicyError, VersionError
-from crowdsim.graph.motion_graph import MotionGraph
-from crowdsim.motion.body import Body
-from crowdsim.motion.database import MotionDatabase
-from crowdsim.motion.skeleton import Skeleton
-from crowdsim.policy.actions import Actions
-from crowdsim.policy.environment import Axis, build_grid
-from crowdsim.policy.policy import Behaviour, Policy
-from crowdsim.policy.rewards import AnyTerm, TargetBody
+from crowdsim.policy.flattening import STATE_VALUES, assemble_policy, flatten_policy
+from crowdsim.policy.policy import Policy
 
 KIND = "crowdsim policy"
 VERSION = 1
@@ -43,6 +35,17 @@ def write_bundle(folder: Path, policy: Policy, timings: Mapping[str, Any]) -> No
     Raises:
         OutputError: It cannot be written; nothing is left behind.
     """
+    write_arrays(folder, *flatten_policy(policy), timings)
+
+
+def write_arrays(
+    folder: Path, document: Mapping[str, Any], arrays: Mapping[str, Array], timings: Mapping[str, Any]
+) -> None:
+    """Write what ``flatten_policy`` returned, as ``write_bundle`` does.
+
+    Raises:
+        OutputError: It cannot be written; nothing is left behind.
+    """
     folder = Path(folder)
     if folder.exists() and not (folder / "policy.json").is_file() and (not folder.is_dir() or any(folder.iterdir())):
         raise OutputError(f"{folder}: is no trained policy, so it is not overwritten; expected a free name")
@@ -50,7 +53,7 @@ def write_bundle(folder: Path, policy: Policy, timings: Mapping[str, Any]) -> No
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         fresh.mkdir()
-        _write(fresh, policy, timings)
+        _write(fresh, document, arrays, timings)
         if folder.exists():
             os.replace(folder, old)
         os.replace(fresh, folder)
@@ -63,42 +66,16 @@ def write_bundle(folder: Path, policy: Policy, timings: Mapping[str, Any]) -> No
         shutil.rmtree(old, ignore_errors=True)
 
 
-def _write(folder: Path, policy: Policy, timings: Mapping[str, Any]) -> None:
-    arrays: dict[str, Array] = {}
-    database = _split(policy.database, "database", arrays)
-    document: dict[str, Any] = {
-        "kind": KIND,
-        "version": VERSION,
-        "name": policy.name,
-        "fingerprint": policy.fingerprint,
-        "fingerprints": dict(policy.fingerprints),
-        "units": {"length": "m", "time": "s", "angle": "rad"},
-        "recipe": dict(policy.recipe),
-        "database": database,
-        "skeleton": _split(policy.database.skeleton, "skeleton", arrays),
-        "body": _split(policy.database.body, "body", arrays),
-        "graph": _split(policy.graph, "graph", arrays),
-        "target": policy.body.model_dump(),
-        "behaviours": [_describe(behaviour) for behaviour in policy.behaviours],
-        "statistics": dict(policy.statistics),
-    }
-    for name, array in zip(policy.actions._fields, policy.actions, strict=True):
-        arrays[f"actions_{name}"] = array
-    stored = []
-    for behaviour, report in zip(policy.behaviours, document["behaviours"], strict=True):
-        report["stored_low"], report["stored_step"] = behaviour.low, behaviour.step
-        stored.append(
-            behaviour.table.astype(np.float16) if policy.recipe["precision"] == "float16" else behaviour.table
-        )
-    arrays["values"] = np.concatenate(stored)
+def _write(folder: Path, described: Mapping[str, Any], arrays: Mapping[str, Array], timings: Mapping[str, Any]) -> None:
+    document = {"kind": KIND, "version": VERSION, **described}
     files = {}
     for name, array in sorted(arrays.items()):
         path = folder / f"{name}.npy"
         np.save(path, np.ascontiguousarray(array), allow_pickle=False)
         files[path.name] = {"size": path.stat().st_size, "sha256": file_hash(path)}
     document["files"] = files
-    document["checksum"] = _checksum(document)
-    (folder / "policy.json").write_text(json.dumps(document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    text = json.dumps(with_checksum(document), indent=1, allow_nan=False)
+    (folder / "policy.json").write_text(text + "\n", encoding="utf-8")
     (folder / "timings.json").write_text(json.dumps(dict(timings), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
@@ -110,11 +87,21 @@ def load_policy(folder: FileName) -> Policy:
     """
     folder = Path(folder)
     document = read_document(folder)
-    arrays = {Path(name).stem: _map(folder / name, facts) for name, facts in document["files"].items()}
+    arrays = map_arrays(folder, document, (STATE_VALUES,))
     try:
-        return _assemble(folder, document, arrays)
+        return assemble_policy(folder, document, arrays)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise PolicyError(f"{folder / 'policy.json'}: does not describe its arrays: {error}") from None
+
+
+def map_arrays(folder: Path, document: Mapping[str, Any], but: Collection[str] = ()) -> dict[str, Array]:
+    """Return the arrays of the bundle in a folder by name, all but some, mapped into memory, where changes stay.
+
+    Raises:
+        PolicyError: One is missing or damaged.
+    """
+    files = {Path(name).stem: (folder / name, facts) for name, facts in document["files"].items()}
+    return {name: _map(*file) for name, file in files.items() if name not in but}
 
 
 def read_document(folder: FileName) -> dict[str, Any]:
@@ -125,23 +112,42 @@ def read_document(folder: FileName) -> dict[str, Any]:
         PolicyError: There is none, or it is foreign or damaged.
     """
     path = Path(folder) / "policy.json"
+    if not path.exists():
+        raise PolicyError(f"{path}: no such file, expected a trained policy; train one with: crowdsim train")
+    return read_checked(path, KIND, VERSION, "train it again")
+
+
+def read_checked(path: Path, kind: str, version: int, remedy: str) -> dict[str, Any]:
+    """Return the plain data in a JSON file with a checksum of itself, which ``with_checksum`` returned.
+
+    Args:
+        path: The file.
+        kind: What it must be.
+        version: Its format version.
+        remedy: What to do where it cannot be read.
+
+    Raises:
+        VersionError: It is of another format version.
+        PolicyError: It is foreign or damaged.
+    """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise PolicyError(f"{path}: no such file, expected a trained policy; train one with: crowdsim train") from None
     except OSError as error:
         raise PolicyError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError as error:
         raise PolicyError(f"{path}: damaged: is no JSON ({error})") from None
-    if not isinstance(document, dict) or document.get("kind") != KIND:
-        raise PolicyError(f"{path}: foreign: its kind is not {KIND!r}")
-    if document.get("version") != VERSION:
-        raise VersionError(
-            f"{path}: its format version is {document.get('version')!r}, expected {VERSION}; train it again"
-        )
+    if not isinstance(document, dict) or document.get("kind") != kind:
+        raise PolicyError(f"{path}: foreign: its kind is not {kind!r}")
+    if document.get("version") != version:
+        raise VersionError(f"{path}: its format version is {document.get('version')!r}, expected {version}; {remedy}")
     if document.get("checksum") != _checksum(document):
-        raise PolicyError(f"{path}: damaged: its checksum does not fit what it says; train it again")
+        raise PolicyError(f"{path}: damaged: its checksum does not fit what it says; {remedy}")
     return document
+
+
+def with_checksum(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return plain data with a checksum of itself."""
+    return {**document, "checksum": _checksum(document)}
 
 
 def read_timings(folder: FileName) -> dict[str, Any]:
@@ -162,10 +168,14 @@ def encode(values: Array, precision: str) -> tuple[Array, float, float]:
     if precision not in ("int8", "int16"):
         rounded = values.astype(np.float16) if precision == "float16" else values
         return rounded.astype(np.float32), 0.0, 1.0
-    kind = np.uint8 if precision == "int8" else np.uint16
+    return whole_steps(values, 255 if precision == "int8" else 65535)
+
+
+def whole_steps(values: Array, count: int) -> tuple[Array, float, float]:
+    """Return values in so many equal steps, what an entry of 0 is worth, and what one more is."""
     low, high = float(values.min()), float(values.max())
-    step = (high - low) / np.iinfo(kind).max or 1.0
-    return np.rint((values - low) / step).astype(kind), low, step
+    step = (high - low) / count or 1.0
+    return np.rint((values - low) / step).astype(np.uint8 if count < 256 else np.uint16), low, step
 
 
 def file_hash(path: Path) -> str:
@@ -203,85 +213,3 @@ def _map(path: Path, facts: Mapping[str, Any]) -> Array:
     except ValueError:
         array = np.load(path, allow_pickle=False)  # an array without entries cannot be mapped
     return np.asarray(array)
-
-
-def _split(thing: Any, prefix: str, arrays: dict[str, Array]) -> dict[str, Any]:
-    """Return the plain fields of a dataclass, and put its arrays with the others."""
-    report: dict[str, Any] = {}
-    for field in dataclasses.fields(thing):
-        value = getattr(thing, field.name)
-        if isinstance(value, np.ndarray):
-            arrays[f"{prefix}_{field.name}"] = value
-        elif not dataclasses.is_dataclass(value):
-            report[field.name] = dict(value) if isinstance(value, Mapping) else value
-    return report
-
-
-def _join(kind: type[Any], prefix: str, report: Mapping[str, Any], arrays: Mapping[str, Array], **parts: Any) -> Any:
-    """Return a dataclass from its plain fields, its arrays, and other dataclasses."""
-    values = dict(parts)
-    for field in dataclasses.fields(kind):
-        if f"{prefix}_{field.name}" in arrays:
-            values[field.name] = arrays[f"{prefix}_{field.name}"]
-        elif field.name in report:
-            value = report[field.name]
-            values[field.name] = tuple(value) if isinstance(value, list) else value
-    return kind(**values)
-
-
-def _describe(behaviour: Behaviour) -> dict[str, Any]:
-    return {
-        "name": behaviour.name,
-        "axes": [dataclasses.asdict(axis) for axis in behaviour.grid.axes],
-        "lookup": behaviour.lookup,
-        "entries": len(behaviour.table),
-        "scale": behaviour.scale,
-        "rewards": [term.model_dump() for term in behaviour.terms],
-        "discount": behaviour.discount,
-    }
-
-
-def _assemble(folder: Path, document: Mapping[str, Any], arrays: Mapping[str, Array]) -> Policy:
-    skeleton = _join(Skeleton, "skeleton", document["skeleton"], arrays)
-    body = _join(Body, "body", document["body"], arrays)
-    database = _join(MotionDatabase, "database", document["database"], arrays, skeleton=skeleton, body=body)
-    graph = _join(MotionGraph, "graph", document["graph"], arrays)
-    actions = Actions(*(arrays[f"actions_{name}"] for name in Actions._fields))
-    terms: TypeAdapter[Any] = TypeAdapter(tuple[AnyTerm, ...])
-    stored = arrays["values"]
-    values = stored.astype(np.float32) if stored.dtype == np.float16 else stored
-    behaviours, first = [], 0
-    for report in document["behaviours"]:
-        end = first + report["entries"]
-        grid = build_grid(Axis(**axis) for axis in report["axes"])
-        expected = grid.cells * (actions.action_count if report["lookup"] == "q" else actions.state_count)
-        if report["entries"] != expected or end > len(values):
-            what = f"holds {report['entries']} entries for {report['name']!r}, expected {expected}"
-            raise PolicyError(f"{folder / 'values.npy'}: {what}")
-        behaviours.append(
-            Behaviour(
-                name=report["name"],
-                grid=grid,
-                lookup=report["lookup"],
-                table=values[first:end],
-                scale=report["scale"],
-                terms=terms.validate_python(report["rewards"]),
-                discount=report["discount"],
-                low=report["stored_low"],
-                step=report["stored_step"],
-            )
-        )
-        first = end
-    return Policy(
-        name=document["name"],
-        database=database,
-        graph=graph,
-        actions=actions,
-        behaviours=tuple(behaviours),
-        body=TargetBody(**document["target"]),
-        values=values,
-        recipe=document["recipe"],
-        statistics=document["statistics"],
-        fingerprint=document["fingerprint"],
-        fingerprints=document["fingerprints"],
-    )

@@ -26,6 +26,22 @@ if TYPE_CHECKING:
 LOOKUPS = ("q", "v")
 
 
+class StateValues(NamedTuple):
+    """V of each state, in whole steps: what a table of Q in bytes is one backup of (``training.behaviours``).
+
+    Attributes:
+        table: V(state, cell) at ``s * cells + c``. Flat, uint16.
+        low: What an entry of 0 is worth.
+        step: What an entry is worth more than the one below it.
+        spread: The scale on which the behaviour decides, see ``Behaviour.scale``, normalised or not.
+    """
+
+    table: Array
+    low: float
+    step: float
+    spread: float
+
+
 @dataclass(frozen=True)
 class Behaviour:
     """One thing that an avatar has learned to do to its target, ``approach`` or ``punch`` say.
@@ -45,6 +61,8 @@ class Behaviour:
         discount: gamma, a control frame.
         low: What an entry of 0 is worth.
         step: What an entry is worth more than the one below it.
+        state_values: Where the table is one of Q in bytes that has just been trained: the values behind it. Bundles
+            keep them for packing; they are not read with a policy.
     """
 
     name: str
@@ -56,6 +74,7 @@ class Behaviour:
     discount: float
     low: float = 0.0
     step: float = 1.0
+    state_values: StateValues | None = None
 
     def values(self, entries: Any = slice(None)) -> Array:
         """Return entries of the table as numbers, float64."""

@@ -11,7 +11,6 @@ import yaml
 from numpy.typing import ArrayLike
 from pydantic import TypeAdapter, ValidationError
 
-from crowdsim import assets
 from crowdsim.core.types import Array, FileName
 from crowdsim.files import open_plain
 from crowdsim.runs.folder import RESOLVED
@@ -52,10 +51,11 @@ def open_run(folder: FileName) -> OpenedRun:
     """
     from crowdsim.policy.bundle import load_policy
     from crowdsim.take.store import open_take
+    from crowdsim.training.train import find_bundle
 
     folder = Path(folder)
     take = open_take(folder)
-    policies = [load_policy(assets.find_bundle(name)) for name in take.cast.policy_names]
+    policies = [load_policy(find_bundle(name)) for name in take.cast.policy_names]
     notes = []
     if take.status != "done":
         notes.append(f"{folder}: the run was interrupted; {take.frame_count} control frames are there")

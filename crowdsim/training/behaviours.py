@@ -13,7 +13,7 @@ from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
 from crowdsim.policy.actions import Actions, leading_actions
 from crowdsim.policy.environment import Grid
-from crowdsim.policy.policy import Behaviour
+from crowdsim.policy.policy import Behaviour, StateValues
 from crowdsim.policy.rewards import TargetBody, Term
 from crowdsim.training.mirroring import values_with_images
 from crowdsim.training.recipe import BehaviourSpec, QLearningSpec
@@ -22,6 +22,9 @@ from crowdsim.training.solution import Solution, q_table
 
 if TYPE_CHECKING:
     from crowdsim.training.model import Model
+
+STEPS = 4095
+"""Steps of the values V that a table of Q in bytes is a backup of: several to one of the table's."""
 
 
 def train_behaviour(
@@ -48,19 +51,54 @@ def train_behaviour(
     spread = decisive_scale(worth, own, fades_of(grid, targets), float(np.abs(solution.values).max()))
     if own.state_count < actions.state_count:
         solution = replace(solution, values=values_with_images(solution.values, grid))
+    behind = None
     if spec.lookup == "v":
-        table = solution.values.ravel()
-    elif solution.q is not None:
-        table = solution.q
+        stored, zero, step = bundle.encode(solution.values.ravel(), precision)
+    elif precision == "int8" and solution.q is None:
+        behind = StateValues(*bundle.whole_steps(solution.values.ravel(), STEPS), spread)
+        stored, zero, step = bytes_behind(name, spec, database, actions, body, behind, progress)
     else:
-        model_of_all, _, _ = prepare_models(name, spec, database, actions, body, progress)
-        table = q_table(model_of_all(grid), solution.values)
-    table = np.asarray(table, dtype=np.float32)
-    if spec.lookup == "q" and precision == "int8":
-        table = advantages(table, actions, grid.cells, SHOWN * spread)
-    stored, zero, step = bundle.encode(table, precision)
+        table = solution.q
+        if table is None:
+            table = _q_behind(name, spec, database, actions, body, solution.values, progress)
+        if precision == "int8":
+            table = advantages(table, actions, grid.cells, SHOWN * spread)
+        stored, zero, step = bundle.encode(table, precision)
     scale = spread if spec.normalise else 1.0
-    return Behaviour(name, grid, spec.lookup, stored, scale, terms, spec.discount, zero, step), solution
+    return Behaviour(name, grid, spec.lookup, stored, scale, terms, spec.discount, zero, step, behind), solution
+
+
+def bytes_behind(
+    name: str,
+    spec: BehaviourSpec,
+    database: MotionDatabase,
+    actions: Actions,
+    body: TargetBody,
+    values: StateValues,
+    progress: Progress | None = None,
+) -> tuple[Array, float, float]:
+    """Return the table of Q in bytes that is one backup of V, what an entry of 0 is worth, and what one more is.
+
+    V is that in whole steps, so that the table follows from what a packed policy holds.
+    """
+    numbers = (values.low + values.step * values.table).astype(np.float32)
+    table = _q_behind(name, spec, database, actions, body, numbers, progress)
+    cells = len(table) // actions.action_count
+    return bundle.encode(advantages(table, actions, cells, SHOWN * values.spread), "int8")
+
+
+def _q_behind(
+    name: str,
+    spec: BehaviourSpec,
+    database: MotionDatabase,
+    actions: Actions,
+    body: TargetBody,
+    values: Array,
+    progress: Progress | None,
+) -> Array:
+    """Return the table of Q that is one backup of V over all states. Flat, float32."""
+    model_on, grid, _ = prepare_models(name, spec, database, actions, body, progress)
+    return q_table(model_on(grid), values)
 
 
 def prepare_models(

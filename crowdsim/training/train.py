@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from filelock import FileLock, Timeout
 
 from crowdsim import assets
 from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.core.workers import limited
-from crowdsim.errors import CrowdsimError, MotionError, PolicyError, RecipeError, VersionError
+from crowdsim.errors import PolicyError, RecipeError, VersionError
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
 from crowdsim.policy.actions import build_actions
 from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.rewards import target_body
 from crowdsim.training.behaviours import train_behaviour
+from crowdsim.training.contexts import alone, naming
 from crowdsim.training.fingerprint import capture_files, combine, fingerprints_of
+from crowdsim.training.packing import read_packed, unpack_policy
 from crowdsim.training.recipe import Recipe, load_recipe, plain
 from crowdsim.training.solution import Solution
 
@@ -35,6 +36,8 @@ def train_recipe(
     progress: Progress | None = None,
 ) -> tuple[Path, bool]:
     """Train a recipe into its bundle, unless that is up to date; return its folder, and whether it was trained.
+
+    A bundle that is packed with the package, and is up to date, is unpacked instead.
 
     Args:
         name: The recipe's file, or its name.
@@ -52,11 +55,16 @@ def train_recipe(
     path = assets.find_recipe(name)
     recipe = load_recipe(path)
     folder = assets.bundle_folder(path)
-    with _naming(path):
+    with naming(path):
         if not force and not stale(folder, recipe, mocap):
             return folder, False
-        with _alone(folder, progress) as waited:
+        with alone(folder, progress) as waited:
             if waited and not force and not stale(folder, recipe, mocap):
+                return folder, False
+            packed = None if force else _packed(path, recipe, mocap)
+            if packed is not None:
+                with limited(threads):
+                    unpack_policy(packed, folder, progress)
                 return folder, False
             policy, timings = train_policy(recipe, path.stem, mocap, threads, progress)
             bundle.write_bundle(folder, policy, timings)
@@ -98,9 +106,28 @@ def is_trained(name: FileName, mocap: FileName | None = None) -> bool:
         path = assets.find_recipe(name)
     except RecipeError:
         return True
-    with _naming(path):
-        given = (Path(name) / "policy.json").is_file()
-        return given or not stale(assets.bundle_folder(path), load_recipe(path), mocap)
+    with naming(path):
+        if (Path(name) / "policy.json").is_file():
+            return True
+        recipe = load_recipe(path)
+        return not stale(assets.bundle_folder(path), recipe, mocap) or _packed(path, recipe, mocap) is not None
+
+
+def find_bundle(name: FileName, progress: Progress | None = None) -> Path:
+    """Return the folder of a trained bundle, as ``assets.find_bundle`` does; one that is only packed is unpacked.
+
+    Raises:
+        RecipeError: The recipe is invalid.
+        PolicyError: There is none, or it is foreign or damaged.
+        OutputError: What is unpacked cannot be written.
+    """
+    packed = None
+    if not (Path(name) / "policy.json").is_file():
+        with suppress(RecipeError):
+            packed = assets.packed_policy(assets.find_recipe(name))
+    if packed is not None and is_trained(name):
+        return train_recipe(name, progress=progress)[0]
+    return assets.find_bundle(name)
 
 
 def stale(folder: Path, recipe: Recipe, mocap: FileName | None = None) -> str:
@@ -115,6 +142,24 @@ def stale(folder: Path, recipe: Recipe, mocap: FileName | None = None) -> str:
         document = bundle.read_document(folder)
     except VersionError:
         return "it is of another format version"
+    changed = _changed_parts(document, recipe, mocap)
+    return f"its {' and '.join(changed)} changed" if changed else ""
+
+
+def _packed(path: Path, recipe: Recipe, mocap: FileName | None) -> Path | None:
+    """Return the packed policy of a recipe's file; None where there is none, or it is stale.
+
+    Raises:
+        PolicyError: It is foreign or damaged.
+    """
+    packed = assets.packed_policy(path)
+    if packed is None or _changed_parts(read_packed(packed)["policy"], recipe, mocap):
+        return None
+    return packed
+
+
+def _changed_parts(document: Mapping[str, Any], recipe: Recipe, mocap: FileName | None) -> list[str]:
+    """Return what a bundle was made from that is no longer what the recipe would train from; see ``stale``."""
     try:
         files = capture_files(recipe, mocap) if recipe.motion.capture is not None else None
     except PolicyError:
@@ -122,8 +167,7 @@ def stale(folder: Path, recipe: Recipe, mocap: FileName | None = None) -> str:
             raise
         files = None
     now = fingerprints_of(recipe, files)
-    changed = [part for part, value in now.items() if document["fingerprints"].get(part) != value]
-    return f"its {' and '.join(changed)} changed" if changed else ""
+    return [part for part, value in now.items() if document["fingerprints"].get(part) != value]
 
 
 def train_policy(
@@ -241,42 +285,3 @@ def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None
     if not len(database.strike_frames):
         require_no_strikes(recipe, captures)
     return database
-
-
-@contextmanager
-def _alone(folder: Path, progress: Progress | None) -> Iterator[bool]:
-    """Let one process at a time train a bundle; give whether this one had to wait for another.
-
-    Where files cannot be locked, each trains for itself, and the last one's bundle stays.
-    """
-    path = folder.with_name(f".{folder.name}.lock")
-    lock = FileLock(path)
-    waited = False
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            lock.acquire(timeout=0)
-        except Timeout:
-            waited = True
-            if progress is not None:
-                progress("wait for another process that trains it", 0, 1)
-            lock.acquire()
-    except (OSError, NotImplementedError):
-        yield waited
-        return
-    try:
-        yield waited
-    finally:
-        with suppress(OSError):
-            path.unlink(missing_ok=True)
-        lock.release()
-
-
-@contextmanager
-def _naming(path: Path) -> Iterator[None]:
-    """Put the recipe's file before what is wrong with what it names."""
-    try:
-        yield
-    except (MotionError, PolicyError) as error:
-        kind: type[CrowdsimError] = type(error)
-        raise kind(f"{path}: {error}") from None

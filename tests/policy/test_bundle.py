@@ -289,8 +289,12 @@ def test_bytes_of_a_table_of_actions_hold_how_far_they_are_below_the_best(traine
     assert (coarse.lookup, coarse.table.dtype, coarse.scale) == ("q", np.uint8, fine.scale)
     expected = np.maximum(relative_to_the_best(fine, actions), -SHOWN * fine.scale)
     assert coarse.step * 255 == pytest.approx(-expected.min(), rel=1e-3)
-    assert np.abs(coarse.values() - expected).max() <= 0.501 * coarse.step
-    assert np.abs(relative_to_the_best(coarse, actions) - expected).max() <= 0.501 * coarse.step
+    # Half a step of the table, and one of the values that it is a backup of: half for the action, half for the best.
+    behind = bundle.read_document(tmp_path / "small")["behaviours"][1]["state_values"]["step"]
+    wrong = 0.501 * coarse.step + behind
+    assert behind < 0.2 * coarse.step
+    assert np.abs(coarse.values() - expected).max() <= wrong
+    assert np.abs(relative_to_the_best(coarse, actions) - expected).max() <= wrong
 
 
 def test_actions_far_below_the_best_are_as_far_below_as_is_shown(trained):

@@ -1,0 +1,160 @@
+"""A policy as plain data and arrays, of which a bundle's files are made, and back."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from crowdsim.core.types import Array
+from crowdsim.errors import PolicyError
+from crowdsim.graph.motion_graph import MotionGraph
+from crowdsim.motion.body import Body
+from crowdsim.motion.database import MotionDatabase
+from crowdsim.motion.skeleton import Skeleton
+from crowdsim.policy.actions import Actions
+from crowdsim.policy.environment import Axis, build_grid
+from crowdsim.policy.policy import Behaviour, Policy
+from crowdsim.policy.rewards import AnyTerm, TargetBody
+
+STATE_VALUES = "state_values"
+"""Name of the array of ``Behaviour.state_values``, one after another."""
+
+
+def flatten_policy(policy: Policy) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Return a policy as plain data, and its arrays by name."""
+    arrays: dict[str, Array] = {}
+    database = _split(policy.database, "database", arrays)
+    document: dict[str, Any] = {
+        "name": policy.name,
+        "fingerprint": policy.fingerprint,
+        "fingerprints": dict(policy.fingerprints),
+        "units": {"length": "m", "time": "s", "angle": "rad"},
+        "recipe": dict(policy.recipe),
+        "database": database,
+        "skeleton": _split(policy.database.skeleton, "skeleton", arrays),
+        "body": _split(policy.database.body, "body", arrays),
+        "graph": _split(policy.graph, "graph", arrays),
+        "target": policy.body.model_dump(),
+        "behaviours": [_describe(behaviour) for behaviour in policy.behaviours],
+        "statistics": dict(policy.statistics),
+    }
+    for name, array in zip(policy.actions._fields, policy.actions, strict=True):
+        arrays[f"actions_{name}"] = array
+    half = policy.recipe["precision"] == "float16"
+    tables = [behaviour.table.astype(np.float16) if half else behaviour.table for behaviour in policy.behaviours]
+    arrays["values"] = np.concatenate(tables)
+    behind = [one.state_values.table for one in policy.behaviours if one.state_values is not None]
+    if behind:
+        arrays[STATE_VALUES] = np.concatenate(behind)
+    return document, arrays
+
+
+def _split(thing: Any, prefix: str, arrays: dict[str, Array]) -> dict[str, Any]:
+    """Return the plain fields of a dataclass, and put its arrays with the others."""
+    report: dict[str, Any] = {}
+    for field in dataclasses.fields(thing):
+        value = getattr(thing, field.name)
+        if isinstance(value, np.ndarray):
+            arrays[f"{prefix}_{field.name}"] = value
+        elif not dataclasses.is_dataclass(value):
+            report[field.name] = dict(value) if isinstance(value, Mapping) else value
+    return report
+
+
+def _join(kind: type[Any], prefix: str, report: Mapping[str, Any], arrays: Mapping[str, Array], **parts: Any) -> Any:
+    """Return a dataclass from its plain fields, its arrays, and other dataclasses."""
+    values = dict(parts)
+    for field in dataclasses.fields(kind):
+        if f"{prefix}_{field.name}" in arrays:
+            values[field.name] = arrays[f"{prefix}_{field.name}"]
+        elif field.name in report:
+            value = report[field.name]
+            values[field.name] = tuple(value) if isinstance(value, list) else value
+    return kind(**values)
+
+
+def _describe(behaviour: Behaviour) -> dict[str, Any]:
+    behind = behaviour.state_values
+    report = {
+        "name": behaviour.name,
+        "axes": [dataclasses.asdict(axis) for axis in behaviour.grid.axes],
+        "lookup": behaviour.lookup,
+        "entries": len(behaviour.table),
+        "scale": behaviour.scale,
+        "rewards": [term.model_dump() for term in behaviour.terms],
+        "discount": behaviour.discount,
+        "stored_low": behaviour.low,
+        "stored_step": behaviour.step,
+    }
+    if behind is not None:
+        report["state_values"] = {"low": behind.low, "step": behind.step, "spread": behind.spread}
+    return report
+
+
+def assemble_motion(
+    document: Mapping[str, Any], arrays: Mapping[str, Array]
+) -> tuple[MotionDatabase, MotionGraph, Actions]:
+    """Return the motion, the graph and its actions of a policy that was flattened.
+
+    Raises:
+        KeyError: Something is missing.
+    """
+    skeleton = _join(Skeleton, "skeleton", document["skeleton"], arrays)
+    body = _join(Body, "body", document["body"], arrays)
+    database = _join(MotionDatabase, "database", document["database"], arrays, skeleton=skeleton, body=body)
+    graph = _join(MotionGraph, "graph", document["graph"], arrays)
+    actions = Actions(*(arrays[f"actions_{name}"] for name in Actions._fields))
+    return database, graph, actions
+
+
+def assemble_policy(folder: Path, document: Mapping[str, Any], arrays: Mapping[str, Array]) -> Policy:
+    """Return the policy that was flattened into plain data and arrays, found in a folder.
+
+    Raises:
+        PolicyError: A table has another size than its grid.
+        KeyError: Something is missing; other errors, where it is of another kind.
+    """
+    database, graph, actions = assemble_motion(document, arrays)
+    terms: TypeAdapter[Any] = TypeAdapter(tuple[AnyTerm, ...])
+    stored = arrays["values"]
+    values = stored.astype(np.float32) if stored.dtype == np.float16 else stored
+    behaviours, first = [], 0
+    for report in document["behaviours"]:
+        end = first + report["entries"]
+        grid = build_grid(Axis(**axis) for axis in report["axes"])
+        expected = grid.cells * (actions.action_count if report["lookup"] == "q" else actions.state_count)
+        if report["entries"] != expected or end > len(values):
+            what = f"holds {report['entries']} entries for {report['name']!r}, expected {expected}"
+            raise PolicyError(f"{folder / 'values.npy'}: {what}")
+        behaviours.append(
+            Behaviour(
+                name=report["name"],
+                grid=grid,
+                lookup=report["lookup"],
+                table=values[first:end],
+                scale=report["scale"],
+                terms=terms.validate_python(report["rewards"]),
+                discount=report["discount"],
+                low=report["stored_low"],
+                step=report["stored_step"],
+            )
+        )
+        first = end
+    return Policy(
+        name=document["name"],
+        database=database,
+        graph=graph,
+        actions=actions,
+        behaviours=tuple(behaviours),
+        body=TargetBody(**document["target"]),
+        values=values,
+        recipe=document["recipe"],
+        statistics=document["statistics"],
+        fingerprint=document["fingerprint"],
+        fingerprints=document["fingerprints"],
+    )

@@ -1,0 +1,224 @@
+"""Packed policies: trained bundles made small enough to ship in a wheel, and unpacked once where that is installed.
+
+A packed policy is a JSON file, which holds what ``policy.json`` does, and two files of compressed arrays beside it. One
+holds the motion; policies of the same motion share it. Of each table only what cannot be computed is kept: one half of
+mirror-symmetric values, and instead of a table of Q in bytes the values V that it is one backup of. Unpacking gives the
+bundle that was packed, byte for byte, on one kind of processor; on another one, some entries of Q may differ by a step.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import lzma
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crowdsim.core.types import Array, Progress
+from crowdsim.errors import PolicyError
+from crowdsim.policy import bundle
+from crowdsim.policy.environment import Axis, Grid, build_grid
+from crowdsim.policy.flattening import STATE_VALUES, assemble_motion
+from crowdsim.policy.policy import StateValues
+from crowdsim.policy.rewards import TargetBody
+from crowdsim.training.behaviours import bytes_behind
+from crowdsim.training.mirroring import mirrored_points, values_with_images
+from crowdsim.training.recipe import Recipe
+
+KIND = "crowdsim packed policy"
+VERSION = 1
+MOTION = ("database_", "skeleton_", "body_")
+"""How the names of arrays begin that depend on the motion alone."""
+
+
+def pack_policy(trained: Path, folder: Path) -> None:
+    """Pack a trained bundle into files in a folder: ``NAME.json``, and those that it names.
+
+    Raises:
+        PolicyError: The bundle is foreign or damaged.
+        OSError: A file cannot be written.
+    """
+    document = bundle.read_document(trained)
+    arrays = bundle.map_arrays(trained, document)
+    for key in ("kind", "version", "files", "checksum"):
+        del document[key]
+    tables = _kept_tables(document, arrays.pop("values"), arrays.pop(STATE_VALUES, None), arrays)
+    motion = {name: array for name, array in arrays.items() if name.startswith(MOTION)}
+    others = {name: array for name, array in arrays.items() if name not in motion}
+    folder.mkdir(parents=True, exist_ok=True)
+    packed = {
+        "kind": KIND,
+        "version": VERSION,
+        "policy": document,
+        "timings": bundle.read_timings(trained),
+        "parts": [
+            _write_part(folder, "motion", motion),
+            _write_part(folder, document["name"], {**others, **tables}),
+        ],
+    }
+    text = json.dumps(bundle.with_checksum(packed), allow_nan=False)
+    (folder / f"{document['name']}.json").write_text(text + "\n", encoding="utf-8")
+
+
+def read_packed(path: Path) -> dict[str, Any]:
+    """Return what the JSON file of a packed policy holds.
+
+    Raises:
+        VersionError: It is of another format version.
+        PolicyError: It is foreign or damaged.
+    """
+    return bundle.read_checked(path, KIND, VERSION, "install crowdsim again")
+
+
+def unpack_policy(path: Path, folder: Path, progress: Progress | None = None) -> None:
+    """Write the bundle of a packed policy to a folder, in whose place an older bundle may stand.
+
+    Args:
+        path: The JSON file of the packed policy.
+        folder: The folder of the bundle.
+        progress: Called with (stage, done, total).
+
+    Raises:
+        PolicyError: A file is missing, foreign or damaged.
+        OutputError: The bundle cannot be written; nothing is left behind.
+    """
+    packed = read_packed(path)
+    document = packed["policy"]
+    described = document["behaviours"]
+
+    def report(done: int) -> None:
+        if progress is not None:
+            progress(f"unpacking policy {document['name']} (once)", done, len(described) + 2)
+
+    report(0)
+    arrays = {name: array for part in packed["parts"] for name, array in _read_part(path, part).items()}
+    report(1)
+    values, behind = [], []
+    for done, behaviour in enumerate(described, start=2):
+        table = unpack_table(arrays.pop(_kept_name(behaviour)), _grid(behaviour), len(arrays["graph_state_frames"]))
+        if "state_values" in behaviour:
+            behind.append(table)
+            table = _computed_table(document, behaviour, arrays, table)
+        values.append(table)
+        report(done)
+    arrays["values"] = np.concatenate(values)
+    if behind:
+        arrays[STATE_VALUES] = np.concatenate(behind)
+    bundle.write_arrays(folder, document, arrays, packed["timings"])
+    report(len(described) + 2)
+
+
+def pack_table(table: Array, grid: Grid, states: int) -> Array:
+    """Return what is kept of a behaviour's table, in the same type.
+
+    Of a table of V these are differences from what neighbours on the grid predict (Ibarria et al., "Out-of-core
+    compression and decompression of large n-dimensional scalar fields", 2003), small ones of either sign as small
+    codes; for the captured states alone, where the values are mirror-symmetric. A table of Q is kept as it is.
+
+    Args:
+        table: The table. Flat.
+        grid: The behaviour's grid.
+        states: Number of states.
+
+    Returns:
+        The codes. Shape (S or S / 2, *grid.shape), or the table.
+    """
+    if len(table) != states * grid.cells:
+        return table
+    values, points = table.reshape(states, grid.cells), mirrored_points(grid)
+    captured = values[: states // 2]
+    if points is not None and np.array_equal(values_with_images(captured, grid), values):
+        values = captured
+    codes = values.reshape(len(values), *grid.shape).view(f"u{table.itemsize}")
+    for axis in range(1, codes.ndim):
+        codes = np.diff(codes, axis=axis, prepend=codes.dtype.type(0))
+    signed = codes.view(f"i{table.itemsize}")
+    folded: Array = ((signed << 1) ^ (signed >> (8 * table.itemsize - 1))).view(table.dtype)
+    return folded
+
+
+def unpack_table(kept: Array, grid: Grid, states: int) -> Array:
+    """Return the table of which ``pack_table`` kept this. Flat."""
+    if kept.ndim == 1:
+        return kept
+    folded = kept.view(f"u{kept.itemsize}")
+    codes = (folded >> 1) ^ (0 - (folded & 1))
+    for axis in range(1, codes.ndim):
+        np.cumsum(codes, axis=axis, dtype=codes.dtype, out=codes)
+    values = codes.view(kept.dtype).reshape(len(kept), grid.cells)
+    return (values if len(values) == states else values_with_images(values, grid)).ravel()
+
+
+def _kept_tables(
+    document: Mapping[str, Any], values: Array, behind: Array | None, arrays: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Return what is kept of the tables of all behaviours, by name."""
+    states, kept = len(arrays["graph_state_frames"]), {}
+    for behaviour in document["behaviours"]:
+        grid = _grid(behaviour)
+        table, values = np.split(values, [behaviour["entries"]])
+        if behind is not None and "state_values" in behaviour:
+            table, behind = np.split(behind, [states * grid.cells])
+        kept[_kept_name(behaviour)] = pack_table(table, grid, states)
+    return kept
+
+
+def _kept_name(behaviour: Mapping[str, Any]) -> str:
+    return f"values_{behaviour['name']}"
+
+
+def _grid(behaviour: Mapping[str, Any]) -> Grid:
+    return build_grid(Axis(**axis) for axis in behaviour["axes"])
+
+
+def _computed_table(
+    document: Mapping[str, Any], behaviour: dict[str, Any], arrays: Mapping[str, Array], values: Array
+) -> Array:
+    """Return a behaviour's table of Q in bytes by one backup of V, and put its range into the behaviour's data."""
+    database, _, actions = assemble_motion(document, arrays)
+    spec = Recipe.model_validate(document["recipe"]).behaviours[behaviour["name"]]
+    behind = StateValues(values, **behaviour["state_values"])
+    body = TargetBody(**document["target"])
+    table, low, step = bytes_behind(behaviour["name"], spec, database, actions, body, behind)
+    behaviour.update(stored_low=low, stored_step=step)
+    return table
+
+
+def _write_part(folder: Path, stem: str, arrays: Mapping[str, Array]) -> dict[str, Any]:
+    """Write arrays to a compressed file, and return what is needed to read them.
+
+    The bytes of each array are put in planes, the first bytes of all entries before the second: they are alike.
+    """
+    planes = (array.reshape(-1).view(np.uint8).reshape(-1, array.itemsize).T for array in arrays.values())
+    content = lzma.compress(b"".join(plane.tobytes() for plane in planes))
+    digest = hashlib.sha256(content).hexdigest()
+    file = f"{stem}-{digest[:12]}.xz"
+    (folder / file).write_bytes(content)
+    facts = [[name, array.dtype.str, list(array.shape)] for name, array in arrays.items()]
+    return {"file": file, "sha256": digest, "arrays": facts}
+
+
+def _read_part(path: Path, part: Mapping[str, Any]) -> dict[str, Array]:
+    """Return the arrays in a file that the packed policy at ``path`` names.
+
+    Raises:
+        PolicyError: It is missing, or damaged.
+    """
+    file = path.with_name(part["file"])
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        raise PolicyError(f"{file}: cannot be read: {error.strerror}; install crowdsim again") from None
+    if hashlib.sha256(content).hexdigest() != part["sha256"]:
+        raise PolicyError(f"{file}: damaged: its SHA-256 is not the one in {path.name}; install crowdsim again")
+    planes, first, arrays = np.frombuffer(lzma.decompress(content), np.uint8), 0, {}
+    for name, code, shape in part["arrays"]:
+        kind, count = np.dtype(code), math.prod(shape)
+        plane = planes[first : first + count * kind.itemsize].reshape(kind.itemsize, count)
+        arrays[name] = np.array(plane.T, order="C").view(kind).reshape(shape)
+        first += plane.size
+    return arrays
