@@ -42,7 +42,7 @@ from crowdsim.graph.motion_graph import MotionGraph
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.policy.alignment import align_cuts
+from crowdsim.policy.alignment import align_transitions
 from crowdsim.policy.policy import Policy
 from crowdsim.policy.rewards import target_body
 from crowdsim.runs.runner import run
@@ -131,7 +131,7 @@ def take_of_transitions(database: MotionDatabase, leave: Array, enter: Array) ->
     place = ground.compose(ground.inverse(database.ground[middle * stride]), database.ground[frames * stride])
     numbers = np.arange(count)
     shifts = np.zeros((2 * count, 3))
-    shifts[1::2] = align_cuts(database, leave * stride, enter * stride).shifts
+    shifts[1::2] = align_transitions(database, leave * stride, enter * stride).shifts
     place = np.where(past[..., None], ground.compose(shifts[1::2], place), place)
     action = np.where(past, 2 * numbers + 1, 2 * numbers)
     phase = np.where(past, steps[:, None], steps[:, None] + ROWS)

@@ -264,7 +264,7 @@ def thrown(one, avatars, frame, targets):
             if not low < time <= high:
                 continue
             share = (time - low + passed) / motion
-            point = ground.to_world(start, actions.strike_places[k] * one.scale)
+            point = ground.to_world(start, actions.strike_positions[k] * one.scale)
             gap = surface_gap(one, avatars, opponent, share, point, targets)
             speed = float(database.strike_speeds[strike]) * one.scale * one.speed
             landed = abs(gap) <= tolerance * one.scale

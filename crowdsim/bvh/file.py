@@ -1,4 +1,4 @@
-"""What a BVH file holds, as it stands in the file: the shape that reader and writer share."""
+"""What a BVH file holds, unchanged: the structure that reader and writer share."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Bvh:
 
 
 def quoted(name: str) -> str:
-    """Return a name as it can stand in a message: quoted, and cut when it is long."""
+    """Return a name for a message: quoted, and shortened when it is long."""
     return repr(name if len(name) <= 60 else name[:57] + "...")
 
 

@@ -32,7 +32,7 @@ def read_number(token: bytes) -> float | None:
 
 
 def show(token: bytes, encoding: str = "latin-1") -> str:
-    """Return a token as it can stand in a message: quoted, and cut when it is long."""
+    """Return a token for a message: quoted, and shortened when it is long."""
     text = token[:200].decode(encoding, "replace")
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
@@ -87,7 +87,7 @@ class Scanner:
         self.faults.append(what)
 
     def name(self) -> bytes:
-        """Return what stands before the opening brace, and step over both.
+        """Return the text before the opening brace, and step over both.
 
         A name is one line and may hold blanks, colons, keywords and, where the opening brace is on a line below,
         braces.
@@ -137,7 +137,7 @@ def read_hierarchy(scanner: Scanner) -> Hierarchy:
     """Read from the start of the text to the end of the last root's block.
 
     Raises:
-        BvhError: The text is no BVH hierarchy; says where, what stands there and what was expected.
+        BvhError: The text is no BVH hierarchy; says where, what was found and what was expected.
     """
     if scanner.next().lower() != b"hierarchy":
         raise scanner.error("'HIERARCHY'")

@@ -21,7 +21,7 @@ _MOST_FINDINGS = 8
 
 
 def read_bvh(path: FileName) -> Bvh:
-    """Read a BVH file as it stands; what is odd but readable becomes a finding.
+    """Read a BVH file as it is; what is odd but readable becomes a finding.
 
     Raises:
         BvhError: The file cannot be opened or is no BVH; says the line, the token and what was expected.

@@ -137,7 +137,7 @@ def read_document(data: bytes, source: str) -> Document:
     except yaml.reader.ReaderError as error:
         before, character = text[: error.position], ord(text[error.position])
         line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
-        what = f"broken YAML: the character U+{character:04X} cannot stand in a file"
+        what = f"broken YAML: the character U+{character:04X} is not allowed"
         if 0xDC80 <= character <= 0xDCFF:  # what "surrogateescape" makes of a byte
             what = f"byte 0x{character & 0xFF:02x} is no UTF-8, expected a text file in UTF-8"
     except RecursionError:
@@ -197,7 +197,7 @@ class _Builder:
                 self.note(key_node, loc, f"a key is {key_node.value}, which is no text, expected text in quotes")
             elif key in pairs:
                 line = pairs[key][0].start_mark.line + 1
-                self.note(key_node, (*loc, key), f"duplicate key, expected it once; it stands in line {line}")
+                self.note(key_node, (*loc, key), f"duplicate key, expected it once; it is already in line {line}")
             else:
                 pairs[key] = key_node, value
         for other in merged:

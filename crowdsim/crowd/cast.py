@@ -56,7 +56,7 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
 
     Args:
         scenario: The scenario, resolved.
-        placed: Its avatars as they stand at the start.
+        placed: Its avatars at the start.
         policies: The policies that its types use.
 
     Raises:

@@ -1,4 +1,4 @@
-"""A KD-tree over where avatars stand, built rarely and refitted every frame.
+"""A KD-tree over the positions of avatars, built rarely and refitted every frame.
 
 Building sorts the points into the order of the leaves. When avatars have moved a little, the order is kept and only the
 boxes around the leaves are fitted anew: a pass over memory in order, and every query stays exact, because it trusts

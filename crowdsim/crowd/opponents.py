@@ -32,7 +32,7 @@ class Index(Protocol):
     """What a simulation asks of an index."""
 
     def update(self, avatars: Avatars, present: int) -> None:
-        """Take up where the first ``present`` slots stand now; sort their storage when the time has come."""
+        """Read the positions of the first ``present`` slots; sort their storage when it is due."""
 
     def observe(self, avatars: Avatars, due: Array, reach: float, out: Observed) -> None:
         """Write the nearest opponent's slot, and the slots of neighbours, for each slot of ``due``, which ascend."""
@@ -66,7 +66,7 @@ class TreeIndex:
         self._tree = None
 
     def update(self, avatars: Avatars, present: int) -> None:
-        """Take up where the first ``present`` slots stand now; sort their storage when the time has come."""
+        """Read the positions of the first ``present`` slots; sort their storage when it is due."""
         if self._tree is None:
             self._tree = plan_tree(
                 avatars.x[:present], avatars.z[:present], avatars.number[:present], avatars.team[:present]
@@ -97,7 +97,7 @@ class ScipyIndex(TreeIndex):
     """scipy's KDTree for the opponents: one over everyone, and one over all others for each team."""
 
     def update(self, avatars: Avatars, present: int) -> None:
-        """Take up where the first ``present`` slots stand now."""
+        """Read the positions of the first ``present`` slots."""
         from scipy.spatial import cKDTree
 
         super().update(avatars, present)

@@ -59,7 +59,7 @@ class GraphSettings(StrictModel):
     actions: int | None = Field(
         default=None,
         ge=2,
-        description="Number of actions for which the threshold is chosen; stands in the place of threshold.",
+        description="Number of actions for which the threshold is chosen; replaces threshold.",
     )
     branching: int = Field(
         default=12,

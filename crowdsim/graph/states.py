@@ -30,7 +30,7 @@ class MotionGraph:
         action_next: State in which each action ends. Shape (A,), int32.
         action_first: Control frame shown one frame after the state's frame. Shape (A,), int32. The action shows frames
             ``action_first`` to ``action_first + T - 1``, placed so that the ground transform of frame
-            ``action_first - 1`` lies on that of the avatar when it stands in the state. Its last frame is that of the
+            ``action_first - 1`` is aligned with that of the avatar in the state. Its last frame is that of the
             state ``action_next``.
         action_lengths: Frames T that each action shows, at least 1. Shape (A,), int32.
         action_costs: Cost of the transition into each action [m]; 0 where it continues the capture. Shape (A,),
@@ -72,7 +72,7 @@ class MotionGraph:
         return np.repeat(np.arange(self.state_count, dtype=np.int32), np.diff(self.action_offsets))
 
     @property
-    def action_cuts(self) -> Array:
+    def action_has_transition(self) -> Array:
         """Whether each action begins with a transition rather than the captured next frame. Shape (A,), bool."""
         return self.action_first != self.state_frames[self.action_states] + 1
 

@@ -140,6 +140,6 @@ class JointTree:
         pairs.sort(key=lambda pair: -pair[0])
         return [(a, b) for _, a, b in pairs]
 
-    def way(self, start: int, end: int) -> float:
-        """Length of the bones between two joints, through the joint where their ways to the root meet."""
+    def path_length(self, start: int, end: int) -> float:
+        """Length of the bones between two joints, through their nearest common ancestor."""
         return float(self.depth[start] + self.depth[end] - 2.0 * self.depth[self.common([start, end])])

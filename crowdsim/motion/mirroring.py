@@ -33,8 +33,8 @@ def mirrored(clip: Clip, body: Body) -> Clip:
         )
     partner = mirror_partners(clip.skeleton, body)
     normal = _mirror_normal(clip.skeleton, body)
-    # With n the normal of the rest pose's mirror plane, a turn R becomes N R N: its part about n stays, the rest turns
-    # the other way. The root's stands between the world's mirror and the rest pose's.
+    # With n the normal of the rest pose's mirror plane, a rotation R becomes N R N: its part about n stays, the rest
+    # rotates in the opposite sense. The root's stands between the world's mirror and the rest pose's.
     rotations = clip.rotations[:, partner].copy()
     rotations[..., 1:] = 2.0 * (rotations[..., 1:] @ normal)[..., None] * normal - rotations[..., 1:]
     half = np.concatenate([[0.0], normal])

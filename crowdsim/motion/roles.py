@@ -58,18 +58,18 @@ def find_roles(skeleton: Skeleton, poses: Array | None = None) -> dict[str, int]
 def misfit(tree: JointTree, roles: Mapping[str, int]) -> float:
     """Return how unlike a human's the proportions are: 0 for an average adult, infinite for what has no limbs."""
     sides = ("left", "right")
-    legs = [tree.way(roles[f"{side}_hip"], roles[f"{side}_foot"]) for side in sides]
-    arms = [tree.way(roles[f"{side}_shoulder"], roles[f"{side}_hand"]) for side in sides]
-    trunk = tree.way(roles["pelvis"], roles["head"])
+    legs = [tree.path_length(roles[f"{side}_hip"], roles[f"{side}_foot"]) for side in sides]
+    arms = [tree.path_length(roles[f"{side}_shoulder"], roles[f"{side}_hand"]) for side in sides]
+    trunk = tree.path_length(roles["pelvis"], roles["head"])
     if min(*legs, *arms, trunk) <= 0.0:
         return float("inf")
     leg, arm = float(np.mean(legs)), float(np.mean(arms))
     uneven = max(abs(legs[0] - legs[1]) / leg, abs(arms[0] - arms[1]) / arm)
     bones = [
-        np.log(tree.way(roles[f"{side}_{top}"], roles[f"{side}_{middle}"]) / max(rest, 1e-9) / _UPPER_TO_LOWER)
+        np.log(tree.path_length(roles[f"{side}_{top}"], roles[f"{side}_{middle}"]) / max(rest, 1e-9) / _UPPER_TO_LOWER)
         for side in sides
         for top, middle, end in (("hip", "knee", "foot"), ("shoulder", "elbow", "hand"))
-        if (rest := tree.way(roles[f"{side}_{middle}"], roles[f"{side}_{end}"])) >= 0.0
+        if (rest := tree.path_length(roles[f"{side}_{middle}"], roles[f"{side}_{end}"])) >= 0.0
     ]
     shares = np.abs([np.log(arm / leg / 0.67), np.log(trunk / leg / 0.72), 0.7 * float(np.max(np.abs(bones)))])
     return float(max(shares.max(), 3.0 * uneven))
@@ -80,7 +80,7 @@ def _ends_by_name(tree: JointTree) -> dict[str, int] | None:
     ends: dict[str, int] = {}
     helpers = joint_names.AUXILIARY | joint_names.FINGERS
     for side, name in enumerate(("left", "right")):
-        # Where both a wrist and a hand are there, the fist turns at the wrist; so does the foot at the ankle.
+        # Where both a wrist and a hand are there, the fist rotates at the wrist; so does the foot at the ankle.
         hands = tree.named(joint_names.WRIST, side, helpers) or tree.named(joint_names.HAND, side, helpers)
         feet = tree.named(joint_names.ANKLE, side, helpers) or tree.named(
             joint_names.FOOT, side, helpers | joint_names.TOE

@@ -54,15 +54,15 @@ def strike_kinds(database: MotionDatabase) -> Array:
 def strike_heights(database: MotionDatabase) -> Array:
     """Return where each strike goes, as numbers of ``HEIGHTS``: to the head from the neck's height on. (S,), uint8."""
     necks = np.asarray(database.necks)[np.asarray(database.strike_frames, dtype=np.int64), 1]
-    return (np.asarray(database.strike_places)[:, 1] < necks).astype(np.uint8)
+    return (np.asarray(database.strike_positions)[:, 1] < necks).astype(np.uint8)
 
 
 def _pose(database: MotionDatabase, frames: Array) -> tuple[Tracks, Array]:
     """Return the points of the body in some playback frames, and positions of its joints [m]. Shape (S, J, 3)."""
     roots = np.asarray(database.root_positions, dtype=float)[frames]
     rotations = np.asarray(database.rotations, dtype=float)[frames]
-    positions, turned = forward_kinematics(database.skeleton, roots, rotations)
-    return build_tracks(database.body, positions, turned), positions
+    positions, joint_rotations = forward_kinematics(database.skeleton, roots, rotations)
+    return build_tracks(database.body, positions, joint_rotations), positions
 
 
 def _fists(database: MotionDatabase, frames: Array, hands: Array) -> Array:

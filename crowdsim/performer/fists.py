@@ -34,7 +34,7 @@ _SHORTEST = 0.105
 
 
 def hold_guard(score: Score, heading: Array, trunk: Trunk, channels: Array) -> tuple[Array, Array]:
-    """Return where the fists are held in the guard (F, 2, 3), and the frame that the guard turns in (F, 4)."""
+    """Return where the fists are held in the guard (F, 2, 3), and the frame of the guard (F, 4)."""
     style = score.style
     stance = quat.about_y(heading)
     rest = quat.about_y(style.blade + style.twist)
@@ -43,8 +43,8 @@ def hold_guard(score: Score, heading: Array, trunk: Trunk, channels: Array) -> t
     frame = quat.multiply(stance, part)
     fists = np.stack(
         [
-            trunk.chest + quat.rotate(frame, np.array(place) + channels[:, first : first + 3])
-            for place, first in (
+            trunk.chest + quat.rotate(frame, np.array(offset) + channels[:, first : first + 3])
+            for offset, first in (
                 (style.lead_fist, Channel.LEAD_HAND_X),
                 (style.rear_fist, Channel.REAR_HAND_X),
             )
@@ -93,12 +93,12 @@ def lead_fists(
         )
         reach, size = planned, 1.0
         for attempt in range(_ATTEMPTS):
-            turn = quat.about_y(arcs[part, hand] + size * arc)
-            aim = centre[at] + quat.rotate(quat.conjugate(turn[inside]), target) - size * swing[inside]
+            rotation = quat.about_y(arcs[part, hand] + size * arc)
+            aim = centre[at] + quat.rotate(quat.conjugate(rotation[inside]), target) - size * swing[inside]
             gone = _gone(reach, times[part])[:, None]
             path = fists[part, hand] + size * swing + gone * (aim - guards[part, hand])
-            turned = centre[part] + quat.rotate(turn, path - centre[part])
-            relative = keep_ahead(turned, shoulders[part, hand], ahead[part])[out] - trunk.hips[part][out]
+            bent = centre[part] + quat.rotate(rotation, path - centre[part])
+            relative = keep_ahead(bent, shoulders[part, hand], ahead[part])[out] - trunk.hips[part][out]
             speed = float(np.linalg.norm(np.diff(relative, axis=0), axis=-1).max(initial=0.0)) / spacing
             if _SLOWEST <= speed <= _FASTEST or attempt == _ATTEMPTS - 1:
                 break
@@ -129,8 +129,8 @@ def _gone(reach: Reach, times: Array) -> Array:
 
 def _target(reach: Reach, hips: Array, heading: float, shoulder: Array, centre: Array) -> Array:
     """Return a target in the world [m], drawn in to where the arm reaches, or out to where a punch has a way to go."""
-    place = np.array([reach.distance * np.sin(reach.bearing), reach.height, reach.distance * np.cos(reach.bearing)])
-    target = ground.to_world(np.array([hips[0], hips[2], heading]), place)
+    position = np.array([reach.distance * np.sin(reach.bearing), reach.height, reach.distance * np.cos(reach.bearing)])
+    target = ground.to_world(np.array([hips[0], hips[2], heading]), position)
     target = centre + _lengthen(target - centre, _LEAST_REACH, 0.02)
     gap = target - shoulder
     far = float(np.linalg.norm(gap))

@@ -184,7 +184,7 @@ class Grid:
         return np.array(rows, dtype=np.float64).reshape(-1, AXIS_WIDTH)
 
     def targets(self) -> Array:
-        """Return the target that each cell stands for, in the ground frame [m]. Shape (cells, 3).
+        """Return the target at each cell's grid point, in the ground frame [m]. Shape (cells, 3).
 
         A grid without a bearing puts it straight ahead, one without a height at 0, one without a distance at 1 m.
 

@@ -1,4 +1,4 @@
-"""What pictures are made of: anything that can say where its avatars stand and how they are posed."""
+"""Sources of pictures: anything that gives positions and poses of its avatars."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class PoseSource(Protocol):
 
     @property
     def avatar_heights(self) -> Array:
-        """How high each avatar reaches when it stands [m]; cameras leave room for it. Shape (N,)."""
+        """Standing height of each avatar [m]; cameras leave room for it. Shape (N,)."""
 
     @property
     def figures(self) -> Sequence[Figure]:

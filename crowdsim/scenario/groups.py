@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
@@ -16,9 +16,13 @@ MAXIMUM_AVATARS = 10_000_000
 Distance = Annotated[float, Field(ge=0.1, le=1000)]
 Degrees = Annotated[float, Field(ge=-360, le=360)]
 
+_RENAMED = {"turn": "rotation"}
+
 
 class GridPlacement(StrictModel):
     """Rows and columns."""
+
+    renamed: ClassVar[dict[str, str]] = _RENAMED
 
     kind: Literal["grid"] = Field(description="Rows and columns; avatars look along the columns.")
     spacing: Distance = Field(default=1.5, description="Distance between neighbours [m].")
@@ -26,17 +30,19 @@ class GridPlacement(StrictModel):
         default=None, ge=1, le=MAXIMUM_AVATARS, description="Avatars in a row; without it a square."
     )
     centre: Point = Field(default=(0.0, 0.0), description="Centre, x and z [m].")
-    turn: Degrees = Field(default=0.0, description="Turn of the whole about its centre [degrees].")
+    rotation: Degrees = Field(default=0.0, description="Rotation of the whole about its centre [degrees].")
 
 
 class RingPlacement(StrictModel):
     """A circle, evenly spaced."""
 
+    renamed: ClassVar[dict[str, str]] = _RENAMED
+
     kind: Literal["ring"] = Field(description="On a circle, evenly spaced; avatars face its centre.")
     radius: float = Field(gt=0, le=100_000, description="Radius [m].")
     distance: Distance = Field(default=0.5, description="Least distance between neighbours [m].")
     centre: Point = Field(default=(0.0, 0.0), description="Centre, x and z [m].")
-    turn: Degrees = Field(default=0.0, description="Position of the first avatar, as an angle from +z [degrees].")
+    rotation: Degrees = Field(default=0.0, description="Angle from +z at which the first avatar is [degrees].")
 
 
 class LinePlacement(StrictModel):
@@ -51,13 +57,15 @@ class LinePlacement(StrictModel):
 class ArmyPlacement(StrictModel):
     """One of two armies that face each other."""
 
+    renamed: ClassVar[dict[str, str]] = _RENAMED
+
     kind: Literal["army"] = Field(description="One of two armies that face each other across a gap.")
     side: Literal["left", "right"] = Field(description="`left` is at x > 0, `right` at x < 0 of the centre.")
     gap: float = Field(default=4.0, ge=0.1, le=100_000, description="Distance between the two front ranks [m].")
     ranks: int = Field(default=5, ge=1, le=100_000, description="Number of ranks of the army.")
     spacing: Distance = Field(default=1.2, description="Distance between neighbours [m].")
     centre: Point = Field(default=(0.0, 0.0), description="Middle of the gap, x and z [m].")
-    turn: Degrees = Field(default=0.0, description="Turn of the whole about its centre [degrees].")
+    rotation: Degrees = Field(default=0.0, description="Rotation of the whole about its centre [degrees].")
 
 
 class DiscPlacement(StrictModel):

@@ -64,7 +64,7 @@ class TakeData:
     Attributes:
         action: Action that each avatar does, a number of its policy's graph. Shape (F, N), int32.
         action_frame: Frames of that action done, in control frames from its state. Shape (F, N), float32.
-        x: Where the avatar stands [m]. Shape (F, N), float32.
+        x: Position of the avatar [m]. Shape (F, N), float32.
         z: Likewise [m].
         heading: Where it looks [rad].
         opponent: Avatar that it fights, ``-2 - k`` for scripted target k, -1 for none. Shape (F, N), int32.

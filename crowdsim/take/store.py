@@ -214,7 +214,7 @@ class TakeWriter:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Tell of what goes wrong in writing by the take's own name, and leave nothing behind then."""
+        """Report errors of writing by the take's own name, and remove what was written."""
         try:
             yield
         except OSError as error:

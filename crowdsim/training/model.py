@@ -52,7 +52,7 @@ class Movement:
 
 
 def build_movement(speed: float = 0.0, directions: int = 4, still: float = 0.5, control_rate: float = 15.0) -> Movement:
-    """Return a target that stands with probability ``still``, else walks in one of ``directions`` at ``speed`` [m/s].
+    """Return a target at rest with probability ``still``, else walking in one of ``directions`` at ``speed`` [m/s].
 
     With a speed of 0 or ``still`` at 1 it never moves.
     """
@@ -159,7 +159,7 @@ def build_model(
         terms: The reward's terms.
         body: Sizes of the target.
         discount: gamma, a control frame.
-        movement: How the target moves; without it, it stands still.
+        movement: How the target moves; without it, it is at rest.
 
     Raises:
         RecipeError: Training does not know a term or an axis.

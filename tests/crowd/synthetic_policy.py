@@ -46,7 +46,7 @@ def database(rng, frames=40, stride=4):
         strike_hands=rng.integers(0, 2, len(strikes)).astype(np.uint8),
         strike_peaks=strikes.astype(np.int32),
         strike_speeds=rng.uniform(4, 9, len(strikes)).astype(np.float32),
-        strike_places=positions.astype(np.float32),
+        strike_positions=positions.astype(np.float32),
     )
 
 
@@ -80,9 +80,9 @@ def policy(seed=0, lookup="v", frames=40, stride=4, name="synthetic"):
     """Return a policy of random motion with random values for approach and punch."""
     rng = np.random.default_rng(seed)
     motion, model = database(rng, frames, stride), graph(rng, frames)
-    cuts = model.action_costs > 0.0
-    shifts = rng.normal(0.0, 0.03, (model.action_count, 3)) * cuts[:, None]
-    actions = build_actions(motion, model, Alignment(shifts.astype(np.float32), cuts * rng.integers(0, 3, len(cuts))))
+    jumps = model.action_costs > 0.0
+    shifts = rng.normal(0.0, 0.03, (model.action_count, 3)) * jumps[:, None]
+    actions = build_actions(motion, model, Alignment(shifts.astype(np.float32), jumps * rng.integers(0, 3, len(jumps))))
     body = target_body(motion)
     approach = build_grid([Axis("distance", 0.0, 4.0, 5, fade=2.0), Axis("bearing", -np.pi, np.pi, 6, wraps=True)])
     punch = build_grid(

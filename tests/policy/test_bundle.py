@@ -119,12 +119,12 @@ def test_compiled_look_ups_are_those_of_the_plain_version(trained):
         np.testing.assert_allclose(out[:n], action_values(policy, weights, state, target), rtol=1e-4, atol=1e-5)
 
 
-def test_inspect_tells_what_is_asked_for(trained):
+def test_inspect_reports_what_is_asked_for(trained):
     report = inspect_bundle(load_policy(trained / "small"), bundle.read_timings(trained / "small"))
     assert set(report) >= {"motion", "graph", "behaviours", "fingerprint"}
     assert set(report["motion"]) >= {"clips", "frames", "seconds", "strikes", "frames_kept_by_clip"}
     graph = {"frames", "transitions", "states", "actions", "branching", "action_frames", "transitions_per_second"}
-    assert set(report["graph"]) >= {*graph, "uncut_seconds"}
+    assert set(report["graph"]) >= {*graph, "seconds_between_transitions"}
     punch = report["behaviours"]["punch"]
     keys_of_each = {
         "axes",

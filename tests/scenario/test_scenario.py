@@ -324,7 +324,7 @@ def test_the_search_is_the_scenarios_and_that_of_all_groups():
     ]
 
 
-def test_another_search_is_asked_for_wherever_the_scenario_names_one():
+def test_a_search_replaces_every_one_that_the_scenario_names():
     file = Path("s.yaml")
     group = BASE.replace("centre: [9, 0]}", "centre: [9, 0]}, opponents: {kind: other_team, search: scipy}")
     for text in (BASE, group + "opponents: {kind: anyone, search: scipy}\n"):
@@ -342,7 +342,7 @@ def test_another_search_is_asked_for_wherever_the_scenario_names_one():
     assert get_args(get_args(Search)[0]) == SEARCHES
 
 
-def test_nobody_to_fight_is_a_mistake():
+def test_a_scenario_without_opponents_is_refused():
     one = BASE.split("  - {name: blue")[0]
     assert findings(one + "opponents: {kind: other_team}") == [
         "9:19: opponents.kind: is 'other_team', but all avatars are of team 'red', expected a second team or kind "
@@ -416,7 +416,7 @@ TYPES = """\
 """
 
 
-def test_types_take_what_they_do_not_say_from_the_type_they_extend():
+def test_types_inherit_settings_from_the_type_they_extend():
     Path("s.yaml").write_text(BASE.replace("  boxer: {policy: boxer}\n", TYPES))
     giant = load_scenario("s.yaml").types["giant"]
     assert giant.behaviours == {"approach": 2, "punch": 1}

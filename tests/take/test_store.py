@@ -51,7 +51,7 @@ def chunk(first: int, frames: int) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("reactions", [True, False])
-def test_a_take_knows_whether_hits_show(tmp_path: Path, reactions: bool) -> None:
+def test_a_take_records_whether_hits_are_shown(tmp_path: Path, reactions: bool) -> None:
     header = TakeHeader(CAST, 15.0, "test", 3, ("abc",), reactions=reactions)
     writer = TakeWriter(tmp_path / "take.zarr", header, 1).open()
     writer.append(chunk(0, 1), events(), None)
@@ -178,7 +178,7 @@ def test_abandoning_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+def test_a_path_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"take\.zarr: cannot be written"):
         write(tmp_path / "file" / "take.zarr", [1])

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 # Columns of the tables of ``Model``: actions, moves, paths (rows), strikes, bodies, sizes, policies, behaviours, grids
 # and terms (what all have, those of strikes, those of proximity).
 NEXT, LENGTH, ORIGIN, PATHS, STRIKES, FIRST_STRIKE = range(6)
-MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, CUT = range(6)
+MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, TRANSITION = range(6)
 PATH_X, PATH_Z, PATH_COS, PATH_SIN, PATH_TIME = range(5)
 TIME, FIST_X, FIST_Y, FIST_Z, FIST_SPEED, HAND, OWNER, WORTH = range(8)
 HEAD, NECK, PELVIS = 0, 3, 6

@@ -10,7 +10,6 @@ from crowdsim.crowd.kernels.layout import (
     BEHAVIOURS,
     BLOCK,
     CELLS,
-    CUT,
     FADE,
     FARTHEST,
     LASTS,
@@ -35,6 +34,7 @@ from crowdsim.crowd.kernels.layout import (
     TARGET_X,
     TARGET_Y,
     TARGET_Z,
+    TRANSITION,
     WORK_BEARING,
     WORK_DISTANCE,
     WORK_SHARES,
@@ -286,4 +286,4 @@ def _add_end_values(model, b, slot, options, spot, begin, factor, scratch):
         cell = Cell(at + np.int64(cells[pair]), near, np.int64(steps[pair]), above, parts[pair], turns[pair], raised)
         value = interpolate(table, cell)
         value = (low + step * value) * discounts[np.uint64(model.actions[action, LENGTH])]
-        out[np.uint64(k)] += factor * (value - model.moves[action, CUT + slot])
+        out[np.uint64(k)] += factor * (value - model.moves[action, TRANSITION + slot])

@@ -16,7 +16,7 @@ NODE_WIDTH = 7
 
 @kernel
 def best_by_search(tables, behaviour, state, target, width, depth, scratch):
-    """Return the best action of a state for a target that stands still.
+    """Return the best action of a state for a target at rest.
 
     Of all actions of all nodes the ``width`` with the highest reward so far and V behind it go on, ``depth`` times.
 
