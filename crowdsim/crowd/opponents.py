@@ -1,8 +1,8 @@
-"""Who is near whom: the index over a crowd, in whose order its avatars are stored.
+"""Indices of nearest opponents and neighbours; avatars are stored in the order of the index.
 
 Every index gives the same answers: the nearest opponent by squared distance in float64, the lower number among
 equals, and the neighbours within reach. ``kd_tree`` is what ``auto`` takes for crowds that are too large for a direct
-comparison; ``scipy`` finds opponents its own way, for comparison, and leaves the neighbours to the tree.
+comparison; ``scipy`` finds opponents by scipy's tree, for comparison, and neighbours by ours.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from crowdsim.crowd.kernels.kd_queries import observe
 from crowdsim.crowd.kernels.kd_tree import Tree
 from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.workers import Workers
-
-SEARCHES = ("auto", "kd_tree", "scipy")
+from crowdsim.scenario.groups import SEARCHES
 
 SORT_EVERY = 16
 """Frames after which avatars may be brought into the order of a newly built tree; between, it is only refitted."""

@@ -20,12 +20,13 @@ from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.layout import Now
 from crowdsim.crowd.kernels.loop import run_frames
 from crowdsim.crowd.model import build_model
-from crowdsim.crowd.opponents import SEARCHES, Index, build_index
+from crowdsim.crowd.opponents import Index, build_index
 from crowdsim.crowd.random import Purpose, stream
 from crowdsim.crowd.script import Agenda, Change, Script, target_positions
 from crowdsim.crowd.stages import Stages, lost_avatar
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import nearest
+from crowdsim.scenario.groups import SEARCHES
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -45,7 +46,7 @@ class Simulation:
         policies: Its policies.
         script: What is planned.
         threads: Threads for large crowds.
-        search: How nearest opponents are found, one of ``opponents.SEARCHES``.
+        search: How nearest opponents are found, one of ``scenario.groups.SEARCHES``.
         order: Number of the avatar in each slot at the start; it changes no result. Shape (N,).
         profiled: Take the time of every stage.
 
@@ -263,7 +264,7 @@ def simulate(
         frames: Control frames.
         script: What is planned.
         threads: Threads for large crowds.
-        search: How nearest opponents are found, one of ``opponents.SEARCHES``.
+        search: How nearest opponents are found, one of ``scenario.groups.SEARCHES``.
         order: Number of the avatar in each slot at the start; it changes no result. Shape (N,).
         profiled: Take the time of every stage.
         chunk: Control frames in a chunk; by default a million avatar-frames, at most 256.

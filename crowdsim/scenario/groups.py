@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path, PurePosixPath
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, ValidationInfo, model_validator
 
@@ -126,8 +126,11 @@ Placement = Annotated[
 Facing = Literal["placement", "centre", "outwards", "enemies", "random"] | Degrees
 
 Hysteresis = Annotated[float, Field(ge=0, le=100)]
+SearchName = Literal["auto", "kd_tree", "scipy"]
+SEARCHES: tuple[str, ...] = get_args(SearchName)
+"""Indices for nearest opponents, by name."""
 Search = Annotated[
-    Literal["auto", "kd_tree", "scipy"],
+    SearchName,
     Field(
         description="How nearest opponents are found, for all groups alike; the take does not depend on it. `auto`: "
         "direct comparison in a small crowd, else `kd_tree`; `kd_tree`: our own tree for any number of avatars; "

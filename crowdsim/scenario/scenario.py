@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import Any, cast
 
 from pydantic import ValidationError, ValidationInfo, model_validator
 
@@ -17,8 +17,8 @@ from crowdsim.errors import ScenarioError, nearest
 from crowdsim.scenario.checks import name_findings, sense_findings
 from crowdsim.scenario.description import MAXIMUM_SEED, Description
 from crowdsim.scenario.groups import (
+    SEARCHES,
     PointsPlacement,
-    Search,
     checksum,
 )
 from crowdsim.scenario.parts import AvatarType
@@ -95,10 +95,8 @@ def load_scenario(
         # A validated copy counts every key as set; types must still know what their file says to be merged.
         scenario = scenario.model_copy(update={key: getattr(changed, key) for key in changes})
     if search is not None:
-        choices = get_args(get_args(Search)[0])
-        if search not in choices:
-            what = f"the search is {search!r}, expected {quoted(choices)}{nearest(search, choices)}"
-            raise ScenarioError(what)
+        if search not in SEARCHES:
+            raise ScenarioError(f"the search is {search!r}, expected {quoted(SEARCHES)}{nearest(search, SEARCHES)}")
         scenario = with_search(scenario, search)
     resolved = resolve_scenario(scenario, file.parent)
     resolved._source = file

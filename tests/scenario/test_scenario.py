@@ -3,7 +3,6 @@
 import json
 import re
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -12,10 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from crowdsim import assets
-from crowdsim.crowd.opponents import SEARCHES
 from crowdsim.crowd.placement import place_groups
 from crowdsim.errors import ScenarioError, nearest
-from crowdsim.scenario.groups import Search
 from crowdsim.scenario.parts import SCALES, SPEEDS
 from crowdsim.scenario.reference import scenario_reference
 from crowdsim.scenario.scenario import (
@@ -339,7 +336,6 @@ def test_a_search_replaces_every_one_that_the_scenario_names():
         assert str(error.value) == (
             "the search is 'kdtree', expected 'auto', 'kd_tree' or 'scipy' (did you mean 'kd_tree'?)"
         )
-    assert get_args(get_args(Search)[0]) == SEARCHES
 
 
 def test_a_scenario_without_opponents_is_refused():
