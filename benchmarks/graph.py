@@ -62,7 +62,7 @@ HEAD_AND_TOLERANCE = 0.21
 BODIES_A_CELL = 4
 TABLES: dict[str, list[dict[str, Any]]] = {
     "threshold": [{"threshold": metres} for metres in (0.10, 0.15, 0.20, 0.25, 0.30, 0.40)],
-    "branching": [{"branching": ways} for ways in (4, 8, 12, 24, 100)],
+    "branching": [{"branching": branching} for branching in (4, 8, 12, 24, 100)],
     "same cost": [{"threshold": 0.20, "branching": 100}, {"threshold": 0.25, "branching": 12}],
     "spacing": [{"spacing": frames / 15} for frames in (0, 2, 3, 4, 5)],
 }
@@ -181,7 +181,7 @@ class Responsiveness:
 
 
 def switch_seconds(database: MotionDatabase, graph: MotionGraph, frames: np.ndarray) -> float:
-    """Return the mean time of the shortest way from frames (2, N) in row 0 to all in row 1 [s]."""
+    """Return the mean time of the shortest path from frames (2, N) in row 0 to all in row 1 [s]."""
     kept = graph.frames_kept
     onward = np.flatnonzero(kept[:-1] & kept[1:])
     onward = onward[~np.isin(onward + 1, database.clip_starts)]

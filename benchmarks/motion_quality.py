@@ -185,8 +185,8 @@ def joints(database: MotionDatabase, roots: Array, rotations: Array) -> Array:
     return positions[:, kept].reshape(count, times, len(kept), 3).astype(float)
 
 
-def ways(database: MotionDatabase, leave: Array, enter: Array, half: int) -> dict[str, Array]:
-    """Joint positions over windows of plain ways to transition, and of the capture. Shape (n, T, roles, 3)."""
+def plain_methods(database: MotionDatabase, leave: Array, enter: Array, half: int) -> dict[str, Array]:
+    """Joint positions over windows of plain methods of transition, and of the capture. Shape (n, T, roles, 3)."""
     reach = half + 1
     before, after = played(database, leave, reach), played(database, enter, reach)
     steps = np.arange(-reach, reach + 1)
@@ -288,7 +288,7 @@ def judge(
     noise: float = NOISE,
 ) -> dict[str, Any]:
     """How well classifiers distinguish transitions from captured motion, with our blends and with plain ones."""
-    transitions = {**ways(database, leave, enter, ours.shape[1] // 2 - 1), "ours": ours}
+    transitions = {**plain_methods(database, leave, enter, ours.shape[1] // 2 - 1), "ours": ours}
     rng = np.random.default_rng(0)
     transitions = {
         key: positions + noise * rng.standard_normal(positions.shape) for key, positions in transitions.items()

@@ -80,7 +80,7 @@ def component(edges, clip_starts):
 
 
 def actions(edges, kept, clip_starts):
-    """Return {state frame: [(first frame, frames shown, cost)]}, walking frame by frame from each way out."""
+    """Return {state frame: [(first frame, frames shown, cost)]}, walking frame by frame from each successor."""
     last = {int(stop) - 1 for stop in clip_starts[1:]}
     onward = {f for f in kept if f not in last and f + 1 in kept}
     jumps = {f: sorted((j, c) for (i, j), c in edges.items() if i == f and j in kept) for f in kept}

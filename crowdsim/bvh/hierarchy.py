@@ -1,4 +1,4 @@
-"""Reads BVH text up to the first row of motion, which exporters write in many ways."""
+"""Reads BVH text up to the first row of motion, which exporters write in many forms."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ def backward_elbows(clip: Clip, roles: Mapping[str, int]) -> tuple[str, ...]:
     if not clip.frame_count or not roles or not rests_like_a_body(clip.skeleton, roles):
         return ()
     rest = clip.skeleton.rest_positions()
-    # Some files rotate the world and not the rest pose: the body itself shows which way is up in it.
+    # Some files rotate the world and not the rest pose: the body itself shows which direction is up.
     hips = [rest[roles[f"{side}_hip"]] for side in SIDES]
     up = _unit(rest[roles["head"]] - 0.5 * (hips[0] + hips[1]))
     forward = _unit(np.cross(hips[0] - hips[1], up))

@@ -154,7 +154,7 @@ def _spread(heights: Array, gap: float) -> Array:
 
 
 def path_figure(analysis: ClipAnalysis) -> Figure:
-    """Draw the way of the pelvis from above, with where it looks every second, and the planted feet.
+    """Draw the path of the pelvis from above, with its heading every second, and the planted feet.
 
     Seen from above, with z to the right, x points up: neither axis is reversed.
     """

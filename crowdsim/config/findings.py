@@ -36,7 +36,7 @@ class _Located(NamedTuple):
         value: What the data has there, or above it where it has nothing.
         part: What the schema expects there.
         above: What the schema expects a level above.
-        union: The outermost union on the way that has no discriminator.
+        union: The outermost union along the location that has no discriminator.
         is_meant: Whether the value is meant for the member of it that the location names.
     """
 

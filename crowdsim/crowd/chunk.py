@@ -28,7 +28,7 @@ class Chunk:
         heading: Where it looks [rad], in -pi..pi. float32.
         opponent: Avatar that it fights, ``-2 - k`` for scripted target k, -1 for none. int32.
         targets: Positions of scripted targets [m]. Shape (frames, G, 3), float32.
-        events: Strikes thrown on the way to these frames.
+        events: Strikes thrown since the frame before the first.
         timings: Time of each of ``STAGES`` [ns], in a run that is profiled. Shape (frames, 6), int64.
     """
 

@@ -114,11 +114,11 @@ def nearest(
 def neighbours(
     tree: Tree, x: Array, z: Array, own: Array, reach: float, most: int, workers: Workers = _SERIAL
 ) -> tuple[Array, Array]:
-    """Return how many points lie within ``reach`` [m] of each query, and the nearest ``most`` of them.
+    """Return the number of points within ``reach`` [m] of each query, and the nearest ``most`` of them.
 
     Returns:
         Counts, shape (Q,), int32, and points in the tree's order, nearest first, lower numbers first among equals;
-        what lies behind a row's count is undefined. Shape (Q, most), int32.
+        entries behind a row's count are undefined. Shape (Q, most), int32.
     """
     counts, points = np.empty(len(x), np.int32), np.empty((len(x), most), np.int32)
 

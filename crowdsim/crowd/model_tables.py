@@ -144,13 +144,15 @@ def note_prices(behaviours: Array, terms: Array) -> None:
 
 
 def move_rows(
-    ways: Array, actions: Sequence[Actions], behaviours: Array, terms: Array, starts: dict[str, Array]
+    displacements: Array, actions: Sequence[Actions], behaviours: Array, terms: Array, starts: dict[str, Array]
 ) -> Array:
     """Return where actions end, their transition costs, and what transitions and effort take from each behaviour."""
     costs = joined([action.costs for action in actions], np.float64)
     slots = int(np.diff(starts["behaviour"]).max())
-    moves = np.zeros((len(ways), -(-(layout.TRANSITION + slots) // 8) * 8), np.float32)
-    moves[:, : layout.TRANSITION] = np.column_stack([ways[:, :2], np.cos(ways[:, 2]), np.sin(ways[:, 2]), costs])
+    moves = np.zeros((len(displacements), -(-(layout.TRANSITION + slots) // 8) * 8), np.float32)
+    moves[:, : layout.TRANSITION] = np.column_stack(
+        [displacements[:, :2], np.cos(displacements[:, 2]), np.sin(displacements[:, 2]), costs]
+    )
     for p, start in enumerate(starts["behaviour"][:-1]):
         own = slice(starts["action"][p], starts["action"][p + 1])
         for slot, row in enumerate(behaviours[start : starts["behaviour"][p + 1]]):

@@ -28,7 +28,7 @@ GROWN = 1.2
 
 
 class Index(Protocol):
-    """What a simulation asks of an index."""
+    """The interface of an index."""
 
     def update(self, avatars: Avatars, present: int) -> None:
         """Read the positions of the first ``present`` slots; sort their storage when it is due."""

@@ -39,7 +39,7 @@ _CHUNK_AVATAR_FRAMES = 1_000_000
 
 
 class Simulation:
-    """A crowd on its way.
+    """A crowd in motion.
 
     Args:
         crowd: The crowd.

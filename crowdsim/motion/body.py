@@ -73,8 +73,8 @@ def standing_height(skeleton: Skeleton, roles: Mapping[str, int], positions: Arr
     Args:
         skeleton: The skeleton.
         roles: Its joints by role.
-        positions: Joint positions of any true pose, for the way from the hips to the spine. Shape (J, 3); the rest pose
-            when None.
+        positions: Joint positions of any true pose, for the direction from the hips to the spine. Shape (J, 3); the
+            rest pose when None.
     """
     tree = JointTree(skeleton, None)
     legs = [tree.path_length(roles[f"{side}_hip"], roles[f"{side}_foot"]) for side in ("left", "right")]

@@ -65,7 +65,7 @@ def runs(flags: Array) -> Array:
 
 
 def _hysteresis(enter: Array, stay: Array) -> Array:
-    """Flags that begin where ``enter`` holds and last, both ways, as long as ``stay`` does."""
+    """Flags that begin where ``enter`` holds and last, in both directions, as long as ``stay`` does."""
     flags = np.zeros(len(enter), bool)
     for start, stop in runs(stay):
         if enter[start:stop].any():

@@ -176,7 +176,7 @@ def lead_in(clip: Clip, body: Body) -> int:
 
 
 def _calibration(clip: Clip, body: Body) -> tuple[Array, Array]:
-    """Frames (F,) in a calibration pose, and the longer way (F - 1,) of the two fists in each step [m]."""
+    """Frames (F,) in a calibration pose, and the longer displacement (F - 1,) of the two fists in each step [m]."""
     positions, rotations = clip_kinematics(clip)
     tracks = build_tracks(body, positions, rotations)
     relative = tracks.fists - tracks.pelvises[:, None]

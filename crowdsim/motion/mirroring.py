@@ -87,7 +87,7 @@ def _reflected(vectors: Array, normal: Array) -> Array:
 
 
 def _mirror_normal(skeleton: Skeleton, body: Body) -> Array:
-    """The way from right to left in the rest pose, which is an axis where it is close to one. Shape (3,)."""
+    """The direction from right to left in the rest pose, which is an axis where it is close to one. Shape (3,)."""
     rest, roles = skeleton.rest_positions(), body.roles
     across = np.sum(
         [rest[roles[f"left_{part}"]] - rest[roles[f"right_{part}"]] for part in ("hip", "shoulder")], axis=0

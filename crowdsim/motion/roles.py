@@ -1,8 +1,8 @@
 """Which joint plays which part of a human body, from names and, where names fail, from the shape of the tree.
 
 Names alone do not settle it: ``LeftShoulder`` is a collar bone to one exporter and an upper arm to the next, ``hip``
-may be the pelvis or the top of a leg. So names only find the ends (head, hands, feet) and give hints on the way; the
-joints between are chosen along the chain from the trunk to the end, by bone length.
+may be the pelvis or the top of a leg. So names only find the ends (head, hands, feet) and give hints about joints
+between; the joints between are chosen along the chain from the trunk to the end, by bone length.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def find_roles(skeleton: Skeleton, poses: Array | None = None) -> dict[str, int]
 
     Returns:
         A joint for each role of ``crowdsim.motion.body.ROLES`` that the skeleton has. Head, hands and feet, and the
-        joints on the way to them, are there, or the result is empty: then this is no human body.
+        joints between, are there, or the result is empty: then this is no human body.
     """
     if skeleton.joint_count < _LEAST_JOINTS:
         return {}
@@ -100,7 +100,7 @@ def _ends_by_name(tree: JointTree) -> dict[str, int] | None:
 def _ends_by_shape(tree: JointTree) -> list[dict[str, int]]:
     """Every way to take two mirrored pairs of limbs as legs and arms that leaves a head between the arms."""
     pairs = tree.mirrored_pairs()[:_MOST_PAIRS]
-    ways = []
+    found = []
     for legs in pairs:
         for arms in pairs:
             hub_legs, hub_arms = tree.parents[legs[0]], tree.parents[arms[0]]
@@ -115,7 +115,7 @@ def _ends_by_shape(tree: JointTree) -> list[dict[str, int]]:
                 continue
             left = _left_of(tree, legs, leg_ends, crown)
             same = _on_side(tree, arms, legs, left)
-            ways.append(
+            found.append(
                 {
                     "head": crown,
                     "left_foot": leg_ends[left],
@@ -124,7 +124,7 @@ def _ends_by_shape(tree: JointTree) -> list[dict[str, int]]:
                     "right_hand": arm_ends[1 - same],
                 }
             )
-    return ways
+    return found
 
 
 def _pair_ends(tree: JointTree, pair: tuple[int, int]) -> list[int]:

@@ -30,7 +30,7 @@ _SLOWEST, _FASTEST = 5.9, 11.0
 """Speeds between which a punching fist peaks relative to the pelvis [m/s]."""
 _ATTEMPTS = 12
 _SHORTEST = 0.105
-"""Least time of a fist's way out [s]."""
+"""Least time of a fist from guard to target [s]."""
 
 
 def hold_guard(score: Score, heading: Array, trunk: Trunk, channels: Array) -> tuple[Array, Array]:
@@ -114,7 +114,7 @@ def lead_fists(
 
 
 def _bends(reach: Reach, times: Array) -> tuple[Array, Array]:
-    """Return swing (F, 3) [m] and arc (F,) [rad] of the way of a fist."""
+    """Return swing (F, 3) [m] and arc (F,) [rad] of the path of a fist."""
     bends = np.zeros((len(times), 4))
     for accent in reach.path:
         column = BENDS[reach.hand].index(accent.channel)
@@ -123,12 +123,12 @@ def _bends(reach: Reach, times: Array) -> tuple[Array, Array]:
 
 
 def _gone(reach: Reach, times: Array) -> Array:
-    """Share of the way to the target: 0 in the guard, 1 at the hit."""
+    """Share of the path to the target: 0 in the guard, 1 at the hit."""
     return step(times, reach.start, reach.hit, reach.skew) * (1.0 - step(times, reach.fall, reach.end))
 
 
 def _target(reach: Reach, hips: Array, heading: float, shoulder: Array, centre: Array) -> Array:
-    """Return a target in the world [m], drawn in to where the arm reaches, or out to where a punch has a way to go."""
+    """Return a target in the world [m], within reach of the arm, and far enough for a punch."""
     position = np.array([reach.distance * np.sin(reach.bearing), reach.height, reach.distance * np.cos(reach.bearing)])
     target = ground.to_world(np.array([hips[0], hips[2], heading]), position)
     target = centre + _lengthen(target - centre, _LEAST_REACH, 0.02)

@@ -16,7 +16,7 @@ _SHARPEST = 0.95
 
 
 def run_up(plan: Stepper, start: float, seconds: float, sharp: float = 0.5) -> float:
-    """Walk or jog some way and end in the guard; return when the last foot is down [s].
+    """Walk or jog a distance and end in the guard; return when the last foot is down [s].
 
     Args:
         plan: Where steps are written.

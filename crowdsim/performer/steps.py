@@ -56,7 +56,7 @@ class Stepper:
     ) -> float:
         """Step with both feet to a new stance; return when the second foot is down [s].
 
-        The foot on whose side the way goes moves first, so that feet never cross. In a quick step, the other one is
+        The foot on the side of the direction moves first, so that feet never cross. In a quick step, the other one is
         off the floor before it is down.
         """
         start = max(start, self.feet_free)
@@ -111,7 +111,7 @@ class Stepper:
         self.accent(Channel.HEAD_TURN, 0.35 * turn, start - 0.16, start + 0.1, start + 0.12, end + 0.1)
 
     def _swing(self, foot: int, begin: float, length: float, tempo: float, quick: bool = False) -> float:
-        """Plan the way of one foot to where it belongs in the present stance; return how long it takes [s]."""
+        """Plan the path of one foot to its position in the present stance; return how long it takes [s]."""
         least, more = (0.12, 0.14) if quick else (0.14, 0.25)
         seconds = float(np.clip(self.about(least + more * length, 0.08) / tempo, 0.12, 0.45))
         ball = (self.style.lead_ball, self.style.rear_ball)[foot]

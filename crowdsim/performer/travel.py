@@ -24,7 +24,7 @@ class Stride:
     Attributes:
         gait: The gait.
         share: Length of the step, as a share of the gait's.
-        turn: By how much the heading grows on the way [rad].
+        turn: By how much the heading grows meanwhile [rad].
     """
 
     gait: Gait
@@ -98,7 +98,7 @@ def _swing_times(
 
 
 def _first_foot(plan: Stepper, heading: float, turn: float) -> tuple[int, np.ndarray]:
-    """Return the foot that goes first, the one behind, and the point on the way that is abreast of the other one."""
+    """Return the foot that goes first, the one behind, and the point of the path that is abreast of the other one."""
     way = np.array([np.sin(heading), np.cos(heading)])
     middle = plan.prints[:, :2].mean(axis=0)
     along = (plan.prints[:, :2] - middle) @ way

@@ -191,7 +191,7 @@ class CircleTarget(StrictModel):
     kind: Literal["circle"] = Field(description="Goes round in a circle, from +z on towards +x.")
     radius: float = Field(gt=0, le=100_000, description="Radius [m].")
     speed: float = Field(
-        default=0.5, ge=-20, le=20, description="Speed along the circle [m/s]; below 0 the other way round."
+        default=0.5, ge=-20, le=20, description="Speed along the circle [m/s]; below 0 in the opposite direction."
     )
     centre: Point = Field(default=(0.0, 0.0), description="Centre, x and z [m].")
     height: float = Field(default=1.6, gt=0, le=10, description="Height of the target, the centre of its head [m].")

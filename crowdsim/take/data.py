@@ -77,7 +77,7 @@ class TakeData:
         seed: Seed of the run.
         fingerprints: Fingerprint of each policy's bundle.
         status: ``done`` or ``interrupted``.
-        reactions: Whether those whom a strike lands on give way to it.
+        reactions: Whether avatars that a strike lands on react to it.
         policies: The policies, in the order of ``cast.policy_names``, where they are loaded: by ``crowdsim.run`` and
             ``crowdsim.open_run``. Poses need them.
     """

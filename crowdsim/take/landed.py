@@ -11,7 +11,7 @@ from crowdsim.core.types import Array
 from crowdsim.take.data import TakeData
 
 BEFORE, AFTER = 0.16, 0.22
-"""How long before and after a strike the arm leaves its captured way [s]."""
+"""Time before and after a strike over which the arm leaves its captured path [s]."""
 
 LEAN = 0.22
 """How long before and after it the trunk leans for it at the most [s]."""

@@ -19,19 +19,19 @@ PlaceAt = Callable[[Array, Array], list[tuple[Array, PoseMotion, Array, Playback
 
 _TYPICAL_SPEED, _STRONGEST = 8.0, 1.6
 _SWING = 0.05
-"""Time over which the way of a fist is measured [s]."""
+"""Time over which the direction of a fist is measured [s]."""
 _NEAR_HEAD = 0.12
 _GIVES = {"spine": (0.06, 0.14), "chest": (0.06, 0.1), "neck": (0.14, 0.05), "head": (0.2, 0.07)}
-"""Joints that give way, and by how much in a blow of typical speed to the head and to the torso [rad]."""
+"""Joints that yield, and by how much in a strike of typical speed to the head and to the torso [rad]."""
 
 
 def build_trunk(motion: PoseMotion) -> Trunk:
-    """Return the joints of a body that give way to blows."""
+    """Return the joints of a body that yield to strikes."""
     roles = motion.body.roles
     chain = chain_of(motion.skeleton, [roles["head"]])
     gives = np.zeros((len(chain), 2))
     for role, give in _GIVES.items():
-        # Where one joint has two roles it gives way for both.
+        # A joint with two roles yields for both.
         gives[chain == roles[role]] += give
     return Trunk(np.asarray(motion.skeleton.parents, dtype=np.int64), chain, gives)
 
@@ -45,7 +45,7 @@ def plan_blows(landed: Landed, columns: Array, count: int, first: float, last: f
         count: Number of columns.
         first: First time that is posed [s].
         last: Last time that is posed [s].
-        place_at: Tells where avatars are.
+        place_at: Returns the playback of avatars.
     """
     near = landed.between(first - LENGTH, last)
     near = near.of((near.victims >= 0) & ~near.again & ~near.missed)
@@ -85,7 +85,7 @@ def give_way(
     Args:
         window: The stretch of the take.
         blows: Strikes that landed.
-        trunk: The joints that give way.
+        trunk: The joints that yield.
         moments: Who is posed, and when.
         poses: Their poses; rotations are changed.
         recent: Time after which blows are left out [s].

@@ -36,7 +36,7 @@ _STEP_RULES = StepRules(
     drag_anyhow=HARDLY,
 )
 """A pose sees a second around it. What a foot does some time before a transition adds up with how far after it that is
-settled, and the other way round, to less than that."""
+settled, and vice versa, to less than that."""
 
 
 class Window:

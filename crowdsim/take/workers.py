@@ -6,7 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 _LEAST = 16
-"""Fewer things than this are not shared out: starting threads takes longer."""
+"""Fewer items than this are not divided among threads, since starting those takes longer."""
 
 
 def share(threads: int, count: int, work: Callable[[int, int], None]) -> None:

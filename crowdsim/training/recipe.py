@@ -38,7 +38,7 @@ class CaptureSource(StrictModel):
     )
     folder: str | None = Field(
         default=None,
-        description="Folder of capture, seen from the recipe's; --mocap goes before it. Null: that of --mocap or "
+        description="Folder of capture, seen from the recipe's; --mocap takes precedence. Null: that of --mocap or "
         "CROWDSIM_MOCAP.",
     )
     unit: str | float | None = Field(

@@ -327,7 +327,7 @@ def test_real_capture_survives_a_round_trip(mocap, tmp_path, order):
 
 
 def test_joints_that_are_not_depth_first_are_written_as_they_hang_together():
-    """Brothers before nephews: a file holds them the other way round, and its columns with them."""
+    """Brothers before nephews: a file holds them in reverse order, and its columns with them."""
     generator = np.random.default_rng(8)
     skeleton = Skeleton(
         names=("root", "left", "right", "left_end", "right_end"),

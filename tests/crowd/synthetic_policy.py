@@ -50,13 +50,13 @@ def database(rng, frames=40, stride=4):
     )
 
 
-def graph(rng, frames=40, ways=3):
+def graph(rng, frames=40, most=3):
     """Return a graph in which every state continues the capture, or goes on after other states."""
     states = np.unique(np.concatenate([rng.choice(np.arange(1, frames - 1), frames // 3, replace=False), [frames - 1]]))
     count = len(states)
     offsets, following, first, lengths, costs = [0], [], [], [], []
     for s in range(count):
-        jumps = rng.choice(count - 1, min(ways, count - 1), replace=False)
+        jumps = rng.choice(count - 1, min(most, count - 1), replace=False)
         for j in dict.fromkeys([*([s] if s < count - 1 else [0]), *jumps]):
             following.append(j + 1)
             first.append(states[j] + 1)

@@ -16,7 +16,7 @@ PER_STRIKE = ("strike_times", "strike_positions", "strike_speeds", "strike_ids")
 
 
 def eager():
-    """A policy that gains little by any action and can always avoid to strike: the first way out throws nothing."""
+    """A policy that gains little by any action and can always avoid to strike: the first action throws nothing."""
     chosen = policy(3, frames=120, name="eager")
     actions = chosen.actions
     counts = np.diff(actions.strike_offsets)

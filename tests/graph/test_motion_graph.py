@@ -58,7 +58,7 @@ def test_states_and_actions_equal_those_of_the_naive_twin(case):
     starts, edges = case
     kept = naive_graph.component(edges, starts)
     expected = naive_graph.actions(edges, kept, starts)
-    if not any(len(ways) > 1 for ways in expected.values()):
+    if not any(len(successors) > 1 for successors in expected.values()):
         with pytest.raises(MotionError, match="no cycle" if not kept else "single loop"):
             graph_of_transitions(transitions_of(edges), starts, 1.0)
         return
@@ -97,13 +97,13 @@ def test_every_action_shows_frames_of_one_clip_that_are_all_kept(graph, wanderin
 def test_there_is_no_dead_end_and_every_state_reaches_every_state(graph):
     counts = np.diff(graph.action_offsets)
     assert counts.min() >= 1
-    ways = {
+    successors = {
         s: graph.action_next[graph.action_offsets[s] : graph.action_offsets[s + 1]].tolist()
         for s in range(graph.state_count)
     }
-    assert naive_graph.reachable(ways, 0) == set(range(graph.state_count))
-    backwards = {s: [] for s in ways}
-    for source, targets in ways.items():
+    assert naive_graph.reachable(successors, 0) == set(range(graph.state_count))
+    backwards = {s: [] for s in successors}
+    for source, targets in successors.items():
         for target in targets:
             backwards[target].append(source)
     assert naive_graph.reachable(backwards, 0) == set(range(graph.state_count))

@@ -74,10 +74,10 @@ def test_ground_frames_hardly_move_while_feet_do_not_and_mean_headings_are_ahead
     both = database.contacts.all(axis=1)
     still = both[1:] & both[:-1]
     still[4 * database.clip_starts[1:-1] - 1] = False
-    ways = [np.hypot(*np.diff(places[:, :2], axis=0)[still].T) for places in (database.ground, tracks.ground)]
+    distances = [np.hypot(*np.diff(places[:, :2], axis=0)[still].T) for places in (database.ground, tracks.ground)]
     turns = [np.abs(np.diff(places[:, 2])[still]) for places in (database.ground, tracks.ground)]
     assert still.sum() > 300
-    assert ways[0].mean() < 0.1 * ways[1].mean()
+    assert distances[0].mean() < 0.1 * distances[1].mean()
     assert turns[0].mean() < 0.3 * turns[1].mean()
 
 

@@ -331,11 +331,11 @@ def test_the_rear_heel_lifts_when_the_rear_hand_strikes(session, posed):
 def test_a_session_turns_and_steps_in_all_directions(long_session):
     turned = np.concatenate([performance.truth.stance[:, 2] for performance in long_session])
     assert np.ptp(turned) > 1.8 * np.pi
-    ways = []
+    steps = []
     for performance in long_session:
         stance = performance.truth.stance[::30]
-        ways.append(ground.to_local(stance[:-1], np.stack([stance[1:, 0], 0 * stance[1:, 0], stance[1:, 1]], axis=1)))
-    way = np.concatenate(ways)[:, [0, 2]]
+        steps.append(ground.to_local(stance[:-1], np.stack([stance[1:, 0], 0 * stance[1:, 0], stance[1:, 1]], axis=1)))
+    way = np.concatenate(steps)[:, [0, 2]]
     assert np.all(way.max(axis=0) > 0.15)
     assert np.all(way.min(axis=0) < -0.15)
 

@@ -1,4 +1,4 @@
-"""The embedded boxer on his way: how fast every gait is, what feet and knees do, and how a session travels."""
+"""The embedded boxer in travel: how fast every gait is, what feet and knees do, and how a session travels."""
 
 from __future__ import annotations
 

@@ -90,10 +90,10 @@ def test_a_model_earns_in_each_cell_what_the_plain_version_says(terms):
     axes = [Axis("distance", 0.1, 1.5, 6), Axis("bearing", -math.pi, math.pi, 7, True), Axis("height", 1.2, 1.8, 3)]
     grid, movement = build_grid(axes), build_movement(0.6, 3, 0.4)
     earned = build_model(actions, grid, tuple(terms), BODY, 0.97, movement).rewards(0, actions.action_count)
-    ways = list(zip(movement.probabilities, movement.velocities, strict=True))
+    outcomes = list(zip(movement.probabilities, movement.velocities, strict=True))
     expected = [
         [
-            sum(p * action_reward(actions, a, target, tuple(terms), BODY, 0.97, way) for p, way in ways)
+            sum(p * action_reward(actions, a, target, tuple(terms), BODY, 0.97, way) for p, way in outcomes)
             for target in grid.targets()
         ]
         for a in range(actions.action_count)

@@ -46,7 +46,7 @@ ENTERED = -2  # instead of an action before, of those who have just entered
 NO_STRIKE = 1 << 30  # instead of a frame, where an action has no strike left
 LANES = 8  # entries that are worked on at once
 BLOCK = 16  # situations that are evaluated at a time
-AHEAD = 4  # so many avatars before one is worked on, memory is asked for what that reads
+AHEAD = 4  # so many avatars before one is worked on, memory that it reads is prefetched
 
 
 class Now(NamedTuple):
