@@ -27,7 +27,7 @@ class NotPlainError(OSError):
 
 
 def kind_of(mode: int) -> str:
-    """Return what a path is by its mode, ``a named pipe`` say."""
+    """Return what a path is by its mode, such as ``a named pipe``."""
     return _KINDS.get(stat.S_IFMT(mode), "a special file")
 
 

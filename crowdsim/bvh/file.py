@@ -12,7 +12,7 @@ from crowdsim.core.types import Array
 CHANNELS = {
     letter.lower() + kind: letter + kind for kind in ("position", "rotation", "scale") for letter in ("X", "Y", "Z")
 }
-"""Channel names that are known, in the usual spelling, by their small-letter form."""
+"""Known channel names in the usual spelling, by their lower-case form."""
 
 AXIS = {"X": 0, "Y": 1, "Z": 2}
 

@@ -77,7 +77,7 @@ class Scanner:
         return BvhError(f"{self.path}:{line}: {found}, expected {expected}")
 
     def find(self, what: str, place: int | None = None) -> None:
-        """Note a finding about the token at ``place``, by default the last one; only so many."""
+        """Note a finding about the token at ``place``, by default the last one, up to a limit."""
         if len(self.findings) < _MOST_FINDINGS:
             self.findings.append(f"{self.path}:{self.line_of(self.start if place is None else place)}: {what}")
 
@@ -270,7 +270,7 @@ def read_motion_head(scanner: Scanner) -> tuple[int, float, float]:
 
 
 def _whole_number(scanner: Scanner, token: bytes) -> int:
-    """Return the number of frames that a token says."""
+    """Return the number of frames in a token."""
     number = read_number(token)
     if number is None or not 0 <= number < 1e18 or number != int(number):
         raise scanner.error("a number of frames")

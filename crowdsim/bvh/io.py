@@ -26,8 +26,8 @@ What reading and writing again does not keep:
 A ``Bvh`` keeps its channels. What conversion to a clip and back changes besides: positions and offsets are in
 centimetres, y up, by default; every joint has one order ('ZXY' by default) and three rotation channels; angles are
 unwrapped, so they may lie beyond 180 degrees, and at gimbal lock they differ while the orientation does not; scale
-channels and roots after the first are dropped; joints whose positions do not change have an offset instead; end sites are
-called 'Site'.
+channels and roots after the first are dropped; joints whose positions do not change have an offset instead; end sites
+are called 'Site'.
 """
 
 from crowdsim.bvh.clip import UP_AXES, channel_motion, clip_channels, from_clip, rotate_up, to_clip

@@ -206,7 +206,7 @@ def count_by_line(data, start, stop, out):
 def format_numbers(motion, start, stop, decimals, out):
     """Write rows ``start`` to ``stop`` as text with fixed decimals, one blank between numbers and a line feed a row.
 
-    Numbers are rounded as their exact decimal value asks, half to even, as ``'%.6f'`` does; zero has no sign. All must
+    Numbers are rounded by their exact decimal value, half to even, as ``'%.6f'`` does; zero has no sign. All must
     be finite and smaller than 2**52 / 10**decimals. Places are unsigned, which spares a test for negative ones. Returns
     the number of bytes written to ``out``, which has room for three more.
     """

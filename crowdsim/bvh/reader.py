@@ -106,7 +106,7 @@ def _unique_names(tree: Hierarchy, encoding: str, scanner: Scanner) -> tuple[str
 
 
 def _check_tree(scanner: Scanner, tree: Hierarchy, names: tuple[str, ...], columns: int) -> None:
-    """Note what is odd about the hierarchy as a whole."""
+    """Note findings about the hierarchy as a whole."""
     where = scanner.path
     roots = [names[joint] for joint, parent in enumerate(tree.parents) if parent < 0]
     if len(roots) > 1:

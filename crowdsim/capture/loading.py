@@ -1,4 +1,4 @@
-"""A BVH file understood: unit, up axis, roles and body found, and everything that is odd about it reported."""
+"""Interpretation of BVH files: unit, up axis, roles and body are found, and faults reported."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class Capture:
 
 
 class _Notes:
-    """Collects what is odd about a file."""
+    """Collects findings and faults of a file."""
 
     def __init__(self, bvh: Bvh) -> None:
         self.findings = [without_path(finding, bvh.path) for finding in bvh.findings]

@@ -22,7 +22,7 @@ class Faults(ValueError):
 
 
 class Fault(Faults):
-    """The one thing that a validator of a model finds, with the keys and indices that lead to what is to blame."""
+    """The only finding of a validator of a model, with the keys and indices that lead to its location."""
 
     def __init__(self, message: str, *loc: str | int) -> None:
         super().__init__([Finding(loc, message)])
@@ -49,7 +49,7 @@ class _Located(NamedTuple):
 
 
 def translate(error: ValidationError, document: Document, top: Part) -> list[Finding]:
-    """Return the findings of a validation error; of a union's members the one that the value is meant for speaks."""
+    """Return the findings of a validation error; of a union, only those of the member that the value is meant for."""
     labels: dict[Loc, list[str]] = {}
     findings: list[Finding] = []
     silent: dict[Loc, _Located] = {}
@@ -95,7 +95,7 @@ def _locate(location: tuple[Any, ...], data: Any, top: Part, labels: dict[Loc, l
 
 
 def _findings_of(detail: dict[str, Any], here: _Located) -> list[Finding]:
-    """Return what an error of pydantic says in words; nothing where another finding says it."""
+    """Return an error of pydantic in words; none where another finding covers it."""
     kind, loc, context = detail["type"], here.loc, detail.get("ctx", {})
     reason, expected = context.get("error"), describe(here.part)
     what = f"{show(here.value)}, expected {expected}"

@@ -1,4 +1,4 @@
-"""What a pydantic model expects at a location, from its JSON Schema, and said in words.
+"""What a pydantic model expects at a location, from its JSON Schema, in words.
 
 A *part* is the piece of the schema that holds at a location: a mapping, empty where the schema says nothing. Messages
 come from the standard keywords; ``examples`` name texts of a pattern, and :class:`Expected` replaces what follows from

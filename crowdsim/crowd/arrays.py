@@ -77,7 +77,7 @@ class Model(NamedTuple):
 
 
 class Avatars(NamedTuple):
-    """What changes, a struct of arrays: an avatar's *slot* is its column, its *number* who it is.
+    """What changes, a struct of arrays: an avatar's *slot* is its column, its *number* identifies it.
 
     Slots follow the index, so that neighbours in space are neighbours in memory; those of absent avatars come last.
     Nothing that is computed depends on slots. "Before" is one control frame ago.
@@ -175,7 +175,7 @@ class Record(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Scratch space for those who choose together, a batch, and for all actions of a state.
+    """Scratch space for a batch of avatars that choose, and for all actions of a state.
 
     Attributes:
         situations: Where each one's target is and how it moves (``values.value_actions``). Shape (batch, 6), float64.
@@ -243,7 +243,7 @@ def empty_strikes(count: int) -> Strikes:
 
 
 def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
-    """Return scratch space for the states of a model, for so many neighbours, and for a batch."""
+    """Return scratch space for the states of a model, for some neighbours, and for a batch."""
     lanes, block = layout.LANES, min(layout.BLOCK, batch)
     width = -(-int(np.diff(model.offsets).max()) // lanes) * lanes
     behaviours = int(np.diff(model.policies[:, layout.BEHAVIOURS]).max())

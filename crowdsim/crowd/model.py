@@ -43,7 +43,7 @@ SUPPORTED_TERMS: tuple[type[Term], ...] = (StrikeTerm, ProximityTerm, Transition
 
 SUPPORTED_AXES = ("distance", "bearing", "height")
 """Axes that control measures. A further one needs a row in ``Model.grids``, and its share in ``fade`` and
-``locate_ends`` of ``kernels/tables.py`` and in ``kernels/values.py``, which know three."""
+``locate_ends`` of ``kernels/tables.py`` and in ``kernels/values.py``, which have three."""
 
 
 def build_model(policies: Sequence[Policy]) -> Model:
@@ -71,7 +71,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
     displacements = np.concatenate([action.displacements for action in actions]).astype(float)
     moves = move_rows(displacements, actions, behaviours, terms, starts)
     strikes = strike_rows(policies, behaviours, terms, starts)
-    # What transitions cost is known beforehand and is among ``moves``.
+    # Costs of transitions do not depend on the target and are part of ``moves``.
     wanted = terms[:, layout.KIND] != TransitionTerm.code
     kept = np.concatenate([[0], np.cumsum(wanted)])
     of_terms = slice(layout.FIRST_TERM, layout.LOOKS_AHEAD)

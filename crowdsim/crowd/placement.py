@@ -62,7 +62,7 @@ def place_groups(scenario: Scenario) -> Placed:
     """Place all groups of a scenario, in their order; the same seed gives the same bytes.
 
     Raises:
-        ScenarioError: Not all avatars fit; the message says how many did.
+        ScenarioError: Not all avatars fit; the message holds how many did.
     """
     groups = scenario.groups
     starts = np.concatenate([[0], np.cumsum([group.count for group in groups])])

@@ -20,7 +20,7 @@ class TargetPath(Protocol):
 
 @dataclass(frozen=True)
 class CirclePath:
-    """A target that goes round in a circle, from +z on towards +x.
+    """A target that moves along a circle, from +z towards +x.
 
     Attributes:
         radius: Radius [m].
@@ -134,12 +134,12 @@ class Agenda:
         return most
 
     def count(self, teams: Array) -> None:
-        """Count strikes that have landed by the teams of those who threw them. Shape (n,)."""
+        """Count strikes that have landed, by the teams of their attackers. Shape (n,)."""
         if self._pending:
             self._landed += np.bincount(teams, minlength=len(self._landed))
 
     def due(self, frame: int, distance: Callable[[int, int], float]) -> Iterator[Change]:
-        """Yield each change whose time has come, once, and ask for the next one's when it has been made.
+        """Yield each change that is due, once; the next one is checked after it has been made.
 
         Args:
             frame: The control frame.

@@ -157,7 +157,7 @@ class Simulation:
         strikes = empty_strikes(16 * present + present * frames // 2)
         fresh = len(self._fresh) > 0
         if fresh and len(self._fresh) < present:
-            # Those who have just entered decide before the others move.
+            # Avatars that have just entered decide before the others move.
             return self._run_stages(rows.rows(0, 1), None if timings is None else timings[:1])
         self._note_search("direct")
         ran, held, lost = run_frames(
@@ -230,7 +230,7 @@ class Simulation:
         self._index.reset()
 
     def _admit(self, concerned: Array, present: bool) -> None:
-        """Let avatars enter or leave: those who are present are stored first."""
+        """Let avatars enter or leave; present avatars are stored first."""
         from crowdsim.crowd.opponents import store_in_order
 
         here = np.arange(self.crowd.count) < self.present
@@ -256,7 +256,7 @@ def simulate(
     profiled: bool = False,
     chunk: int | None = None,
 ) -> Iterator[Chunk]:
-    """Run a crowd and yield its frames in chunks; stop asking to stop it.
+    """Run a crowd and yield its frames in chunks; it runs only as far as chunks are read.
 
     Args:
         crowd: The crowd; see ``cast.cast_crowd`` for a scenario's.

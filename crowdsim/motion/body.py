@@ -214,7 +214,7 @@ def _sole(stance: _Stance, side: str, size: float) -> Array:
         ball = size * (0.07 * down + 0.13 * forward)
     drop = float(np.dot(ball, down))
     level = ball - drop * down
-    # A toe right under the ankle, or none at all, says nothing of where the foot points.
+    # A toe right under the ankle, or none at all, does not determine the direction of the foot.
     ahead = _unit(level) if np.linalg.norm(level) > 0.03 * size else forward
     length = float(np.clip(np.dot(ball, ahead), 0.06 * size, 0.17 * size if toe is not None else 0.24 * size))
     if toe is None and len(ends):

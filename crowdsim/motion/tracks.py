@@ -1,4 +1,4 @@
-"""The paths of the few points of a body that all else asks for: fists, head, trunk, soles, and the ground frame."""
+"""Paths of the points of a body that analysis needs: fists, head, trunk, soles, and the ground frame."""
 
 from __future__ import annotations
 

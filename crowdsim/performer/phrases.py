@@ -233,7 +233,7 @@ class _Boxer:
         return end
 
     def press(self) -> float:
-        """Shuffle forward and punch on the way, as at an opponent who gives way; return when that is over [s]."""
+        """Shuffle forward and punch meanwhile, as at a retreating opponent; return when that is over [s]."""
         rng, plan = self.rng, self.plan
         far = float(rng.uniform(0.30, 0.42))
         begin = feet = fists = max(self.now, plan.feet_free)

@@ -1,4 +1,4 @@
-"""The plan of a clip, move by move: each move is drawn anew, so that no two are the same."""
+"""The plan of a clip, move by move: each move is drawn at random, so that no two are the same."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steps of the embedded boxer in his guard, each drawn anew: both feet to a new stance, or one about the other."""
+"""Steps of the embedded boxer in his guard, each drawn at random: both feet to a new stance, or one about the other."""
 
 from __future__ import annotations
 

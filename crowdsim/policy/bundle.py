@@ -140,7 +140,7 @@ def read_document(folder: FileName) -> dict[str, Any]:
             f"{path}: its format version is {document.get('version')!r}, expected {VERSION}; train it again"
         )
     if document.get("checksum") != _checksum(document):
-        raise PolicyError(f"{path}: damaged: its checksum does not fit what it says; train it again")
+        raise PolicyError(f"{path}: damaged: its checksum does not match its contents; train it again")
     return document
 
 

@@ -164,7 +164,7 @@ class Grid:
         fade, minimum, rate.
 
         Raises:
-            RecipeError: Compiled code does not know an axis.
+            RecipeError: An axis is unknown to compiled code.
         """
         self._check_compiled()
         rows = [
@@ -280,8 +280,8 @@ def corners(grid: Grid, target: ArrayLike) -> tuple[Array, Array]:
 def fade_factor(grid: Grid, target: ArrayLike) -> float:
     """Return how much a behaviour counts for one target (3,): 1 inside its grid, falling to 0 over each axis' ``fade``.
 
-    Beyond the range the table is clamped and would take a target at 3 m for one at the edge, so its say must end. The
-    fall is a straight line per axis; axes multiply.
+    Beyond the range the table is clamped and would take a target at 3 m for one at the edge, so its weight must fade.
+    The fall is a straight line per axis; axes multiply.
     """
     factor = 1.0
     for axis in grid.axes:

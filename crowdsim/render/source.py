@@ -14,7 +14,7 @@ from crowdsim.render.figure import Figure
 class PoseSource(Protocol):
     """Motion of N avatars at the rate of the pictures.
 
-    Frames are output frames, from 0. Every method is a pure function of its arguments, whatever was asked before and
+    Frames are output frames, from 0. Every method is a pure function of its arguments, whatever was called before and
     whichever thread asks. With ``jobs`` above one the source goes to other processes through pickle.
     """
 
@@ -87,7 +87,7 @@ class PoseSource(Protocol):
         """
 
     def markers(self, frame: int) -> Array:
-        """Return the places of things that are no avatars, such as scripted targets [m]. Shape (G, 3)."""
+        """Return the positions of scripted targets and the like [m]. Shape (G, 3)."""
 
 
 def no_hits() -> tuple[Array, Array, Array]:

@@ -134,7 +134,7 @@ Search = Annotated[
     Field(
         description="How nearest opponents are found, for all groups alike; the take does not depend on it. `auto`: "
         "direct comparison in a small crowd, else `kd_tree`; `kd_tree`: our own tree for any number of avatars; "
-        "`scipy`: scipy's tree, built anew each frame."
+        "`scipy`: scipy's tree, built for each frame."
     ),
 ]
 
@@ -186,7 +186,7 @@ Opponents = Annotated[
 
 
 class CircleTarget(StrictModel):
-    """A target that goes round in a circle."""
+    """A target that moves along a circle."""
 
     kind: Literal["circle"] = Field(description="Goes round in a circle, from +z on towards +x.")
     radius: float = Field(gt=0, le=100_000, description="Radius [m].")

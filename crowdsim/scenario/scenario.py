@@ -1,4 +1,4 @@
-"""Scenarios: YAML files that say who fights whom, where, how long, and what a run writes."""
+"""Scenarios: YAML files on avatars, opponents, positions, duration and outputs of a run."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ VERSION = 1
 
 
 class Scenario(Description):
-    """A scenario: who fights whom, where, how long, and what a run writes.
+    """A scenario: avatars, opponents, positions, duration and outputs of a run.
 
     Lengths are metres, angles are degrees; x points to the left and z ahead of an avatar with heading 0.
     """
@@ -92,7 +92,7 @@ def load_scenario(
         except ValidationError as error:
             reasons = [str(detail.get("ctx", {}).get("error", detail["msg"])) for detail in error.errors()]
             raise ScenarioError(f"{file}: with fraction {fraction}: {'; '.join(reasons)}") from None
-        # A validated copy counts every key as set; types must still know what their file says to be merged.
+        # A validated copy counts every key as set; types must keep which keys their file sets, to be merged.
         scenario = scenario.model_copy(update={key: getattr(changed, key) for key in changes})
     if search is not None:
         if search not in SEARCHES:
@@ -182,7 +182,7 @@ def _context(file: Path) -> dict[str, Any]:
 
 
 def _merged_type(scenario: Scenario, name: str) -> AvatarType:
-    """Return a type with what it says itself over what the types say that it extends, mappings key by key."""
+    """Return a type with its own settings over those of the types that it extends, mappings key by key."""
     own = scenario.types[name]
     said = own.model_dump(exclude_unset=True)
     if own.extends is not None:

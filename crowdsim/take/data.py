@@ -44,7 +44,7 @@ class Cast:
 
 @dataclass(frozen=True)
 class TakeHeader:
-    """What is known of a take before its first frame; see ``TakeData``."""
+    """Constants of a take, known before its first frame; see ``TakeData``."""
 
     cast: Cast
     control_rate: float

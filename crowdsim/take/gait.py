@@ -10,7 +10,7 @@ import numpy as np
 from crowdsim.core.types import Array
 
 _LONGEST, _FURTHEST = 0.5, 0.5
-"""What takes longer [s] or goes further [m] is no single step."""
+"""Longest time [s] and distance [m] of a single step."""
 _LEAST = 12
 """Fewer steps are no sample."""
 _TYPICAL = 60

@@ -1,4 +1,4 @@
-"""Landed strikes of a take: who hits whom when; and those that miss, for being too deep in a body."""
+"""Landed strikes of a take: attacker, victim and time; and those that miss, for being too deep in a body."""
 
 from __future__ import annotations
 

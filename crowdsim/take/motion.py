@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _FREE, _MORE = np.deg2rad(130.0), np.deg2rad(8.0)
 """Flexion that blends may always give, and what they may give beyond that or the capture's own [rad]."""
 _SETTLES = 2
-"""Frames in which a foot that counts as planted still comes to rest, or begins to go."""
+"""Frames at the ends of a foot plant in which the foot still comes to rest, or begins to lift."""
 _SIDES = ("left", "right")
 _SAMPLE = 4096
 

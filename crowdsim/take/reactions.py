@@ -55,22 +55,22 @@ def plan_blows(landed: Landed, columns: Array, count: int, first: float, last: f
         frames, hands = playback.frames[0], near.hands[which]
         now = np.maximum(frames, 0)
         before = np.maximum(now - round(_SWING * motion.frames.rate), motion.frames.bounds[now, 0])
-        way = (motion.fists[now, hands] - motion.fists[before, hands]).astype(float) * scales[:, None]
+        direction = (motion.fists[now, hands] - motion.fists[before, hands]).astype(float) * scales[:, None]
         heading = playback.ground[0, :, 2]
         cos, sin = np.cos(heading), np.sin(heading)
-        x, z = way[:, 0] * cos + way[:, 2] * sin, way[:, 2] * cos - way[:, 0] * sin
+        x, z = direction[:, 0] * cos + direction[:, 2] * sin, direction[:, 2] * cos - direction[:, 0] * sin
         length = np.hypot(x, z)
         strength = np.minimum(near.speeds[which] / _TYPICAL_SPEED, _STRONGEST) / np.maximum(length, 1e-6)
         strength = np.where((length > 1e-6) & (frames >= 0), strength, 0.0)
-        # Up cross the way: about it, what points up goes along the way.
+        # Up cross direction: rotation about it tips upright vectors in the direction.
         axes[which, 0], axes[which, 2] = z * strength, -x * strength
     parts = np.ones(len(near.times), np.int64)
     for which, motion, scales, playback in place_at(near.victims, near.times):
         head = motion.heads[np.maximum(playback.frames[0], 0)].astype(float) * scales[:, None]
-        place = playback.ground[0]
-        cos, sin = np.cos(place[:, 2]), np.sin(place[:, 2])
-        x = place[:, 0] + head[:, 0] * cos + head[:, 2] * sin
-        z = place[:, 1] - head[:, 0] * sin + head[:, 2] * cos
+        ground = playback.ground[0]
+        cos, sin = np.cos(ground[:, 2]), np.sin(ground[:, 2])
+        x = ground[:, 0] + head[:, 0] * cos + head[:, 2] * sin
+        z = ground[:, 1] - head[:, 0] * sin + head[:, 2] * cos
         gap = np.linalg.norm(near.points[which] - np.stack([x, head[:, 1], z], axis=1), axis=1)
         parts[which] = np.where(gap < (motion.body.head_radius + _NEAR_HEAD) * scales, 0, 1)
     order, starts = by_column(columns[near.victims], count, near.times)

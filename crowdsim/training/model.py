@@ -162,7 +162,7 @@ def build_model(
         movement: How the target moves; without it, it is at rest.
 
     Raises:
-        RecipeError: Training does not know a term or an axis.
+        RecipeError: A term or an axis is unknown to training.
     """
     from crowdsim.training.kernels.rewards import Places, fill_near
 

@@ -12,7 +12,7 @@ from crowdsim.core.types import Array
 from crowdsim.policy.actions import Actions
 
 STILL, SMALL_TURN = 0.08, math.radians(15.0)
-"""An action that goes less far over the ground [m] and turns by less [rad] stays."""
+"""An action that travels less [m] and rotates less [rad] stays."""
 TURN_REACH = 0.5
 """Distance that a rotation by a radian counts as [m]: the greater of rotation and distance names the action."""
 

@@ -1,4 +1,4 @@
-"""Training recipes: what a YAML file says about motion, graph and behaviours; every default of training lives here."""
+"""Training recipes: YAML files on motion, graph and behaviours, with all defaults of training."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class CaptureSource(StrictModel):
     unit: str | float | None = Field(
         default=None, description="Unit of the files, by name or in metres; found when null."
     )
-    up_axis: str | None = Field(default=None, description="Axis that is up in the files, y or -z say; found when null.")
+    up_axis: str | None = Field(default=None, description="Up axis of the files, such as y or -z; found when null.")
     strict: bool = Field(default=True, description="Refuse files with wrong row counts or joints that flip.")
 
 

@@ -67,7 +67,7 @@ def ready_policy(
 ) -> Policy:
     """Return the trained policy of a recipe or a bundle by path or name; trained first when it is missing or stale.
 
-    Where the capture is not at hand, a bundle that was trained on it before is taken as it is.
+    Where the capture is missing, a bundle that was trained on it before is used.
 
     Raises:
         RecipeError: There is no such recipe, or it is invalid.
@@ -273,7 +273,7 @@ def _alone(folder: Path, progress: Progress | None) -> Iterator[bool]:
 
 @contextmanager
 def _threads(count: int) -> Iterator[None]:
-    """Let compiled code run on so many threads, and on as many as before afterwards."""
+    """Set the number of threads of compiled code, and restore it afterwards."""
     import numba
     from numba import config
 

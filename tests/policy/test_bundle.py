@@ -173,10 +173,10 @@ def test_a_short_or_missing_array_is_found(copied):
     [
         (lambda d: d.update(version=99), "its format version is 99, expected 1; train it again"),
         (lambda d: d.update(kind="cake"), "foreign: its kind is not 'crowdsim policy'"),
-        (lambda d: d.update(name="other"), "damaged: its checksum does not fit what it says; train it again"),
+        (lambda d: d.update(name="other"), "damaged: its checksum does not match its contents; train it again"),
         (
             lambda d: d["behaviours"][0].update(scale=7),
-            "damaged: its checksum does not fit what it says; train it again",
+            "damaged: its checksum does not match its contents; train it again",
         ),
     ],
 )

@@ -28,12 +28,12 @@ from crowdsim.jit import kernel
 
 BURSTS = (2, 5)  # least and most strikes of a burst
 REST = 4.0  # what a strike costs an avatar that rests, in normalised values
-SORTED = 256  # so many avatars that choose together do so in the order of their states
+SORTED = 256  # from this many deciding avatars on, actions are evaluated in the order of states
 
 
 @kernel(inline=True)
 def choose(model, avatars, world, now, due, count, observed, scratch, out_chosen):
-    """Choose an opponent and the next action for avatars ``due[:count]``, for whom ``scratch`` has room.
+    """Choose an opponent and the next action for avatars ``due[:count]``, at most as many as ``scratch`` has room for.
 
     Observations run along with ``due``, as the chosen actions do. Situations are written in the order of storage, in
     which neighbours lie together; where there are many, actions are evaluated in the order of states. Returns -1, or

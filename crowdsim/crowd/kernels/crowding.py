@@ -115,7 +115,7 @@ def _add_neighbour(crowding, near, m, lanes, work):
     ends_x, ends_z, frames, worst = work[0], work[1], work[2], work[3]
     end_cost, path_cost = crowding[END_COST], crowding[PATH_COST]
     ax, az, wx, wz, room, left = near[m, 0], near[m, 1], near[m, 2], near[m, 3], near[m, 4], near[m, 5]
-    # No branch, since who comes too near cannot be predicted.
+    # No branch, since it cannot be predicted which neighbours come too near.
     for k in range(lanes):
         share = frames[k] / left if frames[k] < left else 1.0
         dx, dz = share * wx - ends_x[k], share * wz - ends_z[k]

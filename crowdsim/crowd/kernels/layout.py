@@ -42,11 +42,11 @@ CIRCLE, RECTANGLE = 1.0, 2.0
 TARGET_X, TARGET_Y, TARGET_Z, MOVING_X, MOVING_Z, LASTS = range(6)
 WORK_X, WORK_Z, WORK_DISTANCE, WORK_BEARING, WORK_STATE, WORK_SHARES = range(6)
 
-ENTERED = -2  # instead of an action before, of those who have just entered
+ENTERED = -2  # instead of the action before, of avatars that have just entered
 NO_STRIKE = 1 << 30  # instead of a frame, where an action has no strike left
 LANES = 8  # entries that are worked on at once
 BLOCK = 16  # situations that are evaluated at a time
-AHEAD = 4  # so many avatars before one is worked on, memory that it reads is prefetched
+AHEAD = 4  # memory is prefetched this many avatars ahead
 
 
 class Now(NamedTuple):

@@ -86,7 +86,7 @@ def strike(model, avatars, world, now, first, last, who, strikes, held):
     """
     whole, real = avatars.whole, avatars.real
     listed = first
-    for i in range(first, last):  # no branch, since who strikes cannot be predicted
+    for i in range(first, last):  # no branch, since it cannot be predicted which avatars strike
         who[listed] = i
         listed += real[PHASE, i] > whole[PENDING, i]
     for k in range(first, listed):
