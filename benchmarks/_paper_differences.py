@@ -155,7 +155,7 @@ def differences(quick: bool) -> dict[str, Difference]:
             f"the target moves in training, at {SPEED:g} m/s",
             lambda r: _each(r, target={"speed": SPEED, "directions": 4, "still": 0.0}),
         ),
-        "no_pruning": Difference("every transition of the graph is a way out", lambda r: r.update(prune=None)),
+        "no_pruning": Difference("every transition of the graph is an action", lambda r: r.update(prune=None)),
         "no_transition_price": Difference("transitions cost nothing", _free_transitions),
         "no_effort": Difference(
             "strikes cost neither effort nor waste", lambda r: _set(r, "strike", effort=0.0, waste=0.0)

@@ -84,6 +84,6 @@ def prices(policy: Policy, name: str, spec: BehaviourSpec, threads: int) -> Iter
         episodes = play(policy, learned, states, targets, threads=threads)
         share, _ = success(spec, episodes)
         yield (
-            f"  {factor:6.2f}x{episodes.earned.mean():9.3f}{share:9.1%}{episodes.cuts_per_second:8.2f}"
-            f"{episodes.uncut_seconds:9.2f}"
+            f"  {factor:6.2f}x{episodes.earned.mean():9.3f}{share:9.1%}{episodes.transitions_per_second:8.2f}"
+            f"{episodes.seconds_between_transitions:9.2f}"
         )

@@ -156,7 +156,7 @@ def mirror(figure: Figure) -> Figure:
 def read_figure(path: Path, sizes: Sizes, turned: tuple[str, ...] = ()) -> tuple[Figure, float, float]:
     """Read a BVH file as a body; return it, its size over the bundle's body, and its frames a second.
 
-    Elbows of ``turned`` fold the other way than the file has them.
+    Elbows of ``turned`` fold opposite to the file.
     """
     bvh = read_plain(path)
     if bvh.names != sizes.names:

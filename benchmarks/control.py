@@ -326,7 +326,7 @@ def show(found: dict[str, Any]) -> None:
         print(
             f"{name}, 300 frames: {numbers['milliseconds']:.1f} ms, {numbers['milliseconds_without']:.1f} ms", end=" "
         )
-        print(f"where nobody keeps out of anybody's way; ratio {numbers['ratio']:.2f}")
+        print(f"without collision avoidance; ratio {numbers['ratio']:.2f}")
     for kind, numbers in sizes.items():
         costs = " ".join(f"{k.rsplit('_', 1)[1]} {v:.0f} ns" for k, v in numbers.items() if k.startswith("ns_per"))
         ratios = " ".join(f"{v:.2f}" for k, v in numbers.items() if k.startswith("ratio"))

@@ -97,7 +97,7 @@ def best_seconds(work: Callable[[], object], repeats: int) -> float:
 
 
 def measure(frames: int, clouds: int, threads: int, repeats: int) -> dict[str, Any]:
-    """Return seconds of every way to write, and sizes [MB]."""
+    """Return seconds of every method of writing, and sizes [MB]."""
     sampler: Any = Posed(frames)
     every = max(1, frames // clouds)
     with tempfile.TemporaryDirectory() as name:

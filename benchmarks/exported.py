@@ -279,7 +279,7 @@ def main() -> None:
         for figure, shown, captured, said, worst in _rows(outcome):
             print(f"  {figure:48} {shown:>18} {captured:>10} {said:>16}  {worst}")
         for odd in outcome["hinges"]["clips_with_backward_hinges"]:
-            print(f"  the capture's {odd['joint'].replace('_', ' ')} folds the wrong way in {odd['clip']}")
+            print(f"  the capture's {odd['joint'].replace('_', ' ')} folds backward in {odd['clip']}")
 
 
 if __name__ == "__main__":

@@ -63,7 +63,7 @@ HEAD_AND_TOLERANCE = 0.21
 BODIES_A_CELL = 4
 TABLES: dict[str, list[dict[str, Any]]] = {
     "threshold": [{"threshold": metres} for metres in (0.10, 0.15, 0.20, 0.25, 0.30, 0.40)],
-    "branching": [{"branching": ways} for ways in (4, 8, 12, 24, 100)],
+    "branching": [{"branching": branching} for branching in (4, 8, 12, 24, 100)],
     "same cost": [{"threshold": 0.20, "branching": 100}, {"threshold": 0.25, "branching": 12}],
     "spacing": [{"spacing": frames / 15} for frames in (0, 2, 3, 4, 5)],
 }
@@ -71,7 +71,7 @@ TABLES: dict[str, list[dict[str, Any]]] = {
 
 @nb.njit(cache=True)
 def search(
-    start, horizon, offsets, nexts, firsts, lengths, ground, stride, first_strikes, strike_frames, strike_places,
+    start, horizon, offsets, nexts, firsts, lengths, ground, stride, first_strikes, strike_frames, strike_positions,
     spots, points, nodes, positions, keys, counts, out_spots, out_points,
 ):  # fmt: skip
     """Follow all actions from a state, by time, and write the first frame at which spots and points are reached."""
@@ -123,7 +123,7 @@ def search(
                         continue
                     g = ground[frame]
                     cs, sn = math.cos(g[2] + aligned), math.sin(g[2] + aligned)
-                    place = strike_places[strike]
+                    place = strike_positions[strike]
                     fx = ax + g[0] * cos + g[1] * sin + place[0] * cs + place[2] * sn
                     fz = az + g[1] * cos - g[0] * sin + place[2] * cs - place[0] * sn
                     for k in range(points.shape[0]):
@@ -153,8 +153,8 @@ class Responsiveness:
         self.spots = SPOT_DISTANCE * np.stack([np.sin(angles), np.cos(angles)], axis=-1)
         self.points = np.zeros((0, 3))
         if len(database.strike_frames):
-            drawn = rng.choice(len(database.strike_places), 24)
-            self.points = database.strike_places[drawn] + rng.normal(0.0, 0.1, (24, 3))
+            drawn = rng.choice(len(database.strike_positions), 24)
+            self.points = database.strike_positions[drawn] + rng.normal(0.0, 0.1, (24, 3))
         self.first_strikes = np.searchsorted(database.strike_frames, np.arange(database.frame_count) * database.stride)
         self.starts = rng.integers(0, database.frame_count, starts)
         # Room for the bodies of a search; what does not fit is left off, for all graphs alike.
@@ -171,7 +171,7 @@ class Responsiveness:
             search(
                 state, self.horizon, graph.action_offsets, graph.action_next, graph.action_first,
                 graph.action_lengths, database.ground, database.stride, self.first_strikes, database.strike_frames,
-                database.strike_places.astype(float), self.spots, self.points, self.nodes, self.positions, self.keys,
+                database.strike_positions.astype(float), self.spots, self.points, self.nodes, self.positions, self.keys,
                 self.counts, spots[row], points[row],
             )  # fmt: skip
         rate = database.control_rate
@@ -182,7 +182,7 @@ class Responsiveness:
 
 
 def switch_seconds(database: MotionDatabase, graph: MotionGraph, frames: np.ndarray) -> float:
-    """Return the mean time of the shortest way from frames (2, N) in row 0 to all in row 1 [s]."""
+    """Return the mean time of the shortest path from frames (2, N) in row 0 to all in row 1 [s]."""
     kept = graph.frames_kept
     onward = np.flatnonzero(kept[:-1] & kept[1:])
     onward = onward[~np.isin(onward + 1, database.clip_starts)]

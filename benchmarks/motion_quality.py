@@ -42,7 +42,7 @@ from crowdsim.graph.motion_graph import MotionGraph
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.policy.alignment import align_cuts
+from crowdsim.policy.alignment import align_transitions
 from crowdsim.policy.policy import Policy
 from crowdsim.policy.rewards import target_body
 from crowdsim.runs.runner import run
@@ -131,7 +131,7 @@ def take_of_transitions(database: MotionDatabase, leave: Array, enter: Array) ->
     place = ground.compose(ground.inverse(database.ground[middle * stride]), database.ground[frames * stride])
     numbers = np.arange(count)
     shifts = np.zeros((2 * count, 3))
-    shifts[1::2] = align_cuts(database, leave * stride, enter * stride).shifts
+    shifts[1::2] = align_transitions(database, leave * stride, enter * stride).shifts
     place = np.where(past[..., None], ground.compose(shifts[1::2], place), place)
     action = np.where(past, 2 * numbers + 1, 2 * numbers)
     phase = np.where(past, steps[:, None], steps[:, None] + ROWS)
@@ -185,8 +185,8 @@ def joints(database: MotionDatabase, roots: Array, rotations: Array) -> Array:
     return positions[:, kept].reshape(count, times, len(kept), 3).astype(float)
 
 
-def ways(database: MotionDatabase, leave: Array, enter: Array, half: int) -> dict[str, Array]:
-    """Joint positions over windows of plain ways to transition, and of the capture. Shape (n, T, roles, 3)."""
+def plain_methods(database: MotionDatabase, leave: Array, enter: Array, half: int) -> dict[str, Array]:
+    """Joint positions over windows of plain methods of transition, and of the capture. Shape (n, T, roles, 3)."""
     reach = half + 1
     before, after = played(database, leave, reach), played(database, enter, reach)
     steps = np.arange(-reach, reach + 1)
@@ -288,7 +288,7 @@ def judge(
     noise: float = NOISE,
 ) -> dict[str, Any]:
     """How well classifiers distinguish transitions from captured motion, with our blends and with plain ones."""
-    transitions = {**ways(database, leave, enter, ours.shape[1] // 2 - 1), "ours": ours}
+    transitions = {**plain_methods(database, leave, enter, ours.shape[1] // 2 - 1), "ours": ours}
     rng = np.random.default_rng(0)
     transitions = {
         key: positions + noise * rng.standard_normal(positions.shape) for key, positions in transitions.items()

@@ -5,7 +5,7 @@
 The capture is CMU's clip 13_18 (shadow boxing) in the folder of CROWDSIM_MOCAP; without it the table has no second
 column. Its elbows fold backward in the file and are corrected as for training. Both are measured in the same way at 60
 Hz: roles, body and tracks as in training, lengths and speeds scaled to a body of 1.75 m. Percentiles are over all
-frames, except where a row says otherwise; rows named "strikes" are the peaks of the striking arm on its way out.
+frames, except where a row says otherwise; rows named "strikes" are the peaks of the striking arm before the hit.
 
 Locomotion: the highest speed of the pelvis over the ground, averaged over half a second of a move alone; the mean
 speed from the first foot that leaves the floor to the last that lands; and the contents of the session's clips.
@@ -73,7 +73,7 @@ REMARKS = {
     "elbow fold [rad]": "Elbows of the capture's figure are bent by 0.3 rad at rest, and its folds come on top.",
     "shoulder speed [rad/s]": "More than twice as many strikes a second as in the capture, out of a folded guard.",
     "elbow speed [rad/s]": "More than twice as many strikes a second; a strike alone: see its row.",
-    "shoulder speed, strikes [rad/s]": "Out of a high guard a fist takes a longer way round to hooks and uppercuts.",
+    "shoulder speed, strikes [rad/s]": "Out of a high guard a fist takes a longer path to hooks and uppercuts.",
     "shoulder acceleration [rad/s2]": "As the speed.",
     "elbow acceleration [rad/s2]": "As the speed.",
 }
@@ -121,7 +121,7 @@ def _fold(positions: Array, body: Body, side: str) -> Array:
 
 
 def _steps(tracks: Tracks, body: Body) -> Array:
-    """Length of the way that a foot goes from one contact to the next [m]."""
+    """Distance of a foot from one contact to the next [m]."""
     contacts = find_contacts(tracks, body.height, FPS)
     lengths = []
     for foot in range(2):

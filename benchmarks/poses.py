@@ -47,7 +47,7 @@ def walk(database: MotionDatabase, graph: MotionGraph, shifts: Array, avatars: i
     frames, stride = round(seconds * database.control_rate) + 1, database.stride
     origins = (np.asarray(graph.action_first, np.int64) - 1) * stride
     lengths = np.asarray(graph.action_lengths, np.int64)
-    offsets, transitions = graph.action_offsets, graph.action_cuts
+    offsets, transitions = graph.action_offsets, graph.action_has_transition
     action = graph.action_offsets[rng.integers(0, graph.state_count, avatars)].astype(np.int64)
     phase = np.zeros(avatars, np.int64)
     side = int(np.ceil(np.sqrt(avatars)))

@@ -9,7 +9,7 @@ Conventions, said here once; every module keeps them:
   in its parent's. Euler angles are intrinsic, in a file's own channel order, per joint.
 * The root's parent is -1, and parents come before their children.
 * Arrays lead with (frame), (avatar) or (action) and end with the component.
-* A *ground transform* is ``(x, z, heading)``: where a body stands and where it looks.
+* A *ground transform* is ``(x, z, heading)``: the position and heading of a body.
 * *Control frames* are the frames of decisions (15 Hz by default); *playback frames* are those of poses (60 Hz).
   Playback frame ``p`` of a motion database lies at control frame ``p / stride``.
 * Hands and feet are ordered left, right: index 0 is left and 1 is right.

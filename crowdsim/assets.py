@@ -14,7 +14,7 @@ from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, ScenarioErr
 
 
 def folders(kind: str) -> list[Path]:
-    """Return the folders that are searched for ``kind``, ``"scenarios"`` or ``"policies"``, first things first."""
+    """Return the folders searched for ``kind``, ``"scenarios"`` or ``"policies"``, the first one first."""
     found = [Path.cwd() / kind, *_shipped_folders(kind)]
     return [folder for i, folder in enumerate(found) if folder.is_dir() and folder not in found[:i]]
 

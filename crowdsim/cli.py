@@ -71,11 +71,11 @@ def main() -> None:
         print("interrupted", file=sys.stderr)
         sys.exit(130)
     except BrokenPipeError:
-        # Whoever read standard output has gone; that is no failure of ours.
+        # The reader of standard output has closed it, which is no failure of this program.
         sys.stderr.close()
         sys.exit(0)
     except OSError as error:
-        # What the system says without a place of its own in our messages: a disk that fills up between two checks.
+        # Errors of the system that no check foresees, such as a disk that fills up between two checks.
         print(f"{error.filename or 'crowdsim'}: {error.strerror or error}", file=sys.stderr)
         sys.exit(1)
 

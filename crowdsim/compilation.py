@@ -29,7 +29,7 @@ class Compilation:
 
     @property
     def seconds(self) -> float:
-        """Time that compiling and loading has taken, what goes on now included [s]."""
+        """Time that compiling and loading has taken so far [s]."""
         with self._lock:
             return self._spent + (perf_counter() - self._since if self._depth else 0.0)
 

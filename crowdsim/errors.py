@@ -1,4 +1,4 @@
-"""What can go wrong, as exceptions that say what, where, what was expected and what there is to choose from."""
+"""Exceptions; their messages hold what is wrong, where, what was expected, and the choices."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class CrowdsimError(Exception):
 
 
 class BvhError(CrowdsimError):
-    """A file is no BVH, or holds what cannot be used for the purpose at hand."""
+    """A file is no BVH, or cannot be used for the purpose."""
 
 
 class MotionError(CrowdsimError):
@@ -41,11 +41,11 @@ class VersionError(PolicyError):
 
 
 class TakeError(CrowdsimError):
-    """A recorded run is missing, damaged or does not hold what was asked for."""
+    """A recorded run is missing, damaged or does not hold what was requested."""
 
 
 class OutputError(CrowdsimError):
-    """An output cannot be written where it was asked for."""
+    """An output cannot be written to its path."""
 
 
 class RunError(CrowdsimError):
@@ -66,7 +66,7 @@ def under_way() -> Iterator[None]:
 def nearest(word: str, choices: Iterable[str]) -> str:
     """Return `` (did you mean 'x'?)`` with the choice most like ``word``, or an empty string when none is like it.
 
-    One that a single letter makes out of ``word`` goes before all others.
+    A choice that differs by a single letter takes precedence.
     """
     words = [str(choice) for choice in choices]
     match = [choice for choice in words if _one_letter_apart(str(word), choice)]

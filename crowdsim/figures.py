@@ -1,4 +1,4 @@
-"""Figures of matplotlib that belong to no window, and their files."""
+"""Figures of matplotlib without a window, and their files."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ class NotPlainError(OSError):
 
 
 def kind_of(mode: int) -> str:
-    """Return what a path is by its mode, ``a named pipe`` say."""
+    """Return what a path is by its mode, such as ``a named pipe``."""
     return _KINDS.get(stat.S_IFMT(mode), "a special file")
 
 
@@ -42,7 +42,7 @@ def stat_plain(folder: Path, name: str) -> os.stat_result:
     """Return the facts of a regular file inside a folder; neither it nor a folder above it may be a link.
 
     Raises:
-        NotPlainError: It is something else, or a folder on the way to it is.
+        NotPlainError: It is something else, or a folder above it is.
         OSError: It is missing, or cannot be looked at.
     """
     if not is_inside(name):
@@ -66,7 +66,7 @@ def open_plain(folder: Path, name: str) -> BinaryIO:
     """Open a regular file inside a folder for reading; never waits for a pipe.
 
     Raises:
-        NotPlainError: It is something else, or a folder on the way to it is.
+        NotPlainError: It is something else, or a folder above it is.
         OSError: It is missing, or cannot be read.
     """
     stat_plain(folder, name)
@@ -108,7 +108,7 @@ def remove_plain(folder: Path, names: Iterable[str]) -> None:
     """Remove regular files inside a folder, and the folders in it that are empty then; missing ones are passed over.
 
     Raises:
-        NotPlainError: One is something else, or a folder on the way to it is.
+        NotPlainError: One is something else, or a folder above it is.
         OSError: One cannot be removed.
     """
     emptied: set[str] = set()

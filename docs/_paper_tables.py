@@ -20,7 +20,7 @@ DIFFERENCES = {
     "unablated": "nothing",
     "other_motion": "nothing; another session of the performer",
     "no_tempo": "tempo: avatars never tire",
-    "no_pruning": "pruning: every transition is a way out",
+    "no_pruning": "pruning: every transition is an action",
     "no_transition_price": "the price of transitions",
     "no_effort": "effort and waste of strikes",
     "weighted_sum": "`fight`, for the weighted sum of `approach` and `punch`",

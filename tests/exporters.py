@@ -240,7 +240,7 @@ def _rest_turns(skeleton: Skeleton, roles: dict[str, int], rest: str) -> np.ndar
 
 
 def _bone_frames(how: Convention, at: np.ndarray) -> np.ndarray:
-    """For each joint the turn that takes +y to the way to its first child, as some programs define bones."""
+    """For each joint the rotation that takes +y to the direction of its first child, as some programs define bones."""
     turns = np.zeros((len(at), 4))
     turns[:, 0] = 1.0
     for index, node in enumerate(how.nodes):

@@ -51,7 +51,7 @@ class Avatar:
     def place(self, action, phase):
         return self.policy.database.stride * (float(self.policy.graph.action_first[action]) - 1 + phase)
 
-    def way(self, action, phase):
+    def displacement(self, action, phase):
         """Ground transform since the action's start, scaled."""
         rows = self.policy.database.ground
         moved = ground.compose(ground.inverse(rows[int(self.place(action, 0))]), at(rows, self.place(action, phase)))
@@ -60,16 +60,16 @@ class Avatar:
 
     def before_start(self, action, end):
         """Where an action starts that ends in a place."""
-        way = self.way(action, float(self.policy.actions.lengths[action]))
+        way = self.displacement(action, float(self.policy.actions.lengths[action]))
         heading = end[2] - way[2]
         start = ground.compose([0, 0, heading], way)
         return np.array([end[0] - start[0], end[1] - start[1], heading])
 
     def stands(self):
-        return ground.compose(self.start, self.way(self.action, min(self.phase, self.length)))
+        return ground.compose(self.start, self.displacement(self.action, min(self.phase, self.length)))
 
     def meanwhile(self, share):
-        """Action, phase and its start, ``share`` of the way to this frame."""
+        """Action, phase and its start, interpolated by ``share`` to this frame."""
         shown = min(self.phase, self.length)
         if not self.decided:
             return self.action, self.phase_before + share * (shown - self.phase_before), self.start
@@ -80,7 +80,7 @@ class Avatar:
         return self.action, moved - rest, self.start
 
     def body(self, name, action, phase, start):
-        stands = ground.compose(start, self.way(action, phase))
+        stands = ground.compose(start, self.displacement(action, phase))
         return ground.to_world(stands, at(getattr(self.policy.database, name), self.place(action, phase)) * self.scale)
 
 
@@ -94,7 +94,7 @@ def outside(arena, x, z):
 
 
 def nearest_approach(a, b):
-    """Least distance from the origin to the way from a to b, and whether it lies behind a."""
+    """Least distance from the origin to the line from a to b, and whether it lies behind a."""
     way = b - a
     square = float(way @ way)
     t = min(max(-float(a @ way) / square, 0.0), 1.0) if square > 0 else 0.0
@@ -166,18 +166,18 @@ def decide(one, avatars, crowd, targets, frame):
         moving = np.zeros(2)
     policy, actions = one.policy, one.policy.actions
     state = int(actions.next[one.action])
-    ways = range(actions.offsets[state], actions.offsets[state + 1])
+    choices = range(actions.offsets[state], actions.offsets[state + 1])
     if target is None:
-        values = -actions.costs[list(ways)].astype(float)
+        values = -actions.costs[list(choices)].astype(float)
     else:
         weights = {b.name: crowd.weights[one.cohort, k] for k, b in enumerate(policy.behaviours)}
         seen = within_grids(policy, ground.to_local(mine, target) / one.scale)
         turned = ground.to_local([0, 0, mine[2]], np.array([moving[0], 0, moving[1]]))
         values = action_values(policy, weights, state, seen, turned / (one.scale * one.speed), lasts * one.speed)
     near = neighbours(x, z, mine[0], mine[1], one.number, crowd.crowding.reach, crowd.crowding.most)
-    for k, action in enumerate(ways):
+    for k, action in enumerate(choices):
         values[k] -= crowding(one, action, mine, [avatars[j] for j in near], positions, crowd)
-    counts = np.diff(actions.strike_offsets)[list(ways)]
+    counts = np.diff(actions.strike_offsets)[list(choices)]
     interval = crowd.intervals[one.cohort]
     if interval > 0 and one.burst == 0:
         if frame >= one.rested:
@@ -190,7 +190,7 @@ def decide(one, avatars, crowd, targets, frame):
     if interval > 0:
         one.burst = max(one.burst - int(counts[place]), 0)
         one.rested = max(one.rested, frame) + interval * int(counts[place])
-    return opponent, ways[place]
+    return opponent, choices[place]
 
 
 def seems_far(mine, x, z):
@@ -220,7 +220,7 @@ def crowding(one, action, mine, near, positions, crowd):
         now = positions[other.number]
         left = (other.length - other.phase) / other.speed
         share = min(frames / left, 1.0) if left > 0 else 1.0
-        then = now + share * (ground.compose(other.start, other.way(other.action, other.length)) - now)
+        then = now + share * (ground.compose(other.start, other.displacement(other.action, other.length)) - now)
         room = rules.radius * (one.scale + other.scale) + rules.gap
         before, after = (now - mine)[:2], (then - end)[:2]
         worst = max(worst, rules.end * (1 - float(np.hypot(*after)) / room))
@@ -245,7 +245,7 @@ def pick(values, one, crowd):
 
 
 def thrown(one, avatars, frame, targets):
-    """Strikes of one avatar on the way to this frame."""
+    """Strikes of one avatar since the frame before."""
     parts = [(one.action, one.phase_before, min(one.phase, one.length), one.start, one.opponent, 0.0)]
     motion = parts[0][2] - parts[0][1]
     if one.decided:
@@ -264,7 +264,7 @@ def thrown(one, avatars, frame, targets):
             if not low < time <= high:
                 continue
             share = (time - low + passed) / motion
-            point = ground.to_world(start, actions.strike_places[k] * one.scale)
+            point = ground.to_world(start, actions.strike_positions[k] * one.scale)
             gap = surface_gap(one, avatars, opponent, share, point, targets)
             speed = float(database.strike_speeds[strike]) * one.scale * one.speed
             landed = abs(gap) <= tolerance * one.scale

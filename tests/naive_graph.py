@@ -42,8 +42,8 @@ def cheapest(edges, most):
     """Return the ``most`` cheapest transitions of each source."""
     result = {}
     for source in {i for i, _ in edges}:
-        ways = sorted((cost, j) for (i, j), cost in edges.items() if i == source)
-        result.update({(source, j): cost for cost, j in ways[:most]})
+        cheapest = sorted((cost, j) for (i, j), cost in edges.items() if i == source)
+        result.update({(source, j): cost for cost, j in cheapest[:most]})
     return result
 
 
@@ -54,14 +54,14 @@ def largest_worth_apart(worth, spacing):
     return max(largest_worth_apart(worth[1:], spacing), worth[0] + largest_worth_apart(worth[spacing:], spacing))
 
 
-def reachable(ways, frame):
+def reachable(successors, frame):
     """Return all frames that can be reached from one, itself only over a cycle."""
-    seen, todo = set(), list(ways[frame])
+    seen, todo = set(), list(successors[frame])
     while todo:
         here = todo.pop()
         if here not in seen:
             seen.add(here)
-            todo.extend(ways[here])
+            todo.extend(successors[here])
     return seen
 
 
@@ -69,8 +69,8 @@ def component(edges, clip_starts):
     """Return the largest set of frames that all reach each other, the earliest of those of one size."""
     frames = int(clip_starts[-1])
     last = {int(stop) - 1 for stop in clip_starts[1:]}
-    ways = {f: [j for i, j in edges if i == f] + ([f + 1] if f not in last else []) for f in range(frames)}
-    reach = {f: reachable(ways, f) for f in range(frames)}
+    successors = {f: [j for i, j in edges if i == f] + ([f + 1] if f not in last else []) for f in range(frames)}
+    reach = {f: reachable(successors, f) for f in range(frames)}
     best = set()
     for f in range(frames):
         mutual = {g for g in reach[f] if f in reach[g]}
@@ -80,16 +80,16 @@ def component(edges, clip_starts):
 
 
 def actions(edges, kept, clip_starts):
-    """Return {state frame: [(first frame, frames shown, cost)]}, walking frame by frame from each way out."""
+    """Return {state frame: [(first frame, frames shown, cost)]}, walking frame by frame from each successor."""
     last = {int(stop) - 1 for stop in clip_starts[1:]}
     onward = {f for f in kept if f not in last and f + 1 in kept}
-    cuts = {f: sorted((j, c) for (i, j), c in edges.items() if i == f and j in kept) for f in kept}
-    states = {f for f in kept if len(cuts[f]) + (f in onward) > 1 or f not in onward}
+    jumps = {f: sorted((j, c) for (i, j), c in edges.items() if i == f and j in kept) for f in kept}
+    states = {f for f in kept if len(jumps[f]) + (f in onward) > 1 or f not in onward}
     result = {}
     for state in sorted(states):
-        ways = [(state + 1, 0.0)] if state in onward else []
+        successors = [(state + 1, 0.0)] if state in onward else []
         result[state] = []
-        for first, cost in ways + cuts[state]:
+        for first, cost in successors + jumps[state]:
             frame = first
             while frame not in states:
                 frame += 1

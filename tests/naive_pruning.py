@@ -12,8 +12,8 @@ def value(policy, weighting, state, target):
     return action_values(policy, weighting, state, target[:3], (target[3], 0.0, target[4]))
 
 
-def ways_worth_keeping(database, graph, actions, specs, body, ways, every=7):
-    """Return what ``pruning.judge_ways`` returns, for every seventh state; all else is 0."""
+def transitions_worth_keeping(database, graph, actions, specs, body, most, every=7):
+    """Return what ``pruning.judge_transitions`` returns, for every seventh state; all else is 0."""
     solved = graph.captured_states(database.captured_frames)
     behaviours = tuple(
         train_behaviour(name, _coarse(spec), database, actions, body, solved=solved)[0] for name, spec in specs.items()
@@ -26,9 +26,9 @@ def ways_worth_keeping(database, graph, actions, specs, body, ways, every=7):
     for state in range(0, graph.state_count, every):
         first, end = graph.action_offsets[state : state + 2]
         worth = np.array([value(policy, weighting, state, target) for weighting in weightings for target in targets])
-        captured = [k for k in range(end - first) if not graph.action_cuts[first + k]]
+        captured = [k for k in range(end - first) if not graph.action_has_transition[first + k]]
         held = list(captured)
-        while len(held) < len(captured) + ways:
+        while len(held) < len(captured) + most:
             best = worth[:, held].max(axis=1) if held else np.full(len(worth), -np.inf)
             left = [k for k in range(end - first) if k not in held]
             adds = [float(np.maximum(worth[:, k] - best, 0.0).mean()) for k in left]

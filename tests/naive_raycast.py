@@ -31,7 +31,7 @@ def gap(direction, cone):
 
 
 def is_shaded(point, sun, cones):
-    """Whether the way from a point to the sun meets one of some rounded cones."""
+    """Whether the ray from a point to the sun meets one of some rounded cones."""
     return any(np.isfinite(first_hit(sun, np.concatenate([cone[:3] - point, cone[3:]]))[0]) for cone in cones)
 
 

@@ -131,7 +131,7 @@ def stand_in(run_all: ModuleType, monkeypatch: pytest.MonkeyPatch, outcome: dict
     monkeypatch.setattr(run_all, "run", lambda name, quick: outcome)
 
 
-def test_results_say_what_was_measured_when_and_on_what(
+def test_results_record_benchmark_time_and_machine(
     run_all: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     stand_in(run_all, monkeypatch, {"seconds": 1.0, "results": {"a": {"b": 2.5}}}, tmp_path / "results.json")
@@ -161,7 +161,7 @@ def test_one_benchmark_is_measured_again_and_the_others_stay(
     assert {name: entry["results"]["a"] for name, entry in report.items()} == {"bvh": 1, "control": 2, "scenes": 2}
 
 
-def test_only_full_results_are_written_unasked(
+def test_only_full_results_are_written_by_default(
     run_all: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(run_all, "RESULTS", tmp_path / "results.json")

@@ -82,7 +82,7 @@ def test_an_unknown_unit_or_axis_exits_two_with_the_choices(clip):
     assert _inspect(clip, "--up", "up").returncode == 2
 
 
-def test_pictures_go_where_asked_and_json_stays_alone(clip, tmp_path):
+def test_pictures_are_written_to_the_given_folder_beside_json(clip, tmp_path):
     done = _inspect(clip, "--json", "--plots", tmp_path / "a" / "b")
     assert done.returncode == 0
     json.loads(done.stdout)

@@ -100,7 +100,7 @@ def test_json_is_the_whole_of_standard_output(workplace: Path, capsys) -> None:
     assert changed["findings"][0].startswith("output/four/bvh/red_0.bvh: has 0 bytes")
 
 
-def test_quiet_commands_say_nothing_but_what_is_wrong(workplace: Path, capsys) -> None:
+def test_quiet_commands_print_only_errors(workplace: Path, capsys) -> None:
     write_scene(workplace / "four.yaml", outputs={"bvh": {"fps": 30}})
     write_scene(workplace / "bad.yaml", duration=0)
     for arguments in (
@@ -116,7 +116,7 @@ def test_quiet_commands_say_nothing_but_what_is_wrong(workplace: Path, capsys) -
     assert capsys.readouterr().out.startswith("output/four: ")
 
 
-def test_verbose_commands_say_more_and_where_an_error_comes_from(workplace: Path, capsys) -> None:
+def test_verbose_commands_print_more_and_tracebacks(workplace: Path, capsys) -> None:
     write_scene(workplace / "four.yaml")
     assert crowdsim("run", "four.yaml", "-v") == 0
     assert "four: 4 avatars, " in capsys.readouterr().err

@@ -47,7 +47,7 @@ def test_its_reader_and_kinematics_agree_with_the_package(witness: SimpleNamespa
     np.testing.assert_allclose(turns @ axis, quaternion.rotate(quaternions, axis), atol=2e-6)
 
 
-def test_knees_and_elbows_that_fold_the_wrong_way_are_past_straight(witness: SimpleNamespace) -> None:
+def test_knees_and_elbows_that_fold_backward_are_past_straight(witness: SimpleNamespace) -> None:
     angles = np.radians([30.0, 5.0, -5.0])
     crosses = np.zeros((3, 4, 3))
     crosses[..., 1] = np.sin(angles)[:, None]

@@ -85,7 +85,7 @@ def test_a_run_is_described_in_words_with_units_and_rated(run: Path, capsys: pyt
     assert figures["thrown_per_minute_captured"] > 0.0
 
 
-def test_a_run_of_which_little_can_be_measured_says_so() -> None:
+def test_a_run_of_which_little_can_be_measured_is_reported_as_such() -> None:
     figures = dict.fromkeys([*KEYS_OF_A_RUN, "thrown_per_minute_captured", "fists_off_share", "fist_gap_median"])
     figures |= dict.fromkeys(["fist_gap_most", "foot_slide_median_captured", "foot_slide_95_captured"])
     figures |= {"avatars": 1, "control_frames": 1, "seconds": 0.0, "strikes_thrown": 0, "strikes_landed": 0}

@@ -38,7 +38,7 @@ def test_a_stage_that_goes_beyond_its_guessed_end_has_one_line(terminal) -> None
     assert [line.split(":")[0] for line in result] == ["sweeps", "table"]
 
 
-def test_a_stage_that_ends_early_says_how_far_it_came(terminal) -> None:
+def test_a_stage_that_ends_early_reports_its_progress(terminal) -> None:
     with Bars() as bars:
         bars("sweeps", 1, 74)
         bars("sweeps", 60, 74)
@@ -66,7 +66,7 @@ def test_without_a_terminal_a_stage_is_one_plain_line(capsys) -> None:
     assert result.out == ""
 
 
-def test_quiet_progress_says_nothing(capsys, monkeypatch) -> None:
+def test_quiet_progress_prints_nothing(capsys, monkeypatch) -> None:
     monkeypatch.setattr(common.talk, "quiet", True)
     with Bars() as bars:
         bars("control", 1, 1)

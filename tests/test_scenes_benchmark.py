@@ -105,7 +105,7 @@ def test_scenes_are_measured_as_runs_of_the_package_are(bench: SimpleNamespace, 
     assert {**measure_fights(take, after=5.0).__dict__, "seed": 3} == report
 
 
-def test_inspect_tells_the_same_figures_of_a_run(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_inspect_reports_the_same_figures_of_a_run(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_scene(workplace / "four.yaml", duration=200)
     assert crowdsim("run", "four.yaml", "--out", "run") == 0
     capsys.readouterr()

@@ -150,7 +150,7 @@ def test_every_module_imports_and_every_public_name_exists(path: Path) -> None:
         assert getattr(module, name) is not None
 
 
-def test_the_package_says_what_it_has_when_asked_for_what_it_has_not() -> None:
+def test_an_unknown_name_of_the_package_is_refused_with_those_it_has() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'boxer'; it has __version__"):
         _ = crowdsim.boxer
 

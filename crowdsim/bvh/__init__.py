@@ -1,1 +1,1 @@
-"""BVH files: read, written, and turned into clips."""
+"""BVH files: reading, writing and conversion to clips."""

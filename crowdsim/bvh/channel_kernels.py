@@ -1,4 +1,4 @@
-"""Compiled turns of BVH files: Euler channels to quaternions and back."""
+"""Compiled rotations of BVH files: Euler channels to quaternions and back."""
 
 import math
 
@@ -9,7 +9,7 @@ from crowdsim.jit import kernel
 
 @kernel
 def channels_to_quaternions(motion, first, columns, axes, out):
-    """Turn Euler channels [deg] into quaternions, each on the side of the sphere of the frame before.
+    """Convert Euler channels [deg] to quaternions, each on the side of the sphere of the frame before.
 
     Joint j has the rotation channels ``columns[first[j]:first[j + 1]]`` of ``motion`` (F, C) about ``axes`` (0, 1, 2
     for x, y, z), each about the axes as the ones before it left them. ``out`` has the shape (F, J, 4).
@@ -38,9 +38,9 @@ def channels_to_quaternions(motion, first, columns, axes, out):
 def quaternions_to_channels(rotations, orders, columns, previous, continued, out):
     """Write Euler channels [deg] of quaternions (F, J, 4), in each frame the triple nearest to the frame before.
 
-    ``orders`` (J, 3) holds each joint's axes in turn, all different; its channels are the three columns of ``out``
+    ``orders`` (J, 3) holds each joint's axes in order, all different; its channels are the three columns of ``out``
     (F, C) from ``columns[j]`` on. ``previous`` (J, 3) holds the triples before the first frame where ``continued``
-    is true, and those of the last frame afterwards. With u the axis of the middle turn and s the sign of the order,
+    is true, and those of the last frame afterwards. With u the axis of the middle rotation and s the sign of the order,
     w + s u, w - s u and the other two components give the half sum and half difference of the outer angles.
     """
     degrees = 180.0 / math.pi

@@ -1,4 +1,4 @@
-"""Turns BVH files into clips in metres, y up, and clips into BVH: the only border where units and axes change."""
+"""Converts BVH files to clips in metres, y up, and clips to BVH: the only border where units and axes change."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ UP_AXES: dict[str, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
     "x": ((1, 0, 2), (-1, 1, 1)),
     "-x": ((1, 0, 2), (1, -1, 1)),
 }
-"""For each up axis of a file, the file's axes and their signs that become our x, y and z: quarter and half turns."""
+"""For each up axis of a file, the file's axes and their signs that become our x, y and z: rotations by 90 and 180
+degrees."""
 
 _ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 _POSITIONS = ("Xposition", "Yposition", "Zposition")
@@ -31,8 +32,8 @@ _STILL = 1e-5
 _MOST_POSES = 1 << 26
 
 
-def turn_up(vectors: ArrayLike, up_axis: str) -> Array:
-    """Turn vectors (..., 3) of a file with the given up axis so that y is up; quarter turns, hence exact."""
+def rotate_up(vectors: ArrayLike, up_axis: str) -> Array:
+    """Rotate vectors (..., 3) of a file with the given up axis so that y is up, exactly."""
     order, signs = UP_AXES[up_axis]
     return np.asarray(vectors)[..., order] * np.array(signs, dtype=float)
 
@@ -40,8 +41,8 @@ def turn_up(vectors: ArrayLike, up_axis: str) -> Array:
 def to_clip(bvh: Bvh, unit_scale: float = 1.0, up_axis: str = "y") -> Clip:
     """Return the motion of a file's first root in metres, y up.
 
-    The whole file is turned, rest pose and motion alike: with U the turn, an offset o becomes U o and a local rotation
-    R becomes U R U^-1, so that the rest pose stands upright too and all rotations are the identity in it.
+    The whole file is rotated, rest pose and motion alike: with U the rotation, an offset o becomes U o and a local
+    rotation R becomes U R U^-1, so that the rest pose is upright too and all rotations are the identity in it.
 
     A joint's position channels replace its offset, the root's too; an axis without a channel keeps the offset's part.
     Where a joint's positions do not change over the clip they become its offset; ``translations`` is None when that is
@@ -68,7 +69,7 @@ def to_clip(bvh: Bvh, unit_scale: float = 1.0, up_axis: str = "y") -> Clip:
     if frames * joints > _MOST_POSES:
         raise BvhError(f"{bvh.path}: {frames} frames of {joints} joints are more than fit in memory")
 
-    offsets = turn_up(bvh.offsets[:joints] * unit_scale, up_axis)
+    offsets = rotate_up(bvh.offsets[:joints] * unit_scale, up_axis)
     rotations = _read_rotations(bvh, joints, up_axis)
     moves = _read_positions(bvh, joints, unit_scale, up_axis)
     roots_at = moves.pop(0, np.repeat(offsets[:1], frames, axis=0))
@@ -85,7 +86,7 @@ def to_clip(bvh: Bvh, unit_scale: float = 1.0, up_axis: str = "y") -> Clip:
         parents=np.ascontiguousarray(bvh.parents[:joints], np.int32),
         offsets=offsets,
         end_parents=np.ascontiguousarray(bvh.end_parents[ends], np.int32),
-        end_offsets=turn_up(bvh.end_offsets[ends] * unit_scale, up_axis),
+        end_offsets=rotate_up(bvh.end_offsets[ends] * unit_scale, up_axis),
     )
     return Clip(
         name=Path(bvh.path).stem,
@@ -117,7 +118,7 @@ def _read_rotations(bvh: Bvh, joints: int, up_axis: str) -> Array:
         rotations,
     )
     if up_axis != "y":
-        rotations[..., 1:] = turn_up(rotations[..., 1:], up_axis)
+        rotations[..., 1:] = rotate_up(rotations[..., 1:], up_axis)
     return rotations
 
 
@@ -131,7 +132,7 @@ def _read_positions(bvh: Bvh, joints: int, unit_scale: float, up_axis: str) -> d
             positions = np.repeat(bvh.offsets[joint : joint + 1], bvh.frame_count, axis=0)
             for place, axis in own:
                 positions[:, axis] = bvh.motion[:, int(starts[joint]) + place]
-            moves[joint] = turn_up(positions * unit_scale, up_axis)
+            moves[joint] = rotate_up(positions * unit_scale, up_axis)
     return moves
 
 
@@ -170,8 +171,8 @@ def clip_channels(joints: int, orders: str | Sequence[str], moving: bool) -> tup
         moving: Whether joints other than the root have positions too, as a clip with translations needs.
     """
     every = check_orders(orders, joints)
-    turns = [tuple(f"{letter}rotation" for letter in order) for order in every]
-    return tuple(_POSITIONS + own if moving or not joint else own for joint, own in enumerate(turns))
+    angles = [tuple(f"{letter}rotation" for letter in order) for order in every]
+    return tuple(_POSITIONS + own if moving or not joint else own for joint, own in enumerate(angles))
 
 
 def channel_motion(
@@ -184,7 +185,7 @@ def channel_motion(
 ) -> Array:
     """Return the rows of a file with channels as ``clip_channels`` gives them; Euler angles do not jump.
 
-    Each triple of angles is the one nearest to the frame before among all that mean the same turn.
+    Each triple of angles is the one nearest to the frame before among all that mean the same rotation.
 
     Args:
         channels: Channel names of each joint.
@@ -211,8 +212,8 @@ def channel_motion(
         orders[joint] = [AXIS[name[0]] for name in own[-3:]]
     if previous is None:
         previous = np.full((joints, 3), np.nan)
-    turns = np.ascontiguousarray(rotations, float)
-    quaternions_to_channels(turns, orders, columns, previous, bool(np.isfinite(previous).all()), motion)
+    local = np.ascontiguousarray(rotations, float)
+    quaternions_to_channels(local, orders, columns, previous, bool(np.isfinite(previous).all()), motion)
     return motion
 
 

@@ -1,4 +1,4 @@
-"""What a BVH file holds, as it stands in the file: the shape that reader and writer share."""
+"""What a BVH file holds, unchanged: the structure that reader and writer share."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from crowdsim.core.types import Array
 CHANNELS = {
     letter.lower() + kind: letter + kind for kind in ("position", "rotation", "scale") for letter in ("X", "Y", "Z")
 }
-"""Channel names that are known, in the usual spelling, by their small-letter form."""
+"""Known channel names in the usual spelling, by their lower-case form."""
 
 AXIS = {"X": 0, "Y": 1, "Z": 2}
 
@@ -86,7 +86,7 @@ class Bvh:
 
 
 def quoted(name: str) -> str:
-    """Return a name as it can stand in a message: quoted, and cut when it is long."""
+    """Return a name for a message: quoted, and shortened when it is long."""
     return repr(name if len(name) <= 60 else name[:57] + "...")
 
 

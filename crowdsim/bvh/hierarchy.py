@@ -1,4 +1,4 @@
-"""Reads BVH text up to the first row of motion, which exporters write in many ways."""
+"""Reads BVH text up to the first row of motion, which exporters write in many forms."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def read_number(token: bytes) -> float | None:
 
 
 def show(token: bytes, encoding: str = "latin-1") -> str:
-    """Return a token as it can stand in a message: quoted, and cut when it is long."""
+    """Return a token for a message: quoted, and shortened when it is long."""
     text = token[:200].decode(encoding, "replace")
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
@@ -77,7 +77,7 @@ class Scanner:
         return BvhError(f"{self.path}:{line}: {found}, expected {expected}")
 
     def find(self, what: str, place: int | None = None) -> None:
-        """Note a finding about the token at ``place``, by default the last one; only so many."""
+        """Note a finding about the token at ``place``, by default the last one, up to a limit."""
         if len(self.findings) < _MOST_FINDINGS:
             self.findings.append(f"{self.path}:{self.line_of(self.start if place is None else place)}: {what}")
 
@@ -87,7 +87,7 @@ class Scanner:
         self.faults.append(what)
 
     def name(self) -> bytes:
-        """Return what stands before the opening brace, and step over both.
+        """Return the text before the opening brace, and step over both.
 
         A name is one line and may hold blanks, colons, keywords and, where the opening brace is on a line below,
         braces.
@@ -137,7 +137,7 @@ def read_hierarchy(scanner: Scanner) -> Hierarchy:
     """Read from the start of the text to the end of the last root's block.
 
     Raises:
-        BvhError: The text is no BVH hierarchy; says where, what stands there and what was expected.
+        BvhError: The text is no BVH hierarchy; says where, what was found and what was expected.
     """
     if scanner.next().lower() != b"hierarchy":
         raise scanner.error("'HIERARCHY'")
@@ -270,7 +270,7 @@ def read_motion_head(scanner: Scanner) -> tuple[int, float, float]:
 
 
 def _whole_number(scanner: Scanner, token: bytes) -> int:
-    """Return the number of frames that a token says."""
+    """Return the number of frames in a token."""
     number = read_number(token)
     if number is None or not 0 <= number < 1e18 or number != int(number):
         raise scanner.error("a number of frames")

@@ -1,14 +1,14 @@
 """BVH files: reading what every exporter writes, and writing what every reader takes.
 
-``read_bvh`` gives a file as it stands (``Bvh``), ``to_clip`` turns it into metres and y up; ``from_clip``,
+``read_bvh`` returns a file as it is (``Bvh``), ``to_clip`` converts it to metres and y up; ``from_clip``,
 ``write_bvh`` and ``BvhWriter`` go the other way.
 
 How files are read:
 
-* Rotation channels turn in file order, each about the axes as the ones before it left them; every joint has an order of
-  its own, of any number of axes.
-* A joint's position channels replace its OFFSET, the root's too, wherever they stand among its channels.
-* White space and line ends do not matter, nor does the case of keywords. A name is the rest of the line after ROOT,
+* Rotation channels apply in file order, each about the axes as the ones before it left them; every joint has an order
+of its own, of any number of axes. * A joint's position channels replace its OFFSET, the root's too, wherever they are
+listed among its channels. * White space and line ends do not matter, nor does the case of keywords. A name is the rest
+of the line after ROOT,
   JOINT or End. Text is UTF-8, else Latin-1, or UTF-16 with a byte order mark.
 * Numbers may have exponents, and decimal commas.
 * A frame time is a rounded or truncated 1 / rate; ``fps`` is that rate.
@@ -23,13 +23,14 @@ What reading and writing again does not keep:
 * Numbers have fixed decimals, six by default; offsets have nine.
 * Values that are not finite cannot be written.
 
-A ``Bvh`` keeps its channels. What the way through a clip changes besides: positions and offsets are in centimetres, y
-up, by default; every joint has one order ('ZXY' by default) and three rotation channels; angles are unwrapped, so they
-may lie beyond 180 degrees, and at gimbal lock they differ while the orientation does not; scale channels and roots
-after the first are gone; joints whose positions do not change have an offset instead; end sites are called 'Site'.
+A ``Bvh`` keeps its channels. What conversion to a clip and back changes besides: positions and offsets are in
+centimetres, y up, by default; every joint has one order ('ZXY' by default) and three rotation channels; angles are
+unwrapped, so they may lie beyond 180 degrees, and at gimbal lock they differ while the orientation does not; scale
+channels and roots after the first are dropped; joints whose positions do not change have an offset instead; end sites
+are called 'Site'.
 """
 
-from crowdsim.bvh.clip import UP_AXES, channel_motion, clip_channels, from_clip, to_clip, turn_up
+from crowdsim.bvh.clip import UP_AXES, channel_motion, clip_channels, from_clip, rotate_up, to_clip
 from crowdsim.bvh.file import Bvh, snap_rate
 from crowdsim.bvh.reader import parse_bvh, read_bvh
 from crowdsim.bvh.writer import BvhWriter, format_bvh, format_header, format_motion, write_bvh
@@ -46,8 +47,8 @@ __all__ = [
     "from_clip",
     "parse_bvh",
     "read_bvh",
+    "rotate_up",
     "snap_rate",
     "to_clip",
-    "turn_up",
     "write_bvh",
 ]

@@ -27,6 +27,18 @@ _LEFT = np.array([[*(48 + int(digit) for digit in f"{n:<3}".replace(" ", "0")), 
 _LEFT = _LEFT.astype(np.uint8).reshape(-1)
 
 
+@kernel(inline=True)
+def _rounded_off(a, b, product):
+    """Return what rounding has taken from the product of two floats, exactly (Dekker 1971)."""
+    t = 134217729.0 * a
+    a_high = t - (t - a)
+    a_low = a - a_high
+    t = 134217729.0 * b
+    b_high = t - (t - b)
+    b_low = b - b_high
+    return ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
+
+
 @kernel
 def _scale_decimal(mantissa, exponent, truncated):
     """Return mantissa * 10**exponent rounded once, and whether that rounding is certain."""
@@ -43,13 +55,7 @@ def _scale_decimal(mantissa, exponent, truncated):
     whole = float(mantissa)
     whole_rest = float(mantissa - np.int64(whole))
     product = whole * power
-    t = 134217729.0 * whole
-    a = t - (t - whole)
-    b = whole - a
-    t = 134217729.0 * power
-    c = t - (t - power)
-    d = power - c
-    rest = ((a * c - product) + a * d + b * c) + b * d + (whole * power_rest + whole_rest * power)
+    rest = _rounded_off(whole, power, product) + (whole * power_rest + whole_rest * power)
     value = product + rest
     rest -= value - product
     doubt = abs(value) * 3e-30
@@ -200,7 +206,7 @@ def count_by_line(data, start, stop, out):
 def format_numbers(motion, start, stop, decimals, out):
     """Write rows ``start`` to ``stop`` as text with fixed decimals, one blank between numbers and a line feed a row.
 
-    Numbers are rounded as their exact decimal value asks, half to even, as ``'%.6f'`` does; zero has no sign. All must
+    Numbers are rounded by their exact decimal value, half to even, as ``'%.6f'`` does; zero has no sign. All must
     be finite and smaller than 2**52 / 10**decimals. Places are unsigned, which spares a test for negative ones. Returns
     the number of bytes written to ``out``, which has room for three more.
     """
@@ -220,13 +226,7 @@ def format_numbers(motion, start, stop, decimals, out):
             gap = product - number
             if gap == 0.5:
                 # The product may have been rounded onto the half: what was lost decides.
-                t = 134217729.0 * value
-                a = t - (t - value)
-                b = value - a
-                t = 134217729.0 * factor
-                c = t - (t - factor)
-                d = factor - c
-                lost = ((a * c - product) + a * d + b * c) + b * d
+                lost = _rounded_off(value, factor, product)
                 number += lost > 0.0 or (lost == 0.0 and number % 2 == 1)
             else:
                 number += gap > 0.5

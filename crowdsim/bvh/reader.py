@@ -21,7 +21,7 @@ _MOST_FINDINGS = 8
 
 
 def read_bvh(path: FileName) -> Bvh:
-    """Read a BVH file as it stands; what is odd but readable becomes a finding.
+    """Read a BVH file as it is; what is odd but readable becomes a finding.
 
     Raises:
         BvhError: The file cannot be opened or is no BVH; says the line, the token and what was expected.
@@ -106,7 +106,7 @@ def _unique_names(tree: Hierarchy, encoding: str, scanner: Scanner) -> tuple[str
 
 
 def _check_tree(scanner: Scanner, tree: Hierarchy, names: tuple[str, ...], columns: int) -> None:
-    """Note what is odd about the hierarchy as a whole."""
+    """Note findings about the hierarchy as a whole."""
     where = scanner.path
     roots = [names[joint] for joint, parent in enumerate(tree.parents) if parent < 0]
     if len(roots) > 1:

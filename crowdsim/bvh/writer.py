@@ -31,7 +31,7 @@ def format_header(bvh: Bvh, frames: int | None = None) -> bytes:
         frames: Number of rows that follow; by default those of the motion.
 
     Raises:
-        BvhError: A name cannot stand in a file, or the rate is no positive number.
+        BvhError: A name cannot be written, or the rate is no positive number.
     """
     frames = bvh.frame_count if frames is None else frames
     if not (np.isfinite(bvh.fps) and bvh.fps > 0.0):
@@ -96,7 +96,7 @@ def format_motion(motion: Array, decimals: int = 6) -> bytes | bytearray:
 
 
 def format_bvh(bvh: Bvh, decimals: int = 6) -> bytes:
-    """Return a whole file as text; its motion is written as it stands.
+    """Return a whole file as text; its motion is written unchanged.
 
     Raises:
         BvhError: A value is not finite (says the frame, joint and channel), or a name cannot be written.
@@ -127,7 +127,7 @@ def write_bvh(
 
     Args:
         path: The file.
-        motion: A clip, which is written y up with angles that do not jump, or a ``Bvh``, which is written as it stands.
+        motion: A clip, which is written y up with angles that do not jump, or a ``Bvh``, which is written unchanged.
         order: Rotation order of all joints, or one for each; for a clip.
         unit_scale: Metres in one file unit, centimetres by default; for a clip.
         decimals: Digits after the point.

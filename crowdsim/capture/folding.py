@@ -1,7 +1,7 @@
-"""Elbows that fold backward in a file, as no body's do, and the same motion with them turned to fold forward.
+"""Elbows that fold backward in a file, as no body's do, and the same motion with them corrected to fold forward.
 
-Some conversions of capture lose the sense in which an elbow turns: the upper arm is where it was, and the forearm,
-which should come forward, goes back. In the rest pose, where no joint is turned, arms point sideways or down, and an
+Some conversions of capture lose the sense in which an elbow flexes: the upper arm is where it was, and the forearm,
+which should come forward, goes back. In the rest pose, where no joint is rotated, arms point sideways or down, and an
 elbow that folds brings the hand forward, or up where palms look ahead, but never back and down.
 """
 
@@ -45,11 +45,11 @@ def backward_elbows(clip: Clip, roles: Mapping[str, int]) -> tuple[str, ...]:
     if not clip.frame_count or not roles or not rests_like_a_body(clip.skeleton, roles):
         return ()
     rest = clip.skeleton.rest_positions()
-    # Some files rotate the world and not the rest pose: the body itself shows which way is up in it.
+    # Some files rotate the world and not the rest pose: the body itself shows which direction is up.
     hips = [rest[roles[f"{side}_hip"]] for side in SIDES]
     up = _unit(rest[roles["head"]] - 0.5 * (hips[0] + hips[1]))
     forward = _unit(np.cross(hips[0] - hips[1], up))
-    positions, turns = clip_kinematics(clip)
+    positions, world_rotations = clip_kinematics(clip)
     found = []
     for side in SIDES:
         shoulder, elbow, hand = (roles[f"{side}_{role}"] for role in ("shoulder", "elbow", "hand"))
@@ -58,7 +58,7 @@ def backward_elbows(clip: Clip, roles: Mapping[str, int]) -> tuple[str, ...]:
         bent = np.linalg.norm(axes, axis=1) > _BENT
         if np.count_nonzero(bent) < _LEAST * clip.fps:
             continue
-        back = quaternion.conjugate(turns[bent, clip.skeleton.parents[elbow]])
+        back = quaternion.conjugate(world_rotations[bent, clip.skeleton.parents[elbow]])
         axis = _unit(quaternion.rotate(back, axes[bent])).mean(axis=0)
         along = _along(clip.skeleton, shoulder, elbow)
         # Forward and up, as far as they are square to the arm.
@@ -70,19 +70,19 @@ def backward_elbows(clip: Clip, roles: Mapping[str, int]) -> tuple[str, ...]:
 
 
 def fold_forward(clip: Clip, roles: Mapping[str, int], elbows: Sequence[str]) -> Clip:
-    """Return the clip with some elbows turned the other way by as much; forearms keep their twist.
+    """Return the clip with some elbows flexed in the opposite sense by as much; forearms keep their twist.
 
     Args:
         clip: The clip.
         roles: Its joints by role.
-        elbows: Roles of the elbows to turn.
+        elbows: Roles of the elbows to correct.
     """
     rotations = np.array(clip.rotations)
     for role in elbows:
         along = _along(clip.skeleton, roles[role.replace("elbow", "shoulder")], roles[role])
-        # Half a turn about the upper arm, before and after: what turns about it stays, all else is turned back.
-        turn = rotations[:, roles[role], 1:]
-        rotations[:, roles[role], 1:] = 2.0 * (turn @ along)[:, None] * along - turn
+        # Rotation by 180 degrees about the upper arm, before and after: twist about it stays, flexion changes its sign.
+        vector = rotations[:, roles[role], 1:]
+        rotations[:, roles[role], 1:] = 2.0 * (vector @ along)[:, None] * along - vector
     return replace(clip, rotations=rotations)
 
 

@@ -1,4 +1,4 @@
-"""A BVH file understood: unit, up axis, roles and body found, and everything that is odd about it reported."""
+"""Interpretation of BVH files: unit, up axis, roles and body are found, and faults reported."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from crowdsim.bvh.io import Bvh, read_bvh, to_clip, turn_up
+from crowdsim.bvh.io import Bvh, read_bvh, rotate_up, to_clip
 from crowdsim.capture import units
 from crowdsim.capture.folding import fold_elbows_forward
 from crowdsim.core.types import Array, FileName
@@ -33,7 +33,7 @@ ANALYSIS_RATE = 60.0
 
 _FLIP = np.deg2rad(100.0)
 _FLIP_SPEED = 50.0
-"""A joint that turns further than this in one frame [rad], faster than this [rad/s], has flipped."""
+"""A joint that rotates further than this in one frame [rad], faster than this [rad/s], has flipped."""
 _MOST_FLIPS = 20
 _LOOSE = 0.03
 """Share of the body's height by which a joint of a limb may move against its parent, as skin does."""
@@ -91,7 +91,7 @@ class Capture:
 
 
 class _Notes:
-    """Collects what is odd about a file."""
+    """Collects findings and faults of a file."""
 
     def __init__(self, bvh: Bvh) -> None:
         self.findings = [without_path(finding, bvh.path) for finding in bvh.findings]
@@ -137,7 +137,7 @@ def load_capture(path: FileName, unit: str | float | None = None, up_axis: str |
     finite = bool(finite_frames(clip).all())
     if roles and finite:
         clip, wrong = fold_elbows_forward(clip, roles)
-        notes.find(*(f"{role.replace('_', ' ')} folds backward, it is turned to fold forward" for role in wrong))
+        notes.find(*(f"{role.replace('_', ' ')} folds backward, it is corrected to fold forward" for role in wrong))
     if clip.frame_count <= 1:
         notes.fault("no frames, expected motion" if clip.frame_count == 0 else "a single frame, expected motion")
     body = measure_body(clip, roles) if roles and scale is not None else None
@@ -221,14 +221,14 @@ def _in_metres(clip: Clip, scale: float, up_axis: str) -> Clip:
     """The clip in metres and y up, as ``to_clip`` with this scale and axis makes it."""
     if scale == 1.0 and up_axis == "y":
         return clip
-    turn = up_axis != "y"
+    rotated = up_axis != "y"
 
     def move(positions: Array) -> Array:
-        return np.asarray(turn_up(positions * scale, up_axis) if turn else positions * scale)
+        return np.asarray(rotate_up(positions * scale, up_axis) if rotated else positions * scale)
 
     rotations = clip.rotations
-    if turn:
-        rotations = np.concatenate([rotations[..., :1], turn_up(rotations[..., 1:], up_axis)], axis=-1)
+    if rotated:
+        rotations = np.concatenate([rotations[..., :1], rotate_up(rotations[..., 1:], up_axis)], axis=-1)
     skeleton = replace(clip.skeleton, offsets=move(clip.skeleton.offsets), end_offsets=move(clip.skeleton.end_offsets))
     return replace(
         clip,
@@ -240,7 +240,7 @@ def _in_metres(clip: Clip, scale: float, up_axis: str) -> Clip:
 
 
 def _flips(clip: Clip, start: int) -> list[str]:
-    """Joints that turn further in one frame than a body can."""
+    """Joints that rotate further in one frame than a body can."""
     least = max(_FLIP, _FLIP_SPEED / clip.fps)
     if least >= np.pi:
         return []

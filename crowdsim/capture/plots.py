@@ -93,17 +93,19 @@ def _shown_pose(capture: Capture) -> tuple[Array, Array, str]:
     """Joints (J, 3) and end sites (E, 3) of the pose that is drawn, facing +z, and what pose it is."""
     skeleton, roles = capture.clip.skeleton, capture.roles
     positions = skeleton.rest_positions() - skeleton.offsets[0]
-    turns, what = None, "rest pose"
+    joint_rotations, what = None, "rest pose"
     if roles:
         samples, rotations = sample_poses(capture.motion)
         feet = [roles["left_foot"], roles["right_foot"]]
         rise = positions[roles["head"], 1] - positions[feet, 1].mean()
         if len(samples) and (not rests_like_a_body(skeleton, roles) or rise < 0.4 * np.ptp(positions, axis=0).max()):
             frame = int(np.argmax(samples[:, roles["head"], 1] - samples[:, feet, 1].mean(axis=1)))
-            positions, turns = samples[frame] - samples[frame, 0], rotations[frame]
+            positions, joint_rotations = samples[frame] - samples[frame, 0], rotations[frame]
             what = "standing (the rest pose is none)"
     ends = (
-        skeleton.end_offsets if turns is None else quaternion.rotate(turns[skeleton.end_parents], skeleton.end_offsets)
+        skeleton.end_offsets
+        if joint_rotations is None
+        else quaternion.rotate(joint_rotations[skeleton.end_parents], skeleton.end_offsets)
     )
     ends = positions[skeleton.end_parents] + ends
     if roles:
@@ -152,9 +154,9 @@ def _spread(heights: Array, gap: float) -> Array:
 
 
 def path_figure(analysis: ClipAnalysis) -> Figure:
-    """Draw the way of the pelvis from above, with where it looks every second, and the planted feet.
+    """Draw the path of the pelvis from above, with its heading every second, and the planted feet.
 
-    Seen from above, with z to the right, x points up: neither axis is turned round.
+    Seen from above, with z to the right, x points up: neither axis is reversed.
     """
     figure = new_figure(8, 7)
     axes = figure.subplots()

@@ -65,8 +65,8 @@ def describe_heights(height: float) -> str:
     result = ", ".join(f"{size:.3g} m in {name}" for name, size in sizes.items())
     fitting = [name for name, size in sizes.items() if low <= size <= high]
     if len(fitting) > 1:
-        return f"unknown scale: the body would stand {result}; {' and '.join(fitting)} are as likely"
-    return f"unknown scale: the body would stand {result}; expected {low:g} m to {high:g} m"
+        return f"unknown scale: the body's height would be {result}; {' and '.join(fitting)} are as likely"
+    return f"unknown scale: the body's height would be {result}; expected {low:g} m to {high:g} m"
 
 
 def find_up_axis(rest: Array | None, poses: Array, heads: list[int], feet: list[int]) -> str | None:
@@ -92,7 +92,8 @@ def find_up_axis(rest: Array | None, poses: Array, heads: list[int], feet: list[
         return None
     restless = {name: _unrest(poses, name) for name in candidates}
     steadiest = min(candidates, key=lambda name: restless[name])
-    # Capture that stands clearly on an axis overrules a rest pose, unless the floor speaks plainly for the rest pose.
+    # Capture that is clearly upright along an axis overrules a rest pose, unless the floor clearly supports the rest
+    # pose.
     if clear >= _UPRIGHT and restless[steadiest] > 0.5 * restless[posed]:
         return posed
     return steadiest

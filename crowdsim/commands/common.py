@@ -1,4 +1,4 @@
-"""What several commands share: options, and ways to print.
+"""What several commands share: options and printing.
 
 Results go to standard output; progress, notes and findings go to standard error.
 """

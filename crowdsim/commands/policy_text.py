@@ -63,7 +63,7 @@ def _graph(graph: Figures, motion: Figures) -> list[Row]:
         ("actions", f"{graph['actions']:,}; {number(graph['branching'])} (mean) of a state"),
         ("length of an action", f"{time(mean)} (mean), {time(graph['action_frames_most'] / rate)} (longest)"),
         ("drawn at random", f"{number(graph['transitions_per_second'])} transitions per second, where the capture"),
-        ("", f"has none; captured motion runs on for {time(graph['uncut_seconds'])} (median)"),
+        ("", f"has none; captured motion runs on for {time(graph['seconds_between_transitions'])} (median)"),
     ]
 
 

@@ -29,7 +29,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 class StrictModel(BaseModel):
-    """A frozen model that refuses keys it does not know.
+    """A frozen model that refuses unknown keys.
 
     Attributes:
         renamed: Keys that files had before, with the new name of each, which is reported.
@@ -122,7 +122,7 @@ def _document(path: FileName) -> Document:
 def _read(
     path: FileName, model: type[Model], overrides: Sequence[str], context: dict[str, Any] | None
 ) -> tuple[Model | None, list[Finding]]:
-    # The schema takes a tenth of a second to make, so it is asked for only where something is to be said with it.
+    # The schema takes a tenth of a second to make, so it is made only where there is a finding.
     document, value = _document(path), None
     findings = document.findings
     if not isinstance(document.data, dict):

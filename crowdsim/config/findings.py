@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
-from crowdsim.config.schema import Part, describe, discriminator, join, keys, members, quoted, step, words
+from crowdsim.config.schema import Part, chosen, describe, discriminator, join, keys, members, quoted, step, words
 from crowdsim.config.tree import Document, Finding, Loc
 from crowdsim.errors import is_near, nearest
 
@@ -23,57 +22,112 @@ class Faults(ValueError):
 
 
 class Fault(Faults):
-    """The one thing that a validator of a model finds, with the keys and indices that lead to what is to blame."""
+    """The only finding of a validator of a model, with the keys and indices that lead to its location."""
 
     def __init__(self, message: str, *loc: str | int) -> None:
         super().__init__([Finding(loc, message)])
 
 
-@dataclass(frozen=True)
-class _Located:
+class _Located(NamedTuple):
     """Where a location of pydantic lies in the data and in the schema.
 
     Attributes:
         loc: The location without the labels of union members.
         value: What the data has there, or above it where it has nothing.
         part: What the schema expects there.
-        parent: The same a level above.
-        union: The outermost union without a discriminator on the way, and the label of its member.
+        above: What the schema expects a level above.
+        union: The outermost union along the location that has no discriminator.
+        is_meant: Whether the value is meant for the member of it that the location names.
     """
 
     loc: Loc
     value: Any
     part: Part
-    parent: Part
-    union: tuple[_Located, str] | None = None
+    above: Part
+    union: _Located | None = None
+    is_meant: bool = True
 
 
 def translate(error: ValidationError, document: Document, top: Part) -> list[Finding]:
-    """Return the findings of a validation error; of a union's members the one that the value is meant for speaks."""
-    findings: list[Finding] = []
+    """Return the findings of a validation error; of a union, only those of the member that the value is meant for."""
     labels: dict[Loc, list[str]] = {}
-    unions: dict[Loc, tuple[_Located, dict[str, list[Finding | None]]]] = {}
+    findings: list[Finding] = []
+    silent: dict[Loc, _Located] = {}
+    spoken: set[Loc] = set()
     for detail in error.errors(include_url=False):
         here = _locate(detail["loc"], document.data, top, labels)
-        if document.hides(here.loc):
-            continue
-        found: list[Any] = _findings_of(dict(detail), here)
-        if here.union is None:
-            findings += found
-            continue
-        outer, label = here.union
-        common = discriminator(outer.part)
-        of_another = here.loc == outer.loc and detail["type"].endswith(("_type", "literal_error", "int_from_float"))
-        if of_another or (common and here.loc == (*outer.loc, common[0])):
-            found = [None]
-        unions.setdefault(outer.loc, (outer, {}))[1].setdefault(label, []).extend(found)
-    for outer, by_label in unions.values():
-        meant = [found for found in by_label.values() if None not in found and found]
-        if meant:
-            findings += [finding for finding in min(meant, key=len) if finding]
-        elif not any(loc[: len(outer.loc)] == outer.loc for loc in document.unreadable):
-            findings.append(_no_member(outer))
+        if here.union is not None:
+            silent[here.union.loc] = here.union
+            of_other_type = detail["type"].endswith(("_type", "literal_error", "int_from_float"))
+            if not here.is_meant or (here.loc == here.union.loc and of_other_type):
+                continue
+            spoken.add(here.union.loc)
+        findings += _findings_of(dict(detail), here)
+    findings += [_no_member(union) for loc, union in silent.items() if loc not in spoken]
     return [document.place(finding) for finding in findings if not document.hides(finding.loc)]
+
+
+def _locate(location: tuple[Any, ...], data: Any, top: Part, labels: dict[Loc, list[str]]) -> _Located:
+    """Follow a location of pydantic through data and schema.
+
+    After every union it has a label: the discriminator's value, or a name of the member. Pydantic names all members in
+    the order of the schema; ``labels`` keeps those of each union.
+    """
+    here = _Located((), data, top, {})
+    for i, at in enumerate(location):
+        if members(here.part):
+            known = labels.setdefault(location[:i], [])
+            known += [at] if at not in known else []
+            of_mapping = chosen(here.part, here.value)
+            if "discriminator" in here.part:
+                here = here._replace(part=of_mapping)
+                continue
+            member = members(here.part)[known.index(at)]
+            is_meant = here.is_meant and (member is of_mapping or not isinstance(here.value, dict))
+            here = here._replace(part=member, union=here.union or here, is_meant=is_meant)
+        elif at == "[key]":
+            break
+        elif holds(here.value, at):
+            here = here._replace(loc=(*here.loc, at), value=here.value[at], part=step(here.part, at), above=here.part)
+        else:
+            return here._replace(loc=(*here.loc, at), part=step(here.part, at), above=here.part)
+    return here
+
+
+def _findings_of(detail: dict[str, Any], here: _Located) -> list[Finding]:
+    """Return an error of pydantic in words; none where another finding covers it."""
+    kind, loc, context = detail["type"], here.loc, detail.get("ctx", {})
+    reason, expected = context.get("error"), describe(here.part)
+    what = f"{show(here.value)}, expected {expected}"
+    if isinstance(reason, Faults):
+        return [Finding((*loc, *finding.loc), finding.message) for finding in reason.findings]
+    if detail["loc"][-1:] == ("[key]",):
+        reason = reason or detail["msg"].replace("String should match pattern", "expected text that matches")
+        return [Finding(loc[:-1], f"the key is {loc[-1]!r}, {reason}", of_key=loc)]
+    if kind == "extra_forbidden":
+        return [unknown_key(loc, here.above)]
+    if kind == "missing":
+        if _is_misspelt(str(loc[-1]), here.above, here.value):
+            return []
+        what = f"missing, expected {expected}"
+    elif kind in ("too_short", "too_long"):
+        count, limit = len(here.value), context.get("min_length", context.get("max_length"))
+        if kind == "too_short" and count >= limit:
+            return []  # pydantic counts valid items only; the others have findings of their own
+        if "prefixItems" not in here.part:
+            expected = f"at {'least' if kind == 'too_short' else 'most'} {limit}"
+        what = f"has {count} item{'s'[: count != 1]}, expected {expected}"
+    elif reason is not None:
+        what = f"{show(here.value)}, {reason}"
+    elif members(here.part):
+        return [_no_member(here)]
+    elif expected == "a value":
+        what = f"{show(here.value)}, expected {re.sub('^(Input|Value) should be ', '', detail['msg'])}"
+    elif kind == "literal_error":
+        what += _near(here.value, words(here.part))
+    elif here.part.get("type") == "string" and isinstance(here.value, int | float):
+        what += " in quotes"
+    return [Finding(loc, what)]
 
 
 def unknown_key(loc: Loc, part: Part) -> Finding:
@@ -82,6 +136,32 @@ def unknown_key(loc: Loc, part: Part) -> Finding:
     renamed = part.get("renamed", {}).get(key)
     expected = f"it is now called '{renamed}'" if renamed else f"expected {join(keys(part))}{nearest(key, keys(part))}"
     return Finding(loc, f"unknown key, {expected}", of_key=loc)
+
+
+def _is_misspelt(key: str, part: Part, given: Any) -> bool:
+    """Whether an unknown key is a misspelt missing one, and has a finding of its own."""
+    return isinstance(given, dict) and any(
+        part.get("renamed", {}).get(name) == key or nearest(name, keys(part)) == nearest(key, [key])
+        for name in given
+        if name not in keys(part)
+    )
+
+
+def _no_member(here: _Located) -> Finding:
+    """Return the finding of a value that is meant for no member of a union."""
+    key, tags = discriminator(here.part)
+    if not key or not isinstance(here.value, dict):
+        choices = [word for choice in members(here.part) for word in words(choice)]
+        return Finding(here.loc, f"{show(here.value)}, expected {describe(here.part)}{_near(here.value, choices)}")
+    if key in here.value:
+        what = f"{show(here.value[key])}, expected {quoted(tags)}{_near(here.value[key], tags)}"
+        return Finding((*here.loc, key), what)
+    known = {name for choice in tags.values() for name in keys(choice)}
+    for other in here.value:
+        if other not in known and is_near(other, key):
+            loc = (*here.loc, other)
+            return Finding(loc, f"unknown key, expected {key}: {quoted(tags)} (did you mean '{key}'?)", of_key=loc)
+    return Finding((*here.loc, key), f"missing, expected {quoted(tags)}")
 
 
 def show(value: Any) -> str:
@@ -97,96 +177,6 @@ def show(value: Any) -> str:
 def holds(value: Any, at: Any) -> bool:
     """Whether a mapping or list has something at a key or index."""
     return at in value if isinstance(value, dict) else isinstance(value, list) and at in range(len(value))
-
-
-def _locate(location: tuple[Any, ...], data: Any, top: Part, labels: dict[Loc, list[str]]) -> _Located:
-    """Follow a location of pydantic through data and schema.
-
-    After every union it has a label: the discriminator's value, or a name of the member. Pydantic names all members in
-    the order of the schema; ``labels`` keeps those of each union.
-    """
-    here = _Located((), data, top, {})
-    for i, at in enumerate(location):
-        if "discriminator" in here.part:
-            here = replace(here, part=(discriminator(here.part) or ("", {}))[1].get(at, {}))
-        elif members(here.part):
-            known = labels.setdefault(location[:i], [])
-            known += [at] if at not in known else []
-            here = replace(here, part=members(here.part)[known.index(at)], union=here.union or (here, at))
-        elif at == "[key]":
-            break
-        elif holds(here.value, at):
-            here = _Located((*here.loc, at), here.value[at], step(here.part, at), here.part, here.union)
-        else:
-            return replace(here, loc=(*here.loc, at), part=step(here.part, at), parent=here.part)
-    return here
-
-
-def _findings_of(detail: dict[str, Any], here: _Located) -> list[Finding]:
-    """Return what an error of pydantic says in words; nothing where another finding says it."""
-    kind, loc, context = detail["type"], here.loc, detail.get("ctx", {})
-    reason, expected = context.get("error"), describe(here.part)
-    what = f"{show(here.value)}, expected {expected}"
-    if isinstance(reason, Faults):
-        return [replace(finding, loc=(*loc, *finding.loc)) for finding in reason.findings]
-    if detail["loc"][-1:] == ("[key]",):
-        reason = reason or detail["msg"].replace("String should match pattern", "expected text that matches")
-        return [Finding(loc[:-1], f"the key is {loc[-1]!r}, {reason}", of_key=loc)]
-    if kind == "extra_forbidden":
-        return [unknown_key(loc, here.parent)]
-    if kind in ("union_tag_invalid", "union_tag_not_found"):
-        return [_wrong_tag(here)]
-    if kind == "missing":
-        if _is_misspelt(str(loc[-1]), here.parent, here.value):
-            return []
-        what = f"missing, expected {expected}"
-    elif kind in ("too_short", "too_long"):
-        count, limit = len(here.value), context.get("min_length", context.get("max_length"))
-        if kind == "too_short" and count >= limit:
-            return []  # pydantic counts valid items only; the others have findings of their own
-        if "prefixItems" not in here.part:
-            expected = f"at {'least' if kind == 'too_short' else 'most'} {limit}"
-        what = f"has {count} item{'s'[: count != 1]}, expected {expected}"
-    elif reason is not None:
-        what = f"{show(here.value)}, {reason}"
-    elif expected == "a value":
-        what = f"{show(here.value)}, expected {re.sub('^(Input|Value) should be ', '', detail['msg'])}"
-    elif kind == "literal_error":
-        what += _near(here.value, words(here.part))
-    elif here.part.get("type") == "string" and isinstance(here.value, int | float):
-        what += " in quotes"
-    return [Finding(loc, what)]
-
-
-def _is_misspelt(key: str, part: Part, given: Any) -> bool:
-    """Whether an unknown key is a misspelt missing one, and has a finding of its own."""
-    return isinstance(given, dict) and any(
-        part.get("renamed", {}).get(name) == key or nearest(name, keys(part)) == nearest(key, [key])
-        for name in given
-        if name not in keys(part)
-    )
-
-
-def _no_member(here: _Located) -> Finding:
-    """Return the finding of a value that is meant for no member of a union."""
-    if discriminator(here.part) and isinstance(here.value, dict):
-        return _wrong_tag(here)
-    choices = [word for choice in members(here.part) for word in words(choice)]
-    return Finding(here.loc, f"{show(here.value)}, expected {describe(here.part)}{_near(here.value, choices)}")
-
-
-def _wrong_tag(here: _Located) -> Finding:
-    """Return the finding of a mapping whose key that chooses among the members of a union is missing or wrong."""
-    key, tags = discriminator(here.part) or ("kind", {})
-    if key in here.value:
-        what = f"{show(here.value[key])}, expected {quoted(tags)}{_near(here.value[key], tags)}"
-        return Finding((*here.loc, key), what)
-    known = {name for choice in tags.values() for name in keys(choice)}
-    for other in here.value:
-        if other not in known and is_near(other, key):
-            loc = (*here.loc, other)
-            return Finding(loc, f"unknown key, expected {key}: {quoted(tags)} (did you mean '{key}'?)", of_key=loc)
-    return Finding((*here.loc, key), f"missing, expected {quoted(tags)}")
 
 
 def _near(value: Any, words: Iterable[Any]) -> str:

@@ -23,9 +23,9 @@ def override(document: Document, text: str, top: Part) -> list[Finding]:
     loc: Loc = ()
     chain: list[tuple[Any, Any]] = []
     for part in re.findall(r"[^.\[\]]+", key):
-        member = chosen(expected, value)
+        member = chosen(expected, value if isinstance(value, dict) else {})
         known = keys(member)
-        # What is no mapping gives way where its key may as well hold one: seconds for a number of frames.
+        # A value that is no mapping is replaced where its key may hold one: seconds for a number of frames.
         if value is None or (not isinstance(value, dict) and member is not expected and part in known):
             value = [] if member.get("type") == "array" else {}
         if isinstance(value, list) and not (part.isdigit() and int(part) < len(value)):

@@ -1,4 +1,4 @@
-"""What a pydantic model expects at a location, from its JSON Schema, and said in words.
+"""What a pydantic model expects at a location, from its JSON Schema, in words.
 
 A *part* is the piece of the schema that holds at a location: a mapping, empty where the schema says nothing. Messages
 come from the standard keywords; ``examples`` name texts of a pattern, and :class:`Expected` replaces what follows from
@@ -40,24 +40,20 @@ class Expected:
 
 @cache
 def schema_of(model: type[BaseModel]) -> Part:
-    """Return the JSON Schema of a model without references; models must not contain themselves."""
+    """Return the JSON Schema of a model without references and nulls; models must not contain themselves."""
     schema = model.model_json_schema()
     return _resolve(schema, schema.get("$defs", {}))
 
 
 def _resolve(part: Any, definitions: Part) -> Any:
-    """Return a part with what it refers to in place, and without the null of what may be left out."""
     if isinstance(part, list):
         return [_resolve(one, definitions) for one in part]
     if not isinstance(part, dict):
         return part
-    if "$ref" in part:
-        part = {**definitions[part["$ref"].rpartition("/")[2]], **part}
+    part = {**definitions.get(part.get("$ref", "").rpartition("/")[2], {}), **part}
     part = {key: _resolve(value, definitions) for key, value in part.items() if key not in ("$ref", "$defs")}
     choices = members(part)
-    if len(choices) == 1:
-        part = {**part, **choices[0], "anyOf": choices[0].get("anyOf", [])}
-    return part
+    return {**part, **choices[0], "anyOf": choices[0].get("anyOf", [])} if len(choices) == 1 else part
 
 
 def members(part: Part) -> list[Part]:
@@ -77,42 +73,38 @@ def keys(part: Part) -> list[str]:
 
 def step(part: Part, at: Any) -> Part:
     """Return the part one key or index below."""
-    if "properties" in part:
-        return part["properties"].get(at, {})
-    if "prefixItems" in part:
-        return part["prefixItems"][at] if at in range(len(part["prefixItems"])) else {}
-    inner = (
-        part.get("items") or part.get("additionalProperties") or [*part.get("patternProperties", {}).values(), {}][0]
-    )
+    if "properties" in part or "prefixItems" in part:
+        return dict(part.get("properties") or enumerate(part["prefixItems"])).get(at, {})
+    named = list(part.get("patternProperties", {}).values())
+    inner: Any = next(filter(None, (part.get("items"), part.get("additionalProperties"), *named)), {})
     return inner if isinstance(inner, dict) else {}
 
 
-def discriminator(part: Part) -> tuple[str, dict[Any, Part]] | None:
-    """Return the key that chooses among a union of mappings, and the member for each of its values."""
+def discriminator(part: Part) -> tuple[str, dict[Any, Part]]:
+    """Return the key that chooses among a union of mappings, and the member for each of its values; or no key."""
     choices = members(part)
     for key in keys(choices[0]) if choices else ():
-        tags = [words(step(choice, key)) if "properties" in choice else [] for choice in choices]
-        if all(tags):
-            return key, {tag: choice for choice, some in zip(choices, tags, strict=True) for tag in some}
-    return None
+        if all(key in keys(choice) and words(step(choice, key)) for choice in choices):
+            return key, {tag: choice for choice in choices for tag in words(step(choice, key))}
+    return "", {}
 
 
 def chosen(part: Part, value: Any) -> Part:
-    """Return the member of a union that a mapping is meant for, or is to be made for; the part itself if it is none."""
-    common = discriminator(part)
-    if common and isinstance(value, dict) and common[0] in value:
-        return common[1].get(value[common[0]], {})
-    mappings = [choice for choice in members(part) if "properties" in choice]
+    """Return the member of a union that a mapping is meant for, or is to be made for, empty if none; else the part."""
+    key, tags = discriminator(part)
+    if key and isinstance(value, dict) and key in value:
+        return next((member for tag, member in tags.items() if tag == value[key]), {})
+    mappings = [choice for choice in members(part) if choice.get("type") == "object" or members(choice)]
     return mappings[0] if len(mappings) == 1 else {} if members(part) else part
 
 
 def describe(part: Part) -> str:
     """Say what is expected at a part: ``a whole number from 1 to 9``, ``'q' or 'v'``, ``a list``."""
-    common = discriminator(part)
+    key, tags = discriminator(part)
     if "errorMessage" in part:
         return part["errorMessage"].removeprefix("expected ")
-    if common:
-        return f"a mapping with {common[0]}: {quoted(common[1])}"
+    if key:
+        return f"a mapping with {key}: {quoted(tags)}"
     if members(part):
         return join(map(describe, members(part)))
     if keys(part):
@@ -124,9 +116,15 @@ def describe(part: Part) -> str:
     if "prefixItems" in part:
         return f"a list of {len(part['prefixItems'])}: {', '.join(map(describe, part['prefixItems']))}"
     if part.get("items"):
-        of_mappings = keys(part["items"]) or discriminator(part["items"])
+        of_mappings = keys(part["items"]) or discriminator(part["items"])[0]
         return "a list of mappings" if of_mappings else f"a list, each item {describe(part['items'])}"
-    return _TYPES.get(part.get("type", ""), "a value") + _limits(part)
+    if "minimum" in part and "maximum" in part:
+        limits = f" from {part['minimum']} to {part['maximum']}"
+    elif "exclusiveMinimum" in part and "maximum" in part:
+        limits = f" above {part['exclusiveMinimum']} and up to {part['maximum']}"
+    else:
+        limits = " and".join(f" {words} {part[key]}" for key, words in _LIMITS.items() if key in part)
+    return _TYPES.get(part.get("type", ""), "a value") + limits
 
 
 def join(words: Iterable[str], last: str = "or") -> str:
@@ -138,11 +136,3 @@ def join(words: Iterable[str], last: str = "or") -> str:
 def quoted(words: Iterable[Any]) -> str:
     """Return words to choose from as in a sentence, text in quotes: ``'a' or 'b'``."""
     return join(repr(word) for word in words)
-
-
-def _limits(part: Part) -> str:
-    if "minimum" in part and "maximum" in part:
-        return f" from {part['minimum']} to {part['maximum']}"
-    if "exclusiveMinimum" in part and "maximum" in part:
-        return f" above {part['exclusiveMinimum']} and up to {part['maximum']}"
-    return " and".join(f" {words} {part[key]}" for key, words in _LIMITS.items() if key in part)

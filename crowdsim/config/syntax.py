@@ -59,8 +59,8 @@ def _wrong_indentation(lines: list[str], number: int) -> str | None:
             least = min(least, _indentation(line))
     if not fitting or own in fitting:
         return None
-    ways = [f"{spaces} as in line {line}" for spaces, line in sorted(fitting.items(), reverse=True)]
-    return f"wrong indentation of {own} space{'s'[: own != 1]}, expected {join(ways)}"
+    choices = [f"{spaces} as in line {line}" for spaces, line in sorted(fitting.items(), reverse=True)]
+    return f"wrong indentation of {own} space{'s'[: own != 1]}, expected {join(choices)}"
 
 
 def _indentation(line: str) -> int:

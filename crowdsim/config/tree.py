@@ -96,8 +96,8 @@ class Document:
         return replace(finding, source=source, line=line, column=column)
 
     def hides(self, loc: Loc) -> bool:
-        """Whether a location is that of a value that could not be read, or lies in it."""
-        return any(loc[: len(unreadable)] == unreadable for unreadable in self.unreadable)
+        """Whether a location is that of a value that could not be read, lies in one or above one."""
+        return any(all(a == b for a, b in zip(loc, other, strict=False)) for other in self.unreadable)
 
 
 def key_path(loc: Loc) -> str:
@@ -121,38 +121,34 @@ def scalar(text: str) -> Any:
 
 def read_document(data: bytes, source: str) -> Document:
     """Return the data of a file's bytes with positions, and what is wrong with them as findings."""
-    builder = _Builder(Document(source))
-    line, column, loc, text = 1, 1, (), ""
+    builder, text = _Builder(Document(source)), ""
+    line, column = 1, 1
     try:
+        text = data.decode("utf-8-sig", "surrogateescape")
         if len(data) > MAXIMUM_BYTES:
-            raise _Refused((), f"the file is too large, expected at most {MAXIMUM_BYTES:,} bytes", 1, 1)
-        text = data.decode("utf-8-sig")
+            raise _Refused(1, 1, f"the file is too large, expected at most {MAXIMUM_BYTES:,} bytes")
         node = yaml.compose(text, Loader=yaml.SafeLoader)
         builder.document.data = None if node is None else builder.build(node, ())
         return builder.document
     except _Refused as error:
-        loc, what, line, column = error.args
-    except UnicodeDecodeError as error:
-        line, column = _line_and_column(error.object[: error.start].decode("utf-8"))
-        what = f"byte 0x{error.object[error.start]:02x} is no UTF-8, expected a text file in UTF-8"
+        line, column, what = error.args
     except yaml.MarkedYAMLError as error:
         line, column, what = explain(error, text)
     except yaml.reader.ReaderError as error:
-        line, column = _line_and_column(text[: error.position])
-        what = f"broken YAML: the character U+{ord(text[error.position]):04X} cannot stand in a file"
+        before, character = text[: error.position], ord(text[error.position])
+        line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
+        what = f"broken YAML: the character U+{character:04X} is not allowed"
+        if 0xDC80 <= character <= 0xDCFF:  # what "surrogateescape" makes of a byte
+            what = f"byte 0x{character & 0xFF:02x} is no UTF-8, expected a text file in UTF-8"
     except RecursionError:
         what = _TOO_DEEP
     except (ValueError, OverflowError) as error:
         what = f"broken YAML: {error}"
-    return Document(source, findings=[Finding(loc, what, None, source, line, column)])
-
-
-def _line_and_column(before: str) -> tuple[int, int]:
-    return before.count("\n") + 1, len(before) - before.rfind("\n")
+    return Document(source, findings=[Finding((), what, None, source, line, column)])
 
 
 class _Refused(Exception):
-    """The file is not read any further: location, message, line and column."""
+    """The file is not read any further: line, column and message."""
 
 
 class _Builder:
@@ -163,43 +159,27 @@ class _Builder:
         self.count = 0
         self.above: list[yaml.Node] = []
 
-    def mark(self, node: yaml.Node) -> Mark:
-        return self.document.source, node.start_mark.line + 1, node.start_mark.column + 1
-
-    def note(self, node: yaml.Node, loc: Loc, message: str, unreadable: bool = False) -> None:
-        self.document.findings.append(Finding(loc, message, None, *self.mark(node)))
-        if unreadable:
-            self.document.unreadable.add(loc)
-
-    def enter(self, node: yaml.Node, loc: Loc) -> None:
-        self.count += 1
-        if self.count > MAXIMUM_VALUES:
-            what = f"the file unfolds to more than {MAXIMUM_VALUES:,} values, expected fewer aliases"
-            raise _Refused(loc, what, *self.mark(node)[1:])
-        if len(self.above) > MAXIMUM_DEPTH:
-            raise _Refused((), _TOO_DEEP, *self.mark(node)[1:])
-        self.above.append(node)
-
     def build(self, node: yaml.Node, loc: Loc, key: yaml.Node | None = None) -> Any:
         """Return the value of a node; None where a finding says why there is none."""
         self.document.marks[loc] = self.mark(node), self.mark(key or node)
-        if node in self.above:
-            self.note(node, loc, "refers to itself, expected a value", unreadable=True)
-            return None
         tag = node.tag.replace("tag:yaml.org,2002:", "!!")
-        value: Any = None
-        self.enter(node, loc)
-        if tag.removeprefix("!!") not in _TAGS:
-            self.note(node, loc, f"the tag '{tag}' is not allowed, expected a plain value", unreadable=True)
-        elif isinstance(node, yaml.MappingNode):
+        value = _meaning(node)
+        wrong = ""
+        if node in self.above:
+            wrong = "refers to itself, expected a value"
+        elif tag.removeprefix("!!") not in _TAGS:
+            wrong = f"the tag '{tag}' is not allowed, expected a plain value"
+        elif isinstance(value, float) and not math.isfinite(value):
+            wrong = f"is {node.value}, expected a finite number"
+        if wrong:
+            self.note(node, loc, wrong)
+            self.document.unreadable.add(loc)
+            return None
+        self.enter(node)
+        if isinstance(node, yaml.MappingNode):
             value = {key: self.build(inner, (*loc, key), at) for key, (at, inner) in self.pairs(node, loc).items()}
         elif isinstance(node, yaml.SequenceNode):
             value = [self.build(item, (*loc, i)) for i, item in enumerate(node.value)]
-        else:
-            value = _meaning(node)
-            if isinstance(value, float) and not math.isfinite(value):
-                self.note(node, loc, f"is {node.value}, expected a finite number", unreadable=True)
-                value = None
         self.above.pop()
         return value
 
@@ -211,14 +191,13 @@ class _Builder:
             key = _meaning(key_node)
             if key == "<<" and key_node.style is None:
                 merged += value.value if isinstance(value, yaml.SequenceNode) else [value]
+            elif key is None or key is key_node:
+                self.note(key_node, loc, f"a key is {'empty' if key is None else 'a list or mapping'}, expected text")
             elif not isinstance(key, str):
-                what = f"{key_node.value}, which is no text, expected text in quotes"
-                if key is None or key is key_node:
-                    what = f"{'empty' if key is None else 'a list or mapping'}, expected text"
-                self.note(key_node, loc, f"a key is {what}")
+                self.note(key_node, loc, f"a key is {key_node.value}, which is no text, expected text in quotes")
             elif key in pairs:
-                line = self.mark(pairs[key][0])[1]
-                self.note(key_node, (*loc, key), f"duplicate key, expected it once; it stands in line {line}")
+                line = pairs[key][0].start_mark.line + 1
+                self.note(key_node, (*loc, key), f"duplicate key, expected it once; it is already in line {line}")
             else:
                 pairs[key] = key_node, value
         for other in merged:
@@ -227,10 +206,26 @@ class _Builder:
             elif other in self.above:
                 self.note(other, loc, "'<<' merges a mapping into itself, expected another one")
             else:
-                self.enter(other, loc)
-                pairs.update({key: nodes for key, nodes in self.pairs(other, loc).items() if key not in pairs})
+                self.enter(other)
+                pairs |= {key: nodes for key, nodes in self.pairs(other, loc).items() if key not in pairs}
                 self.above.pop()
         return pairs
+
+    def enter(self, node: yaml.Node) -> None:
+        """Count a node, as one that lies above those to come."""
+        self.count += 1
+        self.above.append(node)
+        if self.count > MAXIMUM_VALUES:
+            what = f"the file unfolds to more than {MAXIMUM_VALUES:,} values, expected fewer aliases"
+            raise _Refused(*self.mark(node)[1:], what)
+        if len(self.above) > MAXIMUM_DEPTH + 1:
+            raise _Refused(*self.mark(node)[1:], _TOO_DEEP)
+
+    def note(self, node: yaml.Node, loc: Loc, message: str) -> None:
+        self.document.findings.append(Finding(loc, message, None, *self.mark(node)))
+
+    def mark(self, node: yaml.Node) -> Mark:
+        return self.document.source, node.start_mark.line + 1, node.start_mark.column + 1
 
 
 def _meaning(node: yaml.Node) -> Any:

@@ -7,7 +7,7 @@ from crowdsim.jit import kernel
 def minimum_jerk(s):
     """Return the step from 0 at ``s`` = 0 to 1 at ``s`` = 1 without speed and acceleration at its ends.
 
-    It is the way of least jerk between two points at rest, 10 s^3 - 15 s^4 + 6 s^5 (Flash and Hogan 1985).
+    It is the path of least jerk between two points at rest, 10 s^3 - 15 s^4 + 6 s^5 (Flash and Hogan 1985).
     """
     if s <= 0.0:
         return 0.0

@@ -53,7 +53,7 @@ class Model(NamedTuple):
         policies: For each policy the playback frames in a control frame, its first row in ``behaviours``, its first
             action and its first state; the last row closes these three. Shape (P + 1, 4), int32.
         sizes: Radius of head and torso, drop from the head to neck and pelvis, a strike's tolerance; how far the
-            surface of head and torso is from where the body stands at most, and how far it moves in a control frame at
+            surface of head and torso is from the body's position at most, and how far it moves in a control frame at
             most; the distance beyond which all grids end [m]; how much later moving targets are seen, as in
             ``policy.LookupTables.leads`` [control frames]. Shape (P, 10), float64.
     """
@@ -77,7 +77,7 @@ class Model(NamedTuple):
 
 
 class Avatars(NamedTuple):
-    """What changes, a struct of arrays: an avatar's *slot* is its column, its *number* who it is.
+    """What changes, a struct of arrays: an avatar's *slot* is its column, its *number* identifies it.
 
     Slots follow the index, so that neighbours in space are neighbours in memory; those of absent avatars come last.
     Nothing that is computed depends on slots. "Before" is one control frame ago.
@@ -91,7 +91,7 @@ class Avatars(NamedTuple):
     Rows of ``real``: scale of the body; speed [frames of motion in a control frame]; phase, frames of the action done
     (an action shows its frame ``min(phase, T)``; what goes beyond is motion that the next action starts with); phase
     before, in the action before; base, on which the ground transforms of playback frames are set (x, z, cosine and
-    sine times scale, turn); x, z [m] and heading [rad] where it stands; x and z where its action ends; the
+    sine times scale, turn); x, z [m] and heading [rad] of its ground frame; x and z where its action ends; the
     frame in which it has recovered from all strikes that it threw.
 
     Attributes:
@@ -126,12 +126,12 @@ class Avatars(NamedTuple):
 
     @property
     def x(self) -> Array:
-        """Where each slot stands [m]. Shape (N,)."""
+        """Position of each slot [m]. Shape (N,)."""
         return self.real[layout.X]
 
     @property
     def z(self) -> Array:
-        """Where each slot stands [m]. Shape (N,)."""
+        """Position of each slot [m]. Shape (N,)."""
         return self.real[layout.Z]
 
 
@@ -175,7 +175,7 @@ class Record(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Scratch space for those who choose together, a batch, and for all actions of a state.
+    """Scratch space for a batch of avatars that choose, and for all actions of a state.
 
     Attributes:
         situations: Where each one's target is and how it moves (``values.value_actions``). Shape (batch, 6), float64.
@@ -243,7 +243,7 @@ def empty_strikes(count: int) -> Strikes:
 
 
 def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
-    """Return scratch space for the states of a model, for so many neighbours, and for a batch."""
+    """Return scratch space for the states of a model, for some neighbours, and for a batch."""
     lanes, block = layout.LANES, min(layout.BLOCK, batch)
     width = -(-int(np.diff(model.offsets).max()) // lanes) * lanes
     behaviours = int(np.diff(model.policies[:, layout.BEHAVIOURS]).max())

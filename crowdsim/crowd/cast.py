@@ -56,7 +56,7 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
 
     Args:
         scenario: The scenario, resolved.
-        placed: Its avatars as they stand at the start.
+        placed: Its avatars at the start.
         policies: The policies that its types use.
 
     Raises:
@@ -188,7 +188,7 @@ def _hysteresis(opponents: Opponents | None) -> float:
 def _set_opponents(
     scenario: Scenario, placed: Placed, who: Array, opponents: Opponents | None, skip: Array, fixed: Array
 ) -> None:
-    """Write whom some avatars fight, as ``Crowd.skip`` and ``Crowd.fixed`` say it."""
+    """Write the opponents of some avatars as entries of ``Crowd.skip`` and ``Crowd.fixed``."""
     fixed[who] = -1
     if opponents is None or isinstance(opponents, AnyoneOpponents):
         skip[who] = ANYONE

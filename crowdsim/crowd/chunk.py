@@ -23,12 +23,12 @@ class Chunk:
         first: The first of the frames.
         action: Action that each avatar does, a number of its policy's graph; -1 where it is absent. int32.
         action_frame: Frames of that action done. float32.
-        x: Where it stands [m]. float32.
+        x: Its position [m]. float32.
         z: Likewise. float32.
         heading: Where it looks [rad], in -pi..pi. float32.
         opponent: Avatar that it fights, ``-2 - k`` for scripted target k, -1 for none. int32.
         targets: Positions of scripted targets [m]. Shape (frames, G, 3), float32.
-        events: Strikes thrown on the way to these frames.
+        events: Strikes thrown since the frame before the first.
         timings: Time of each of ``STAGES`` [ns], in a run that is profiled. Shape (frames, 6), int64.
     """
 

@@ -16,7 +16,7 @@ from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.errors import RunError
 
 ANYONE, SCRIPTED = -1, -2
-"""Values of ``Crowd.skip`` beside a team: the nearest of anyone; whom ``Crowd.fixed`` names."""
+"""Values of ``Crowd.skip`` beside a team: the nearest of any team; the one in ``Crowd.fixed``."""
 
 
 @dataclass(frozen=True)

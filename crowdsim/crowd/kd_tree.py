@@ -1,4 +1,4 @@
-"""A KD-tree over where avatars stand, built rarely and refitted every frame.
+"""A KD-tree over the positions of avatars, built rarely and refitted every frame.
 
 Building sorts the points into the order of the leaves. When avatars have moved a little, the order is kept and only the
 boxes around the leaves are fitted anew: a pass over memory in order, and every query stays exact, because it trusts
@@ -114,11 +114,11 @@ def nearest(
 def neighbours(
     tree: Tree, x: Array, z: Array, own: Array, reach: float, most: int, workers: Workers = _SERIAL
 ) -> tuple[Array, Array]:
-    """Return how many points lie within ``reach`` [m] of each query, and the nearest ``most`` of them.
+    """Return the number of points within ``reach`` [m] of each query, and the nearest ``most`` of them.
 
     Returns:
         Counts, shape (Q,), int32, and points in the tree's order, nearest first, lower numbers first among equals;
-        what lies behind a row's count is undefined. Shape (Q, most), int32.
+        entries behind a row's count are undefined. Shape (Q, most), int32.
     """
     counts, points = np.empty(len(x), np.int32), np.empty((len(x), most), np.int32)
 

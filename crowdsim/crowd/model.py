@@ -43,7 +43,7 @@ SUPPORTED_TERMS: tuple[type[Term], ...] = (StrikeTerm, ProximityTerm, Transition
 
 SUPPORTED_AXES = ("distance", "bearing", "height")
 """Axes that control measures. A further one needs a row in ``Model.grids``, and its share in ``fade`` and
-``locate_ends`` of ``kernels/tables.py`` and in ``kernels/values.py``, which know three."""
+``locate_ends`` of ``kernels/tables.py`` and in ``kernels/values.py``, which have three."""
 
 
 def build_model(policies: Sequence[Policy]) -> Model:
@@ -68,10 +68,10 @@ def build_model(policies: Sequence[Policy]) -> Model:
     terms = joined([table.terms for table in tables], np.float64)
     note_prices(behaviours, terms)
     paths = joined([action.paths for action in actions], np.float64)
-    ways = np.concatenate([action.displacements for action in actions]).astype(float)
-    moves = move_rows(ways, actions, behaviours, terms, starts)
+    displacements = np.concatenate([action.displacements for action in actions]).astype(float)
+    moves = move_rows(displacements, actions, behaviours, terms, starts)
     strikes = strike_rows(policies, behaviours, terms, starts)
-    # What transitions cost is known beforehand and is among ``moves``.
+    # Costs of transitions do not depend on the target and are part of ``moves``.
     wanted = terms[:, layout.KIND] != TransitionTerm.code
     kept = np.concatenate([[0], np.cumsum(wanted)])
     of_terms = slice(layout.FIRST_TERM, layout.LOOKS_AHEAD)
@@ -82,7 +82,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
     bodies = [np.column_stack([database.heads, database.necks, database.pelvises]) for database in databases]
     return Model(
         offsets=offsets,
-        reaches=np.maximum.reduceat(np.hypot(ways[:, 0], ways[:, 1]), offsets[:-1]),
+        reaches=np.maximum.reduceat(np.hypot(displacements[:, 0], displacements[:, 1]), offsets[:-1]),
         actions=action_rows(policies, actions, starts),
         moves=moves,
         paths=padded([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2]), path_frames(actions)]),

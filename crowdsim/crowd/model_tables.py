@@ -103,7 +103,7 @@ def strike_rows(policies: Sequence[Policy], behaviours: Array, terms: Array, sta
     for p, policy in enumerate(policies):
         actions, database = policy.actions, policy.database
         speeds, hands = database.strike_speeds[actions.strike_ids], database.strike_hands[actions.strike_ids]
-        positions = np.reshape(actions.strike_places, (-1, 3))
+        positions = np.reshape(actions.strike_positions, (-1, 3))
         owners = np.repeat(np.arange(actions.action_count), np.diff(actions.strike_offsets))
         owners -= np.repeat(actions.offsets[:-1], np.diff(actions.offsets))[owners]
         columns = [actions.strike_times, *positions.T, speeds, hands, owners]
@@ -144,24 +144,26 @@ def note_prices(behaviours: Array, terms: Array) -> None:
 
 
 def move_rows(
-    ways: Array, actions: Sequence[Actions], behaviours: Array, terms: Array, starts: dict[str, Array]
+    displacements: Array, actions: Sequence[Actions], behaviours: Array, terms: Array, starts: dict[str, Array]
 ) -> Array:
     """Return where actions end, their transition costs, and what transitions and effort take from each behaviour."""
     costs = joined([action.costs for action in actions], np.float64)
     slots = int(np.diff(starts["behaviour"]).max())
-    moves = np.zeros((len(ways), -(-(layout.CUT + slots) // 8) * 8), np.float32)
-    moves[:, : layout.CUT] = np.column_stack([ways[:, :2], np.cos(ways[:, 2]), np.sin(ways[:, 2]), costs])
+    moves = np.zeros((len(displacements), -(-(layout.TRANSITION + slots) // 8) * 8), np.float32)
+    moves[:, : layout.TRANSITION] = np.column_stack(
+        [displacements[:, :2], np.cos(displacements[:, 2]), np.sin(displacements[:, 2]), costs]
+    )
     for p, start in enumerate(starts["behaviour"][:-1]):
         own = slice(starts["action"][p], starts["action"][p + 1])
         for slot, row in enumerate(behaviours[start : starts["behaviour"][p + 1]]):
             for term in terms[int(row[layout.FIRST_TERM]) : int(row[layout.LAST_TERM])]:
                 if term[layout.KIND] == TransitionTerm.code:
                     price = term[layout.WEIGHT] * costs[own] + term[_ONCE] * (costs[own] > 0.0)
-                    moves[own, layout.CUT + slot] += price
+                    moves[own, layout.TRANSITION + slot] += price
                 if term[layout.KIND] == StrikeTerm.code and term[layout.EFFORT] > 0.0:
                     faded = row[layout.DISCOUNT] ** actions[p].strike_times.astype(float)
                     sums = np.concatenate([[0.0], np.cumsum(faded)])[actions[p].strike_offsets]
-                    moves[own, layout.CUT + slot] += term[layout.WEIGHT] * term[layout.EFFORT] * np.diff(sums)
+                    moves[own, layout.TRANSITION + slot] += term[layout.WEIGHT] * term[layout.EFFORT] * np.diff(sums)
     return moves
 
 

@@ -1,8 +1,8 @@
-"""Who is near whom: the index over a crowd, in whose order its avatars are stored.
+"""Indices of nearest opponents and neighbours; avatars are stored in the order of the index.
 
 Every index gives the same answers: the nearest opponent by squared distance in float64, the lower number among
 equals, and the neighbours within reach. ``kd_tree`` is what ``auto`` takes for crowds that are too large for a direct
-comparison; ``scipy`` finds opponents its own way, for comparison, and leaves the neighbours to the tree.
+comparison; ``scipy`` finds opponents by scipy's tree, for comparison, and neighbours by ours.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from crowdsim.crowd.kernels.kd_queries import observe
 from crowdsim.crowd.kernels.kd_tree import Tree
 from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.workers import Workers
-
-SEARCHES = ("auto", "kd_tree", "scipy")
+from crowdsim.scenario.groups import SEARCHES
 
 SORT_EVERY = 16
 """Frames after which avatars may be brought into the order of a newly built tree; between, it is only refitted."""
@@ -29,10 +28,10 @@ GROWN = 1.2
 
 
 class Index(Protocol):
-    """What a simulation asks of an index."""
+    """The interface of an index."""
 
     def update(self, avatars: Avatars, present: int) -> None:
-        """Take up where the first ``present`` slots stand now; sort their storage when the time has come."""
+        """Read the positions of the first ``present`` slots; sort their storage when it is due."""
 
     def observe(self, avatars: Avatars, due: Array, reach: float, out: Observed) -> None:
         """Write the nearest opponent's slot, and the slots of neighbours, for each slot of ``due``, which ascend."""
@@ -66,7 +65,7 @@ class TreeIndex:
         self._tree = None
 
     def update(self, avatars: Avatars, present: int) -> None:
-        """Take up where the first ``present`` slots stand now; sort their storage when the time has come."""
+        """Read the positions of the first ``present`` slots; sort their storage when it is due."""
         if self._tree is None:
             self._tree = plan_tree(
                 avatars.x[:present], avatars.z[:present], avatars.number[:present], avatars.team[:present]
@@ -97,7 +96,7 @@ class ScipyIndex(TreeIndex):
     """scipy's KDTree for the opponents: one over everyone, and one over all others for each team."""
 
     def update(self, avatars: Avatars, present: int) -> None:
-        """Take up where the first ``present`` slots stand now."""
+        """Read the positions of the first ``present`` slots."""
         from scipy.spatial import cKDTree
 
         super().update(avatars, present)

@@ -1,4 +1,4 @@
-"""Where avatars stand and look at the start, of which type they are, and how large and quick each is."""
+"""Positions, headings, types, scales and speeds of avatars at the start."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _DARTS = 24
 
 @dataclass(frozen=True)
 class Placed:
-    """All avatars of a scenario as they stand at the start, waiting groups included.
+    """All avatars of a scenario at the start, waiting groups included.
 
     Attributes:
         x, z: Positions [m]. Shape (N,).
@@ -62,7 +62,7 @@ def place_groups(scenario: Scenario) -> Placed:
     """Place all groups of a scenario, in their order; the same seed gives the same bytes.
 
     Raises:
-        ScenarioError: Not all avatars fit; the message says how many did.
+        ScenarioError: Not all avatars fit; the message holds how many did.
     """
     groups = scenario.groups
     starts = np.concatenate([[0], np.cumsum([group.count for group in groups])])
@@ -79,7 +79,7 @@ def place_groups(scenario: Scenario) -> Placed:
     teams = scenario.teams
     team = np.array([teams.index(group.team) for group in groups], np.int32)[index]
     for i in range(len(groups)):
-        _turn(scenario, i, slice(int(starts[i]), int(starts[i + 1])), team, x, z, headings)
+        _set_headings(scenario, i, slice(int(starts[i]), int(starts[i + 1])), team, x, z, headings)
     numbers = np.arange(total)
     scale, speed = np.empty(total), np.empty(total)
     for t, name in enumerate(types):
@@ -101,19 +101,19 @@ def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: A
     elif isinstance(placement, GridPlacement):
         columns = min(placement.columns or int(np.ceil(np.sqrt(count))), count)
         row, column = np.divmod(np.arange(count), columns)
-        # The first row stands in front, and a last row that is not full stands in the middle.
+        # The first row is in front; a last row that is not full is centred.
         filled = np.where(row == count // columns, count - count // columns * columns, columns)
         across = ((filled - 1) / 2 - column) * placement.spacing
         ahead = (-(-count // columns) - 1) / 2 - row
-        x[here], z[here] = _turned(placement.centre, placement.turn, across, ahead * placement.spacing)
-        heading[here] = np.radians(placement.turn)
+        x[here], z[here] = _rotated(placement.centre, placement.rotation, across, ahead * placement.spacing)
+        heading[here] = np.radians(placement.rotation)
     elif isinstance(placement, RingPlacement):
         ratio = placement.distance / (2 * placement.radius)
         room = 1 if ratio > 1 else int(np.pi / np.arcsin(ratio) + 1e-9)
         where = f"on a ring of radius {placement.radius:g} m"
         least = placement.distance / 2 / np.sin(np.pi / count) if count > 1 else 0.0
         _check_room(scenario, index, room, where, placement.distance, f"a radius of {_up(least)} m")
-        angle = np.radians(placement.turn) + 2 * np.pi * np.arange(count) / count
+        angle = np.radians(placement.rotation) + 2 * np.pi * np.arange(count) / count
         x[here] = placement.centre[0] + placement.radius * np.sin(angle)
         z[here] = placement.centre[1] + placement.radius * np.cos(angle)
         heading[here] = angle + np.pi
@@ -134,10 +134,10 @@ def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: A
         filled = np.where(rank == count // files, count - count // files * files, files)
         sign = 1.0 if placement.side == "left" else -1.0
         away = sign * (placement.gap / 2 + rank * placement.spacing)
-        x[here], z[here] = _turned(
-            placement.centre, placement.turn, away, (file - (filled - 1) / 2) * placement.spacing
+        x[here], z[here] = _rotated(
+            placement.centre, placement.rotation, away, (file - (filled - 1) / 2) * placement.spacing
         )
-        heading[here] = np.radians(placement.turn) - sign * np.pi / 2
+        heading[here] = np.radians(placement.rotation) - sign * np.pi / 2
     elif isinstance(placement, PointsPlacement):
         points = read_points(scenario, index, placement)
         if len(points) < count:
@@ -180,7 +180,7 @@ def _check_arena(scenario: Scenario, index: int, first: int, x: Array, z: Array)
 
 
 def _check_conflicts(scenario: Scenario, starts: Array, x: Array, z: Array) -> None:
-    """Refuse avatars in one place, which given points and groups that know nothing of each other can bring about."""
+    """Refuse avatars at one position, which given points, or groups placed independently, can bring about."""
     kinds = {group.placement.kind for group in scenario.groups}
     if kinds == {"disc"} or (len(scenario.groups) == 1 and kinds != {"points"}):
         return
@@ -189,7 +189,7 @@ def _check_conflicts(scenario: Scenario, starts: Array, x: Array, z: Array) -> N
         distance = np.hypot(x[:second] - x[second], z[:second] - z[second])
         first = int(np.argmin(distance))
         index = int(np.searchsorted(starts, second, side="right") - 1)
-        what = f"avatar {scenario.avatar_name(second)} would stand {distance[first]:.2f} m from "
+        what = f"avatar {scenario.avatar_name(second)} would be {distance[first]:.2f} m from "
         what += f"{scenario.avatar_name(first)}, expected {LEAST_DISTANCE} m or more"
         raise scenario.error(what, "groups", index, "placement")
 
@@ -217,8 +217,8 @@ def _arena_words(arena: Arena) -> str:
     return "open ground"
 
 
-def _turn(scenario: Scenario, index: int, here: slice, team: Array, x: Array, z: Array, heading: Array) -> None:
-    """Turn the avatars of a group as ``facing`` says."""
+def _set_headings(scenario: Scenario, index: int, here: slice, team: Array, x: Array, z: Array, heading: Array) -> None:
+    """Set the headings of a group as its ``facing`` asks."""
     group = scenario.groups[index]
     facing, placement = group.facing, group.placement
     if isinstance(facing, float | int):
@@ -241,8 +241,8 @@ def _bearing(towards: tuple[float, float], x: Array, z: Array) -> Array:
     return np.arctan2(towards[0] - x, towards[1] - z)
 
 
-def _turned(centre: tuple[float, float], degrees: float, across: Array, ahead: Array) -> tuple[Array, Array]:
-    """Return positions given to the left and ahead of a centre that is turned about +y."""
+def _rotated(centre: tuple[float, float], degrees: float, across: Array, ahead: Array) -> tuple[Array, Array]:
+    """Return positions that are given to the left and ahead of a centre, rotated about +y."""
     cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return centre[0] + across * cos + ahead * sin, centre[1] - across * sin + ahead * cos
 

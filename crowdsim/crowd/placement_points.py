@@ -17,7 +17,7 @@ def read_points(scenario: Scenario, group: int, placement: PointsPlacement) -> A
     """Return a placement's points: x and z [m] and, where the file has it, the heading [degrees]. Shape (M, 2 or 3).
 
     Raises:
-        ScenarioError: The file cannot be read or holds something else.
+        ScenarioError: The file cannot be read or has another format.
     """
     if placement.file is None:
         return np.array(placement.points or (), dtype=float).reshape(-1, 2)

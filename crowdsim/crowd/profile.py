@@ -115,7 +115,7 @@ def profile_crowd(
         frames: Control frames to measure; kernels are ready before.
         script: What is planned.
         threads: Threads for large crowds.
-        search: How nearest opponents are found, one of ``opponents.SEARCHES``.
+        search: How nearest opponents are found, one of ``scenario.groups.SEARCHES``.
         progress: Called with ("control", frames done, frames).
     """
     with watch_compilation() as compilation:

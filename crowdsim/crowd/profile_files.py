@@ -130,7 +130,7 @@ def draw_scaling(path: Path, profiles: Sequence[Profile]) -> None:
 
 @contextmanager
 def _written(path: Path) -> Iterator[Path]:
-    """Give a temporary name beside a file, which becomes the file's where all goes well."""
+    """Give a temporary name beside a file, which is renamed to the file on success."""
     part = path.with_name(path.name + ".part")
     try:
         yield part

@@ -20,7 +20,7 @@ class TargetPath(Protocol):
 
 @dataclass(frozen=True)
 class CirclePath:
-    """A target that goes round in a circle, from +z on towards +x.
+    """A target that moves along a circle, from +z towards +x.
 
     Attributes:
         radius: Radius [m].
@@ -64,19 +64,19 @@ class LinePath:
         if self.loop:
             corners = np.concatenate([corners, corners[:1]])
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-        way = np.maximum(seconds, 0.0) * self.speed
+        distance = np.maximum(seconds, 0.0) * self.speed
         if self.loop and along[-1] > 0.0:
-            way = np.mod(way, along[-1])
-        x, z = np.interp(way, along, corners[:, 0]), np.interp(way, along, corners[:, 1])
+            distance = np.mod(distance, along[-1])
+        x, z = np.interp(distance, along, corners[:, 0]), np.interp(distance, along, corners[:, 1])
         return np.stack([x, np.full_like(x, self.height), z], axis=-1)
 
 
 @dataclass(frozen=True)
 class Change:
-    """Something that happens once, before decisions, and changes what the arrays of a crowd say.
+    """An event that happens once, before decisions, and changes the arrays of a crowd.
 
     Attributes:
-        frame: Control frame at which it happens; None where a condition says.
+        frame: Control frame at which it happens; None where a condition decides.
         strikes: With a condition: strikes that must have landed; 0 for none.
         team: Team that must have landed them, -1 for all together.
         near: With a condition: two groups, and the distance between them [m] that must be undercut.
@@ -108,7 +108,7 @@ class Script:
 
     Attributes:
         targets: Paths of scripted targets.
-        changes: What happens on the way, in this order where several things happen at once.
+        changes: What happens during the run, in this order where several things happen at once.
     """
 
     targets: tuple[TargetPath, ...] = ()
@@ -134,16 +134,16 @@ class Agenda:
         return most
 
     def count(self, teams: Array) -> None:
-        """Count strikes that have landed by the teams of those who threw them. Shape (n,)."""
+        """Count strikes that have landed, by the teams of their attackers. Shape (n,)."""
         if self._pending:
             self._landed += np.bincount(teams, minlength=len(self._landed))
 
     def due(self, frame: int, distance: Callable[[int, int], float]) -> Iterator[Change]:
-        """Yield each change whose time has come, once, and ask for the next one's when it has been made.
+        """Yield each change that is due, once; the next one is checked after it has been made.
 
         Args:
             frame: The control frame.
-            distance: Tells the least distance between avatars of two groups [m].
+            distance: Returns the least distance between avatars of two groups [m].
         """
         for change in list(self._pending):
             if self._is_time(change, frame, distance):

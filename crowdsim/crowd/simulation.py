@@ -20,12 +20,13 @@ from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.layout import Now
 from crowdsim.crowd.kernels.loop import run_frames
 from crowdsim.crowd.model import build_model
-from crowdsim.crowd.opponents import SEARCHES, Index, build_index
+from crowdsim.crowd.opponents import Index, build_index
 from crowdsim.crowd.random import Purpose, stream
 from crowdsim.crowd.script import Agenda, Change, Script, target_positions
 from crowdsim.crowd.stages import Stages, lost_avatar
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import nearest
+from crowdsim.scenario.groups import SEARCHES
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -38,14 +39,14 @@ _CHUNK_AVATAR_FRAMES = 1_000_000
 
 
 class Simulation:
-    """A crowd on its way.
+    """A crowd in motion.
 
     Args:
         crowd: The crowd.
         policies: Its policies.
         script: What is planned.
         threads: Threads for large crowds.
-        search: How nearest opponents are found, one of ``opponents.SEARCHES``.
+        search: How nearest opponents are found, one of ``scenario.groups.SEARCHES``.
         order: Number of the avatar in each slot at the start; it changes no result. Shape (N,).
         profiled: Take the time of every stage.
 
@@ -156,7 +157,7 @@ class Simulation:
         strikes = empty_strikes(16 * present + present * frames // 2)
         fresh = len(self._fresh) > 0
         if fresh and len(self._fresh) < present:
-            # Those who have just entered decide before the others move.
+            # Avatars that have just entered decide before the others move.
             return self._run_stages(rows.rows(0, 1), None if timings is None else timings[:1])
         self._note_search("direct")
         ran, held, lost = run_frames(
@@ -229,7 +230,7 @@ class Simulation:
         self._index.reset()
 
     def _admit(self, concerned: Array, present: bool) -> None:
-        """Let avatars enter or leave: those who are present are stored first."""
+        """Let avatars enter or leave; present avatars are stored first."""
         from crowdsim.crowd.opponents import store_in_order
 
         here = np.arange(self.crowd.count) < self.present
@@ -255,7 +256,7 @@ def simulate(
     profiled: bool = False,
     chunk: int | None = None,
 ) -> Iterator[Chunk]:
-    """Run a crowd and yield its frames in chunks; stop asking to stop it.
+    """Run a crowd and yield its frames in chunks; it runs only as far as chunks are read.
 
     Args:
         crowd: The crowd; see ``cast.cast_crowd`` for a scenario's.
@@ -263,7 +264,7 @@ def simulate(
         frames: Control frames.
         script: What is planned.
         threads: Threads for large crowds.
-        search: How nearest opponents are found, one of ``opponents.SEARCHES``.
+        search: How nearest opponents are found, one of ``scenario.groups.SEARCHES``.
         order: Number of the avatar in each slot at the start; it changes no result. Shape (N,).
         profiled: Take the time of every stage.
         chunk: Control frames in a chunk; by default a million avatar-frames, at most 256.

@@ -44,7 +44,7 @@ class Stages:
         return self._due.nbytes
 
     def run(self, world: World, now: Now, fresh: Array, rows: Record, timings: Array | None) -> Strikes:
-        """Run a frame into the first of ``rows``, and return the strikes thrown on the way to it.
+        """Run a frame into the first of ``rows``, and return the strikes thrown since the frame before.
 
         Args:
             world: What avatars share.
@@ -137,7 +137,7 @@ class Stages:
         return spent[0] / spent[1]
 
     def _strike(self, world: World, now: Now) -> Strikes:
-        """List the strikes thrown on the way to this frame."""
+        """List the strikes thrown since the frame before."""
         found: dict[int, Strikes] = {}
 
         def throw(first: int, last: int) -> None:

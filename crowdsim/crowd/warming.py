@@ -61,7 +61,7 @@ def warm_up(
 
 
 def first_avatars(crowd: Crowd, count: int) -> Crowd:
-    """Return a crowd of the first avatars of another, all of them present; whom they fight may have changed."""
+    """Return a crowd of the first avatars of another, all of them present; their opponents may differ."""
     count = min(count, crowd.count)
     each = ("x", "z", "heading", "policy", "team", "group", "cohort", "scale", "speed", "skip", "fixed", "present")
     fields = {name: getattr(crowd, name)[:count] for name in each}

@@ -1,4 +1,4 @@
-"""Features of frames: what two frames are compared by, free of where the body stands and where it looks.
+"""Features of frames, by which two frames are compared; independent of the position and heading of the body.
 
 The cost of following frame i as if it were frame k is::
 

@@ -1,4 +1,4 @@
-"""Pictures of a motion graph: the distance matrix with its transitions, ways out of states, lengths of actions."""
+"""Pictures of a motion graph: the distance matrix with its transitions, actions of states, lengths of actions."""
 
 from __future__ import annotations
 

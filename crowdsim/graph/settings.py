@@ -1,4 +1,4 @@
-"""What a recipe says about the motion graph; every default of the graph lives here and nowhere else."""
+"""Settings of the motion graph in a recipe, with all their defaults."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class JointWeights(StrictModel):
     toe: float = Field(default=0.0, ge=0, description="Weight of each toe, where the skeleton has them.")
 
     def of_role(self, role: str) -> float:
-        """Return the weight of a role of ``body.ROLES``, 'left_hand' say."""
+        """Return the weight of a role of ``body.ROLES``, such as 'left_hand'."""
         return float(getattr(self, role.removeprefix("left_").removeprefix("right_")))
 
     @model_validator(mode="after")
@@ -59,7 +59,7 @@ class GraphSettings(StrictModel):
     actions: int | None = Field(
         default=None,
         ge=2,
-        description="Number of actions for which the threshold is chosen; stands in the place of threshold.",
+        description="Number of actions for which the threshold is chosen; replaces threshold.",
     )
     branching: int = Field(
         default=12,

@@ -1,10 +1,10 @@
 """States and actions: what control sees of a motion graph.
 
-Frames are nodes. A frame's ways out are the next frame of its clip and its transitions. Of these the largest strongly
-connected component is kept, so that every frame kept can be reached from every other. A *state* is a frame with more
-than one way out, an *action* the captured motion from a way out to the next state (the paper's section 3). Because an
-action shows neighbouring frames of one clip, a frame that only a transition leads out of, as at the end of a clip, is a
-state too, with one action.
+Frames are nodes. A frame's successors are the next frame of its clip and the targets of its transitions. Of these the
+largest strongly connected component is kept, so that every frame kept can be reached from every other. A *state* is a
+frame with more than one successor, an *action* the captured motion from a successor to the next state (the paper's
+section 3). Because an action shows neighbouring frames of one clip, a frame that only a transition leads out of, as at
+the end of a clip, is a state too, with one action.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class MotionGraph:
         action_next: State in which each action ends. Shape (A,), int32.
         action_first: Control frame shown one frame after the state's frame. Shape (A,), int32. The action shows frames
             ``action_first`` to ``action_first + T - 1``, placed so that the ground transform of frame
-            ``action_first - 1`` lies on that of the avatar when it stands in the state. Its last frame is that of the
+            ``action_first - 1`` is aligned with that of the avatar in the state. Its last frame is that of the
             state ``action_next``.
         action_lengths: Frames T that each action shows, at least 1. Shape (A,), int32.
         action_costs: Cost of the transition into each action [m]; 0 where it continues the capture. Shape (A,),
@@ -72,7 +72,7 @@ class MotionGraph:
         return np.repeat(np.arange(self.state_count, dtype=np.int32), np.diff(self.action_offsets))
 
     @property
-    def action_cuts(self) -> Array:
+    def action_has_transition(self) -> Array:
         """Whether each action begins with a transition rather than the captured next frame. Shape (A,), bool."""
         return self.action_first != self.state_frames[self.action_states] + 1
 
@@ -97,12 +97,12 @@ class MotionGraph:
         frames, half, count = len(self.frames_kept), self.state_count // 2, self.action_count // 2
         own, others = self.state_frames[:half], self.state_frames[half:]
         if 2 * captured == frames and np.array_equal(own + captured, others):
-            ways = self.state_frames[self.action_states].astype(np.int64) * frames + self.action_first
-            images = ways[:count] + captured * frames
+            pairs = self.state_frames[self.action_states].astype(np.int64) * frames + self.action_first
+            images = pairs[:count] + captured * frames
             images += np.where(self.action_first[:count] < captured, captured, -captured)
-            order = np.argsort(ways, kind="stable")
-            if np.array_equal(np.sort(images), ways[order][count:]):
-                result: Array = order[np.searchsorted(ways[order], images)]
+            order = np.argsort(pairs, kind="stable")
+            if np.array_equal(np.sort(images), pairs[order][count:]):
+                result: Array = order[np.searchsorted(pairs[order], images)]
                 return result
         return np.zeros(0, np.int64)
 
@@ -128,13 +128,13 @@ def graph_of_transitions(
     inside = transitions.chosen(kept[transitions.sources] & kept[transitions.targets])
     sources, targets, costs = inside.sources, inside.targets, inside.costs
     continues = _continues(kept, clip_starts)
-    ways = continues + np.bincount(sources, minlength=frames)
-    if ways.max() < 2:
+    successors = continues + np.bincount(sources, minlength=frames)
+    if successors.max() < 2:
         raise MotionError(
             f"the motion graph is a single loop of {int(kept.sum())} frames without a decision: "
             f"{len(sources)} transitions cost {threshold:.3f} m or less; raise graph.threshold or add capture"
         )
-    state_frames = np.flatnonzero(kept & ((ways > 1) | ~continues)).astype(np.int32)
+    state_frames = np.flatnonzero(kept & ((successors > 1) | ~continues)).astype(np.int32)
     onward = state_frames[continues[state_frames]]
     starts = np.concatenate([onward, sources])
     firsts = np.concatenate([onward + np.int32(1), targets])

@@ -31,7 +31,7 @@ class GraphStatistics:
         cost_95: Their 95th percentile [m].
         threshold: Largest cost allowed [m].
         transitions_per_second: Those of a body that draws its actions evenly at random. A policy makes fewer.
-        uncut_seconds: Median time between two transitions of such a body [s].
+        seconds_between_transitions: Median time between two transitions of such a body [s].
     """
 
     frames: int
@@ -46,7 +46,7 @@ class GraphStatistics:
     cost_95: float
     threshold: float
     transitions_per_second: float
-    uncut_seconds: float
+    seconds_between_transitions: float
 
 
 def graph_statistics(graph: MotionGraph, control_rate: float) -> GraphStatistics:
@@ -66,8 +66,8 @@ def graph_statistics(graph: MotionGraph, control_rate: float) -> GraphStatistics
         cost_mean=float(graph.transition_costs.mean(dtype=np.float64)),
         cost_95=float(np.percentile(graph.transition_costs, 95)),
         threshold=graph.threshold,
-        transitions_per_second=float(shares[graph.action_cuts].sum() / frames * control_rate),
-        uncut_seconds=_median_run(graph, shares) / control_rate,
+        transitions_per_second=float(shares[graph.action_has_transition].sum() / frames * control_rate),
+        seconds_between_transitions=_median_run(graph, shares) / control_rate,
     )
 
 
@@ -93,7 +93,7 @@ def _random_shares(graph: MotionGraph) -> Array:
 
 def _median_run(graph: MotionGraph, shares: Array) -> float:
     """Return the median number of frames from one transition to the next, actions being drawn evenly at random."""
-    transitions = graph.action_cuts
+    transitions = graph.action_has_transition
     if not transitions.any():
         return float("inf")
     counts = np.diff(graph.action_offsets)

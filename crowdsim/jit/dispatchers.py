@@ -45,7 +45,7 @@ def build_dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> A
 def _keep(dispatcher: Any, kept: KernelCache) -> None:
     """Keep what is compiled, and compile nothing that another process compiles at this moment.
 
-    A process that holds a kernel waits for those that it calls, never the other way round, so none wait in a circle.
+    A process that holds a kernel waits for those that it calls, never the reverse, so none wait in a circle.
     """
     compile_now = dispatcher.compile
 

@@ -37,7 +37,7 @@ def choose_kernel_cache(package: Path = PACKAGE) -> None:
             )
             return
     warnings.warn(
-        f"compiled kernels cannot be kept in {package} or in the user's cache, and every process compiles them anew; "
+        f"compiled kernels cannot be kept in {package} or in the user's cache, and every process compiles them again; "
         "NUMBA_CACHE_DIR names another folder",
         RuntimeWarning,
         stacklevel=3,

@@ -42,7 +42,7 @@ def analyse_clip(clip: Clip, body: Body, calibrate_floor: bool = True) -> ClipAn
         clip: The clip in metres, y up, without its lead-in, at 60 frames a second or more for true speeds; at least
             one frame.
         body: The body on its skeleton.
-        calibrate_floor: Move the clip so that its planted soles stand at y = 0.
+        calibrate_floor: Move the clip so that its planted soles are at y = 0.
     """
     clip, floor = on_floor(clip, body) if calibrate_floor else (clip, 0.0)
     tracks = clip_tracks(clip, body)
@@ -57,7 +57,7 @@ def analyse_clip(clip: Clip, body: Body, calibrate_floor: bool = True) -> ClipAn
 
 
 def on_floor(clip: Clip, body: Body) -> tuple[Clip, float]:
-    """Return the clip moved so that its planted soles stand at y = 0, and how high the floor lay before [m]."""
+    """Return the clip moved so that its planted soles are at y = 0, and the height of the floor before [m]."""
     floor = find_floor(clip_tracks(clip, body), clip.fps)
     lift = np.array([0.0, -floor, 0.0])
     moved = clip.translations

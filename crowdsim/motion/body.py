@@ -73,15 +73,15 @@ def standing_height(skeleton: Skeleton, roles: Mapping[str, int], positions: Arr
     Args:
         skeleton: The skeleton.
         roles: Its joints by role.
-        positions: Joint positions of any true pose, for the way from the hips to the spine. Shape (J, 3); the rest pose
-            when None.
+        positions: Joint positions of any true pose, for the direction from the hips to the spine. Shape (J, 3); the
+            rest pose when None.
     """
     tree = JointTree(skeleton, None)
-    legs = [tree.way(roles[f"{side}_hip"], roles[f"{side}_foot"]) for side in ("left", "right")]
+    legs = [tree.path_length(roles[f"{side}_hip"], roles[f"{side}_foot"]) for side in ("left", "right")]
     positions = skeleton.rest_positions() if positions is None else positions
     # The trunk begins between the hips; the pelvis joint may lie above or below.
     hips = 0.5 * (positions[roles["left_hip"]] + positions[roles["right_hip"]])
-    trunk = tree.way(roles["spine"], roles["head"]) + float(np.linalg.norm(positions[roles["spine"]] - hips))
+    trunk = tree.path_length(roles["spine"], roles["head"]) + float(np.linalg.norm(positions[roles["spine"]] - hips))
     return (float(np.mean(legs)) + trunk) / 0.84
 
 
@@ -93,7 +93,7 @@ def build_body(
     Args:
         skeleton: The skeleton [m].
         roles: Its joints by role; found by ``find_roles`` when None.
-        pose: Positions (J, 3) and rotations (J, 4) in the world of a pose in which the body stands, for skeletons whose
+        pose: Positions (J, 3) and rotations (J, 4) in the world of an upright pose, for skeletons whose
             rest pose is no pose of a body, such as those whose bones all lie along one axis; the rest pose when None.
 
     Raises:
@@ -132,19 +132,21 @@ def build_body(
 
 
 class _Stance:
-    """The pose in which a body is measured: positions of joints, and ways between them in the joints' own frames."""
+    """The pose in which a body is measured: positions of joints, and vectors between them in the joints' own frames."""
 
     def __init__(self, skeleton: Skeleton, roles: Mapping[str, int], pose: tuple[Array, Array] | None) -> None:
         self.skeleton, self.roles, self.posed = skeleton, roles, pose is not None
         self.positions = skeleton.rest_positions() if pose is None else np.asarray(pose[0], float)
-        self.turns = None if pose is None else np.asarray(pose[1], float)
+        self.rotations = None if pose is None else np.asarray(pose[1], float)
 
     def own(self, joint: int, vector: Array) -> Array:
         """A vector of the world in the frame of a joint."""
-        return vector if self.turns is None else quaternion.rotate(quaternion.conjugate(self.turns[joint]), vector)
+        if self.rotations is None:
+            return vector
+        return quaternion.rotate(quaternion.conjugate(self.rotations[joint]), vector)
 
-    def way(self, joint: int, start: int, end: int) -> Array:
-        """The way from one joint to another in the frame of a third."""
+    def between(self, joint: int, start: int, end: int) -> Array:
+        """The vector from one joint to another in the frame of a third."""
         return self.own(joint, self.positions[end] - self.positions[start])
 
     def at(self, role: str) -> int:
@@ -164,7 +166,7 @@ def _unit(v: Array) -> Array:
 def _fist(stance: _Stance, side: str, height: float) -> Array:
     """Middle of the fist: the knuckles where there are fingers, else a little beyond the wrist."""
     hand = stance.at(f"{side}_hand")
-    ahead = _unit(stance.way(hand, stance.at(f"{side}_elbow"), hand))
+    ahead = _unit(stance.between(hand, stance.at(f"{side}_elbow"), hand))
     positions = [stance.skeleton.offsets[child] for child in stance.skeleton.children(hand)]
     positions = [
         place for place in positions if 0.02 * height < np.dot(place, ahead) and np.linalg.norm(place) < 0.1 * height
@@ -181,7 +183,7 @@ def _fist(stance: _Stance, side: str, height: float) -> Array:
 def _head(stance: _Stance, height: float) -> Array:
     """Centre of the head above the joint at the base of the skull."""
     head, neck = stance.at("head"), stance.at("neck")
-    up = stance.way(head, neck if neck != head else stance.at("chest"), head)
+    up = stance.between(head, neck if neck != head else stance.at("chest"), head)
     ends = stance.ends(head)
     if len(ends) and 0.05 * height < np.linalg.norm(ends[0]) < 0.2 * height:
         up = ends[0]
@@ -194,17 +196,17 @@ def _sole(stance: _Stance, side: str, size: float) -> Array:
     if stance.posed:
         down = stance.own(foot, np.array([0.0, -1.0, 0.0]))
     else:
-        down = _unit(stance.way(foot, stance.at(f"{side}_knee"), foot))
+        down = _unit(stance.between(foot, stance.at(f"{side}_knee"), foot))
         if np.abs(down).max() > 0.9:
             axis = int(np.argmax(np.abs(down)))
             down = np.eye(3)[axis] * np.sign(down[axis])
     toe = stance.roles.get(f"{side}_toe")
     ends = stance.ends(foot)
     ends = ends[np.linalg.norm(ends, axis=1) > 0.02 * size] if len(ends) else ends
-    across = stance.way(foot, stance.at("right_hip"), stance.at("left_hip"))
+    across = stance.between(foot, stance.at("right_hip"), stance.at("left_hip"))
     forward = _unit(np.cross(across, -down))
     if toe is not None:
-        ball = stance.way(foot, foot, toe)
+        ball = stance.between(foot, foot, toe)
     elif len(ends) and np.linalg.norm(np.cross(ends, down), axis=1).max() > 0.04 * size:
         ball = ends[int(np.argmax(np.linalg.norm(ends, axis=1)))]
     else:
@@ -212,7 +214,7 @@ def _sole(stance: _Stance, side: str, size: float) -> Array:
         ball = size * (0.07 * down + 0.13 * forward)
     drop = float(np.dot(ball, down))
     level = ball - drop * down
-    # A toe right under the ankle, or none at all, says nothing of where the foot points.
+    # A toe right under the ankle, or none at all, does not determine the direction of the foot.
     ahead = _unit(level) if np.linalg.norm(level) > 0.03 * size else forward
     length = float(np.clip(np.dot(ball, ahead), 0.06 * size, 0.17 * size if toe is not None else 0.24 * size))
     if toe is None and len(ends):
@@ -244,7 +246,7 @@ class _Capsules:
         self, start: int, end: int, radii: tuple[float, float], part: str, span: tuple[float, float] = (0.0, 1.0)
     ) -> None:
         """Add a capsule along the bone between two joints, or along a span of it."""
-        bone = self.stance.way(start, start, end)
+        bone = self.stance.between(start, start, end)
         self.add(start, bone * span[0], bone * span[1], radii, part)
 
 
@@ -253,7 +255,7 @@ def _shape_trunk(capsules: _Capsules, head: Array) -> None:
     roles, parents = stance.roles, stance.skeleton.parents
     pelvis, neck, chest = roles["pelvis"], roles["neck"], roles["chest"]
     inward = 0.75
-    hips = [stance.way(pelvis, pelvis, roles[f"{side}_hip"]) for side in ("left", "right")]
+    hips = [stance.between(pelvis, pelvis, roles[f"{side}_hip"]) for side in ("left", "right")]
     capsules.add(pelvis, hips[0] * inward, hips[1] * inward, (0.1, 0.1), "trunks")
     chain = [neck]
     while chain[-1] not in (pelvis, roles["spine"]) and parents[chain[-1]] >= 0:
@@ -262,7 +264,7 @@ def _shape_trunk(capsules: _Capsules, head: Array) -> None:
         chain.append(pelvis)
     for start, end in itertools.pairwise(chain[::-1]):
         capsules.bone(start, end, (0.115, 0.115) if end != neck else (0.12, 0.075), "shirt")
-    shoulders = [stance.way(chest, chest, roles[f"{side}_shoulder"]) for side in ("left", "right")]
+    shoulders = [stance.between(chest, chest, roles[f"{side}_shoulder"]) for side in ("left", "right")]
     middle = 0.5 * (shoulders[0] + shoulders[1])
     ends = [middle + 0.8 * (shoulder - middle) for shoulder in shoulders]
     capsules.add(chest, ends[0], ends[1], (0.07, 0.07), "shirt")

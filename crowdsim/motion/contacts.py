@@ -51,7 +51,7 @@ def find_contacts(tracks: Tracks, height: float, fps: float, floor: float = 0.0)
 
 
 def find_floor(tracks: Tracks, fps: float) -> float:
-    """Return the height on which the feet stand [m]: the median of soles that do not move."""
+    """Return the height of the floor under the feet [m]: the median of soles that do not move."""
     soles = np.concatenate([tracks.heels, tracks.balls], axis=1)
     lowest = soles[..., 1].min(axis=1)
     still = speeds(soles, fps).min(axis=1)
@@ -65,7 +65,7 @@ def runs(flags: Array) -> Array:
 
 
 def _hysteresis(enter: Array, stay: Array) -> Array:
-    """Flags that begin where ``enter`` holds and last, both ways, as long as ``stay`` does."""
+    """Flags that begin where ``enter`` holds and last, in both directions, as long as ``stay`` does."""
     flags = np.zeros(len(enter), bool)
     for start, stop in runs(stay):
         if enter[start:stop].any():
@@ -81,12 +81,12 @@ def _without_short(flags: Array, least: int) -> Array:
     return flags
 
 
-def stand_spans(contacts: Array, starts: Array) -> Array:
-    """Return the first and last frame of the stand that each foot is in; the frame itself while it is in the air.
+def plant_spans(contacts: Array, starts: Array) -> Array:
+    """Return the first and last frame of the foot plant that each foot is in; the frame itself while it is in the air.
 
     Args:
         contacts: Whether each foot is planted. Shape (F, 2), bool.
-        starts: First frame of each clip, and F: stands end with their clip. Shape (C + 1,).
+        starts: First frame of each clip, and F: foot plants end with their clip. Shape (C + 1,).
 
     Returns:
         Shape (F, 2, 2), int64.
@@ -98,7 +98,7 @@ def stand_spans(contacts: Array, starts: Array) -> Array:
         planted = np.asarray(contacts[:, foot], dtype=bool)
         begins = np.flatnonzero(planted & (opens | ~np.r_[False, planted[:-1]]))
         ends = np.flatnonzero(planted & (closes | ~np.r_[planted[1:], False]))
-        stand = np.searchsorted(begins, frames, side="right") - 1
+        plant = np.searchsorted(begins, frames, side="right") - 1
         for k, edges in enumerate((begins, ends)):
-            spans[:, foot, k] = np.where(planted, np.append(edges, 0)[stand], frames)
+            spans[:, foot, k] = np.where(planted, np.append(edges, 0)[plant], frames)
     return spans

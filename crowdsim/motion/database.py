@@ -40,7 +40,7 @@ class MotionDatabase:
         clip_starts: First control frame of each clip, and F. Shape (C + 1,), int32.
         root_positions: Position of the root in its clip's world, the floor at 0 [m]. Shape (P, 3), float32.
         rotations: Local joint rotations, continuous in sign within a clip. Shape (P, J, 4), float32.
-        ground: Ground transform of the body in its clip's world: where its feet stand, as ``Tracks.stances`` say, and
+        ground: Ground transform of the body in its clip's world: where its feet are, as in ``Tracks.stances``, and
             turned by as much in all frames that headings are where bodies face on the average, mirror images by as
             much the other way. A punch sways pelvis and shoulders, and hardly this: where one motion is laid upon
             another, feet stay where they are. Feet of a body that travels pass one another: hips and shoulders say
@@ -54,7 +54,7 @@ class MotionDatabase:
         strike_hands: 0 for the left hand, 1 for the right. Shape (S,), uint8.
         strike_peaks: Playback frame of the fist's highest speed before that. Shape (S,), int32.
         strike_speeds: That speed, relative to the pelvis [m/s]. Shape (S,), float32.
-        strike_places: Position of the fist at ``strike_frames`` in that frame's ground frame [m]. Shape (S, 3),
+        strike_positions: Position of the fist at ``strike_frames`` in that frame's ground frame [m]. Shape (S, 3),
             float32.
     """
 
@@ -76,7 +76,7 @@ class MotionDatabase:
     strike_hands: Array
     strike_peaks: Array
     strike_speeds: Array
-    strike_places: Array
+    strike_positions: Array
 
     @property
     def stride(self) -> int:
@@ -121,7 +121,7 @@ def build_database(
         playback_rate: Playback frames a second, a whole multiple of the control rate.
         mirror: Add every clip's mirror image, after the clips themselves.
         trim: Cut off lead-in calibration poses.
-        calibrate_floor: Move every clip so that its planted soles stand at y = 0.
+        calibrate_floor: Move every clip so that its planted soles are at y = 0.
         progress: Called with ("motion", clips done, clips) as the work goes on.
 
     Raises:
@@ -210,12 +210,12 @@ def _join(
         strike_hands=hands,
         strike_peaks=strikes("peaks", shift=True).astype(np.int32),
         strike_speeds=strikes("speeds"),
-        strike_places=fists[frames, hands],
+        strike_positions=fists[frames, hands],
     )
 
 
 def _grounds(clips: list[ClipAnalysis]) -> list[Array]:
-    """Return each clip's ground transforms: its stances, turned to where bodies face on the average over all clips.
+    """Return each clip's ground transforms: its stances, with headings in the mean direction of bodies over all clips.
 
     Feet that pass one another say nothing about where a body faces: the faster it travels, the more hips and shoulders
     do.
@@ -225,13 +225,13 @@ def _grounds(clips: list[ClipAnalysis]) -> list[Array]:
     away = [ground.wrap(clip.tracks.ground[:, 2] - clip.tracks.stances[:, 2]) for clip in clips]
     travel = [_travelling(clip) for clip in clips]
     weights = 1.0 - np.concatenate(travel) + 1e-6
-    turn = float(np.angle(np.sum(weights * np.exp(1j * np.concatenate(away)))))
-    turned: list[Array] = []
+    mean = float(np.angle(np.sum(weights * np.exp(1j * np.concatenate(away)))))
+    aligned: list[Array] = []
     for clip, gap, share in zip(clips, away, travel, strict=True):
         stances = clip.tracks.stances.copy()
-        stances[:, 2] += turn + share * ground.wrap(gap - turn)
-        turned.append(stances)
-    return turned
+        stances[:, 2] += mean + share * ground.wrap(gap - mean)
+        aligned.append(stances)
+    return aligned
 
 
 def _travelling(analysis: ClipAnalysis) -> Array:

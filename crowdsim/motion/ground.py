@@ -1,4 +1,4 @@
-"""Ground transforms ``(x, z, heading)``: where a body stands and where it looks; arrays ``(..., 3)`` that broadcast.
+"""Ground transforms ``(x, z, heading)``: position and heading of a body; arrays ``(..., 3)`` that broadcast.
 
 In a ground frame +z is ahead, +x is to the left and +y is up, so a bearing ``atan2(x, z)`` grows to the left as a
 heading does.

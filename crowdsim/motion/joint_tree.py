@@ -76,7 +76,7 @@ class JointTree:
         return found
 
     def common(self, joints: list[int]) -> int:
-        """The last joint that lies on the way from the root to each of the joints."""
+        """The last joint that is on the paths from the root to all of the joints."""
         shared = [at[0] for at in zip(*map(self.path, joints), strict=False) if len(set(at)) == 1]
         return shared[-1]
 
@@ -96,17 +96,17 @@ class JointTree:
         return bool(len(ends) == 0 or np.linalg.norm(ends, axis=1).max() < 1e-3 * scale)
 
     def _bends(self, before: int, joint: int, after: int) -> Array:
-        """How far the way before - joint - after departs from a straight line in each pose [rad]. Shape (n,)."""
+        """How far the path before - joint - after departs from a straight line in each pose [rad]. Shape (n,)."""
         into, out = self.poses[:, joint] - self.poses[:, before], self.poses[:, after] - self.poses[:, joint]
         cross = np.linalg.norm(np.cross(into, out), axis=-1)
         return np.asarray(np.arctan2(cross, np.sum(into * out, axis=-1)))
 
     def bend(self, before: int, joint: int, after: int) -> float:
-        """The furthest that the way before - joint - after departs from a straight line [rad]."""
+        """The furthest that the path before - joint - after departs from a straight line [rad]."""
         return float(self._bends(before, joint, after).max())
 
     def hinge(self, before: int, joint: int, after: int) -> float:
-        """By how much the way before - joint - after opens and closes over the poses [rad]."""
+        """By how much the path before - joint - after opens and closes over the poses [rad]."""
         return float(np.ptp(self._bends(before, joint, after)))
 
     def limb(self, joint: int) -> list[int]:
@@ -140,6 +140,6 @@ class JointTree:
         pairs.sort(key=lambda pair: -pair[0])
         return [(a, b) for _, a, b in pairs]
 
-    def way(self, start: int, end: int) -> float:
-        """Length of the bones between two joints, through the joint where their ways to the root meet."""
+    def path_length(self, start: int, end: int) -> float:
+        """Length of the bones between two joints, through their nearest common ancestor."""
         return float(self.depth[start] + self.depth[end] - 2.0 * self.depth[self.common([start, end])])

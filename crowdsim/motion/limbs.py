@@ -26,7 +26,7 @@ def hinge_axis(uppers: ArrayLike, middles: ArrayLike, ends: ArrayLike, upper_rot
         upper_rotations: Rotations of the upper joint in the world. Shape (F, 4).
 
     Returns:
-        A unit vector about which flexion is a positive turn, poses bent more counting more; zero where the limb is
+        A unit vector about which flexion is a positive rotation, poses bent more counting more; zero where the limb is
         straight in all of them. Shape (3,).
     """
     uppers, middles, ends = (np.asarray(positions, dtype=float) for positions in (uppers, middles, ends))

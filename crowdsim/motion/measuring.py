@@ -81,7 +81,7 @@ def finite_frames(clip: Clip) -> Array:
 
 
 def measure_body(clip: Clip, roles: Mapping[str, int] | None = None) -> Body:
-    """Measure the body of a clip in metres, y up, in its rest pose where that is a body's, else as it stands best.
+    """Measure the body of a clip in metres, y up, in its rest pose if that is a body's, else in its most upright pose.
 
     Args:
         clip: The clip.
@@ -103,19 +103,19 @@ def measure_body(clip: Clip, roles: Mapping[str, int] | None = None) -> Body:
 
 
 def rests_like_a_body(skeleton: Skeleton, roles: Mapping[str, int]) -> bool:
-    """Return whether legs and trunk run opposite ways in the rest pose, and feet stand off from the shanks."""
+    """Return whether the rest pose has legs and trunk in opposite directions, and feet at an angle to the shanks."""
     rest = skeleton.rest_positions()
 
-    def way(start: str, end: str) -> Array:
+    def direction(start: str, end: str) -> Array:
         vector = rest[roles[end]] - rest[roles[start]]
         return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-12))
 
     for side in ("left", "right"):
-        if np.dot(way("spine", "head"), way(f"{side}_hip", f"{side}_foot")) > -0.8:
+        if np.dot(direction("spine", "head"), direction(f"{side}_hip", f"{side}_foot")) > -0.8:
             return False
         if (
             f"{side}_toe" in roles
-            and np.dot(way(f"{side}_knee", f"{side}_foot"), way(f"{side}_foot", f"{side}_toe")) > 0.9
+            and np.dot(direction(f"{side}_knee", f"{side}_foot"), direction(f"{side}_foot", f"{side}_toe")) > 0.9
         ):
             return False
     return True
@@ -133,7 +133,7 @@ def human_roles(skeleton: Skeleton, poses: Array) -> dict[str, int]:
 
 
 def _is_upright(skeleton: Skeleton, roles: Mapping[str, int], poses: Array) -> bool:
-    """Whether the trunk goes on where the legs end, as in anyone who stands, and does not lie across them."""
+    """Whether the trunk goes on where the legs end, as in any upright body, and is not at an angle to them."""
     aligned = []
     groups = [poses] if len(poses) else []
     if rests_like_a_body(skeleton, roles) or not groups:
@@ -176,7 +176,7 @@ def lead_in(clip: Clip, body: Body) -> int:
 
 
 def _calibration(clip: Clip, body: Body) -> tuple[Array, Array]:
-    """Frames (F,) in a calibration pose, and the longer way (F - 1,) of the two fists in each step [m]."""
+    """Frames (F,) in a calibration pose, and the longer displacement (F - 1,) of the two fists in each step [m]."""
     positions, rotations = clip_kinematics(clip)
     tracks = build_tracks(body, positions, rotations)
     relative = tracks.fists - tracks.pelvises[:, None]

@@ -33,8 +33,8 @@ def mirrored(clip: Clip, body: Body) -> Clip:
         )
     partner = mirror_partners(clip.skeleton, body)
     normal = _mirror_normal(clip.skeleton, body)
-    # With n the normal of the rest pose's mirror plane, a turn R becomes N R N: its part about n stays, the rest turns
-    # the other way. The root's stands between the world's mirror and the rest pose's.
+    # With n the normal of the rest pose's mirror plane, a rotation R becomes N R N: its part about n stays, the rest
+    # rotates in the opposite sense. The root's stands between the world's mirror and the rest pose's.
     rotations = clip.rotations[:, partner].copy()
     rotations[..., 1:] = 2.0 * (rotations[..., 1:] @ normal)[..., None] * normal - rotations[..., 1:]
     half = np.concatenate([[0.0], normal])
@@ -87,7 +87,7 @@ def _reflected(vectors: Array, normal: Array) -> Array:
 
 
 def _mirror_normal(skeleton: Skeleton, body: Body) -> Array:
-    """The way from right to left in the rest pose, which is an axis where it is close to one. Shape (3,)."""
+    """The direction from right to left in the rest pose, which is an axis where it is close to one. Shape (3,)."""
     rest, roles = skeleton.rest_positions(), body.roles
     across = np.sum(
         [rest[roles[f"left_{part}"]] - rest[roles[f"right_{part}"]] for part in ("hip", "shoulder")], axis=0

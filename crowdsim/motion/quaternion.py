@@ -1,6 +1,6 @@
 """Quaternions as numpy arrays ``(..., 4)``, wxyz, unit length; everything broadcasts.
 
-The convention is active: ``rotate(q, v)`` turns the vector ``v``. Compiled code keeps its own scalar forms.
+The convention is active: ``rotate(q, v)`` rotates the vector ``v``. Compiled code keeps its own scalar forms.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ AXES = {"X": 0, "Y": 1, "Z": 2}
 
 
 def multiply(a: ArrayLike, b: ArrayLike) -> Array:
-    """Return the product a b: first turn by b, then by a. Shapes (..., 4)."""
+    """Return the product a b: rotation by b, then by a. Shapes (..., 4)."""
     a, b = np.asarray(a), np.asarray(b)
     aw, ax, ay, az = np.moveaxis(a, -1, 0)
     bw, bx, by, bz = np.moveaxis(b, -1, 0)
@@ -39,7 +39,7 @@ def conjugate(q: ArrayLike) -> Array:
 
 
 def rotate(q: ArrayLike, v: ArrayLike) -> Array:
-    """Turn vectors v (..., 3) by quaternions q (..., 4)."""
+    """Rotate vectors v (..., 3) by quaternions q (..., 4)."""
     q, v = np.asarray(q), np.asarray(v)
     w, u = q[..., :1], q[..., 1:]
     t = 2.0 * cross(u, v)
@@ -69,7 +69,7 @@ def continuous(q: ArrayLike, axis: int = 0) -> Array:
 
 
 def from_rotation_vector(v: ArrayLike) -> Array:
-    """Return the turn by ``|v|`` [rad] about ``v`` (..., 3). Shape (..., 4)."""
+    """Return the rotation by ``|v|`` [rad] about ``v`` (..., 3). Shape (..., 4)."""
     v = np.asarray(v, dtype=float)
     angle = np.linalg.norm(v, axis=-1, keepdims=True)
     return np.concatenate([np.cos(angle / 2), 0.5 * np.sinc(angle / (2 * np.pi)) * v], axis=-1)
@@ -85,7 +85,7 @@ def to_rotation_vector(q: ArrayLike) -> Array:
 
 
 def between(a: ArrayLike, b: ArrayLike) -> Array:
-    """Return the shortest turn that takes direction a to direction b (..., 3). Shape (..., 4)."""
+    """Return the smallest rotation that takes direction a to direction b (..., 3). Shape (..., 4)."""
     a = np.asarray(a, dtype=float)
     b = np.asarray(b, dtype=float)
     a = a / np.linalg.norm(a, axis=-1, keepdims=True)
@@ -112,24 +112,24 @@ def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
 
 
 def about_y(angle: ArrayLike) -> Array:
-    """Return the turn about +y by ``angle`` [rad], which is a heading. Shape (..., 4)."""
+    """Return the rotation about +y by ``angle`` [rad], which is a heading. Shape (..., 4)."""
     half = np.asarray(angle, dtype=float) * 0.5
     zero = np.zeros_like(half)
     return np.stack([np.cos(half), zero, np.sin(half), zero], axis=-1)
 
 
 def from_euler(angles: ArrayLike, order: str) -> Array:
-    """Return quaternions of intrinsic Euler angles [rad] (..., len(order)), turned in the letters' order, 'ZXY' say.
+    """Return quaternions of intrinsic Euler angles [rad] (..., len(order)), applied in the letters' order, 'ZXY' say.
 
-    Intrinsic means that each turn is about the axes as the turns before it left them, which is how BVH reads.
+    Intrinsic means that each rotation is about the axes as the ones before it left them, which is how BVH reads.
     """
     angles = np.asarray(angles, dtype=float)
     q = np.zeros((*angles.shape[:-1], 4))
     q[..., 0] = 1.0
     for column, letter in enumerate(order):
         half = angles[..., column] * 0.5
-        turn = np.zeros_like(q)
-        turn[..., 0] = np.cos(half)
-        turn[..., 1 + AXES[letter]] = np.sin(half)
-        q = multiply(q, turn)
+        one = np.zeros_like(q)
+        one[..., 0] = np.cos(half)
+        one[..., 1 + AXES[letter]] = np.sin(half)
+        q = multiply(q, one)
     return q

@@ -16,8 +16,8 @@ def resample(clip: Clip, fps: float) -> Clip:
     """Return the clip at another rate, from its first frame to the last whole frame of the new rate.
 
     Positions follow Catmull-Rom splines and rotations their counterpart made of great arcs (Barry and Goldman's
-    pyramid), so that both have a continuous velocity and a turn at constant speed stays exactly that. Where a new frame
-    falls on an old one it is that frame.
+    pyramid), so that both have a continuous velocity and a rotation at constant speed stays exactly that. Where a new
+    frame falls on an old one it is that frame.
 
     Args:
         clip: The clip.

@@ -1,8 +1,8 @@
 """Which joint plays which part of a human body, from names and, where names fail, from the shape of the tree.
 
 Names alone do not settle it: ``LeftShoulder`` is a collar bone to one exporter and an upper arm to the next, ``hip``
-may be the pelvis or the top of a leg. So names only find the ends (head, hands, feet) and give hints on the way; the
-joints between are chosen along the chain from the trunk to the end, by bone length.
+may be the pelvis or the top of a leg. So names only find the ends (head, hands, feet) and give hints about joints
+between; the joints between are chosen along the chain from the trunk to the end, by bone length.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def find_roles(skeleton: Skeleton, poses: Array | None = None) -> dict[str, int]
 
     Returns:
         A joint for each role of ``crowdsim.motion.body.ROLES`` that the skeleton has. Head, hands and feet, and the
-        joints on the way to them, are there, or the result is empty: then this is no human body.
+        joints between, are there, or the result is empty: then this is no human body.
     """
     if skeleton.joint_count < _LEAST_JOINTS:
         return {}
@@ -58,18 +58,18 @@ def find_roles(skeleton: Skeleton, poses: Array | None = None) -> dict[str, int]
 def misfit(tree: JointTree, roles: Mapping[str, int]) -> float:
     """Return how unlike a human's the proportions are: 0 for an average adult, infinite for what has no limbs."""
     sides = ("left", "right")
-    legs = [tree.way(roles[f"{side}_hip"], roles[f"{side}_foot"]) for side in sides]
-    arms = [tree.way(roles[f"{side}_shoulder"], roles[f"{side}_hand"]) for side in sides]
-    trunk = tree.way(roles["pelvis"], roles["head"])
+    legs = [tree.path_length(roles[f"{side}_hip"], roles[f"{side}_foot"]) for side in sides]
+    arms = [tree.path_length(roles[f"{side}_shoulder"], roles[f"{side}_hand"]) for side in sides]
+    trunk = tree.path_length(roles["pelvis"], roles["head"])
     if min(*legs, *arms, trunk) <= 0.0:
         return float("inf")
     leg, arm = float(np.mean(legs)), float(np.mean(arms))
     uneven = max(abs(legs[0] - legs[1]) / leg, abs(arms[0] - arms[1]) / arm)
     bones = [
-        np.log(tree.way(roles[f"{side}_{top}"], roles[f"{side}_{middle}"]) / max(rest, 1e-9) / _UPPER_TO_LOWER)
+        np.log(tree.path_length(roles[f"{side}_{top}"], roles[f"{side}_{middle}"]) / max(rest, 1e-9) / _UPPER_TO_LOWER)
         for side in sides
         for top, middle, end in (("hip", "knee", "foot"), ("shoulder", "elbow", "hand"))
-        if (rest := tree.way(roles[f"{side}_{middle}"], roles[f"{side}_{end}"])) >= 0.0
+        if (rest := tree.path_length(roles[f"{side}_{middle}"], roles[f"{side}_{end}"])) >= 0.0
     ]
     shares = np.abs([np.log(arm / leg / 0.67), np.log(trunk / leg / 0.72), 0.7 * float(np.max(np.abs(bones)))])
     return float(max(shares.max(), 3.0 * uneven))
@@ -80,7 +80,7 @@ def _ends_by_name(tree: JointTree) -> dict[str, int] | None:
     ends: dict[str, int] = {}
     helpers = joint_names.AUXILIARY | joint_names.FINGERS
     for side, name in enumerate(("left", "right")):
-        # Where both a wrist and a hand are there, the fist turns at the wrist; so does the foot at the ankle.
+        # Where both a wrist and a hand are there, the fist rotates at the wrist; so does the foot at the ankle.
         hands = tree.named(joint_names.WRIST, side, helpers) or tree.named(joint_names.HAND, side, helpers)
         feet = tree.named(joint_names.ANKLE, side, helpers) or tree.named(
             joint_names.FOOT, side, helpers | joint_names.TOE
@@ -100,7 +100,7 @@ def _ends_by_name(tree: JointTree) -> dict[str, int] | None:
 def _ends_by_shape(tree: JointTree) -> list[dict[str, int]]:
     """Every way to take two mirrored pairs of limbs as legs and arms that leaves a head between the arms."""
     pairs = tree.mirrored_pairs()[:_MOST_PAIRS]
-    ways = []
+    found = []
     for legs in pairs:
         for arms in pairs:
             hub_legs, hub_arms = tree.parents[legs[0]], tree.parents[arms[0]]
@@ -115,7 +115,7 @@ def _ends_by_shape(tree: JointTree) -> list[dict[str, int]]:
                 continue
             left = _left_of(tree, legs, leg_ends, crown)
             same = _on_side(tree, arms, legs, left)
-            ways.append(
+            found.append(
                 {
                     "head": crown,
                     "left_foot": leg_ends[left],
@@ -124,7 +124,7 @@ def _ends_by_shape(tree: JointTree) -> list[dict[str, int]]:
                     "right_hand": arm_ends[1 - same],
                 }
             )
-    return ways
+    return found
 
 
 def _pair_ends(tree: JointTree, pair: tuple[int, int]) -> list[int]:

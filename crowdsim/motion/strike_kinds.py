@@ -1,4 +1,4 @@
-"""What kind of strike a strike is, by the way of the fist, and whether it goes to the head or to the body."""
+"""Kinds of strikes, by the path of the fist, and whether they are aimed at the head or the body."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ KINDS = ("straight", "hook", "uppercut")
 HEIGHTS = ("head", "body")
 
 _OUTWARD = 0.8
-"""Cosine of the angle between the fist's velocity and the way from shoulder to fist, from which a strike is straight.
+"""Cosine between a fist's velocity and its direction from the shoulder, from which a strike is straight.
 
 The fist of a hook or an uppercut moves about the shoulder instead.
 """
 _STRETCHED = 0.85
 """Share of its length to which an arm is stretched at the furthest reach of a strike that is straight."""
 _UPWARD = 0.42
-"""Share of the fist's way that is upward, from which a strike that is not straight is an uppercut."""
+"""Share of the fist's path that is upward, from which a strike that is not straight is an uppercut."""
 _BEFORE = 0.05
-"""Time before the fist's highest speed at which its way begins [s]."""
+"""Time before the fist's highest speed at which its path begins [s]."""
 
 
 def strike_kinds(database: MotionDatabase) -> Array:
     """Return the kind of each strike, as numbers of ``KINDS``. Shape (S,), uint8.
 
     A strike is straight where the fist, at its highest speed, moves away from the shoulder, and the arm ends stretched.
-    Else it is an uppercut where the fist's way to its furthest reach climbs, and a hook where it does not. Motion is
+    Else it is an uppercut where the fist's path to its furthest reach climbs, and a hook where it does not. Motion is
     relative to the pelvis.
     """
     rate = database.playback_rate
@@ -54,15 +54,15 @@ def strike_kinds(database: MotionDatabase) -> Array:
 def strike_heights(database: MotionDatabase) -> Array:
     """Return where each strike goes, as numbers of ``HEIGHTS``: to the head from the neck's height on. (S,), uint8."""
     necks = np.asarray(database.necks)[np.asarray(database.strike_frames, dtype=np.int64), 1]
-    return (np.asarray(database.strike_places)[:, 1] < necks).astype(np.uint8)
+    return (np.asarray(database.strike_positions)[:, 1] < necks).astype(np.uint8)
 
 
 def _pose(database: MotionDatabase, frames: Array) -> tuple[Tracks, Array]:
     """Return the points of the body in some playback frames, and positions of its joints [m]. Shape (S, J, 3)."""
     roots = np.asarray(database.root_positions, dtype=float)[frames]
     rotations = np.asarray(database.rotations, dtype=float)[frames]
-    positions, turned = forward_kinematics(database.skeleton, roots, rotations)
-    return build_tracks(database.body, positions, turned), positions
+    positions, joint_rotations = forward_kinematics(database.skeleton, roots, rotations)
+    return build_tracks(database.body, positions, joint_rotations), positions
 
 
 def _fists(database: MotionDatabase, frames: Array, hands: Array) -> Array:

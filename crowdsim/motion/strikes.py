@@ -31,7 +31,7 @@ class Rejection(IntEnum):
     """Why a peak of a fist's speed is no strike."""
 
     NO_REACH = 0
-    """The fist is on its way back, or crosses the body: its reach does not come to a maximum."""
+    """The fist returns, or crosses the body: its reach has no maximum."""
     NOT_ARRIVED = 1
     """The fist still moves outwards at the end of the time in which a strike arrives, or of the clip."""
     SHORT = 2
@@ -110,7 +110,7 @@ def find_strikes(tracks: Tracks, height: float, fps: float) -> Strikes:
 
     A fist's reach is its distance from the middle between the shoulders, which grows in straights, hooks and uppercuts
     alike. A strike is a peak of the fist's speed relative to the pelvis, after which the reach comes to a local maximum
-    that lies well beyond where the swing began; a fist on its way back is fast too, but its reach only falls.
+    that lies well beyond where the swing began; a returning fist is fast too, but its reach only falls.
 
     Args:
         tracks: Paths of the body's points.

@@ -1,4 +1,4 @@
-"""The paths of the few points of a body that all else asks for: fists, head, trunk, soles, and the ground frame."""
+"""Paths of the points of a body that analysis needs: fists, head, trunk, soles, and the ground frame."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ class Tracks:
 
     Attributes:
         ground: Ground transform: under the pelvis, facing as hips and shoulders do. Shape (F, 3), headings continuous.
-        stances: Ground transform that stands still while both feet do: between the toes, or the balls where there are
-            none, and looking nearly at right angles to the line between them. Shape (F, 3), headings continuous.
+        stances: Ground transform that is constant while both feet are planted: between the toes, or the balls where
+            there are none, and looking nearly at right angles to the line between them. Shape (F, 3), headings
+            continuous.
         fists: Left and right fist [m]. Shape (F, 2, 3).
         shoulders: Left and right shoulder joint [m]. Shape (F, 2, 3).
         heads: Centre of the head [m]. Shape (F, 3).
@@ -59,7 +60,7 @@ def build_tracks(body: Body, positions: Array, rotations: Array) -> Tracks:
     across = shoulders[:, 0] - shoulders[:, 1] + positions[:, role["left_hip"]] - positions[:, role["right_hip"]]
     pelvis = positions[:, role["pelvis"]]
     balls = positions[:, feet] + quaternion.rotate(rotations[:, feet], body.sole_offsets[:, 1])
-    # A foot that stands turns about its toes.
+    # A planted foot rotates about its toes.
     toes = [role[name] for name in ("left_toe", "right_toe") if name in role]
     soles = positions[:, toes] if len(toes) == 2 else balls
     return Tracks(

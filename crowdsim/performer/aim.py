@@ -76,7 +76,7 @@ class Aim:
         )
 
     def draws(self) -> tuple[tuple[Channel, float], ...]:
-        """Return what draws the fist in before it goes out to a near target."""
+        """Return what draws the fist in before it moves out to a near target."""
         least, _ = self.recipe.distance
         if self.recipe.inside >= least:
             return ()

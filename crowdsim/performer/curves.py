@@ -50,7 +50,7 @@ def window(times: Array, start: float, end: float) -> slice:
 def noise(times: Array, rng: np.random.Generator, low: float, high: float, waves: int = 7, fall: float = 0.5) -> Array:
     """Return smooth noise of unit variance: waves of random phase at frequencies low..high [Hz]. Shape of ``times``.
 
-    The size of a wave goes with its frequency to the power of ``-fall``.
+    The size of a wave is proportional to its frequency to the power of ``-fall``.
     """
     frequencies = low * (high / low) ** ((np.arange(waves) + rng.uniform(0.0, 1.0, waves)) / waves)
     phases = rng.uniform(0.0, 2.0 * np.pi, waves)

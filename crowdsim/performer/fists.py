@@ -30,11 +30,11 @@ _SLOWEST, _FASTEST = 5.9, 11.0
 """Speeds between which a punching fist peaks relative to the pelvis [m/s]."""
 _ATTEMPTS = 12
 _SHORTEST = 0.105
-"""Least time of a fist's way out [s]."""
+"""Least time of a fist from guard to target [s]."""
 
 
 def hold_guard(score: Score, heading: Array, trunk: Trunk, channels: Array) -> tuple[Array, Array]:
-    """Return where the fists are held in the guard (F, 2, 3), and the frame that the guard turns in (F, 4)."""
+    """Return where the fists are held in the guard (F, 2, 3), and the frame of the guard (F, 4)."""
     style = score.style
     stance = quat.about_y(heading)
     rest = quat.about_y(style.blade + style.twist)
@@ -43,8 +43,8 @@ def hold_guard(score: Score, heading: Array, trunk: Trunk, channels: Array) -> t
     frame = quat.multiply(stance, part)
     fists = np.stack(
         [
-            trunk.chest + quat.rotate(frame, np.array(place) + channels[:, first : first + 3])
-            for place, first in (
+            trunk.chest + quat.rotate(frame, np.array(offset) + channels[:, first : first + 3])
+            for offset, first in (
                 (style.lead_fist, Channel.LEAD_HAND_X),
                 (style.rear_fist, Channel.REAR_HAND_X),
             )
@@ -93,12 +93,12 @@ def lead_fists(
         )
         reach, size = planned, 1.0
         for attempt in range(_ATTEMPTS):
-            turn = quat.about_y(arcs[part, hand] + size * arc)
-            aim = centre[at] + quat.rotate(quat.conjugate(turn[inside]), target) - size * swing[inside]
+            rotation = quat.about_y(arcs[part, hand] + size * arc)
+            aim = centre[at] + quat.rotate(quat.conjugate(rotation[inside]), target) - size * swing[inside]
             gone = _gone(reach, times[part])[:, None]
             path = fists[part, hand] + size * swing + gone * (aim - guards[part, hand])
-            turned = centre[part] + quat.rotate(turn, path - centre[part])
-            relative = keep_ahead(turned, shoulders[part, hand], ahead[part])[out] - trunk.hips[part][out]
+            bent = centre[part] + quat.rotate(rotation, path - centre[part])
+            relative = keep_ahead(bent, shoulders[part, hand], ahead[part])[out] - trunk.hips[part][out]
             speed = float(np.linalg.norm(np.diff(relative, axis=0), axis=-1).max(initial=0.0)) / spacing
             if _SLOWEST <= speed <= _FASTEST or attempt == _ATTEMPTS - 1:
                 break
@@ -114,7 +114,7 @@ def lead_fists(
 
 
 def _bends(reach: Reach, times: Array) -> tuple[Array, Array]:
-    """Return swing (F, 3) [m] and arc (F,) [rad] of the way of a fist."""
+    """Return swing (F, 3) [m] and arc (F,) [rad] of the path of a fist."""
     bends = np.zeros((len(times), 4))
     for accent in reach.path:
         column = BENDS[reach.hand].index(accent.channel)
@@ -123,14 +123,14 @@ def _bends(reach: Reach, times: Array) -> tuple[Array, Array]:
 
 
 def _gone(reach: Reach, times: Array) -> Array:
-    """Share of the way to the target: 0 in the guard, 1 at the hit."""
+    """Share of the path to the target: 0 in the guard, 1 at the hit."""
     return step(times, reach.start, reach.hit, reach.skew) * (1.0 - step(times, reach.fall, reach.end))
 
 
 def _target(reach: Reach, hips: Array, heading: float, shoulder: Array, centre: Array) -> Array:
-    """Return a target in the world [m], drawn in to where the arm reaches, or out to where a punch has a way to go."""
-    place = np.array([reach.distance * np.sin(reach.bearing), reach.height, reach.distance * np.cos(reach.bearing)])
-    target = ground.to_world(np.array([hips[0], hips[2], heading]), place)
+    """Return a target in the world [m], within reach of the arm, and far enough for a punch."""
+    position = np.array([reach.distance * np.sin(reach.bearing), reach.height, reach.distance * np.cos(reach.bearing)])
+    target = ground.to_world(np.array([hips[0], hips[2], heading]), position)
     target = centre + _lengthen(target - centre, _LEAST_REACH, 0.02)
     gap = target - shoulder
     far = float(np.linalg.norm(gap))

@@ -47,11 +47,11 @@ class Footwork:
     loads: Array
 
 
-def stance_prints(style: Style, place: ArrayLike) -> Array:
+def stance_prints(style: Style, ground_frame: ArrayLike) -> Array:
     """Return where the feet stand in a stance whose ground transform is given: (x, z, yaw), lead and rear. (2, 3)."""
-    place = np.asarray(place, dtype=float)
+    ground_frame = np.asarray(ground_frame, dtype=float)
     balls = np.array([style.lead_ball, style.rear_ball])
-    return ground.compose(place, np.column_stack([balls, np.array(style.foot_yaws)]))
+    return ground.compose(ground_frame, np.column_stack([balls, np.array(style.foot_yaws)]))
 
 
 def trace_feet(score: Score, times: Array) -> Footwork:

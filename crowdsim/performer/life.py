@@ -67,9 +67,9 @@ _TREMOR: tuple[tuple[float, tuple[C, ...]], ...] = (
     (0.0018, (C.REAR_HAND_Y,)),
     (0.0015, (C.REAR_HAND_Z,)),
 )
-"""Size of a quick noise, the channel that it moves, and one that gives way to it, so that the head stays quieter than
-what carries it. People never hold still: joints of captured boxers turn by some tenths of a radian per second at 3 to
-15 Hz in their quietest moments."""
+"""Size of a quick noise, the channel that it moves, and one that compensates for it, so that the head stays quieter
+than what carries it. People never hold still: joints of captured boxers turn by some tenths of a radian per second at 3
+to 15 Hz in their quietest moments."""
 _TREMBLING, _TREMOR_FALL = (2.5, 18.0), 1.4
 """Frequencies of the tremor [Hz], and how steeply it falls with them."""
 
@@ -108,7 +108,7 @@ def add_life(
 def _add_bounce(
     channels: Array, style: Style, times: Array, spacing: float, riding: Array, rng: np.random.Generator
 ) -> None:
-    """Bounce on the balls of the feet; trunk and hands give way a little later."""
+    """Bounce on the balls of the feet; trunk and hands follow a little later."""
     rate = style.bounce[1] * (1.0 + 0.06 * noise(times, rng, 0.05, 0.2))
     phase = 2.0 * np.pi * np.cumsum(rate) * spacing
     eager = soft_floor(0.55 + 0.5 * noise(times, rng, 0.06, 0.3), 0.0, 0.15) * (1.0 - riding)

@@ -37,9 +37,9 @@ class Punch:
         head: Least and greatest height of a target at the head [m].
         body: Least and greatest height of a target at the body [m].
         speed: Middle and spread of the fist's highest speed relative to the pelvis [m/s].
-        extra: Length of the way out beyond the straight line from guard to target [m].
+        extra: Length of the path out beyond the straight line from guard to target [m].
         skew: How late the fist is fastest.
-        early: How long before phase 0 the arm begins to unfold, as a share of the way out.
+        early: How long before phase 0 the arm begins to unfold, as a share of the path out.
     """
 
     hand: int

@@ -98,10 +98,10 @@ class _Boxer:
         self.plan = Choreographer(rng)
         self.now = rng.uniform(0.35, 0.7)
 
-    def way(self) -> tuple[float, float]:
+    def direction(self) -> tuple[float, float]:
         """Draw a step (ahead, left) [m]: any direction, but back to the middle of the floor when far from it."""
         rng = self.rng
-        x, z, heading = self.plan.place
+        x, z, heading = self.plan.ground_frame
         away = float(np.hypot(x, z))
         angle = rng.uniform(-np.pi, np.pi)
         if away > 0.8 * ROOM or (away > 0.6 * 0.8 * ROOM and rng.uniform() < 0.5):
@@ -197,7 +197,7 @@ class _Boxer:
             return plan.move(
                 end + rng.uniform(0.0, 0.25), -far * rng.uniform(0.8, 1.1), rng.uniform(-0.1, 0.1), 0.0, 1.15 * tempo
             )
-        ahead, left = self.way()
+        ahead, left = self.direction()
         for _ in range(int(rng.integers(1, 4))):
             end = plan.move(
                 end + rng.uniform(0.0, 0.12), plan.about(ahead), plan.about(left), float(rng.normal(0.0, 0.12)), tempo
@@ -233,14 +233,14 @@ class _Boxer:
         return end
 
     def press(self) -> float:
-        """Shuffle forward and punch on the way, as at an opponent who gives way; return when that is over [s]."""
+        """Shuffle forward and punch meanwhile, as at a retreating opponent; return when that is over [s]."""
         rng, plan = self.rng, self.plan
         far = float(rng.uniform(0.30, 0.42))
         begin = feet = fists = max(self.now, plan.feet_free)
         last = int(rng.integers(2, 7))
         punching = int(rng.integers(0, 2))
         for step in range(last + 1):
-            x, z, heading = plan.place
+            x, z, heading = plan.ground_frame
             home = float(ground.wrap(np.arctan2(-x, -z) - heading)) if np.hypot(x, z) > 0.6 * ROOM else 0.0
             turn = float(np.clip(home, -0.4, 0.4))
             start, side = feet, float(rng.uniform(-0.03, 0.03))

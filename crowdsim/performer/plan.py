@@ -1,4 +1,4 @@
-"""The plan of a clip, move by move: each move is drawn anew, so that no two are the same."""
+"""The plan of a clip, move by move: each move is drawn at random, so that no two are the same."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class Choreographer(Stepper):
         return reach
 
     def _move_body(self, recipe: Punch, aim: Aim, onset: float, hit: float, end: float) -> tuple[Accent, ...]:
-        """Add what the body does in a punch, and return the accents that bend the way of its fist."""
+        """Add what the body does in a punch, and return the accents that bend the path of its fist."""
         vigour = self.about(1.0, 0.08)
         gather, settle = min(onset, hit - _GATHER), max(end, hit + self.about(_SETTLE, 0.15))
         wound = any(other.hand != recipe.hand and other.hit > onset - 0.35 for other in self._reaches[-2:])

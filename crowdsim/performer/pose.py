@@ -45,20 +45,20 @@ def pose_trunk(skeleton: Skeleton, hips: Array, hips_rotation: Array, twist: Arr
     spine = np.stack(
         [quat.from_euler(np.stack([twist, flex, -bend], axis=-1) * share, "YXZ") for share in _SPINE_SHARES], axis=1
     )
-    place, turn = hips, hips_rotation
+    position, rotation = hips, hips_rotation
     for index, joint in enumerate((bones.SPINE, bones.SPINE1, bones.SPINE2)):
-        place = place + quat.rotate(turn, skeleton.offsets[joint])
-        turn = quat.multiply(turn, spine[:, index])
-    return Trunk(hips, hips_rotation, spine, place, turn)
+        position = position + quat.rotate(rotation, skeleton.offsets[joint])
+        rotation = quat.multiply(rotation, spine[:, index])
+    return Trunk(hips, hips_rotation, spine, position, rotation)
 
 
 def pose_head(chest_rotation: Array, gaze: Array) -> Array:
-    """Return local rotations of Neck and Head (F, 2, 4) that look as ``gaze`` (F, 4) does, as far as a neck turns."""
-    turn = quat.to_rotation_vector(quat.multiply(quat.conjugate(chest_rotation), gaze))
-    size = np.linalg.norm(turn, axis=-1, keepdims=True)
+    """Return local rotations of Neck and Head (F, 2, 4) that look as ``gaze`` (F, 4) does, as far as a neck rotates."""
+    vector = quat.to_rotation_vector(quat.multiply(quat.conjugate(chest_rotation), gaze))
+    size = np.linalg.norm(vector, axis=-1, keepdims=True)
     held = soft_cap(size, 1.25, 0.12) / np.maximum(size, 1e-9)
-    turn = np.where(size > 1e-9, turn * held, turn)
-    return np.stack([quat.from_rotation_vector(turn * share) for share in (_NECK_SHARE, 1.0 - _NECK_SHARE)], axis=1)
+    vector = np.where(size > 1e-9, vector * held, vector)
+    return np.stack([quat.from_rotation_vector(vector * share) for share in (_NECK_SHARE, 1.0 - _NECK_SHARE)], axis=1)
 
 
 def girdle(side: int, forth: Array, raised: Array) -> Array:
@@ -145,8 +145,9 @@ def pose_arm(
     gap = fist - shoulder
     distance = np.linalg.norm(gap, axis=-1)
     axis = gap / np.maximum(distance, 1e-9)[:, None]
-    # The elbow hangs when the arm points ahead; carried along the shortest turn from there, it is before the chest when
-    # the fist is up, and behind it when the fist is down, and only an arm that points back would leave it undefined.
+    # The elbow hangs when the arm points ahead; carried along the smallest rotation from there, it is before the chest
+    # when the fist is up, and behind it when the fist is down, and only an arm that points back would leave it
+    # undefined.
     carried = quat.multiply(quat.between(quat.rotate(chest_rotation, _AHEAD), axis), chest_rotation)
     down, out = quat.rotate(carried, _DOWN), quat.rotate(carried, _LEFT) * sign
     pole = np.cos(swivel)[:, None] * down + np.sin(swivel)[:, None] * out
@@ -161,9 +162,9 @@ def pose_arm(
 
 
 def _about_x(angle: Array) -> Array:
-    turn = np.zeros((*np.shape(angle), 4))
-    turn[..., 0], turn[..., 1] = np.cos(0.5 * angle), np.sin(0.5 * angle)
-    return turn
+    rotation = np.zeros((*np.shape(angle), 4))
+    rotation[..., 0], rotation[..., 1] = np.cos(0.5 * angle), np.sin(0.5 * angle)
+    return rotation
 
 
 def foot_rotation(yaw: Array, heel: Array) -> Array:
@@ -171,9 +172,9 @@ def foot_rotation(yaw: Array, heel: Array) -> Array:
     return quat.multiply(quat.about_y(yaw), _about_x(heel))
 
 
-def ankle_position(ball: Array, turn: Array) -> Array:
-    """Return where the ankle is [m] when the ball of the foot is at ``ball`` (F, 3) and the foot is turned so."""
-    return ball - quat.rotate(turn, np.array([0.0, bones.BALL_HEIGHT - bones.ANKLE_HEIGHT, bones.BALL_AHEAD]))
+def ankle_position(ball: Array, rotation: Array) -> Array:
+    """Return where the ankle is [m] when the ball of the foot is at ``ball`` (F, 3) and the foot has this rotation."""
+    return ball - quat.rotate(rotation, np.array([0.0, bones.BALL_HEIGHT - bones.ANKLE_HEIGHT, bones.BALL_AHEAD]))
 
 
 def pose_leg(

@@ -16,7 +16,7 @@ _SHARPEST = 0.95
 
 
 def run_up(plan: Stepper, start: float, seconds: float, sharp: float = 0.5) -> float:
-    """Walk or jog some way and end in the guard; return when the last foot is down [s].
+    """Walk or jog a distance and end in the guard; return when the last foot is down [s].
 
     Args:
         plan: Where steps are written.
@@ -28,12 +28,12 @@ def run_up(plan: Stepper, start: float, seconds: float, sharp: float = 0.5) -> f
     far = float(rng.triangular(0.9, 2.4, 8.0)) if rng.uniform() < 0.75 else float(rng.uniform(0.6, 2.2))
     far = min(far, max(seconds - 1.5, 0.6))
     turn = float(rng.uniform(-np.pi, np.pi)) if rng.uniform() < sharp else float(rng.normal(0.0, 0.12))
-    end = ground.compose(plan.place, [0.0, 0.0, turn])
+    end = ground.compose(plan.ground_frame, [0.0, 0.0, turn])
     end = ground.compose(end, [0.0, far, 0.0])
     if np.hypot(end[0], end[1]) > ROOM:
         x, z = rng.uniform(-0.35 * ROOM, 0.35 * ROOM, 2)
-        dx, dz = x - plan.place[0], z - plan.place[1]
-        turn = float(ground.wrap(np.arctan2(dx, dz) - plan.place[2]))
+        dx, dz = x - plan.ground_frame[0], z - plan.ground_frame[1]
+        turn = float(ground.wrap(np.arctan2(dx, dz) - plan.ground_frame[2]))
         far = min(max(float(np.hypot(dx, dz)), 0.7), max(seconds - 1.5, 0.6))
     relaxed = float(rng.uniform(0.0, 0.25) if rng.uniform() < 0.6 else rng.uniform(0.5, 1.0))
     if abs(turn) > 0.7 and rng.uniform() < 0.4:
@@ -85,7 +85,7 @@ def quick_turn(plan: Stepper, start: float, turn: float) -> float:
 def shuffle_any_way(plan: Stepper, start: float, most: int = 6) -> float:
     """Shuffle some steps in any direction, straight or about an opponent; return when that is done [s]."""
     rng = plan.rng
-    x, z, heading = plan.place
+    x, z, heading = plan.ground_frame
     angle = float(rng.uniform(-np.pi, np.pi))
     if np.hypot(x, z) > 0.7 * ROOM:
         angle = float(np.arctan2(-x, -z) - heading + rng.normal(0.0, 0.4))

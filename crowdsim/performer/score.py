@@ -64,7 +64,7 @@ class Channel(IntEnum):
 BENDS = tuple(
     tuple(Channel[f"{side}_{name}"] for name in ("SWING_X", "SWING_Y", "SWING_Z", "ARC")) for side in ("LEAD", "REAR")
 )
-"""Channels that bend the way of each fist."""
+"""Channels that bend the path of each fist."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class Reach:
     """A fist goes to a target in the stance frame, is there at ``hit`` and back in the guard at ``end`` [s].
 
     ``bearing`` and ``distance`` are seen from the pelvis at the hit, with the stance's heading; ``height`` is over
-    the floor [m]. ``path`` bends the way of the fist: accents of its swing and arc.
+    the floor [m]. ``path`` bends the path of the fist: accents of its swing and arc.
     """
 
     kind: str

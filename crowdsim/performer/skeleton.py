@@ -1,4 +1,4 @@
-"""The embedded boxer's skeleton: 22 joints of a man of 1.75 m, with the names that other tools know."""
+"""The embedded boxer's skeleton: 22 joints of a man of 1.75 m, with joint names that other tools recognise."""
 
 from __future__ import annotations
 

@@ -86,9 +86,9 @@ def _riding(score: Score, times: Array) -> Array:
 
 
 def _carry_pelvis(score: Score, feet: Footwork, channels: Array, ankles: Array) -> tuple[Array, Array]:
-    """Return place and rotation of the pelvis, as high as both legs let it be. Shapes (F, 3) and (F, 4)."""
+    """Return position and rotation of the pelvis, as high as both legs let it be. Shapes (F, 3) and (F, 4)."""
     style = score.style
-    turn = quat.from_euler(
+    rotation = quat.from_euler(
         np.stack(
             [
                 feet.heading + style.blade + channels[:, Channel.PELVIS_TURN],
@@ -105,13 +105,13 @@ def _carry_pelvis(score: Score, feet: Footwork, channels: Array, ankles: Array) 
     height = soft_floor(style.height + channels[:, Channel.HEIGHT], _LOWEST, 0.04)
     reach = LEG_REACH * (bones.THIGH + bones.SHANK)
     for foot in range(2):
-        drop = quat.rotate(turn, np.array([bones.HIP_HALF * (1 - 2 * foot), -bones.HIP_DROP, 0.0]))
+        drop = quat.rotate(rotation, np.array([bones.HIP_HALF * (1 - 2 * foot), -bones.HIP_DROP, 0.0]))
         flat = ankles[:, foot] - hips - drop
         far = flat[:, 0] ** 2 + flat[:, 2] ** 2
         top = ankles[:, foot, 1] + np.sqrt(np.maximum(reach**2 - far, 0.05)) - drop[:, 1]
         height = soft_cap(height, top, 0.008)
     hips[:, 1] = height
-    return hips, turn
+    return hips, rotation
 
 
 @dataclass(frozen=True)
@@ -120,12 +120,12 @@ class _Soles:
 
     Attributes:
         ankles: Position of the ankles [m]. Shape (F, 2, 3).
-        turns: Rotation of each foot. Shape (F, 4).
+        rotations: Rotation of each foot. Shape (F, 4).
         yaws: Heading of each foot [rad]. Shape (F,).
     """
 
     ankles: Array
-    turns: tuple[Array, Array]
+    rotations: tuple[Array, Array]
     yaws: tuple[Array, Array]
 
 
@@ -176,7 +176,7 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
 def _set_feet(style: Style, feet: Footwork, channels: Array, rotations: Array) -> _Soles:
     """Return where the feet are, heels and toes lifted, and write the rotations of the toes."""
     ankles = np.empty((len(rotations), 2, 3))
-    turns, yaws = [], []
+    soles, yaws = [], []
     for foot in range(2):
         raised = style.heels[foot] + feet.heels[:, foot] + channels[:, Channel.LEAD_HEEL + foot]
         heel = soft_cap(soft_floor(raised, 0.0, 0.025), _HIGHEST_HEEL, 0.08)
@@ -185,11 +185,11 @@ def _set_feet(style: Style, feet: Footwork, channels: Array, rotations: Array) -
         # A foot on its heel has its ball as high as the heel is low.
         lift = feet.lifts[:, foot] + _SOLE * np.sin(feet.toes_up[:, foot])
         ball = np.stack([feet.balls[:, foot, 0], bones.BALL_HEIGHT + lift, feet.balls[:, foot, 1]], axis=-1)
-        turns.append(foot_rotation(yaw, heel - feet.toes_up[:, foot]))
-        ankles[:, foot] = ankle_position(ball, turns[foot])
+        soles.append(foot_rotation(yaw, heel - feet.toes_up[:, foot]))
+        ankles[:, foot] = ankle_position(ball, soles[foot])
         rotations[:, bones.TOES[foot]] = level_toes(heel, feet.points[:, foot])
         yaws.append(yaw)
-    return _Soles(ankles, (turns[0], turns[1]), (yaws[0], yaws[1]))
+    return _Soles(ankles, (soles[0], soles[1]), (yaws[0], yaws[1]))
 
 
 def _bend_legs(trunk: Trunk, soles: _Soles, rotations: Array) -> None:
@@ -198,7 +198,7 @@ def _bend_legs(trunk: Trunk, soles: _Soles, rotations: Array) -> None:
         sign = 1 - 2 * foot
         hip = trunk.hips + quat.rotate(trunk.hips_rotation, np.array([bones.HIP_HALF * sign, -bones.HIP_DROP, 0.0]))
         thigh, shank, sole = pose_leg(
-            trunk.hips_rotation, hip, soles.ankles[:, foot], soles.turns[foot], soles.yaws[foot]
+            trunk.hips_rotation, hip, soles.ankles[:, foot], soles.rotations[foot], soles.yaws[foot]
         )
         rotations[:, bones.UP_LEGS[foot]] = thigh
         rotations[:, bones.LEGS[foot]] = shank

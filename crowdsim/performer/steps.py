@@ -1,4 +1,4 @@
-"""Steps of the embedded boxer in his guard, each drawn anew: both feet to a new stance, or one about the other."""
+"""Steps of the embedded boxer in his guard, each drawn at random: both feet to a new stance, or one about the other."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Stepper:
     Attributes:
         rng: Where every number is drawn from.
         style: How the boxer stands.
-        place: Ground transform of the stance after the steps planned so far.
-        prints: Where each foot stands then: place of its ball and its heading (x, z, yaw), lead and rear. Shape (2, 3).
+        ground_frame: Ground transform of the stance after the steps planned so far.
+        prints: Position of the ball of each foot then, and its heading (x, z, yaw), lead and rear. Shape (2, 3).
         feet_free: When both feet stand again [s].
     """
 
@@ -27,9 +27,9 @@ class Stepper:
         self.rng = rng
         self.style = draw_style(rng)
         heading = rng.uniform(-np.pi, np.pi) if facing is None else facing
-        self.place = np.array([0.0, 0.0, heading])
+        self.ground_frame = np.array([0.0, 0.0, heading])
         self.start = (0.0, 0.0, float(heading))
-        self.prints = stance_prints(self.style, self.place)
+        self.prints = stance_prints(self.style, self.ground_frame)
         self.feet_free = 0.0
         self._footsteps: list[Footstep] = []
         self._pivots: list[Pivot] = []
@@ -56,14 +56,14 @@ class Stepper:
     ) -> float:
         """Step with both feet to a new stance; return when the second foot is down [s].
 
-        The foot on whose side the way goes moves first, so that feet never cross. In a quick step, the other one is
+        The foot on the side of the direction moves first, so that feet never cross. In a quick step, the other one is
         off the floor before it is down.
         """
         start = max(start, self.feet_free)
         along = np.subtract(self.style.lead_ball, self.style.rear_ball)
         towards = left * along[0] + ahead * along[1]
         first = LEAD if (towards if abs(towards) > 0.01 else turn) >= 0.0 else REAR
-        self.place = ground.compose(self.place, [left, ahead, turn])
+        self.ground_frame = ground.compose(self.ground_frame, [left, ahead, turn])
         length = float(np.hypot(ahead, left)) + 0.22 * abs(turn)
         begin = end = start
         for foot in (first, 1 - first):
@@ -85,11 +85,11 @@ class Stepper:
     def pivot(self, start: float, turn: float, tempo: float = 1.0) -> float:
         """Turn on the ball of the lead foot while the rear foot steps round; return when it is down [s]."""
         start = max(start, self.feet_free)
-        point = ground.to_world(self.place, np.array([self.style.lead_ball[0], 0.0, self.style.lead_ball[1]]))
+        point = ground.to_world(self.ground_frame, np.array([self.style.lead_ball[0], 0.0, self.style.lead_ball[1]]))
         back = ground.compose(
-            [0.0, 0.0, self.place[2] + turn], [-self.style.lead_ball[0], -self.style.lead_ball[1], 0.0]
+            [0.0, 0.0, self.ground_frame[2] + turn], [-self.style.lead_ball[0], -self.style.lead_ball[1], 0.0]
         )
-        self.place = np.array([point[0] + back[0], point[2] + back[1], self.place[2] + turn])
+        self.ground_frame = np.array([point[0] + back[0], point[2] + back[1], self.ground_frame[2] + turn])
         seconds = self._swing(REAR, start, 0.55 * abs(turn), 0.85 * tempo)
         end = start + seconds
         self.twist_foot(LEAD, start - 0.04, end + 0.04, turn)
@@ -111,14 +111,14 @@ class Stepper:
         self.accent(Channel.HEAD_TURN, 0.35 * turn, start - 0.16, start + 0.1, start + 0.12, end + 0.1)
 
     def _swing(self, foot: int, begin: float, length: float, tempo: float, quick: bool = False) -> float:
-        """Plan the way of one foot to where it belongs in the present stance; return how long it takes [s]."""
+        """Plan the path of one foot to its position in the present stance; return how long it takes [s]."""
         least, more = (0.12, 0.14) if quick else (0.14, 0.25)
         seconds = float(np.clip(self.about(least + more * length, 0.08) / tempo, 0.12, 0.45))
         ball = (self.style.lead_ball, self.style.rear_ball)[foot]
         x, z = np.array(ball) + self.rng.uniform(-0.010, 0.010, 2)
         yaw = self.style.foot_yaws[foot] + self.rng.uniform(-0.04, 0.04)
         lift = self.about(0.024 + 0.06 * length, 0.2)
-        landing = ground.compose(self.place, [x, z, yaw])
+        landing = ground.compose(self.ground_frame, [x, z, yaw])
         self.plant(foot, begin, begin + seconds, landing, lift, SHUFFLE_SWING if quick else GUARD_SWING)
         return seconds
 

@@ -24,7 +24,7 @@ class Stride:
     Attributes:
         gait: The gait.
         share: Length of the step, as a share of the gait's.
-        turn: By how much the heading grows on the way [rad].
+        turn: By how much the heading grows meanwhile [rad].
     """
 
     gait: Gait
@@ -54,7 +54,7 @@ def travel(plan: Stepper, start: float, strides: Sequence[Stride], facing: float
         relaxed: How far hands go down, 1 as in the gait, 0 for hands up.
     """
     start = max(start, plan.feet_free)
-    heading = float(plan.place[2]) + strides[0].turn
+    heading = float(plan.ground_frame[2]) + strides[0].turn
     foot, point = _first_foot(plan, heading, strides[0].turn)
     landed = [-np.inf, -np.inf]
     touchdowns: list[float] = []
@@ -98,7 +98,7 @@ def _swing_times(
 
 
 def _first_foot(plan: Stepper, heading: float, turn: float) -> tuple[int, np.ndarray]:
-    """Return the foot that goes first, the one behind, and the point on the way that is abreast of the other one."""
+    """Return the foot that goes first, the one behind, and the point of the path that is abreast of the other one."""
     way = np.array([np.sin(heading), np.cos(heading)])
     middle = plan.prints[:, :2].mean(axis=0)
     along = (plan.prints[:, :2] - middle) @ way
@@ -114,8 +114,8 @@ def _close(plan: Stepper, foot: int, down: float, gait: Gait, heading: float, fa
     style, other = plan.style, 1 - foot
     heading += facing
     ball = (style.lead_ball, style.rear_ball)[other]
-    place = ground.compose([*plan.prints[other, :2], heading], [-ball[0], -ball[1], 0.0])
-    goal = ground.compose(place, [*(style.lead_ball, style.rear_ball)[foot], style.foot_yaws[foot]])
+    ground_frame = ground.compose([*plan.prints[other, :2], heading], [-ball[0], -ball[1], 0.0])
+    goal = ground.compose(ground_frame, [*(style.lead_ball, style.rear_ball)[foot], style.foot_yaws[foot]])
     far = float(np.hypot(*(goal[:2] - plan.prints[foot, :2])))
     lift_off = down - (0.10 if gait is JOG else -0.03)
     end = lift_off + float(np.clip(0.20 + 0.20 * far, 0.22, 0.40))
@@ -124,7 +124,7 @@ def _close(plan: Stepper, foot: int, down: float, gait: Gait, heading: float, fa
     plan.twist_foot(other, down + 0.02, end + 0.10, float(ground.wrap(twist)))
     if facing:
         plan.face(lift_off, end, facing)
-    plan.place = place
+    plan.ground_frame = ground_frame
     return end
 
 

@@ -20,7 +20,7 @@ class TrueStrike:
         kind: jab, straight, lead_hook, rear_hook, lead_uppercut or rear_uppercut.
         hand: 0 for the left hand, 1 for the right.
         frame: Frame of the fist's furthest reach from the middle between the shoulders.
-        peak: Frame of the fist's highest speed relative to the pelvis on the way there.
+        peak: Frame of the fist's highest speed relative to the pelvis before that.
         speed: That speed [m/s].
         position: The fist at ``frame``, in the stance's ground frame there (x, y, z) [m].
         start: Time at which the fist sets off [s].

@@ -59,9 +59,9 @@ def action_reward(
             for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
                 t = float(actions.strike_times[strike])
                 place = start + min(t, lasts) * step
-                away = actions.strike_places[strike].astype(float) - place
+                away = actions.strike_positions[strike].astype(float) - place
                 spent += discount**t * (term.effort + term.waste * (math.hypot(away[0], away[2]) > WASTED))
-                if lands(surface_distance(actions.strike_places[strike], place, body), term.tolerance):
+                if lands(surface_distance(actions.strike_positions[strike], place, body), term.tolerance):
                     found.append(discount**t * float(actions.strike_speeds[strike]) ** term.speed_weight)
             total += term.weight * ((max(found) if term.form == "max" else sum(found)) - spent)
         elif isinstance(term, ProximityTerm):

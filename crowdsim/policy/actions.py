@@ -37,7 +37,7 @@ class Actions(NamedTuple):
             Shape (sum of T, 3), float32.
         strike_offsets: CSR over the strikes of each action, by time. Shape (A + 1,), int32.
         strike_times: When each strike reaches furthest, in (0, T] [control frames from the state]. Shape (K,), float32.
-        strike_places: Where the fist is then [m]. Shape (K, 3), float32.
+        strike_positions: Position of the fist then [m]. Shape (K, 3), float32.
         strike_speeds: Its highest speed before that, over the mean of all strikes of the database. Shape (K,), float32.
         strike_ids: Number of the strike in the database. Shape (K,), int32.
     """
@@ -51,7 +51,7 @@ class Actions(NamedTuple):
     paths: Array
     strike_offsets: Array
     strike_times: Array
-    strike_places: Array
+    strike_positions: Array
     strike_speeds: Array
     strike_ids: Array
 
@@ -85,7 +85,7 @@ def leading_actions(actions: Actions, states: int) -> Actions:
         paths=actions.paths[:paths],
         strike_offsets=actions.strike_offsets[: count + 1],
         strike_times=actions.strike_times[:strikes],
-        strike_places=actions.strike_places[:strikes],
+        strike_positions=actions.strike_positions[:strikes],
         strike_speeds=actions.strike_speeds[:strikes],
         strike_ids=actions.strike_ids[:strikes],
     )
@@ -119,7 +119,7 @@ def build_actions(database: MotionDatabase, graph: MotionGraph, alignment: Align
     striker = np.repeat(np.arange(len(first)), high - low)
     ids = low[striker] + np.arange(strike_offsets[-1]) - strike_offsets[striker]
     at = database.strike_frames[ids]
-    places = ground.to_world(ground.compose(undo[striker], database.ground[at]), database.strike_places[ids])
+    places = ground.to_world(ground.compose(undo[striker], database.ground[at]), database.strike_positions[ids])
     mean = float(np.mean(database.strike_speeds)) if len(database.strike_speeds) else 1.0
     return Actions(
         offsets=np.asarray(graph.action_offsets, dtype=np.int32),
@@ -133,28 +133,28 @@ def build_actions(database: MotionDatabase, graph: MotionGraph, alignment: Align
         paths=paths.astype(np.float32),
         strike_offsets=strike_offsets.astype(np.int32),
         strike_times=(at / stride - (first[striker] - 1)).astype(np.float32),
-        strike_places=places.reshape(-1, 3).astype(np.float32),
+        strike_positions=places.reshape(-1, 3).astype(np.float32),
         strike_speeds=(database.strike_speeds[ids] / mean).astype(np.float32),
         strike_ids=ids.astype(np.int32),
     )
 
 
 STEP = 1.0
-"""What a step is worth that a foot makes only because of a cut, where the graph's most costly cut is worth 1."""
+"""Cost of a step that a foot makes only for a transition, where the most costly transition of the graph costs 1."""
 
 QUIET = 0.1
-"""Speed that is added where cuts are weighed by speeds, since people never stand quite still [m/s]."""
+"""Speed that is added where costs are divided by speeds, since people are never quite still [m/s]."""
 
 STILLEST = 4.0
-"""Most that stillness may make of a cut."""
+"""Greatest factor of stillness."""
 
 
 def stillness(database: MotionDatabase, graph: MotionGraph) -> Array:
-    """Return by how much the transition into each action shows more than one of middling speed. Shape (A,), float64.
+    """Return how much more visible each action's transition is than one at median speed. Shape (A,), float64.
 
-    The same gap is seen in a body that stands still, and hardly in one that is on the move: a classifier that is to
-    tell cuts from capture finds the tenth of them with the least gap over speed at little more than chance, and the
-    tenth with the least gap best of all, because those lie in stillness.
+    The same gap is visible in a body at rest, and hardly in a moving one: a classifier that separates transitions from
+    capture is little better than chance on the tenth with the least ratio of gap to speed, and best on the tenth with
+    the least gap, because those are at rest.
     """
     speeds = joint_speeds(database)
     before = graph.state_frames[graph.action_states]
@@ -173,11 +173,11 @@ def joint_speeds(database: MotionDatabase, around: float = 0.2) -> Array:
     starts = np.asarray(database.clip_starts, dtype=np.int64)
     last = np.repeat(starts[1:], np.diff(starts)) * database.stride - 1
     here = np.minimum(np.arange(database.frame_count) * database.stride, last - 1)
-    places = [
+    positions = [
         forward_kinematics(database.skeleton, database.root_positions[rows], database.rotations[rows])[0]
         for rows in (here, here + 1)
     ]
-    steps = np.linalg.norm(places[1].astype(float) - places[0], axis=-1) * database.playback_rate
+    steps = np.linalg.norm(positions[1].astype(float) - positions[0], axis=-1) * database.playback_rate
     squares = np.concatenate([[0.0], np.cumsum((steps**2).mean(axis=-1))])
     reach = round(around * database.control_rate)
     frames = np.arange(database.frame_count)

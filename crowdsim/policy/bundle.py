@@ -1,8 +1,8 @@
 """Trained bundles: a folder of ``policy.json`` and ``.npy`` arrays, written whole or not at all, checked on reading.
 
 ``policy.json`` holds the format version, fingerprints, the resolved recipe, parameters, statistics, size and SHA-256 of
-every array, and a checksum of itself. What training took stands in ``timings.json``, which nothing depends on, so that
-all else has the same bytes whenever the same thing is trained. Arrays are mapped into memory, never unpickled.
+every array, and a checksum of itself. The times that training took are in ``timings.json``, which nothing depends on,
+so that all else has the same bytes whenever the same thing is trained. Arrays are mapped into memory, never unpickled.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ VERSION = 1
 
 
 def write_bundle(folder: Path, policy: Policy, timings: Mapping[str, Any]) -> None:
-    """Write a policy to a folder, in whose place an older bundle may stand.
+    """Write a policy to a folder, replacing an older bundle.
 
     Everything is written to a temporary folder beside it, which is renamed at the end.
 
@@ -141,7 +141,7 @@ def read_checked(path: Path, kind: str, version: int, remedy: str) -> dict[str, 
     if document.get("version") != version:
         raise VersionError(f"{path}: its format version is {document.get('version')!r}, expected {version}; {remedy}")
     if document.get("checksum") != _checksum(document):
-        raise PolicyError(f"{path}: damaged: its checksum does not fit what it says; {remedy}")
+        raise PolicyError(f"{path}: damaged: its checksum does not match its contents; {remedy}")
     return document
 
 

@@ -164,7 +164,7 @@ class Grid:
         fade, minimum, rate.
 
         Raises:
-            RecipeError: Compiled code does not know an axis.
+            RecipeError: An axis is unknown to compiled code.
         """
         self._check_compiled()
         rows = [
@@ -184,7 +184,7 @@ class Grid:
         return np.array(rows, dtype=np.float64).reshape(-1, AXIS_WIDTH)
 
     def targets(self) -> Array:
-        """Return the target that each cell stands for, in the ground frame [m]. Shape (cells, 3).
+        """Return the target at each cell's grid point, in the ground frame [m]. Shape (cells, 3).
 
         A grid without a bearing puts it straight ahead, one without a height at 0, one without a distance at 1 m.
 
@@ -280,8 +280,8 @@ def corners(grid: Grid, target: ArrayLike) -> tuple[Array, Array]:
 def fade_factor(grid: Grid, target: ArrayLike) -> float:
     """Return how much a behaviour counts for one target (3,): 1 inside its grid, falling to 0 over each axis' ``fade``.
 
-    Beyond the range the table is clamped and would take a target at 3 m for one at the edge, so its say must end. The
-    fall is a straight line per axis; axes multiply.
+    Beyond the range the table is clamped and would take a target at 3 m for one at the edge, so its weight must fade.
+    The fall is a straight line per axis; axes multiply.
     """
     factor = 1.0
     for axis in grid.axes:

@@ -44,7 +44,7 @@ class StateValues(NamedTuple):
 
 @dataclass(frozen=True)
 class Behaviour:
-    """One thing that an avatar has learned to do to its target, ``approach`` or ``punch`` say.
+    """What an avatar has learned to do to its target, such as ``approach`` or ``punch``.
 
     Attributes:
         name: What a scenario calls it.
@@ -154,7 +154,7 @@ class Policy:
 
     @property
     def weights(self) -> Array:
-        """Weight of each behaviour where a scenario names none, by the recipe; 1 each unless it says. Shape (B,)."""
+        """Weight of each behaviour where a scenario names none, from the recipe; 1 each by default. Shape (B,)."""
         given: Mapping[str, float] = self.recipe.get("weights") or {}
         return np.array([given.get(one.name, 0.0 if given else 1.0) for one in self.behaviours], dtype=np.float64)
 
@@ -239,12 +239,12 @@ def _action_value(
     actions, grid = policy.actions, behaviour.grid
     first, n = int(actions.offsets[state]), int(actions.offsets[state + 1] - actions.offsets[state])
     if behaviour.lookup == "q":
-        # The table knows still targets alone: it is read for where the target is half an action later.
+        # The table holds targets at rest only: it is read at the position of the target half an action later.
         cells, shares = corners(grid, target + min(HALFWAY * float(np.mean(actions.lengths)), lasts) * moving)
         return float(shares @ behaviour.values(first * grid.cells + cells * n + (action - first)))
     velocity = moving[[0, 2]], lasts
     reward = action_reward(actions, action, target, behaviour.terms, policy.body, behaviour.discount, *velocity)
-    # Values are those of a still target: who goes after a moving one must be ahead of them.
+    # Values are those of a target at rest; an avatar that pursues a moving one must look ahead.
     moved = target + min(float(actions.lengths[action]) + LEAD * float(np.mean(actions.lengths)), lasts) * moving
     later = ground.to_local(actions.displacements[action].astype(float), moved)
     cells, shares = corners(grid, later)

@@ -48,9 +48,9 @@ WASTED = 0.4
 
 
 class TargetBody(BaseModel):
-    """The body of a target for whom only the head's centre is known; sizes [m] come from the motion database.
+    """The body of a target of which only the head's centre is known; sizes [m] come from the motion database.
 
-    Training, control and poses give targets this body, the latter two with the scale of who strikes.
+    Training, control and poses give targets this body, the latter two with the scale of the attacker.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -196,7 +196,7 @@ def pack_terms(terms: list[Term] | tuple[Term, ...], body: TargetBody) -> Array:
     """Return terms as compiled code reads them: the code, then the term's own numbers. Shape (n, 13), float64.
 
     Raises:
-        RecipeError: Compiled code does not know a term.
+        RecipeError: A term is unknown to compiled code.
     """
     rows = np.zeros((len(terms), TERM_WIDTH))
     for row, term in zip(rows, terms, strict=True):

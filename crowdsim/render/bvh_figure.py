@@ -141,10 +141,10 @@ def clip_source(clip: Clip, figure: Figure | None = None, grounds: Array | None 
 
 
 def bvh_source(path: FileName, fps: float | None = None, lead_in: bool = False) -> tuple[ClipSource, tuple[str, ...]]:
-    """Return a BVH file as a source of pictures, and what is odd about the file.
+    """Return a BVH file as a source of pictures, and findings about the file.
 
-    A human body is measured and stands on the floor; anything else gets capsules along its bones, is brought to a size
-    at which it can be seen where its unit is unknown, and stands on its lowest point.
+    A human body is measured and put on the floor; anything else gets capsules along its bones, is brought to a size
+    at which it can be seen where its unit is unknown, and put on its lowest point.
 
     Args:
         path: The file.

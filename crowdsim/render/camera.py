@@ -52,7 +52,7 @@ class Track:
 
 
 def parse_camera(text: str, avatars: int | None = None, names: tuple[str, ...] = ()) -> str:
-    """Return the camera that a text names, ``follow:`` with a number; several joined by '+' stand side by side.
+    """Return the camera that a text names, ``follow:`` with a number; several joined by '+' are drawn side by side.
 
     Args:
         text: 'auto', 'orbit', 'follow:3', 'follow:red_007', 'top', 'side', 'front', 'front+side'.
@@ -95,7 +95,7 @@ def build_track(source: PoseSource, camera: str | Keys, size: tuple[int, int], c
         CrowdsimError: There is no such camera or avatar.
     """
     crowd = watch(source) if crowd is None else crowd
-    # The sun stands over the shoulder of the camera auto, so that shadows fall away from it and to the right.
+    # The sun is over the shoulder of the camera auto, so that shadows fall away from it and to the right.
     sun = sun_direction(crowd.facing + math.pi + 1.05)
     if isinstance(camera, Keys):
         return Track(_keyed(camera, source.fps), sun)

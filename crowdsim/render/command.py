@@ -1,4 +1,4 @@
-"""What ``crowdsim render`` asks for, in words, turned into what the renderer takes."""
+"""Options of ``crowdsim render``, converted to arguments of the renderer."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Outcome:
 
 
 Open = Callable[[Path, RenderOptions], tuple[PoseSource, tuple[str, ...]]]
-"""Opens one thing to draw at the rate of the options, and says what a user should know about it."""
+"""Opens one source at the rate of the options, and returns notes for the user."""
 
 
 def parse_size(text: str) -> tuple[int, int]:
@@ -104,7 +104,7 @@ def render_bvh(
     progress: Progress | None = None,
     record: Record | None = None,
 ) -> tuple[Rendered, tuple[str, ...]]:
-    """Draw a BVH file as a figure, by default from the front and the side; return what is odd about it too.
+    """Draw a BVH file as a figure, by default from the front and the side; return findings about it too.
 
     Raises:
         BvhError: The file is no BVH or cannot be drawn.

@@ -11,7 +11,7 @@ from crowdsim.core.types import Array
 from crowdsim.render.source import PoseSource
 
 _STEP = 0.25
-"""Time between the moments at which a camera knows the crowd [s]."""
+"""Time between the moments at which a camera samples the crowd [s]."""
 _WINDOW = 2.5
 """Time before and after a moment that its envelope covers [s]."""
 
@@ -19,12 +19,12 @@ _MANY, _STRAY = 50, 2.0
 """From how many avatars on cameras leave strays out, and how far a stray is from the middle: so many times as far as
 nineteen of twenty avatars are."""
 _THING = 0.15
-"""How far things that are no avatars reach above their middle [m]."""
+"""Height of targets above their middle [m]."""
 
 
 @dataclass(frozen=True)
 class Crowd:
-    """Where the crowd is at every ``step``-th frame, and the things that it fights.
+    """Where the crowd is at every ``step``-th frame, and the targets that it fights.
 
     Attributes:
         step: Frames between moments.
@@ -63,7 +63,7 @@ def watch(source: PoseSource) -> Crowd:
 
 
 def _drop_strays(grounds: Array) -> None:
-    """Write NaN over the places (M, N, 3) of those who are far away from a large crowd at a moment.
+    """Write NaN over the positions (M, N, 3) of avatars that are far away from a large crowd at a moment.
 
     Otherwise a single stray avatar would make all others small. Of a few avatars none is a stray.
     """

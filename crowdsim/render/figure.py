@@ -1,4 +1,4 @@
-"""Figures: the capsules that stand for a body, on the joints of its skeleton."""
+"""Figures: the capsules of a body, on the joints of its skeleton."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ the greatest ``g_k . p`` of each side. Their upper envelope over a window of tim
 that window, stays above them: the eye that follows from it moves without jerks and still frames everything.
 
 Those numbers say how far the eye must keep away. Where one side of the picture decides that, there is room between the
-other two, and the eye moves within it so that the crowd stands in the middle of the picture.
+other two, and the eye moves within it so that the crowd is in the middle of the picture.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def _sides(azimuth: float, elevation: float, size: tuple[int, int]) -> tuple[Arr
 
 
 def _solve(limits: Array, tx: float, ty: float, closest: Array) -> tuple[Array, Array, Array]:
-    """How far along its view an eye may stand that satisfies the limits (..., 4) and stays behind ``closest`` (...,).
+    """How far along its view an eye may be that satisfies the limits (..., 4) and stays behind ``closest`` (...,).
 
     Returns:
         That place along the view (...,), and the least and greatest places to the right and up (..., 2).
@@ -151,7 +151,7 @@ def frame_crowd(crowd: Crowd, kind: str, size: tuple[int, int]) -> Callable[[int
 
 
 def _centres(crowd: Crowd, basis: Array, along: Array) -> Array:
-    """Positions of the eye to the right and up (M, 2) from which the crowd stands in the middle at each moment."""
+    """Positions of the eye to the right and up (M, 2) from which the crowd is in the middle at each moment."""
     centres = np.zeros((len(crowd.grounds), 2))
     for moment, grounds in enumerate(crowd.grounds):
         here = np.isfinite(grounds[:, 0])

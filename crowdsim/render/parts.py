@@ -1,4 +1,4 @@
-"""Folders of a video's segments, from which an interrupted video continues; a mark says that they are ours."""
+"""Folders of a video's segments, from which an interrupted video continues; a mark identifies them."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ SUN_ELEVATION = math.radians(52.0)
 SUN_SOFTNESS = 0.030
 """Tangent of the sun's apparent radius; the true sun's is 0.005, which looks hard on a smooth floor."""
 SHADOW_REACH = 3.0
-"""How far out of view a capsule may stand whose shadow still shows [m]."""
+"""How far out of view a capsule may be whose shadow is still visible [m]."""
 CONTACT_REACH = 0.30
 """Distance from the floor at which a capsule stops to darken it [m]."""
 SMALLEST = 0.12
@@ -99,7 +99,7 @@ class Flashes:
 
 
 def sun_direction(azimuth: float, elevation: float = SUN_ELEVATION) -> Array:
-    """Return the unit direction to a sun that stands at heading ``azimuth`` [rad], ``elevation`` [rad] high."""
+    """Return the unit direction to a sun at heading ``azimuth`` [rad], ``elevation`` [rad] high."""
     level = math.cos(elevation)
     return np.array([level * math.sin(azimuth), math.sin(elevation), level * math.cos(azimuth)])
 
@@ -116,7 +116,7 @@ def draw(
     """Draw one picture; the same arguments give the same bytes for any number of threads.
 
     Args:
-        capsules: What stands on the ground at y = 0.
+        capsules: The figures, on the ground at y = 0.
         view: The camera.
         size: Width and height [px].
         sun: Unit direction to the sun, above the horizon. Shape (3,).
@@ -201,7 +201,7 @@ def _shadow_lists(shades: Array, cones: Array, camera: Array, light: Array, segm
 
 
 def _contact_lists(cones: Array, camera: Array, segments: Array) -> tuple[Array, Lists]:
-    """Grid of the capsules that stand on the floor or just over it, and its lists."""
+    """Grid of the capsules on the floor or just over it, and its lists."""
     floor = np.array([0.0, 0.0, 1.0, 1.0, 1.0, CONTACT_REACH])
     if not len(cones):
         return floor, Lists(np.zeros(2, np.int32), np.zeros(1, np.int32))

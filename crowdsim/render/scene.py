@@ -1,4 +1,4 @@
-"""What stands on the ground: figures of capsules on skeletons, placed by poses and painted by team and avatar."""
+"""Figures of capsules on skeletons, positioned by poses and coloured by team and avatar."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from crowdsim.render.stage import Stage
 from crowdsim.render.video import encode, has_mark, planes, write_png
 
 SEGMENT = 240
-"""Frames that are encoded together; an interrupted video goes on from the last whole segment."""
+"""Frames that are encoded together; an interrupted video continues from the last whole segment."""
 
 
 @dataclass(frozen=True)

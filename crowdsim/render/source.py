@@ -1,4 +1,4 @@
-"""What pictures are made of: anything that can say where its avatars stand and how they are posed."""
+"""Sources of pictures: anything that gives positions and poses of its avatars."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from crowdsim.render.figure import Figure
 class PoseSource(Protocol):
     """Motion of N avatars at the rate of the pictures.
 
-    Frames are output frames, from 0. Every method is a pure function of its arguments, whatever was asked before and
+    Frames are output frames, from 0. Every method is a pure function of its arguments, whatever was called before and
     whichever thread asks. With ``jobs`` above one the source goes to other processes through pickle.
     """
 
@@ -48,7 +48,7 @@ class PoseSource(Protocol):
 
     @property
     def avatar_heights(self) -> Array:
-        """How high each avatar reaches when it stands [m]; cameras leave room for it. Shape (N,)."""
+        """Standing height of each avatar [m]; cameras leave room for it. Shape (N,)."""
 
     @property
     def figures(self) -> Sequence[Figure]:
@@ -87,7 +87,7 @@ class PoseSource(Protocol):
         """
 
     def markers(self, frame: int) -> Array:
-        """Return the places of things that are no avatars, such as scripted targets [m]. Shape (G, 3)."""
+        """Return the positions of scripted targets and the like [m]. Shape (G, 3)."""
 
 
 def no_hits() -> tuple[Array, Array, Array]:

@@ -33,7 +33,7 @@ class Stage:
         cast: Its avatars as figures.
         tracks: Cameras, side by side from left to right.
         size: Width and height [px].
-        caption: Whether a caption stands in the picture.
+        caption: Whether the picture has a caption.
         mark: A text that differs whenever a picture would.
     """
 
@@ -81,7 +81,7 @@ def build_stage(source: PoseSource, size: tuple[int, int], camera: str | Keys = 
         source: Where motion comes from.
         size: Width and height [px].
         camera: Name of a camera, several joined by '+' for pictures side by side, or keys.
-        caption: Whether a caption stands in the picture.
+        caption: Whether the picture has a caption.
 
     Raises:
         CrowdsimError: There is no such camera or avatar.

@@ -130,7 +130,7 @@ class TakeSource:
 
 
 def _digest(take: Take) -> str:
-    """A text that differs between takes: of what was asked for, of a few frames and of all strikes."""
+    """A text that differs between takes: of the settings, of a few frames and of all strikes."""
     digest = hashlib.sha256(
         repr((take.scenario, take.seed, take.fingerprints, take.control_rate, take.frame_count, take.status)).encode()
     )

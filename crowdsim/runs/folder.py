@@ -155,7 +155,7 @@ def claim_folder(folder: Path, inputs: Iterable[str], planned: Iterable[str]) ->
 
 
 def refuse_others(folder: Path, held: set[str], own: set[str], noted: Iterable[str], planned: Iterable[str]) -> None:
-    """Refuse files that were not written by this program where it is about to write, and links on the way there.
+    """Refuse files that were not written by this program where it is about to write, and links above it.
 
     Args:
         folder: The run folder.

@@ -116,7 +116,7 @@ class Noted:
     Attributes:
         files: Names of single files.
         trees: Names of folders that are noted as a whole.
-        folders: Names of all folders on the way to one of them.
+        folders: Names of all folders above one of them.
     """
 
     def __init__(self, names: Iterable[str]) -> None:

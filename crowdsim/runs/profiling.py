@@ -47,7 +47,7 @@ def with_avatars(scenario: Scenario, count: int) -> Scenario:
     """Return a scenario with about ``count`` avatars, as dense as before: places and arena grow with it.
 
     Raises:
-        ScenarioError: Its avatars stand at given points or on a line, which do not grow.
+        ScenarioError: Its avatars are at given points or on a line, which do not grow.
     """
     factor = count / scenario.avatar_count
     if factor == 1.0:

@@ -102,7 +102,7 @@ def find_run(folder: Path) -> Path | None:
             except ForeignManifestError:
                 continue
             except TakeError:
-                # Further up it may be anybody's.
+                # Further up, files may belong to others.
                 if above == here:
                     raise
         elif exists_plain(above, JOURNAL) and read_journal(above) is not None:

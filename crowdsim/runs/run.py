@@ -1,4 +1,4 @@
-"""One run on its way: what is asked for, what it costs, and what has come of it."""
+"""A run in progress: what is asked for, what it costs, and its report."""
 
 from __future__ import annotations
 

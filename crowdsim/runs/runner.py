@@ -74,14 +74,14 @@ def run_to(
     force: bool = False,
     command: str = "",
     progress: Progress | None = None,
-    tell: Callable[[str], None] | None = None,
+    notify: Callable[[str], None] | None = None,
 ) -> Report:
     """Run a scenario into a folder: take, outputs, and the manifest last.
 
     A finished run of the same resolved scenario is not done again, and nothing that a run has computed is removed,
     unless ``force`` says so; then only what a manifest or journal lists. What is wrong with the input is found before
-    the folder is made or touched. ``tell`` is called beforehand with what a large crowd will need and what its policies
-    cannot do, and once when kernels are compiled.
+    the folder is made or touched. ``notify`` is called beforehand with what a large crowd will need and what its
+    policies cannot do, and once when kernels are compiled.
 
     Raises:
         ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
@@ -90,12 +90,12 @@ def run_to(
         RunError: The run failed, or an output cannot be written.
         Interrupted: SIGINT or SIGTERM came; the take holds the frames that were done.
     """
-    one = Run(scenario, threads, mocap, progress, tell, Path(folder), force, command)
+    one = Run(scenario, threads, mocap, progress, notify, Path(folder), force, command)
     resolved = dump_scenario(scenario)
     if check_folder(one.folder, resolved, force):
         return _done_before(one.report)
     check_scenario(scenario)
-    with watch_compilation(tell, kernel_uses(scenario, mocap), threads) as compilation:
+    with watch_compilation(notify, kernel_uses(scenario, mocap), threads) as compilation:
         one.clock.watch(compilation)
         _run_in_folder(one, resolved)
         one.report.compiled = compilation.count

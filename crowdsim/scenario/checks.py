@@ -112,7 +112,7 @@ def sense_findings(scenario: Description) -> list[Finding]:
 
 
 def _search_findings(scenario: Description) -> Iterator[Finding]:
-    """One index serves everybody: what groups and events say of it must be what the scenario says, or nothing."""
+    """All groups share one index: those that groups and events name must be the scenario's."""
     chosen = scenario.opponents.search
     paths: list[tuple[tuple[str | int, ...], Opponents | None]] = [
         *((("groups", i, "opponents"), group.opponents) for i, group in enumerate(scenario.groups)),

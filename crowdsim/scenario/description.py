@@ -39,7 +39,7 @@ def _allow_length_text(schema: dict[str, Any]) -> None:
 
 
 class Description(StrictModel):
-    """What a scenario says: its keys, and what follows from them.
+    """The keys of a scenario, and what follows from them.
 
     Lengths are metres, angles are degrees; x points to the left and z ahead of an avatar with heading 0.
     """
@@ -83,7 +83,7 @@ class Description(StrictModel):
     _written_types: dict[str, AvatarType] = PrivateAttr(default_factory=dict)
 
     def __eq__(self, other: object) -> bool:
-        """Scenarios are equal when they say the same, wherever they lie."""
+        """Scenarios are equal when their values are, whatever their files."""
         return isinstance(other, Description) and self.model_dump() == other.model_dump()
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, ValidationInfo, model_validator
 
@@ -16,9 +16,13 @@ MAXIMUM_AVATARS = 10_000_000
 Distance = Annotated[float, Field(ge=0.1, le=1000)]
 Degrees = Annotated[float, Field(ge=-360, le=360)]
 
+_RENAMED = {"turn": "rotation"}
+
 
 class GridPlacement(StrictModel):
     """Rows and columns."""
+
+    renamed: ClassVar[dict[str, str]] = _RENAMED
 
     kind: Literal["grid"] = Field(description="Rows and columns; avatars look along the columns.")
     spacing: Distance = Field(default=1.5, description="Distance between neighbours [m].")
@@ -26,17 +30,19 @@ class GridPlacement(StrictModel):
         default=None, ge=1, le=MAXIMUM_AVATARS, description="Avatars in a row; without it a square."
     )
     centre: Point = Field(default=(0.0, 0.0), description="Centre, x and z [m].")
-    turn: Degrees = Field(default=0.0, description="Turn of the whole about its centre [degrees].")
+    rotation: Degrees = Field(default=0.0, description="Rotation of the whole about its centre [degrees].")
 
 
 class RingPlacement(StrictModel):
     """A circle, evenly spaced."""
 
+    renamed: ClassVar[dict[str, str]] = _RENAMED
+
     kind: Literal["ring"] = Field(description="On a circle, evenly spaced; avatars face its centre.")
     radius: float = Field(gt=0, le=100_000, description="Radius [m].")
     distance: Distance = Field(default=0.5, description="Least distance between neighbours [m].")
     centre: Point = Field(default=(0.0, 0.0), description="Centre, x and z [m].")
-    turn: Degrees = Field(default=0.0, description="Position of the first avatar, as an angle from +z [degrees].")
+    rotation: Degrees = Field(default=0.0, description="Angle from +z at which the first avatar is [degrees].")
 
 
 class LinePlacement(StrictModel):
@@ -51,13 +57,15 @@ class LinePlacement(StrictModel):
 class ArmyPlacement(StrictModel):
     """One of two armies that face each other."""
 
+    renamed: ClassVar[dict[str, str]] = _RENAMED
+
     kind: Literal["army"] = Field(description="One of two armies that face each other across a gap.")
     side: Literal["left", "right"] = Field(description="`left` is at x > 0, `right` at x < 0 of the centre.")
     gap: float = Field(default=4.0, ge=0.1, le=100_000, description="Distance between the two front ranks [m].")
     ranks: int = Field(default=5, ge=1, le=100_000, description="Number of ranks of the army.")
     spacing: Distance = Field(default=1.2, description="Distance between neighbours [m].")
     centre: Point = Field(default=(0.0, 0.0), description="Middle of the gap, x and z [m].")
-    turn: Degrees = Field(default=0.0, description="Turn of the whole about its centre [degrees].")
+    rotation: Degrees = Field(default=0.0, description="Rotation of the whole about its centre [degrees].")
 
 
 class DiscPlacement(StrictModel):
@@ -118,12 +126,15 @@ Placement = Annotated[
 Facing = Literal["placement", "centre", "outwards", "enemies", "random"] | Degrees
 
 Hysteresis = Annotated[float, Field(ge=0, le=100)]
+SearchName = Literal["auto", "kd_tree", "scipy"]
+SEARCHES: tuple[str, ...] = get_args(SearchName)
+"""Indices for nearest opponents, by name."""
 Search = Annotated[
-    Literal["auto", "kd_tree", "scipy"],
+    SearchName,
     Field(
         description="How nearest opponents are found, for all groups alike; the take does not depend on it. `auto`: "
         "direct comparison in a small crowd, else `kd_tree`; `kd_tree`: our own tree for any number of avatars; "
-        "`scipy`: scipy's tree, built anew each frame."
+        "`scipy`: scipy's tree, built for each frame."
     ),
 ]
 
@@ -175,12 +186,12 @@ Opponents = Annotated[
 
 
 class CircleTarget(StrictModel):
-    """A target that goes round in a circle."""
+    """A target that moves along a circle."""
 
     kind: Literal["circle"] = Field(description="Goes round in a circle, from +z on towards +x.")
     radius: float = Field(gt=0, le=100_000, description="Radius [m].")
     speed: float = Field(
-        default=0.5, ge=-20, le=20, description="Speed along the circle [m/s]; below 0 the other way round."
+        default=0.5, ge=-20, le=20, description="Speed along the circle [m/s]; below 0 in the opposite direction."
     )
     centre: Point = Field(default=(0.0, 0.0), description="Centre, x and z [m].")
     height: float = Field(default=1.6, gt=0, le=10, description="Height of the target, the centre of its head [m].")

@@ -1,4 +1,4 @@
-"""Names of groups, types and avatars: what they may look like, since files are called by them."""
+"""Valid names of groups, types and avatars, which are names of files too."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ class _Ranged(StrictModel):
         return self
 
     def frames_at(self, fps: float) -> tuple[int, int] | None:
-        """Return the first frame and the one after the last at a rate, whichever way they are given."""
+        """Return the first frame and the one after the last at a rate, given in frames or seconds."""
         if not isinstance(self.frames, SecondsRange):
             return self.frames
         start, stop = (first_frame_at(second, fps) for second in self.frames.seconds)

@@ -136,7 +136,7 @@ class AvatarType(StrictModel):
     """What avatars of one type have in common."""
 
     extends: Name | None = Field(
-        default=None, description="Another type of this scenario whose settings hold where this one says nothing."
+        default=None, description="Another type of this scenario, whose settings this one inherits."
     )
     policy: PolicyName = Field(
         default="boxer", description="Name of the policy (its recipe's file name without .yaml)."

@@ -1,11 +1,11 @@
-"""Scenarios: YAML files that say who fights whom, where, how long, and what a run writes."""
+"""Scenarios: YAML files on avatars, opponents, positions, duration and outputs of a run."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import Any, cast
 
 from pydantic import ValidationError, ValidationInfo, model_validator
 
@@ -17,8 +17,8 @@ from crowdsim.errors import ScenarioError, nearest
 from crowdsim.scenario.checks import name_findings, sense_findings
 from crowdsim.scenario.description import MAXIMUM_SEED, Description
 from crowdsim.scenario.groups import (
+    SEARCHES,
     PointsPlacement,
-    Search,
     checksum,
 )
 from crowdsim.scenario.parts import AvatarType
@@ -27,7 +27,7 @@ VERSION = 1
 
 
 class Scenario(Description):
-    """A scenario: who fights whom, where, how long, and what a run writes.
+    """A scenario: avatars, opponents, positions, duration and outputs of a run.
 
     Lengths are metres, angles are degrees; x points to the left and z ahead of an avatar with heading 0.
     """
@@ -92,13 +92,11 @@ def load_scenario(
         except ValidationError as error:
             reasons = [str(detail.get("ctx", {}).get("error", detail["msg"])) for detail in error.errors()]
             raise ScenarioError(f"{file}: with fraction {fraction}: {'; '.join(reasons)}") from None
-        # A validated copy counts every key as set; types must still know what their file says to be merged.
+        # A validated copy counts every key as set; types must keep which keys their file sets, to be merged.
         scenario = scenario.model_copy(update={key: getattr(changed, key) for key in changes})
     if search is not None:
-        choices = get_args(get_args(Search)[0])
-        if search not in choices:
-            what = f"the search is {search!r}, expected {quoted(choices)}{nearest(search, choices)}"
-            raise ScenarioError(what)
+        if search not in SEARCHES:
+            raise ScenarioError(f"the search is {search!r}, expected {quoted(SEARCHES)}{nearest(search, SEARCHES)}")
         scenario = with_search(scenario, search)
     resolved = resolve_scenario(scenario, file.parent)
     resolved._source = file
@@ -184,7 +182,7 @@ def _context(file: Path) -> dict[str, Any]:
 
 
 def _merged_type(scenario: Scenario, name: str) -> AvatarType:
-    """Return a type with what it says itself over what the types say that it extends, mappings key by key."""
+    """Return a type with its own settings over those of the types that it extends, mappings key by key."""
     own = scenario.types[name]
     said = own.model_dump(exclude_unset=True)
     if own.extends is not None:

@@ -1,4 +1,4 @@
-"""What a valid scenario asks for that its policies cannot do: targets that get away from those who follow them."""
+"""Warnings on valid scenarios: targets that are faster than the policies of avatars that follow them."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def speed_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any
 
 
 def _followers(scenario: Scenario, target: str) -> list[str]:
-    """Return the types of avatars that follow a target at first, or once an event says so."""
+    """Return the types of avatars that follow a target from the start, or after an event."""
     found: dict[str, None] = {}
     for group in scenario.groups:
         given: list[Opponents] = [group.opponents or scenario.opponents]

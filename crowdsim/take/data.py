@@ -44,7 +44,7 @@ class Cast:
 
 @dataclass(frozen=True)
 class TakeHeader:
-    """What is known of a take before its first frame; see ``TakeData``."""
+    """Constants of a take, known before its first frame; see ``TakeData``."""
 
     cast: Cast
     control_rate: float
@@ -65,7 +65,7 @@ class TakeData:
     Attributes:
         action: Action that each avatar does, a number of its policy's graph. Shape (F, N), int32.
         action_frame: Frames of that action done, in control frames from its state. Shape (F, N), float32.
-        x: Where the avatar stands [m]. Shape (F, N), float32.
+        x: Position of the avatar [m]. Shape (F, N), float32.
         z: Likewise [m].
         heading: Where it looks [rad].
         opponent: Avatar that it fights, ``-2 - k`` for scripted target k, -1 for none. Shape (F, N), int32.
@@ -78,7 +78,7 @@ class TakeData:
         seed: Seed of the run.
         fingerprints: Fingerprint of each policy's bundle.
         status: ``done`` or ``interrupted``.
-        reactions: Whether those whom a strike lands on give way to it.
+        reactions: Whether avatars that a strike lands on react to it.
         collision_avoidance: Whether avatars avoid one another; trunks that lean into others give way then.
         policies: The policies, in the order of ``cast.policy_names``, where they are loaded: by ``crowdsim.run`` and
             ``crowdsim.open_run``. Poses need them.

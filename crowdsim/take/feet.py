@@ -9,9 +9,9 @@ from crowdsim.take.window import Window
 
 
 def hold_feet(window: Window, transitions: Transitions, playback: Playback, moments: Moments, poses: Posed) -> None:
-    """Bring planted feet to where they belong, in place.
+    """Bring planted feet to their positions, in place.
 
-    They keep what the capture has them do there, rotations and all. Knees keep their plane; no sole goes below the
+    They keep their captured motion there, rotations included. Knees keep their plane; no sole goes below the
     floor. The pelvis goes down a little where a leg is too short.
 
     Args:

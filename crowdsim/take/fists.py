@@ -26,7 +26,7 @@ PoseAt = Callable[[Array, Array], list[tuple[Array, Body, Array, Array, Array]]]
 MOST = 0.35
 """Furthest that a fist is carried [m]."""
 _FACING = 0.2
-"""Cosine of the angle between the way out to a point that is hit and the way to the shoulder, at the least."""
+"""Least cosine of the angle between the outward direction of a point that is hit and the direction to the shoulder."""
 _OUT = 12
 """Times that a point goes out of head or torso."""
 
@@ -42,7 +42,7 @@ def surface_point(
 ) -> Array:
     """Return the points of bodies' surfaces that are nearest to given points; all (E, 3), radii (E,) [m].
 
-    A point on the head that lies in the torso, or the other way round, is no surface: such points go out of one and of
+    A point on the head that lies in the torso, or vice versa, is no surface: such points go out of one and of
     the other until they lie on both. With ``origin`` points on the far side, as seen from there, come around: a fist
     does not go through a head to its back.
     """
@@ -137,7 +137,7 @@ def plan_landings(
         )
     order, starts = by_column(columns[near.attackers], count, near.times)
     for values in (leans, moves):
-        # Of those who are not there nothing is known.
+        # Absent avatars have no positions.
         values[~np.isfinite(values)] = 0.0
     _lean_alike(near.attackers[order], near.hands[order], near.times[order], order, leans, moves)
     result = (near.times, near.hands, shifts, near.spans, near.lean_spans, leans, moves)

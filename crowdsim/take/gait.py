@@ -1,4 +1,4 @@
-"""How a body steps and stands in its own capture: what steps that feet make for transitions are modelled on."""
+"""How a body steps in its own capture, which steps made for transitions are modelled on."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from crowdsim.core.types import Array
 
 _LONGEST, _FURTHEST = 0.5, 0.5
-"""What takes longer [s] or goes further [m] is no single step."""
+"""Longest time [s] and distance [m] of a single step."""
 _LEAST = 12
 """Fewer steps are no sample."""
 _TYPICAL = 60
@@ -39,11 +39,11 @@ USUAL = Gait(0.14, 0.25, 0.024, 0.06, 0.0)
 
 
 def measure_gait(contacts: Array, points: Array, starts: Array, rate: float) -> Gait:
-    """Return how feet step and stand.
+    """Return how feet step, and about which points they rotate on the floor.
 
     Args:
         contacts: Whether each foot is planted, over P frames. Shape (P, 2), bool.
-        points: Point about which each foot turns while it stands, in its clip's world [m]. Shape (P, 2, 3).
+        points: Point about which each foot rotates while it is planted, in its clip's world [m]. Shape (P, 2, 3).
         starts: First frame of each clip, and the number of frames. Shape (clips + 1,).
         rate: Frames a second.
     """

@@ -127,7 +127,7 @@ def find_hits(sampler: PoseSampler, silhouette: Silhouette) -> Hits:
 
 
 def hit_figure(sampler: PoseSampler) -> Figure:
-    """Draw where strikes land, on a silhouette of the body that most of those who are hit have."""
+    """Draw where strikes land, on a silhouette of the body that most victims have."""
     take = sampler.take
     victims = np.asarray(take.events.victim)[np.asarray(take.events.landed, bool)]
     policies = take.cast.policies[victims[victims >= 0]]

@@ -1,4 +1,4 @@
-"""Landed strikes of a take: who hits whom when; and those that miss, for being too deep in a body."""
+"""Landed strikes of a take: attacker, victim and time; and those that miss, for being too deep in a body."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from crowdsim.core.types import Array
 from crowdsim.take.data import TakeData
 
 BEFORE, AFTER = 0.16, 0.22
-"""How long before and after a strike the arm leaves its captured way [s]."""
+"""Time before and after a strike over which the arm leaves its captured path [s]."""
 
 LEAN = 0.22
 """How long before and after it the trunk leans for it at the most [s]."""

@@ -229,7 +229,7 @@ def opponent_offsets(chunk: Chunk, rows: slice = slice(None)) -> tuple[Array, Ar
 
 
 def chunks_of(take: TakeData) -> Iterator[Chunk]:
-    """Yield a take's frames in chunks, each with the strikes thrown on the way to its frames."""
+    """Yield a take's frames in chunks, each with the strikes thrown since the frame before its first."""
     rows = max(1, _READ_AVATAR_FRAMES // max(take.avatar_count, 1))
     strikes = {name: np.asarray(getattr(take.events, name)) for name in Events.__dataclass_fields__}
     order = np.argsort(strikes["frame"], kind="stable")

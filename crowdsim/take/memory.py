@@ -1,4 +1,4 @@
-"""Takes in memory: frames that are collected while a run goes."""
+"""Takes in memory: frames that are collected during a run."""
 
 from __future__ import annotations
 

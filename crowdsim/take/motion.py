@@ -12,7 +12,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import Body
-from crowdsim.motion.contacts import stand_spans
+from crowdsim.motion.contacts import plant_spans
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.limbs import flexion, hinge_axis
 from crowdsim.motion.skeleton import Skeleton
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _FREE, _MORE = np.deg2rad(130.0), np.deg2rad(8.0)
 """Flexion that blends may always give, and what they may give beyond that or the capture's own [rad]."""
 _SETTLES = 2
-"""Frames in which a foot that counts as planted still comes to rest, or begins to go."""
+"""Frames at the ends of a foot plant in which the foot still comes to rest, or begins to lift."""
 _SIDES = ("left", "right")
 _SAMPLE = 4096
 
@@ -40,12 +40,12 @@ class Frames(NamedTuple):
         roots: Position of the root in the frame's ground frame [m]. Shape (P, 3), float32.
         ground: Ground transform in the clip's world. Shape (P, 3), float64.
         contacts: Whether each foot is planted. Shape (P, 2), bool.
-        holds: Point of each foot about which it turns while it stands, in the frame's ground frame [m].
+        holds: Point of each foot about which it rotates while it is planted, in the frame's ground frame [m].
             Shape (P, 2, 3), float32.
         feet: Turn of each foot in the frame's ground frame. Shape (P, 2, 4), float32.
         tracks: That point and the turn of each foot in the clip's world, and the turn of its toes on it, if there are
             any. Shape (P, 2, 11), float32.
-        plants: First and last frame over which each foot stands on as it does in this one, or is in the air as in this
+        plants: First and last frame over which each foot stays planted as in this one, or is in the air as in this
             one. Shape (P, 2, 2), int32.
         bounds: First and last playback frame of the clip of each frame. Shape (P, 2).
         stride: Playback frames in a control frame.
@@ -119,7 +119,7 @@ class PoseMotion:
         legs: The legs.
         arms: The arms.
         hinges: Elbows and knees.
-        gait: How it steps and stands.
+        gait: How it steps.
         fists: Position of the left and right fist in the frame's ground frame [m]. Shape (P, 2, 3), float32.
         trunks: Centre of the head, upper and lower end of the trunk in the frame's ground frame [m]. Shape (P, 3, 3),
             float32.
@@ -205,11 +205,11 @@ def _tracks(holds: Array, world_rotations: Array, rotations: Array, toes: Array)
 
 
 def _at_rest(contacts: Array, starts: Array) -> Array:
-    """Return the frames over which each foot stands on, but for those in which it comes to rest, or goes, or flies."""
-    spans, frames = stand_spans(contacts, starts), np.arange(len(contacts))[:, None]
+    """Return the frames over which each foot stays planted, without those in which it comes to rest or lifts off."""
+    spans, frames = plant_spans(contacts, starts), np.arange(len(contacts))[:, None]
     first, last = np.minimum(spans[..., 0] + _SETTLES, frames), np.maximum(spans[..., 1] - _SETTLES, frames)
     rest = np.stack([first, last], axis=-1)
-    return np.where(contacts[..., None], rest, stand_spans(~contacts, starts)).astype(np.int32)
+    return np.where(contacts[..., None], rest, plant_spans(~contacts, starts)).astype(np.int32)
 
 
 def chain_of(skeleton: Skeleton, joints: Sequence[int]) -> Array:

@@ -154,7 +154,7 @@ class Passes:
         return poses
 
     def _moments(self, avatars: Array, times: Array) -> Iterator[tuple[Array, int, Window, Moments]]:
-        """For each policy which of some avatars (E,) at times (E,) are its own, their window, who and when."""
+        """For each policy which of some avatars (E,) at times (E,) are its own, their window, avatars and times."""
         owners = self._take.cast.policies[avatars]
         for index in np.unique(owners):
             which = np.flatnonzero(owners == index)

@@ -131,7 +131,7 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
 
 
 def _of_fists(sampler: PoseSampler) -> dict[str, float | None]:
-    """Gaps between fists that land and the surface of whom they land on; of many strikes, some evenly picked."""
+    """Gaps between landed fists and the surface of their victims; of many strikes, an even selection."""
     events = sampler.take.events
     landed = np.flatnonzero(np.asarray(events.landed, dtype=bool) & (np.asarray(events.victim) >= 0))
     some = landed[np.unique(np.linspace(0, len(landed) - 1, min(len(landed), _MOST_STRIKES)).astype(np.int64))]

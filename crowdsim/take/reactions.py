@@ -19,19 +19,19 @@ PlaceAt = Callable[[Array, Array], list[tuple[Array, PoseMotion, Array, Playback
 
 _TYPICAL_SPEED, _STRONGEST = 8.0, 1.6
 _SWING = 0.05
-"""Time over which the way of a fist is measured [s]."""
+"""Time over which the direction of a fist is measured [s]."""
 _NEAR_HEAD = 0.12
 _GIVES = {"spine": (0.06, 0.14), "chest": (0.06, 0.1), "neck": (0.14, 0.05), "head": (0.2, 0.07)}
-"""Joints that give way, and by how much in a blow of typical speed to the head and to the torso [rad]."""
+"""Joints that yield, and by how much in a strike of typical speed to the head and to the torso [rad]."""
 
 
 def build_trunk(motion: PoseMotion) -> Trunk:
-    """Return the joints of a body that give way to blows."""
+    """Return the joints of a body that yield to strikes."""
     roles = motion.body.roles
     chain = chain_of(motion.skeleton, [roles["head"]])
     gives = np.zeros((len(chain), 2))
     for role, give in _GIVES.items():
-        # Where one joint has two roles it gives way for both.
+        # A joint with two roles yields for both.
         gives[chain == roles[role]] += give
     return Trunk(np.asarray(motion.skeleton.parents, dtype=np.int64), chain, gives)
 
@@ -45,7 +45,7 @@ def plan_blows(landed: Landed, columns: Array, count: int, first: float, last: f
         count: Number of columns.
         first: First time that is posed [s].
         last: Last time that is posed [s].
-        place_at: Tells where avatars are.
+        place_at: Returns the playback of avatars.
     """
     near = landed.between(first - LENGTH, last)
     near = near.of((near.victims >= 0) & ~near.again & ~near.missed)
@@ -55,22 +55,22 @@ def plan_blows(landed: Landed, columns: Array, count: int, first: float, last: f
         frames, hands = playback.frames[0], near.hands[which]
         now = np.maximum(frames, 0)
         before = np.maximum(now - round(_SWING * motion.frames.rate), motion.frames.bounds[now, 0])
-        way = (motion.fists[now, hands] - motion.fists[before, hands]).astype(float) * scales[:, None]
+        direction = (motion.fists[now, hands] - motion.fists[before, hands]).astype(float) * scales[:, None]
         heading = playback.ground[0, :, 2]
         cos, sin = np.cos(heading), np.sin(heading)
-        x, z = way[:, 0] * cos + way[:, 2] * sin, way[:, 2] * cos - way[:, 0] * sin
+        x, z = direction[:, 0] * cos + direction[:, 2] * sin, direction[:, 2] * cos - direction[:, 0] * sin
         length = np.hypot(x, z)
         strength = np.minimum(near.speeds[which] / _TYPICAL_SPEED, _STRONGEST) / np.maximum(length, 1e-6)
         strength = np.where((length > 1e-6) & (frames >= 0), strength, 0.0)
-        # Up cross the way: about it, what points up goes along the way.
+        # Up cross direction: rotation about it tips upright vectors in the direction.
         axes[which, 0], axes[which, 2] = z * strength, -x * strength
     parts = np.ones(len(near.times), np.int64)
     for which, motion, scales, playback in place_at(near.victims, near.times):
         head = motion.trunks[np.maximum(playback.frames[0], 0), 0].astype(float) * scales[:, None]
-        place = playback.ground[0]
-        cos, sin = np.cos(place[:, 2]), np.sin(place[:, 2])
-        x = place[:, 0] + head[:, 0] * cos + head[:, 2] * sin
-        z = place[:, 1] - head[:, 0] * sin + head[:, 2] * cos
+        ground = playback.ground[0]
+        cos, sin = np.cos(ground[:, 2]), np.sin(ground[:, 2])
+        x = ground[:, 0] + head[:, 0] * cos + head[:, 2] * sin
+        z = ground[:, 1] - head[:, 0] * sin + head[:, 2] * cos
         gap = np.linalg.norm(near.points[which] - np.stack([x, head[:, 1], z], axis=1), axis=1)
         parts[which] = np.where(gap < (motion.body.head_radius + _NEAR_HEAD) * scales, 0, 1)
     order, starts = by_column(columns[near.victims], count, near.times)
@@ -85,7 +85,7 @@ def give_way(
     Args:
         window: The stretch of the take.
         blows: Strikes that landed.
-        trunk: The joints that give way.
+        trunk: The joints that yield.
         moments: Who is posed, and when.
         poses: Their poses; rotations are changed.
         recent: Time after which blows are left out [s].

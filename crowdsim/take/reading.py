@@ -47,7 +47,7 @@ def read_group(folder: Path, group: Any, attributes: dict[str, Any]) -> Take:
         seed=int(attributes["seed"]),
         fingerprints=tuple(attributes["policy_fingerprints"]),
         status=str(attributes["status"]),
-        # Takes of before this could be said have them.
+        # Takes written before this attribute existed have reactions.
         reactions=bool(attributes.get("reactions", True)),
         collision_avoidance=bool(attributes.get("collision_avoidance", True)),
     )

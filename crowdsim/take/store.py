@@ -1,4 +1,4 @@
-"""Takes on disk: a Zarr group that is written in chunks of frames while a run goes; FORMAT.md beside this file."""
+"""Takes on disk: a Zarr group that is written in chunks of frames during a run; FORMAT.md beside this file."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class TakeWriter:
         header = self._header
         cast, targets = header.cast, len(header.target_names)
         chunk, frames, avatars = self._chunk, self._frames, len(cast.names)
-        # All at once: one by one each would be written to disk anew.
+        # All at once: one by one, the metadata would be written to disk for each.
         self._group.attrs.put(
             {
                 "format": FORMAT,
@@ -215,7 +215,7 @@ class TakeWriter:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Tell of what goes wrong in writing by the take's own name, and leave nothing behind then."""
+        """Report errors of writing by the take's own name, and remove what was written."""
         try:
             yield
         except OSError as error:
@@ -228,7 +228,7 @@ class TakeWriter:
 
 
 def _format_two() -> dict[str, Any]:
-    """Ask for Zarr's format 2, which is all that older versions of the library know."""
+    """Ask for Zarr's format 2, the only one of older versions of the library."""
     import zarr
 
     return {"zarr_format": 2} if hasattr(zarr.Group, "create_array") else {}

@@ -36,7 +36,7 @@ _STEP_RULES = StepRules(
     drag_anyhow=HARDLY,
 )
 """A pose sees a second around it. What a foot does some time before a transition adds up with how far after it that is
-settled, and the other way round, to less than that."""
+settled, and vice versa, to less than that."""
 
 
 class Window:
@@ -74,7 +74,7 @@ class Window:
         lengths = motion.lengths[np.maximum(action, 0)].astype(np.float64)
         phase = np.minimum(read(take.action_frame).astype(np.float64), lengths)
         fresh = np.ones(action.shape, bool)
-        # An action that starts anew need not be another one; what goes on goes on by the speed.
+        # An action that starts again need not be another one; otherwise its phase advances by the speed.
         fresh[1:] = (action[1:] != action[:-1]) | (phase[1:] < phase[:-1] + 0.5 * speeds)
         self.rows = Rows(
             present=action >= 0,

@@ -31,8 +31,8 @@ class Episodes:
         landings: When a strike first landed [s], NaN where none did. Shape (N,).
         landed: Strikes landed. Shape (N,).
         seconds_a_decision: Mean processor time that a decision took [s].
-        cuts_per_second: Transitions a second.
-        uncut_seconds: Mean time from one cut to the next [s].
+        transitions_per_second: Transitions a second.
+        seconds_between_transitions: Mean time from one transition to the next [s].
         actions_used: How many of the graph's actions were done at all.
     """
 
@@ -43,8 +43,8 @@ class Episodes:
     landings: Array
     landed: Array
     seconds_a_decision: float
-    cuts_per_second: float
-    uncut_seconds: float
+    transitions_per_second: float
+    seconds_between_transitions: float
     actions_used: int
 
 
@@ -173,7 +173,7 @@ def _episodes(out: Array, used: Array, spent: float, rate: float) -> Episodes:
 
     never = out < 0.0
     arrived, landed = played.ARRIVED, played.FIRST_LANDED
-    cuts, frames = out[:, played.CUTS].sum(), out[:, played.FRAMES].sum()
+    transitions, frames = out[:, played.TRANSITIONS].sum(), out[:, played.FRAMES].sum()
     return Episodes(
         returns=out[:, played.RETURN],
         earned=out[:, played.EARNED],
@@ -182,8 +182,8 @@ def _episodes(out: Array, used: Array, spent: float, rate: float) -> Episodes:
         landings=np.where(never[:, landed], np.nan, out[:, landed] / rate),
         landed=out[:, played.LANDED],
         seconds_a_decision=spent / float(out[:, played.DECISIONS].sum()),
-        cuts_per_second=float(cuts / frames * rate),
-        uncut_seconds=float(frames / rate / max(cuts, 1.0)),
+        transitions_per_second=float(transitions / frames * rate),
+        seconds_between_transitions=float(frames / rate / max(transitions, 1.0)),
         actions_used=int(used.sum()),
     )
 

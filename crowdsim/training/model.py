@@ -4,8 +4,8 @@ With s a state, c a cell, a an action of s that takes T(a) control frames to the
 
     Q(a, c) = sum over o of p(o) [ r(a, c, o) + gamma^T(a) * next(s'(a), e(a, c, o)) ]
 
-The target moves meanwhile in one of the ways o, each with its probability p(o); e is where it is seen at the end, which
-is between grid points. ``next`` is what the best action is worth there, by one of two backups (``BACKUPS``):
+The target moves meanwhile with one of the velocities o, each with its probability p(o); e is where it is seen at the
+end, which is between grid points. ``next`` is what the best action is worth there, by one of two backups (``BACKUPS``):
 
 * ``max_of_interpolated``: the greatest interpolated Q, max over a' of sum of w Q(a', cell). It is the paper's.
 * ``interpolation_of_max``: V(s', cell) = max over a' of Q(a', cell), interpolated. It is cheaper by the number of
@@ -53,7 +53,7 @@ class Movement:
 
 
 def build_movement(speed: float = 0.0, directions: int = 4, still: float = 0.5, control_rate: float = 15.0) -> Movement:
-    """Return a target that stands with probability ``still``, else walks in one of ``directions`` at ``speed`` [m/s].
+    """Return a target at rest with probability ``still``, else walking in one of ``directions`` at ``speed`` [m/s].
 
     With a speed of 0 or ``still`` at 1 it never moves.
     """
@@ -68,7 +68,7 @@ def build_movement(speed: float = 0.0, directions: int = 4, still: float = 0.5, 
 
 @dataclass(frozen=True)
 class Model:
-    """The model as flat arrays. A actions, M moving cells, D moving axes, C cells, O ways in which the target moves.
+    """The model as flat arrays. A actions, M moving cells, D moving axes, C cells, O velocities of the target.
 
     Attributes:
         grid: The environment.
@@ -79,9 +79,9 @@ class Model:
         axes: The distance and the bearing as compiled code reads them: first point (squeezed), points a unit, count,
             rate, whether it wraps, stride in a table. One that the grid lacks has a single point. Shape (2, 6),
             float32.
-        ends: The ground where each action ends: what is added to a place along x and z [m], with the way that the
-            target goes meanwhile, cosine and sine of the heading, and -1 where the action ends in the mirror image of
-            a state, else 1. Shape (O, A, 5), float32.
+        ends: The ground where each action ends: what is added to a position along x and z [m], with the distance that
+            the target goes meanwhile, cosine and sine of the heading, and -1 where the action ends in the mirror image
+            of a state, else 1. Shape (O, A, 5), float32.
         xs: Where the target of each moving cell is, to the left [m]. Shape (M,), float32.
         zs: Ahead.
         probabilities: p(o). Shape (O,), float32.
@@ -160,20 +160,20 @@ def build_model(
         terms: The reward's terms.
         body: Sizes of the target.
         discount: gamma, a control frame.
-        movement: How the target moves; without it, it stands still.
+        movement: How the target moves; without it, it is at rest.
 
     Raises:
-        RecipeError: Training does not know a term or an axis.
+        RecipeError: A term or an axis is unknown to training.
     """
     from crowdsim.training.kernels.rewards import Places, fill_near
 
     movement = build_movement() if movement is None else movement
     layers, targets = grid.layers, grid.targets()
     xs, zs = (np.ascontiguousarray(targets[::layers, axis], np.float32) for axis in (0, 2))
-    count, ways = actions.action_count, len(movement.probabilities)
+    count, outcomes = actions.action_count, len(movement.probabilities)
 
     packed, log_discount = pack_terms(terms, body), math.log(discount)
-    near = np.empty((ways, count, 1 if _same_everywhere(terms) else len(xs)), np.float32)
+    near = np.empty((outcomes, count, 1 if _same_everywhere(terms) else len(xs)), np.float32)
     for velocity, out in zip(movement.velocities.astype(np.float32), near, strict=True):
         places = Places(xs, zs, *(np.full(len(xs), one) for one in velocity))
         share(count, fill_near, actions, places, packed, log_discount, out)
@@ -228,7 +228,7 @@ def moving_axes(grid: Grid) -> Array:
 
 
 def action_ends(actions: Actions, movement: Movement) -> Array:
-    """Return the ground where each action ends, for each way in which the target moves (``Model.ends``)."""
+    """Return the ground frame in which each action ends, for each velocity of the target (``Model.ends``)."""
     x, z, heading = actions.displacements.T.astype(float)
     gone = movement.velocities[:, None, :] * actions.lengths[:, None]
     side = np.where(actions.next < actions.state_count, 1.0, -1.0)

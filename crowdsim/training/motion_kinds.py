@@ -12,9 +12,9 @@ from crowdsim.core.types import Array
 from crowdsim.policy.actions import Actions
 
 STILL, SMALL_TURN = 0.08, math.radians(15.0)
-"""An action that goes less far over the ground [m] and turns by less [rad] stays."""
+"""An action that travels less [m] and rotates less [rad] stays."""
 TURN_REACH = 0.5
-"""A turn counts as so much of a way for each radian [m]: the stronger of turn and way names the action."""
+"""Distance that a rotation by a radian counts as [m]: the greater of rotation and distance names the action."""
 
 
 class MotionKind(IntEnum):
@@ -40,7 +40,7 @@ def motion_kinds(actions: Actions, strike_hands: ArrayLike) -> Array:
     """Return the kind of every action.
 
     An action with a strike is one of its first strike's hand. Others are named by where they lead: ahead, back or to a
-    side, whichever of the four ways is nearest, unless they turn more than they go or do neither.
+    side, whichever of the four directions is nearest, unless they rotate more than they travel or do neither.
 
     Args:
         actions: The actions.
@@ -50,13 +50,13 @@ def motion_kinds(actions: Actions, strike_hands: ArrayLike) -> Array:
         Values of ``MotionKind``. Shape (A,), uint8.
     """
     across, ahead, turn = np.asarray(actions.displacements, float).T
-    way = np.hypot(across, ahead)
+    distance = np.hypot(across, ahead)
     kinds = np.where(across >= 0.0, MotionKind.STEP_LEFT, MotionKind.STEP_RIGHT)
     straight = np.abs(ahead) >= np.abs(across)
     kinds = np.where(straight, np.where(ahead >= 0.0, MotionKind.STEP_FORWARD, MotionKind.STEP_BACK), kinds)
-    turns = np.abs(turn) * TURN_REACH > way
+    turns = np.abs(turn) * TURN_REACH > distance
     kinds = np.where(turns, np.where(turn >= 0.0, MotionKind.TURN_LEFT, MotionKind.TURN_RIGHT), kinds)
-    kinds = np.where((way < STILL) & (np.abs(turn) < SMALL_TURN), MotionKind.STAY, kinds)
+    kinds = np.where((distance < STILL) & (np.abs(turn) < SMALL_TURN), MotionKind.STAY, kinds)
     first, end = actions.strike_offsets[:-1], actions.strike_offsets[1:]
     strikes = np.flatnonzero(end > first)
     hands = np.asarray(strike_hands)[actions.strike_ids[first[strikes]]]

@@ -161,7 +161,7 @@ def _head(survey: Survey, mirror: bool, place: Path) -> str:
         f"description: Capture of {_scalar(survey.folder.resolve().name)}",
         "motion:",
         "  capture:",
-        f"    folder: {_scalar(_seen_from(survey.folder, place))} # --mocap DIR goes before it",
+        f"    folder: {_scalar(_seen_from(survey.folder, place))} # --mocap DIR takes precedence",
         "    clips:",
     ]
     for file in survey.used:

@@ -80,7 +80,7 @@ def chosen_states(policy: Policy, count: int = 3) -> list[int]:
 def strikes_figure(policy: Policy) -> Figure:
     """Draw the strikes from above, and their reach, height, direction and speed beside the paper's region."""
     database = policy.database
-    x, y, z = np.asarray(database.strike_places, dtype=float).T
+    x, y, z = np.asarray(database.strike_positions, dtype=float).T
     figure = new_figure(13, 8)
     above, *others = (figure.add_subplot(2, 3, place) for place in (1, 2, 3, 5, 6))
     legend = figure.add_subplot(2, 3, 4)

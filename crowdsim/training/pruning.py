@@ -1,13 +1,13 @@
-"""Pruning: of many ways out of a frame those are kept that the behaviours are better off with.
+"""Pruning: of many transitions out of a frame, those that are worth most to the behaviours are kept.
 
-The cheapest transitions are not the most useful ones: most of a guard's look-alikes lead to the same few moves. So a
-wide graph is learned on coarse grids first. Of each state's ways out that set is kept whose best one is worth most, on
-the average over targets all around and over behaviours, alone and together; it is grown one by one, always by the way
-that adds most. Of decisions too near to one another those stay that add most, and no way out may land just before
-one: cuts that follow at once are seen most. Among the rest ways out are then chosen once more. The graph of what is
-left has fewer decisions, each among fewer actions, and hardly earns less (``benchmarks/policy_quality.py``).
+The cheapest transitions are not the most useful ones: most frames similar to a guard lead to the same few moves. So a
+wide graph is first solved on coarse grids. For each state, transitions are added greedily, each time the one that
+raises the best value most, averaged over targets on all sides and over the behaviours, alone and together. Of decisions
+that are too close in time, the most valuable are kept. No transition may enter just before a decision, because
+transitions in quick succession are the most visible. The transitions that remain are then chosen once more. The pruned
+graph has fewer decisions among fewer actions, at hardly any loss of reward (``benchmarks/policy_quality.py``).
 
-Mirrored motion is judged once for both sides: the ways out of mirror images are the mirror images of those kept.
+Mirrored motion is judged once for both sides: transitions of mirror images are the mirror images of those kept.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ COARSE = {"distance": 11, "bearing": 16, "height": 3}
 """Most points of each axis on which the wide graph is learned."""
 
 ROUGH = 0.03
-"""Tolerance of those values: a third of it keeps the same ways but for one in twenty, and as good ones."""
+"""Tolerance of those values; a third of it changes one transition in twenty, for one of equal value."""
 
 
 def prune_graph(
@@ -60,70 +60,70 @@ def prune_graph(
     actions = build_actions(database, graph)
     values: dict[str, Array] = {}
     states = _judged_states(database, graph, specs)
-    keep, gains = judge_ways(database, graph, actions, specs, body, settings.ways, progress, values)
-    cuts = graph.action_cuts[: len(keep)]
-    ways = _ways(graph, cuts)
-    worth = np.zeros(len(ways))
-    chosen = keep[cuts]
-    # What adds nothing is worth a little more than nothing, so that no frame loses all its ways for that.
-    worth[chosen] = gains[cuts][chosen] + 1e-9
+    keep, gains = judge_transitions(database, graph, actions, specs, body, settings.transitions, progress, values)
+    jumps = graph.action_has_transition[: len(keep)]
+    wide_transitions = _transitions_of(graph, jumps)
+    worth = np.zeros(len(wide_transitions))
+    chosen = keep[jumps]
+    # Above 0 even where a transition adds nothing, so that no frame loses all its transitions for that.
+    worth[chosen] = gains[jumps][chosen] + 1e-9
     spacing = _frames(settings.spacing, database)
-    decisions = decision_frames(ways.chosen(chosen), worth[chosen], database.clip_starts, spacing)
+    decisions = decision_frames(wide_transitions.chosen(chosen), worth[chosen], database.clip_starts, spacing)
     landing = _frames(settings.landing, database)
     if landing > 1:
         mirrored = states < graph.state_count
         everywhere = decisions | np.roll(decisions, database.captured_frames) if mirrored else decisions
-        fits = decisions[ways.sources] & (_uncut(ways, everywhere, database) >= landing)
+        fits = decisions[wide_transitions.sources] & (_frames_shown(wide_transitions, everywhere, database) >= landing)
         wide = graph.state_frames[:states]
-        graph = _graph_of(database, ways.chosen(fits), graph.threshold, mirrored)
+        graph = _graph_of(database, wide_transitions.chosen(fits), graph.threshold, mirrored)
         states = _judged_states(database, graph, specs)
         values = _values_at(graph.state_frames[:states], values, wide)
         actions = build_actions(database, graph)
-        keep, _ = judge_ways(database, graph, actions, specs, body, settings.ways, progress, values)
-        left = _ways(graph, graph.action_cuts[: len(keep)] & keep)
+        keep, _ = judge_transitions(database, graph, actions, specs, body, settings.transitions, progress, values)
+        left = _transitions_of(graph, graph.action_has_transition[: len(keep)] & keep)
     else:
-        left = ways.chosen(chosen & decisions[ways.sources])
+        left = wide_transitions.chosen(chosen & decisions[wide_transitions.sources])
     return _graph_of(database, left, graph.threshold, states < graph.state_count)
 
 
 def _judged_states(database: MotionDatabase, graph: MotionGraph, specs: dict[str, BehaviourSpec]) -> int:
-    """Return how many states ways are judged of: the captured ones where that is enough (``solved_states``)."""
+    """Return the number of states whose transitions are judged: the captured ones if enough (``solved_states``)."""
     return solved_states(database, graph, map(_coarse, specs.values()))
 
 
-def _graph_of(database: MotionDatabase, ways: Transitions, threshold: float, mirrored: bool) -> MotionGraph:
+def _graph_of(database: MotionDatabase, transitions: Transitions, threshold: float, mirrored: bool) -> MotionGraph:
     """Return the graph of some transitions, with their mirror images if it is ``mirrored``."""
     if mirrored:
-        ways = with_images(ways, database.captured_frames, database.frame_count)
-    return graph_of_transitions(ways, database.clip_starts, threshold, database.clip_names)
+        transitions = with_images(transitions, database.captured_frames, database.frame_count)
+    return graph_of_transitions(transitions, database.clip_starts, threshold, database.clip_names)
 
 
 def _frames(seconds: float, database: MotionDatabase) -> int:
     return max(1, round(seconds * database.control_rate))
 
 
-def _ways(graph: MotionGraph, which: Array) -> Transitions:
-    """Return the transitions into some actions, in the order of (source, target); a graph's actions lie so."""
+def _transitions_of(graph: MotionGraph, which: Array) -> Transitions:
+    """Return the transitions that some actions begin with, in the order of (source, target), as actions are."""
     chosen = np.flatnonzero(which)
     sources = graph.state_frames[graph.action_states[chosen]]
     return Transitions(sources, graph.action_first[chosen], graph.action_costs[chosen])
 
 
-def _uncut(ways: Transitions, decisions: Array, database: MotionDatabase) -> Array:
+def _frames_shown(transitions: Transitions, decisions: Array, database: MotionDatabase) -> Array:
     """Return how many frames each transition shows up to the next decision of the clip, or its end. Shape (T,)."""
     stops = np.flatnonzero(decisions | np.isin(np.arange(database.frame_count), np.asarray(database.clip_starts) - 1))
-    following = np.searchsorted(stops, ways.targets)
-    result: Array = stops[np.minimum(following, len(stops) - 1)] - ways.targets + 1
+    following = np.searchsorted(stops, transitions.targets)
+    result: Array = stops[np.minimum(following, len(stops) - 1)] - transitions.targets + 1
     return result
 
 
-def judge_ways(
+def judge_transitions(
     database: MotionDatabase,
     graph: MotionGraph,
     actions: Actions,
     specs: dict[str, BehaviourSpec],
     body: TargetBody,
-    ways: int,
+    most: int,
     progress: Progress | None = None,
     values: dict[str, Array] | None = None,
 ) -> tuple[Array, Array]:
@@ -135,17 +135,17 @@ def judge_ways(
         actions: Its actions.
         specs: What is to be learned, by name.
         body: Sizes of the target.
-        ways: How many actions that begin with a cut each state keeps at most.
+        most: Most actions that begin with a transition that each state keeps.
         progress: Called with (stage, done, total).
         values: Values of each behaviour from which to start, shape (S, C); replaced by those that were found.
 
     Returns:
         Whether each action is kept, shape (A,), bool; where captured motion runs on, it always is. What each of the
-        others adds to what its state is worth, in parts of the behaviours' scales, shape (A,), float64. A counts the
+        others adds to the value of its state, in parts of the behaviours' scales, shape (A,), float64. A counts the
         actions of the states that are solved (``mirroring.solved_states``).
     """
     from crowdsim.training.behaviours import prepare_models, solve
-    from crowdsim.training.kernels.judging import Judged, judge_ways
+    from crowdsim.training.kernels import judging
     from crowdsim.training.ranges import sample_targets
     from crowdsim.training.scales import action_values_at, decisive_scale, fades_of
 
@@ -163,11 +163,10 @@ def judge_ways(
         factors[row] = (fades / scale if scale > 0.0 else 0.0) if spec.normalise else fades
         prices[row] = _prices(terms, actions)
     keep, gains = np.zeros(actions.action_count, np.uint8), np.zeros(actions.action_count)
-    cuts = graph.action_cuts[: len(keep)]
-    judged = Judged(worth, factors, prices)
-    share(actions.state_count, judge_ways, actions.offsets, cuts, judged, ways, keep, gains)
+    jumps, judged = graph.action_has_transition[: len(keep)], judging.Judged(worth, factors, prices)
+    share(actions.state_count, judging.judge_transitions, actions.offsets, jumps, judged, most, keep, gains)
     if progress is not None:
-        progress("prune, ways out", actions.state_count, actions.state_count)
+        progress("prune, transitions", actions.state_count, actions.state_count)
     return keep.astype(bool), gains
 
 

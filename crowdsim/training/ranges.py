@@ -40,7 +40,7 @@ def strike_reach(database: MotionDatabase) -> Reach:
         MotionError: There are no strikes.
     """
     check_strikes(database)
-    x, y, z = np.asarray(database.strike_places, dtype=float).T
+    x, y, z = np.asarray(database.strike_positions, dtype=float).T
     heads = np.asarray(database.heads[:, 1], dtype=float)
     return Reach(_range(np.hypot(x, z)), _range(np.arctan2(x, z)), _range(y), _range(heads))
 
@@ -75,7 +75,7 @@ def striking_range(database: MotionDatabase) -> tuple[float, float]:
         MotionError: There are no strikes.
     """
     check_strikes(database)
-    x, _, z = np.asarray(database.strike_places, dtype=float).T
+    x, _, z = np.asarray(database.strike_positions, dtype=float).T
     near, far = np.percentile(np.hypot(x, z), [25.0, 75.0]) + float(database.body.head_radius)
     return round(float(near), 3), round(float(far), 3)
 
@@ -115,7 +115,7 @@ def sample_targets(database: MotionDatabase, count: int = TARGETS) -> Array:
 
     Returns:
         The head's place in the ground frame [m], and how far it moves in a control frame along x and z [m]: half of
-        the targets stand still, the others move at up to ``PACE`` in any direction. Shape (count, 5).
+        the targets are at rest, the others move at up to ``PACE`` in any direction. Shape (count, 5).
     """
     near, high = (0.3, 1.3), np.percentile(np.asarray(database.heads[:, 1], dtype=float), [5.0, 95.0])
     if len(database.strike_frames):
@@ -162,9 +162,9 @@ def resolve_grid(spec: BehaviourSpec, database: MotionDatabase) -> Grid:
 
 def _far(spec: BehaviourSpec, database: MotionDatabase) -> float:
     """Return how far away a target is worth seeing: what strikes reach, and a step."""
-    if not len(database.strike_places):
+    if not len(database.strike_positions):
         check_strikes(database)
-    places = np.asarray(database.strike_places, dtype=float)
+    places = np.asarray(database.strike_positions, dtype=float)
     reach = float(np.percentile(np.hypot(places[:, 0], places[:, 2]), 98.0))
     tolerance = max((term.tolerance for term in spec.rewards if isinstance(term, StrikeTerm)), default=0.0)
     return round(reach + database.body.torso_radius + tolerance + spec.beyond, 3)

@@ -1,11 +1,11 @@
-"""Training recipes: what a YAML file says about motion, graph and behaviours; every default of training lives here."""
+"""Training recipes: YAML files on motion, graph and behaviours, with all defaults of training."""
 
 from __future__ import annotations
 
 import math
 import os
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -38,13 +38,13 @@ class CaptureSource(StrictModel):
     )
     folder: str | None = Field(
         default=None,
-        description="Folder of capture, seen from the recipe's; --mocap goes before it. Null: that of --mocap or "
+        description="Folder of capture, seen from the recipe's; --mocap takes precedence. Null: that of --mocap or "
         "CROWDSIM_MOCAP.",
     )
     unit: str | float | None = Field(
         default=None, description="Unit of the files, by name or in metres; found when null."
     )
-    up_axis: str | None = Field(default=None, description="Axis that is up in the files, y or -z say; found when null.")
+    up_axis: str | None = Field(default=None, description="Up axis of the files, such as y or -z; found when null.")
     strict: bool = Field(default=True, description="Refuse files with wrong row counts or joints that flip.")
 
 
@@ -119,11 +119,11 @@ class Axes(StrictModel):
 
 
 class TargetMovement(StrictModel):
-    """How the target moves in training, drawn anew for every action."""
+    """How the target moves in training, drawn for every action."""
 
-    speed: float = Field(default=0.0, ge=0.0, le=10.0, description="Its speed when it moves [m/s]; 0: it stands still.")
+    speed: float = Field(default=0.0, ge=0.0, le=10.0, description="Its speed when it moves [m/s]; 0: it never moves.")
     directions: int = Field(default=4, ge=1, le=64, description="Directions in which it may move.")
-    still: float = Field(default=0.5, ge=0.0, le=1.0, description="Probability that it does not.")
+    still: float = Field(default=0.5, ge=0.0, le=1.0, description="Probability that it does not move.")
 
 
 class ValueIterationSpec(StrictModel):
@@ -150,11 +150,11 @@ class QLearningSpec(StrictModel):
 
 
 class BehaviourSpec(StrictModel):
-    """One thing that an avatar learns to do to its target."""
+    """A behaviour: what an avatar learns to do to its target."""
 
     axes: Axes = Field(description="The grid on which it sees the target.")
     rewards: list[AnyTerm] = Field(min_length=1, description="The terms of its reward, which add up.")
-    discount: float = Field(default=0.97, gt=0.0, lt=1.0, description="What a reward is worth a control frame later.")
+    discount: float = Field(default=0.97, gt=0.0, lt=1.0, description="Factor of rewards per control frame.")
     beyond: float = Field(
         default=0.75, ge=0.0, description="A step: how far a distance from the data reaches past strikes [m]."
     )
@@ -208,9 +208,11 @@ class BehaviourSpec(StrictModel):
 
 
 class PruningSpec(StrictModel):
-    """Which ways out of a wide graph are kept: those that the behaviours are better off with (``pruning.py``)."""
+    """Which transitions of a wide graph are kept: those that are worth most to the behaviours (``pruning.py``)."""
 
-    ways: int = Field(default=8, ge=1, le=1000, description="Most ways out of a frame, beside the captured one.")
+    renamed: ClassVar[dict[str, str]] = {"ways": "transitions"}
+
+    transitions: int = Field(default=8, ge=1, le=1000, description="Most transitions out of a frame.")
     spacing: float = Field(
         default=0.33,
         ge=0.0,
@@ -239,7 +241,7 @@ class Recipe(StrictModel):
     )
     graph: GraphSettings = Field(default_factory=GraphSettings, description="Which frame may follow which.")
     prune: PruningSpec | None = Field(
-        default=None, description="Which ways out of the graph are kept, by what they are worth; null: all."
+        default=None, description="Which transitions of the graph are kept, by their value; null: all."
     )
     behaviours: dict[Name, BehaviourSpec] = Field(min_length=1, description="What is learned, by name.")
     weights: dict[Name, Annotated[float, Field(ge=0.0, le=1000.0)]] | None = Field(

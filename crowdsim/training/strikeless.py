@@ -1,4 +1,4 @@
-"""What is said of motion without strikes, in the figures of ``crowdsim inspect``, and what to do about it."""
+"""The error of motion without strikes, in the figures of ``crowdsim inspect``, with what to do about it."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def ready_policy(
 ) -> Policy:
     """Return the trained policy of a recipe or a bundle by path or name; trained first when it is missing or stale.
 
-    Where the capture is not at hand, a bundle that was trained on it before is taken as it is.
+    Where the capture is missing, a bundle that was trained on it before is used.
 
     Raises:
         RecipeError: There is no such recipe, or it is invalid.

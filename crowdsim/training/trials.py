@@ -154,7 +154,7 @@ def _time_in_action(policy: Policy, action: int, target: Array, goal: _Goal) -> 
         near = np.flatnonzero(np.hypot(target[0] - path[:, 0], target[2] - path[:, 1]) <= goal.within)
         return float(near[0]) + 1.0 if len(near) else math.inf
     for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
-        if lands(surface_distance(actions.strike_places[strike], target, policy.body), goal.tolerance or 0.0):
+        if lands(surface_distance(actions.strike_positions[strike], target, policy.body), goal.tolerance or 0.0):
             return float(actions.strike_times[strike])
     return math.inf
 

@@ -20,7 +20,7 @@ from crowdsim.training.model import BACKUPS, Model
 from crowdsim.training.solution import PUT, Solution, sweep_model, value_spread
 
 GROUPS = 16
-"""Groups of states that a sweep over V goes through: each reads what those before it have just found."""
+"""Groups of states that a sweep over V goes through: each reads the values of those before it."""
 
 MOST_SHIFTS = 10
 """How often all values may be moved at once; a few times help, and at last plain sweeps must settle them."""

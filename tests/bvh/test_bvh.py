@@ -28,7 +28,7 @@ def read_or_message(data):
         return None, str(error)
 
 
-def test_a_plain_file_is_read_as_it_stands():
+def test_a_plain_file_is_read_unchanged():
     walk = bvh(PLAIN)
     names, parents, offsets, channels, motion = read(PLAIN)
     assert walk.names == tuple(names) == ("Hips", "Chest", "Leg")
@@ -99,7 +99,7 @@ def test_text_is_read_in_the_encodings_that_exporters_use(encoding):
         "-",
     ],
 )
-def test_a_name_is_all_that_stands_on_its_line(name):
+def test_a_name_is_the_rest_of_its_line(name):
     for old in ("ROOT Hips", "JOINT Chest", "JOINT Leg"):
         keyword = old.split()[0]
         for brace in ("\n{", " {", "\t \r\n  {"):

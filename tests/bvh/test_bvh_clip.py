@@ -8,7 +8,7 @@ import pytest
 from bvh_text import PLAIN, bvh
 from naive_bvh import read, world_positions
 
-from crowdsim.bvh.io import parse_bvh, read_bvh, to_clip, turn_up
+from crowdsim.bvh.io import parse_bvh, read_bvh, rotate_up, to_clip
 from crowdsim.errors import BvhError
 from crowdsim.motion.kinematics import clip_kinematics
 
@@ -50,20 +50,20 @@ def test_a_root_without_position_channels_stays_at_its_offset():
 
 
 @pytest.mark.parametrize("up_axis", ["y", "z", "x", "-y", "-z", "-x"])
-def test_turning_a_file_up_turns_its_rest_pose_and_all_its_poses_alike(up_axis):
+def test_rotating_a_file_upright_rotates_rest_pose_and_poses_alike(up_axis):
     walk = bvh(PLAIN)
     plain, turned = to_clip(walk), to_clip(walk, up_axis=up_axis)
     up = np.zeros(3)
     up["xyz".index(up_axis[-1])] = -1.0 if up_axis.startswith("-") else 1.0
-    np.testing.assert_array_equal(turn_up(up, up_axis), [0, 1, 0])
-    turn = turn_up(np.eye(3), up_axis)
+    np.testing.assert_array_equal(rotate_up(up, up_axis), [0, 1, 0])
+    turn = rotate_up(np.eye(3), up_axis)
     assert np.linalg.det(turn) == pytest.approx(1.0)
     positions, _ = clip_kinematics(plain)
     turned_positions, _ = clip_kinematics(turned)
-    np.testing.assert_allclose(turned_positions, turn_up(positions, up_axis), atol=1e-12)
+    np.testing.assert_allclose(turned_positions, rotate_up(positions, up_axis), atol=1e-12)
     rest = plain.skeleton.rest_positions()
-    np.testing.assert_allclose(turned.skeleton.rest_positions(), turn_up(rest, up_axis), atol=1e-12)
-    ends = turn_up(plain.skeleton.end_offsets, up_axis)
+    np.testing.assert_allclose(turned.skeleton.rest_positions(), rotate_up(rest, up_axis), atol=1e-12)
+    ends = rotate_up(plain.skeleton.end_offsets, up_axis)
     np.testing.assert_array_equal(turned.skeleton.end_offsets, ends)
 
 
@@ -83,7 +83,7 @@ def test_quaternions_do_not_change_sides_from_frame_to_frame():
 
 
 @pytest.mark.mocap
-def test_real_capture_stands_where_other_readers_put_it(mocap):
+def test_real_capture_matches_other_readers(mocap):
     import bvhio
     import pybvh
 

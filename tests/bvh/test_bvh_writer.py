@@ -105,7 +105,7 @@ def test_rows_are_lines():
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_values_that_are_not_finite_are_refused_with_their_place(value):
+def test_values_that_are_not_finite_are_refused_with_their_position(value):
     motion = np.zeros((3, 15))
     motion[2, 7] = value
     with pytest.raises(BvhError) as caught:
@@ -174,7 +174,7 @@ def test_every_joint_may_have_an_order_of_its_own():
 
 
 @pytest.mark.parametrize("order", ORDERS)
-def test_angles_do_not_jump_when_a_joint_turns_on_and_on(order):
+def test_angles_are_continuous_over_several_revolutions(order):
     frames = np.arange(720)
     clip = walking_clip(720)
     rotations = clip.rotations.copy()
@@ -280,7 +280,7 @@ def test_a_deep_tree_is_written_in_room_that_grows_with_its_joints():
     np.testing.assert_array_equal(parse_bvh(text).parents, parents)
 
 
-def test_other_readers_see_the_same_places(tmp_path):
+def test_other_readers_find_the_same_positions(tmp_path):
     import bvhio
     import pybvh
 
@@ -327,7 +327,7 @@ def test_real_capture_survives_a_round_trip(mocap, tmp_path, order):
 
 
 def test_joints_that_are_not_depth_first_are_written_as_they_hang_together():
-    """Brothers before nephews: a file holds them the other way round, and its columns with them."""
+    """Brothers before nephews: a file holds them in reverse order, and its columns with them."""
     generator = np.random.default_rng(8)
     skeleton = Skeleton(
         names=("root", "left", "right", "left_end", "right_end"),

@@ -77,7 +77,7 @@ def test_a_giant_has_no_known_scale_and_keeps_file_units(boxer, tmp_path):
     assert capture.unit_scale is None
     assert capture.body is None
     assert capture.roles
-    assert capture.findings[0].startswith("unknown scale: the body would stand 526 m in m")
+    assert capture.findings[0].startswith("unknown scale: the body's height would be 526 m in m")
     assert capture.analysis is None
     given = load_capture(capture.clip.source, unit="cm")
     assert given.body.height == pytest.approx(5.25, rel=0.02)
@@ -105,7 +105,7 @@ def test_no_motion_is_a_fault(boxer, tmp_path, frames):
 
 
 @pytest.mark.parametrize("name", ANIMALS)
-def test_animals_are_told_as_no_human_body(tmp_path, name):
+def test_animals_are_reported_as_no_human_body(tmp_path, name):
     capture = load_capture(_write(tmp_path, export_animal(ANIMALS[name])))
     assert capture.roles == {}
     assert capture.unit_scale is None
@@ -119,12 +119,12 @@ def test_animals_are_told_as_no_human_body(tmp_path, name):
 @pytest.mark.parametrize("along_x", [False, True])
 @pytest.mark.parametrize("axis", ["y", "z"])
 @pytest.mark.parametrize("name", ["dog", "horse", "bird", "spider"])
-def test_the_legs_of_animals_tell_what_is_up(tmp_path, name, axis, along_x):
+def test_the_legs_of_animals_determine_the_up_axis(tmp_path, name, axis, along_x):
     capture = load_capture(_write(tmp_path, export_animal(ANIMALS[name], up=UPS[axis], along_x=along_x)))
     assert capture.up_axis == axis
 
 
-def test_a_wrong_row_count_is_told_with_both_numbers_and_blocks_training_unless_it_is_allowed(boxer, tmp_path):
+def test_a_wrong_row_count_is_reported_with_both_numbers_and_refused_for_training_unless_allowed(boxer, tmp_path):
     path = _write(tmp_path, boxer[0])
     path.write_bytes(path.read_bytes().replace(b"Frames: 360", b"Frames: 400"))
     capture = load_capture(path)
@@ -137,7 +137,7 @@ def test_a_wrong_row_count_is_told_with_both_numbers_and_blocks_training_unless_
 
 
 @pytest.mark.parametrize("value", [b"nan", b"inf"])
-def test_channels_that_are_not_finite_are_told_with_their_place(boxer, tmp_path, value):
+def test_channels_that_are_not_finite_are_reported_with_their_position(boxer, tmp_path, value):
     text = format_bvh(export_motion(*boxer, BY_NAME["lafan"], Export())).splitlines()
     row = text[-3].split()
     row[7] = value
@@ -153,7 +153,7 @@ def test_channels_that_are_not_finite_are_told_with_their_place(boxer, tmp_path,
         usable_clip(capture, strict=False)
 
 
-def test_flips_are_told_with_joint_and_frames(boxer, tmp_path):
+def test_flips_are_reported_with_joint_and_frames(boxer, tmp_path):
     bvh = export_motion(*boxer, BY_NAME["lafan"], Export())
     column = int(bvh.first_channels()[bvh.names.index("LeftForeArm")])
     motion = bvh.motion.copy()
@@ -173,7 +173,7 @@ def test_many_flips_are_counted(boxer, tmp_path):
     assert len(capture.faults) == 21
 
 
-def test_joints_that_stretch_are_told_and_may_be_trained_on(boxer, tmp_path):
+def test_joints_that_stretch_are_reported_and_may_be_trained_on(boxer, tmp_path):
     bvh = export_motion(*boxer, BY_NAME["lafan"], Export(six=True))
     motion = bvh.motion.copy()
     motion[:, int(bvh.first_channels()[bvh.names.index("LeftHand")])] += np.linspace(0.0, 20.0, len(motion))

@@ -23,7 +23,7 @@ def test_elbows_of_a_boxer_fold_forward(move, stance):
 
 
 @pytest.mark.parametrize("wrong", [ELBOWS, ELBOWS[:1], ELBOWS[1:]])
-def test_elbows_that_fold_backward_are_named_and_turned_back(wrong, tmp_path):
+def test_elbows_that_fold_backward_are_named_and_corrected(wrong, tmp_path):
     clip = perform_solo("jab").clip
     roles = human_roles(clip.skeleton, sample_poses(clip)[0])
     broken = fold_forward(clip, roles, wrong)
@@ -31,13 +31,13 @@ def test_elbows_that_fold_backward_are_named_and_turned_back(wrong, tmp_path):
     write_bvh(tmp_path / "broken.bvh", broken)
     capture = load_capture(tmp_path / "broken.bvh")
     assert [line for line in capture.findings if "folds backward" in line] == [
-        f"{role.replace('_', ' ')} folds backward, it is turned to fold forward" for role in wrong
+        f"{role.replace('_', ' ')} folds backward, it is corrected to fold forward" for role in wrong
     ]
     assert capture.faults == ()
     np.testing.assert_allclose(clip_kinematics(capture.clip)[0], clip_kinematics(clip)[0], atol=1e-5)
 
 
-def test_an_elbow_that_is_turned_moves_its_forearm_alone_and_bends_as_far():
+def test_a_corrected_elbow_moves_only_its_forearm_and_bends_as_far():
     clip = perform_solo("hook").clip if "hook" in MOVES else perform_solo("jab").clip
     roles = human_roles(clip.skeleton, sample_poses(clip)[0])
     positions, turned = (clip_kinematics(c)[0] for c in (clip, fold_forward(clip, roles, ELBOWS[:1])))
@@ -50,7 +50,7 @@ def test_an_elbow_that_is_turned_moves_its_forearm_alone_and_bends_as_far():
     np.testing.assert_allclose(reach(positions), reach(turned), atol=1e-6)
 
 
-def test_where_the_rest_pose_is_no_body_nothing_is_told():
+def test_where_the_rest_pose_is_no_body_nothing_is_reported():
     clip = perform_solo("jab").clip
     assert backward_elbows(clip, {}) == ()
 

@@ -50,7 +50,7 @@ def test_figures_are_those_of_the_file(boxer, tmp_path):
     json.dumps(result, allow_nan=False)
 
 
-def test_strikes_are_told_by_their_time_in_the_file(boxer, tmp_path):
+def test_strikes_are_reported_by_their_time_in_the_file(boxer, tmp_path):
     clip = boxer[0]
     # Three seconds of T-pose come first.
     held = np.zeros((180, clip.skeleton.joint_count, 4))
@@ -108,7 +108,7 @@ def _axes_of(capture):
     return [figure.axes for figure in figures]
 
 
-def test_every_axis_of_a_capture_has_a_unit_and_places_have_equal_scales(boxer, tmp_path):
+def test_every_axis_of_a_plot_has_a_unit_and_positions_have_equal_scales(boxer, tmp_path):
     capture = _capture(tmp_path, boxer[0])
     skeleton, path, (strips, speeds), poses = _axes_of(capture)
     for axes in (*skeleton, *path, *poses):

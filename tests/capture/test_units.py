@@ -31,9 +31,9 @@ def test_no_unit_is_guessed_where_two_are_as_likely(height):
     assert describe_heights(height).endswith("are as likely")
 
 
-def test_a_giant_is_told_with_every_unit():
+def test_an_implausible_height_is_reported_in_every_unit():
     assert describe_heights(500.0) == (
-        "unknown scale: the body would stand 500 m in m, 50 m in dm, 5 m in cm, 0.5 m in mm, 12.7 m in inch, "
+        "unknown scale: the body's height would be 500 m in m, 50 m in dm, 5 m in cm, 0.5 m in mm, 12.7 m in inch, "
         "28.2 m in cmu; expected 1 m to 2.4 m"
     )
 
@@ -70,7 +70,7 @@ def _walker(frames: int = 40) -> np.ndarray:
     return pose + np.linspace(0.0, 3.0, frames)[:, None, None] * np.array([0.0, 0.0, 1.0])
 
 
-def test_capture_that_stands_on_another_axis_overrules_the_rest_pose():
+def test_capture_upright_along_another_axis_overrules_the_rest_pose():
     poses = _walker()
     rest = poses[0]
     turned = poses[..., [2, 0, 1]]

@@ -81,7 +81,7 @@ KEYS = "name, seed, duration, size, places, either, named, mode"
         ("- 1\n", f"1:1: the file holds a list, expected a mapping with {KEYS} and note"),
         ("hello", f"1:1: the file holds 'hello', expected a mapping with {KEYS} and note"),
         ("name: a\nsede: 3", f"2:1: sede: unknown key, expected {KEYS} or note (did you mean 'seed'?)"),
-        ("name: a\nseed: 1\nseed: 2", "3:1: seed: duplicate key, expected it once; it stands in line 2"),
+        ("name: a\nseed: 1\nseed: 2", "3:1: seed: duplicate key, expected it once; it is already in line 2"),
         ("seed: 1", "1:1: name: missing, expected text"),
         ("name: 12", "1:7: name: is 12, expected text in quotes"),
         ("name:", "1:6: name: is empty, expected text"),
@@ -178,11 +178,11 @@ KEYS = "name, seed, duration, size, places, either, named, mode"
         ("[" * 3000, "1:1: nested too deeply, expected at most 64 levels"),
         ("[" * 90 + "]" * 90, "1:66: nested too deeply, expected at most 64 levels"),
         (b"name: a\nnote: \xff", "2:7: byte 0xff is no UTF-8, expected a text file in UTF-8"),
-        ("name: a\nnote: \x07", "2:7: broken YAML: the character U+0007 cannot stand in a file"),
+        ("name: a\nnote: \x07", "2:7: broken YAML: the character U+0007 is not allowed"),
         ("#" * 1_048_577, "1:1: the file is too large, expected at most 1,048,576 bytes"),
     ],
 )
-def test_one_mistake_is_one_line_that_says_where_and_what_was_expected(write, text, expected):
+def test_each_mistake_is_one_line_with_position_and_expectation(write, text, expected):
     assert findings(write(text)) == [f"show.yaml:{expected}"]
 
 
@@ -205,11 +205,11 @@ duration: later
         "show.yaml:5:30: places[1].colums: unknown key, expected kind, radius or share",
         "show.yaml:6:7: note: is 'nobody', expected somebody",
         "show.yaml:7:11: duration: is 'soon', expected a whole number of at least 1 or a mapping with seconds",
-        "show.yaml:8:1: duration: duplicate key, expected it once; it stands in line 7",
+        "show.yaml:8:1: duration: duplicate key, expected it once; it is already in line 7",
     ]
 
 
-def test_validators_blame_keys_and_where_those_are_missing_what_lies_above(write):
+def test_findings_of_validators_are_at_their_keys_or_the_nearest_above(write):
     assert findings(write("name: a\nseed: 13")) == [
         "show.yaml:1:1: named.x: has no friend",
         "show.yaml:2:7: seed: is 13, expected luck",
@@ -245,7 +245,7 @@ def test_merge_keys_fill_in_what_a_mapping_does_not_say(write):
     assert load_model(path, Show, RecipeError).places[1] == Disc(kind="disc", radius=3, share=0.25)
 
 
-def test_own_keys_go_before_merged_ones_and_the_first_merged_before_the_next(write):
+def test_own_keys_override_merged_ones_and_earlier_merges_later_ones(write):
     text = "a: &a {x: 1, y: 1, z: 1}\nb: &b {z: 2, w: 2}\nc: {<<: [*a, *b], y: 3, v: 3}\n"
     data = read_document(text.encode(), "x").data["c"]
     assert data == {"y": 3, "v": 3, "x": 1, "z": 1, "w": 2}

@@ -77,7 +77,7 @@ def test_mixed_quaternions_match_naive(seed: int, share: float) -> None:
     assert same_rotation(quaternions.mix(a, -b, share), naive.mix(a, b, share))
 
 
-def test_a_mean_of_two_rotations_about_an_axis_is_half_way() -> None:
+def test_the_mean_of_two_rotations_about_an_axis_is_half_the_angle() -> None:
     start, end = ((math.cos(0.5 * angle), 0.0, math.sin(0.5 * angle), 0.0) for angle in (0.2, 1.0))
     expected = (math.cos(0.3), 0.0, math.sin(0.3), 0.0)
     assert quaternions.mix(start, end, 0.5) == pytest.approx(expected, abs=1e-15)

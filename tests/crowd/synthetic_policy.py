@@ -46,17 +46,17 @@ def database(rng, frames=40, stride=4):
         strike_hands=rng.integers(0, 2, len(strikes)).astype(np.uint8),
         strike_peaks=strikes.astype(np.int32),
         strike_speeds=rng.uniform(4, 9, len(strikes)).astype(np.float32),
-        strike_places=positions.astype(np.float32),
+        strike_positions=positions.astype(np.float32),
     )
 
 
-def graph(rng, frames=40, ways=3):
+def graph(rng, frames=40, most=3):
     """Return a graph in which every state continues the capture, or goes on after other states."""
     states = np.unique(np.concatenate([rng.choice(np.arange(1, frames - 1), frames // 3, replace=False), [frames - 1]]))
     count = len(states)
     offsets, following, first, lengths, costs = [0], [], [], [], []
     for s in range(count):
-        jumps = rng.choice(count - 1, min(ways, count - 1), replace=False)
+        jumps = rng.choice(count - 1, min(most, count - 1), replace=False)
         for j in dict.fromkeys([*([s] if s < count - 1 else [0]), *jumps]):
             following.append(j + 1)
             first.append(states[j] + 1)
@@ -80,9 +80,9 @@ def policy(seed=0, lookup="v", frames=40, stride=4, name="synthetic"):
     """Return a policy of random motion with random values for approach and punch."""
     rng = np.random.default_rng(seed)
     motion, model = database(rng, frames, stride), graph(rng, frames)
-    cuts = model.action_costs > 0.0
-    shifts = rng.normal(0.0, 0.03, (model.action_count, 3)) * cuts[:, None]
-    actions = build_actions(motion, model, Alignment(shifts.astype(np.float32), cuts * rng.integers(0, 3, len(cuts))))
+    jumps = model.action_costs > 0.0
+    shifts = rng.normal(0.0, 0.03, (model.action_count, 3)) * jumps[:, None]
+    actions = build_actions(motion, model, Alignment(shifts.astype(np.float32), jumps * rng.integers(0, 3, len(jumps))))
     body = target_body(motion)
     approach = build_grid([Axis("distance", 0.0, 4.0, 5, fade=2.0), Axis("bearing", -np.pi, np.pi, 6, wraps=True)])
     punch = build_grid(

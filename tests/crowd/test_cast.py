@@ -45,9 +45,7 @@ def cast(tmp_path, recipe=None, result="", event=""):
         ({"punch": 0.4}, ", behaviours: {approach: 0.7, punch: 0}", [0.7, 0.0]),
     ],
 )
-def test_behaviours_that_a_type_does_not_name_weigh_nothing_and_the_recipe_speaks_where_it_names_none(
-    tmp_path, recipe, result, expected
-):
+def test_weights_default_to_zero_or_to_those_of_the_recipe_where_a_type_names_none(tmp_path, recipe, result, expected):
     people, _ = cast(tmp_path, recipe, result)
     np.testing.assert_array_equal(people.weights, [expected])
 
@@ -63,7 +61,7 @@ def test_an_event_leaves_weights_that_it_does_not_name_as_they_are(tmp_path):
 
 
 @pytest.mark.parametrize(("result", "interval"), [("", 15.0), (", tempo: 30", 30.0), (", tempo: null", 0.0)])
-def test_tempo_says_how_many_frames_it_takes_to_recover_from_a_strike(tmp_path, result, interval):
+def test_tempo_sets_the_frames_of_recovery_after_a_strike(tmp_path, result, interval):
     assert policy(0).database.control_rate == 15.0
     people, _ = cast(tmp_path, result=result)
     np.testing.assert_array_equal(people.intervals, [interval])

@@ -161,7 +161,7 @@ def test_no_leaf_holds_more_than_its_share(count):
     assert sizes.sum() == count
 
 
-def test_without_another_team_nobody_is_found():
+def test_without_another_team_no_opponent_is_found():
     x, z, _ = positions("spread", 100)
     tree, order = build_tree(x, z, np.zeros(100, np.int32))
     assert (ask_all(tree, order)[0] == -1).all()
@@ -174,6 +174,6 @@ def test_no_points_make_a_tree_in_which_nothing_is_found():
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_a_place_that_is_not_finite_is_refused_by_its_index(bad):
+def test_a_position_that_is_not_finite_is_refused_by_its_index(bad):
     with pytest.raises(ValueError, match="point 1 is at"):
         build_tree([0.0, bad], [0.0, 0.0])

@@ -85,6 +85,6 @@ def test_an_axis_that_control_does_not_measure_is_refused_by_name(lookup, monkey
     )
 
 
-def test_control_knows_all_that_training_knows():
+def test_control_supports_every_term_and_axis_of_training():
     assert set(SUPPORTED_TERMS) == set(rewards.COMPILED)
     assert SUPPORTED_AXES == environment.COMPILED

@@ -67,7 +67,7 @@ def test_a_tree_that_is_only_refitted_finds_what_a_new_one_finds():
         assert around == near
 
 
-def test_absent_avatars_are_nobodys_opponent():
+def test_absent_avatars_are_no_opponents():
     present = np.arange(300) % 3 > 0
     avatars = avatars_of(300, np.arange(300) % 2, present=present)
     who, around = observed(build_index("kd_tree", Workers(1)), avatars, int(present.sum()))

@@ -54,7 +54,7 @@ def test_a_disc_keeps_its_distance_and_its_radius():
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**63 - 1), st.integers(2, 40), st.floats(2.0, 50.0))
-def test_darts_fall_where_the_slow_way_puts_them(seed, count, radius):
+def test_random_placement_matches_naive(seed, count, radius):
     expected = naive.throw_darts(seed, count, radius, 0.4, 24)
     result = placed({"count": count, "placement": disc(radius, 0.4)}, seed=seed)
     same = len(expected)
@@ -102,23 +102,23 @@ def test_the_seed_decides_and_nothing_else():
         assert getattr(first, key).tobytes() != getattr(other, key).tobytes()
 
 
-def test_a_grid_stands_in_rows_that_look_ahead():
+def test_a_grid_is_made_of_rows_with_headings_ahead():
     result = placed({"count": 7, "placement": {"kind": "grid", "columns": 3, "spacing": 2}})
     np.testing.assert_allclose(result.x, [2, 0, -2, 2, 0, -2, 0], atol=1e-12)
     np.testing.assert_allclose(result.z, [2, 2, 2, 0, 0, 0, -2], atol=1e-12)
     np.testing.assert_allclose(result.heading, 0)
 
 
-def test_a_turned_grid_is_the_same_grid_seen_from_elsewhere():
+def test_a_rotated_grid_is_the_same_grid_in_another_frame():
     result = placed(
-        {"count": 7, "placement": {"kind": "grid", "columns": 3, "spacing": 2, "turn": 90, "centre": [1, 1]}}
+        {"count": 7, "placement": {"kind": "grid", "columns": 3, "spacing": 2, "rotation": 90, "centre": [1, 1]}}
     )
     np.testing.assert_allclose(result.x, np.array([2, 2, 2, 0, 0, 0, -2]) + 1, atol=1e-12)
     np.testing.assert_allclose(result.z, np.array([-2, 0, 2, -2, 0, 2, 0]) + 1, atol=1e-12)
     np.testing.assert_allclose(result.heading, np.pi / 2)
 
 
-def test_a_ring_looks_at_its_centre():
+def test_headings_of_a_ring_point_at_its_centre():
     result = placed({"count": 6, "placement": {"kind": "ring", "radius": 3, "centre": [1, 2]}})
     np.testing.assert_allclose(np.hypot(result.x - 1, result.z - 2), 3)
     assert (looks_at(result, 1, 2) == 1).all()
@@ -142,15 +142,15 @@ def test_a_ring_and_a_line_have_room_for_so_many():
     )
 
 
-def test_a_line_looks_across_itself():
+def test_headings_of_a_line_point_across_it():
     result = placed({"count": 3, "placement": {"kind": "line", "start": [-3, 1], "end": [3, 1]}})
     np.testing.assert_allclose(result.x, [-3, 0, 3])
     np.testing.assert_allclose(result.heading, 0, atol=1e-12)
 
 
-@pytest.mark.parametrize("turn", [0.0, 30.0, -135.0])
-def test_two_armies_face_each_other_across_their_gap(turn):
-    army = {"kind": "army", "gap": 4, "ranks": 2, "spacing": 1, "turn": turn}
+@pytest.mark.parametrize("rotation", [0.0, 30.0, -135.0])
+def test_two_armies_face_each_other_across_their_gap(rotation):
+    army = {"kind": "army", "gap": 4, "ranks": 2, "spacing": 1, "rotation": rotation}
     result = placed(
         {"count": 7, "team": "a", "placement": {**army, "side": "left"}},
         {"count": 7, "team": "b", "placement": {**army, "side": "right"}},
@@ -160,13 +160,13 @@ def test_two_armies_face_each_other_across_their_gap(turn):
     np.testing.assert_allclose(np.abs(np.angle(np.exp(1j * (result.heading[left] - result.heading[right])))), np.pi)
     gap = np.hypot(result.x[left, None] - result.x[right], result.z[left, None] - result.z[right]).min()
     assert gap == pytest.approx(4)
-    across = np.array([np.cos(np.radians(turn)), -np.sin(np.radians(turn))])
+    across = np.array([np.cos(np.radians(rotation)), -np.sin(np.radians(rotation))])
     assert (np.stack([result.x, result.z], 1)[left] @ across >= 2 - 1e-9).all()
     facing = np.stack([np.sin(result.heading), np.cos(result.heading)], 1)
     np.testing.assert_allclose(facing[left] @ across, -1)
 
 
-def test_facing_turns_avatars_as_it_says():
+def test_facing_sets_headings():
     place = {"kind": "ring", "radius": 2, "centre": [4, 0]}
     other = {"count": 2, "team": "x", "placement": {"kind": "line", "start": [-9, -1], "end": [-9, 1]}}
     group = {"count": 5, "team": "y", "placement": place}
@@ -220,11 +220,11 @@ def test_pickles_and_words_in_npy_files_are_refused(tmp_path):
         assert message.startswith(f"t: groups[0].placement.file: {tmp_path / name}: ")
 
 
-def test_avatars_in_one_place_are_refused_by_name():
+def test_avatars_at_one_position_are_refused_by_name():
     grid = {"kind": "grid", "columns": 2}
     assert refused(
         {"count": 4, "placement": grid}, {"count": 1, "placement": {"kind": "grid", "centre": [0.75, 0.8]}}
-    ) == ("t: groups[1].placement: avatar g1_0 would stand 0.05 m from g0_0, expected 0.1 m or more")
+    ) == ("t: groups[1].placement: avatar g1_0 would be 0.05 m from g0_0, expected 0.1 m or more")
 
 
 def test_avatars_outside_the_arena_are_counted_and_named():

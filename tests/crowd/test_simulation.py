@@ -12,7 +12,6 @@ from crowdsim.crowd.arrays import empty_record, empty_scratch
 from crowdsim.crowd.cast import cast_crowd
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.events import VARIABLES
-from crowdsim.crowd.kernels.choice import pick
 from crowdsim.crowd.kernels.layout import DECISIONS, STATES
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.model import build_model, farthest
@@ -205,23 +204,6 @@ def in_precision(chosen, precision):
         behaviours.append(replace(behaviour, table=table, low=low, step=step))
     values = np.concatenate([behaviour.table for behaviour in behaviours])
     return replace(chosen, behaviours=tuple(behaviours), values=values)
-
-
-@pytest.mark.parametrize("most", [1, 2, 3, 40])
-@pytest.mark.parametrize("margin", [0.0, 1.0, 2.5, 100.0])
-@pytest.mark.parametrize("temperature", [0.0, 0.01, 1.5])
-def test_candidates_are_the_best_ones_the_first_among_equals(most, margin, temperature):
-    rng = np.random.default_rng(6)
-    chances = np.empty(24)
-    for n in [1, 2, *rng.integers(3, 24, 30)]:
-        values, number = rng.integers(0, 5, (1, n)).astype(float), rng.random()
-        order = [k for k in np.argsort(-values[0], kind="stable")[:most] if values[0, k] >= values.max() - margin]
-        candidates = np.sort(order if temperature > 0.0 else order[:1])
-        weights = np.exp((values[0, candidates] - values.max()) / max(temperature, 1e-9))
-        expected = candidates[np.searchsorted(np.cumsum(weights), number * weights.sum(), side="right")]
-        assert pick(values, 0, n, margin, most, temperature, number, chances) == expected
-    assert pick(np.array([[np.nan, 1.0]]), 0, 2, margin, most, temperature, 0.5, chances) == -1
-    assert pick(np.array([[np.inf, 1.0]]), 0, 2, margin, most, temperature, 0.5, chances) == -1
 
 
 @pytest.mark.parametrize("team", [None, np.arange(40) % 3])

@@ -12,11 +12,11 @@ from crowdsim.crowd.kernels.choice import BURSTS
 from crowdsim.crowd.simulation import simulate
 
 FRAMES = 600
-PER_STRIKE = ("strike_times", "strike_places", "strike_speeds", "strike_ids")
+PER_STRIKE = ("strike_times", "strike_positions", "strike_speeds", "strike_ids")
 
 
 def eager():
-    """A policy that gains little by any action and can always avoid to strike: the first way out throws nothing."""
+    """A policy that gains little by any action and can always avoid to strike: the first action throws nothing."""
     chosen = policy(3, frames=120, name="eager")
     actions = chosen.actions
     counts = np.diff(actions.strike_offsets)
@@ -47,14 +47,14 @@ def ran(frames=FRAMES, chosen=EAGER, **fields):
     )
 
 
-def test_every_state_of_the_tests_policy_has_a_way_out_without_a_strike():
+def test_every_state_of_the_tests_policy_has_an_action_without_a_strike():
     least = np.minimum.reduceat(STRIKES, EAGER.actions.offsets[:-1])
     assert least.max() == 0
     assert STRIKES.max() >= 2
 
 
 @pytest.mark.parametrize("interval", [15.0, 40.0, 150.0])
-def test_nobody_throws_more_than_tempo_allows(interval):
+def test_no_avatar_throws_more_strikes_than_its_tempo_allows(interval):
     _, free, _ = ran()
     _, attackers, when = ran(interval=interval)
     # The last action of a burst may throw more than is left of it; another action may be under way at the end.

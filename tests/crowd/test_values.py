@@ -133,7 +133,7 @@ def test_values_in_training_are_those_of_the_plain_version(lookup, terms):
 
 
 @pytest.mark.parametrize("lookup", ["v", "q"])
-def test_a_target_that_stops_at_once_is_one_that_stands_still(lookup):
+def test_a_target_that_stops_at_once_equals_one_at_rest(lookup):
     chosen = policy(4, lookup)
     weights, target = {each.name: 1.0 for each in chosen.behaviours}, (0.3, 1.5, 1.0)
     for state in range(chosen.actions.state_count):

@@ -73,7 +73,7 @@ def database(clips, control_rate: float = 15.0, playback_rate: float = 60.0, hei
         strike_hands=nothing.astype(np.uint8),
         strike_peaks=nothing,
         strike_speeds=nothing.astype(np.float32),
-        strike_places=np.zeros((0, 3), np.float32),
+        strike_positions=np.zeros((0, 3), np.float32),
     )
 
 

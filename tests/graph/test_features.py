@@ -28,13 +28,13 @@ def moved(motion, place):
     return grounds.to_world(np.array(place), roots), rotations, headings + place[2], contacts
 
 
-def test_features_do_not_change_when_the_clip_stands_and_looks_elsewhere(motion):
+def test_features_are_invariant_to_position_and_heading(motion):
     here = frame_features(synthetic_motion.database([motion]), GraphSettings())
     there = frame_features(synthetic_motion.database([moved(motion, (3.0, -2.0, 2.5))]), GraphSettings())
     assert np.abs(here - there).max() < 1e-5
 
 
-def test_features_know_the_height_of_the_root(motion):
+def test_features_depend_on_the_height_of_the_root(motion):
     roots, *rest = motion
     low = frame_features(synthetic_motion.database([motion]), PLACES)
     high = frame_features(synthetic_motion.database([(roots + np.array([0, 0.2, 0]), *rest)]), PLACES)

@@ -30,7 +30,7 @@ def test_three_pictures_are_written_and_nothing_else(database, graph, tmp_path):
         assert np.asarray(Image.open(path)).std() > 5
 
 
-def test_every_axis_of_a_graph_says_what_it_counts(database, graph):
+def test_every_axis_of_a_plot_has_a_label(database, graph):
     (matrix, *scales), degrees = distance_figure(database, graph, SETTINGS).axes, degree_figure(graph).axes
     (lengths,) = length_figure(graph, database.control_rate).axes
     assert [matrix.get_xlabel(), matrix.get_ylabel()] == [

@@ -5,7 +5,7 @@ from crowdsim.graph.settings import GraphSettings, JointWeights
 from crowdsim.motion.body import ROLES
 
 
-def test_a_number_of_actions_stands_in_the_place_of_the_threshold():
+def test_a_number_of_actions_replaces_the_threshold():
     assert GraphSettings().threshold is not None
     assert GraphSettings(actions=27072).threshold is None
 

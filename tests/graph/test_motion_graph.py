@@ -58,7 +58,7 @@ def test_states_and_actions_equal_those_of_the_naive_twin(case):
     starts, edges = case
     kept = naive_graph.component(edges, starts)
     expected = naive_graph.actions(edges, kept, starts)
-    if not any(len(ways) > 1 for ways in expected.values()):
+    if not any(len(successors) > 1 for successors in expected.values()):
         with pytest.raises(MotionError, match="no cycle" if not kept else "single loop"):
             graph_of_transitions(transitions_of(edges), starts, 1.0)
         return
@@ -97,13 +97,13 @@ def test_every_action_shows_frames_of_one_clip_that_are_all_kept(graph, wanderin
 def test_there_is_no_dead_end_and_every_state_reaches_every_state(graph):
     counts = np.diff(graph.action_offsets)
     assert counts.min() >= 1
-    ways = {
+    successors = {
         s: graph.action_next[graph.action_offsets[s] : graph.action_offsets[s + 1]].tolist()
         for s in range(graph.state_count)
     }
-    assert naive_graph.reachable(ways, 0) == set(range(graph.state_count))
-    backwards = {s: [] for s in ways}
-    for source, targets in ways.items():
+    assert naive_graph.reachable(successors, 0) == set(range(graph.state_count))
+    backwards = {s: [] for s in successors}
+    for source, targets in successors.items():
         for target in targets:
             backwards[target].append(source)
     assert naive_graph.reachable(backwards, 0) == set(range(graph.state_count))
@@ -111,16 +111,16 @@ def test_there_is_no_dead_end_and_every_state_reaches_every_state(graph):
 
 def test_only_frames_that_a_transition_alone_leads_out_of_are_states_with_one_action(graph):
     single = np.flatnonzero(np.diff(graph.action_offsets) == 1)
-    assert graph.action_cuts[graph.action_offsets[single]].all()
+    assert graph.action_has_transition[graph.action_offsets[single]].all()
 
 
 def test_costs_are_zero_where_capture_continues_and_that_of_the_transition_elsewhere(graph):
-    cuts = graph.action_cuts
-    assert not graph.action_costs[~cuts].any()
+    jumps = graph.action_has_transition
+    assert not graph.action_costs[~jumps].any()
     sources = graph.state_frames[graph.action_states]
-    assert np.array_equal(sources[cuts], graph.transition_from)
-    assert np.array_equal(graph.action_first[cuts], graph.transition_to)
-    assert np.array_equal(graph.action_costs[cuts], graph.transition_costs)
+    assert np.array_equal(sources[jumps], graph.transition_from)
+    assert np.array_equal(graph.action_first[jumps], graph.transition_to)
+    assert np.array_equal(graph.action_costs[jumps], graph.transition_costs)
     assert graph.transition_costs.max() <= np.float32(0.3)
 
 
@@ -168,7 +168,7 @@ def test_states_of_a_clip_lie_apart_but_where_a_clip_ends(wandering):
     assert build_graph(wandering, GraphSettings(threshold=0.3, spacing=0)).state_count > 2 * graph.state_count
 
 
-def test_no_state_has_more_ways_out_than_allowed_beside_the_captured_one(wandering):
+def test_no_state_has_more_transitions_than_allowed(wandering):
     graph = build_graph(wandering, GraphSettings(threshold=0.3, branching=3))
     assert np.diff(graph.action_offsets).max() == 4
 
@@ -186,7 +186,7 @@ def test_a_clip_that_drops_out_is_named():
     )
 
 
-def test_a_graph_without_a_cycle_says_so_in_numbers_and_which_threshold_gives_one(wandering):
+def test_a_graph_without_a_cycle_is_reported_with_a_threshold_that_gives_one(wandering):
     with pytest.raises(MotionError, match=r"no cycle: 440 frames in 3 clips, and 0 transitions") as caught:
         build_graph(wandering, GraphSettings(threshold=1e-4))
     least = float(re.search(r"the least threshold that gives one is (\d\.\d{3}) m", str(caught.value)).group(1))
@@ -244,32 +244,32 @@ def test_frames_kept_are_counted_by_clip(graph, wandering):
     assert frames_kept_by_clip(graph, wandering.clip_starts).tolist() == counts
 
 
-def test_cuts_a_second_and_uncut_time_equal_those_of_a_long_random_walk(graph):
+def test_transition_statistics_equal_those_of_a_long_random_walk(graph):
     generator = np.random.default_rng(2)
-    state, frames, cuts, run, runs = 0, 0, 0, 0, []
+    state, frames, jumps, run, runs = 0, 0, 0, 0, []
     offsets, lengths = graph.action_offsets.tolist(), graph.action_lengths.tolist()
-    nexts, is_cut = graph.action_next.tolist(), graph.action_cuts.tolist()
+    nexts, has_transition = graph.action_next.tolist(), graph.action_has_transition.tolist()
     for draw in generator.random(60_000).tolist():
         action = offsets[state] + int(draw * (offsets[state + 1] - offsets[state]))
-        if is_cut[action]:
+        if has_transition[action]:
             runs.append(run)
-            cuts, run = cuts + 1, 0
+            jumps, run = jumps + 1, 0
         run += lengths[action]
         frames += lengths[action]
         state = nexts[action]
     numbers = graph_statistics(graph, 15.0)
-    assert numbers.transitions_per_second == pytest.approx(cuts / frames * 15.0, rel=0.03)
-    assert numbers.uncut_seconds == pytest.approx(np.median(runs) / 15.0, abs=1.1 / 15.0)
+    assert numbers.transitions_per_second == pytest.approx(jumps / frames * 15.0, rel=0.03)
+    assert numbers.seconds_between_transitions == pytest.approx(np.median(runs) / 15.0, abs=1.1 / 15.0)
 
 
-def test_a_coin_at_the_end_of_one_loop_cuts_as_often_as_reckoned_by_hand():
-    # After frame 4 comes frame 1 or frame 2, both by a cut: runs of 4 or 3 frames, as often as each other.
+def test_transition_statistics_of_one_loop_match_the_analytic_values():
+    # After frame 4 comes frame 1 or frame 2, both by a transition: runs of 4 or 3 frames, as often as each other.
     edges = {(4, 1): 0.1, (4, 2): 0.1}
     graph = graph_of_transitions(transitions_of(edges), np.array([0, 6], np.int32), 0.2)
     numbers = graph_statistics(graph, 10.0)
     assert numbers.action_frames == 3.5
     assert numbers.transitions_per_second == pytest.approx(10.0 / 3.5)
-    assert numbers.uncut_seconds == pytest.approx(0.3)
+    assert numbers.seconds_between_transitions == pytest.approx(0.3)
 
 
 @pytest.mark.mocap

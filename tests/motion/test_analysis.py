@@ -47,7 +47,7 @@ def test_a_clip_that_is_not_finite_is_not_measured(boxer):
 
 
 @pytest.mark.parametrize("lift", [-0.3, 0.0, 0.8])
-def test_the_floor_goes_to_zero_and_is_told(boxer, lift):
+def test_the_floor_is_moved_to_zero_and_reported(boxer, lift):
     clip, body = boxer
     raised = replace(clip, root_positions=clip.root_positions + np.array([0.0, lift, 0.0]))
     moved, floor = on_floor(raised, body)

@@ -93,7 +93,7 @@ def test_capsules_are_sound():
     assert gaps.max() < 1e-9
 
 
-def test_a_pose_given_in_place_of_the_rest_pose_gives_the_same_body():
+def test_a_given_pose_gives_the_same_body_as_the_rest_pose():
     skeleton = build_skeleton()
     plain = build_body(skeleton)
     turn = quaternion.about_y(1.0)

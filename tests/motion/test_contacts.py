@@ -100,7 +100,7 @@ def test_runs_are_half_open_ranges():
     assert runs(np.zeros(4, bool)).shape == (0, 2)
 
 
-def test_speed_is_way_over_time():
+def test_speed_is_distance_over_time():
     path = np.arange(5)[:, None] * np.array([[0.0, 0.0, 0.1]])
     np.testing.assert_allclose(speeds(path, 60.0), 6.0)
     assert speeds(path[:1], 60.0).tolist() == [0.0]

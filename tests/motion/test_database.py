@@ -63,10 +63,10 @@ def test_what_is_kept_is_what_the_poses_give(database):
     np.testing.assert_allclose(ground.to_local(database.ground, tracks.heads), database.heads, atol=1e-4)
     frames, hands = database.strike_frames, database.strike_hands
     assert len(frames) > 5
-    np.testing.assert_allclose(database.strike_places, database.fists[frames, hands], atol=1e-4)
+    np.testing.assert_allclose(database.strike_positions, database.fists[frames, hands], atol=1e-4)
 
 
-def test_where_bodies_stand_hardly_moves_while_feet_do_not_and_they_look_ahead_on_the_average(database):
+def test_ground_frames_hardly_move_while_feet_do_not_and_mean_headings_are_ahead(database):
     positions, rotations = forward_kinematics(database.skeleton, database.root_positions, database.rotations)
     tracks = build_tracks(database.body, positions, rotations)
     ahead = ground.wrap(tracks.ground[:, 2] - database.ground[:, 2])
@@ -74,15 +74,15 @@ def test_where_bodies_stand_hardly_moves_while_feet_do_not_and_they_look_ahead_o
     both = database.contacts.all(axis=1)
     still = both[1:] & both[:-1]
     still[4 * database.clip_starts[1:-1] - 1] = False
-    ways = [np.hypot(*np.diff(places[:, :2], axis=0)[still].T) for places in (database.ground, tracks.ground)]
+    distances = [np.hypot(*np.diff(places[:, :2], axis=0)[still].T) for places in (database.ground, tracks.ground)]
     turns = [np.abs(np.diff(places[:, 2])[still]) for places in (database.ground, tracks.ground)]
     assert still.sum() > 300
-    assert ways[0].mean() < 0.1 * ways[1].mean()
+    assert distances[0].mean() < 0.1 * distances[1].mean()
     assert turns[0].mean() < 0.3 * turns[1].mean()
 
 
 @pytest.mark.parametrize("move", ["walk", "jog", "walk_curve"])
-def test_feet_that_pass_one_another_do_not_turn_the_ground_frame(move):
+def test_feet_that_pass_one_another_do_not_rotate_the_ground_frame(move):
     performance = perform_solo(move)
     database = build_database(measure_clips([performance.clip]))
     travel = performance.truth.travels[0]
@@ -92,7 +92,7 @@ def test_feet_that_pass_one_another_do_not_turn_the_ground_frame(move):
     assert np.abs(np.diff(gap)).max() * 60.0 < 3.5
 
 
-def test_mirror_images_stand_in_the_mirror(clips):
+def test_ground_frames_of_mirror_images_are_mirrored(clips):
     both = build_database(measure_clips(clips[:1]), mirror=True)
     own, image = np.split(both.ground, 2)
     np.testing.assert_allclose(image[:, 0], -own[:, 0], atol=1e-9)
@@ -145,7 +145,7 @@ def test_any_pair_of_rates_that_divide_will_do(clips, control, playback):
     assert database.seconds == pytest.approx(9.0, abs=1.5 / control)
 
 
-def test_clips_of_other_rates_go_in_together(clips):
+def test_clips_of_different_rates_are_combined(clips):
     slow = to_clip(export_motion(clips[0], find_roles(clips[0].skeleton), BY_NAME["lafan"], Export(every=2)), 0.01)
     fast = to_clip(export_motion(clips[1], find_roles(clips[1].skeleton), BY_NAME["lafan"], Export()), 0.01)
     database = build_database(measure_clips([slow, fast]))
@@ -159,7 +159,7 @@ def test_trimming_and_the_floor_can_be_left_out(clips):
     assert build_database(measure_clips([raised]), trim=False).frame_count == 135
 
 
-def test_progress_is_told_clip_by_clip(clips):
+def test_progress_is_reported_clip_by_clip(clips):
     result = []
     build_database(measure_clips(clips), mirror=True, progress=lambda *step: result.append(step))
     assert result == [("motion", done, 4) for done in (1, 2, 3, 4)]

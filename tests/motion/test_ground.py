@@ -19,7 +19,7 @@ def place(transform, point):
 
 @settings(max_examples=100, deadline=None)
 @given(grounds, points)
-def test_a_ground_transform_turns_about_y_and_shifts(transform, point):
+def test_a_ground_transform_rotates_about_y_and_translates(transform, point):
     np.testing.assert_allclose(ground.to_world(transform, point), place(transform, point), atol=1e-9)
     np.testing.assert_allclose(ground.to_local(transform, ground.to_world(transform, point)), point, atol=1e-9)
 
@@ -58,7 +58,7 @@ def test_leading_axes_broadcast(function):
 
 @settings(max_examples=100, deadline=None)
 @given(numbers)
-def test_wrapped_angles_lie_in_half_a_turn_to_both_sides_and_mean_the_same(angle):
+def test_wrapped_angles_are_between_minus_pi_and_pi_and_equivalent(angle):
     wrapped = ground.wrap(angle)
     assert -np.pi <= wrapped <= np.pi
     np.testing.assert_allclose([np.sin(wrapped), np.cos(wrapped)], [np.sin(angle), np.cos(angle)], atol=1e-12)

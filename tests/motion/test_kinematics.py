@@ -25,7 +25,7 @@ def matrices(rotations):
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 12), st.integers(0, 6), st.booleans())
-def test_places_and_turns_are_those_of_the_slow_twin(seed, joints, frames, moving):
+def test_forward_kinematics_matches_naive(seed, joints, frames, moving):
     rng = np.random.default_rng(seed)
     body = random_body(rng, joints)
     roots = rng.normal(size=(frames, 3))
@@ -47,7 +47,7 @@ def test_the_rest_pose_is_the_sum_of_offsets():
     np.testing.assert_array_equal(turns, rotations)
 
 
-def test_two_bars_at_right_angles_stand_where_geometry_puts_them():
+def test_forward_kinematics_of_two_perpendicular_bones_is_analytic():
     body = Skeleton(("a", "b", "c"), np.array([-1, 0, 1], np.int32), np.array([[0, 0, 0], [1, 0, 0], [2.0, 0, 0]]))
     quarter = about([0, 0, 1], np.pi / 2)
     positions, turns = forward_kinematics(body, np.array([[5.0, 6, 7]]), np.repeat(quarter[None], 3, axis=0)[None])

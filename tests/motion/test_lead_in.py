@@ -48,7 +48,7 @@ def _lead(clip: Clip, frames: int, arms: float = 0.0, blend: int = 0) -> Clip:
 @pytest.mark.parametrize("fps", [30.0, 60.0, 120.0])
 @pytest.mark.parametrize("arms", [0.0, 45.0])
 @pytest.mark.parametrize("seconds", [0.0, 0.5, 3.0, 9.0])
-def test_a_held_pose_is_cut_off_whole_and_little_more(boxer, fps, arms, seconds):
+def test_a_held_lead_in_pose_is_trimmed_whole_and_little_more(boxer, fps, arms, seconds):
     clip = resample(boxer[0], fps)
     frames = max(1, round(seconds * fps))
     found = lead_in(_lead(clip, frames, arms), boxer[1])
@@ -56,7 +56,7 @@ def test_a_held_pose_is_cut_off_whole_and_little_more(boxer, fps, arms, seconds)
 
 
 @pytest.mark.parametrize("blend", [2, 4, 6])
-def test_frames_that_blend_out_of_the_pose_faster_than_a_body_moves_are_cut_off_too(boxer, blend):
+def test_frames_that_leave_the_pose_faster_than_a_body_moves_are_trimmed_too(boxer, blend):
     clip = resample(boxer[0], 120.0)
     found = lead_in(_lead(clip, 1, 0.0, blend), boxer[1])
     assert blend <= found <= blend + 14
@@ -74,7 +74,7 @@ def test_a_clip_of_nothing_but_a_calibration_pose_is_left_whole(boxer):
     assert lead_in(still, boxer[1]) == 0
 
 
-def test_someone_who_stands_with_hanging_arms_is_not_cut(boxer):
+def test_standing_with_hanging_arms_is_not_trimmed(boxer):
     assert lead_in(_lead(boxer[0], 120, 85.0, blend=30), boxer[1]) == 0
 
 

@@ -35,7 +35,7 @@ def _clip(boxer, how, export):
 @pytest.mark.parametrize("heading", [0.0, np.pi, 0.5 * np.pi, 2.0])
 @pytest.mark.parametrize("how", ["mixamo", "flat_fingers", "daz_genesis", "unreal"])
 @pytest.mark.parametrize("rest", ["T", "A"])
-def test_every_joint_stands_where_the_mirror_shows_its_counterpart(boxer, how, heading, rest):
+def test_mirrored_joints_are_at_the_mirror_images_of_their_counterparts(boxer, how, heading, rest):
     clip = _clip(boxer, how, Export(heading=heading, rest=rest, six=how == "unreal"))
     body = measure_body(clip)
     image = mirrored(clip, body)
@@ -55,7 +55,7 @@ def test_the_mirror_image_of_a_mirror_image_is_the_clip(boxer):
     np.testing.assert_allclose(dots, 1.0, atol=1e-12)
 
 
-def test_headings_turn_the_other_way_and_hands_and_feet_are_exchanged(boxer):
+def test_mirrored_headings_change_sign_and_hands_and_feet_are_exchanged(boxer):
     clip = boxer[0]
     body = measure_body(clip)
     tracks, images = (build_tracks(body, *clip_kinematics(c)) for c in (clip, mirrored(clip, body)))

@@ -34,7 +34,7 @@ def same_turn(a, b, atol=1e-12):
     np.testing.assert_allclose(np.abs(np.sum(np.asarray(a) * b, axis=-1)), 1.0, atol=atol)
 
 
-def test_products_conjugates_and_turned_vectors_are_those_of_scipy():
+def test_products_conjugates_and_rotated_vectors_match_scipy():
     same_turn(q.multiply(A, B), np.roll((scipy_of(A) * scipy_of(B)).as_quat(), 1, axis=-1))
     same_turn(q.conjugate(A), np.roll(scipy_of(A).inv().as_quat(), 1, axis=-1))
     np.testing.assert_allclose(q.rotate(A, V), scipy_of(A).apply(V), atol=1e-12)
@@ -77,7 +77,7 @@ def test_multiplication_is_associative_and_keeps_length(a, b, c):
 
 @settings(max_examples=100, deadline=None)
 @given(units, units, vectors)
-def test_turning_by_a_product_is_turning_twice(a, b, v):
+def test_rotation_by_a_product_is_two_rotations(a, b, v):
     np.testing.assert_allclose(q.rotate(q.multiply(a, b), v), q.rotate(a, q.rotate(b, v)), atol=1e-10)
     assert np.linalg.norm(q.rotate(a, v)) == pytest.approx(np.linalg.norm(v), abs=1e-12)
     np.testing.assert_allclose(q.rotate(-a, v), q.rotate(a, v), atol=1e-12)
@@ -85,14 +85,14 @@ def test_turning_by_a_product_is_turning_twice(a, b, v):
 
 @settings(max_examples=100, deadline=None)
 @given(unit_vectors, unit_vectors)
-def test_the_turn_between_directions_takes_one_to_the_other_by_the_shortest_way(a, b):
+def test_the_rotation_between_directions_is_the_smallest(a, b):
     turn = q.between(a, b)
     np.testing.assert_allclose(q.rotate(turn, a), b, atol=1e-7)
     angle = np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b))
     assert np.linalg.norm(q.to_rotation_vector(turn)) == pytest.approx(angle, abs=1e-6)
 
 
-def test_the_turn_between_opposite_directions_is_a_half_turn():
+def test_the_rotation_between_opposite_directions_is_180_degrees():
     for axis in (*np.eye(3), *-np.eye(3), *V[:20] / np.linalg.norm(V[:20], axis=1, keepdims=True)):
         np.testing.assert_allclose(q.rotate(q.between(axis, -axis), axis), -axis, atol=1e-9)
         np.testing.assert_allclose(q.between(axis, 3.0 * axis), [1, 0, 0, 0], atol=1e-12)
@@ -125,7 +125,7 @@ def test_small_rotation_vectors_keep_their_size():
 
 @settings(max_examples=100, deadline=None)
 @given(units)
-def test_rotation_vectors_take_the_shortest_way(a):
+def test_rotation_vectors_are_at_most_180_degrees(a):
     for turn in (a, -a):
         vector = q.to_rotation_vector(turn)
         assert np.linalg.norm(vector) <= np.pi + 1e-12
@@ -146,7 +146,7 @@ def test_continuous_sequences_never_change_sides():
     assert (np.sum(mended[1:] * mended[:-1], axis=-1) >= 0).all()
 
 
-def test_headings_turn_from_z_to_x():
+def test_headings_rotate_z_to_x():
     heading = np.linspace(-4, 4, 50)
     facing = q.rotate(q.about_y(heading), [0, 0, 1])
     expected = np.stack([np.sin(heading), np.zeros(50), np.cos(heading)], axis=-1)

@@ -31,7 +31,7 @@ def _spin(fps: float, seconds: float = 2.0, turns: float = 0.7) -> Clip:
 
 @pytest.mark.parametrize("target", [15.0, 60.0])
 @pytest.mark.parametrize("fps", RATES)
-def test_a_constant_turn_and_a_constant_speed_stay_so(fps, target):
+def test_constant_angular_and_linear_velocities_are_preserved(fps, target):
     clip = resample(_spin(fps), target)
     times = np.arange(clip.frame_count) / target
     wanted = about(np.array([0.6, 0.0, 0.8]), 2.0 * np.pi * 0.7 * times)
@@ -102,7 +102,7 @@ def test_an_empty_clip_is_refused():
 
 @settings(max_examples=40, deadline=None)
 @given(st.floats(5.0, 300.0), st.floats(5.0, 300.0), st.integers(1, 40), st.integers(0, 2**16))
-def test_rotations_stay_of_unit_length_and_places_in_bounds(fps, target, frames, seed):
+def test_rotations_keep_unit_length_and_positions_stay_in_bounds(fps, target, frames, seed):
     draw = np.random.default_rng(seed)
     rotations = quaternion.normalise(draw.normal(size=(frames, 1, 4)))
     clip = Clip("any", BONE, fps, draw.uniform(-1.0, 1.0, (frames, 3)), rotations)

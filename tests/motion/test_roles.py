@@ -88,7 +88,7 @@ def test_a_limb_is_followed_past_a_joint_that_only_twists(boxer):
     assert limb[:3] == ["LeftUpLeg", "LeftLeg", "LeftFoot"]
 
 
-def test_left_and_right_without_names_follow_the_way_the_body_faces(boxer):
+def test_left_and_right_without_names_follow_the_heading_of_the_body(boxer):
     how = next(how for how in CONVENTIONS if how.name == "flat")
     for heading in (0.0, 1.6, 3.1, -1.6):
         clip = to_clip(export_motion(*boxer, how, Export(heading=heading)))

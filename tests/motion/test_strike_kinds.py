@@ -57,5 +57,5 @@ def test_mirror_images_have_the_kinds_and_heights_of_their_originals(session):
 def test_strikes_from_the_necks_height_on_go_to_the_head():
     positions, necks = np.array([[0.0, 1.5, 0.6], [0.1, 1.2, 0.5], [0.0, 1.3, 0.5]]), np.array([[0.0, 1.4, 0.0]] * 9)
     necks[6, 1] = 1.25
-    motion = SimpleNamespace(strike_frames=np.array([2, 4, 6]), strike_places=positions, necks=necks)
+    motion = SimpleNamespace(strike_frames=np.array([2, 4, 6]), strike_positions=positions, necks=necks)
     assert [HEIGHTS[height] for height in strike_heights(motion)] == ["head", "body", "head"]

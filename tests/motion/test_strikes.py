@@ -53,7 +53,7 @@ TIMES = np.arange(180) / FPS
 REST = np.repeat([[-0.1, 1.4, 0.2]], len(TIMES), axis=0)
 
 
-def test_a_jab_is_found_with_frame_hand_place_and_speed():
+def test_a_jab_is_found_with_frame_hand_position_and_speed():
     found = find_strikes(_tracks(_reach(TIMES, 1.5), REST), 1.75, FPS)
     assert found.hands.tolist() == [0]
     assert found.frames[0] == pytest.approx(90, abs=1)
@@ -63,7 +63,7 @@ def test_a_jab_is_found_with_frame_hand_place_and_speed():
     assert found.highest_speed == pytest.approx(float(found.speeds[0]), rel=1e-6)
 
 
-def test_the_way_back_is_no_strike_however_fast():
+def test_the_return_of_the_fist_is_no_strike_however_fast():
     fist = _reach(TIMES, 1.5, out=0.8, back=0.1)
     assert len(find_strikes(_tracks(fist, REST), 1.75, FPS).frames) == 0
 

@@ -74,7 +74,7 @@ def _folds(clip, joints):
     )
 
 
-def test_a_session_is_as_long_as_asked_and_in_several_clips(session):
+def test_a_session_has_the_given_length_in_several_clips(session):
     assert len(session) == 2
     assert sum(p.clip.frame_count for p in session) == 4200
     assert {p.clip.fps for p in session} == {60.0}
@@ -87,7 +87,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_does_not():
     assert not np.array_equal(a.rotations, c.rotations)
 
 
-def test_the_skeleton_stands_on_the_floor_and_is_as_tall_as_said():
+def test_the_skeleton_is_on_the_floor_and_has_the_documented_height():
     skeleton = build_skeleton()
     rest = skeleton.rest_positions()
     crown = rest[skeleton.end_parents[0]] + skeleton.end_offsets[0]
@@ -96,7 +96,7 @@ def test_the_skeleton_stands_on_the_floor_and_is_as_tall_as_said():
     assert skeleton.joint_count == 22
 
 
-def test_the_ball_of_a_planted_foot_stands_still(session):
+def test_the_ball_of_a_planted_foot_does_not_move(session):
     for performance in session:
         positions, _ = clip_kinematics(performance.clip)
         balls = positions[:, TOES]
@@ -131,7 +131,7 @@ def test_a_southpaw_is_the_mirror_image_of_an_orthodox_boxer():
     assert np.array_equal(left.truth.contacts[:, 0], right.truth.contacts[:, 1])
 
 
-def test_the_fist_that_detectors_follow_is_the_fist_that_punches():
+def test_strike_detection_finds_the_fist_that_punches():
     body = build_body(build_skeleton())
     np.testing.assert_allclose(body.fist_offsets, [[FIST_AHEAD, 0.0, 0.0], [-FIST_AHEAD, 0.0, 0.0]], atol=1e-3)
     assert body.height == pytest.approx(1.75, abs=0.01)
@@ -240,7 +240,7 @@ def test_the_same_motion_at_twice_the_rate_moves_as_smoothly():
     assert np.all(jumps[1] < 0.7 * jumps[0])
 
 
-def test_nobody_holds_quite_still(session):
+def test_boxers_are_never_quite_still(session):
     """In the quietest moments joints tremble at 3 to 10 Hz, as those of captured boxers do, and the head the least."""
     for performance in session:
         clip = performance.clip
@@ -328,14 +328,14 @@ def test_the_rear_heel_lifts_when_the_rear_hand_strikes(session, posed):
                 assert np.arcsin(-sole[1]) > np.radians(18)
 
 
-def test_a_session_turns_and_steps_every_way(long_session):
+def test_a_session_turns_and_steps_in_all_directions(long_session):
     turned = np.concatenate([performance.truth.stance[:, 2] for performance in long_session])
     assert np.ptp(turned) > 1.8 * np.pi
-    ways = []
+    steps = []
     for performance in long_session:
         stance = performance.truth.stance[::30]
-        ways.append(ground.to_local(stance[:-1], np.stack([stance[1:, 0], 0 * stance[1:, 0], stance[1:, 1]], axis=1)))
-    way = np.concatenate(ways)[:, [0, 2]]
+        steps.append(ground.to_local(stance[:-1], np.stack([stance[1:, 0], 0 * stance[1:, 0], stance[1:, 1]], axis=1)))
+    way = np.concatenate(steps)[:, [0, 2]]
     assert np.all(way.max(axis=0) > 0.15)
     assert np.all(way.min(axis=0) < -0.15)
 

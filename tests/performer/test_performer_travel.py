@@ -1,4 +1,4 @@
-"""The embedded boxer on his way: how fast every gait is, what feet and knees do, and how a session travels."""
+"""The embedded boxer in travel: how fast every gait is, what feet and knees do, and how a session travels."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _way(performance, positions):
 
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("move", SHUFFLES)
-def test_a_shuffle_goes_its_way_at_more_than_twelve_decimetres_a_second(move, seed):
+def test_a_shuffle_is_faster_than_1_2_metres_per_second(move, seed):
     performance, positions, _ = solo(move, seed)
     way, seconds = _way(performance, positions)
     left = ("left" in move) - ("right" in move)
@@ -138,7 +138,7 @@ def test_feet_pass_one_another_in_a_walk_with_one_always_down_and_fly_in_a_jog()
         assert aloft[0] <= flying.mean() <= aloft[1]
 
 
-def test_boxers_turn_about_on_the_spot_and_out_of_a_walk():
+def test_boxers_turn_by_180_degrees_on_the_spot_and_out_of_a_walk():
     for move, seconds in (("quick_turn", 1.1), ("walk_about_turn", 2.4), ("turn_and_walk", 2.4)):
         performance, _, _ = solo(move)
         heading = performance.truth.stance[:, 2]
@@ -165,7 +165,7 @@ def test_a_southpaw_travels_as_the_mirror_image_of_an_orthodox_boxer():
     assert left.truth.travels == right.truth.travels
 
 
-def test_a_session_travels_every_way_and_for_a_fifth_of_its_time(session):
+def test_a_session_travels_in_all_directions_for_a_fifth_of_its_time(session):
     seconds, walked = {"shuffle": 0.0, "walk": 0.0, "jog": 0.0}, []
     for performance in session:
         for travel in performance.truth.travels:

@@ -7,13 +7,13 @@ import pytest
 
 from crowdsim.graph.motion_graph import build_graph
 from crowdsim.motion import ground
-from crowdsim.motion.contacts import stand_spans
+from crowdsim.motion.contacts import plant_spans
 from crowdsim.motion.database import build_database
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 from crowdsim.policy.actions import STEP, build_actions
-from crowdsim.policy.alignment import HARDLY, SETTLED, align_actions, align_cuts
+from crowdsim.policy.alignment import HARDLY, SETTLED, align_actions, align_transitions
 
 
 @cache
@@ -48,11 +48,11 @@ def time_in_stand(frame, foot, step):
     return count / motion.playback_rate
 
 
-def test_spans_of_stands_are_found_frame_by_frame():
+def test_spans_of_foot_plants_match_naive():
     rng = np.random.default_rng(0)
     contacts = rng.random((60, 2)) < 0.7
     starts = np.array([0, 13, 14, 40, 60])
-    spans = stand_spans(contacts, starts)
+    spans = plant_spans(contacts, starts)
     for frame in range(60):
         clip = np.searchsorted(starts, frame, side="right") - 1
         for foot in range(2):
@@ -64,18 +64,18 @@ def test_spans_of_stands_are_found_frame_by_frame():
             assert spans[frame, foot].tolist() == [first, last]
 
 
-def test_a_foot_that_stands_on_stays_and_one_of_two_takes_the_step(graph):
+def test_a_planted_foot_does_not_slide_and_one_of_two_steps(graph):
     motion = database()
     aligned = align_actions(motion, graph)
-    cuts = np.flatnonzero(graph.action_cuts)
-    before = graph.state_frames[graph.action_states[cuts]].astype(int) * motion.stride
-    after = (graph.action_first[cuts].astype(int) - 1) * motion.stride
-    assert not aligned.shifts[~graph.action_cuts].any()
-    assert not aligned.steps[~graph.action_cuts].any()
-    moved = ground.to_world(aligned.shifts[cuts][:, None].astype(float), toes_at(after))
+    jumps = np.flatnonzero(graph.action_has_transition)
+    before = graph.state_frames[graph.action_states[jumps]].astype(int) * motion.stride
+    after = (graph.action_first[jumps].astype(int) - 1) * motion.stride
+    assert not aligned.shifts[~graph.action_has_transition].any()
+    assert not aligned.steps[~graph.action_has_transition].any()
+    moved = ground.to_world(aligned.shifts[jumps][:, None].astype(float), toes_at(after))
     away = np.linalg.norm((moved - toes_at(before))[..., [0, 2]], axis=-1)
     alone, together = 0, 0
-    for k in range(0, len(cuts), 3):
+    for k in range(0, len(jumps), 3):
         both = motion.contacts[before[k]] & motion.contacts[after[k]]
         since = [time_in_stand(before[k], foot, -1) for foot in range(2)]
         until = [time_in_stand(after[k], foot, 1) for foot in range(2)]
@@ -87,19 +87,19 @@ def test_a_foot_that_stands_on_stays_and_one_of_two_takes_the_step(graph):
             if stays[foot] and goes[1 - foot]:
                 alone += 1
                 assert away[k, foot] < 5e-4
-                assert aligned.steps[cuts[k]] == 0.0
+                assert aligned.steps[jumps[k]] == 0.0
         if all(stays) and until[0] != until[1]:
             together += 1
             later = int(until[1] > until[0])
             assert away[k, later] < 5e-4
-            assert aligned.steps[cuts[k]] == (away[k, 1 - later] > HARDLY)
+            assert aligned.steps[jumps[k]] == (away[k, 1 - later] > HARDLY)
     assert alone > 20
     assert together > 20
 
 
 def test_equal_frames_are_laid_on_each_other_as_they_are():
     frames = np.arange(100, 200)
-    aligned = align_cuts(database(), frames, frames)
+    aligned = align_transitions(database(), frames, frames)
     np.testing.assert_allclose(aligned.shifts, 0.0, atol=1e-6)
     assert not aligned.steps.any()
 

@@ -119,12 +119,12 @@ def test_compiled_look_ups_are_those_of_the_plain_version(trained):
         np.testing.assert_allclose(out[:n], action_values(policy, weights, state, target), rtol=1e-4, atol=1e-5)
 
 
-def test_inspect_tells_what_is_asked_for(trained):
+def test_inspect_reports_what_is_asked_for(trained):
     report = inspect_bundle(load_policy(trained / "small"), bundle.read_timings(trained / "small"))
     assert set(report) >= {"motion", "graph", "behaviours", "fingerprint"}
     assert set(report["motion"]) >= {"clips", "frames", "seconds", "strikes", "frames_kept_by_clip"}
     graph = {"frames", "transitions", "states", "actions", "branching", "action_frames", "transitions_per_second"}
-    assert set(report["graph"]) >= {*graph, "uncut_seconds"}
+    assert set(report["graph"]) >= {*graph, "seconds_between_transitions"}
     punch = report["behaviours"]["punch"]
     keys_of_each = {
         "axes",
@@ -173,10 +173,10 @@ def test_a_short_or_missing_array_is_found(copied):
     [
         (lambda d: d.update(version=99), "its format version is 99, expected 1; train it again"),
         (lambda d: d.update(kind="cake"), "foreign: its kind is not 'crowdsim policy'"),
-        (lambda d: d.update(name="other"), "damaged: its checksum does not fit what it says; train it again"),
+        (lambda d: d.update(name="other"), "damaged: its checksum does not match its contents; train it again"),
         (
             lambda d: d["behaviours"][0].update(scale=7),
-            "damaged: its checksum does not fit what it says; train it again",
+            "damaged: its checksum does not match its contents; train it again",
         ),
     ],
 )

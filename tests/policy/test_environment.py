@@ -44,7 +44,7 @@ def at(distance, bearing, height=1.4):
     return np.array([distance * math.sin(bearing), height, distance * math.cos(bearing)])
 
 
-def test_axes_stand_in_their_own_order_with_those_that_stay_when_the_avatar_moves_last():
+def test_axes_are_ordered_with_those_that_do_not_move_last():
     assert [axis.name for axis in PUNCH.axes] == ["distance", "bearing", "height"]
     assert PUNCH.shape == (9, 12, 4)
     assert PUNCH.layers == 4
@@ -169,7 +169,7 @@ def test_impossible_grids_are_refused(axes, message):
 
 
 @pytest.mark.parametrize("moves", [True, False])
-def test_an_axis_that_training_does_not_know_is_refused_by_name(moves, monkeypatch):
+def test_an_unknown_axis_is_refused_by_name(moves, monkeypatch):
     monkeypatch.setitem(AXIS_KINDS, "pace", AxisKind(3, "m/s", 0.0, moves))
     grid = build_grid([*PUNCH.axes, Axis("pace", 0.0, 1.0, 2)])
     assert [axis.name for axis in grid.moving_axes] == ["distance", "bearing", "pace"][: 2 + moves]

@@ -90,10 +90,10 @@ def test_a_model_earns_in_each_cell_what_the_plain_version_says(terms):
     axes = [Axis("distance", 0.1, 1.5, 6), Axis("bearing", -math.pi, math.pi, 7, True), Axis("height", 1.2, 1.8, 3)]
     grid, movement = build_grid(axes), build_movement(0.6, 3, 0.4)
     earned = build_model(actions, grid, tuple(terms), BODY, 0.97, movement).rewards(0, actions.action_count)
-    ways = list(zip(movement.probabilities, movement.velocities, strict=True))
+    outcomes = list(zip(movement.probabilities, movement.velocities, strict=True))
     expected = [
         [
-            sum(p * action_reward(actions, a, target, tuple(terms), BODY, 0.97, way) for p, way in ways)
+            sum(p * action_reward(actions, a, target, tuple(terms), BODY, 0.97, way) for p, way in outcomes)
             for target in grid.targets()
         ]
         for a in range(actions.action_count)
@@ -113,7 +113,7 @@ class Toy(Term):
         return (self.weight,)
 
 
-def test_a_term_that_training_does_not_know_is_refused_by_name(monkeypatch):
+def test_an_unknown_term_is_refused_by_name(monkeypatch):
     monkeypatch.setitem(rewards.TERMS, "toy", Toy)
     actions, target = random_actions(), (0.2, 1.4, 0.7)
     grid = build_grid([Axis("distance", 0.0, 2.0, 3)])
@@ -129,12 +129,12 @@ def test_a_term_that_training_does_not_know_is_refused_by_name(monkeypatch):
         )
 
 
-def test_compiled_code_says_that_it_has_no_branch_for_a_term(monkeypatch):
+def test_compiled_code_refuses_a_term_that_it_has_no_branch_for(monkeypatch):
     monkeypatch.setattr(rewards, "COMPILED", (*rewards.COMPILED, Toy))
     assert math.isnan(compiled(random_actions(), 0, (0.2, 1.4, 0.7), (Toy(),)))
 
 
-def test_every_term_has_a_code_of_its_own_and_a_place_in_recipes():
+def test_every_term_has_a_unique_code_and_a_key_in_recipes():
     assert len({term.code for term in rewards.TERMS.values()}) == len(rewards.TERMS)
     assert set(get_args(get_args(AnyTerm)[0])) == set(rewards.TERMS.values()) == set(rewards.COMPILED)
 
@@ -235,7 +235,7 @@ def test_posed_bodies_are_as_far_away_as_the_naive_twin_says():
     np.testing.assert_allclose(found, expected, atol=1e-7)
 
 
-def test_summed_proximity_does_not_depend_on_where_actions_are_cut():
+def test_summed_proximity_does_not_depend_on_how_motion_is_divided_into_actions():
     actions = random_actions(longest=4)
     action = int(np.flatnonzero(actions.lengths == 4)[0])
     term = ProximityTerm(kind="proximity", distance=0.5)
@@ -261,7 +261,7 @@ def one_action(strikes=(), path=((0.0, 0.0, 0.0),)):
         paths=np.array(path, np.float32),
         strike_offsets=np.array([0, count], np.int32),
         strike_times=np.array([time for time, _ in strikes], np.float32),
-        strike_places=np.array([place for _, place in strikes], np.float32).reshape(-1, 3),
+        strike_positions=np.array([place for _, place in strikes], np.float32).reshape(-1, 3),
         strike_speeds=np.ones(count, np.float32),
         strike_ids=np.arange(count, dtype=np.int32),
     )
@@ -294,7 +294,7 @@ def test_landed_strikes_add_up_where_their_sum_is_asked_for():
     assert both(actions, head, StrikeTerm(kind="strike", form="max")) == pytest.approx(0.9)
 
 
-def test_every_place_within_a_band_of_distances_is_as_good_and_no_place_outside():
+def test_proximity_to_a_band_is_constant_within_and_zero_outside():
     actions = one_action()
     band = ProximityTerm(kind="proximity", distance=(0.4, 0.9), sigma=0.5)
     for distance, gap in [(0.4, 0.0), (0.6, 0.0), (0.9, 0.0), (0.3, 0.1), (1.1, 0.2), (0.0, 0.4)]:
@@ -324,7 +324,7 @@ def test_a_target_that_stops_is_rewarded_where_it_stops():
         assert found == pytest.approx(expected, abs=1e-9)
 
 
-def test_a_transition_costs_only_where_the_capture_is_cut():
+def test_only_transitions_have_a_cost():
     actions = random_actions()
     term = TransitionTerm(kind="transition", weight=0.5, each=0.1)
     for action, cost in enumerate(actions.costs):

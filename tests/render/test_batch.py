@@ -115,7 +115,7 @@ def test_a_contact_sheet_shows_moments_spread_over_the_range(tmp_path, walkers):
     assert sheet.shape[1] >= 2 * SIZE[0]
 
 
-def test_a_caption_can_be_turned_off(walkers):
+def test_a_caption_can_be_omitted(walkers):
     with_it = build_stage(walkers, (320, 180)).picture(4).astype(int)
     without = build_stage(walkers, (320, 180), caption=False).picture(4).astype(int)
     rows = np.flatnonzero((with_it != without).any(axis=(1, 2)))
@@ -134,7 +134,7 @@ def test_strikes_that_land_flash_for_a_moment(walkers):
     assert glow[3] == 0
 
 
-def test_cameras_stand_side_by_side(walkers):
+def test_several_cameras_are_drawn_side_by_side(walkers):
     both = build_stage(walkers, SIZE, "side+top", caption=False).picture(3)
     halves = [build_stage(walkers, (48, 64), camera, caption=False).picture(3) for camera in ("side", "top")]
     beside = [*range(47), *range(49, 96)]

@@ -67,7 +67,7 @@ def test_a_figure_fills_a_good_part_of_the_picture(snake, camera):
     assert not red[:, :1].any()
 
 
-def test_a_person_stands_on_the_floor_and_looks_at_the_front_camera():
+def test_a_body_is_on_the_floor_and_faces_the_front_camera():
     performance = perform(2.0, 3)[0]
     source = clip_source(performance.clip)
     assert source.frame_count == performance.clip.frame_count

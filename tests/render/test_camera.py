@@ -30,7 +30,7 @@ def project(view, points, size=SIZE):
     st.floats(0.2, 60.0),
     st.sampled_from(["auto", "side", "top", "front", "orbit"]),
 )
-def test_cameras_of_the_crowd_show_everybody_from_head_to_foot_at_every_frame(count, seed, spread, camera):
+def test_cameras_of_the_crowd_show_all_avatars_completely_at_every_frame(count, seed, spread, camera):
     source = Walkers(random_walk(200, count, seed, spread))
     track = build_track(source, camera, SIZE)
     for frame in range(0, 200, 3):
@@ -44,7 +44,7 @@ def test_cameras_of_the_crowd_show_everybody_from_head_to_foot_at_every_frame(co
 
 @pytest.mark.parametrize("camera", ["auto", "side", "front", "top"])
 @pytest.mark.parametrize("spread", [0.3, 4.0, 30.0])
-def test_the_crowd_stands_in_the_middle_of_the_picture_and_fills_it(camera, spread):
+def test_the_crowd_is_centred_and_fills_the_picture(camera, spread):
     source = Walkers(random_walk(300, 30, 11, spread))
     track = build_track(source, camera, SIZE)
     centres, fills = [], []
@@ -86,7 +86,7 @@ def test_cameras_move_without_jerks(camera):
     assert np.linalg.norm(np.diff(ahead, axis=0), axis=1).max() * 30.0 < math.radians(60.0)
 
 
-def test_a_camera_does_not_depend_on_which_frame_is_asked_for_first():
+def test_a_camera_does_not_depend_on_the_order_of_frames():
     source = Walkers(random_walk(90, 4, 2))
     forwards, backwards = build_track(source, "auto", SIZE), build_track(source, "auto", SIZE)
     there = [forwards.view(frame).pack(*SIZE) for frame in range(90)]
@@ -177,7 +177,7 @@ def test_one_who_runs_off_does_not_make_a_large_crowd_small():
         assert np.abs(y).max() < 1.0
 
 
-def test_of_a_few_everybody_is_framed_however_far_away():
+def test_small_crowds_are_framed_whole_however_far_apart():
     paths = random_walk(200, 12, 4)
     paths[:, 0, 0] += np.linspace(0.0, 60.0, 200)
     track = build_track(Walkers(paths), "auto", SIZE)

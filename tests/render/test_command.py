@@ -92,12 +92,12 @@ def test_open_ranges_end_with_the_source(tmp_path):
         render(walkers, tmp_path, RenderOptions(frames=(6, None)))
 
 
-def test_nothing_to_write_is_said(tmp_path):
+def test_a_command_without_outputs_is_refused(tmp_path):
     with pytest.raises(CrowdsimError, match="nothing to write, expected --mp4, --png or --contact-sheet"):
         render(Walkers(np.zeros((3, 1, 3))), tmp_path, RenderOptions(mp4=False))
 
 
-def test_a_scenarios_section_says_how_to_draw():
+def test_the_render_section_of_a_scenario_is_used():
     options = scenario_options(RenderOutput(size=(320, 180), fps=24, contact_sheet=6, caption=False), 2)
     assert options == RenderOptions((320, 180), 24, None, "auto", True, False, 6, False, 2)
     assert scenario_options(RenderOutput(camera={"kind": "follow", "avatar": 4})).camera == "follow:4"

@@ -235,7 +235,7 @@ def test_a_lone_ball_does_not_shade_itself():
     assert np.abs(np.diff(red, axis=1))[inside[:, 1:] & inside[:, :-1]].max() < 12
 
 
-def test_shadows_meet_what_stands_on_the_floor():
+def test_shadows_touch_figures_on_the_floor():
     scene = capsules([0, 0.05, 0, 0, 1.7, 0, 0.05, 0.05])
     away = -SUN * [1, 0, 1] / np.linalg.norm(SUN[[0, 2]])
     right, _, ahead = directions(0.0, math.pi / 2)
@@ -290,7 +290,7 @@ def test_odd_capsules_neither_crash_nor_spoil_the_picture(row):
         np.testing.assert_array_equal(picture, empty)
 
 
-def test_flashes_brighten_the_place_where_they_are_and_fade():
+def test_flashes_brighten_their_surroundings_and_fade():
     scene = crowd(1)
     point = np.array([[0.0, 1.5, 0.0]])
     plain = draw(scene, VIEW, (128, 96), SUN).astype(int)

@@ -61,7 +61,7 @@ def test_the_smallest_skeletons_show_something(joints):
     assert (figure.capsule_radii > 0).all()
 
 
-def test_capsules_stand_where_the_pose_puts_their_joint():
+def test_capsules_are_at_the_positions_of_their_joints():
     skeleton = spider()
     rng = np.random.default_rng(1)
     rotations = quaternion.normalise(rng.normal(size=(3, skeleton.joint_count, 4)))
@@ -81,7 +81,7 @@ def test_capsules_stand_where_the_pose_puts_their_joint():
     assert placed.owners.tolist() == np.repeat(np.arange(3), count).tolist()
 
 
-def test_several_kinds_of_bodies_stand_together():
+def test_several_kinds_of_bodies_are_drawn_together():
     spiders, stick = bone_capsules(spider()), bone_capsules(Skeleton(("a", "b"), np.array([-1, 0]), np.ones((2, 3))))
     cast = build_cast([spiders, stick], [1, 0, 1], [0, 0, 1])
     assert [members.tolist() for members in cast.members] == [[1], [0, 2]]

@@ -80,7 +80,7 @@ def wander(policy, frames=FRAMES, avatars=AVATARS) -> Take:
     )  # fmt: skip
 
 
-def test_frames_do_not_depend_on_what_was_asked_for_before(policy):
+def test_frames_do_not_depend_on_those_read_before(policy):
     take = wander(policy)
     one, other = TakeSource(take, [policy], 30.0), TakeSource(take, [policy], 30.0)
     other._block = 5
@@ -91,7 +91,7 @@ def test_frames_do_not_depend_on_what_was_asked_for_before(policy):
         np.testing.assert_array_equal(turns, turned)
 
 
-def test_avatars_stand_where_the_take_has_them_and_are_absent_before_they_come(policy):
+def test_avatars_are_at_the_positions_of_the_take_and_absent_before_they_enter(policy):
     take = wander(policy)
     source = TakeSource(take, [policy], 15.0)
     assert source.ground(np.array([4, 20])).shape == (2, AVATARS, 3)

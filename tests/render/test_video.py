@@ -89,7 +89,7 @@ def test_an_interrupted_video_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_video_that_cannot_be_written_says_where_and_why(tmp_path):
+def test_a_video_that_cannot_be_written_is_reported_with_path_and_reason(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"file/video\.mp4: cannot write video: .*Not a directory"):
         video.encode(tmp_path / "file" / "video.mp4", [video.planes(pictures(1)[0])], (64, 48), 30.0)

@@ -83,7 +83,7 @@ def test_any_changed_bit_of_a_manifest_is_found(folder: Path) -> None:
     assert verify(folder) == Verdict()
 
 
-def test_exports_written_anew_take_the_place_of_those_before(folder: Path) -> None:
+def test_new_exports_replace_those_before(folder: Path) -> None:
     (folder / "bvh" / "b.bvh").write_text("new")
     stale = update_manifest(folder, "bvh", ["bvh/b.bvh"], {"fps": 30.0})
     assert stale == ["bvh/a.bvh"]

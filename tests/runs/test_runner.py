@@ -46,7 +46,7 @@ def tree(folder: Path) -> dict[str, bytes]:
     }
 
 
-def test_a_run_leaves_take_outputs_and_a_manifest_and_says_so(workplace: Path, capsys) -> None:
+def test_a_run_writes_take_outputs_and_a_manifest_and_reports_them(workplace: Path, capsys) -> None:
     write_scene(workplace / "four.yaml", outputs={**OUTPUTS, "profile": {}})
     assert crowdsim("run", "four.yaml", "--threads", "1") == 0
     folder = workplace / "output" / "four"
@@ -232,7 +232,7 @@ def test_force_removes_only_what_the_run_has_written(workplace: Path, capsys) ->
     [("bvh/red_0.bvh", "bvh/red_0.bvh"), ("take.zarr/mine", "take.zarr/mine"), ("profile.csv/x", "profile.csv"),
      ("take.zarr.partial/x", "take.zarr.partial/x")],
 )  # fmt: skip
-def test_files_of_others_in_the_way_of_a_run_stop_it_before_anything_goes(
+def test_foreign_files_in_a_run_folder_stop_the_run_before_anything_is_removed(
     workplace: Path, capsys, name: str, found: str
 ) -> None:
     write_scene(workplace / "four.yaml")
@@ -371,7 +371,7 @@ def test_render_and_export_into_a_run_leave_files_of_others_alone(workplace: Pat
     assert not (folder / ".crowdsim-journal.json").exists()
 
 
-def test_an_interrupted_rendering_is_told_from_files_of_others(workplace: Path, monkeypatch, capsys) -> None:
+def test_an_interrupted_rendering_is_distinguished_from_foreign_files(workplace: Path, monkeypatch, capsys) -> None:
     from crowdsim.render import batch
 
     write_scene(workplace / "four.yaml")
@@ -511,7 +511,7 @@ def test_damaged_and_foreign_bundles_are_refused_and_stale_ones_trained_again(wo
     assert crowdsim("verify", "output/four") == 0
 
 
-def test_a_finished_run_tells_of_policies_trained_since(workplace: Path, capsys) -> None:
+def test_a_finished_run_reports_policies_trained_since(workplace: Path, capsys) -> None:
     write_scene(workplace / "four.yaml")
     assert crowdsim("run", "four.yaml") == 0
     recipe = workplace / "policies" / "tiny.yaml"
@@ -562,7 +562,7 @@ def wait_for(path: Path, process: subprocess.Popen) -> None:
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_an_interrupted_run_keeps_its_frames_and_says_so(workplace: Path, capsys, number: int, code: int) -> None:
+def test_an_interrupted_run_keeps_its_frames_and_reports_it(workplace: Path, capsys, number: int, code: int) -> None:
     write_scene(workplace / "long.yaml", name="long", duration=50_000_000, outputs=OUTPUTS)
     process = start(workplace, "run", "long.yaml")
     wait_for(workplace / "output" / "long" / "take.zarr.partial" / "x" / "0.0", process)
@@ -599,7 +599,7 @@ def test_an_interrupted_run_keeps_its_frames_and_says_so(workplace: Path, capsys
     assert crowdsim("verify", "output/long") == 0
 
 
-def test_a_killed_run_leaves_nothing_under_a_final_name_and_the_next_one_tells(workplace: Path, capsys) -> None:
+def test_a_killed_run_leaves_nothing_under_a_final_name_and_the_next_one_reports_it(workplace: Path, capsys) -> None:
     write_scene(workplace / "long.yaml", name="long", duration=50_000_000)
     process = start(workplace, "run", "long.yaml")
     wait_for(workplace / "output" / "long" / "take.zarr.partial" / "x" / "0.0", process)
@@ -677,7 +677,7 @@ def test_a_full_disk_is_an_error_that_leaves_nothing_half_written(workplace: Pat
         shutil.rmtree(folder)
 
 
-def test_status_tells_finished_runs_from_others(workplace: Path, capsys) -> None:
+def test_status_distinguishes_finished_runs_from_others(workplace: Path, capsys) -> None:
     write_scene(workplace / "a.yaml", name="a")
     write_scene(workplace / "b.yaml", name="b")
     assert crowdsim("run", "a.yaml", "b.yaml") == 0
@@ -696,7 +696,7 @@ def test_status_tells_finished_runs_from_others(workplace: Path, capsys) -> None
     assert capsys.readouterr().err == "policies: holds no run\n"
 
 
-def test_a_large_crowd_is_told_beforehand_what_it_needs(tmp_path, monkeypatch):
+def test_the_needs_of_a_large_crowd_are_reported_beforehand(tmp_path, monkeypatch):
     result = preparation.needs(1_000_000, 60, tmp_path / "not" / "there")
     assert re.fullmatch(
         r"1,000,000 avatars x 60 control frames take up to 2\.0 GB of memory and 1\.2 GB on disk, without outputs.*",
@@ -708,11 +708,11 @@ def test_a_large_crowd_is_told_beforehand_what_it_needs(tmp_path, monkeypatch):
     assert short.endswith(f" GB are free in {tmp_path}")
 
 
-def test_only_a_large_crowd_is_told(workplace, monkeypatch):
+def test_needs_are_reported_only_of_large_crowds(workplace, monkeypatch):
     scenario = load_scenario(write_scene(workplace / "four.yaml"))
     result = []
-    run_to(workplace / "quiet", scenario, tell=result.append)
+    run_to(workplace / "quiet", scenario, notify=result.append)
     assert result == []
     monkeypatch.setattr(runner, "LARGE", 4)
-    run_to(workplace / "loud", scenario, tell=result.append)
+    run_to(workplace / "loud", scenario, notify=result.append)
     assert [words.split(" take ")[0] for words in result] == ["4 avatars x 40 control frames"]

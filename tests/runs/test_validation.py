@@ -47,7 +47,7 @@ def test_output_frames_may_reach_to_the_end_of_the_last_control_frame(workplace:
     assert sorted(path.name for path in (workplace / "output/four/ply").iterdir()) == ["000120.ply", "000140.ply"]
 
 
-def test_events_after_the_end_are_found_and_a_run_says_that_they_never_happen(workplace: Path, capsys) -> None:
+def test_events_after_the_end_are_found_and_reported_by_a_run(workplace: Path, capsys) -> None:
     events = [
         {"kind": "remove", "group": "red", "when": {"kind": "frame", "frame": 40}},
         {"kind": "remove", "group": "red", "when": {"kind": "seconds", "seconds": 2.6}},
@@ -102,7 +102,7 @@ def test_a_typo_that_types_inherit_is_one_finding(workplace: Path, capsys, order
     assert len(found(capsys, "four.yaml")) == 2
 
 
-def test_scenarios_and_recipes_go_by_name(workplace: Path, capsys) -> None:
+def test_scenarios_and_recipes_are_found_by_name(workplace: Path, capsys) -> None:
     (workplace / "scenarios").mkdir()
     write_scene(workplace / "scenarios" / "four.yaml", duration=0)
     assert crowdsim("validate", "tiny") == 0

@@ -3,7 +3,6 @@
 import json
 import re
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -12,10 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from crowdsim import assets
-from crowdsim.crowd.opponents import SEARCHES
 from crowdsim.crowd.placement import place_groups
 from crowdsim.errors import ScenarioError, nearest
-from crowdsim.scenario.groups import Search
 from crowdsim.scenario.parts import SCALES, SPEEDS
 from crowdsim.scenario.reference import scenario_reference
 from crowdsim.scenario.scenario import (
@@ -324,7 +321,7 @@ def test_the_search_is_the_scenarios_and_that_of_all_groups():
     ]
 
 
-def test_another_search_is_asked_for_wherever_the_scenario_names_one():
+def test_a_search_replaces_every_one_that_the_scenario_names():
     file = Path("s.yaml")
     group = BASE.replace("centre: [9, 0]}", "centre: [9, 0]}, opponents: {kind: other_team, search: scipy}")
     for text in (BASE, group + "opponents: {kind: anyone, search: scipy}\n"):
@@ -339,10 +336,9 @@ def test_another_search_is_asked_for_wherever_the_scenario_names_one():
         assert str(error.value) == (
             "the search is 'kdtree', expected 'auto', 'kd_tree' or 'scipy' (did you mean 'kd_tree'?)"
         )
-    assert get_args(get_args(Search)[0]) == SEARCHES
 
 
-def test_nobody_to_fight_is_a_mistake():
+def test_a_scenario_without_opponents_is_refused():
     one = BASE.split("  - {name: blue")[0]
     assert findings(one + "opponents: {kind: other_team}") == [
         "9:19: opponents.kind: is 'other_team', but all avatars are of team 'red', expected a second team or kind "
@@ -416,7 +412,7 @@ TYPES = """\
 """
 
 
-def test_types_take_what_they_do_not_say_from_the_type_they_extend():
+def test_types_inherit_settings_from_the_type_they_extend():
     Path("s.yaml").write_text(BASE.replace("  boxer: {policy: boxer}\n", TYPES))
     giant = load_scenario("s.yaml").types["giant"]
     assert giant.behaviours == {"approach": 2, "punch": 1}

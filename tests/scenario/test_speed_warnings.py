@@ -83,7 +83,7 @@ def test_validate_and_run_warn_on_standard_error_and_go_on(workplace: Path, caps
     assert capsys.readouterr().err.startswith(where)
 
 
-def test_nobody_knows_what_an_untrained_policy_sustains(workplace: Path, capsys: pytest.CaptureFixture) -> None:
+def test_untrained_policies_have_no_known_speed(workplace: Path, capsys: pytest.CaptureFixture) -> None:
     write_scene(workplace / "four.yaml", opponents=FOLLOW, targets={"head": {**CIRCLE, "speed": 15}})
     shutil.rmtree(workplace / "policies" / "tiny")
     assert crowdsim("validate", "four.yaml") == 0
@@ -92,7 +92,7 @@ def test_nobody_knows_what_an_untrained_policy_sustains(workplace: Path, capsys:
     assert "targets.head.speed: is 15, too fast for type 'boxer'" in capsys.readouterr().err
 
 
-def test_inspect_tells_what_speed_a_policy_sustains(workplace: Path, capsys: pytest.CaptureFixture) -> None:
+def test_inspect_reports_the_speed_that_a_policy_sustains(workplace: Path, capsys: pytest.CaptureFixture) -> None:
     assert crowdsim("inspect", "tiny", "--json") == 0
     speed = json.loads(capsys.readouterr().out)["sustained_speed"]
     assert math.isfinite(speed)

@@ -69,7 +69,7 @@ def test_trunks_lean_for_fists_without_a_jerk_over_feet_that_stay() -> None:
     assert np.linalg.norm(feet, axis=-1).max() < 2e-3
 
 
-def test_a_strike_that_a_cut_shows_again_throws_its_victim_back_once() -> None:
+def test_a_strike_repeated_by_a_transition_causes_one_reaction() -> None:
     take, policy, _ = duel(0.0)
     twice = Events(*(np.repeat(getattr(take.events, n), 2, axis=0) for n in Events.__dataclass_fields__))
     twice = replace(twice, frame=twice.frame + np.array([0.0, 0.5], np.float32))
@@ -79,7 +79,7 @@ def test_a_strike_that_a_cut_shows_again_throws_its_victim_back_once() -> None:
     assert np.array_equal(one.rotations[:, 1], both.rotations[:, 1])
 
 
-def test_figures_of_a_run_tell_how_far_fists_are_from_what_they_hit() -> None:
+def test_figures_of_a_run_hold_the_distance_of_fists_from_what_they_hit() -> None:
     take, policy, _ = duel(0.1)
     report = measure_take(sampler(take, policy))
     assert report["fist_gap_most"] < 0.01

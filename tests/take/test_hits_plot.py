@@ -38,7 +38,7 @@ def test_hits_lie_on_the_part_of_the_silhouette_that_they_hit(sampler: PoseSampl
     assert set(hits.hands.tolist()) <= {0, 1}
 
 
-def test_the_silhouette_stands_on_the_floor_upright(sampler: PoseSampler) -> None:
+def test_the_silhouette_is_upright_on_the_floor(sampler: PoseSampler) -> None:
     silhouette = build_silhouette(sampler.policies[0].database)
     lowest = np.minimum(
         silhouette.starts[:, 1] - silhouette.radii[:, 0], silhouette.ends[:, 1] - silhouette.radii[:, 1]

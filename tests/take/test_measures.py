@@ -100,7 +100,7 @@ def test_reach_is_in_metres_whatever_the_scale() -> None:
         assert measure_fights(pair(distance, scales=0.8)).out_of_reach_share == share
 
 
-def test_an_avatar_is_turned_away_when_its_opponent_is_behind_it() -> None:
+def test_an_avatar_faces_away_when_its_opponent_is_behind_it() -> None:
     heading = np.zeros((600, 2))
     heading[:, 1] = np.pi
     heading[300:450, 0] = np.radians(91.0)
@@ -138,7 +138,7 @@ def test_another_opponent_out_of_reach_does_not_end_a_stretch() -> None:
     assert result.distance_median == pytest.approx(2.0)
 
 
-def test_nobody_can_be_stuck_in_a_take_that_is_too_short_for_it() -> None:
+def test_no_avatar_is_stuck_in_a_take_that_is_too_short() -> None:
     assert measure_fights(pair(9.0, frames=300)).stuck_avatars is None
     assert measure_fights(pair(9.0, frames=301)).stuck_avatars == 2
 
@@ -178,7 +178,7 @@ def test_avatars_that_are_absent_do_not_count() -> None:
     assert result.least_landed_per_minute == pytest.approx(2.0)
 
 
-def test_nobody_to_fight_is_nothing_to_measure() -> None:
+def test_without_opponents_nothing_is_measured() -> None:
     result = measure_fights(make_take([[0.0]], [[0.0]], [0.0], [-1], 600, events=strikes((9.0, 0, -1, False))))
     assert result.thrown_per_minute == pytest.approx(1.5)
     for key in ("out_of_reach_share", "stuck_avatars", "air_share", "turned_away_share", "distance_median"):

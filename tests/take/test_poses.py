@@ -1,4 +1,4 @@
-"""Poses of takes: what captured motion, cuts, feet and strikes do to them, and what they depend on."""
+"""Poses of takes: what captured motion, transitions, feet and strikes do to them, and what they depend on."""
 
 from dataclasses import replace
 from typing import Any
@@ -23,7 +23,7 @@ LEGS = ("hip", "knee", "foot", "toe")
 
 
 def random_take(seed: int, avatars: int = 4, frames: int = 75, **more: Any) -> tuple[Take, Any]:
-    """Avatars that cut several times a second, with strikes that land on one another."""
+    """Avatars with several transitions a second, with strikes that land on one another."""
     rng = np.random.default_rng(seed)
     first, lengths = actions(200, seed=seed)
     chosen = [rng.permutation(200).tolist() for _ in range(avatars)]
@@ -109,7 +109,7 @@ def test_a_pose_depends_on_strikes_within_a_second_and_no_others(seed: int, fram
     assert same(sampler(replace(take, events=events), policy).sample(4 * frame, 4 * frame + 1, 60)[0], one)
 
 
-def test_captured_motion_that_goes_on_is_shown_as_it_is() -> None:
+def test_captured_motion_without_transitions_is_unchanged() -> None:
     clip = int(database().clip_starts[0])
     first, lengths = np.array([clip + 1, clip + 11, clip + 31, clip + 61]), np.array([10, 20, 30, 40])
     take, policy = build_take([[0, 1, 2, 3]], first, lengths, 90)
@@ -122,24 +122,24 @@ def test_captured_motion_that_goes_on_is_shown_as_it_is() -> None:
     assert gap.max() < 0.03
 
 
-def test_a_cut_between_equal_frames_changes_nothing() -> None:
+def test_a_transition_between_equal_frames_changes_nothing() -> None:
     clip = int(database().clip_starts[0])
     whole, policy = build_take([[0, 1]], np.array([clip + 1, clip + 31]), np.array([30, 30]), 45)
-    cut, other = build_take([[0, 1]], np.array([clip + 1, clip + 31]), np.array([30, 29]), 45)
-    one, two = (sampler(t, p).sample(0, 150, 60)[0] for t, p in ((whole, policy), (cut, other)))
+    with_transition, other = build_take([[0, 1]], np.array([clip + 1, clip + 31]), np.array([30, 29]), 45)
+    one, two = (sampler(t, p).sample(0, 150, 60)[0] for t, p in ((whole, policy), (with_transition, other)))
     assert same(one, two)
 
 
-def test_position_and_velocity_go_on_through_cuts() -> None:
+def test_position_and_velocity_are_continuous_at_transitions() -> None:
     take, policy = random_take(3, speeds=[1.0] * 4)
     take = replace(take, events=Events(*(getattr(take.events, n)[:0] for n in Events.__dataclass_fields__)))
     fast = 1920.0
     ours = sampler(take, policy).sample(3000, 5000, fast)[0].joints()[0]
     plain = hard(take, policy, 60.0)
-    # A hard cut jumps by decimetres from one frame to the next, whatever the frame rate.
+    # A transition without a blend jumps by decimetres from one frame to the next, whatever the frame rate.
     assert np.linalg.norm(np.diff(plain, axis=0), axis=-1).max() > 0.3
     steps = np.linalg.norm(np.diff(ours, axis=0), axis=-1)
-    # Cuts at random lead from a stride into the guard, too, where feet have far to go.
+    # Transitions at random lead from a stride into the guard, too, where feet have far to go.
     assert steps.max() * fast < 40.0
     changes = np.linalg.norm(np.diff(ours, 2, axis=0), axis=-1) * fast
     # Captured motion is straight between playback frames, so its velocity has corners, but no large ones.
@@ -153,13 +153,13 @@ def test_planted_feet_stay_where_they_are_through_cuts() -> None:
     ours = sampler(take, policy).sample(0, take.output_frames(60), 60)[0].joints()[0]
     ours, plain = _slide(ours, take, policy), _slide(hard(take, policy), take, policy)
     assert np.percentile(plain, 99.9) > 3.0
-    # Where a cut leaves no time for anything else feet are dragged, which few are.
+    # Where a transition leaves no time for anything else feet are dragged, which few are.
     assert np.percentile(ours, 90) < 0.001
     assert np.percentile(ours, 95) < 0.02
     assert ours.max() < 0.5
 
 
-def test_a_planted_foot_stands_as_still_as_it_is_captured_while_the_body_goes_over_a_cut() -> None:
+def test_a_planted_foot_moves_no_more_than_captured_through_a_transition() -> None:
     motion = database()
     stride = motion.stride
     planted = np.asarray(motion.contacts).all(axis=1)[::stride]
@@ -189,7 +189,7 @@ def test_a_planted_foot_stands_as_still_as_it_is_captured_while_the_body_goes_ov
     assert found >= 3
 
 
-def test_a_foot_that_is_in_the_air_for_the_moment_of_a_cut_stands_before_it_and_after_it() -> None:
+def test_a_foot_in_the_air_at_a_transition_is_planted_before_and_after_it() -> None:
     motion = database()
     stride, starts = motion.stride, np.asarray(motion.clip_starts)
     contacts, control = np.asarray(motion.contacts), np.arange(20, int(starts[-1]) - 21)
@@ -220,7 +220,7 @@ def test_a_foot_that_is_in_the_air_for_the_moment_of_a_cut_stands_before_it_and_
     assert found >= 5
 
 
-def test_a_heel_that_is_up_at_a_cut_comes_down_before_the_foot_steps() -> None:
+def test_a_heel_raised_at_a_transition_lowers_before_the_foot_steps() -> None:
     motion = database()
     stride, starts, roles = motion.stride, np.asarray(motion.clip_starts), motion.body.roles
     contacts, control = np.asarray(motion.contacts), np.arange(20, int(starts[-1]) - 31)
@@ -283,7 +283,7 @@ def duel(gap: float, landed: bool = True) -> tuple[Take, Any, int]:
     motion = database()
     stride = motion.stride
     # A straight one to the head, out of the middle of the clip.
-    frames, places = motion.strike_frames // stride, motion.strike_places
+    frames, places = motion.strike_frames // stride, motion.strike_positions
     fit = (places[:, 1] > 1.35) & (frames > 24) & (frames < motion.frame_count - 45)
     chosen = int(np.argmax(np.where(fit, np.hypot(places[:, 0], places[:, 2]), 0.0)))
     strike = int(motion.strike_frames[chosen])
@@ -342,7 +342,7 @@ def test_a_strike_moves_only_the_arm_that_strikes_and_the_one_it_hits() -> None:
     assert 0.01 < moved[frame : frame + 12, 1, head].max() < 0.2
 
 
-def test_hits_do_not_show_where_a_scenario_turns_them_off() -> None:
+def test_hits_are_not_shown_where_a_scenario_disables_reactions() -> None:
     take, policy, _ = duel(0.05)
     none = replace(take, events=Events(*(getattr(take.events, n)[:0] for n in Events.__dataclass_fields__)))
     frames = take.output_frames(60)
@@ -352,7 +352,7 @@ def test_hits_do_not_show_where_a_scenario_turns_them_off() -> None:
     assert not np.array_equal(off[:, 0], calm[:, 0])
 
 
-def test_the_head_goes_along_the_blow() -> None:
+def test_the_head_moves_in_the_direction_of_the_strike() -> None:
     take, policy, frame = duel(0.0)
     none = replace(take, events=Events(*(getattr(take.events, n)[:0] for n in Events.__dataclass_fields__)))
     roles = database().body.roles

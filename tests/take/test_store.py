@@ -51,7 +51,7 @@ def chunk(first: int, frames: int) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize(("reactions", "avoidance"), [(True, False), (False, True)])
-def test_a_take_knows_whether_hits_show_and_bodies_give_way(tmp_path: Path, reactions: bool, avoidance: bool) -> None:
+def test_a_take_records_reactions_and_collision_avoidance(tmp_path: Path, reactions: bool, avoidance: bool) -> None:
     header = TakeHeader(CAST, 15.0, "test", 3, ("abc",), reactions=reactions, collision_avoidance=avoidance)
     writer = TakeWriter(tmp_path / "take.zarr", header, 1).open()
     writer.append(chunk(0, 1), events(), None)
@@ -179,7 +179,7 @@ def test_abandoning_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+def test_a_path_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"take\.zarr: cannot be written"):
         write(tmp_path / "file" / "take.zarr", [1])

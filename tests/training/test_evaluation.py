@@ -63,7 +63,7 @@ def starts(actions, count=30):
 
 
 @pytest.mark.parametrize("within", [0.3, 1.1])
-def test_an_avatar_has_arrived_when_it_is_as_near_as_was_asked_for(actions, within):
+def test_an_avatar_has_arrived_within_the_given_distance(actions, within):
     one = behaviour(actions, "approach", (NEAR, PRICE), 3.0)
     states, targets = starts(actions)
     result = run_episodes(actions, one, BODY, RATE, states, targets, EpisodeSettings(SECONDS, within=within))

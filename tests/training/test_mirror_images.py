@@ -50,7 +50,7 @@ def wide(motion):
 
 @pytest.fixture(scope="module")
 def pruned(motion, wide):
-    return prune_graph(motion, wide, recipe_of().behaviours, target_body(motion), PruningSpec(ways=4))
+    return prune_graph(motion, wide, recipe_of().behaviours, target_body(motion), PruningSpec(transitions=4))
 
 
 @pytest.mark.parametrize("name", ["wide", "pruned"])
@@ -58,17 +58,21 @@ def test_the_graph_of_mirrored_motion_is_its_own_mirror_image(motion, name, requ
     graph, frames = request.getfixturevalue(name), motion.frame_count
     half = motion.captured_frames
     assert 2 * half == frames
-    ways = dict(zip(zip(graph.transition_from, graph.transition_to, strict=True), graph.transition_costs, strict=True))
-    images = {((i + half) % frames, (j + half) % frames): cost for (i, j), cost in ways.items()}
-    assert images == ways
+    transitions = dict(
+        zip(zip(graph.transition_from, graph.transition_to, strict=True), graph.transition_costs, strict=True)
+    )
+    images = {((i + half) % frames, (j + half) % frames): cost for (i, j), cost in transitions.items()}
+    assert images == transitions
     np.testing.assert_array_equal(graph.frames_kept, np.roll(graph.frames_kept, half))
     assert graph.captured_states(half) == graph.state_count // 2
 
 
 def test_a_graph_that_is_not_its_own_mirror_image_is_known(motion, wide):
-    ways = Transitions(wide.transition_from, wide.transition_to, wide.transition_costs)
-    whole = graph_of_transitions(ways, motion.clip_starts, wide.threshold)
-    less = graph_of_transitions(ways.chosen(np.arange(len(ways)) != 5), motion.clip_starts, wide.threshold)
+    transitions = Transitions(wide.transition_from, wide.transition_to, wide.transition_costs)
+    whole = graph_of_transitions(transitions, motion.clip_starts, wide.threshold)
+    less = graph_of_transitions(
+        transitions.chosen(np.arange(len(transitions)) != 5), motion.clip_starts, wide.threshold
+    )
     half = motion.captured_frames
     assert whole.captured_states(half) == wide.state_count // 2
     assert less.captured_states(half) == less.state_count

@@ -27,7 +27,7 @@ def test_steps_are_distinguished_by_where_they_lead():
     ]  # fmt: skip
 
 
-def test_turns_are_those_that_turn_more_than_they_go():
+def test_actions_that_rotate_more_than_they_travel_are_turns():
     assert kinds_of([0, 0.1, 0.9], [0.1, 0, -0.9], [0, 0.6, 0.9]) == [
         MotionKind.TURN_LEFT, MotionKind.TURN_RIGHT, MotionKind.STEP_FORWARD,
     ]  # fmt: skip
@@ -53,7 +53,7 @@ def policy(tiny_policy: Path):
     return load_policy(tiny_policy)
 
 
-def test_maps_show_the_kind_of_the_best_action_at_the_place_of_the_target(policy):
+def test_maps_show_the_kind_of_the_best_action_at_the_position_of_the_target(policy):
     from crowdsim.policy.kernels.axes import Corners
     from crowdsim.policy.kernels.rewards import Target
     from crowdsim.policy.kernels.values import evaluate_actions

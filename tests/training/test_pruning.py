@@ -1,8 +1,8 @@
-"""Pruning: of many ways out those stay that the behaviours are better off with, and nothing else changes."""
+"""Pruning: the transitions that are worth most to the behaviours are kept, and nothing else changes."""
 
 import numpy as np
 import pytest
-from naive_pruning import ways_worth_keeping
+from naive_pruning import transitions_worth_keeping
 
 from crowdsim.errors import RecipeError
 from crowdsim.graph.motion_graph import build_graph
@@ -12,7 +12,7 @@ from crowdsim.policy.alignment import align_actions
 from crowdsim.policy.rewards import target_body
 from crowdsim.training.behaviours import train_behaviour
 from crowdsim.training.evaluation import run_episodes
-from crowdsim.training.pruning import judge_ways, prune_graph
+from crowdsim.training.pruning import judge_transitions, prune_graph
 from crowdsim.training.ranges import FAR, sample_targets, strike_reach
 from crowdsim.training.recipe import PruningSpec, load_recipe
 from crowdsim.training.train import load_motion, train_policy
@@ -73,8 +73,8 @@ def prune(motion, wide, recipe, **settings):
     return prune_graph(motion, wide, recipe.behaviours, target_body(motion), PruningSpec(**settings))
 
 
-def test_every_way_kept_was_one_before_and_no_frame_has_more_than_was_asked_for(motion, wide, recipe):
-    graph = prune(motion, wide, recipe, ways=3, spacing=0.0, landing=0.0)
+def test_kept_transitions_are_among_the_given_ones_and_no_frame_has_too_many(motion, wide, recipe):
+    graph = prune(motion, wide, recipe, transitions=3, spacing=0.0, landing=0.0)
     before = set(zip(wide.transition_from.tolist(), wide.transition_to.tolist(), strict=True))
     after = set(zip(graph.transition_from.tolist(), graph.transition_to.tolist(), strict=True))
     assert after < before
@@ -84,7 +84,7 @@ def test_every_way_kept_was_one_before_and_no_frame_has_more_than_was_asked_for(
 
 
 def test_decisions_lie_apart(motion, wide, recipe):
-    graph = prune(motion, wide, recipe, ways=4, spacing=0.5)
+    graph = prune(motion, wide, recipe, transitions=4, spacing=0.5)
     sources = np.unique(graph.transition_from)
     clips = np.searchsorted(motion.clip_starts, sources, side="right")
     apart = np.diff(sources)[np.diff(clips) == 0]
@@ -92,18 +92,18 @@ def test_decisions_lie_apart(motion, wide, recipe):
     assert graph.action_lengths.mean() > 1.5 * wide.action_lengths.mean()
 
 
-def test_nobody_lands_just_before_the_next_decision(motion, wide, recipe):
-    near, clear = (prune(motion, wide, recipe, ways=4, spacing=0.4, landing=landing) for landing in (0.0, 0.33))
-    shortest = [graph.action_lengths[graph.action_cuts].min() for graph in (near, clear)]
+def test_no_transition_enters_just_before_a_decision(motion, wide, recipe):
+    near, clear = (prune(motion, wide, recipe, transitions=4, spacing=0.4, landing=landing) for landing in (0.0, 0.33))
+    shortest = [graph.action_lengths[graph.action_has_transition].min() for graph in (near, clear)]
     assert shortest[0] == 1
     assert shortest[1] >= round(0.33 * motion.control_rate)
     assert np.bincount(clear.transition_from).max() == 4
 
 
-def test_what_is_kept_is_what_an_obvious_search_keeps(motion, wide, recipe):
+def test_judged_transitions_match_naive(motion, wide, recipe):
     actions, body = build_actions(motion, wide), target_body(motion)
-    keep, gains = judge_ways(motion, wide, actions, recipe.behaviours, body, ways=3)
-    expected_keep, expected_gains = ways_worth_keeping(motion, wide, actions, recipe.behaviours, body, ways=3)
+    keep, gains = judge_transitions(motion, wide, actions, recipe.behaviours, body, most=3)
+    expected_keep, expected_gains = transitions_worth_keeping(motion, wide, actions, recipe.behaviours, body, most=3)
     states = np.arange(0, wide.captured_states(motion.captured_frames), 7)
     assert len(keep) == len(gains) == wide.action_count // 2
     some = np.concatenate([np.arange(*wide.action_offsets[s : s + 2]) for s in states])
@@ -125,7 +125,7 @@ def returns_of(recipe, motion, graph, name, far):
 @pytest.mark.parametrize(
     ("name", "far", "share"), [("approach", (0.6, 4.0), 0.95), ("punch", (0.3, 1.6), 0.75)], ids=["approach", "punch"]
 )
-def test_an_avatar_earns_more_by_the_ways_of_worth_than_by_as_many_that_are_cheap(tmp_path, name, far, share):
+def test_the_most_valuable_transitions_earn_more_than_as_many_cheap_ones(tmp_path, name, far, share):
     shares = []
     for seed in (3, 4, 5):
         (tmp_path / "wide.yaml").write_text(RECIPE.replace("seed: 3", f"seed: {seed}"))
@@ -133,12 +133,12 @@ def test_an_avatar_earns_more_by_the_ways_of_worth_than_by_as_many_that_are_chea
         motion = load_motion(recipe, [])
         wide = build_graph(motion, recipe.graph)
         cheap = build_graph(motion, recipe.graph.model_copy(update={"branching": 5}))
-        worthy = prune(motion, wide, recipe, ways=5, spacing=0.0, landing=0.0)
+        worthy = prune(motion, wide, recipe, transitions=5, spacing=0.0, landing=0.0)
         earned = [returns_of(recipe, motion, graph, name, far) for graph in (cheap, worthy, wide)]
         assert worthy.action_count < 0.5 * wide.action_count
         assert earned[1] > 1.03 * earned[0]
         shares.append(earned[1] / earned[2])
-    # Half of the targets that ways are judged by move; here all stand still.
+    # Half of the targets that transitions are judged by move; here none does.
     assert np.mean(shares) > share
 
 
@@ -152,8 +152,8 @@ def test_targets_lie_all_around_and_half_of_them_within_reach(motion):
     assert distance.max() > 0.9 * FAR
 
 
-def test_training_prunes_the_same_way_on_two_threads_and_says_so(recipe):
-    pruned = recipe.model_copy(update={"prune": PruningSpec(ways=4)})
+def test_training_prunes_alike_on_two_threads_and_reports_it(recipe):
+    pruned = recipe.model_copy(update={"prune": PruningSpec(transitions=4)})
     stages = []
     one, timings = train_policy(pruned, "wide", progress=lambda stage, done, total: stages.append(stage))
     two, _ = train_policy(pruned, "wide", threads=2)
@@ -163,14 +163,15 @@ def test_training_prunes_the_same_way_on_two_threads_and_says_so(recipe):
     assert one.graph.action_first.tobytes() == two.graph.action_first.tobytes()
     assert one.fingerprint != whole.fingerprint
     assert timings["prune"] > 0.0
-    assert "prune, ways out" in stages
+    assert "prune, transitions" in stages
 
 
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("prune: {way: 3}", r"prune\.way: unknown key.*did you mean 'ways'"),
-        ("prune: {ways: 0}", r"prune\.ways: is 0, expected a whole number from 1 to 1000"),
+        ("prune: {ways: 3}", r"prune\.ways: unknown key, it is now called 'transitions'"),
+        ("prune: {transition: 3}", r"prune\.transition: unknown key.*did you mean 'transitions'"),
+        ("prune: {transitions: 0}", r"prune\.transitions: is 0, expected a whole number from 1 to 1000"),
         ("prune: {landing: soon}", r"prune\.landing: is 'soon', expected a number"),
         ("prune: {spacing: -1}", r"prune\.spacing: is -1, expected a number of at least 0"),
     ],
@@ -181,7 +182,7 @@ def test_wrong_settings_are_reported_with_their_position(tmp_path, line, message
         load_recipe(tmp_path / "bad.yaml")
 
 
-def test_a_cut_in_stillness_shows_more_than_the_same_in_motion(motion, wide):
+def test_a_transition_at_rest_counts_as_more_visible_than_one_in_motion(motion, wide):
     speeds = joint_speeds(motion)
     assert speeds.shape == (motion.frame_count,)
     factors = stillness(motion, wide)
@@ -192,10 +193,10 @@ def test_a_cut_in_stillness_shows_more_than_the_same_in_motion(motion, wide):
     actions, steps = build_actions(motion, wide), align_actions(motion, wide).steps
     expected = wide.action_costs / wide.threshold * factors + STEP * steps
     np.testing.assert_allclose(actions.costs, expected, rtol=1e-6)
-    assert np.all((actions.costs > 0.0) == wide.action_cuts)
+    assert np.all((actions.costs > 0.0) == wide.action_has_transition)
 
 
-def test_speeds_of_joints_are_those_of_their_places(motion):
+def test_joint_speeds_match_differences_of_positions(motion):
     frame, reach = 40, 3
     steps = []
     for row in (frame + np.arange(-reach, reach + 1)) * motion.stride:

@@ -57,7 +57,7 @@ def test_distances_of_a_still_target_are_those_of_a_crowd(policy):
     assert float(np.median(distances_behind(policy, 0.0))) == pytest.approx(follow(policy, 0.0), abs=0.15)
 
 
-def test_a_bundle_says_what_speed_its_policy_sustains(policy):
+def test_a_bundle_holds_the_speed_that_its_policy_sustains(policy):
     assert inspect_bundle(policy)["sustained_speed"] == policy.statistics["sustained_speed"] == sustained_speed(policy)
 
 

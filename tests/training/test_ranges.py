@@ -19,7 +19,7 @@ def motion():
     places = np.stack([distance * np.sin(bearing), draw.uniform(1.1, 1.7, 500), distance * np.cos(bearing)], axis=-1)
     heads = np.stack([np.zeros(900), draw.uniform(1.4, 1.6, 900), np.zeros(900)], axis=-1)
     return SimpleNamespace(
-        strike_frames=np.arange(500), strike_places=places, heads=heads, body=SimpleNamespace(torso_radius=0.15)
+        strike_frames=np.arange(500), strike_positions=places, heads=heads, body=SimpleNamespace(torso_radius=0.15)
     )
 
 
@@ -29,7 +29,7 @@ def grid_of(motion, **axes):
     return {axis.name: axis for axis in resolve_grid(spec, motion).axes}
 
 
-def test_axes_end_where_strikes_reach_if_the_recipe_says_so(motion):
+def test_axes_end_where_strikes_reach_if_the_recipe_asks_for_it(motion):
     found = grid_of(motion, distance={"reach": True}, bearing={"reach": True}, height={"reach": True})
     reach = strike_reach(motion)
     for name, axis in found.items():

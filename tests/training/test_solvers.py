@@ -90,7 +90,7 @@ def test_an_mdp_with_a_known_answer_is_solved():
         paths=np.array([[0, 0, 0], [0, 50, 0], [0, 50, 0], [0, -50, 0], [0, -50, 0]], np.float32),
         strike_offsets=np.zeros(4, np.int32),
         strike_times=np.zeros(0, np.float32),
-        strike_places=np.zeros((0, 3), np.float32),
+        strike_positions=np.zeros((0, 3), np.float32),
         strike_speeds=np.zeros(0, np.float32),
         strike_ids=np.zeros(0, np.int32),
     )
@@ -126,7 +126,7 @@ def test_one_update_of_q_learning_is_the_one_done_on_paper():
         paths=np.array([[0, 0.1, 0], [0, 0.25, 0], [0, 0, 0], [0, 0, 0]], np.float32),
         strike_offsets=np.zeros(4, np.int32),
         strike_times=np.zeros(0, np.float32),
-        strike_places=np.zeros((0, 3), np.float32),
+        strike_positions=np.zeros((0, 3), np.float32),
         strike_speeds=np.zeros(0, np.float32),
         strike_ids=np.zeros(0, np.int32),
     )
@@ -152,7 +152,7 @@ def test_one_update_of_q_learning_is_the_one_done_on_paper():
     assert q_learning(model, max_sweeps=1, exploitations=0).q[1] == pytest.approx(reward, rel=5e-6)
 
 
-def test_q_learning_comes_within_two_hundredths_of_value_iteration_when_the_target_stands():
+def test_q_learning_is_within_2_percent_of_value_iteration_for_a_target_at_rest():
     model = model_of(GRIDS["punch"])
     exact = value_iteration(model, "max_of_interpolated", tolerance=1e-6)
     learned = q_learning(model)
@@ -182,7 +182,7 @@ def test_two_threads_give_the_same_bytes_as_one():
     assert found[0] == found[1]
 
 
-def test_results_tell_how_they_were_found():
+def test_results_hold_method_and_iterations():
     model = model_of(GRIDS["polar"])
     found = value_iteration(model, tolerance=1e-3)
     pairs = model.action_count * model.grid.cells

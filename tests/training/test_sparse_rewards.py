@@ -74,6 +74,6 @@ def test_only_cells_where_strikes_land_are_stored_in_order():
 @pytest.mark.parametrize(
     ("terms", "wide"), [((STRIKE, PRICE), False), ((SUM,), False), ((WASTE,), True), ((STRIKE, NEAR), True)]
 )
-def test_rewards_that_depend_on_the_place_of_the_target_are_stored_for_each(terms, wide):
+def test_rewards_that_depend_on_the_position_of_the_target_are_stored_for_each(terms, wide):
     model = build_model(random_actions(), GRID, terms, BODY, 0.9)
     assert model.near.shape[2] == (GRID.cells // GRID.layers if wide else 1)

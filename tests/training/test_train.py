@@ -17,7 +17,7 @@ APPROACH = {
 
 
 @pytest.mark.parametrize("lookup", ["q", "v"])
-def test_values_are_added_as_they_are_where_a_recipe_says_so(tiny_policy: Path, lookup: str) -> None:
+def test_values_are_not_normalised_where_a_recipe_disables_it(tiny_policy: Path, lookup: str) -> None:
     policy = load_policy(tiny_policy)
     found = {}
     for normalise in (True, False):

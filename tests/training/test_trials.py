@@ -30,7 +30,7 @@ def test_trials_end_when_the_compiled_episodes_do(policy):
         np.testing.assert_allclose(times, wanted, rtol=1e-6)
 
 
-def test_success_says_what_is_done_how_often_and_how_soon(policy):
+def test_success_reports_what_is_done_how_often_and_how_soon(policy):
     found = {one.name: measure_success(policy, one) for one in policy.behaviours}
     assert (found["approach"].task, found["approach"].seconds) == ("arrive", ARRIVED_WITHIN)
     assert (found["punch"].task, found["punch"].seconds) == ("strike", LANDED_WITHIN)
@@ -46,7 +46,7 @@ def test_a_behaviour_that_wants_to_be_elsewhere_does_not_succeed(policy):
     assert measure_success(policy, worst).share < 0.5 * measure_success(policy, approach).share
 
 
-def test_a_bundle_says_what_its_behaviours_succeed_in_and_how_its_strikes_are_distributed(policy):
+def test_a_bundle_holds_success_rates_and_the_distribution_of_strikes(policy):
     report = inspect_bundle(policy)
     for name, facts in report["behaviours"].items():
         assert facts["success"]["share"] == measure_success(policy, policy.behaviour(name)).share

@@ -20,7 +20,7 @@ def outside(arena, x, z):
 
 @kernel(inline=True)
 def may_leave(arena, x, z, furthest):
-    """Return whether an avatar at (x, z) that goes so far may end outside the arena."""
+    """Return whether an avatar at (x, z) that travels this distance may end outside the arena."""
     dx, dz = abs(x - arena[CENTRE_X]), abs(z - arena[CENTRE_Z])
     if arena[ARENA] == CIRCLE:
         return furthest > arena[HALF_X] or dx * dx + dz * dz > (arena[HALF_X] - furthest) ** 2

@@ -1,10 +1,8 @@
 """The choice of the next action: a draw among those whose values are near the best one."""
 
-import math
-
 import numpy as np
 
-from crowdsim.core.candidates import draw_chance
+from crowdsim.core.candidates import CandidateRules, draw_candidate
 from crowdsim.core.random import uniform
 from crowdsim.crowd.kernels.aim import aim
 from crowdsim.crowd.kernels.crowding import avoid
@@ -30,12 +28,12 @@ from crowdsim.jit import kernel
 
 BURSTS = (2, 5)  # least and most strikes of a burst
 REST = 4.0  # what a strike costs an avatar that rests, in normalised values
-SORTED = 256  # so many avatars that choose together do so in the order of their states
+SORTED = 256  # from this many deciding avatars on, actions are evaluated in the order of states
 
 
 @kernel(inline=True)
 def choose(model, avatars, world, now, due, count, observed, scratch, out_chosen):
-    """Choose an opponent and the next action for avatars ``due[:count]``, for whom ``scratch`` has room.
+    """Choose an opponent and the next action for avatars ``due[:count]``, at most as many as ``scratch`` has room for.
 
     Observations run along with ``due``, as the chosen actions do. Situations are written in the order of storage, in
     which neighbours lie together; where there are many, actions are evaluated in the order of states. Returns -1, or
@@ -104,10 +102,8 @@ def _draw_actions(model, avatars, world, frame, due, count, scratch, out_chosen)
                     action = offsets[state] + k
                     values[q, k] -= REST * (actions[action + 1, STRIKES] - actions[action, STRIKES])
         number = uniform(stream[CHOICE_STREAM], np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own]))
-        picked = pick(
-            values, q, offsets[state + 1] - offsets[state], cohorts[cohort, MARGIN], cohorts[cohort, MOST],
-            cohorts[cohort, TEMPERATURE], number, chances,
-        )  # fmt: skip
+        rules = CandidateRules(cohorts[cohort, MARGIN], cohorts[cohort, MOST], cohorts[cohort, TEMPERATURE])
+        picked = draw_candidate(values[q], offsets[state + 1] - offsets[state], rules, number, chances)
         if picked < 0:
             return own
         action = offsets[state] + picked
@@ -116,80 +112,4 @@ def _draw_actions(model, avatars, world, frame, due, count, scratch, out_chosen)
             thrown = actions[action + 1, STRIKES] - actions[action, STRIKES]
             whole[BURST, own] = max(whole[BURST, own] - thrown, 0)
             real[RESTED, own] = max(real[RESTED, own], np.float64(frame)) + interval * thrown
-    return -1
-
-
-@kernel(inline=True)
-def pick(values, row, n, margin, most, temperature, number, chances):
-    """Return one of the candidates: those near the best value, drawn by ``number`` in [0, 1); -1 for no number.
-
-    Where there are too many, those of the least values drop out, the later ones among equals.
-    """
-    top = values[row, 0]
-    for k in range(1, n):
-        top = values[row, k] if values[row, k] > top else top
-    if not math.isfinite(top):
-        return -1
-    first = temperature <= 0.0 or most <= 1
-    floor = top if first else top - margin
-    near = 0
-    for k in range(n):  # no branch, since which values are near cannot be predicted
-        chances[near] = values[row, k]
-        near += values[row, k] >= floor
-    if near == 1 or first:
-        return _candidate(values, row, n, top, 0)
-    if near > most:
-        return _pick_best(values, row, n, most, temperature, number, chances)
-    total = 0.0
-    for c in range(near):
-        chances[c] = math.exp((chances[c] - top) / temperature)
-        total += chances[c]
-    return _candidate(values, row, n, floor, draw_chance(chances, near, number * total))
-
-
-@kernel(inline=True)
-def _pick_best(values, row, n, most, temperature, number, chances):
-    """Return one of the ``most`` best actions, drawn by ``number``."""
-    # The value that comes ``most``-th, and how many of those who have it may stay.
-    near = 0
-    for k in range(n):
-        value = values[row, k]
-        if near < most or value > chances[near - 1]:
-            m = near if near < most else near - 1
-            while m > 0 and chances[m - 1] < value:
-                chances[m] = chances[m - 1]
-                m -= 1
-            chances[m] = value
-            near = min(near + 1, int(most))
-    top, floor = chances[0], chances[near - 1]
-    total = 0.0
-    left = near
-    for k in range(n):
-        above = values[row, k] >= floor
-        if above and values[row, k] == floor:
-            higher = 0
-            for m in range(n):
-                higher += values[row, m] > floor
-            equal = 0
-            for m in range(k):
-                equal += values[row, m] == floor
-            above = higher + equal < near
-        chances[k] = math.exp((values[row, k] - top) / temperature) if above else 0.0
-        total += chances[k]
-        left -= above
-        if left == 0:
-            for m in range(k + 1, n):
-                chances[m] = 0.0
-            break
-    return draw_chance(chances, n, number * total)
-
-
-@kernel(inline=True)
-def _candidate(values, row, n, floor, place):
-    """Return the action that comes ``place``-th, counted from 0, among those worth ``floor`` or more."""
-    for k in range(n):
-        if values[row, k] >= floor:
-            if place == 0:
-                return k
-            place -= 1
     return -1

@@ -59,10 +59,10 @@ def avoid(model, avatars, world, due, count, observed, scratch):
 
 @kernel(inline=True)
 def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
-    """List in ``near`` the neighbours that may be in the way of an avatar; return how many there are.
+    """List in ``near`` the neighbours that an avatar may collide with; return how many there are.
 
-    A row is the position seen from the avatar, the way to the end of the action, the distance at which bodies meet, and
-    the frames that are left of the action.
+    A row is the position seen from the avatar, the displacement to the end of the action, the distance at which bodies
+    meet, and the frames that are left of the action.
     """
     whole, real = avatars.whole, avatars.real
     x, z, scale = real[X, own], real[Z, own], real[SCALE, own]
@@ -72,7 +72,7 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
         ax, az = real[X, j] - x, real[Z, j] - z
         wx, wz = real[END_X, j] - real[X, j], real[END_Z, j] - real[Z, j]
         room = crowding[DISC] * (scale + real[SCALE, j]) + crowding[GAP]
-        # Where on its way the neighbour comes nearest to where the avatar is now.
+        # Point of its path at which the neighbour is nearest to the position of the avatar now.
         towards, moved = -(ax * wx + az * wz), wx * wx + wz * wz
         t = min(towards / moved, 1.0) if towards > 0.0 else 0.0
         nx, nz = ax + t * wx, az + t * wz
@@ -115,13 +115,13 @@ def _add_neighbour(crowding, near, m, lanes, work):
     ends_x, ends_z, frames, worst = work[0], work[1], work[2], work[3]
     end_cost, path_cost = crowding[END_COST], crowding[PATH_COST]
     ax, az, wx, wz, room, left = near[m, 0], near[m, 1], near[m, 2], near[m, 3], near[m, 4], near[m, 5]
-    # No branch, since who comes too near cannot be predicted.
+    # No branch, since it cannot be predicted which neighbours come too near.
     for k in range(lanes):
         share = frames[k] / left if frames[k] < left else 1.0
         dx, dz = share * wx - ends_x[k], share * wz - ends_z[k]
         bx, bz = ax + dx, az + dz
         at_end = end_cost * (1.0 - math.sqrt(bx * bx + bz * bz) / room)
-        # Where on their straight ways the two come nearest, seen from the avatar.
+        # Point of their straight paths at which the two are nearest, seen from the avatar.
         towards, moved = -(ax * dx + az * dz), dx * dx + dz * dz
         t = towards / moved if towards < moved else 1.0
         nx, nz = ax + t * dx, az + t * dz

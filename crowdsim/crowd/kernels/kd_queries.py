@@ -105,7 +105,7 @@ def _nearest(tree, query, best, found, stack, far):
 
 @kernel(allocates=False)
 def _insert(number, i, distance, held_now, out_points, out_distances):
-    """Put point i in its place in the sorted list, if it belongs there; return the list's new length."""
+    """Insert point i into the sorted list, if it is near enough; return the list's new length."""
     room = out_points.shape[0]
     k = held_now
     if held_now == room:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 # Columns of the tables of ``Model``: actions, moves, paths (rows), strikes, bodies, sizes, policies, behaviours, grids
 # and terms (what all have, those of strikes, those of proximity).
 NEXT, LENGTH, ORIGIN, PATHS, STRIKES, FIRST_STRIKE = range(6)
-MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, CUT = range(6)
+MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, TRANSITION = range(6)
 PATH_X, PATH_Z, PATH_COS, PATH_SIN, PATH_TIME = range(5)
 TIME, FIST_X, FIST_Y, FIST_Z, FIST_SPEED, HAND, OWNER, WORTH = range(8)
 HEAD, NECK, PELVIS = 0, 3, 6
@@ -42,11 +42,11 @@ CIRCLE, RECTANGLE = 1.0, 2.0
 TARGET_X, TARGET_Y, TARGET_Z, MOVING_X, MOVING_Z, LASTS = range(6)
 WORK_X, WORK_Z, WORK_DISTANCE, WORK_BEARING, WORK_STATE, WORK_SHARES = range(6)
 
-ENTERED = -2  # instead of an action before, of those who have just entered
+ENTERED = -2  # instead of the action before, of avatars that have just entered
 NO_STRIKE = 1 << 30  # instead of a frame, where an action has no strike left
 LANES = 8  # entries that are worked on at once
 BLOCK = 16  # situations that are evaluated at a time
-AHEAD = 4  # so many avatars before one is worked on, memory is asked for what that reads
+AHEAD = 4  # memory is prefetched this many avatars ahead
 
 
 class Now(NamedTuple):

@@ -5,7 +5,7 @@ from crowdsim.jit import kernel
 
 @kernel
 def walk(following, place, steps):
-    """Return where so many steps lead from a place, each to what ``following`` says of the place before."""
+    """Return the index after ``steps`` steps from ``place``, each to the entry of ``following`` there."""
     for _ in range(steps):
         place = following[place]
     return place

@@ -77,7 +77,7 @@ def _choose_all(model, avatars, world, now, due, observed, scratch, out_chosen):
 
 @kernel(inline=True)
 def _write_times(timings, clock, k):
-    """Write what the stages of a frame took, where it is asked for."""
+    """Write the times of the stages of a frame, if requested."""
     if timings is not None:
         timings[k, 0] = 0
         timings[k, 1] = clock[2] - clock[1]

@@ -53,7 +53,7 @@ def _next_strike(actions, strikes, action, phase):
 def advance(model, avatars, first, last, due, few):
     """Move avatars by one frame; list in ``due[first:]`` those whose action has ended.
 
-    Where they are ``few``, memory is asked for what the next frame will read. Returns how many are listed, or -1 - i
+    Where they are ``few``, what the next frame will read is prefetched. Returns how many are listed, or -1 - i
     where the position of avatar i is not a number.
     """
     whole, real = avatars.whole, avatars.real

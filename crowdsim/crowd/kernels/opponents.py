@@ -34,7 +34,7 @@ def observe_all(avatars, present, due, count, reach, observed, distances, hits):
             dx, dz = real[X, i] - x, real[Z, i] - z
             distances[i] = dx * dx + dz * dz
         held = 0
-        for i in range(present):  # no branch, since who is near cannot be predicted
+        for i in range(present):  # no branch, since it cannot be predicted which avatars are near
             hits[held] = i
             held += distances[i] <= limit
         best, found = _list_near(avatars.whole, q, own, held, observed, distances, hits)

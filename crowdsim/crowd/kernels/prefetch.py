@@ -1,4 +1,4 @@
-"""Memory that is asked for some time before it is read."""
+"""Prefetching: memory is requested some time before it is read."""
 
 from numba import types
 from numba.core import cgutils

@@ -1,4 +1,4 @@
-"""What actions earn on their way to a target, term by term, for behaviours whose tables are of states."""
+"""Rewards of actions along their paths, term by term, for behaviours whose tables are of states."""
 
 import math
 from typing import Any, NamedTuple

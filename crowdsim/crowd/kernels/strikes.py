@@ -1,4 +1,4 @@
-"""Strikes thrown on the way to a frame, and whether they land."""
+"""Strikes thrown since the frame before, and whether they land."""
 
 from typing import NamedTuple
 
@@ -78,7 +78,7 @@ class Stretch(NamedTuple):
 
 @kernel(inline=True)
 def strike(model, avatars, world, now, first, last, who, strikes, held):
-    """List the strikes that avatars have thrown on the way to this frame; return how many ``held`` and they are.
+    """List the strikes that avatars have thrown since the frame before; return how many ``held`` and they are.
 
     Within a control frame motion runs evenly, through the end of an action where there is one; strikes and opponents
     are placed in between accordingly. Where ``strikes`` has no room, they are only counted. ``who[first:last]`` is
@@ -86,7 +86,7 @@ def strike(model, avatars, world, now, first, last, who, strikes, held):
     """
     whole, real = avatars.whole, avatars.real
     listed = first
-    for i in range(first, last):  # no branch, since who strikes cannot be predicted
+    for i in range(first, last):  # no branch, since it cannot be predicted which avatars strike
         who[listed] = i
         listed += real[PHASE, i] > whole[PENDING, i]
     for k in range(first, listed):
@@ -194,7 +194,7 @@ def _lands(model, avatars, targets, now, i, opponent, share, point):
 
 @kernel(inline=True)
 def _body_at(model, avatars, j, share):
-    """Return the body of an avatar, ``share`` of the way to this frame."""
+    """Return the body of an avatar, interpolated by ``share`` between the frame before and this one."""
     whole, real, actions, sizes = avatars.whole, avatars.real, model.actions, model.sizes
     action, phase = whole[ACTION, j], min(real[PHASE, j], actions[whole[ACTION, j], LENGTH])
     bx, bz, cos, sin = real[BASE_X, j], real[BASE_Z, j], real[BASE_COS, j], real[BASE_SIN, j]

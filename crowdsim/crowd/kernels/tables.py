@@ -36,7 +36,7 @@ class Cell(NamedTuple):
 
 @kernel(inline=True)
 def whole_lanes(count):
-    """Return a whole number of ``LANES``: loops over so many leave no rest that would be done one by one."""
+    """Return a number rounded up to a multiple of ``LANES``, so that vector loops have no scalar remainder."""
     return (count + LANES - 1) // LANES * LANES
 
 

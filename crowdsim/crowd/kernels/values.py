@@ -10,7 +10,6 @@ from crowdsim.crowd.kernels.layout import (
     BEHAVIOURS,
     BLOCK,
     CELLS,
-    CUT,
     FADE,
     FARTHEST,
     LASTS,
@@ -35,6 +34,7 @@ from crowdsim.crowd.kernels.layout import (
     TARGET_X,
     TARGET_Y,
     TARGET_Z,
+    TRANSITION,
     WORK_BEARING,
     WORK_DISTANCE,
     WORK_SHARES,
@@ -112,7 +112,7 @@ def _target_of(scratch, q):
 
 @kernel(inline=True)
 def _prepare(model, weights, scratch, first, count, policy):
-    """Look at ``count`` situations from ``order[first]`` on, and ask memory for what evaluating them will read.
+    """Look at ``count`` situations from ``order[first]`` on, and prefetch what their evaluation will read.
 
     Returns how many actions are looked ahead along.
     """
@@ -162,7 +162,7 @@ def _find_cells(model, weights, scratch, q, d, policy, distance):
     """
     behaviours, grids, target = model.behaviours, model.grids, _target_of(scratch, q)
     begun, end = model.policies[policy, BEHAVIOURS], model.policies[policy + 1, BEHAVIOURS]
-    # Tables of Q-values know still targets alone: they are read for where the target is half an action later.
+    # Tables of Q-values hold targets at rest only: they are read at the position of the target half an action later.
     t = min(model.sizes[policy, SOON], target.lasts)
     soon_x, soon_z = target.x + t * target.vx, target.z + t * target.vz
     bearing, sought, ahead = 0.0, False, False
@@ -188,7 +188,7 @@ def _find_cells(model, weights, scratch, q, d, policy, distance):
 
 @kernel(inline=True)
 def _find_rows(model, b, state, scratch, spot, cell, x, z):
-    """Find the rows of a table of actions for a target at (x, z), and ask memory for them."""
+    """Find the rows of a table of actions for a target at (x, z), and prefetch them."""
     behaviours, offset = model.behaviours, model.offsets[state]
     n = model.offsets[state + 1] - offset
     far = math.sqrt(x * x + z * z)
@@ -239,7 +239,7 @@ def _see_ends(model, offset, n, target, lead, first, work):
 
 @kernel(inline=True)
 def _look_ahead(model, b, slot, slots, scratch, count, pairs):
-    """Find the cells of one behaviour's table at the end of each of so many actions, and ask memory for them.
+    """Find the cells of one behaviour's table at the end of each of some actions, and prefetch them.
 
     Returns the step between distances in the table.
     """
@@ -286,4 +286,4 @@ def _add_end_values(model, b, slot, options, spot, begin, factor, scratch):
         cell = Cell(at + np.int64(cells[pair]), near, np.int64(steps[pair]), above, parts[pair], turns[pair], raised)
         value = interpolate(table, cell)
         value = (low + step * value) * discounts[np.uint64(model.actions[action, LENGTH])]
-        out[np.uint64(k)] += factor * (value - model.moves[action, CUT + slot])
+        out[np.uint64(k)] += factor * (value - model.moves[action, TRANSITION + slot])

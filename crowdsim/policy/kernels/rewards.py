@@ -59,7 +59,7 @@ def strike_reward(actions, action, target, terms, row, log_discount):
     best, total, spent = 0.0, 0.0, 0.0
     for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
         t = actions.strike_times[strike]
-        fists = actions.strike_places
+        fists = actions.strike_positions
         fist = fists[strike, 0], fists[strike, 1], fists[strike, 2]
         x, z = target.x + t * target.vx, target.z + t * target.vz
         faded = math.exp(t * log_discount)

@@ -93,7 +93,7 @@ def place_capsules(positions, rotations, scales, joints, starts, ends, radii, ou
 
 @kernel
 def _from_eye(values, first, camera):
-    """Return the way from the eye to the point whose coordinates begin at a column."""
+    """Return the vector from the eye to the point whose coordinates begin at a column."""
     return values[first] - camera[EYE_X], values[first + 1] - camera[EYE_Y], values[first + 2] - camera[EYE_Z]
 
 

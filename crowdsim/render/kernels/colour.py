@@ -126,7 +126,7 @@ def develop(buf, packed, x0, y0, out):
     """Write a tile's linear colours as bytes."""
     for i in range(3 * N):
         value = max(buf[RED + i], ZERO)
-        # A shoulder keeps highlights from clipping; the square root stands for the display's curve.
+        # A shoulder keeps highlights from clipping; the square root approximates the display's curve.
         value = value if value < F(0.8) else F(0.8) + (value - F(0.8)) / (ONE + F(2.0) * (value - F(0.8)))
         buf[RED + i] = min(math.sqrt(value) * F(255.0) + HALF, F(255.0))
     for i in range(N):

@@ -25,8 +25,8 @@ CENTRE_X, CENTRE_Y, CENTRE_Z, HALF_X, HALF_Y, HALF_Z, RADIUS, TAPER = 0, 1, 2, 3
 """A cone relative to the eye: centre, half axis, radius at the centre, half the difference of the radii [m]."""
 
 SHADE_U, SHADE_V, SHADE_W, ALONG_U, ALONG_V, ALONG_W, SHADE_RADIUS, SHADE_TAPER, PER_SQUARE = 0, 1, 2, 3, 4, 5, 6, 7, 8
-"""A cone in light space: first end, the way to the second, first radius, difference to the second [m], one over the
-squared length of the way in u and v [1/m^2]."""
+"""A cone in light space: first end, the vector to the second, first radius, difference to the second [m], one over the
+squared length of that vector in u and v [1/m^2]."""
 
 LEAST_U, LEAST_V, GREATEST_U, GREATEST_V = 0, 1, 2, 3
 """The region of light space that cones reach [m]."""

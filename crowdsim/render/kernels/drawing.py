@@ -28,7 +28,7 @@ from crowdsim.render.kernels.tiles import FLAGS, POINT_SCRATCH, POINTS, SCRATCH,
 def draw_tiles(first, step, camera, light, floor, scene, grids, arena, flashes, out):
     """Draw every ``step``-th tile of a picture, from tile ``first`` on.
 
-    Tiles do not know each other, so any sharing out of them gives the same picture.
+    Tiles are independent, so any division among threads gives the same picture.
 
     Args:
         first: Number of the first tile; tiles count along rows.

@@ -11,8 +11,8 @@ class Cones(NamedTuple):
     Attributes:
         cones: Middle relative to the eye (3), half axis (3), middle radius, half the difference. Shape (K, 8), float32.
         spans: First and last row of pixels that each may touch. Shape (K, 2), int32.
-        shades: In light space relative to the eye, one end (3), the way to the other (3), first radius, difference to
-            the second, one over the squared flat length. Shape (K, 9), float32.
+        shades: In light space relative to the eye, one end (3), the vector to the other (3), first radius, difference
+            to the second, one over the squared flat length. Shape (K, 9), float32.
         paints: Linear red, green, blue and gloss. Shape (K, 4), float32.
         owners: Avatar of each. Shape (K,), int32.
         neighbours: Cones of the same avatar that may darken each, -1 after the last. Shape (K, n), int32.

@@ -140,7 +140,8 @@ def _cast_shadow(points, ids, start, stop, c, shades, sun):
     """Take from some points the share of the sun that cone ``c`` hides from them, save from its own.
 
     In light space (u, v across the rays, w towards the sun) a cone is a flat segment with a width. Its edge is soft by
-    the sun's apparent size times the way the light has to go: shadows are sharp where they meet what casts them.
+    the sun's apparent size times the distance that the light travels: shadows are sharp where they meet what casts
+    them.
     """
     lx, ly, lz, ux, uy, uz, vx, vy, vz, softness, widest = sun
     su, sv, sw, bu, bv, bw = (

@@ -7,7 +7,7 @@ distance between its rows, so that the compiler can use vector instructions.
 import numpy as np
 
 F = np.float32
-# An unsigned index is never negative, which the compiler must know to use vector instructions.
+# An unsigned index is never negative, which lets the compiler use vector instructions.
 U = np.uint64
 N = 64
 DX, DY, DZ, SPREAD = 0, N, 2 * N, 3 * N

@@ -26,7 +26,7 @@ from crowdsim.training.kernels.search import NODE_WIDTH, best_by_search
 BY_TABLE, AT_RANDOM, BY_SEARCH = range(3)
 
 # Columns of what came of episodes.
-RETURN, NEAREST, FIRST_LANDED, LANDED, CUTS, FRAMES, DECISIONS, ARRIVED, EARNED = range(9)
+RETURN, NEAREST, FIRST_LANDED, LANDED, TRANSITIONS, FRAMES, DECISIONS, ARRIVED, EARNED = range(9)
 COLUMNS = 9
 
 DRAWS = 100003  # more than twice the decisions of an episode
@@ -39,7 +39,7 @@ class Rules(NamedTuple):
         tables: ``LookupTables`` of the behaviours that choose.
         weights: Their weights. Shape (B,).
         judge: ``LookupTables`` over the same actions; its first behaviour says what is rewarded, and is the one whose
-            values stand behind the leaves of a search.
+            values continue the leaves of a search.
         choice: ``BY_TABLE``, ``AT_RANDOM`` or ``BY_SEARCH``.
         width: Of the beam.
         depth: Of the beam.
@@ -85,8 +85,8 @@ def run_episodes(rules, states, targets, numbers, out, used):
         targets: Target in the avatar's ground frame at the start [m]. Shape (N, 3).
         numbers: Number of each episode, on which its draws depend. Shape (N,).
         out: Written: discounted return; least distance over the ground within the horizon [m]; frame of the first
-            strike that lands, or -1; strikes landed; cuts; frames; decisions; frame of first being ``within``, or
-            -1; return without the price of transitions. Shape (N, 9).
+            strike that lands, or -1; strikes landed; transitions; frames; decisions; frame of first being ``within``,
+            or -1; return without the price of transitions. Shape (N, 9).
         used: Written: 1 for every action that was done. Shape (A,).
     """
     offsets = rules.judge.actions.offsets
@@ -122,7 +122,7 @@ def _run_episode(rules, state, start, number, room, out, used):
         x, z = after_action(actions, a, x + length * vx, z + length * vz)
         state = np.int64(actions.next[a])
         frame += length
-        out[CUTS] += 1.0 if rules.tables.actions.costs[a] > 0.0 else 0.0
+        out[TRANSITIONS] += 1.0 if rules.tables.actions.costs[a] > 0.0 else 0.0
         out[DECISIONS] += 1.0
     out[FRAMES] = frame
 
@@ -181,7 +181,7 @@ def _note_strikes(rules, action, target, frame, out):
     actions, terms, behaviour = rules.judge.actions, rules.judge.terms, rules.judge.behaviours[0]
     for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
         t = actions.strike_times[strike]
-        fists = actions.strike_places
+        fists = actions.strike_positions
         fist = fists[strike, 0], fists[strike, 1], fists[strike, 2]
         head = target.x + t * target.vx, target.y, target.z + t * target.vz
         for row in range(int(behaviour[FIRST_TERM]), int(behaviour[END_TERM])):

@@ -11,7 +11,8 @@ from crowdsim.training.kernels.q_tables import best_after, best_entry
 from crowdsim.training.kernels.successors import empty_successors
 
 GOLDEN = 0.6180339887498949
-"""Draws of one entry follow one another by this, so that all ways of the target come up evenly in few visits."""
+"""Draws of one entry follow one another by this, so that all velocities of the target are drawn evenly in few
+visits."""
 
 OFFSET = 0x2545F4914F6CDD1D
 """Tells these draws from others with the same seed."""

@@ -49,7 +49,7 @@ def improve(low, high, model, layers, values, first, every, out, changes):
 
 @kernel(allocates=False)
 def _raise_to_action(model, layers, values, action, found, later, best):
-    """Raise the best values to Q(action, .) where that is greater, for a target that stands still.
+    """Raise the best values to Q(action, .) where that is greater, for a target at rest.
 
     What lands earns more than 0, so cells where strikes land are done once more. The values of the next state are
     copied to the scratch space ``later`` first: they are read crosswise, which takes longer from far memory.

@@ -24,7 +24,7 @@ class Learned(NamedTuple):
 
     Attributes:
         axes: The moving axes of its grid (``Model.axes``).
-        ends: Where each action ends (``Model.ends``), for a target that stands still. Shape (A, 5), float32.
+        ends: Where each action ends (``Model.ends``), for a target at rest. Shape (A, 5), float32.
         discounts: gamma^T of each action. Shape (A,), float32.
         values: V. Shape (S, C), float32.
         terms: The terms of its reward (``rewards.pack_terms``).
@@ -48,7 +48,7 @@ class Learned(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """What ways are judged by, for B behaviours and N targets.
+    """What transitions are judged by, for B behaviours and N targets.
 
     Attributes:
         values: Q of each behaviour, action and target. Shape (B, A, N), float32.
@@ -169,16 +169,16 @@ def _nth_smallest(values, n, place):
 
 
 @kernel
-def judge_ways(low, high, offsets, cuts, judged, most, keep, gains):
-    """Mark the actions of each state that are worth keeping, and write what each adds (``pruning.judge_ways``).
+def judge_transitions(low, high, offsets, jumps, judged, most, keep, gains):
+    """Mark the actions of each state that are worth keeping, and write what each adds (``pruning.judge_transitions``).
 
     Args:
         low: First state.
         high: One past the last.
         offsets: CSR: the actions of each state. Shape (S + 1,).
-        cuts: Whether each action begins with a cut; those that do not are always kept. Shape (A,).
+        jumps: Whether each action begins with a transition; the others are always kept. Shape (A,).
         judged: ``Judged``.
-        most: How many others are kept at most.
+        most: Most actions with a transition that a state keeps.
         keep: Written: 1 where an action is kept. Shape (A,), uint8.
         gains: Written: by how much each of them, when it was taken, raised the best value on the average. Shape (A,).
     """
@@ -189,7 +189,7 @@ def judge_ways(low, high, offsets, cuts, judged, most, keep, gains):
         values, best = np.empty((end - first, count)), np.full(count, WORST)
         for k in range(end - first):
             _weigh_action(judged, first + k, values[k])
-            if not cuts[first + k]:
+            if not jumps[first + k]:
                 keep[first + k] = 1
                 _raise(best, values[k])
         _keep_best(values, best, most, keep[first:end], gains[first:end])
@@ -237,7 +237,8 @@ def _keep_best(values, best, most, keep, gains):
                     chosen, most_gained = k, gained
         if chosen < 0:
             break
-        # Where no captured frame follows, the first way out adds all there is: as much as a state's whole spread.
+        # Where no captured frame follows, the first transition adds the whole value, as much as the spread of the
+        # state's values.
         gains[chosen] = min(most_gained / len(best), 1.0)
         keep[chosen] = 1
         _raise(best, values[chosen])

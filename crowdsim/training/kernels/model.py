@@ -27,7 +27,7 @@ def earned_in(model, outcome, action, m, cell):
 
 @kernel(allocates=False)
 def expected_reward(model, action, m, cell):
-    """Return r(a, c), averaged over the ways in which the target moves."""
+    """Return r(a, c), averaged over the velocities of the target."""
     total = model.probabilities[0] * earned_in(model, 0, action, m, cell)
     for outcome in range(1, len(model.probabilities)):
         total += model.probabilities[outcome] * earned_in(model, outcome, action, m, cell)

@@ -132,7 +132,7 @@ def _spend_on_strikes(actions, action, places, terms, row, log_discount, total):
     """Take what the strikes of one action cost from the total of each target."""
     for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
         t = actions.strike_times[strike]
-        px, pz = actions.strike_places[strike, 0], actions.strike_places[strike, 2]
+        px, pz = actions.strike_positions[strike, 0], actions.strike_positions[strike, 2]
         factor = terms[row, WEIGHT] * math.exp(t * log_discount)
         for m in range(len(total)):
             x, z = places.xs[m] + t * places.vxs[m], places.zs[m] + t * places.vzs[m]
@@ -177,7 +177,7 @@ def earned_where(actions, action, head, velocity, terms, log_discount):
         best, total = 0.0, 0.0
         for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
             t = actions.strike_times[strike]
-            fists = actions.strike_places
+            fists = actions.strike_positions
             fist = fists[strike, 0], fists[strike, 1], fists[strike, 2]
             moved = head[0] + t * velocity[X], head[1], head[2] + t * velocity[Z]
             if strike_lands(fist, moved, terms, row):
@@ -196,8 +196,8 @@ def _in_reach(actions, action, x, z, velocity, terms):
             reach = max(terms[row, HEAD_RADIUS], terms[row, TORSO_RADIUS]) + terms[row, TOLERANCE] + 1e-6
             for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
                 t = actions.strike_times[strike]
-                dx = x + t * velocity[X] - actions.strike_places[strike, 0]
-                dz = z + t * velocity[Z] - actions.strike_places[strike, 2]
+                dx = x + t * velocity[X] - actions.strike_positions[strike, 0]
+                dz = z + t * velocity[Z] - actions.strike_positions[strike, 2]
                 if dx * dx + dz * dz <= reach * reach:
                     return True
     return False

@@ -9,14 +9,14 @@ from crowdsim.policy.kernels.axes import Corners
 from crowdsim.policy.kernels.rewards import Target, action_reward
 from crowdsim.policy.kernels.values import DISCOUNT, END_TERM, FIRST_TERM, after_action, state_value
 
-# Columns of nodes: first action on the way to it, state, where its target is, discount and reward so far, worth.
+# Columns of nodes: first action of its path, state, position of its target, discount and reward so far, value.
 FIRST_ACTION, STATE, NODE_X, NODE_Z, FACTOR, EARNED, WORTH = range(7)
 NODE_WIDTH = 7
 
 
 @kernel
 def best_by_search(tables, behaviour, state, target, width, depth, scratch):
-    """Return the best action of a state for a target that stands still.
+    """Return the best action of a state for a target at rest.
 
     Of all actions of all nodes the ``width`` with the highest reward so far and V behind it go on, ``depth`` times.
 
@@ -26,7 +26,7 @@ def best_by_search(tables, behaviour, state, target, width, depth, scratch):
         state: The avatar's state.
         target: ``Target``.
         width: Nodes that go on.
-        depth: Actions on the way to a leaf.
+        depth: Actions from the root to a leaf.
         scratch: Nodes. Shape (2, enough, 7), float64.
     """
     corners = Corners(np.empty(64, np.int64), np.empty(64))

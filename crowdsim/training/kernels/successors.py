@@ -35,7 +35,7 @@ class Successors(NamedTuple):
 
 @kernel
 def empty_successors(count):
-    """Return scratch space for so many moving cells."""
+    """Return scratch space for some moving cells."""
     return Successors(
         np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)
     )
