@@ -63,7 +63,7 @@ def test_a_temporary_folder_of_somebody_else_is_not_taken(read_only, tmp_path, m
     theirs = tmp_path / "tmp" / f"crowdsim-{os.getuid()}"
     theirs.mkdir(parents=True)
     theirs.chmod(0o777)
-    with pytest.warns(RuntimeWarning, match="every process compiles them anew"):
+    with pytest.warns(RuntimeWarning, match="every process compiles them again"):
         choose_kernel_cache(package)
     assert os.environ["NUMBA_CACHE_DIR"] == ""
 

@@ -176,7 +176,7 @@ def test_damaged_and_foreign_packed_policies_are_refused(installed, tmp_path):
         ),
         (
             good.replace('"tiny"', '"huge"', 1),
-            "damaged: its checksum does not fit what it says; install crowdsim again",
+            "damaged: its checksum does not match its contents; install crowdsim again",
         ),
     ):
         path.write_text(text)
