@@ -37,22 +37,27 @@ def sustained_speed(policy: Policy) -> float:
     behind than ``LOST``. The speed is found by bisection, to three hundredths of a metre a second; 0 where even slower
     targets are lost.
     """
-    low, high = 0.0, FASTEST
+    low, high, tables = 0.0, FASTEST, tables_of(policy)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        if float(np.median(distances_behind(policy, middle))) <= LOST:
+        if float(np.median(distances_behind(policy, middle, tables))) <= LOST:
             low = middle
         else:
             high = middle
     return low
 
 
-def distances_behind(policy: Policy, speed: float) -> Array:
-    """Return how far behind a target that flees at a speed [m/s] each avatar is, in the mean [m]. Shape (AVATARS,)."""
+def distances_behind(policy: Policy, speed: float, tables: tuple[LookupTables, Array]) -> Array:
+    """Return how far behind a fleeing target each avatar is, in the mean [m]. Shape (AVATARS,).
+
+    Args:
+        policy: The policy.
+        speed: Speed of the target [m/s].
+        tables: What ``tables_of`` returns of the policy.
+    """
     from crowdsim.core.candidates import CandidateRules
     from crowdsim.training.kernels.pursuit import Chase, pursue
 
-    tables, weights = _tables(policy)
     numbers, rate = np.arange(AVATARS), float(policy.database.control_rate)
     states = (numbers * policy.actions.state_count // AVATARS).astype(np.int32)
     bearings = 2.0 * math.pi * ((0.5 + numbers * 0.6180339887498949) % 1.0)
@@ -60,11 +65,11 @@ def distances_behind(policy: Policy, speed: float) -> Array:
     rules = CandidateRules(MARGIN, float(MOST), TEMPERATURE)
     chase = Chase(height, LEAD, speed / rate, round(BEGUN * rate), round(DONE * rate), rules)
     out = np.empty(AVATARS)
-    pursue(tables, weights, chase, states, bearings, out)
+    pursue(*tables, chase, states, bearings, out)
     return out
 
 
-def _tables(policy: Policy) -> tuple[LookupTables, Array]:
+def tables_of(policy: Policy) -> tuple[LookupTables, Array]:
     """Return the behaviours that count as flat arrays, and their weights; float32, as training has compiled it."""
     counts = policy.weights > 0.0
     behaviours = tuple(

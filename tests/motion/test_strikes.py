@@ -6,11 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import find_peaks
 
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.measuring import measure_body
 from crowdsim.motion.resampling import resample
-from crowdsim.motion.strikes import REASONS, Rejection, find_strikes
+from crowdsim.motion.strikes import REASONS, Rejection, _find_peaks, find_strikes
 from crowdsim.motion.tracks import Tracks, build_tracks
 from crowdsim.performer.session import perform
 
@@ -181,3 +184,10 @@ def test_strikes_hardly_depend_on_the_rate_of_the_capture(fps):
     assert len(ours.frames) > 5
     assert np.array_equal(ours.hands, theirs.hands)
     np.testing.assert_allclose(ours.frames, theirs.frames, atol=2)
+
+
+@given(st.integers(0, 10_000), st.integers(1, 60))
+def test_peaks_are_those_that_scipy_finds(seed: int, count: int) -> None:
+    # Few different values, so that peaks and sides are often level.
+    values = np.random.default_rng(seed).integers(0, 4, count).astype(float)
+    np.testing.assert_array_equal(_find_peaks(values, 2.0), find_peaks(values, height=2.0)[0])

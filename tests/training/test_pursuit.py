@@ -16,6 +16,7 @@ from crowdsim.training.pursuit import (
     TEMPERATURE,
     distances_behind,
     sustained_speed,
+    tables_of,
 )
 from crowdsim.training.statistics import inspect_bundle
 
@@ -47,14 +48,16 @@ def follow(policy, speed: float, avatars: int = 24) -> float:
 def test_a_crowd_keeps_up_with_slower_targets_and_loses_faster_ones(policy):
     speed = sustained_speed(policy)
     assert 0.1 < speed < 4.0
-    assert float(np.median(distances_behind(policy, 0.7 * speed))) < LOST
-    assert float(np.median(distances_behind(policy, 1.5 * speed))) > LOST
+    assert float(np.median(distances_behind(policy, 0.7 * speed, tables_of(policy)))) < LOST
+    assert float(np.median(distances_behind(policy, 1.5 * speed, tables_of(policy)))) > LOST
     assert follow(policy, 0.7 * speed) < LOST
     assert follow(policy, 1.5 * speed) > LOST
 
 
 def test_distances_of_a_still_target_are_those_of_a_crowd(policy):
-    assert float(np.median(distances_behind(policy, 0.0))) == pytest.approx(follow(policy, 0.0), abs=0.15)
+    assert float(np.median(distances_behind(policy, 0.0, tables_of(policy)))) == pytest.approx(
+        follow(policy, 0.0), abs=0.15
+    )
 
 
 def test_a_bundle_holds_the_speed_that_its_policy_sustains(policy):
