@@ -11,6 +11,7 @@ from crowdsim.core.types import Array
 from crowdsim.motion.body import PARTS, Body
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.render.palette import EYES
+from crowdsim.take.gaze import face_direction
 
 _WAIST = 0.05
 """How far trunks reach up from the pelvis, as a share of the body's height."""
@@ -99,9 +100,7 @@ def dress(figure: Figure) -> Figure:
     """
     if not isinstance(figure, Body):
         return figure
-    up = _unit(figure.head_offset)
-    ahead = (figure.sole_offsets[:, 1] - figure.sole_offsets[:, 0]).sum(axis=0)
-    ahead = _unit(ahead - up * float(ahead @ up))
+    up, ahead = _unit(figure.head_offset), face_direction(figure)
     joint, centre, radius = figure.roles["head"], figure.head_offset, figure.head_radius
     left = np.cross(up, ahead)
     guard = centre + radius * (0.12 * up - 0.24 * ahead)

@@ -33,7 +33,7 @@ _BLOCK, _AROUND = 8.0, 3.0
 _NECK, _NEAR = 0.3, 0.05
 """Where necks are between head and pelvis, and how near fists that miss may be to be looked at closely [m]."""
 
-_READ, _IN_MEMORY = ("action", "action_frame", "x", "z", "heading"), 4_000_000
+_READ, _IN_MEMORY = ("action", "action_frame", "x", "z", "heading", "opponent"), 4_000_000
 """What poses read of a take; one of no more avatar-frames than this is read at once, not stretch by stretch."""
 
 

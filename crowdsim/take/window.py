@@ -49,6 +49,7 @@ class Window:
         first: First control frame.
         stop: One past the last.
         pushes: How far trunks give way at these frames [m]. Shape (R, n, 2).
+        gazes: Where avatars look at these frames. Shape (R, n, 2).
         threads: Threads that share the work.
     """
 
@@ -60,6 +61,7 @@ class Window:
         first: int,
         stop: int,
         pushes: Array,
+        gazes: Array,
         threads: int = 1,
     ) -> None:
         whole = len(avatars) == take.avatar_count
@@ -87,6 +89,7 @@ class Window:
             speeds=speeds,
             scales=np.asarray(take.cast.scales, dtype=np.float64)[avatars],
             pushes=pushes,
+            gazes=gazes,
             first=first,
             rate=float(take.control_rate),
         )

@@ -19,6 +19,7 @@ class Rows(NamedTuple):
         speeds: Motion frames in a control frame. Shape (n,).
         scales: Size of each body. Shape (n,).
         pushes: How far its trunk gives way to others, x and z [m]. Shape (R, n, 2).
+        gazes: Where it looks, x and z; shorter where it looks less. Shape (R, n, 2).
         first: Control frame of the first row.
         rate: Control frames a second.
     """
@@ -33,6 +34,7 @@ class Rows(NamedTuple):
     speeds: Array
     scales: Array
     pushes: Array
+    gazes: Array
     first: int
     rate: float
 
