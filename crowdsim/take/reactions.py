@@ -21,7 +21,7 @@ _TYPICAL_SPEED, _STRONGEST = 8.0, 1.6
 _SWING = 0.05
 """Time over which the direction of a fist is measured [s]."""
 _NEAR_HEAD = 0.12
-_GIVES = {"spine": (0.06, 0.14), "chest": (0.06, 0.1), "neck": (0.14, 0.05), "head": (0.2, 0.07)}
+_GIVES = {"spine": (0.07, 0.17), "chest": (0.07, 0.12), "neck": (0.14, 0.06), "head": (0.2, 0.07)}
 """Joints that yield, and by how much in a strike of typical speed to the head and to the torso [rad]."""
 
 

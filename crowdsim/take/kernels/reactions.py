@@ -13,7 +13,7 @@ from crowdsim.take.kernels.columns import HEAD, TORSO
 
 LENGTH = 0.65
 """How long a reaction lasts [s]."""
-PEAK = 0.13
+PEAK = 0.15
 """Time from a blow to its highest; one that is shorter jerks the head more than captured motion does [s]."""
 
 
