@@ -35,8 +35,10 @@ def pushes(points, radii, room, soft, most):
                 gap = distance(*points[a][list(own)], *points[b][list(other)])
                 depth = max(depth, radii[a, i] + radii[b, j] - gap)
         way = (points[a, 0] + points[a, 2] - points[b, 0] - points[b, 2])[[0, 2]]
-        if depth > -4.0 * soft:
-            out[a] += 0.5 * soft * np.logaddexp(0.0, (depth + room) / soft) * way / np.linalg.norm(way)
+        # A bend over twice the softness, from nothing to all.
+        deep = np.interp(depth + room, [-soft, soft], [0.0, 1.0])
+        push = max(depth + room, soft) if deep == 1.0 else deep**2 * soft
+        out[a] += 0.5 * push * way / np.linalg.norm(way)
     size = np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)
     return out * most * np.tanh(size / most) / size
 

@@ -12,14 +12,12 @@ from crowdsim.take.data import TakeData
 from crowdsim.take.kernels.separation import push_trunks
 from crowdsim.take.motion import PoseMotion
 
-_BLOCK = 64
-"""Control frames that are worked out at once."""
 _KEPT = 4_000_000
-"""Avatar-frames of which the pushes are kept."""
+"""A take of no more avatar-frames than this is worked out at once, and kept."""
 
 
 class Separation:
-    """Pushes of trunks, worked out when they are asked for; those of small crowds are kept.
+    """Pushes of trunks, worked out when they are asked for; those of short takes are kept.
 
     What an avatar gives way at a control frame depends on nothing but where the avatars near it are in their motion and
     on the ground, two frames before to two frames after.
@@ -31,34 +29,26 @@ class Separation:
 
     def __init__(self, take: TakeData, motions: Sequence[PoseMotion]) -> None:
         self._take, self._motions = take, motions
-        self._blocks: dict[int, Array] = {}
+        self._kept: Array | None = None
         self._radii = np.zeros((take.avatar_count, 2))
         for index, motion in enumerate(motions):
             mine = take.cast.policies == index
             self._radii[mine] = [motion.body.head_radius, motion.body.torso_radius]
         self._radii *= np.asarray(take.cast.scales, dtype=float)[:, None]
-        self._everyone = np.ones(take.avatar_count, bool)
 
     def rows(self, first: int, stop: int, avatars: Array) -> Array:
         """Return how far trunks of avatars (n,) give way at control frames, x and z [m]. Shape (R, n, 2)."""
         take = self._take
         if not take.collision_avoidance:
             return np.zeros((stop - first, len(avatars), 2))
-        low, high = max(first - 1, 0), min(stop + 1, take.frame_count)
         if take.avatar_count * take.frame_count <= _KEPT:
-            found = np.concatenate([self._block(b) for b in range(low // _BLOCK, (high - 1) // _BLOCK + 1)])
-            pushes = found[low - low // _BLOCK * _BLOCK :][: high - low, avatars]
-        else:
-            wanted = np.zeros(take.avatar_count, bool)
-            wanted[avatars] = True
-            pushes = self._find(low, high, wanted)[:, avatars]
-        return _widest(pushes)[first - low : stop - low]
-
-    def _block(self, block: int) -> Array:
-        if block not in self._blocks:
-            stop = min((block + 1) * _BLOCK, self._take.frame_count)
-            self._blocks[block] = self._find(block * _BLOCK, stop, self._everyone)
-        return self._blocks[block]
+            if self._kept is None:
+                self._kept = _widest(self._find(0, take.frame_count, np.ones(take.avatar_count, bool)))
+            return np.ascontiguousarray(self._kept[first:stop, avatars])
+        wanted = np.zeros(take.avatar_count, bool)
+        wanted[avatars] = True
+        low, high = max(first - 1, 0), min(stop + 1, take.frame_count)
+        return _widest(self._find(low, high, wanted)[:, avatars])[first - low : stop - low]
 
     def _find(self, first: int, stop: int, wanted: Array) -> Array:
         points = self._points(first, stop)

@@ -3,13 +3,12 @@
 import math
 
 from crowdsim.jit import kernel
-from crowdsim.take.kernels.limbs import soft_ramp
 from crowdsim.take.kernels.segments import nearest_on_segments
 
 NEAR = 1.6
 """Distance on the ground beyond which no two trunks or heads meet [m]."""
-_ROOM, _SOFT = 0.01, 0.015
-"""Room that surfaces are given, and the depth over which they begin to give way [m]."""
+_ROOM, _SOFT = 0.01, 0.02
+"""Room that surfaces are given, and how far on either side of that they begin to give way [m]."""
 _MOST = 0.14
 """Furthest that a trunk gives way [m]."""
 HEAD_POINT, NECK_POINT, PELVIS_POINT = 0, 1, 2
@@ -32,14 +31,15 @@ def _push_pair(points, radii, a, b, pushes):
     """Add what two bodies push each other away."""
     own, other = points[a], points[b]
     depth = _overlap(own, other, radii[a], radii[b])
-    if depth < -4.0 * _SOFT:
+    if depth <= -_ROOM - _SOFT:
         return
     x = 0.5 * (own[HEAD_POINT, 0] + own[PELVIS_POINT, 0] - other[HEAD_POINT, 0] - other[PELVIS_POINT, 0])
     z = 0.5 * (own[HEAD_POINT, 2] + own[PELVIS_POINT, 2] - other[HEAD_POINT, 2] - other[PELVIS_POINT, 2])
     far = math.sqrt(x * x + z * z)
     if far < 1e-6:
         return
-    push = 0.5 * _SOFT * soft_ramp((depth + _ROOM) / _SOFT) / far
+    deep = depth + _ROOM
+    push = 0.5 * (deep if deep >= _SOFT else (deep + _SOFT) ** 2 / (4.0 * _SOFT)) / far
     pushes[a, 0] += push * x
     pushes[a, 1] += push * z
     pushes[b, 0] -= push * x
