@@ -17,6 +17,8 @@ LOW, SINKING = 0.03, 0.15
 """A foot stands while its ball is lower than this [m] and rises or falls slower than this [m/s]."""
 TOUCH = 0.02
 """How far from the surface that it hits a fist may be [m]."""
+BY = 0.8
+"""Distance of pelvises within which trunks may lean into one another [m]."""
 DISC = 0.2
 """Radius of the disc on the floor around a pelvis whose overlap is measured [m]."""
 POINTS = (*JOINTS, "left_fist", "right_fist", "head_middle")
@@ -273,10 +275,12 @@ def overlap(stage: Stage) -> dict[str, Any]:
 def undisturbed(stage: Stage) -> dict[str, Any]:
     """How far joints are from the capture where nothing is done to them, in their own frame [m].
 
-    That is a second from transitions, and away from strikes that the avatar throws (a fist that misses for being
-    deep in a body is carried too) or takes.
+    That is a second from transitions, away from strikes that the avatar throws (a fist that misses for being deep in a
+    body is carried too) or takes, and from others; and below the head, which turns to the opponent.
     """
     events, gaps = stage.events, [np.zeros(0)]
+    pelvises = np.stack([figure.joints[:, JOINTS.index("pelvis")][:, [0, 2]] for figure in stage.figures])
+    below = [k for k, name in enumerate(JOINTS) if name != "head"]
     seconds = np.arange(len(stage.figures[0].head)) / stage.fps
     for avatar, figure in enumerate(stage.figures):
         outcome, frames = stage.decisions[avatar], stage.frames[avatar]
@@ -288,9 +292,14 @@ def undisturbed(stage: Stage) -> dict[str, Any]:
             free &= np.abs(seconds - time) > 0.3
         for time in events["seconds"][landed & (events["victim"] == avatar)]:
             free &= (seconds < time) | (seconds > time + 0.7)
+        # Trunks that lean into others give way, some control frames around that.
+        apart = np.linalg.norm(pelvises - pelvises[avatar], axis=-1)
+        apart[avatar] = np.inf
+        close = np.flatnonzero(apart.min(axis=0) < BY)
+        free &= np.abs(seconds[:, None] - seconds[close]).min(axis=1, initial=np.inf) > 0.3
         own = _own_frame(figure.joints[free]) / stage.scales[avatar]
         captured = _own_frame(stage.source.figure.joints[np.round(frames[free]).astype(int)])
-        gaps.append(np.linalg.norm(own - captured, axis=-1).max(axis=-1, initial=0.0))
+        gaps.append(np.linalg.norm(own - captured, axis=-1)[:, below].max(axis=-1, initial=0.0))
     gap = np.concatenate(gaps)
     return {"frames": len(gap), "greatest_gap": float(gap.max()) if len(gap) else None}
 

@@ -82,7 +82,7 @@ def direction_at(rows, time, n):
 
 
 @kernel(allocates=False)
-def _turn_for(gaze, rotations, direction):
+def _head_angle(gaze, rotations, direction):
     """Return by how much a head turns about the vertical [rad]."""
     x, z = direction
     size = math.sqrt(x * x + z * z)
@@ -124,12 +124,12 @@ def turn_heads(first, stop, moments, rows, gaze, poses):
                     q[0], q[1], q[2], q[3] = pose[j, 0], pose[j, 1], pose[j, 2], pose[j, 3]
                 else:
                     q[0], q[1], q[2], q[3] = multiply(rotations[p], pose[j])
-            turn = _turn_for(gaze, rotations, direction)
-            if turn == 0.0:
+            angle = _head_angle(gaze, rotations, direction)
+            if angle == 0.0:
                 continue
             for at in range(gaze.chain.shape[0]):
                 share, p = gaze.shares[at], gaze.parents[gaze.chain[at]]
                 if share > 0.0 and p >= 0:
                     # Turns about the vertical commute, so the rotations from before them serve.
-                    x, y, z = unrotate(rotations[p], 0.0, share * turn, 0.0)
+                    x, y, z = unrotate(rotations[p], 0.0, share * angle, 0.0)
                     rotate_by_vector(pose[gaze.chain[at]], x, y, z)
