@@ -17,8 +17,6 @@ _SHARES = {"neck": 0.4, "head": 0.6}
 """Shares of a turn."""
 _NEAR, _FAR = 6.0, 10.0
 """Distance up to which avatars look at opponents, and from which they do not [m]."""
-_KEPT = 4_000_000
-"""Directions of a take of no more avatar-frames than this are kept."""
 _SPREAD = 4
 """Control frames before and after over which a direction is averaged, so that a new opponent turns no head at once."""
 
@@ -39,27 +37,6 @@ def build_gaze(motion: PoseMotion) -> Gaze:
     towards_neck = np.asarray(skeleton.offsets[body.roles["neck"]], dtype=float)
     parents = np.asarray(skeleton.parents, dtype=np.int64)
     return Gaze(parents, chain, shares, chest, head, face_direction(body), _ahead(body, towards_neck))
-
-
-class Directions:
-    """Where avatars of a take look, worked out when it is asked for; for a short take it is kept.
-
-    Args:
-        take: The take.
-    """
-
-    def __init__(self, take: TakeData) -> None:
-        self._take = take
-        self._kept: Array | None = None
-
-    def rows(self, first: int, stop: int, avatars: Array) -> Array:
-        """Return where avatars (n,) look at control frames, see ``directions``. Shape (R, n, 2)."""
-        take = self._take
-        if take.avatar_count * take.frame_count > _KEPT:
-            return directions(take, first, stop, avatars)
-        if self._kept is None:
-            self._kept = directions(take, 0, take.frame_count, np.arange(take.avatar_count))
-        return np.ascontiguousarray(self._kept[first:stop, avatars])
 
 
 def directions(take: TakeData, first: int, stop: int, avatars: Array) -> Array:
@@ -85,7 +62,7 @@ def directions(take: TakeData, first: int, stop: int, avatars: Array) -> Array:
 
 
 def _averaged(values: Array, first: int, stop: int) -> Array:
-    """Rows ``first`` to ``stop`` of values (R, n, 2), averaged over those around them; ends count on."""
+    """Return rows ``first`` to ``stop`` of values (R, n, 2), averaged over those around them; ends repeat."""
     rows, total = np.arange(first, stop), np.zeros((stop - first, *values.shape[1:]))
     for away in range(-_SPREAD, _SPREAD + 1):
         weight = (1.0 + np.cos(np.pi * away / (_SPREAD + 1))) / (2.0 * (_SPREAD + 1))

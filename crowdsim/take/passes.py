@@ -19,7 +19,7 @@ from crowdsim.motion.skeleton import Skeleton
 from crowdsim.take.data import TakeData
 from crowdsim.take.feet import hold_feet
 from crowdsim.take.fists import PoseAt, plan_landings, reach_out
-from crowdsim.take.gaze import Directions, build_gaze, look
+from crowdsim.take.gaze import build_gaze, directions, look
 from crowdsim.take.kernels.blending import blend_poses
 from crowdsim.take.kernels.reactions import LENGTH
 from crowdsim.take.kernels.records import Moments, Playback, Posed, Transitions
@@ -69,7 +69,6 @@ class Passes:
         self.landed: Landed = find_landed(take)
         self._take, self._motions, self._threads, self._reactions = take, motions, threads, reactions
         self._separation = Separation(take, motions)
-        self._directions = Directions(take)
         self._gazes = [build_gaze(motion) for motion in motions]
         self._trunks = [build_trunk(motion) for motion in motions]
 
@@ -78,8 +77,11 @@ class Passes:
         rate = self._take.control_rate
         first = max(0, int(np.floor((times.min() - REACH) * rate)))
         stop = min(self._take.frame_count, int(np.ceil((times.max() + REACH) * rate)) + 2)
-        pushes = self._separation.rows(first, stop, avatars)
-        gazes = self._directions.rows(first, stop, avatars)
+        # Of these only control frames at the times themselves are read, as far as splines reach.
+        pushes, gazes = np.zeros((2, stop - first, len(avatars), 2))
+        low, high = max(int(times.min() * rate) - 1, first), min(int(times.max() * rate) + 3, stop)
+        pushes[low - first : high - first] = self._separation.rows(low, high, avatars)
+        gazes[low - first : high - first] = directions(self._take, low, high, avatars)
         return Window(self._take, self._motions[index], avatars, first, stop, pushes, gazes, self._threads)
 
     def blend(self, window: Window, transitions: Transitions, playback: Playback, moments: Moments) -> Posed:

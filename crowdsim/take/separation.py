@@ -12,15 +12,15 @@ from crowdsim.take.data import TakeData
 from crowdsim.take.kernels.separation import push_trunks
 from crowdsim.take.motion import PoseMotion
 
-_KEPT = 4_000_000
-"""A take of no more avatar-frames than this is worked out at once, and kept."""
+_KEPT, _FRAMES_KEPT = 8_000_000, 64
+"""Avatar-frames whose pushes are kept, and control frames of larger crowds."""
 
 
 class Separation:
-    """Pushes of trunks, worked out when they are asked for; those of short takes are kept.
+    """Pushes of trunks, worked out for whole control frames when they are asked for, and kept for a while.
 
-    What an avatar gives way at a control frame depends on nothing but where the avatars near it are in their motion and
-    on the ground, two frames before to two frames after.
+    What an avatar gives way at a control frame depends on where the avatars near it are in their motion and on the
+    ground, from a frame before to a frame after.
 
     Args:
         take: The take.
@@ -29,7 +29,8 @@ class Separation:
 
     def __init__(self, take: TakeData, motions: Sequence[PoseMotion]) -> None:
         self._take, self._motions = take, motions
-        self._kept: Array | None = None
+        self._kept: dict[int, Array] = {}
+        self._most = max(_FRAMES_KEPT, _KEPT // max(take.avatar_count, 1))
         self._radii = np.zeros((take.avatar_count, 2))
         for index, motion in enumerate(motions):
             mine = take.cast.policies == index
@@ -38,23 +39,29 @@ class Separation:
 
     def rows(self, first: int, stop: int, avatars: Array) -> Array:
         """Return how far trunks of avatars (n,) give way at control frames, x and z [m]. Shape (R, n, 2)."""
-        take = self._take
-        if not take.collision_avoidance:
+        if not self._take.collision_avoidance:
             return np.zeros((stop - first, len(avatars), 2))
-        if take.avatar_count * take.frame_count <= _KEPT:
-            if self._kept is None:
-                self._kept = _widest(self._find(0, take.frame_count, np.ones(take.avatar_count, bool)))
-            return np.ascontiguousarray(self._kept[first:stop, avatars])
-        wanted = np.zeros(take.avatar_count, bool)
-        wanted[avatars] = True
-        low, high = max(first - 1, 0), min(stop + 1, take.frame_count)
-        return _widest(self._find(low, high, wanted)[:, avatars])[first - low : stop - low]
+        low, high = max(first - 1, 0), min(stop + 1, self._take.frame_count)
+        frames = self._frames(low, high)
+        return _widest(np.stack([frame[avatars] for frame in frames]))[first - low : stop - low].astype(float)
 
-    def _find(self, first: int, stop: int, wanted: Array) -> Array:
+    def _frames(self, first: int, stop: int) -> list[Array]:
+        """Return the pushes of all avatars at control frames. Shape (N, 2) each, float32."""
+        missing = [frame for frame in range(first, stop) if frame not in self._kept]
+        found = {frame: self._kept[frame] for frame in range(first, stop) if frame in self._kept}
+        if missing:
+            low, high = missing[0], missing[-1] + 1
+            for frame, pushes in enumerate(self._find(low, high), low):
+                found[frame] = self._kept[frame] = pushes
+        for frame in list(self._kept)[: max(len(self._kept) - self._most, 0)]:
+            self._kept.pop(frame, None)
+        return [found[frame] for frame in range(first, stop)]
+
+    def _find(self, first: int, stop: int) -> Array:
         points = self._points(first, stop)
-        pushes = np.empty((*points.shape[:2], 2))
+        pushes = np.empty((*points.shape[:2], 2), np.float32)
         order = np.argsort(points[:, :, 2, 0], axis=1, kind="stable")
-        push_trunks(points, self._radii, order, wanted, pushes)
+        push_trunks(points, self._radii, order, pushes)
         return pushes
 
     def _points(self, first: int, stop: int) -> Array:

@@ -23,7 +23,7 @@ from crowdsim.take.kernels.limbs import (
     reach_of,
     soft_ramp,
 )
-from crowdsim.take.kernels.separation import push_at
+from crowdsim.take.kernels.splines import spline_at
 
 WIDE = 0.9
 """How far from a transition feet move for it [s]."""
@@ -250,7 +250,7 @@ def plant_feet(first, stop, moments, playback, rows, footing, legs, poses):
             part = playback.fractions[t, i]
             following = frame + 1 if part > 0.0 else frame
             now = Instant(n, time, frame, following, part, rows.scales[n], pace, low, middle, high)
-            push = push_at(rows, time, n)
+            push = spline_at(rows.pushes, rows, time, n)
             _plant_pose(
                 footing, now, playback.ground[t, i], push, legs, poses.roots[t, i], poses.rotations[t, i], world, asked
             )

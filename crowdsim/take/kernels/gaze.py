@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from crowdsim.core.easing import minimum_jerk
 from crowdsim.core.quaternions import multiply, rotate, rotate_by_vector, unrotate
 from crowdsim.jit import kernel
+from crowdsim.take.kernels.splines import spline_at
 
 MOST = math.radians(75.0)
 """Angle between chest and head about the vertical up to which heads are turned [rad]."""
@@ -43,7 +44,7 @@ class Gaze(NamedTuple):
 
 
 @kernel(allocates=False)
-def _yaw(rotation, ahead):
+def _heading(rotation, ahead):
     """Return the heading of a direction, given in a joint's frame."""
     x, _, z = rotate(rotation, ahead[0], ahead[1], ahead[2])
     return math.atan2(x, z)
@@ -65,34 +66,17 @@ def _kept(angle):
 
 
 @kernel(allocates=False)
-def direction_at(rows, time, n):
-    """Return where an avatar looks at a time, x and z: a cubic B-spline over control frames."""
-    clock = time * rows.rate - rows.first
-    before, last = math.floor(clock), rows.gazes.shape[0] - 1
-    u = clock - before
-    v = 1.0 - u
-    first, second, fourth = v * v * v / 6.0, (4.0 - 6.0 * u * u + 3.0 * u * u * u) / 6.0, u * u * u / 6.0
-    weights = first, second, 1.0 - first - second - fourth, fourth
-    x = z = 0.0
-    for k in range(4):
-        row = min(max(before - 1 + k, 0), last)
-        x += weights[k] * rows.gazes[row, n, 0]
-        z += weights[k] * rows.gazes[row, n, 1]
-    return x, z
-
-
-@kernel(allocates=False)
 def _head_angle(gaze, rotations, direction):
     """Return by how much a head turns about the vertical [rad]."""
     x, z = direction
     size = math.sqrt(x * x + z * z)
     if size < 1e-6:
         return 0.0
-    face = _yaw(rotations[gaze.head], gaze.ahead)
+    face = _heading(rotations[gaze.head], gaze.ahead)
     error = _wrapped(math.atan2(x, z) - face)
     error -= _FREE * math.tanh(error / _FREE)
     error *= minimum_jerk(min((math.pi - abs(error)) / _BEHIND, 1.0)) * min(size, 1.0)
-    turned = _wrapped(face - _yaw(rotations[gaze.chest], gaze.chest_ahead))
+    turned = _wrapped(face - _heading(rotations[gaze.chest], gaze.chest_ahead))
     # A head that the motion itself turns further stays as it is.
     return _kept(turned + error) - _kept(turned)
 
@@ -115,7 +99,7 @@ def turn_heads(first, stop, moments, rows, gaze, poses):
         for t in range(times.shape[0]):
             if not math.isfinite(poses.roots[t, i, 0]):
                 continue
-            direction = direction_at(rows, times[t, 0 if shared else i], moments.columns[i])
+            direction = spline_at(rows.gazes, rows, times[t, 0 if shared else i], moments.columns[i])
             pose = poses.rotations[t, i]
             for at in range(gaze.chain.shape[0]):
                 j, p = gaze.chain[at], gaze.parents[gaze.chain[at]]

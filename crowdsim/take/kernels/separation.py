@@ -4,6 +4,7 @@ import math
 
 from crowdsim.jit import kernel
 from crowdsim.take.kernels.segments import nearest_on_segments
+from crowdsim.take.kernels.splines import spline_at
 
 NEAR = 1.6
 """Distance on the ground beyond which no two trunks or heads meet [m]."""
@@ -47,7 +48,7 @@ def _push_pair(points, radii, a, b, pushes):
 
 
 @kernel(allocates=False)
-def push_trunks(points, radii, order, wanted, pushes):
+def push_trunks(points, radii, order, pushes):
     """Find how far bodies are pushed out of one another, at each of T times.
 
     Args:
@@ -55,7 +56,6 @@ def push_trunks(points, radii, order, wanted, pushes):
             Shape (T, N, 3, 3).
         radii: Radius of its head and of its trunk [m]. Shape (N, 2).
         order: The avatars by x of the pelvis, absent ones last. Shape (T, N).
-        wanted: Whether an avatar's push is wanted. Shape (N,), bool.
         pushes: Written: x and z [m]. Shape (T, N, 2).
     """
     count = order.shape[1]
@@ -72,7 +72,7 @@ def push_trunks(points, radii, order, wanted, pushes):
                 # Absent ones are not a number, and end the search too.
                 if not points[t, b, PELVIS_POINT, 0] - x < NEAR:
                     break
-                if abs(points[t, b, PELVIS_POINT, 2] - z) < NEAR and (wanted[a] or wanted[b]):
+                if abs(points[t, b, PELVIS_POINT, 2] - z) < NEAR:
                     _push_pair(points[t], radii, a, b, pushes[t])
         for n in range(count):
             far = math.sqrt(pushes[t, n, 0] ** 2 + pushes[t, n, 1] ** 2)
@@ -80,23 +80,6 @@ def push_trunks(points, radii, order, wanted, pushes):
                 kept = _MOST * math.tanh(far / _MOST) / far
                 pushes[t, n, 0] *= kept
                 pushes[t, n, 1] *= kept
-
-
-@kernel(allocates=False)
-def push_at(rows, time, n):
-    """Return how far an avatar's trunk gives way at a time, x and z [m]: a cubic B-spline over control frames."""
-    clock = time * rows.rate - rows.first
-    before, last = math.floor(clock), rows.pushes.shape[0] - 1
-    u = clock - before
-    v = 1.0 - u
-    weights = v * v * v / 6.0, (4.0 - 6.0 * u * u + 3.0 * u * u * u) / 6.0, 0.0, u * u * u / 6.0
-    x = z = 0.0
-    for k in range(4):
-        weight = weights[k] if k != 2 else 1.0 - weights[0] - weights[1] - weights[3]
-        row = min(max(before - 1 + k, 0), last)
-        x += weight * rows.pushes[row, n, 0]
-        z += weight * rows.pushes[row, n, 1]
-    return x, z
 
 
 @kernel(allocates=False)
@@ -114,6 +97,6 @@ def shift_roots(first, stop, moments, rows, poses):
     shared = times.shape[1] == 1
     for i in range(first, stop):
         for t in range(times.shape[0]):
-            x, z = push_at(rows, times[t, 0 if shared else i], moments.columns[i])
+            x, z = spline_at(rows.pushes, rows, times[t, 0 if shared else i], moments.columns[i])
             poses.roots[t, i, 0] += x
             poses.roots[t, i, 2] += z
