@@ -39,11 +39,11 @@ def build_gaze(motion: PoseMotion) -> Gaze:
     return Gaze(parents, chain, shares, chest, head, face_direction(body), _ahead(body, towards_neck))
 
 
-def directions(take: TakeData, first: int, stop: int, avatars: Array) -> Array:
-    """Return where avatars (n,) look at control frames, x and z; shorter where they look less. Shape (R, n, 2)."""
+def directions(take: TakeData, first: int, stop: int) -> Array:
+    """Return where all avatars look at control frames, x and z; shorter where they look less. Shape (T, N, 2)."""
     low, high = max(first - _SPREAD, 0), min(stop + _SPREAD, take.frame_count)
     x, z = (np.asarray(values[low:high], dtype=float) for values in (take.x, take.z))
-    whom, there = np.asarray(take.opponent[low:high])[:, avatars], np.asarray(take.action[low:high]) >= 0
+    whom, there = np.asarray(take.opponent[low:high]), np.asarray(take.action[low:high]) >= 0
     rows = np.arange(len(x))[:, None]
     seen = np.stack([x[rows, np.maximum(whom, 0)], z[rows, np.maximum(whom, 0)]], axis=-1)
     known = (whom >= 0) & there[rows, np.maximum(whom, 0)]
@@ -52,9 +52,9 @@ def directions(take: TakeData, first: int, stop: int, avatars: Array) -> Array:
         scripted = whom < -1
         seen = np.where(scripted[..., None], targets[rows, np.maximum(-2 - whom, 0)], seen)
         known |= scripted
-    towards = seen - np.stack([x[:, avatars], z[:, avatars]], axis=-1)
+    towards = seen - np.stack([x, z], axis=-1)
     far = np.linalg.norm(towards, axis=-1)
-    known &= there[:, avatars] & (far > 1e-6)
+    known &= there & (far > 1e-6)
     weights = np.clip((_FAR - far) / (_FAR - _NEAR), 0.0, 1.0)
     # Where nothing is known, positions may be no numbers.
     towards = np.where(known[..., None], towards * (weights / np.maximum(far, 1e-6))[..., None], 0.0)

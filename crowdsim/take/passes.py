@@ -20,6 +20,7 @@ from crowdsim.take.data import TakeData
 from crowdsim.take.feet import hold_feet
 from crowdsim.take.fists import PoseAt, plan_landings, reach_out
 from crowdsim.take.gaze import build_gaze, directions, look
+from crowdsim.take.kept_rows import KeptRows
 from crowdsim.take.kernels.blending import blend_poses
 from crowdsim.take.kernels.reactions import LENGTH
 from crowdsim.take.kernels.records import Moments, Playback, Posed, Transitions
@@ -68,7 +69,9 @@ class Passes:
     def __init__(self, take: TakeData, motions: Sequence[PoseMotion], threads: int, reactions: bool) -> None:
         self.landed: Landed = find_landed(take)
         self._take, self._motions, self._threads, self._reactions = take, motions, threads, reactions
-        self._separation = Separation(take, motions)
+        size = take.frame_count, take.avatar_count
+        self._pushes = KeptRows(*size, Separation(take, motions).find)
+        self._directions = KeptRows(*size, partial(directions, take))
         self._gazes = [build_gaze(motion) for motion in motions]
         self._trunks = [build_trunk(motion) for motion in motions]
 
@@ -80,8 +83,8 @@ class Passes:
         # Of these only control frames at the times themselves are read, as far as splines reach.
         pushes, gazes = np.zeros((2, stop - first, len(avatars), 2))
         low, high = max(int(times.min() * rate) - 1, first), min(int(times.max() * rate) + 3, stop)
-        pushes[low - first : high - first] = self._separation.rows(low, high, avatars)
-        gazes[low - first : high - first] = directions(self._take, low, high, avatars)
+        pushes[low - first : high - first] = self._pushes.rows(low, high, avatars)
+        gazes[low - first : high - first] = self._directions.rows(low, high, avatars)
         return Window(self._take, self._motions[index], avatars, first, stop, pushes, gazes, self._threads)
 
     def blend(self, window: Window, transitions: Transitions, playback: Playback, moments: Moments) -> Posed:

@@ -12,15 +12,12 @@ from crowdsim.take.data import TakeData
 from crowdsim.take.kernels.separation import push_trunks
 from crowdsim.take.motion import PoseMotion
 
-_KEPT, _FRAMES_KEPT = 8_000_000, 64
-"""Avatar-frames whose pushes are kept, and control frames of larger crowds."""
-
 
 class Separation:
-    """Pushes of trunks, worked out for whole control frames when they are asked for, and kept for a while.
+    """How far trunks give way.
 
-    What an avatar gives way at a control frame depends on where the avatars near it are in their motion and on the
-    ground, from a frame before to a frame after.
+    It depends on where the avatars near an avatar are in their motion and on the ground, from a control frame before to
+    one after.
 
     Args:
         take: The take.
@@ -29,40 +26,21 @@ class Separation:
 
     def __init__(self, take: TakeData, motions: Sequence[PoseMotion]) -> None:
         self._take, self._motions = take, motions
-        self._kept: dict[int, Array] = {}
-        self._most = max(_FRAMES_KEPT, _KEPT // max(take.avatar_count, 1))
         self._radii = np.zeros((take.avatar_count, 2))
         for index, motion in enumerate(motions):
             mine = take.cast.policies == index
             self._radii[mine] = [motion.body.head_radius, motion.body.torso_radius]
         self._radii *= np.asarray(take.cast.scales, dtype=float)[:, None]
 
-    def rows(self, first: int, stop: int, avatars: Array) -> Array:
-        """Return how far trunks of avatars (n,) give way at control frames, x and z [m]. Shape (R, n, 2)."""
-        if not self._take.collision_avoidance:
-            return np.zeros((stop - first, len(avatars), 2))
+    def find(self, first: int, stop: int) -> Array:
+        """Return how far trunks of all avatars give way at control frames, x and z [m]. Shape (T, N, 2), float32."""
         low, high = max(first - 1, 0), min(stop + 1, self._take.frame_count)
-        frames = self._frames(low, high)
-        return _widest(np.stack([frame[avatars] for frame in frames]))[first - low : stop - low].astype(float)
-
-    def _frames(self, first: int, stop: int) -> list[Array]:
-        """Return the pushes of all avatars at control frames. Shape (N, 2) each, float32."""
-        missing = [frame for frame in range(first, stop) if frame not in self._kept]
-        found = {frame: self._kept[frame] for frame in range(first, stop) if frame in self._kept}
-        if missing:
-            low, high = missing[0], missing[-1] + 1
-            for frame, pushes in enumerate(self._find(low, high), low):
-                found[frame] = self._kept[frame] = pushes
-        for frame in list(self._kept)[: max(len(self._kept) - self._most, 0)]:
-            self._kept.pop(frame, None)
-        return [found[frame] for frame in range(first, stop)]
-
-    def _find(self, first: int, stop: int) -> Array:
-        points = self._points(first, stop)
-        pushes = np.empty((*points.shape[:2], 2), np.float32)
-        order = np.argsort(points[:, :, 2, 0], axis=1, kind="stable")
-        push_trunks(points, self._radii, order, pushes)
-        return pushes
+        pushes = np.zeros((high - low, self._take.avatar_count, 2), np.float32)
+        if self._take.collision_avoidance:
+            points = self._points(low, high)
+            order = np.argsort(points[:, :, 2, 0], axis=1, kind="stable")
+            push_trunks(points, self._radii, order, pushes)
+        return _widest(pushes)[first - low : stop - low]
 
     def _points(self, first: int, stop: int) -> Array:
         """Heads, necks and pelvises in the world at control frames. Shape (T, N, 3, 3)."""

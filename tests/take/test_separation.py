@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from take.synthetic_take import actions, build_take, database, sampler
 
+from crowdsim.take.kept_rows import KeptRows
 from crowdsim.take.kernels import separation
 from crowdsim.take.kernels.segments import nearest_on_segments
 from crowdsim.take.kernels.separation import push_trunks
@@ -81,15 +82,15 @@ def test_bodies_inside_one_another_give_way_over_feet_that_stay() -> None:
     assert np.linalg.norm(np.diff(moved, 2, axis=0), axis=-1).max() * 3600.0 < 25.0
 
 
-def test_pushes_of_a_range_of_frames_and_some_avatars_are_those_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_of_a_long_take_are_those_of_a_short_one(monkeypatch: pytest.MonkeyPatch) -> None:
     first, lengths = actions(90)
     queues = [list(range(start, start + 30)) for start in (0, 30, 60)]
     take, policy = build_take(queues, first, lengths, 30, start=[(0.0, 0.0, 0.0), (0.3, 0.1, 3.0), (0.1, 0.4, 1.0)])
-    motions = sampler(take, policy).motions
-    whole = Separation(take, motions).rows(0, 30, np.arange(3))
+    separation = Separation(take, sampler(take, policy).motions)
+    whole = KeptRows(30, 3, separation.find).rows(0, 30, np.arange(3))
     assert np.abs(whole).max() > 0.01
-    monkeypatch.setattr("crowdsim.take.separation._KEPT", 0)
-    monkeypatch.setattr("crowdsim.take.separation._FRAMES_KEPT", 5)
-    some = Separation(take, motions)
-    for first, stop in ((7, 19), (9, 12), (18, 30), (0, 4)):
-        np.testing.assert_array_equal(some.rows(first, stop, np.array([0, 2])), whole[first:stop][:, [0, 2]])
+    monkeypatch.setattr("crowdsim.take.kept_rows._WHOLE", 0)
+    monkeypatch.setattr("crowdsim.take.kept_rows._FRAMES", 5)
+    some = KeptRows(30, 3, separation.find)
+    for low, high in ((7, 19), (9, 12), (18, 30), (0, 4)):
+        np.testing.assert_array_equal(some.rows(low, high, np.array([0, 2])), whole[low:high][:, [0, 2]])
