@@ -61,6 +61,7 @@ def _inspect_bundle(name: str, as_json: bool, plots: Path | None) -> None:
 
 def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
     from crowdsim.commands.run_text import run_lines
+    from crowdsim.compilation import watch_compilation
     from crowdsim.runs.manifest import NAME, read_manifest
     from crowdsim.runs.opening import open_run
     from crowdsim.take.poses import PoseSampler
@@ -70,7 +71,7 @@ def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
     for told_note in notes:
         note(told_note)
     sampler = PoseSampler(take, policies, CORES)
-    with Bars() as bars:
+    with Bars() as bars, watch_compilation(bars.note):
         result = measure_take(sampler, bars, CORES)
     seconds = read_manifest(folder)["seconds"] if (folder / NAME).exists() else {}
     result["control_seconds"], result["wall_seconds"] = seconds.get("control"), seconds.get("total")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from time import perf_counter
 from typing import Any
@@ -68,7 +69,11 @@ class Bars:
         if self._live:
             from tqdm import tqdm
 
-            self._bar = tqdm(total=total, desc=stage, file=sys.stderr, dynamic_ncols=True, mininterval=0.2)
+            # Some terminals say that they have no columns.
+            columns = None if shutil.get_terminal_size((0, 0)).columns else 80
+            self._bar = tqdm(
+                total=total, desc=stage, file=sys.stderr, ncols=columns, dynamic_ncols=columns is None, mininterval=0.2
+            )
 
     def __enter__(self) -> Bars:
         return self

@@ -38,6 +38,7 @@ def render(
     jobs: Annotated[int, typer.Option(metavar="N", min=1, max=256, help="Processes that draw.")] = 1,
 ) -> None:
     """Render runs and BVH files to PNG, MP4 and contact sheets."""
+    from crowdsim.compilation import watch_compilation
     from crowdsim.render.command import parse_size, render_many
     from crowdsim.render.options import RenderOptions
     from crowdsim.render.take_source import TakeSource
@@ -77,7 +78,7 @@ def render(
             out / thing.stem if out is not None else thing.with_suffix("") if thing.suffix.lower() == ".bvh" else thing
             for thing in things
         ]
-    with Bars() as bars:
+    with Bars() as bars, watch_compilation(bars.note, ["pictures"], threads):
         outcomes = render_many(things, outs, options, open_source, bars, record)
     failed = [outcome for outcome in outcomes if outcome.error is not None]
     for outcome in outcomes:

@@ -161,6 +161,7 @@ def export(
     threads: Threads = CORES,
 ) -> None:
     """Export a run's take as BVH or point clouds, without simulating again; in the run's folder it replaces them."""
+    from crowdsim.compilation import watch_compilation
     from crowdsim.runs.opening import open_run
     from crowdsim.runs.outputs import ExportOptions, export_take
 
@@ -169,7 +170,8 @@ def export(
         note(line)
     kinds = [kind for kind, wanted in (("bvh", bvh), ("ply", ply), ("pcd", pcd)) if wanted]
     options = ExportOptions(kinds, avatars, frames, fps, every, points)
-    with Bars() as bars:
+    uses = [use for use, wanted in (("bvh", bvh), ("clouds", ply or pcd)) if wanted]
+    with Bars() as bars, watch_compilation(bars.note, uses, threads):
         written = export_take(folder, take, policies, options, out, threads, bars)
     for kind, files in written.items():
         size = sum(path.stat().st_size for path in files)

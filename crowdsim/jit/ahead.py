@@ -19,7 +19,7 @@ from typing import Any
 from crowdsim.jit.signatures import Listed, listed, resolve
 
 PACKAGE = Path(__file__).resolve().parent.parent
-SECONDS = 1.5
+SECONDS = 2.5
 """Roughly what a kernel takes to compile [s]."""
 PATIENCE = 0.5
 """How long a worker may take to stop, which it does not while it optimises a kernel [s]."""
@@ -70,7 +70,8 @@ def _is_compiled(entry: Listed) -> bool:
 
 
 def _start(uses: Collection[str]) -> subprocess.Popen[bytes]:
-    program = f"from {__name__} import work; work()"
+    # Not from the folder that the command was called in, which may be a checkout of another version.
+    program = f"import sys; sys.path = [path for path in sys.path if path]; from {__name__} import work; work()"
     return subprocess.Popen(
         [sys.executable, "-c", program, str(os.getpid()), *uses],
         stdin=subprocess.DEVNULL,

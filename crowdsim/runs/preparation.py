@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
 
+TRAINING_MINUTES = 2.0
+"""Roughly what the training of a shipped policy takes on one core, compilation included [min]."""
 LARGE = 20_000
 """Avatars from which on a run reports beforehand what it needs."""
 
@@ -80,19 +82,37 @@ def policy_names(scenario: Scenario) -> list[str]:
     return list(dict.fromkeys(kind.policy for name, kind in scenario.types.items() if name in scenario.used_types))
 
 
-def kernel_uses(scenario: Scenario, mocap: FileName | None = None) -> list[str]:
-    """Return what a scenario needs kernels for, in the order of need (``jit.signatures``).
+def untrained_policies(scenario: Scenario, mocap: FileName | None = None) -> list[str]:
+    """Return the names of the policies of a scenario that have to be trained first.
 
     Raises:
         RecipeError: A recipe is invalid.
         PolicyError: A bundle is foreign or damaged, or capture for it is missing.
     """
-    from crowdsim.crowd.simulation import SMALL
     from crowdsim.training.train import is_trained
+
+    return [name for name in policy_names(scenario) if not is_trained(name, mocap)]
+
+
+def training_notice(name: str, threads: int) -> str:
+    """Return what a user is told before a policy is trained: about how long it takes, kernels included."""
+    minutes = max(1, round(TRAINING_MINUTES / threads))
+    cores = "1 core" if threads < 2 else f"{threads} cores"
+    return f"training policy {name!r} takes about {minutes} min on {cores}, and is done once"
+
+
+def kernel_uses(scenario: Scenario, untrained: Sequence[str] = ()) -> list[str]:
+    """Return what a scenario needs kernels for, in the order of need (``jit.signatures``).
+
+    Args:
+        scenario: The scenario, resolved.
+        untrained: Policies that have to be trained first.
+    """
+    from crowdsim.crowd.simulation import SMALL
 
     outputs = scenario.outputs
     needed = {
-        "training": not all(is_trained(name, mocap) for name in policy_names(scenario)),
+        "training": bool(untrained),
         "few": scenario.avatar_count <= SMALL,
         "many": scenario.avatar_count > SMALL,
         "bvh": outputs.bvh is not None,

@@ -18,7 +18,16 @@ from crowdsim.runs.journal import remove_journal
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import checksums, peak_memory, read_manifest, write_manifest
 from crowdsim.runs.outputs import expect_outputs, plan_outputs, write_outputs
-from crowdsim.runs.preparation import LARGE, Prepared, kernel_uses, load_policies, needs, prepare
+from crowdsim.runs.preparation import (
+    LARGE,
+    Prepared,
+    kernel_uses,
+    load_policies,
+    needs,
+    prepare,
+    training_notice,
+    untrained_policies,
+)
 from crowdsim.runs.run import Report, Run
 from crowdsim.runs.validation import check_scenario, late_events
 from crowdsim.scenario.scenario import Scenario, dump_scenario
@@ -80,8 +89,8 @@ def run_to(
 
     A finished run of the same resolved scenario is not done again, and nothing that a run has computed is removed,
     unless ``force`` says so; then only what a manifest or journal lists. What is wrong with the input is found before
-    the folder is made or touched. ``notify`` is called beforehand with what a large crowd will need and what its
-    policies cannot do, and once when kernels are compiled.
+    the folder is made or touched. ``notify`` is called beforehand with what has to be trained, what a large crowd
+    will need and what its policies cannot do, and once when kernels are compiled.
 
     Raises:
         ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
@@ -95,7 +104,11 @@ def run_to(
     if check_folder(one.folder, resolved, force):
         return _done_before(one.report)
     check_scenario(scenario)
-    with watch_compilation(notify, kernel_uses(scenario, mocap), threads) as compilation:
+    untrained = untrained_policies(scenario, mocap)
+    if notify is not None:
+        for name in untrained:
+            notify(training_notice(name, threads))
+    with watch_compilation(notify, kernel_uses(scenario, untrained), threads) as compilation:
         one.clock.watch(compilation)
         _run_in_folder(one, resolved)
         one.report.compiled = compilation.count

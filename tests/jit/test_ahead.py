@@ -101,6 +101,17 @@ def test_workers_compile_what_is_listed_and_python_loads_it(twig):
     assert finish(start(CALL)) == [[4.0, 5.0], []]
 
 
+def test_workers_do_not_import_from_the_folder_that_a_command_is_called_in(twig):
+    folder, _ = twig
+    decoy = folder.parent / "checkout"
+    (decoy / "twig").mkdir(parents=True)
+    (decoy / "twig" / "__init__.py").write_text("raise ImportError('a checkout of another version')")
+    program = "import sys; sys.path = [path for path in sys.path if path]\n" + WAIT.replace('"twig"', repr(str(folder)))
+    environment = {**os.environ, "PYTHONPATH": str(folder.parent), "NUMBA_CACHE_DIR": ""}
+    done = subprocess.run([sys.executable, "-c", program], cwd=decoy, env=environment, capture_output=True, text=True)
+    assert json.loads(done.stdout)[1:] == ["", ["first", "second"]], done.stderr
+
+
 def test_processes_at_the_same_time_compile_each_kernel_once(twig):
     _, start = twig
     outcomes = [finish(process) for process in [start(CALL) for _ in range(3)]]
