@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from crowdsim.bvh.file import FARTHEST
 from crowdsim.bvh.io import Bvh, read_bvh, rotate_up, to_clip
 from crowdsim.capture import units
 from crowdsim.capture.folding import fold_elbows_forward
@@ -27,6 +28,7 @@ from crowdsim.motion.measuring import (
 )
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip, Skeleton
+from crowdsim.motion.strikes import ALL_LIMBS
 
 ANALYSIS_RATE = 60.0
 """Rate at which contacts and strikes of a file are found [1/s]."""
@@ -81,13 +83,13 @@ class Capture:
 
     @cached_property
     def analysis(self) -> ClipAnalysis | None:
-        """Contacts and strikes of the motion, at ``ANALYSIS_RATE``; None without a body that moves."""
+        """Contacts and strikes of all limbs in the motion, at ``ANALYSIS_RATE``; None without a body that moves."""
         motion = self.motion
         if self.body is None or motion.frame_count < 2:
             return None
         if not (np.isfinite(motion.root_positions).all() and np.isfinite(motion.rotations).all()):
             return None
-        return analyse_clip(resample(motion, ANALYSIS_RATE), self.body)
+        return analyse_clip(resample(motion, ANALYSIS_RATE), self.body, limbs=ALL_LIMBS)
 
 
 class _Notes:
@@ -122,7 +124,7 @@ def load_capture(path: FileName, unit: str | float | None = None, up_axis: str |
     scale = None if unit is None else units.parse_unit(unit)
     axis = None if up_axis is None else units.parse_up_axis(up_axis)
     bvh = read_bvh(path)
-    raw, notes = to_clip(bvh), _Notes(bvh)
+    raw, notes = to_clip(_within_reach(bvh)), _Notes(bvh)
     poses = sample_poses(raw)[0]
     roles = human_roles(raw.skeleton, poses)
     if not roles:
@@ -174,7 +176,7 @@ def usable_clip(capture: Capture, strict: bool = True) -> MeasuredClip:
     if capture.body is not None and usable:
         return MeasuredClip(capture.clip, capture.body, capture.lead_in)
     source = capture.clip.source
-    raise MotionError("\n".join(f"{source}: {fault}" for fault in capture.faults))
+    raise MotionError("\n".join(with_path(fault, source) for fault in capture.faults))
 
 
 def without_path(finding: str, path: str) -> str:
@@ -182,6 +184,19 @@ def without_path(finding: str, path: str) -> str:
     if not finding.startswith(path + ":"):
         return finding
     return re.sub(r"^(\d+): ", r"line \1: ", finding[len(path) + 1 :]).lstrip()
+
+
+def with_path(finding: str, path: FileName) -> str:
+    """Return a finding of a capture, ``line LINE: what`` or ``what``, with the path of its file before it."""
+    found = re.match(r"line (\d+): ", finding)
+    return f"{path}: {finding}" if found is None else f"{path}:{found[1]}: {finding[found.end() :]}"
+
+
+def _within_reach(bvh: Bvh) -> Bvh:
+    """Return the file with NaN in place of numbers so great that they can be no motion, which are faults of it."""
+    if not bvh.motion.size or np.abs(bvh.motion).max() <= FARTHEST:
+        return bvh
+    return replace(bvh, motion=np.where(np.abs(bvh.motion) <= FARTHEST, bvh.motion, np.nan))
 
 
 def _names(skeleton: Skeleton) -> str:

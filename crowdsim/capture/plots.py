@@ -15,10 +15,11 @@ from crowdsim.motion import ground, quaternion
 from crowdsim.motion.analysis import ClipAnalysis
 from crowdsim.motion.body import HEIGHT, ROLES
 from crowdsim.motion.contacts import runs
+from crowdsim.motion.kicks import foot_speed
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.measuring import rests_like_a_body, sample_poses
 from crowdsim.motion.skeleton import Skeleton
-from crowdsim.motion.strikes import MINIMUM_SPEED, REASONS, Rejection, fist_speed
+from crowdsim.motion.strikes import ALL_LIMBS, HANDS, LIMBS, MINIMUM_SPEED, REASONS, Rejection, fist_speed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -178,7 +179,10 @@ def path_figure(analysis: ClipAnalysis) -> Figure:
 
 
 def time_figure(analysis: ClipAnalysis, start: float) -> Figure:
-    """Draw contacts, and fist speeds with strikes and rejected swings marked, of motion that begins at a time [s]."""
+    """Draw contacts, and speeds with strikes and rejected swings marked, of motion that begins at a time [s].
+
+    Speeds are those of fists, and of feet that kick.
+    """
     figure = new_figure(14, 8)
     strips, speeds = figure.subplots(2, 1, sharex=True, height_ratios=[1, 5])
     seconds = start + np.arange(analysis.clip.frame_count) / analysis.clip.fps
@@ -188,36 +192,39 @@ def time_figure(analysis: ClipAnalysis, start: float) -> Figure:
     slowest = MINIMUM_SPEED * analysis.body.height / HEIGHT
     strips.set_yticks([1, 0], ["left foot", "right foot"])
     strips.set_title("planted")
-    for hand, (side, colour) in enumerate(zip(_SIDES, _COLOURS, strict=True)):
-        speeds.plot(
-            seconds, fist_speed(analysis.tracks, hand, analysis.clip.fps), color=colour, lw=0.9, label=f"{side} fist"
-        )
-        ours = analysis.strikes.hands == hand
+    for limb in ALL_LIMBS:
+        ours, colour, side = analysis.strikes.limbs == limb, _COLOURS[limb % 2], limb % 2
+        if limb not in HANDS and not ours.any():
+            continue
+        speed = (fist_speed if limb in HANDS else foot_speed)(analysis.tracks, side, analysis.clip.fps)
+        name, style = LIMBS[limb].replace("_hand", " fist").replace("_", " "), "-" if limb in HANDS else "--"
+        speeds.plot(seconds, speed, color=colour, lw=0.9, ls=style, label=name)
         speeds.plot(seconds[analysis.strikes.peaks[ours]], analysis.strikes.speeds[ours], "v", color=colour, ms=7)
         for frame in analysis.strikes.frames[ours]:
             speeds.axvline(seconds[frame], color=colour, lw=0.6, ls=":")
-    speeds.axhline(slowest, color=_NEUTRAL, lw=0.7, ls="--", label="least speed of a strike")
+    speeds.axhline(slowest, color=_NEUTRAL, lw=0.7, ls="--", label="least speed of a fist that strikes")
     _mark_rejected(speeds, analysis, seconds)
     strikes, swings = len(analysis.strikes.frames), len(analysis.strikes.rejected.peaks)
     speeds.set_title(
         f"{strikes} strikes: peak (triangle), furthest reach (dotted); {swings} fast swings are none, marked by reason"
     )
     speeds.set_xlabel("time in the file [s]")
-    speeds.set_ylabel("fist speed relative to the pelvis [m/s]")
+    speeds.set_ylabel("speed relative to the pelvis [m/s]")
     speeds.set_xlim(seconds[0], max(seconds[-1], seconds[0] + 0.1))
-    speeds.set_ylim(0.0, 1.05 * max(analysis.strikes.highest_speed, slowest))
+    highest = max(analysis.strikes.highest_speed, slowest, float(analysis.strikes.speeds.max(initial=0.0)))
+    speeds.set_ylim(0.0, 1.05 * highest)
     figure.legend(*speeds.get_legend_handles_labels(), fontsize=8, loc="outside lower center", ncols=4)
     return figure
 
 
 def _mark_rejected(axes: Any, analysis: ClipAnalysis, seconds: Array) -> None:
-    """Mark fast swings that are no strikes, a shape for each reason, in the colour of the hand."""
+    """Mark fast swings that are no strikes, a shape for each reason, in the colour of the side."""
     rejected = analysis.strikes.rejected
-    for reason, marker in zip(Rejection, "xs+d", strict=True):
+    for reason, marker in zip(Rejection, "xs+do", strict=True):
         mine = rejected.reasons == reason
         if not mine.any():
             continue
-        edges = [_COLOURS[hand] for hand in rejected.hands[mine]]
+        edges = [_COLOURS[limb % 2] for limb in rejected.limbs[mine]]
         faces = edges if marker in "x+" else "none"
         at = seconds[rejected.peaks[mine]], rejected.speeds[mine]
         axes.scatter(*at, s=45, marker=marker, edgecolors=None if marker in "x+" else edges, facecolors=faces, lw=1.4)

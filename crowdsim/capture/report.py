@@ -7,10 +7,7 @@ from typing import Any
 from crowdsim.capture.loading import Capture
 from crowdsim.motion.analysis import ClipAnalysis
 from crowdsim.motion.contacts import runs
-from crowdsim.motion.strikes import Rejection
-
-HANDS = ("left", "right")
-"""Words for the numbers of hands."""
+from crowdsim.motion.strikes import LIMBS, SIDES, Rejection
 
 
 def describe_capture(capture: Capture) -> dict[str, Any]:
@@ -32,6 +29,7 @@ def describe_capture(capture: Capture) -> dict[str, Any]:
         "contacts": None,
         "contact_share": None,
         "strikes": None,
+        "strikes_by_limb": None,
         "highest_fist_speed": None,
         "strike_list": [],
         "rejected_list": [],
@@ -45,17 +43,19 @@ def describe_capture(capture: Capture) -> dict[str, Any]:
         contacts=sum(len(runs(analysis.contacts[:, foot])) for foot in range(2)),
         contact_share=[round(float(share), 4) for share in analysis.contacts.mean(axis=0)],
         strikes=len(strikes.frames),
+        strikes_by_limb={name: int((strikes.limbs == limb).sum()) for limb, name in enumerate(LIMBS)},
         highest_fist_speed=round(strikes.highest_speed, 3),
         strike_list=[
             {
                 "seconds": round(capture.start + int(frame) / fps, 4),
                 "frame": round((capture.start + int(frame) / fps) * bvh.fps),
-                "hand": HANDS[int(hand)],
+                "hand": SIDES[int(limb) % 2],
+                "limb": LIMBS[int(limb)],
                 "speed": round(float(speed), 3),
                 "place": [round(float(value), 4) for value in place],
             }
-            for frame, hand, speed, place in zip(
-                strikes.frames, strikes.hands, strikes.speeds, strikes.positions, strict=True
+            for frame, limb, speed, place in zip(
+                strikes.frames, strikes.limbs, strikes.speeds, strikes.positions, strict=True
             )
         ],
         rejected_list=_rejected(capture.start, analysis),
@@ -69,11 +69,12 @@ def _rejected(start: float, analysis: ClipAnalysis) -> list[dict[str, Any]]:
     return [
         {
             "seconds": round(start + int(peak) / analysis.clip.fps, 4),
-            "hand": HANDS[int(hand)],
+            "hand": SIDES[int(limb) % 2],
+            "limb": LIMBS[int(limb)],
             "speed": round(float(speed), 3),
             "reason": Rejection(int(reason)).name.lower(),
         }
-        for peak, hand, speed, reason in zip(
-            rejected.peaks, rejected.hands, rejected.speeds, rejected.reasons, strict=True
+        for peak, limb, speed, reason in zip(
+            rejected.peaks, rejected.limbs, rejected.speeds, rejected.reasons, strict=True
         )
     ]

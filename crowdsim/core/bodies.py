@@ -9,6 +9,9 @@ from typing import Any, NamedTuple
 
 from crowdsim.jit import kernel
 
+BEYOND = 1.1
+"""Square of how much further than a body's axis a kick may end that lands on its side."""
+
 
 class BodySizes(NamedTuple):
     """Sizes of an upright body for which only the centre of the head is known [m].
@@ -39,6 +42,17 @@ def lands_on_upright_body(fist, head, sizes, tolerance):
     dy = fist[1] - min(max(fist[1], head[1] - sizes.pelvis_drop), head[1] - sizes.neck_drop)
     distance = min(distance, math.sqrt(aside + dy * dy) - sizes.torso_radius)
     return -tolerance <= distance <= tolerance
+
+
+@kernel(inline=True)
+def comes_through(x, z, from_x, from_z, axis_x, axis_z):
+    """Return whether a kick that ends over (x, z) comes through a body with its axis over a point.
+
+    That is where it ends clearly further from where the kick comes from than the axis is. Where it comes from is given
+    for kicks alone; punches have their own end there, and never do.
+    """
+    far = (x - from_x) ** 2 + (z - from_z) ** 2
+    return far > BEYOND * ((axis_x - from_x) ** 2 + (axis_z - from_z) ** 2)
 
 
 class PosedBody(NamedTuple):

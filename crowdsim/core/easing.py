@@ -1,5 +1,9 @@
-"""Compiled easing curves."""
+"""Easing curves: for numbers in compiled code, and for arrays."""
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from crowdsim.core.types import Array
 from crowdsim.jit import kernel
 
 
@@ -14,3 +18,10 @@ def minimum_jerk(s):
     if s >= 1.0:
         return 1.0
     return s * s * s * (10.0 - s * (15.0 - 6.0 * s))
+
+
+def ease(x: ArrayLike) -> Array:
+    """Return :func:`minimum_jerk` of each number of an array."""
+    t: Array = np.minimum(np.maximum(np.asarray(x, dtype=float), 0.0), 1.0)
+    eased: Array = t * t * t * (t * (6.0 * t - 15.0) + 10.0)
+    return eased

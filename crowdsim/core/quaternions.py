@@ -83,6 +83,16 @@ def mix(a, b, share):
 
 
 @kernel(allocates=False)
+def from_vector(x, y, z):
+    """Return the quaternion of a rotation vector [rad]."""
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle < 1e-12:
+        return 1.0, 0.0, 0.0, 0.0
+    s = math.sin(0.5 * angle) / angle
+    return math.cos(0.5 * angle), x * s, y * s, z * s
+
+
+@kernel(allocates=False)
 def rotate_by_vector(q, x, y, z):
     """Rotate a quaternion in place by a rotation vector [rad] of the frame that the quaternion is given in."""
     angle = math.sqrt(x * x + y * y + z * z)

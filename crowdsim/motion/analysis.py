@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from crowdsim.core.types import Array
 from crowdsim.motion.body import Body
 from crowdsim.motion.contacts import find_contacts, find_floor
 from crowdsim.motion.skeleton import Clip
-from crowdsim.motion.strikes import Strikes, find_strikes
+from crowdsim.motion.strikes import HANDS, Strikes, find_strikes
 from crowdsim.motion.tracks import Tracks, clip_tracks
 
 
@@ -24,7 +25,7 @@ class ClipAnalysis:
         floor: Height of the floor before [m].
         tracks: Paths of the body's points.
         contacts: Whether the left and right foot are planted. Shape (F, 2), bool.
-        strikes: The strikes of both hands.
+        strikes: The strikes of the limbs that were asked for.
     """
 
     clip: Clip
@@ -35,7 +36,7 @@ class ClipAnalysis:
     strikes: Strikes
 
 
-def analyse_clip(clip: Clip, body: Body, calibrate_floor: bool = True) -> ClipAnalysis:
+def analyse_clip(clip: Clip, body: Body, calibrate_floor: bool = True, limbs: Sequence[int] = HANDS) -> ClipAnalysis:
     """Find the floor, contacts and strikes of a clip.
 
     Args:
@@ -43,6 +44,7 @@ def analyse_clip(clip: Clip, body: Body, calibrate_floor: bool = True) -> ClipAn
             one frame.
         body: The body on its skeleton.
         calibrate_floor: Move the clip so that its planted soles are at y = 0.
+        limbs: Limbs whose strikes are found, numbers of ``strikes.LIMBS``.
     """
     clip, floor = on_floor(clip, body) if calibrate_floor else (clip, 0.0)
     tracks = clip_tracks(clip, body)
@@ -52,7 +54,7 @@ def analyse_clip(clip: Clip, body: Body, calibrate_floor: bool = True) -> ClipAn
         floor=floor,
         tracks=tracks,
         contacts=find_contacts(tracks, body.height, clip.fps),
-        strikes=find_strikes(tracks, body.height, clip.fps),
+        strikes=find_strikes(tracks, body.height, clip.fps, limbs),
     )
 
 

@@ -26,8 +26,8 @@ PARTS = ("skin", "head", "glove", "shirt", "trunks", "shoe")
 HEIGHT = 1.75
 """Standing height [m] of the body for which sizes are stated; they scale with a body's own height."""
 HEAD_RADIUS, TORSO_RADIUS = 0.105, 0.15
-_SOLE = 0.02
-"""Thickness of the sole under the joint at the ball of the foot [m]."""
+_SHOE, _SOLE = 0.036, 0.02
+"""Radius of a shoe, and thickness of the sole under the joint at the ball of the foot [m]."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +62,11 @@ class Body:
     capsule_ends: Array
     capsule_radii: Array
     capsule_parts: Array
+
+    @property
+    def foot_offsets(self) -> Array:
+        """What each foot kicks with: the middle of the shoe over the ball, in the foot joint's frame [m]. (2, 3)."""
+        return np.stack([sole[1] + _SHOE * self.height / HEIGHT * _upward(*sole) for sole in self.sole_offsets])
 
 
 def standing_height(skeleton: Skeleton, roles: Mapping[str, int], positions: Array | None = None) -> float:
@@ -284,9 +289,12 @@ def _shape_limbs(capsules: _Capsules, side: str, fist: Array, sole: Array) -> No
     capsules.bone(hip, knee, (0.068, 0.052), "skin", (0.55, 1.0))
     capsules.bone(knee, foot, (0.053, 0.037), "skin")
     heel, ball = sole
+    ahead, up, radius = _unit(ball - heel), _upward(heel, ball), _SHOE * capsules.size
+    toes = ball + up * radius + ahead * 0.03 * capsules.size
+    capsules.add(foot, heel + (up + ahead) * radius, toes, (_SHOE,) * 2, "shoe")
+
+
+def _upward(heel: Array, ball: Array) -> Array:
+    """The direction from a sole to the foot joint over it."""
     ahead = _unit(ball - heel)
-    up = _unit(ahead * np.dot(heel, ahead) - heel)
-    radius = 0.036 * capsules.size
-    capsules.add(
-        foot, heel + (up + ahead) * radius, ball + up * radius + ahead * 0.03 * capsules.size, (0.036,) * 2, "shoe"
-    )
+    return _unit(ahead * np.dot(heel, ahead) - heel)

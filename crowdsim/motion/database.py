@@ -16,6 +16,7 @@ from crowdsim.motion.measuring import MeasuredClip
 from crowdsim.motion.mirroring import mirrored
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip, Skeleton
+from crowdsim.motion.strikes import HANDS
 from crowdsim.motion.tracks import speeds
 
 _STANCE_SPEED, _TRAVEL_SPEED = 0.6, 1.1
@@ -51,11 +52,11 @@ class MotionDatabase:
         necks: Upper end of the torso's capsule, likewise. Shape (P, 3), float32.
         pelvises: Lower end of the torso's capsule, likewise. Shape (P, 3), float32.
         strike_frames: Playback frame at which each strike reaches furthest, ascending. Shape (S,), int32.
-        strike_hands: 0 for the left hand, 1 for the right. Shape (S,), uint8.
-        strike_peaks: Playback frame of the fist's highest speed before that. Shape (S,), int32.
+        strike_limbs: What strikes, numbers of ``strikes.LIMBS``; left ones are even. Shape (S,), uint8.
+        strike_peaks: Playback frame of the limb's highest speed before that. Shape (S,), int32.
         strike_speeds: That speed, relative to the pelvis [m/s]. Shape (S,), float32.
-        strike_positions: Position of the fist at ``strike_frames`` in that frame's ground frame [m]. Shape (S, 3),
-            float32.
+        strike_positions: Position of the fist or foot at ``strike_frames`` in that frame's ground frame [m].
+            Shape (S, 3), float32.
     """
 
     skeleton: Skeleton
@@ -73,7 +74,7 @@ class MotionDatabase:
     necks: Array
     pelvises: Array
     strike_frames: Array
-    strike_hands: Array
+    strike_limbs: Array
     strike_peaks: Array
     strike_speeds: Array
     strike_positions: Array
@@ -109,6 +110,7 @@ def build_database(
     trim: bool = True,
     calibrate_floor: bool = True,
     progress: Progress | None = None,
+    limbs: Sequence[int] = HANDS,
 ) -> MotionDatabase:
     """Make one database of measured clips.
 
@@ -123,6 +125,7 @@ def build_database(
         trim: Cut off lead-in calibration poses.
         calibrate_floor: Move every clip so that its planted soles are at y = 0.
         progress: Called with ("motion", clips done, clips) as the work goes on.
+        limbs: Limbs whose strikes are found, numbers of ``strikes.LIMBS``; in mirror images those of the other side.
 
     Raises:
         MotionError: No clips, a clip too short, skeletons that differ, rates that do not divide, or mirror images of a
@@ -139,16 +142,16 @@ def build_database(
     body = clips[0].body
     found: list[ClipAnalysis] = []
 
-    def add(clip: Clip, calibrate: bool) -> None:
-        found.append(analyse_clip(clip, body, calibrate))
+    def add(clip: Clip, calibrate: bool, striking: Sequence[int]) -> None:
+        found.append(analyse_clip(clip, body, calibrate, striking))
         if progress is not None:
             progress("motion", len(found), len(clips) * (2 if mirror else 1))
 
     for measured in clips:
-        add(_whole_frames(measured, clips[0].clip, control_rate, playback_rate, trim), calibrate_floor)
+        add(_whole_frames(measured, clips[0].clip, control_rate, playback_rate, trim), calibrate_floor, limbs)
     if mirror:
         for analysis in found[: len(clips)]:
-            add(mirrored(analysis.clip, body), False)
+            add(mirrored(analysis.clip, body), False, [limb ^ 1 for limb in limbs])
     return _join(found[: len(clips)], found[len(clips) :], control_rate, playback_rate)
 
 
@@ -190,7 +193,7 @@ def _join(
             values = [value + start for value, start in zip(values, starts[:-1], strict=True)]
         return np.concatenate(values).astype(values[0].dtype)
 
-    fists, frames, hands = local("fists"), strikes("frames", shift=True).astype(np.int32), strikes("hands")
+    fists, frames, numbers = local("fists"), strikes("frames", shift=True).astype(np.int32), strikes("limbs")
     return MotionDatabase(
         skeleton=parts[0].clip.skeleton,
         body=parts[0].body,
@@ -207,10 +210,10 @@ def _join(
         necks=local("necks"),
         pelvises=local("pelvises"),
         strike_frames=frames,
-        strike_hands=hands,
+        strike_limbs=numbers,
         strike_peaks=strikes("peaks", shift=True).astype(np.int32),
         strike_speeds=strikes("speeds"),
-        strike_positions=fists[frames, hands],
+        strike_positions=np.concatenate([fists, local("feet")], axis=1)[frames, numbers],
     )
 
 

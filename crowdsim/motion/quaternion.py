@@ -90,11 +90,11 @@ def between(a: ArrayLike, b: ArrayLike) -> Array:
     b = np.asarray(b, dtype=float)
     a = a / np.linalg.norm(a, axis=-1, keepdims=True)
     b = b / np.linalg.norm(b, axis=-1, keepdims=True)
-    dot = np.sum(a * b, axis=-1, keepdims=True)
-    q = np.concatenate([1.0 + dot, np.cross(a, b)], axis=-1)
+    real = 0.5 * np.sum((a + b) ** 2, axis=-1, keepdims=True)  # 1 + a.b, without its cancellation near opposites
+    q = np.concatenate([real, np.cross(a, b)], axis=-1)
     other = np.where(np.abs(a[..., :1]) < 0.9, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
-    opposite = np.concatenate([np.zeros_like(dot), np.cross(a, other)], axis=-1)
-    return normalise(np.where(dot < -1.0 + 1e-9, opposite, q))
+    opposite = np.concatenate([np.zeros_like(real), np.cross(a, other)], axis=-1)
+    return normalise(np.where(real < 1e-20, opposite, q))
 
 
 def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:

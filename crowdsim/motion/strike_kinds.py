@@ -1,4 +1,4 @@
-"""Kinds of strikes, by the path of the fist, and whether they are aimed at the head or the body."""
+"""Kinds of strikes: kicks, and punches by the path of the fist; and whether they are aimed at the head or the body."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.motion.strikes import HANDS
 from crowdsim.motion.tracks import Tracks, build_tracks
 
-KINDS = ("straight", "hook", "uppercut")
+KINDS = ("straight", "hook", "uppercut", "kick")
+_KICK = KINDS.index("kick")
 HEIGHTS = ("head", "body")
 
 _OUTWARD = 0.8
@@ -30,7 +32,7 @@ def strike_kinds(database: MotionDatabase) -> Array:
 
     A strike is straight where the fist, at its highest speed, moves away from the shoulder, and the arm ends stretched.
     Else it is an uppercut where the fist's path to its furthest reach climbs, and a hook where it does not. Motion is
-    relative to the pelvis.
+    relative to the pelvis. Strikes of feet are kicks.
     """
     rate = database.playback_rate
     frames, peaks = (np.asarray(one, dtype=np.int64) for one in (database.strike_frames, database.strike_peaks))
@@ -39,7 +41,8 @@ def strike_kinds(database: MotionDatabase) -> Array:
     first, last = starts[clips], starts[clips + 1] - 1
     step = max(1, round(rate / 60.0))
     at_peak, _ = _pose(database, peaks)
-    hands = np.asarray(database.strike_hands, dtype=np.int64)
+    limbs = np.asarray(database.strike_limbs, dtype=np.int64)
+    hands = limbs % 2
     which = np.arange(len(frames)), hands
     velocity = _fists(database, np.minimum(peaks + step, last), hands)
     velocity -= _fists(database, np.maximum(peaks - step, first), hands)
@@ -48,7 +51,7 @@ def strike_kinds(database: MotionDatabase) -> Array:
     upward = _cosine(way, np.array([0.0, 1.0, 0.0]))
     straight = (outward > _OUTWARD) & (_stretch(database, frames, hands) > _STRETCHED)
     kinds = np.where(straight, 0, np.where(upward > _UPWARD, 2, 1))
-    return kinds.astype(np.uint8)
+    return np.where(np.isin(limbs, HANDS), kinds, _KICK).astype(np.uint8)
 
 
 def strike_heights(database: MotionDatabase) -> Array:

@@ -1,4 +1,4 @@
-"""Paths of the points of a body that analysis needs: fists, head, trunk, soles, and the ground frame."""
+"""Paths of the points of a body that analysis needs: fists, feet, head, trunk, soles, and the ground frame."""
 
 from __future__ import annotations
 
@@ -8,12 +8,16 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
-from crowdsim.motion.body import Body
+from crowdsim.motion.body import HEIGHT, Body
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.skeleton import Clip
 
 _FEET = 8.0
 """How much more than hips and shoulders the feet say where a stance looks; those two where feet are close together."""
+
+_RAISED = (0.15, 0.7)
+"""Heights of a foot over the other, for a body of ``HEIGHT`` [m], between which a stance passes from the feet to the
+pelvis: a foot that kicks says nothing about where the body stands. In a walk no foot is raised as high."""
 
 
 @dataclass(frozen=True)
@@ -23,9 +27,10 @@ class Tracks:
     Attributes:
         ground: Ground transform: under the pelvis, facing as hips and shoulders do. Shape (F, 3), headings continuous.
         stances: Ground transform that is constant while both feet are planted: between the toes, or the balls where
-            there are none, and looking nearly at right angles to the line between them. Shape (F, 3), headings
-            continuous.
+            there are none, and looking nearly at right angles to the line between them; ``ground`` while a foot is
+            raised high. Shape (F, 3), headings continuous.
         fists: Left and right fist [m]. Shape (F, 2, 3).
+        feet: What left and right foot kick with (``Body.foot_offsets``) [m]. Shape (F, 2, 3).
         shoulders: Left and right shoulder joint [m]. Shape (F, 2, 3).
         heads: Centre of the head [m]. Shape (F, 3).
         necks: Upper end of the torso [m]. Shape (F, 3).
@@ -37,12 +42,18 @@ class Tracks:
     ground: Array
     stances: Array
     fists: Array
+    feet: Array
     shoulders: Array
     heads: Array
     necks: Array
     pelvises: Array
     heels: Array
     balls: Array
+
+    @property
+    def strikers(self) -> Array:
+        """Points that strike, in the order of ``strikes.LIMBS`` [m]. Shape (F, 4, 3)."""
+        return np.concatenate([self.fists, self.feet], axis=1)
 
 
 def build_tracks(body: Body, positions: Array, rotations: Array) -> Tracks:
@@ -63,10 +74,13 @@ def build_tracks(body: Body, positions: Array, rotations: Array) -> Tracks:
     # A planted foot rotates about its toes.
     toes = [role[name] for name in ("left_toe", "right_toe") if name in role]
     soles = positions[:, toes] if len(toes) == 2 else balls
+    raised = _raised(soles, body.height)[:, None]
+    middles, apart = soles.mean(axis=1), soles[:, 0] - soles[:, 1]
     return Tracks(
         ground=_ground(pelvis, across),
-        stances=_ground(soles.mean(axis=1), across + _FEET * (soles[:, 0] - soles[:, 1])),
+        stances=_ground(middles + raised * (pelvis - middles), across + _FEET * (1.0 - raised) * apart),
         fists=positions[:, hands] + quaternion.rotate(rotations[:, hands], body.fist_offsets),
+        feet=positions[:, feet] + quaternion.rotate(rotations[:, feet], body.foot_offsets),
         shoulders=shoulders,
         heads=positions[:, role["head"]] + quaternion.rotate(rotations[:, role["head"]], body.head_offset),
         necks=positions[:, role["neck"]],
@@ -79,6 +93,13 @@ def build_tracks(body: Body, positions: Array, rotations: Array) -> Tracks:
 def clip_tracks(clip: Clip, body: Body) -> Tracks:
     """Follow a body's points through a clip."""
     return build_tracks(body, *clip_kinematics(clip))
+
+
+def _raised(soles: Array, height: float) -> Array:
+    """Return 0 where feet (F, 2, 3) are about as high as each other, 1 where one is raised to kick. Shape (F,)."""
+    low, high = (limit * height / HEIGHT for limit in _RAISED)
+    share = np.clip((np.abs(soles[:, 0, 1] - soles[:, 1, 1]) - low) / (high - low), 0.0, 1.0)
+    return np.asarray(share * share * (3.0 - 2.0 * share))
 
 
 def _ground(middles: Array, across: Array) -> Array:

@@ -4,15 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import correlate1d, minimum_filter1d
 
+from crowdsim.core.easing import ease
 from crowdsim.core.types import Array
-
-
-def ease(x: ArrayLike) -> Array:
-    """Return the minimum-jerk step from 0 to 1 over x in 0..1, flat outside (Flash and Hogan 1985)."""
-    t: Array = np.minimum(np.maximum(np.asarray(x, dtype=float), 0.0), 1.0)
-    eased: Array = t * t * t * (t * (6.0 * t - 15.0) + 10.0)
-    return eased
 
 
 def step(times: Array, start: float, end: float, skew: float = 1.0) -> Array:
@@ -67,3 +62,14 @@ def soft_cap(x: ArrayLike, cap: ArrayLike, softness: float) -> Array:
 def soft_floor(x: ArrayLike, floor: ArrayLike, softness: float) -> Array:
     """Return x held above ``floor``, bent smoothly over a band of about ``softness``."""
     return np.asarray(floor) + softness * np.logaddexp(0.0, (np.asarray(x) - np.asarray(floor)) / softness)
+
+
+def smooth_below(x: Array, most: int) -> Array:
+    """Return a smooth curve that is nowhere above x (F,), and depends on no more than ``most`` samples on either side.
+
+    It averages the least values around each sample, by a window that is no wider than they are looked for. Ends repeat.
+    """
+    half = most // 2
+    least = minimum_filter1d(x, 2 * half + 1, mode="nearest")
+    weights = np.hanning(2 * half + 3)[1:-1]
+    return np.asarray(correlate1d(least, weights / weights.sum(), mode="nearest"))

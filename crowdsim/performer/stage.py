@@ -11,7 +11,7 @@ from crowdsim.motion import ground
 from crowdsim.motion import quaternion as quat
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.performer import skeleton as bones
-from crowdsim.performer.curves import pulse, soft_cap, soft_floor, window
+from crowdsim.performer.curves import pulse, smooth_below, soft_cap, soft_floor, window
 from crowdsim.performer.fists import clear_head, lead_fists
 from crowdsim.performer.footwork import Footwork, trace_feet
 from crowdsim.performer.gait import GAITS
@@ -31,6 +31,8 @@ from crowdsim.performer.pose import (
 )
 from crowdsim.performer.score import Channel, Reach, Score, Style
 
+_SINKS = 0.31
+"""How long before a leg is at its longest the pelvis begins to sink for it [s]."""
 _LOWEST = 0.68
 """Height of the pelvis in the deepest crouch [m]."""
 _MOST_FLEX, _MOST_BEND = (-0.58, 0.60), (-0.55, 0.55)
@@ -85,7 +87,7 @@ def _riding(score: Score, times: Array) -> Array:
     return np.minimum(riding, 1.0)
 
 
-def _carry_pelvis(score: Score, feet: Footwork, channels: Array, ankles: Array) -> tuple[Array, Array]:
+def _carry_pelvis(score: Score, times: Array, feet: Footwork, channels: Array, ankles: Array) -> tuple[Array, Array]:
     """Return position and rotation of the pelvis, as high as both legs let it be. Shapes (F, 3) and (F, 4)."""
     style = score.style
     rotation = quat.from_euler(
@@ -103,14 +105,15 @@ def _carry_pelvis(score: Score, feet: Footwork, channels: Array, ankles: Array) 
     shift = np.stack([channels[:, Channel.SHIFT_X], np.zeros(len(base)), channels[:, Channel.SHIFT_Z]], axis=-1)
     hips = ground.to_world(base, shift)
     height = soft_floor(style.height + channels[:, Channel.HEIGHT], _LOWEST, 0.04)
+    highest = np.full(len(base), np.inf)
     reach = LEG_REACH * (bones.THIGH + bones.SHANK)
     for foot in range(2):
         drop = quat.rotate(rotation, np.array([bones.HIP_HALF * (1 - 2 * foot), -bones.HIP_DROP, 0.0]))
         flat = ankles[:, foot] - hips - drop
         far = flat[:, 0] ** 2 + flat[:, 2] ** 2
-        top = ankles[:, foot, 1] + np.sqrt(np.maximum(reach**2 - far, 0.05)) - drop[:, 1]
-        height = soft_cap(height, top, 0.008)
-    hips[:, 1] = height
+        highest = np.minimum(highest, ankles[:, foot, 1] + np.sqrt(np.maximum(reach**2 - far, 0.05)) - drop[:, 1])
+    most = round(_SINKS * (len(times) - 1) / max(float(times[-1] - times[0]), 1e-9))
+    hips[:, 1] = soft_cap(height, smooth_below(highest, most), 0.008)
     return hips, rotation
 
 
@@ -141,7 +144,7 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
     rotations[..., 0] = 1.0
 
     soles = _set_feet(style, feet, channels, rotations)
-    hips, hips_rotation = _carry_pelvis(score, feet, channels, soles.ankles)
+    hips, hips_rotation = _carry_pelvis(score, times, feet, channels, soles.ankles)
     trunk = pose_trunk(
         skeleton,
         hips,
