@@ -14,6 +14,9 @@ CHANNELS = {
 }
 """Known channel names in the usual spelling, by their lower-case form."""
 
+FARTHEST = 1e6
+"""The greatest offset, position or angle that a file may hold, in its own units."""
+
 AXIS = {"X": 0, "Y": 1, "Z": 2}
 
 _COMMON_RATES = (24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200, 240, 250, 300, 360, 480, 500, 1000)

@@ -6,115 +6,14 @@ import math
 import re
 from dataclasses import dataclass, field
 
-from crowdsim.bvh.file import CHANNELS, snap_rate
-from crowdsim.errors import BvhError, nearest
+from crowdsim.bvh.file import CHANNELS, FARTHEST, snap_rate
+from crowdsim.bvh.scanner import Scanner, read_number, show
+from crowdsim.errors import nearest
 
-_TOKEN = re.compile(rb"\s*([{}]|[^\s{}]+)")
-_NUMBER = re.compile(rb"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
-_BAD_NUMBER = re.compile(rb"([+-]?)(?:1\.#)?(nan|inf|infinity|qnan|snan|ind|j)\d*(\([a-z0-9]*\))?", re.IGNORECASE)
-_LINE_END = re.compile(rb"\r\n|\r|\n")
 _FRAMES = re.compile(rb"\s*frames\s*(?::\s*)?([^\s]+)", re.IGNORECASE)
 _FRAME_TIME = re.compile(rb"\s*frame\s*time\s*(?::\s*)?([^\s]+)", re.IGNORECASE)
-_LONGEST_NAME = 256
-_MOST_FINDINGS = 20
-
-
-def read_number(token: bytes) -> float | None:
-    """Return the number that a token spells, or None: '1.5', '1,5', '-2e-3', 'nan', '-inf', Windows' '-1.#IND'."""
-    if _NUMBER.fullmatch(token):
-        return float(token.replace(b",", b"."))
-    bad = _BAD_NUMBER.fullmatch(token)
-    if bad is None:
-        return None
-    if bad[2].lower().startswith((b"inf", b"j")):
-        return -math.inf if bad[1] == b"-" else math.inf
-    return math.nan
-
-
-def show(token: bytes, encoding: str = "latin-1") -> str:
-    """Return a token for a message: quoted, and shortened when it is long."""
-    text = token[:200].decode(encoding, "replace")
-    return repr(text if len(text) <= 40 else text[:37] + "...")
-
-
-class Scanner:
-    """Walks over the tokens of BVH text: braces, and runs of anything else between white space and braces."""
-
-    def __init__(self, data: bytes, path: str) -> None:
-        self.data = data
-        self.path = path
-        self.at = 0
-        self.start = 0
-        self.findings: list[str] = []
-        self.faults: list[str] = []
-
-    def next(self) -> bytes:
-        """Return the next token and step over it; empty at the end."""
-        match = _TOKEN.match(self.data, self.at)
-        if match is None:
-            self.start = self.at = len(self.data)
-            return b""
-        self.start, self.at = match.start(1), match.end()
-        return match[1]
-
-    def peek(self) -> bytes:
-        """Return the next token and stay before it."""
-        match = _TOKEN.match(self.data, self.at)
-        return b"" if match is None else match[1]
-
-    def line_of(self, place: int) -> int:
-        """Return the line of a place in the data, from 1."""
-        data = self.data
-        both = data.count(b"\r\n", 0, place)
-        return 1 + data.count(b"\n", 0, place) + data.count(b"\r", 0, place) - both
-
-    def error(self, expected: str, place: int | None = None) -> BvhError:
-        """Return the error that the token at ``place``, by default the last one, is not what was expected."""
-        place = self.start if place is None else place
-        match = _TOKEN.match(self.data, place)
-        found = f"found {show(match[1])}" if match else "the file ends"
-        line = self.line_of(match.start(1) if match else len(self.data))
-        return BvhError(f"{self.path}:{line}: {found}, expected {expected}")
-
-    def find(self, what: str, place: int | None = None) -> None:
-        """Note a finding about the token at ``place``, by default the last one, up to a limit."""
-        if len(self.findings) < _MOST_FINDINGS:
-            self.findings.append(f"{self.path}:{self.line_of(self.start if place is None else place)}: {what}")
-
-    def fault(self, what: str) -> None:
-        """Note a finding by which the motion is incomplete or wrong."""
-        self.findings.append(what)
-        self.faults.append(what)
-
-    def name(self) -> bytes:
-        """Return the text before the opening brace, and step over both.
-
-        A name is one line and may hold blanks, colons, keywords and, where the opening brace is on a line below,
-        braces.
-        """
-        while self.data[self.at : self.at + 1].isspace():
-            self.at += 1
-        brace = self.data.find(b"{", self.at)
-        line_end = _LINE_END.search(self.data, self.at, brace if brace >= 0 else len(self.data))
-        if line_end is None and self._is_glued(brace):
-            # A brace inside a word, as in hand{1}: part of the name when the line below opens the block.
-            end = _LINE_END.search(self.data, brace, brace + _LONGEST_NAME)
-            if end is not None and self._token_at(end.start()) == b"{":
-                line_end = end
-        stop = line_end.start() if line_end else brace if brace >= 0 else len(self.data)
-        name = self.data[self.at : stop]
-        self.at = stop
-        if self.next() != b"{":
-            raise self.error("'{'")
-        return name.strip()
-
-    def _is_glued(self, brace: int) -> bool:
-        around = self.data[max(self.at, brace - 1) : brace] + self.data[brace + 1 : brace + 2]
-        return brace > self.at and len(around) == 2 and not around[:1].isspace() and not around[1:].isspace()
-
-    def _token_at(self, place: int) -> bytes:
-        match = _TOKEN.match(self.data, place)
-        return b"" if match is None else match[1]
+_MOST_JOINTS = 1000
+_MOST_CHANNELS = 12
 
 
 @dataclass
@@ -146,6 +45,7 @@ def read_hierarchy(scanner: Scanner) -> Hierarchy:
         raise scanner.error("'ROOT' and a name")
     _open_joint(scanner, tree, -1)
     stack = [0]
+    without_channels: set[int] = set()
     while True:
         word = scanner.next()
         keyword = word.lower()
@@ -160,14 +60,14 @@ def read_hierarchy(scanner: Scanner) -> Hierarchy:
         if keyword == b"}":
             stack.pop()
         elif keyword == b"offset":
-            offset = _read_offset(scanner)
-            if joint == _END:
-                tree.end_offsets[-1] = offset
-            else:
-                tree.offsets[joint] = offset
+            offsets, owner = (tree.end_offsets, -1) if joint == _END else (tree.offsets, joint)
+            if offsets[owner] is not None:
+                raise scanner.error("one OFFSET a joint")
+            offsets[owner] = _read_offset(scanner)
         elif joint == _END:
-            if keyword != b"channels" or scanner.next() != b"0":
+            if keyword != b"channels" or len(tree.end_names) in without_channels or scanner.next() != b"0":
                 raise scanner.error("'OFFSET' or '}' of an end site, which has neither channels nor children")
+            without_channels.add(len(tree.end_names))
         elif keyword == b"channels":
             if tree.channels[joint] is not None:
                 raise scanner.error("one CHANNELS a joint")
@@ -176,6 +76,8 @@ def read_hierarchy(scanner: Scanner) -> Hierarchy:
             _open_joint(scanner, tree, joint)
             stack.append(len(tree.names) - 1)
         elif keyword in (b"end", b"endsite", b"end_site"):
+            if len(tree.end_names) == _MOST_JOINTS:
+                raise scanner.error(f"at most {_MOST_JOINTS:,} end sites")
             label = scanner.name()
             tree.end_names.append(label or b"Site")
             tree.end_parents.append(joint)
@@ -187,6 +89,8 @@ def read_hierarchy(scanner: Scanner) -> Hierarchy:
 
 def _open_joint(scanner: Scanner, tree: Hierarchy, parent: int) -> None:
     """Read a joint's name and opening brace and add it to the tree."""
+    if len(tree.names) == _MOST_JOINTS:
+        raise scanner.error(f"at most {_MOST_JOINTS:,} joints")
     name = scanner.name()
     if not name:
         name = b"joint%d" % len(tree.names)
@@ -205,8 +109,10 @@ def _read_offset(scanner: Scanner) -> tuple[float, float, float]:
         if number is None:
             raise scanner.error(f"a number, the {axis} of an OFFSET")
         if not math.isfinite(number):
-            scanner.find(f"OFFSET is {number}, 0 taken")
+            scanner.fault(f"OFFSET is {number}, 0 taken", scanner.start)
             number = 0.0
+        elif abs(number) > FARTHEST:
+            raise scanner.error(f"a number from -{FARTHEST:.0f} to {FARTHEST:.0f}, the {axis} of an OFFSET")
         numbers.append(number)
     return numbers[0], numbers[1], numbers[2]
 
@@ -217,6 +123,8 @@ def _read_channels(scanner: Scanner) -> tuple[str, ...]:
     if not token.isdigit() or len(token) > 9:
         raise scanner.error("the number of channels")
     count = int(token)
+    if count > _MOST_CHANNELS:
+        raise scanner.error(f"at most {_MOST_CHANNELS} channels a joint")
     names: list[str] = []
     while len(names) < count:
         word = scanner.next()
@@ -250,6 +158,7 @@ def read_motion_head(scanner: Scanner) -> tuple[int, float, float]:
         if frames:
             scanner.start, scanner.at = frames.start(1), frames.end()
             declared = _whole_number(scanner, frames[1])
+            scanner.frames_at = scanner.start
         elif times:
             scanner.start, scanner.at = times.start(1), times.end()
             time_token = times[1]
@@ -263,7 +172,7 @@ def read_motion_head(scanner: Scanner) -> tuple[int, float, float]:
         raise scanner.error("a number of seconds")
     fps = snap_rate(time_token.decode(), frame_time)
     if not 1e-9 < frame_time < 1e9:
-        scanner.find(f"frame time is {show(time_token)}, {fps:g} frames a second taken")
+        scanner.fault(f"frame time is {show(time_token)}, {fps:g} frames a second taken", scanner.start)
     elif not 1.0 <= fps <= 2000.0:
         scanner.find(f"frame time {show(time_token)} means {fps:.6g} frames a second")
     return declared or 0, frame_time, fps

@@ -6,12 +6,15 @@
 How files are read:
 
 * Rotation channels apply in file order, each about the axes as the ones before it left them; every joint has an order
-of its own, of any number of axes. * A joint's position channels replace its OFFSET, the root's too, wherever they are
-listed among its channels. * White space and line ends do not matter, nor does the case of keywords. A name is the rest
-of the line after ROOT,
+  of its own, of any number of axes.
+* A joint's position channels replace its OFFSET, the root's too, wherever they are listed among its channels.
+* White space and line ends do not matter, nor does the case of keywords. A name is the rest of the line after ROOT,
   JOINT or End. Text is UTF-8, else Latin-1, or UTF-16 with a byte order mark.
 * Numbers may have exponents, and decimal commas.
 * A frame time is a rounded or truncated 1 / rate; ``fps`` is that rate.
+* A file has at most 1 GiB, lines of at most 1 MiB, 1,000 joints, 1,000 end sites and 12 channels a joint. Names have
+  at most 256 bytes. Offsets, positions and angles lie within 1,000,000 of 0; frames beyond that, like those that are
+  not finite, are faults.
 * With several ROOTs all are read, and clips take the first one.
 
 What reading and writing again does not keep:

@@ -5,18 +5,20 @@ from __future__ import annotations
 import codecs
 import os
 from collections import Counter
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from crowdsim.bvh.file import Bvh, quoted
-from crowdsim.bvh.hierarchy import Hierarchy, Scanner, read_hierarchy, read_motion_head, read_number, show
+from crowdsim.bvh.file import FARTHEST, Bvh, quoted
+from crowdsim.bvh.hierarchy import Hierarchy, read_hierarchy, read_motion_head
 from crowdsim.bvh.kernels import count_by_line, parse_numbers
+from crowdsim.bvh.scanner import Scanner, read_number, show
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import BvhError
 
 _HARD_TOKENS = 4096
+_LARGEST = 1 << 30
 _MOST_FINDINGS = 8
 
 
@@ -39,7 +41,8 @@ def parse_bvh(data: bytes, path: str = "") -> Bvh:
     channels = tuple(own or () for own in tree.channels)
     columns = sum(map(len, channels))
     declared, frame_time, fps = read_motion_head(scanner)
-    motion = _read_motion(scanner, columns, declared)
+    rows = _read_motion(scanner, columns, declared)
+    motion = rows.values
     _check_tree(scanner, tree, names, columns)
     bvh = Bvh(
         names=names,
@@ -56,9 +59,9 @@ def parse_bvh(data: bytes, path: str = "") -> Bvh:
         path=path,
     )
     if len(motion) != declared:
-        scanner.fault(f"{path}: {len(motion)} rows of motion, Frames: says {declared}")
-    for what in _bad_channels(bvh):
-        scanner.fault(f"{path}: {what}")
+        scanner.fault(f"{len(motion)} rows of motion, Frames: says {declared}", scanner.frames_at)
+    for what, row in _bad_channels(bvh):
+        scanner.fault(f"{path}:{rows.line_of(row)}: {what}")
     return replace(bvh, findings=tuple(scanner.findings), faults=tuple(scanner.faults))
 
 
@@ -69,6 +72,9 @@ def _load(path: FileName) -> bytes:
     try:
         if Path(path).exists() and not Path(path).is_file():
             raise BvhError(f"{path}: is no regular file, expected a BVH file")
+        size = os.stat(path).st_size
+        if size > _LARGEST:
+            raise BvhError(f"{path}: is a file of {size:,} bytes, expected at most {_LARGEST:,}")
         return Path(path).read_bytes()
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
@@ -124,7 +130,38 @@ def _check_tree(scanner: Scanner, tree: Hierarchy, names: tuple[str, ...], colum
         scanner.fault(f"{where}: no joint has channels, so nothing moves")
 
 
-def _read_motion(scanner: Scanner, columns: int, declared: int) -> Array:
+@dataclass
+class _Rows:
+    """The rows of motion, and where they are written.
+
+    Attributes:
+        values: Shape (F, C).
+        scanner: The text.
+        start: Where the numbers begin in it.
+        firsts: Number of each row's first value in the text, where rows were left out. Shape (F,).
+    """
+
+    values: Array
+    scanner: Scanner
+    start: int
+    firsts: Array | None = None
+
+    def line_of(self, row: int) -> int:
+        """Return the line on which a row begins, from 1."""
+        lines = lines_of_numbers(self.scanner.data, self.start)
+        number = row * self.values.shape[1] if self.firsts is None else int(self.firsts[row])
+        at = int(np.searchsorted(np.cumsum(lines[:, 1]), number, side="right"))
+        return self.scanner.line_of(self.start) + int(lines[at, 0])
+
+
+def lines_of_numbers(data: bytes, start: int) -> Array:
+    """Return (line from ``start`` on, numbers on it) of every line that is not blank. Shape (L, 2)."""
+    most = data.count(b"\n", start) + data.count(b"\r", start) + 1
+    lines = np.empty((most, 2), np.int64)
+    return lines[: count_by_line(np.frombuffer(data, np.uint8), start, len(data), lines)]
+
+
+def _read_motion(scanner: Scanner, columns: int, declared: int) -> _Rows:
     """Read the rows of numbers up to the end of the text, or to what is no number once all rows are there."""
     data = np.frombuffer(scanner.data, np.uint8)
     start, stop = scanner.at, len(scanner.data)
@@ -140,7 +177,7 @@ def _read_motion(scanner: Scanner, columns: int, declared: int) -> Array:
         for number, first, last in hard[:hards].tolist():
             value = read_number(scanner.data[first:last])
             if value is None:
-                return _end_of_motion(scanner, values, number, first, columns, declared)
+                return _Rows(_end_of_motion(scanner, values, number, first, columns, declared), scanner, start)
             values[number] = value
         if at >= stop:
             break
@@ -151,11 +188,11 @@ def _read_motion(scanner: Scanner, columns: int, declared: int) -> Array:
     if columns == 0:
         if count:
             raise scanner.error("no numbers, since no joint has channels", start)
-        return np.zeros((0, 0))
+        return _Rows(np.zeros((0, 0)), scanner, start)
     odd_lines = int(state[4]) + (int(state[3]) not in (0, columns))
     if odd_lines:
-        return _odd_rows(scanner, data, start, stop, values[:count], columns)
-    return values[:count].reshape(-1, columns)
+        return _odd_rows(scanner, start, values[:count], columns)
+    return _Rows(values[:count].reshape(-1, columns), scanner, start)
 
 
 def _end_of_motion(scanner: Scanner, values: Array, count: int, place: int, columns: int, declared: int) -> Array:
@@ -169,14 +206,13 @@ def _end_of_motion(scanner: Scanner, values: Array, count: int, place: int, colu
     return values[: rows * columns].reshape(-1, columns)
 
 
-def _odd_rows(scanner: Scanner, data: Array, start: int, stop: int, values: Array, columns: int) -> Array:
+def _odd_rows(scanner: Scanner, start: int, values: Array, columns: int) -> _Rows:
     """Make rows of numbers whose lines do not all hold one row.
 
     Where most lines hold one row, lines are rows, and the odd ones are left out; else line ends mean nothing, and only
     an incomplete last row is left out.
     """
-    lines = np.empty((len(values), 2), np.int64)
-    lines = lines[: count_by_line(data, start, stop, lines)]
+    lines = lines_of_numbers(scanner.data, start)
     odd = lines[:, 1] != columns
     if 2 * odd.sum() <= len(lines):
         line, found = lines[odd][0]
@@ -185,29 +221,32 @@ def _odd_rows(scanner: Scanner, data: Array, start: int, stop: int, values: Arra
         scanner.fault(
             f"{scanner.path}:{place}: row of {found} numbers, expected {columns}, one a channel; left out{more}"
         )
-        first = np.cumsum(lines[:, 1]) - lines[:, 1]
-        return values[first[~odd][:, None] + np.arange(columns)]
+        firsts = (np.cumsum(lines[:, 1]) - lines[:, 1])[~odd]
+        return _Rows(values[firsts[:, None] + np.arange(columns)], scanner, start, firsts)
     rest = len(values) % columns
     if rest:
         last = scanner.line_of(start) + int(lines[-1, 0])
         scanner.fault(
             f"{scanner.path}:{last}: {len(values)} numbers are {rest} more than whole rows of {columns}; left out"
         )
-    return values[: len(values) - rest].reshape(-1, columns)
+    return _Rows(values[: len(values) - rest].reshape(-1, columns), scanner, start)
 
 
-def _bad_channels(bvh: Bvh) -> list[str]:
-    """Return where the motion is not finite, by joint and channel, the first frame each."""
-    finite = np.isfinite(bvh.motion)
-    if finite.all():
+def _bad_channels(bvh: Bvh) -> list[tuple[str, int]]:
+    """Return where the motion is not finite or out of range, by joint and channel, with the first row of each."""
+    # Comparing with NaN is false.
+    if not bvh.motion.size or (bvh.motion.min() >= -FARTHEST and bvh.motion.max() <= FARTHEST):
         return []
-    bad = ~finite
+    bad = ~(np.abs(bvh.motion) <= FARTHEST)
     columns = np.flatnonzero(bad.any(axis=0))
     found = []
     for column in columns[:_MOST_FINDINGS]:
         frame, count = int(np.argmax(bad[:, column])), int(bad[:, column].sum())
         more = f" and in {count - 1} more frames" if count > 1 else ""
-        found.append(f"frame {frame}, {bvh.describe_column(int(column))} is {bvh.motion[frame, column]}{more}")
+        value = bvh.motion[frame, column]
+        limit = f", expected numbers from -{FARTHEST:.0f} to {FARTHEST:.0f}" if np.isfinite(value) else ""
+        found.append((f"frame {frame}, {bvh.describe_column(int(column))} is {value}{more}{limit}", frame))
     if len(columns) > _MOST_FINDINGS:
-        found.append(f"{len(columns) - _MOST_FINDINGS} more channels are not finite somewhere")
+        row = int(np.argmax(bad[:, columns[_MOST_FINDINGS]]))
+        found.append((f"{len(columns) - _MOST_FINDINGS} more channels are wrong somewhere", row))
     return found

@@ -12,8 +12,8 @@ import numpy as np
 
 from crowdsim.bvh.clip import channel_motion, file_order, from_clip
 from crowdsim.bvh.file import Bvh
-from crowdsim.bvh.hierarchy import Scanner
 from crowdsim.bvh.kernels import format_numbers
+from crowdsim.bvh.scanner import Scanner
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import BvhError, OutputError
 from crowdsim.motion.skeleton import Clip, Skeleton

@@ -11,19 +11,32 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, ClassVar, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, ValidationError
 
 from crowdsim.config.findings import Fault, Faults, show, translate
+from crowdsim.config.nodes import MAXIMUM_BYTES
 from crowdsim.config.overrides import override
-from crowdsim.config.schema import Part, describe, schema_of
-from crowdsim.config.tree import MAXIMUM_BYTES, Document, Finding, read_document, scalar
+from crowdsim.config.schema import Part, join, schema_of
+from crowdsim.config.tree import MOST_FINDINGS, Document, Finding, read_document, scalar
 from crowdsim.core.types import FileName
 from crowdsim.errors import CrowdsimError
 
-__all__ = ["Fault", "Faults", "Finding", "StrictModel", "dump_yaml", "find_faults", "load_model", "place"]
+__all__ = [
+    "MOST_FINDINGS",
+    "Fault",
+    "Faults",
+    "Finding",
+    "StrictModel",
+    "dump_yaml",
+    "find_faults",
+    "load_model",
+    "place",
+    "validate",
+]
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -68,11 +81,14 @@ def load_model(
         CrowdsimError: Of the class ``error``, with every finding in a line of its own and as the tuple ``findings``.
     """
     value, findings = _read(path, model, overrides, context)
-    if value is None or findings:
-        failure = error("\n".join(map(str, findings)))
-        failure.findings = tuple(findings)  # type: ignore[attr-defined]
-        raise failure
-    return value
+    return _sound(value, findings, error)
+
+
+def validate(
+    document: Document, model: type[Model], error: type[CrowdsimError], context: dict[str, Any] | None = None
+) -> Model:
+    """Return the model that a document describes; arguments and errors as of :func:`load_model`."""
+    return _sound(*_validate(document, model, (), context), error)
 
 
 def find_faults(
@@ -84,8 +100,9 @@ def find_faults(
 
 def place(path: FileName, findings: Iterable[Finding]) -> list[Finding]:
     """Return findings in a file with the positions of their keys, or of the nearest ones above them that it has."""
-    document = _document(path)
-    return [document.place(finding) for finding in findings]
+    found = list(findings)
+    document = _document(path) if found else Document(str(path))
+    return _cut([document.place(finding) for finding in found])
 
 
 def dump_yaml(data: Any) -> str:
@@ -106,10 +123,12 @@ def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
 _Dumper.add_representer(str, _represent_text)
 
 
-def _document(path: FileName) -> Document:
+def _document(path: FileName, is_changed: bool = False) -> Document:
+    """Return the document of a file; it is shared, unless it is to be changed."""
+    read = _read_document.__wrapped__ if is_changed else _read_document
     try:
         with open(path, "rb") as file:
-            return read_document(file.read(MAXIMUM_BYTES + 1), str(path))
+            return read(file.read(MAXIMUM_BYTES + 1), str(path))
     except FileNotFoundError:
         what = "no such file"
     except IsADirectoryError:
@@ -119,18 +138,36 @@ def _document(path: FileName) -> Document:
     return Document(str(path), findings=[Finding((), what, source=str(path))])
 
 
+# A command places findings in files that it has just read: a scenario and some recipes.
+_read_document = lru_cache(maxsize=4)(read_document)
+
+
 def _read(
     path: FileName, model: type[Model], overrides: Sequence[str], context: dict[str, Any] | None
 ) -> tuple[Model | None, list[Finding]]:
+    return _validate(_document(path, bool(overrides)), model, overrides, context)
+
+
+def _sound(value: Model | None, findings: list[Finding], error: type[CrowdsimError]) -> Model:
+    if value is None or findings:
+        failure = error("\n".join(map(str, findings)))
+        failure.findings = tuple(findings)  # type: ignore[attr-defined]
+        raise failure
+    return value
+
+
+def _validate(
+    document: Document, model: type[Model], overrides: Sequence[str], context: dict[str, Any] | None
+) -> tuple[Model | None, list[Finding]]:
     # The schema takes a tenth of a second to make, so it is made only where there is a finding.
-    document, value = _document(path), None
-    findings = document.findings
+    value, findings = None, list(document.findings)
     if not isinstance(document.data, dict):
         if not findings:
             what = "is empty" if document.data is None else show(document.data).replace("is", "holds", 1)
-            found = document.place(Finding((), f"the file {what}, expected {describe(schema_of(model))}"))
+            required = schema_of(model).get("required", ())
+            found = document.place(Finding((), f"the file {what}, expected a mapping with {join(required, 'and')}"))
             findings = [replace(found, line=1, column=1) if document.data is None else found]
-        return None, findings
+        return None, _first(findings)
     for text in overrides:
         findings += [replace(finding, source=f"--set {text}") for finding in override(document, text, schema_of(model))]
     try:
@@ -140,5 +177,18 @@ def _read(
         findings += translate(failure, document, schema_of(model))
         findings_in: Callable[[Any], list[Finding]] | None = getattr(model, "findings_in", None)
         findings += map(document.place, findings_in(document.data) if findings_in else [])
+    return value, _first(findings)
+
+
+def _first(findings: Iterable[Finding]) -> list[Finding]:
+    """Return findings in the order of their lines, each once."""
     unique = {str(finding): finding for finding in findings}
-    return value, sorted(unique.values(), key=lambda finding: (finding.line or 10**9, finding.column))
+    found = sorted(unique.values(), key=lambda finding: (finding.line or 10**9, finding.column))
+    return _cut(found)
+
+
+def _cut(found: list[Finding]) -> list[Finding]:
+    """Return findings; of too many the first ones, and one that says so."""
+    if len(found) <= MOST_FINDINGS:
+        return found
+    return [*found[:MOST_FINDINGS], replace(found[MOST_FINDINGS], loc=(), of_key=None, message="more is wrong here")]

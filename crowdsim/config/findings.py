@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from itertools import islice
 from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
 from crowdsim.config.schema import Part, chosen, describe, discriminator, join, keys, members, quoted, step, words
-from crowdsim.config.tree import Document, Finding, Loc
+from crowdsim.config.tree import MOST_FINDINGS, Document, Finding, Loc, shortened
 from crowdsim.errors import is_near, nearest
+
+_MOST_ERRORS = 10 * MOST_FINDINGS
+_MOST_KEYS = 100
+"""How many errors of pydantic are looked at, and how many unknown keys of a mapping are held against its own."""
 
 
 class Faults(ValueError):
@@ -49,22 +54,36 @@ class _Located(NamedTuple):
 
 
 def translate(error: ValidationError, document: Document, top: Part) -> list[Finding]:
-    """Return the findings of a validation error; of a union, only those of the member that the value is meant for."""
+    """Return the findings of a validation error; of a union, only those of the member that the value is meant for.
+
+    Of very many, there are those of the first ``_MOST_ERRORS`` errors, and no more than about ``MOST_FINDINGS``.
+    """
     labels: dict[Loc, list[str]] = {}
-    findings: list[Finding] = []
+    found: list[tuple[_Located, dict[str, Any] | None]] = []
     silent: dict[Loc, _Located] = {}
     spoken: set[Loc] = set()
-    for detail in error.errors(include_url=False):
+    union: Loc | None = None
+    for count, detail in enumerate(error.errors(include_url=False, include_input=False)):
         here = _locate(detail["loc"], document.data, top, labels)
+        before, union = union, None if here.union is None else here.union.loc
+        if count > _MOST_ERRORS and (union is None or union != before):
+            break
         if here.union is not None:
             silent[here.union.loc] = here.union
             of_other_type = detail["type"].endswith(("_type", "literal_error", "int_from_float"))
             if not here.is_meant or (here.loc == here.union.loc and of_other_type):
                 continue
             spoken.add(here.union.loc)
-        findings += _findings_of(dict(detail), here)
-    findings += [_no_member(union) for loc, union in silent.items() if loc not in spoken]
-    return [document.place(finding) for finding in findings if not document.hides(finding.loc)]
+        found.append((here, dict(detail)))
+    found += [(one, None) for loc, one in silent.items() if loc not in spoken]
+    found.sort(key=lambda one: document.position(one[0].loc))
+    findings: list[Finding] = []
+    for here, detail_of in found:
+        of_one = [_no_member(here)] if detail_of is None else _findings_of(detail_of, here)
+        findings += [document.place(finding) for finding in of_one if not document.hides(finding.loc)]
+        if len(findings) > MOST_FINDINGS:
+            break
+    return findings
 
 
 def _locate(location: tuple[Any, ...], data: Any, top: Part, labels: dict[Loc, list[str]]) -> _Located:
@@ -100,10 +119,13 @@ def _findings_of(detail: dict[str, Any], here: _Located) -> list[Finding]:
     reason, expected = context.get("error"), describe(here.part)
     what = f"{show(here.value)}, expected {expected}"
     if isinstance(reason, Faults):
-        return [Finding((*loc, *finding.loc), finding.message) for finding in reason.findings]
+        return [
+            Finding((*loc, *one.loc), one.message, None if one.of_key is None else (*loc, *one.of_key))
+            for one in reason.findings
+        ]
     if detail["loc"][-1:] == ("[key]",):
         reason = reason or detail["msg"].replace("String should match pattern", "expected text that matches")
-        return [Finding(loc[:-1], f"the key is {loc[-1]!r}, {reason}", of_key=loc)]
+        return [Finding(loc[:-1], f"the key {show(loc[-1])}, {reason}", of_key=loc)]
     if kind == "extra_forbidden":
         return [unknown_key(loc, here.above)]
     if kind == "missing":
@@ -142,8 +164,7 @@ def _is_misspelt(key: str, part: Part, given: Any) -> bool:
     """Whether an unknown key is a misspelt missing one, and has a finding of its own."""
     return isinstance(given, dict) and any(
         part.get("renamed", {}).get(name) == key or nearest(name, keys(part)) == nearest(key, [key])
-        for name in given
-        if name not in keys(part)
+        for name in islice((name for name in given if name not in keys(part)), _MOST_KEYS)
     )
 
 
@@ -157,7 +178,7 @@ def _no_member(here: _Located) -> Finding:
         what = f"{show(here.value[key])}, expected {quoted(tags)}{_near(here.value[key], tags)}"
         return Finding((*here.loc, key), what)
     known = {name for choice in tags.values() for name in keys(choice)}
-    for other in here.value:
+    for other in islice(here.value, _MOST_KEYS):
         if other not in known and is_near(other, key):
             loc = (*here.loc, other)
             return Finding(loc, f"unknown key, expected {key}: {quoted(tags)} (did you mean '{key}'?)", of_key=loc)
@@ -170,8 +191,8 @@ def show(value: Any) -> str:
         return "is empty"
     if isinstance(value, dict | list):
         return "is a mapping" if isinstance(value, dict) else "is a list"
-    text = str(value).lower() if isinstance(value, bool) else repr(value)
-    return f"is {text if len(text) <= 60 else text[:57] + '...'}"
+    text = str(value).lower() if isinstance(value, bool) else repr(value[:80] if isinstance(value, str) else value)
+    return f"is {shortened(text)}"
 
 
 def holds(value: Any, at: Any) -> bool:

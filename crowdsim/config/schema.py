@@ -24,6 +24,7 @@ _TYPES = {
     "array": "a list",
     "object": "a mapping",
 }
+_MOST_WORDS = 20
 _LIMITS = {"minimum": "of at least", "exclusiveMinimum": "above", "maximum": "of at most", "exclusiveMaximum": "below"}
 
 
@@ -131,6 +132,13 @@ def join(words: Iterable[str], last: str = "or") -> str:
     """Return words as in a sentence: ``a, b or c``."""
     words = list(dict.fromkeys(words))
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}" if words else "nothing"
+
+
+def some(words: Iterable[str]) -> str:
+    """Return words as in a sentence, but only some of very many."""
+    found = list(words)
+    more = len(found) - _MOST_WORDS
+    return join(found) if more <= 0 else f"one of {', '.join(found[:_MOST_WORDS])} and {more} more"
 
 
 def quoted(words: Iterable[Any]) -> str:

@@ -8,8 +8,11 @@ import yaml
 
 from crowdsim.config.schema import join
 
-_KEY = re.compile(r"\s*(?:- +)*(?:\"[^\"]*\"|'[^']*'|[^\s#'\"{}\[\],&*!|>%@`-][^#]*?)\s*:(\s|$)")
+_KEY = re.compile(
+    r"\s*(?:- +)*(?:\"[^\"]*\"\s*|'[^']*'\s*|[^\s#'\"{}\[\],&*!|>%@`:-][^#:]*(?::(?!\s|$)[^#:]*)*):(\s|$)"
+)
 _NO_BLANK = re.compile(r"\s*(?:- +)*[\w.-]+:[^\s/]")
+_OF_LIBYAML = ("did not find expected key", "did not find expected '-' indicator")
 _DASHES = re.compile(r"\s*(?:- +)+")
 
 
@@ -20,9 +23,7 @@ def explain(error: yaml.MarkedYAMLError, text: str) -> tuple[int, int, str]:
     if mark is None:
         return 1, 1, f"broken YAML: {problem}"
     lines, here = text.splitlines(), (mark.line + 1, mark.column + 1)
-    if error.context == "expected a single document in the stream":
-        return *here, "another document begins, expected a single one in the file"
-    if problem.startswith(("mapping values are not allowed", "expected <block end>")):
+    if problem.startswith(("mapping values are not allowed", "expected <block end>", *_OF_LIBYAML)):
         wrong = _wrong_indentation(lines, mark.line)
         if wrong is not None:
             return mark.line + 1, _indentation(lines[mark.line]) + 1, wrong
@@ -37,6 +38,7 @@ def explain(error: yaml.MarkedYAMLError, text: str) -> tuple[int, int, str]:
         return *here, "broken YAML: a second ':' in a value, expected quotes around text that holds ': '"
     if problem == "could not find expected ':'" and start is not None:
         word = lines[start.line][start.column :].strip() if start.line < len(lines) else ""
+        word = word if len(word) <= 60 else word[:57] + "..."
         return start.line + 1, start.column + 1, f"broken YAML: {word!r} has no ':', expected KEY: VALUE"
     if "'\\t'" in problem:
         problem += "; indent with spaces, not with tabs"

@@ -13,11 +13,21 @@ from typing import Any
 
 import yaml
 
-from crowdsim.config.syntax import explain
+from crowdsim.config.nodes import (
+    MAPPING,
+    MAXIMUM_BYTES,
+    MAXIMUM_DEPTH,
+    MAXIMUM_VALUES,
+    SCALAR,
+    SEQUENCE,
+    TOO_DEEP,
+    Node,
+    Refused,
+    compose,
+)
 
-MAXIMUM_BYTES = 1_048_576
-MAXIMUM_VALUES = 100_000
-MAXIMUM_DEPTH = 64
+MOST_FINDINGS = 100
+"""How many findings are reported of a file."""
 
 _INTEGER = re.compile(r"[-+]?[0-9]+(?:_[0-9]+)*|0x[0-9a-fA-F]+|0o[0-7]+")
 _FLOAT = re.compile(r"[-+]?(?:[0-9]+(?:_[0-9]+)*\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
@@ -29,7 +39,7 @@ _WORDS = {
 }
 # PyYAML tags plain words by YAML 1.1, timestamps among them; scalar() decides what they are.
 _TAGS = ("map", "seq", "str", "int", "float", "bool", "null", "merge", "value", "timestamp")
-_TOO_DEEP = f"nested too deeply, expected at most {MAXIMUM_DEPTH} levels"
+_SURROGATE = re.compile("[\ud800-\udfff]")
 
 Loc = tuple[Any, ...]
 """Keys and indices that lead to a value, as pydantic has them: ``("groups", 0, "count")``."""
@@ -89,11 +99,17 @@ class Document:
 
     def place(self, finding: Finding) -> Finding:
         """Return a finding with its position, or that of the nearest value above it that is written."""
-        loc = finding.loc if finding.of_key is None else finding.of_key
-        while loc and loc not in self.marks:
-            loc = loc[:-1]
-        source, line, column = self.marks.get(loc, ((self.source, 0, 0),) * 2)[loc == finding.of_key]
+        of_key = finding.of_key is not None
+        source, line, column = self.position(finding.of_key if finding.of_key is not None else finding.loc, of_key)
         return replace(finding, source=source, line=line, column=column)
+
+    def position(self, loc: Loc, of_key: bool = False) -> Mark:
+        """Return where a value, or its key, is written, or the nearest value above it that is written."""
+        found = loc
+        while found and found not in self.marks:
+            found = found[:-1]
+        marks = self.marks.get(found, ((self.source, 0, 0),) * 2)
+        return marks[of_key and found == loc]
 
     def hides(self, loc: Loc) -> bool:
         """Whether a location is that of a value that could not be read, lies in one or above one."""
@@ -102,7 +118,13 @@ class Document:
 
 def key_path(loc: Loc) -> str:
     """Return a location in words: ``("groups", 0, "count")`` is ``groups[0].count``."""
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc).removeprefix(".")
+    parts = (f"[{part}]" if isinstance(part, int) else f".{shortened(str(part))}" for part in loc)
+    return "".join(parts).removeprefix(".")
+
+
+def shortened(text: str, most: int = 60) -> str:
+    """Return text for a message, cut off where it is long."""
+    return text if len(text) <= most else text[: most - 3] + "..."
 
 
 def scalar(text: str) -> Any:
@@ -121,115 +143,130 @@ def scalar(text: str) -> Any:
 
 def read_document(data: bytes, source: str) -> Document:
     """Return the data of a file's bytes with positions, and what is wrong with them as findings."""
-    builder, text = _Builder(Document(source)), ""
-    line, column = 1, 1
+    builder = _Builder(Document(source))
     try:
-        text = data.decode("utf-8-sig", "surrogateescape")
-        if len(data) > MAXIMUM_BYTES:
-            raise _Refused(1, 1, f"the file is too large, expected at most {MAXIMUM_BYTES:,} bytes")
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        node = compose(_decode(data))
         builder.document.data = None if node is None else builder.build(node, ())
         return builder.document
-    except _Refused as error:
+    except Enough:
+        return Document(source, findings=builder.document.findings)
+    except Refused as error:
         line, column, what = error.args
-    except yaml.MarkedYAMLError as error:
-        line, column, what = explain(error, text)
-    except yaml.reader.ReaderError as error:
-        before, character = text[: error.position], ord(text[error.position])
-        line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
-        what = f"broken YAML: the character U+{character:04X} is not allowed"
-        if 0xDC80 <= character <= 0xDCFF:  # what "surrogateescape" makes of a byte
-            what = f"byte 0x{character & 0xFF:02x} is no UTF-8, expected a text file in UTF-8"
-    except RecursionError:
-        what = _TOO_DEEP
-    except (ValueError, OverflowError) as error:
-        what = f"broken YAML: {error}"
     return Document(source, findings=[Finding((), what, None, source, line, column)])
 
 
-class _Refused(Exception):
-    """The file is not read any further: line, column and message."""
+def _decode(data: bytes) -> str:
+    """Return the text of a file's bytes.
+
+    Raises:
+        Refused: There are too many, or one is no text in UTF-8 that YAML allows.
+    """
+    if len(data) > MAXIMUM_BYTES:
+        raise Refused(1, 1, f"the file is too large, expected at most {MAXIMUM_BYTES:,} bytes")
+    text = data.decode("utf-8-sig", "surrogateescape")
+    wrong = yaml.reader.Reader.NON_PRINTABLE.search(text)
+    if wrong is not None:
+        before, character = text[: wrong.start()], ord(wrong[0])
+        what = f"broken YAML: the character U+{character:04X} is not allowed"
+        if 0xDC80 <= character <= 0xDCFF:  # what "surrogateescape" makes of a byte
+            what = f"byte 0x{character & 0xFF:02x} is no UTF-8, expected a text file in UTF-8"
+        raise Refused(before.count("\n") + 1, len(before) - before.rfind("\n"), what)
+    return text
+
+
+class Enough(Exception):
+    """So much is wrong with the text that the file is not read any further."""
 
 
 class _Builder:
-    """Turns PyYAML's nodes into plain data; counts them, so that aliases cannot blow up."""
+    """Turns nodes into plain data; counts them, so that aliases cannot blow up."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
         self.count = 0
-        self.above: list[yaml.Node] = []
+        self.above: list[Node] = []
 
-    def build(self, node: yaml.Node, loc: Loc, key: yaml.Node | None = None) -> Any:
+    def build(self, node: Node, loc: Loc, key: Node | None = None) -> Any:
         """Return the value of a node; None where a finding says why there is none."""
-        self.document.marks[loc] = self.mark(node), self.mark(key or node)
-        tag = node.tag.replace("tag:yaml.org,2002:", "!!")
+        source = self.document.source
+        mark = (source, node.line, node.column)
+        self.document.marks[loc] = mark, mark if key is None else (source, key.line, key.column)
         value = _meaning(node)
         wrong = ""
-        if node in self.above:
-            wrong = "refers to itself, expected a value"
-        elif tag.removeprefix("!!") not in _TAGS:
-            wrong = f"the tag '{tag}' is not allowed, expected a plain value"
+        if node.tag and node.tag.removeprefix("!!") not in _TAGS:
+            wrong = f"the tag '{shortened(node.tag)}' is not allowed, expected a plain value"
         elif isinstance(value, float) and not math.isfinite(value):
             wrong = f"is {node.value}, expected a finite number"
+        elif isinstance(value, str):
+            wrong = "holds a lone surrogate, expected characters" if _SURROGATE.search(value) else ""
+        elif value is node and any(node is other for other in self.above):
+            wrong = "refers to itself, expected a value"
         if wrong:
             self.note(node, loc, wrong)
             self.document.unreadable.add(loc)
             return None
         self.enter(node)
-        if isinstance(node, yaml.MappingNode):
+        if node.kind == MAPPING:
             value = {key: self.build(inner, (*loc, key), at) for key, (at, inner) in self.pairs(node, loc).items()}
-        elif isinstance(node, yaml.SequenceNode):
-            value = [self.build(item, (*loc, i)) for i, item in enumerate(node.value)]
+        elif node.kind == SEQUENCE:
+            value = [self.build(item, (*loc, i)) for i, item in enumerate(node.items)]
         self.above.pop()
         return value
 
-    def pairs(self, node: yaml.MappingNode, loc: Loc) -> dict[str, tuple[yaml.Node, yaml.Node]]:
+    def pairs(self, node: Node, loc: Loc) -> dict[str, tuple[Node, Node]]:
         """Return the nodes of key and value by key; each key once, those merged in by ``<<`` last."""
-        pairs: dict[str, tuple[yaml.Node, yaml.Node]] = {}
-        merged: list[yaml.Node] = []
-        for key_node, value in node.value:
+        pairs: dict[str, tuple[Node, Node]] = {}
+        merged: list[Node] = []
+        for key_node, value in zip(node.items[::2], node.items[1::2], strict=True):
             key = _meaning(key_node)
-            if key == "<<" and key_node.style is None:
-                merged += value.value if isinstance(value, yaml.SequenceNode) else [value]
+            if key == "<<" and key_node.is_plain:
+                merged += value.items if value.kind == SEQUENCE else [value]
             elif key is None or key is key_node:
                 self.note(key_node, loc, f"a key is {'empty' if key is None else 'a list or mapping'}, expected text")
             elif not isinstance(key, str):
-                self.note(key_node, loc, f"a key is {key_node.value}, which is no text, expected text in quotes")
+                what = shortened(key_node.value)
+                self.note(key_node, loc, f"a key is {what}, which is no text, expected text in quotes")
+            elif _SURROGATE.search(key):
+                self.note(key_node, loc, "a key holds a lone surrogate, expected characters")
             elif key in pairs:
-                line = pairs[key][0].start_mark.line + 1
+                line = pairs[key][0].line
                 self.note(key_node, (*loc, key), f"duplicate key, expected it once; it is already in line {line}")
             else:
                 pairs[key] = key_node, value
         for other in merged:
-            if not isinstance(other, yaml.MappingNode):
+            if other.kind != MAPPING:
                 self.note(other, loc, "'<<' merges no mapping, expected an alias of one")
-            elif other in self.above:
+            elif any(other is one for one in self.above):
                 self.note(other, loc, "'<<' merges a mapping into itself, expected another one")
             else:
-                self.enter(other)
+                self.enter(other, len(other.items) // 2)
                 pairs |= {key: nodes for key, nodes in self.pairs(other, loc).items() if key not in pairs}
                 self.above.pop()
         return pairs
 
-    def enter(self, node: yaml.Node) -> None:
-        """Count a node, as one that lies above those to come."""
-        self.count += 1
+    def enter(self, node: Node, more: int = 0) -> None:
+        """Count a node, and more with it, as one that lies above those to come."""
+        self.count += 1 + more
         self.above.append(node)
         if self.count > MAXIMUM_VALUES:
             what = f"the file unfolds to more than {MAXIMUM_VALUES:,} values, expected fewer aliases"
-            raise _Refused(*self.mark(node)[1:], what)
+            raise Refused(node.line, node.column, what)
         if len(self.above) > MAXIMUM_DEPTH + 1:
-            raise _Refused(*self.mark(node)[1:], _TOO_DEEP)
+            raise Refused(node.line, node.column, TOO_DEEP)
 
-    def note(self, node: yaml.Node, loc: Loc, message: str) -> None:
-        self.document.findings.append(Finding(loc, message, None, *self.mark(node)))
+    def note(self, node: Node, loc: Loc, message: str) -> None:
+        """Note what is wrong with a node.
 
-    def mark(self, node: yaml.Node) -> Mark:
-        return self.document.source, node.start_mark.line + 1, node.start_mark.column + 1
+        Raises:
+            Enough: It is one of too many.
+        """
+        self.document.findings.append(Finding(loc, message, None, self.document.source, node.line, node.column))
+        if len(self.document.findings) > MOST_FINDINGS:
+            raise Enough
 
 
-def _meaning(node: yaml.Node) -> Any:
+def _meaning(node: Node) -> Any:
     """Return what a node of text means; any other node as it is."""
-    if not isinstance(node, yaml.ScalarNode):
+    if node.kind != SCALAR:
         return node
-    return scalar(node.value) if node.style is None else node.value
+    return scalar(node.value) if node.is_plain else node.value

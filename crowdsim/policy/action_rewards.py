@@ -16,6 +16,7 @@ from crowdsim.policy.rewards import (
     TargetBody,
     Term,
     TransitionTerm,
+    comes_through,
     lands,
     surface_distance,
     unknown_term,
@@ -61,7 +62,9 @@ def action_reward(
                 place = start + min(t, lasts) * step
                 away = actions.strike_positions[strike].astype(float) - place
                 spent += discount**t * (term.effort + term.waste * (math.hypot(away[0], away[2]) > WASTED))
-                if lands(surface_distance(actions.strike_positions[strike], place, body), term.tolerance):
+                through = comes_through(actions.strike_positions[strike], actions.strike_origins[strike], place)
+                gap = surface_distance(actions.strike_positions[strike], place, body)
+                if lands(gap, term.tolerance) and not through:
                     found.append(discount**t * float(actions.strike_speeds[strike]) ** term.speed_weight)
             total += term.weight * ((max(found) if term.form == "max" else sum(found)) - spent)
         elif isinstance(term, ProximityTerm):

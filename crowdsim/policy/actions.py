@@ -9,6 +9,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.motion.strikes import HANDS
 from crowdsim.policy.alignment import Alignment, align_actions
 
 if TYPE_CHECKING:
@@ -37,8 +38,11 @@ class Actions(NamedTuple):
             Shape (sum of T, 3), float32.
         strike_offsets: CSR over the strikes of each action, by time. Shape (A + 1,), int32.
         strike_times: When each strike reaches furthest, in (0, T] [control frames from the state]. Shape (K,), float32.
-        strike_positions: Position of the fist then [m]. Shape (K, 3), float32.
-        strike_speeds: Its highest speed before that, over the mean of all strikes of the database. Shape (K,), float32.
+        strike_positions: Position of fist or foot then [m]. Shape (K, 3), float32.
+        strike_origins: Where a kick comes from over the ground, that is, where the avatar is then; of a punch, which
+            may come from any side, the position of the fist itself [m]. Shape (K, 2), float32.
+        strike_speeds: Its highest speed before that, over the mean of all punches of the database, and ``LEG`` times
+            as much for a kick; over that of all kicks where there are no punches. Shape (K,), float32.
         strike_ids: Number of the strike in the database. Shape (K,), int32.
     """
 
@@ -52,6 +56,7 @@ class Actions(NamedTuple):
     strike_offsets: Array
     strike_times: Array
     strike_positions: Array
+    strike_origins: Array
     strike_speeds: Array
     strike_ids: Array
 
@@ -86,6 +91,7 @@ def leading_actions(actions: Actions, states: int) -> Actions:
         strike_offsets=actions.strike_offsets[: count + 1],
         strike_times=actions.strike_times[:strikes],
         strike_positions=actions.strike_positions[:strikes],
+        strike_origins=actions.strike_origins[:strikes],
         strike_speeds=actions.strike_speeds[:strikes],
         strike_ids=actions.strike_ids[:strikes],
     )
@@ -119,8 +125,14 @@ def build_actions(database: MotionDatabase, graph: MotionGraph, alignment: Align
     striker = np.repeat(np.arange(len(first)), high - low)
     ids = low[striker] + np.arange(strike_offsets[-1]) - strike_offsets[striker]
     at = database.strike_frames[ids]
-    places = ground.to_world(ground.compose(undo[striker], database.ground[at]), database.strike_positions[ids])
-    mean = float(np.mean(database.strike_speeds)) if len(database.strike_speeds) else 1.0
+    stances = ground.compose(undo[striker], database.ground[at])
+    places = ground.to_world(stances, database.strike_positions[ids]).reshape(-1, 3).astype(np.float32)
+    kicks = ~np.isin(database.strike_limbs, HANDS)
+    punches = ~kicks
+    if not punches.any():
+        punches[:] = True
+    mean = float(np.mean(database.strike_speeds[punches])) if len(punches) else 1.0
+    heft = np.where(punches, np.float32(1.0), np.float32(LEG))
     return Actions(
         offsets=np.asarray(graph.action_offsets, dtype=np.int32),
         next=np.asarray(graph.action_next, dtype=np.int32),
@@ -133,11 +145,15 @@ def build_actions(database: MotionDatabase, graph: MotionGraph, alignment: Align
         paths=paths.astype(np.float32),
         strike_offsets=strike_offsets.astype(np.int32),
         strike_times=(at / stride - (first[striker] - 1)).astype(np.float32),
-        strike_positions=places.reshape(-1, 3).astype(np.float32),
-        strike_speeds=(database.strike_speeds[ids] / mean).astype(np.float32),
+        strike_positions=places,
+        strike_origins=np.where(kicks[ids, None], stances[:, :2], places[:, [0, 2]]).astype(np.float32),
+        strike_speeds=(database.strike_speeds[ids] * heft[ids] / mean).astype(np.float32),
         strike_ids=ids.astype(np.int32),
     )
 
+
+LEG = 3.2
+"""Mass of a leg over that of an arm (Winter 2009, table 4.1): at one speed a kick counts as much more than a punch."""
 
 STEP = 1.0
 """Cost of a step that a foot makes only for a transition, where the most costly transition of the graph costs 1."""

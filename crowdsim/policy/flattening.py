@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter
 
+from crowdsim.array_checks import ArrayFault
 from crowdsim.core.types import Array
-from crowdsim.errors import PolicyError
 from crowdsim.graph.motion_graph import MotionGraph
 from crowdsim.motion.body import Body
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.policy.actions import Actions
+from crowdsim.policy.checks import STATE_VALUES, check_arrays
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.rewards import AnyTerm, TargetBody
 
-STATE_VALUES = "state_values"
-"""Name of the array of ``Behaviour.state_values``, one after another."""
+__all__ = ["STATE_VALUES", "assemble_motion", "assemble_policy", "check_flattened", "flatten_policy"]
 
 
 def flatten_policy(policy: Policy) -> tuple[dict[str, Any], dict[str, Array]]:
@@ -112,13 +112,47 @@ def assemble_motion(
     return database, graph, actions
 
 
-def assemble_policy(folder: Path, document: Mapping[str, Any], arrays: Mapping[str, Array]) -> Policy:
-    """Return the policy that was flattened into plain data and arrays, found in a folder.
+def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) -> None:
+    """Hold the arrays of a policy against what they must be, and against its plain data, which has passed its checks.
+
+    Values of states, which are not read with a policy, may be missing.
 
     Raises:
-        PolicyError: A table has another size than its grid.
-        KeyError: Something is missing; other errors, where it is of another kind.
+        ArrayFault: One is not what it must be.
     """
+    behaviours, database = document["behaviours"], document["database"]
+    stride = round(database["playback_rate"] / database["control_rate"])
+    wanted = _STORED[document["recipe"]["precision"]]
+    if arrays["values"].dtype != wanted:
+        raise ArrayFault("values", f"holds {arrays['values'].dtype}, expected {wanted} for the precision of the recipe")
+    states, actions = arrays["graph_state_frames"].size, arrays["graph_action_next"].size
+    cells = [math.prod(axis["count"] for axis in report["axes"]) for report in behaviours]
+    for report, count in zip(behaviours, cells, strict=True):
+        expected = count * (actions if report["lookup"] == "q" else states)
+        if report["entries"] != expected:
+            what = f"holds {report['entries']} entries for {report['name']!r}, expected {expected}"
+            raise ArrayFault("values", what)
+    sizes = {
+        "J": len(document["skeleton"]["names"]),
+        "M": len(database["clip_names"]),
+        "V": sum(report["entries"] for report in behaviours),
+        "W": states * sum(count for report, count in zip(behaviours, cells, strict=True) if "state_values" in report),
+    }
+    check_arrays(arrays, sizes, stride, (STATE_VALUES,))
+    longest = int(arrays["actions_lengths"].max()) + 1
+    if len(behaviours) * longest**2 > _MOST_POWERS:
+        what = f"are up to {longest - 1} control frames for {len(behaviours)} behaviours"
+        raise ArrayFault("actions_lengths", f"{what}, expected shorter actions, or fewer behaviours")
+
+
+_STORED = {"float32": "float32", "float16": "float16", "int16": "uint16", "int8": "uint8"}
+"""Types of values on disk, by precision."""
+_MOST_POWERS = 1 << 25
+"""Most powers of discounts that control tabulates, for each behaviour and each two frames of an action."""
+
+
+def assemble_policy(document: Mapping[str, Any], arrays: Mapping[str, Array]) -> Policy:
+    """Return the policy that was flattened into plain data and arrays, which have passed their checks."""
     database, graph, actions = assemble_motion(document, arrays)
     terms: TypeAdapter[Any] = TypeAdapter(tuple[AnyTerm, ...])
     stored = arrays["values"]
@@ -127,10 +161,6 @@ def assemble_policy(folder: Path, document: Mapping[str, Any], arrays: Mapping[s
     for report in document["behaviours"]:
         end = first + report["entries"]
         grid = build_grid(Axis(**axis) for axis in report["axes"])
-        expected = grid.cells * (actions.action_count if report["lookup"] == "q" else actions.state_count)
-        if report["entries"] != expected or end > len(values):
-            what = f"holds {report['entries']} entries for {report['name']!r}, expected {expected}"
-            raise PolicyError(f"{folder / 'values.npy'}: {what}")
         behaviours.append(
             Behaviour(
                 name=report["name"],

@@ -5,10 +5,10 @@ counts control frames from the action's state, and gamma is the discount a frame
 
 * ``strike``: gamma^t I(t) w(t), the greatest of the action's strikes (``max``, the paper's) or their sum; less gamma^t
   ``effort`` for each strike thrown, and gamma^t ``waste`` where its fist ends more than ``WASTED`` from the target's
-  axis. I(t) is 1 when the strike lands: its fist is within ``tolerance`` of the surface of the target's body, outside
-  or inside (``lands``). The body is the head and the upright torso under it together, so that the signed distance from
-  it is the lesser of the two (``surface_distance``): a fist that is deep in one of them is not on the surface of the
-  other.
+  axis. I(t) is 1 when the strike lands: fist or foot is within ``tolerance`` of the surface of the target's body,
+  outside or inside (``lands``). The body is the head and the upright torso under it together, so that the signed
+  distance from it is the lesser of the two (``surface_distance``): a fist that is deep in one of them is not on the
+  surface of the other. A kick that comes through the body to its far side does not land (``comes_through``).
 * ``proximity``: gamma^t exp(-d(t) / sigma), summed over the action's frames (``sum``, which does not depend on where
   actions are cut) or its greatest (``max``, the paper's). d(t) is how far the target is from where it is wanted: at a
   distance, or between two distances, from the avatar.
@@ -31,6 +31,7 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from crowdsim.config.files import Fault
+from crowdsim.core.bodies import BEYOND
 from crowdsim.core.types import Array
 from crowdsim.errors import RecipeError
 
@@ -97,13 +98,14 @@ class StrikeTerm(Term):
         default=0.10,
         gt=0.0,
         le=1.0,
-        description="How far a fist that lands may be from the target's surface, outside or inside [m].",
+        description="How far a fist or foot that lands may be from the target's surface, outside or inside [m].",
     )
     speed_weight: float = Field(
         default=0.5,
         ge=0.0,
         le=4.0,
-        description="Power of the fist's speed over the mean of all strikes; 0: all count alike.",
+        description="Power of the strike's speed over the mean of all punches, for a kick times the mass of a leg over "
+        "that of an arm, 3.2; 0: all count alike.",
     )
     effort: float = Field(
         default=0.0, ge=0.0, le=10.0, description="What each strike costs that is thrown, whether or not it lands."
@@ -264,6 +266,19 @@ def posed_distance(
     middle = upper + np.clip(share, 0.0, 1.0)[..., None] * axis
     to_head = np.linalg.norm(places - np.asarray(head, dtype=float), axis=-1) - head_radius
     return np.asarray(np.minimum(to_head, np.linalg.norm(places - middle, axis=-1) - torso_radius))
+
+
+def comes_through(point: ArrayLike, origin: ArrayLike, head: ArrayLike) -> bool:
+    """Return whether a kick comes through a body (``core.bodies.comes_through``), which is no way to land on it.
+
+    Args:
+        point: Where the foot is [m]. Shape (3,).
+        origin: Where the kick comes from over the ground, or of a punch the fist's own position [m]. Shape (2,).
+        head: Centre of the head over the torso's axis [m]. Shape (3,).
+    """
+    (x, _, z), (from_x, from_z), (axis_x, _, axis_z) = np.asarray(point), np.asarray(origin), np.asarray(head)
+    far = (float(x) - from_x) ** 2 + (float(z) - from_z) ** 2
+    return bool(far > BEYOND * ((axis_x - from_x) ** 2 + (axis_z - from_z) ** 2))
 
 
 def lands(distance: float, tolerance: float) -> bool:

@@ -2,113 +2,156 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from itertools import chain, islice
 from typing import Any
 
-from crowdsim.config.files import Finding
-from crowdsim.config.schema import join
+from crowdsim.config.files import MOST_FINDINGS, Finding
+from crowdsim.config.findings import show
+from crowdsim.config.schema import some
 from crowdsim.errors import nearest
 from crowdsim.scenario.description import Description
 from crowdsim.scenario.groups import MAXIMUM_AVATARS, FixedOpponents, Opponents
 
 MAXIMUM_BVH_FILES = 10_000
 MAXIMUM_POINTS = 500_000_000
+_MOST_OF_CIRCLE = 10
 
 
 def name_findings(data: Any) -> list[Finding]:
-    """Return names in a scenario's plain data that refer to nothing; what has the wrong shape is passed over."""
+    """Return names in a scenario's plain data that refer to nothing; what has the wrong shape is passed over.
+
+    Of very many, there are no more than ``MOST_FINDINGS`` and one.
+    """
     data = _mapping(data)
     types = _mapping(data.get("types"))
     groups = [_mapping(group) for group in _list(data.get("groups"))]
-    teams = [str(group.get("team", "one")) for group in groups]
     names = [str(group.get("name") or f"group{i + 1}") for i, group in enumerate(groups)]
-    targets = _mapping(data.get("targets"))
-    findings: list[Finding] = []
+    found = chain(
+        _type_findings(types), _group_findings(groups, names, types), _reference_findings(data, groups, names)
+    )
+    return list(islice(found, MOST_FINDINGS + 1))
 
-    def refer(path: tuple[str | int, ...], word: str, known: list[str]) -> None:
-        name = _mapping_at(data, path)
-        if isinstance(name, str) and name not in known:
-            choice = f": {join(known)}{nearest(name, known)}" if known else ", and there are none"
-            findings.append(Finding(path, f"is {name!r}, expected a {word}{choice}"))
 
-    for name, kind in types.items():
-        base = _mapping(kind).get("extends")
-        refer(("types", name, "extends"), "type of this scenario", list(types))
-        chain = [name]
-        while isinstance(base, str) and base in types and base not in chain:
-            chain.append(base)
-            base = _mapping(types[base]).get("extends")
-        if base == name:
-            findings.append(
-                Finding(("types", name, "extends"), f"goes round in a circle: {' -> '.join([*chain, name])}")
-            )
+def _refer(path: tuple[str | int, ...], name: Any, word: str, known: Collection[str]) -> Iterator[Finding]:
+    """Yield a finding where a name is none of those known."""
+    if isinstance(name, str) and name not in known:
+        choice = f": {some(known)}{nearest(name, known)}" if known else ", and there are none"
+        yield Finding(path, f"{show(name)}, expected a {word}{choice}")
+
+
+def _type_findings(types: dict[str, Any]) -> Iterator[Finding]:
+    bases = {name: _mapping(kind).get("extends") for name, kind in types.items()}
+    for name, base in bases.items():
+        yield from _refer(("types", name, "extends"), base, "type of this scenario", types)
+    seen: set[str] = set()
+    for start in bases:
+        # Each type has one base: following them, what has not been seen before ends, or comes back to this walk.
+        walk: dict[str, None] = {}
+        at: Any = start
+        while isinstance(at, str) and at in bases and at not in seen:
+            seen.add(at)
+            walk[at] = None
+            at = bases[at]
+        if isinstance(at, str) and at in walk:
+            circle = list(walk)[list(walk).index(at) :]
+            for i, one in enumerate(circle):
+                way = [*circle[i:], *circle[:i]]
+                words = " -> ".join([*(way[:_MOST_OF_CIRCLE]), *(["..."] if len(way) > _MOST_OF_CIRCLE else []), one])
+                yield Finding(("types", one, "extends"), f"goes round in a circle: {words}")
+
+
+def _group_findings(groups: list[dict[str, Any]], names: list[str], types: dict[str, Any]) -> Iterator[Finding]:
+    before: dict[str, int] = {}
     for i, group in enumerate(groups):
-        refer(("groups", i, "type"), "type", list(types))
+        yield from _refer(("groups", i, "type"), group.get("type"), "type", types)
         for name in _mapping(group.get("mix")):
             if name not in types:
-                choice = f"expected {join(list(types))}{nearest(name, types)}" if types else "and there are none"
-                what = f"no such type, {choice}"
-                findings.append(Finding(("groups", i, "mix", name), what))
-        before = [other.casefold() for other in names[:i]]
-        if names[i].casefold() in before:
-            what = f"is {names[i]!r} like groups[{before.index(names[i].casefold())}], expected a name of its own"
-            findings.append(Finding(("groups", i, "name"), what))
+                choice = f"expected {some(types)}{nearest(name, types)}" if types else "and there are none"
+                yield Finding(("groups", i, "mix", name), f"no such type, {choice}")
+        other = before.setdefault(names[i].casefold(), i)
+        if other != i:
+            yield Finding(("groups", i, "name"), f"{show(names[i])} like groups[{other}], expected a name of its own")
+
+
+def _reference_findings(data: dict[str, Any], groups: list[dict[str, Any]], names: list[str]) -> Iterator[Finding]:
+    """Yield a finding for each group, team and target that is named by opponents and events but is none."""
+    targets = _mapping(data.get("targets"))
+    teams = dict.fromkeys(str(group.get("team", "one")) for group in groups)
+    known: dict[str, int] = {}
+    for i, name in enumerate(names):
+        known.setdefault(name, i)
     for path in _opponents_paths(data):
-        refer((*path, "group"), "group", names)
-        refer((*path, "target"), "target of this scenario", list(targets))
+        opponents = _mapping(_at(data, path))
+        yield from _refer((*path, "group"), opponents.get("group"), "group", known)
+        yield from _refer((*path, "target"), opponents.get("target"), "target of this scenario", targets)
+    added = set()
     for i, item in enumerate(_list(data.get("events"))):
         event = _mapping(item)
-        refer(("events", i, "group"), "group", names)
-        refer(("events", i, "when", "group"), "group", names)
-        refer(("events", i, "when", "to"), "group", names)
-        refer(("events", i, "when", "team"), "team", list(dict.fromkeys(teams)))
-        named = event.get("group")
-        if event.get("kind") == "add" and named in names and groups[names.index(named)].get("waits", False) is False:
-            what = f"is {named!r}, which is there from the start, expected a group with 'waits: true'"
-            findings.append(Finding(("events", i, "group"), what))
-    added = [
-        _mapping(event).get("group") for event in _list(data.get("events")) if _mapping(event).get("kind") == "add"
-    ]
+        when, named = _mapping(event.get("when")), event.get("group")
+        yield from _refer(("events", i, "group"), named, "group", known)
+        yield from _refer(("events", i, "when", "group"), when.get("group"), "group", known)
+        yield from _refer(("events", i, "when", "to"), when.get("to"), "group", known)
+        yield from _refer(("events", i, "when", "team"), when.get("team"), "team", teams)
+        if event.get("kind") == "add" and isinstance(named, str) and named in known:
+            added.add(named)
+            if groups[known[named]].get("waits", False) is False:
+                what = f"{show(named)}, which is there from the start, expected a group with 'waits: true'"
+                yield Finding(("events", i, "group"), what)
     for i, group in enumerate(groups):
         if group.get("waits") is True and names[i] not in added:
-            findings.append(Finding(("groups", i, "waits"), "no event adds the group, expected one of kind 'add'"))
-    return findings
+            yield Finding(("groups", i, "waits"), "no event adds the group, expected one of kind 'add'")
 
 
 def sense_findings(scenario: Description) -> list[Finding]:
-    """Return what a valid scenario requests in vain: no opponents, too many avatars or files."""
-    findings: list[Finding] = []
+    """Return what a valid scenario requests in vain: no opponents, too many avatars or files.
+
+    Of very many, there are no more than ``MOST_FINDINGS`` and one.
+    """
+    found = chain(_crowd_findings(scenario), _search_findings(scenario), _output_findings(scenario))
+    return list(islice(dict.fromkeys(found), MOST_FINDINGS + 1))
+
+
+def _crowd_findings(scenario: Description) -> Iterator[Finding]:
+    """Yield what is wrong with the number of avatars and with whom they are to fight."""
     total = scenario.avatar_count
     if total > MAXIMUM_AVATARS:
-        findings.append(Finding(("groups",), f"there are {total:,} avatars, expected at most {MAXIMUM_AVATARS:,}"))
-    names = [group.name or f"group{i + 1}" for i, group in enumerate(scenario.groups)]
+        yield Finding(("groups",), f"there are {total:,} avatars, expected at most {MAXIMUM_AVATARS:,}")
+    crowd = _Crowd(scenario, total)
     for i, group in enumerate(scenario.groups):
         path = ("groups", i, "opponents") if group.opponents else ("opponents",)
-        findings += _opponents_findings(scenario, i, group.opponents or scenario.opponents, names, path)
+        yield from _opponents_findings(crowd, i, group.opponents or scenario.opponents, path)
+    everyone = range(len(scenario.groups))
+    seen: set[tuple[Opponents, str | None]] = set()
     for j, event in enumerate(scenario.events):
-        if event.kind == "retarget":
-            for i in range(len(scenario.groups)) if event.group is None else _indices(names, event.group):
-                findings += _opponents_findings(scenario, i, event.opponents, names, ("events", j, "opponents"))
-    findings += _search_findings(scenario)
-    outputs = scenario.outputs
+        if event.kind == "retarget" and (event.opponents, event.group) not in seen:
+            # Many events may do the same; the first one's finding will do.
+            seen.add((event.opponents, event.group))
+            of = everyone if event.group is None else crowd.indices.get(event.group, ())
+            for i in of if isinstance(event.opponents, FixedOpponents) else of[:1]:
+                yield from _opponents_findings(crowd, i, event.opponents, ("events", j, "opponents"))
+
+
+def _output_findings(scenario: Description) -> Iterator[Finding]:
+    """Yield what outputs are to hold but cannot."""
+    total, outputs = scenario.avatar_count, scenario.outputs
     if outputs.bvh is not None and outputs.bvh.avatars is None and total > MAXIMUM_BVH_FILES:
         what = f"asks for {total:,} files, expected at most {MAXIMUM_BVH_FILES:,}; choose some by 'avatars'"
-        findings.append(Finding(("outputs", "bvh"), what))
+        yield Finding(("outputs", "bvh"), what)
     for key, output in (("bvh", outputs.bvh), ("ply", outputs.ply), ("pcd", outputs.pcd)):
         for i, avatar in enumerate((output.avatars if output else None) or ()):
             if avatar >= total:
-                what = f"is {avatar}, expected an avatar from 0 to {total - 1}"
-                findings.append(Finding(("outputs", key, "avatars", i), what))
+                what = f"{show(avatar)}, expected an avatar from 0 to {total - 1}"
+                yield Finding(("outputs", key, "avatars", i), what)
     for key, cloud in (("ply", outputs.ply), ("pcd", outputs.pcd)):
         points = 0 if cloud is None else cloud.points * (total if cloud.avatars is None else len(cloud.avatars))
         if points > MAXIMUM_POINTS:
             what = f"asks for {points:,} points a frame, expected at most {MAXIMUM_POINTS:,}"
-            findings.append(Finding(("outputs", key, "points"), what))
+            yield Finding(("outputs", key, "points"), what)
     camera = outputs.render.camera if outputs.render else "auto"
     if not isinstance(camera, str) and camera.kind == "follow" and camera.avatar >= total:
-        what = f"is {camera.avatar}, expected an avatar from 0 to {total - 1}"
-        findings.append(Finding(("outputs", "render", "camera", "avatar"), what))
-    return list(dict.fromkeys(findings))
+        what = f"{show(camera.avatar)}, expected an avatar from 0 to {total - 1}"
+        yield Finding(("outputs", "render", "camera", "avatar"), what)
 
 
 def _search_findings(scenario: Description) -> Iterator[Finding]:
@@ -124,34 +167,40 @@ def _search_findings(scenario: Description) -> Iterator[Finding]:
             yield Finding((*path, "search"), what)
 
 
+class _Crowd:
+    """What checks of opponents look up in a scenario."""
+
+    def __init__(self, scenario: Description, total: int) -> None:
+        self.groups, self.total, self.team_count = scenario.groups, total, len(scenario.teams)
+        self.indices: dict[str, list[int]] = {}
+        for i, group in enumerate(scenario.groups):
+            self.indices.setdefault(group.name or f"group{i + 1}", []).append(i)
+
+
 def _opponents_findings(
-    scenario: Description, group: int, opponents: Opponents, names: list[str], path: tuple[str | int, ...]
+    crowd: _Crowd, group: int, opponents: Opponents, path: tuple[str | int, ...]
 ) -> Iterator[Finding]:
-    own = scenario.groups[group]
-    if opponents.kind == "other_team" and len(scenario.teams) == 1:
+    own = crowd.groups[group]
+    if opponents.kind == "other_team" and crowd.team_count == 1:
         what = f"is 'other_team', but all avatars are of team {own.team!r}, expected a second team or kind 'anyone'"
         yield Finding((*path, "kind"), what)
-    if opponents.kind == "anyone" and scenario.avatar_count == 1:
+    if opponents.kind == "anyone" and crowd.total == 1:
         what = "there is one avatar without an opponent, expected a second avatar or a scripted target"
         yield Finding(path, what)
     if isinstance(opponents, FixedOpponents):
-        for other in _indices(names, opponents.group):
-            count = scenario.groups[other].count
+        for other in crowd.indices.get(opponents.group, ()):
+            count = crowd.groups[other].count
             if other == group:
                 what = f"is {opponents.group!r}, whose own avatars would fight themselves, expected another group"
                 yield Finding((*path, "group"), what)
             elif opponents.member is not None and opponents.member >= count:
-                what = f"is {opponents.member}, expected an avatar of {opponents.group!r} from 0 to {count - 1}"
+                what = f"{show(opponents.member)}, expected an avatar of {opponents.group!r} from 0 to {count - 1}"
                 yield Finding((*path, "member"), what)
             elif opponents.member is None and count < own.count:
                 what = (
                     f"{opponents.group!r} has {count} avatars for {own.count} to fight, expected as many, or 'member'"
                 )
                 yield Finding((*path, "group"), what)
-
-
-def _indices(names: list[str], name: str) -> list[int]:
-    return [i for i, other in enumerate(names) if other == name]
 
 
 def _opponents_paths(data: dict[str, Any]) -> Iterator[tuple[str | int, ...]]:
@@ -170,10 +219,9 @@ def _list(value: Any) -> list[Any]:
     return list(value) if isinstance(value, list | tuple) else []
 
 
-def _mapping_at(data: Any, path: tuple[str | int, ...]) -> Any:
-    for part in path:
-        if isinstance(part, int):
-            data = _list(data)[part] if part < len(_list(data)) else None
-        else:
-            data = _mapping(data).get(part)
-    return data
+def _at(data: dict[str, Any], path: tuple[str | int, ...]) -> Any:
+    """Return what opponents are written at ``(key, "opponents")`` or ``(key, index, "opponents")``."""
+    found: Any = data.get(str(path[0]))
+    for part in path[1:]:
+        found = found[part] if isinstance(part, int) else _mapping(found).get(part)
+    return found

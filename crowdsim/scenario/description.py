@@ -15,9 +15,11 @@ from crowdsim.errors import ScenarioError
 from crowdsim.scenario.events import Event
 from crowdsim.scenario.groups import AnyoneOpponents, Group, Opponents, PointsPlacement, Target
 from crowdsim.scenario.outputs import Outputs
-from crowdsim.scenario.parts import Arena, AvatarType, Name, NoArena
+from crowdsim.scenario.parts import MAXIMUM_FRAMES, MAXIMUM_SECONDS, Arena, AvatarType, Name, NoArena
 
 MAXIMUM_SEED = 2**63 - 1
+_MOST = 10_000
+"""How many types, groups and events there may be."""
 
 _LENGTH = re.compile(r"\s*(\d+(?:\.\d+)?)\s*s\s*")
 
@@ -25,7 +27,7 @@ _LENGTH = re.compile(r"\s*(\d+(?:\.\d+)?)\s*s\s*")
 class Seconds(StrictModel):
     """A length of time."""
 
-    seconds: float = Field(gt=0, le=1_000_000, description="Length of time [s].")
+    seconds: float = Field(gt=0, le=MAXIMUM_SECONDS, description="Length of time [s].")
 
 
 def _read_length(value: Any) -> Any:
@@ -51,7 +53,7 @@ class Description(StrictModel):
     description: str = Field(default="", description="What the scenario shows, in words.")
     seed: int = Field(default=0, ge=0, le=MAXIMUM_SEED, description="Seed of everything random.")
     duration: Annotated[
-        Annotated[int, Field(ge=1, le=100_000_000)] | Seconds,
+        Annotated[int, Field(ge=1, le=MAXIMUM_FRAMES)] | Seconds,
         BeforeValidator(_read_length),
     ] = Field(
         description="Length in control frames, or in seconds: text such as `20s`, or a mapping with `seconds`.",
@@ -61,9 +63,9 @@ class Description(StrictModel):
         default=60.0, ge=1, le=1000, description="Frames per second of outputs that name no rate of their own."
     )
     arena: Arena = Field(default_factory=lambda: NoArena(kind="none"), description="Where avatars turn back.")
-    types: dict[Name, AvatarType] = Field(min_length=1, description="Types of avatars by name.")
+    types: dict[Name, AvatarType] = Field(min_length=1, max_length=_MOST, description="Types of avatars by name.")
     groups: tuple[Group, ...] = Field(
-        min_length=1, description="Groups of avatars; avatars are numbered in this order."
+        min_length=1, max_length=_MOST, description="Groups of avatars; avatars are numbered in this order."
     )
     opponents: Opponents = Field(
         default_factory=lambda: AnyoneOpponents(kind="anyone"),
@@ -75,7 +77,9 @@ class Description(StrictModel):
     )
     reactions: bool = Field(default=True, description="Whether avatars react to strikes that land on them.")
     targets: dict[Name, Target] = Field(default_factory=dict, description="Scripted targets by name.")
-    events: tuple[Event, ...] = Field(default=(), description="Changes during the run; each happens once.")
+    events: tuple[Event, ...] = Field(
+        default=(), max_length=_MOST, description="Changes during the run; each happens once."
+    )
     outputs: Outputs = Field(default_factory=Outputs, description="What a run writes beside its take.")
 
     _folder: Path = PrivateAttr(default=Path())

@@ -8,28 +8,28 @@ from pydantic import Field, model_validator
 
 from crowdsim.config.files import Fault, StrictModel
 from crowdsim.scenario.groups import Opponents
-from crowdsim.scenario.parts import Name, Weights
+from crowdsim.scenario.parts import MAXIMUM_FRAMES, MAXIMUM_SECONDS, Name, Weights
 
 
 class FrameCondition(StrictModel):
     """At a control frame."""
 
     kind: Literal["frame"] = Field(description="At a control frame.")
-    frame: int = Field(ge=0, description="Control frame, from 0.")
+    frame: int = Field(ge=0, le=MAXIMUM_FRAMES, description="Control frame, from 0.")
 
 
 class SecondsCondition(StrictModel):
     """At a time."""
 
     kind: Literal["seconds"] = Field(description="At a time.")
-    seconds: float = Field(ge=0, description="Time from the start of the run [s].")
+    seconds: float = Field(ge=0, le=MAXIMUM_SECONDS, description="Time from the start of the run [s].")
 
 
 class StrikesCondition(StrictModel):
     """When a number of strikes have landed."""
 
     kind: Literal["strikes"] = Field(description="As soon as this number of strikes have landed.")
-    count: int = Field(ge=1, description="Number of strikes landed.")
+    count: int = Field(ge=1, le=1_000_000_000, description="Number of strikes landed.")
     team: Name | None = Field(
         default=None, description="Team that must have landed them; without it all teams together."
     )
@@ -41,7 +41,7 @@ class DistanceCondition(StrictModel):
     kind: Literal["distance"] = Field(description="As soon as avatars of two groups are this near to each other.")
     group: Name = Field(description="One group.")
     to: Name = Field(description="The other group.")
-    below: float = Field(gt=0, description="Distance [m].")
+    below: float = Field(gt=0, le=100_000, description="Distance [m].")
 
 
 Condition = Annotated[

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path, PurePosixPath
 from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, ValidationInfo, model_validator
 
 from crowdsim.config.files import Fault, StrictModel
+from crowdsim.config.findings import show
 from crowdsim.scenario.parts import Name, Point, Weights
 
 MAXIMUM_AVATARS = 10_000_000
@@ -95,26 +97,31 @@ class PointsPlacement(StrictModel):
     @model_validator(mode="after")
     def _check(self, info: ValidationInfo) -> PointsPlacement:
         if (self.file is None) == (self.points is None):
-            raise Fault("needs either 'file' or 'points', expected exactly one of them")
+            raise Fault("has {} 'file' {} 'points', expected one of them".format(*_both_or_none(self.file)))
         if self.file is None:
             return self
         inner = PurePosixPath(self.file.replace("\\", "/"))
         if inner.is_absolute() or ".." in inner.parts or ":" in self.file:
-            raise Fault(f"is {self.file!r}, expected a path inside the scenario's folder", "file")
+            raise Fault(f"{show(self.file)}, expected a path inside the scenario's folder", "file")
         if inner.suffix.lower() not in (".csv", ".npy"):
-            raise Fault(f"is {self.file!r}, expected a file that ends in .csv or .npy", "file")
+            raise Fault(f"{show(self.file)}, expected a file that ends in .csv or .npy", "file")
         folder: Path | None = (info.context or {}).get("folder")
         if folder is not None:
             path = folder / inner
-            if not path.is_file():
+            # Whatever the name is: Path.is_file fails on very long ones.
+            if not os.path.isfile(path):
                 near = sorted(other.name for other in folder.glob("*") if other.suffix.lower() in (".csv", ".npy"))
                 choice = f"one of {', '.join(near[:10])}" if near else "a CSV or NPY file; the folder has none"
-                raise Fault(f"there is no file {self.file!r} in {folder}, expected {choice}", "file")
+                raise Fault(f"{show(self.file)}, and {folder} holds no such file, expected {choice}", "file")
             if not path.resolve().is_relative_to(folder.resolve()):
                 raise Fault(
-                    f"is {self.file!r}, a link that leaves the scenario's folder, expected a file in it", "file"
+                    f"{show(self.file)}, a link that leaves the scenario's folder, expected a file in it", "file"
                 )
-            if self.sha256 is not None and checksum(path) != self.sha256:
+            try:
+                has_changed = self.sha256 is not None and checksum(path) != self.sha256
+            except OSError as error:
+                raise Fault(f"{show(self.file)}, which cannot be read: {error.strerror}", "file") from None
+            if has_changed:
                 raise Fault("the file has changed, expected the checksum of the resolved scenario", "sha256")
         return self
 
@@ -142,9 +149,11 @@ Search = Annotated[
 class OtherTeamOpponents(StrictModel):
     """The nearest avatar of another team."""
 
-    kind: Literal["other_team"] = Field(description="The nearest avatar of another team.")
+    kind: Literal["other_team"] = Field(
+        description="The nearest avatar of another team, rather one that fights back: see `anyone`."
+    )
     hysteresis: Hysteresis = Field(
-        default=0.3, description="How much nearer [m] another one must be before an avatar changes its opponent."
+        default=0.3, description="How much nearer [m] another one must seem before an avatar changes its opponent."
     )
     search: Search = "auto"
 
@@ -152,9 +161,12 @@ class OtherTeamOpponents(StrictModel):
 class AnyoneOpponents(StrictModel):
     """The nearest avatar, whatever its team."""
 
-    kind: Literal["anyone"] = Field(description="The nearest avatar, whatever its team.")
+    kind: Literal["anyone"] = Field(
+        description="The nearest avatar, whatever its team. Of several near ones rather one that is ahead, looks at "
+        "the avatar, fights it or has just hit it.",
+    )
     hysteresis: Hysteresis = Field(
-        default=0.3, description="How much nearer [m] another one must be before an avatar changes its opponent."
+        default=0.3, description="How much nearer [m] another one must seem before an avatar changes its opponent."
     )
     search: Search = "auto"
 
@@ -236,10 +248,15 @@ class Group(StrictModel):
     @model_validator(mode="after")
     def _check(self) -> Group:
         if (self.type is None) == (self.mix is None):
-            raise Fault("needs either 'type' or 'mix', expected exactly one of them")
+            raise Fault("has {} 'type' {} 'mix', expected one of them".format(*_both_or_none(self.type)))
         if self.mix is not None and not sum(self.mix.values()) > 0:
             raise Fault("all weights are 0, expected one above 0", "mix")
         return self
+
+
+def _both_or_none(one: object) -> tuple[str, str]:
+    """Return the words for two keys that are both given, or both left out."""
+    return ("neither", "nor") if one is None else ("both", "and")
 
 
 def checksum(path: Path) -> str:

@@ -10,11 +10,12 @@ from pydantic import BeforeValidator, Field, model_validator
 from crowdsim.config.files import Fault, StrictModel
 from crowdsim.config.schema import Expected
 from crowdsim.scenario.frame_ranges import first_frame_at
-from crowdsim.scenario.parts import Metres
+from crowdsim.scenario.parts import MAXIMUM_SECONDS, Metres
 
 Fps = Annotated[float, Field(ge=1, le=1000)]
 Avatars = tuple[Annotated[int, Field(ge=0)], ...]
-Frames = tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=1)]]
+_MOST_FRAMES = 10**12
+Frames = tuple[Annotated[int, Field(ge=0, le=_MOST_FRAMES)], Annotated[int, Field(ge=1, le=_MOST_FRAMES)]]
 _FPS = "Frames per second; without it the scenario's `fps`."
 _AVATARS = "Numbers of the avatars to write, from 0; without it all."
 _FRAMES = (
@@ -28,7 +29,8 @@ class SecondsRange(StrictModel):
     """A stretch of time."""
 
     seconds: Annotated[
-        tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(gt=0)]], Expected("a list of two numbers [s]")
+        tuple[Annotated[float, Field(ge=0, le=MAXIMUM_SECONDS)], Annotated[float, Field(gt=0, le=MAXIMUM_SECONDS)]],
+        Expected("a list of two numbers [s]"),
     ] = Field(description="Begin and end [s].")
 
 
@@ -106,7 +108,7 @@ class FollowCamera(StrictModel):
 class CameraKey(StrictModel):
     """Where the camera is at a time."""
 
-    seconds: float = Field(ge=0, description="Time from the start of the run [s].")
+    seconds: float = Field(ge=0, le=MAXIMUM_SECONDS, description="Time from the start of the run [s].")
     position: tuple[Metres, Metres, Metres] = Field(description="Position of the camera, x, y and z [m].")
     look_at: tuple[Metres, Metres, Metres] = Field(description="Point in the middle of the picture, x, y and z [m].")
 

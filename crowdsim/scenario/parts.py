@@ -15,6 +15,10 @@ from crowdsim.training.pursuit import MARGIN, MOST, TEMPERATURE
 
 _COLOUR = r"#[0-9a-fA-F]{6}"
 
+MAXIMUM_FRAMES = 100_000_000
+MAXIMUM_SECONDS = 1_000_000
+"""How long a run can be, in control frames or in seconds."""
+
 SCALES = (0.5, 2.0)
 SPEEDS = (0.25, 4.0)
 
@@ -159,6 +163,13 @@ class AvatarType(StrictModel):
         le=1000,
         description="Strikes per minute that an avatar can sustain: it strikes in bursts and rests between them; "
         "null: it never tires.",
+    )
+    variety: float = Field(
+        default=1.0,
+        ge=0,
+        le=100,
+        description="How much an avatar avoids motion that it or others around have shown lately, and strikes that its "
+        "opponent throws at the same time; 0 not at all. More costs hits, above all with little captured motion.",
     )
     scale: Annotated[float, Field(ge=SCALES[0], le=SCALES[1])] | Spread = Field(
         default=1.0,

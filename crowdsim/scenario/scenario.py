@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any, cast
 
 from pydantic import ValidationError, ValidationInfo, model_validator
 
 from crowdsim import assets
-from crowdsim.config.files import Faults, Finding, dump_yaml, find_faults, load_model
+from crowdsim.config.files import Faults, Finding, dump_yaml, load_model
 from crowdsim.config.schema import quoted
 from crowdsim.core.types import FileName
 from crowdsim.errors import ScenarioError, nearest
@@ -21,7 +21,7 @@ from crowdsim.scenario.groups import (
     PointsPlacement,
     checksum,
 )
-from crowdsim.scenario.parts import AvatarType
+from crowdsim.scenario.parts import MAXIMUM_FRAMES, MAXIMUM_SECONDS, AvatarType
 
 VERSION = 1
 
@@ -52,6 +52,7 @@ def load_scenario(
     frames: int | tuple[float, bool] | None = None,
     fraction: float | None = None,
     search: str | None = None,
+    policies: Collection[str] | None = None,
 ) -> Scenario:
     """Return the scenario of a file, resolved: types merged with those they extend, and every default written out.
 
@@ -62,12 +63,13 @@ def load_scenario(
         frames: Another duration [control frames]; or a length, and whether it is in seconds.
         fraction: Share of each group's avatars to keep, above 0 and up to 1; at least one avatar of each stays.
         search: Another index for nearest opponents.
+        policies: Names of the policies that there are; those that can be found by name when None.
 
     Raises:
         ScenarioError: With every finding in a line of its own, and as the tuple ``findings``.
     """
     file = assets.find_scenario(path)
-    scenario = load_model(file, Scenario, ScenarioError, overrides, _context(file))
+    scenario = load_model(file, Scenario, ScenarioError, overrides, _context(file, policies))
     changes: dict[str, Any] = {}
     if seed is not None:
         if not 0 <= seed <= MAXIMUM_SEED:
@@ -75,9 +77,9 @@ def load_scenario(
         changes["seed"] = seed
     if frames is not None:
         length, in_seconds = frames if isinstance(frames, tuple) else (frames, False)
-        if in_seconds and not 0 < length <= 1_000_000:
+        if in_seconds and not 0 < length <= MAXIMUM_SECONDS:
             raise ScenarioError(f"the length is {length:g} s, expected seconds above 0 and up to 1000000")
-        if not in_seconds and not 1 <= length <= 100_000_000:
+        if not in_seconds and not 1 <= length <= MAXIMUM_FRAMES:
             raise ScenarioError(f"the number of control frames is {length:.0f}, expected one from 1 to 100000000")
         changes["duration"] = {"seconds": length} if in_seconds else int(length)
     if fraction is not None:
@@ -103,24 +105,26 @@ def load_scenario(
     return resolved
 
 
-def find_scenario_faults(path: FileName, overrides: Sequence[str] = ()) -> list[Finding]:
-    """Return everything that is wrong with a scenario file, in the order of its lines."""
-    return find_faults(path, Scenario, overrides, _context(Path(path)))
-
-
 def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:
     """Return the scenario with types merged with those they extend, groups named, and every default written out.
 
     Args:
         scenario: A valid scenario.
         folder: Folder that files named in the scenario lie in.
+
+    Raises:
+        ScenarioError: A file of points cannot be read.
     """
     folder = Path(folder)
     groups = []
     for i, group in enumerate(scenario.groups):
         placement = group.placement
         if isinstance(placement, PointsPlacement) and placement.file is not None:
-            placement = placement.model_copy(update={"sha256": checksum(folder / placement.file)})
+            try:
+                found = checksum(folder / placement.file)
+            except OSError as error:
+                raise ScenarioError(f"{folder / placement.file}: cannot be read: {error.strerror}") from None
+            placement = placement.model_copy(update={"sha256": found})
         groups.append(
             group.model_copy(
                 update={
@@ -141,7 +145,7 @@ def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:
         outputs["render"] = render.model_copy(update={"frames": render.frames_at(render.fps)})
     resolved = scenario.model_copy(
         update={
-            "types": {name: _merged_type(scenario, name) for name in scenario.types},
+            "types": _merged_types(scenario),
             "groups": tuple(groups),
             "outputs": scenario.outputs.model_copy(update=outputs),
         }
@@ -157,7 +161,7 @@ def with_search(scenario: Scenario, search: str) -> Scenario:
 
     def searched(thing: Any) -> Any:
         found = getattr(thing, "opponents", None)
-        if found is None:
+        if found is None or found.search == search:
             return thing
         return thing.model_copy(update={"opponents": found.model_copy(update={"search": search})})
 
@@ -177,17 +181,26 @@ def scenario_schema() -> str:
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 
-def _context(file: Path) -> dict[str, Any]:
-    return {"folder": file.parent, "policies": assets.policy_names()}
+def _context(file: Path, policies: Collection[str] | None = None) -> dict[str, Any]:
+    return {"folder": file.parent, "policies": assets.policy_names() if policies is None else policies}
 
 
-def _merged_type(scenario: Scenario, name: str) -> AvatarType:
-    """Return a type with its own settings over those of the types that it extends, mappings key by key."""
-    own = scenario.types[name]
-    said = own.model_dump(exclude_unset=True)
-    if own.extends is not None:
-        base = _merged_type(scenario, own.extends).model_dump()
-        for key in ("behaviours", "candidates"):
-            said[key] = {**base[key], **said.get(key, {})}
-        said = {**base, **said}
-    return AvatarType.model_validate({**said, "extends": None})
+def _merged_types(scenario: Scenario) -> dict[str, AvatarType]:
+    """Return all types with their own settings over those of the types that they extend, mappings key by key."""
+    merged: dict[str, AvatarType] = {}
+    for start in scenario.types:
+        chain: list[str] = []
+        name: str | None = start
+        while name is not None and name not in merged:
+            chain.append(name)
+            name = scenario.types[name].extends
+        for one in reversed(chain):
+            own = scenario.types[one]
+            said = own.model_dump(exclude_unset=True)
+            if own.extends is not None:
+                base = merged[own.extends].model_dump()
+                for key in ("behaviours", "candidates"):
+                    said[key] = {**base[key], **said.get(key, {})}
+                said = {**base, **said}
+            merged[one] = AvatarType.model_validate({**said, "extends": None})
+    return {name: merged[name] for name in scenario.types}

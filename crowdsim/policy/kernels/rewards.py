@@ -6,7 +6,7 @@
 import math
 from typing import NamedTuple
 
-from crowdsim.core.bodies import BodySizes, lands_on_upright_body
+from crowdsim.core.bodies import BodySizes, comes_through, lands_on_upright_body
 from crowdsim.jit import kernel
 
 # Columns of the terms; those behind the weight depend on the term.
@@ -40,8 +40,13 @@ class Target(NamedTuple):
 
 
 @kernel(allocates=False)
-def strike_lands(fist, head, terms, row):
-    """Return whether a fist lands on a target with its head at a point (``rewards.lands``)."""
+def strike_lands(fist, origin, head, terms, row):
+    """Return whether a strike lands on a target with its head at a point (``rewards.lands``).
+
+    ``origin`` is where a kick comes from over the ground; of a punch, the fist's own position.
+    """
+    if comes_through(fist[0], fist[2], origin[0], origin[1], head[0], head[2]):
+        return False
     sizes = BodySizes(terms[row, HEAD_RADIUS], terms[row, TORSO_RADIUS], terms[row, NECK_DROP], terms[row, PELVIS_DROP])
     return lands_on_upright_body(fist, head, sizes, terms[row, TOLERANCE])
 
@@ -61,10 +66,11 @@ def strike_reward(actions, action, target, terms, row, log_discount):
         t = actions.strike_times[strike]
         fists = actions.strike_positions
         fist = fists[strike, 0], fists[strike, 1], fists[strike, 2]
+        origin = actions.strike_origins[strike, 0], actions.strike_origins[strike, 1]
         x, z = target.x + t * target.vx, target.z + t * target.vz
         faded = math.exp(t * log_discount)
         spent += faded * spent_on_strike(fist[0], fist[2], x, z, terms, row)
-        if strike_lands(fist, (x, target.y, z), terms, row):
+        if strike_lands(fist, origin, (x, target.y, z), terms, row):
             earned = faded * actions.strike_speeds[strike] ** terms[row, SPEED_WEIGHT]
             best = max(best, earned)
             total += earned
