@@ -31,9 +31,10 @@ class Model(NamedTuple):
             Shape (A, 8 or more), float32.
         paths: Where each action leads in control frames 1 to T: x, z [m], cosine and sine of the turn, and the frame;
             then room to read beyond the last one. Shape (5, .), float32.
-        strikes: For each strike its time [control frames from the state], the fist's position seen from the action's
-            start [m], its speed [m/s], the hand, which of its state's actions it is in, and what it earns where it
-            lands by each strike term of the policy; then room. Shape (K, 8 or more), float32.
+        strikes: For each strike its time [control frames from the state], the position of fist or foot seen from the
+            action's start [m], its speed [m/s], the limb, which of its state's actions it is in, where it comes
+            from (``Actions.strike_origins``), and what it earns where it lands by each strike term of the policy; then
+            room. Shape (K, 8 or more), float32.
         behaviours: As in ``policy.LookupTables``, places moved; then what a transition costs the behaviour, for a cost
             of 1 and for each one. Shape (B, 13), float64.
         discounts: Powers of each behaviour's discount: row 0 from 0 on; row T for frames 1 to T, and zeros behind them.
@@ -55,7 +56,9 @@ class Model(NamedTuple):
         sizes: Radius of head and torso, drop from the head to neck and pelvis, a strike's tolerance; how far the
             surface of head and torso is from the body's position at most, and how far it moves in a control frame at
             most; the distance beyond which all grids end [m]; how much later moving targets are seen, as in
-            ``policy.LookupTables.leads`` [control frames]. Shape (P, 10), float64.
+            ``policy.LookupTables.leads`` [control frames]; the speed from which on a strike is strong [m/s];
+            the share of ``Crowding``'s gap that bodies keep. Shape (P, 12), float64.
+        twins: For each state the one of the captured motion that it is, or is the mirror image of. Shape (S,), int32.
     """
 
     offsets: Array
@@ -74,6 +77,7 @@ class Model(NamedTuple):
     bodies: Array
     policies: Array
     sizes: Array
+    twins: Array
 
 
 class Avatars(NamedTuple):
@@ -86,23 +90,32 @@ class Avatars(NamedTuple):
     be of (-1 nearest of anyone, -2 ``fixed`` says); fixed (number of the opponent, -2 - k for target k, -1 for none);
     opponent, likewise; opponent before the last decision; decisions taken; action; action before, negative when there
     was no decision in this frame; pending, the last whole frame of the action before its next strike, or -1 where the
-    action before may still have one; burst, strikes left of the present burst, 0 for an avatar that rests.
+    action before may still have one; burst, strikes left of the present burst, 0 for an avatar that rests; the opponent
+    from the next action on, of avatars that have just decided; number of the avatar that hit it last, or -1; motion of
+    its latest action with strikes (``Model.twins``), or -1, and the frame in which that ends.
 
     Rows of ``real``: scale of the body; speed [frames of motion in a control frame]; phase, frames of the action done
     (an action shows its frame ``min(phase, T)``; what goes beyond is motion that the next action starts with); phase
     before, in the action before; base, on which the ground transforms of playback frames are set (x, z, cosine and
     sine times scale, turn); x, z [m] and heading [rad] of its ground frame; x and z where its action ends; the
-    frame in which it has recovered from all strikes that it threw.
+    frame in which it has recovered from all strikes that it threw; the last hit, along x and z away from whoever hit,
+    as long as it was strong (``strikes.note_hits``), and its frame.
 
     Attributes:
-        whole: Shape (13, N), int32.
-        real: Shape (15, N), float64.
+        whole: Shape (17, N), int32.
+        real: Shape (18, N), float64.
         slot_of: Slot of each number. Shape (N,), int32.
+        shown: States in which the latest actions of each number end, a ring by decisions; ``variety.NONE`` for none.
+            Shape (N, 16), uint16.
+        marks: Frames in which motion was last shown in cells of the ground (``variety``). Shape (a power of 2,),
+            uint16.
     """
 
     whole: Array
     real: Array
     slot_of: Array
+    shown: Array
+    marks: Array
 
     @property
     def number(self) -> Array:
@@ -141,10 +154,10 @@ class World(NamedTuple):
     Attributes:
         weights: Weight of each behaviour of the policy. Shape (M, B), float64.
         cohorts: How far below the best value a candidate may lie, how many candidates there are at most, the randomness
-            of the draw, how much nearer another opponent must be [m], and how long it takes to recover from a strike
-            [control frames]; 0 no time. Shape (M, 5), float64.
+            of the draw, how much nearer another opponent must be [m], how long it takes to recover from a strike
+            [control frames], 0 no time, and how much avatars care for variety. Shape (M, 6), float64.
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]. Shape (5,).
-        crowding: The numbers of ``Crowding``. Shape (7,), float64.
+        crowding: The numbers of ``Crowding``. Shape (8,), float64.
         targets: Positions of scripted targets, from the frame before the first that is run on [m]. Shape
             (frames, G, 3), float64.
         stream: What seed and purpose contribute to draws of actions and of bursts. Shape (2,), uint64.
@@ -197,7 +210,7 @@ class Scratch(NamedTuple):
             shares of the next distance and bearing. Shape (5 + 2 * behaviours, actions of a block), float64.
         gaps: How far from where it should be a target is in each control frame of a state's actions [m]. float64.
         rows: A number for each control frame of a state's actions, or for each action. float64.
-        near: Neighbours that may be in the way. Shape (most neighbours, 6), float64.
+        near: Neighbours that may be in the way. Shape (most neighbours, 7), float64.
     """
 
     situations: Array
@@ -222,7 +235,7 @@ class Strikes(NamedTuple):
     """Strikes thrown.
 
     Attributes:
-        whole: Attacker, victim, hand, whether it landed. Shape (S, 4), int32.
+        whole: Attacker, victim, limb, whether it landed. Shape (S, 4), int32.
         real: Frame, position x, y, z [m], speed [m/s]. Shape (S, 5), float64.
     """
 
@@ -265,5 +278,5 @@ def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
         gaps=np.empty(rows),
         # Rows behind the last action are read and weighed by zero, which needs them to be finite.
         rows=np.zeros(max(rows, width)),
-        near=np.empty((max(neighbours, 1), 6)),
+        near=np.empty((max(neighbours, 1), 7)),
     )

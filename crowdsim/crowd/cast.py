@@ -99,6 +99,7 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         temperatures=np.array([kind.temperature for kind in settings]),
         hysteresis=np.array([_hysteresis(scenario.groups[group].opponents) for group, _ in cohorts]),
         intervals=np.array([0.0 if kind.tempo is None else 60.0 * rate / kind.tempo for kind in settings]),
+        varieties=np.array([kind.variety for kind in settings]),
         arena=pack_arena(scenario.arena),
         crowding=Crowding() if scenario.collision_avoidance else Crowding.none(),
         seed=scenario.seed,

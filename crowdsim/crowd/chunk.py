@@ -54,7 +54,7 @@ class Chunk:
 
 
 def events_of(parts: Sequence[Strikes]) -> Events:
-    """Return the strikes of some frames as events, in the order of time, attacker and hand."""
+    """Return the strikes of some frames as events, in the order of time, attacker and limb."""
     whole = np.concatenate([part.whole for part in parts])
     real = np.concatenate([part.real for part in parts])
     order = np.lexsort((whole[:, 2], whole[:, 0], real[:, 0]))
@@ -63,8 +63,9 @@ def events_of(parts: Sequence[Strikes]) -> Events:
         frame=real[:, 0].copy(),
         attacker=whole[:, 0].copy(),
         victim=whole[:, 1].copy(),
-        hand=whole[:, 2].astype(np.uint8),
+        hand=(whole[:, 2] % 2).astype(np.uint8),
         point=real[:, 1:4].astype(np.float32),
         speed=real[:, 4].astype(np.float32),
         landed=whole[:, 3] > 0,
+        limb=whole[:, 2].astype(np.uint8),
     )

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Model
 from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.variety import LATEST, NONE
 from crowdsim.crowd.model import entry_actions
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.errors import RunError
@@ -18,39 +19,45 @@ from crowdsim.errors import RunError
 ANYONE, SCRIPTED = -1, -2
 """Values of ``Crowd.skip`` beside a team: the nearest of any team; the one in ``Crowd.fixed``."""
 
+_MARKS, _LEAST_MARKS = 16, 1 << 14
+"""Marks of shown motion for each avatar, and for a crowd at the least."""
+_LONG_AGO = 1 << 15
+
 
 @dataclass(frozen=True)
 class Crowding:
-    """How avatars keep out of one another, and in the arena.
+    """How avatars see one another, keep out of one another, and in the arena.
 
     Attributes:
         end: What an action costs that ends in the middle of a neighbour, in normalised values; less towards its edge.
         path: What it costs to pass through there.
         radius: Radius of the disc that a body takes up [m], for a scale of 1.
-        gap: How far discs should stay apart [m].
+        gap: How far discs of avatars that fight should stay apart [m], where strikes reach far (``model.space_of``).
         outside: What a metre beyond the arena's border costs.
         turn: How far outside avatars go for the middle instead of their opponent [m].
-        reach: How far neighbours are looked for [m].
+        reach: How far neighbours are seen, as opponents too [m].
         most: How many neighbours count, the nearest ones.
+        back: What a metre is worth of a step back after a strong hit.
     """
 
-    end: float = 12.0
+    end: float = 16.0
     path: float = 2.0
     radius: float = 0.2
-    gap: float = 0.23
+    gap: float = 0.3
     outside: float = 10.0
     turn: float = 0.25
     reach: float = 1.5
     most: int = 12
+    back: float = 1.2
 
     @classmethod
     def none(cls) -> Crowding:
-        """Return rules without collision avoidance; the arena stays."""
-        return cls(end=0.0, path=0.0, reach=0.0, most=1)
+        """Return rules without collision avoidance; neighbours still count as opponents, and the arena stays."""
+        return cls(end=0.0, path=0.0, back=0.0)
 
     def numbers(self) -> Array:
-        """Return what kernels read. Shape (7,)."""
-        return np.array([self.end, self.path, self.radius, self.gap, self.outside, self.turn, self.reach])
+        """Return what kernels read. Shape (8,)."""
+        return np.array([self.end, self.path, self.radius, self.gap, self.outside, self.turn, self.reach, self.back])
 
 
 @dataclass(frozen=True)
@@ -76,6 +83,7 @@ class Crowd:
         temperatures: Randomness of the draw. Shape (M,).
         hysteresis: How much nearer another opponent must be [m]. Shape (M,).
         intervals: How long it takes to recover from a strike [control frames]; 0 no time. Shape (M,).
+        varieties: How much avatars care for variety. Shape (M,).
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]. Shape (5,).
         crowding: How avatars keep out of one another.
         seed: Seed of every draw.
@@ -99,6 +107,7 @@ class Crowd:
     temperatures: Array
     hysteresis: Array
     intervals: Array
+    varieties: Array
     arena: Array = field(default_factory=lambda: np.zeros(5))
     crowding: Crowding = field(default_factory=Crowding)
     seed: int = 0
@@ -118,6 +127,7 @@ class Cohort(NamedTuple):
     temperature: float = 0.05
     hysteresis: float = 0.3
     interval: float = 0.0
+    variety: float = 0.0
 
 
 def build_crowd(
@@ -160,6 +170,7 @@ def build_crowd(
         "temperatures": np.array([cohort.temperature]),
         "hysteresis": np.array([cohort.hysteresis]),
         "intervals": np.array([cohort.interval]),
+        "varieties": np.array([cohort.variety]),
     }
     return Crowd(**{**fields, **other})
 
@@ -181,7 +192,13 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
     slot_of = np.empty(count, np.int32)
     slot_of[numbers] = np.arange(count, dtype=np.int32)
 
-    avatars = Avatars(np.zeros((13, count), np.int32), np.zeros((15, count)), slot_of)
+    avatars = Avatars(
+        whole=np.zeros((layout.WHOLE_ROWS, count), np.int32),
+        real=np.zeros((layout.REAL_ROWS, count)),
+        slot_of=slot_of,
+        shown=np.empty((count, LATEST), np.uint16),
+        marks=np.full(1 << (max(_LEAST_MARKS, _MARKS * count) - 1).bit_length(), _LONG_AGO, np.uint16),
+    )
     whole, real = avatars.whole, avatars.real
     whole[layout.NUMBER] = numbers
     for row, values in (
@@ -239,5 +256,8 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
         real[row, slots] = values
     whole[layout.ACTION, slots] = action
     whole[layout.ACTION_BEFORE, slots] = layout.ENTERED
+    avatars.shown[numbers] = NONE
     whole[layout.PENDING, slots] = layout.NO_STRIKE
-    whole[layout.OPPONENT, slots] = whole[layout.OPPONENT_BEFORE, slots] = -1
+    for row in (layout.OPPONENT, layout.OPPONENT_BEFORE, layout.NEXT_OPPONENT, layout.HIT_BY, layout.THROWN):
+        whole[row, slots] = -1
+    real[layout.HIT_FRAME, slots] = -np.inf

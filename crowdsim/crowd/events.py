@@ -18,10 +18,11 @@ class Events:
         frame: When, in control frames from the start, between frames too. Shape (S,), float32 in a take.
         attacker: Avatar that struck. Shape (S,), int32.
         victim: Its opponent, an avatar or ``-2 - target``; -1 for none. Shape (S,), int32.
-        hand: 0 left, 1 right. Shape (S,), uint8.
-        point: Where the fist was [m]. Shape (S, 3), float32.
+        hand: Side of the limb, 0 left, 1 right. Shape (S,), uint8.
+        point: Where the fist or foot was [m]. Shape (S, 3), float32.
         speed: Its highest speed before [m/s]. Shape (S,), float32.
         landed: Whether it landed. Shape (S,), bool.
+        limb: 0 left hand, 1 right hand, 2 left foot, 3 right foot; hands where it is not given. Shape (S,), uint8.
     """
 
     frame: Array
@@ -31,3 +32,8 @@ class Events:
     point: Array
     speed: Array
     landed: Array
+    limb: Array = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.limb is None:
+            object.__setattr__(self, "limb", self.hand)

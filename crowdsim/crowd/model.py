@@ -25,6 +25,7 @@ from crowdsim.crowd.model_tables import (
     padded,
     path_frames,
     strike_rows,
+    twin_states,
 )
 from crowdsim.errors import PolicyError, RunError
 from crowdsim.policy.environment import HALFWAY, LEAD
@@ -36,6 +37,12 @@ if TYPE_CHECKING:
 
 TOLERANCE = 0.10
 """How far from the surface a strike lands (``rewards.lands``) [m], for a policy whose recipe rewards no strikes."""
+
+STRONG = 75.0
+"""Percentile of the speeds of a policy's strikes from which on they are strong."""
+
+FULL_REACH = 0.8
+"""Distance over the ground of half of the strikes from which on bodies keep the whole gap [m]."""
 
 SUPPORTED_TERMS: tuple[type[Term], ...] = (StrikeTerm, ProximityTerm, TransitionTerm)
 """Reward terms that control evaluates when it looks ahead. A further one needs a branch in ``rewards.add_terms`` of
@@ -97,6 +104,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
         bodies=np.concatenate(bodies).astype(np.float32),
         policies=np.column_stack([strides, *firsts]).astype(np.int32),
         sizes=np.array([_sizes(policy) for policy in policies]),
+        twins=twin_states(policies, starts),
     )
 
 
@@ -148,7 +156,30 @@ def _sizes(policy: Policy) -> list[float]:
     tolerance = _tolerance(policy)
     leads = [lead * float(np.mean(policy.actions.lengths)) for lead in (HALFWAY, LEAD)]
     far = farthest(policy)
-    return [body.head_radius, body.torso_radius, *drops, tolerance, furthest + 1e-5, pace + 1e-5, far, *leads]
+    return [
+        body.head_radius,
+        body.torso_radius,
+        *drops,
+        tolerance,
+        furthest + 1e-5,
+        pace + 1e-5,
+        far,
+        *leads,
+        strong_speed(policy),
+        space_of(policy),
+    ]
+
+
+def strong_speed(policy: Policy) -> float:
+    """Return the speed that a quarter of the strikes in a policy's motion reach [m/s]; these are strong."""
+    speeds = np.asarray(policy.database.strike_speeds, dtype=float)
+    return float(np.percentile(speeds, STRONG)) if len(speeds) else math.inf
+
+
+def space_of(policy: Policy) -> float:
+    """Return how much of the gap between bodies avatars keep: less where strikes are short, 1 for most boxers."""
+    fists = np.reshape(policy.database.strike_positions, (-1, 3)).astype(float)
+    return min(float(np.median(np.hypot(fists[:, 0], fists[:, 2]))) / FULL_REACH, 1.0) if len(fists) else 1.0
 
 
 def farthest(policy: Policy) -> float:

@@ -102,11 +102,18 @@ def strike_rows(policies: Sequence[Policy], behaviours: Array, terms: Array, sta
     parts = []
     for p, policy in enumerate(policies):
         actions, database = policy.actions, policy.database
-        speeds, hands = database.strike_speeds[actions.strike_ids], database.strike_hands[actions.strike_ids]
+        speeds, limbs = database.strike_speeds[actions.strike_ids], database.strike_limbs[actions.strike_ids]
         positions = np.reshape(actions.strike_positions, (-1, 3))
         owners = np.repeat(np.arange(actions.action_count), np.diff(actions.strike_offsets))
         owners -= np.repeat(actions.offsets[:-1], np.diff(actions.offsets))[owners]
-        columns = [actions.strike_times, *positions.T, speeds, hands, owners]
+        columns = [
+            actions.strike_times,
+            *positions.T,
+            speeds,
+            limbs,
+            owners,
+            *np.reshape(actions.strike_origins, (-1, 2)).T,
+        ]
         for row in behaviours[starts["behaviour"][p] : starts["behaviour"][p + 1]]:
             for term in terms[int(row[layout.FIRST_TERM]) : int(row[layout.LAST_TERM])]:
                 if term[layout.KIND] == StrikeTerm.code:
@@ -117,6 +124,15 @@ def strike_rows(policies: Sequence[Policy], behaviours: Array, terms: Array, sta
         parts.append(np.column_stack(columns))
     width = -(-max(part.shape[1] for part in parts) // 8) * 8
     return np.concatenate([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts]).astype(np.float32)
+
+
+def twin_states(policies: Sequence[Policy], starts: dict[str, Array]) -> Array:
+    """Return for each state the one of the captured motion that it is, or is the mirror image of. Shape (S,), int32."""
+    parts = []
+    for first, policy in zip(starts["state"], policies, strict=False):
+        captured = policy.graph.captured_states(policy.database.captured_frames)
+        parts.append(first + np.arange(policy.actions.state_count) % max(captured, 1))
+    return np.concatenate(parts).astype(np.int32)
 
 
 def discount_rows(discounts: Array, longest: int) -> Array:

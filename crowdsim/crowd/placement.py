@@ -68,7 +68,7 @@ def place_groups(scenario: Scenario) -> Placed:
     starts = np.concatenate([[0], np.cumsum([group.count for group in groups])])
     total = int(starts[-1])
     x, z, headings = np.empty(total), np.empty(total), np.empty(total)
-    types = tuple(scenario.types)
+    types = {name: number for number, name in enumerate(scenario.types)}
     kind, index = np.empty(total, np.int32), np.repeat(np.arange(len(groups), dtype=np.int32), np.diff(starts))
     for i, group in enumerate(groups):
         start, stop = int(starts[i]), int(starts[i + 1])
@@ -77,18 +77,19 @@ def place_groups(scenario: Scenario) -> Placed:
         kind[start:stop] = _types_of(scenario.seed, group, types, np.arange(start, stop))
     _check_conflicts(scenario, starts, x, z)
     teams = scenario.teams
-    team = np.array([teams.index(group.team) for group in groups], np.int32)[index]
+    numbers_of = {name: number for number, name in enumerate(teams)}
+    team = np.array([numbers_of[group.team] for group in groups], np.int32)[index]
     for i in range(len(groups)):
         _set_headings(scenario, i, slice(int(starts[i]), int(starts[i + 1])), team, x, z, headings)
     numbers = np.arange(total)
     scale, speed = np.empty(total), np.empty(total)
-    for t, name in enumerate(types):
+    for name, t in types.items():
         own = numbers[kind == t]
         scale[own] = _draw(scenario.seed, Purpose.SCALE, own, scenario.types[name].scale)
         speed[own] = _draw(scenario.seed, Purpose.SPEED, own, scenario.types[name].speed)
     names = tuple(group.name or f"group{i + 1}" for i, group in enumerate(groups))
     present = np.array([not group.waits for group in groups])[index]
-    return Placed(x, z, headings, index, team, kind, scale, speed, present, names, teams, types)
+    return Placed(x, z, headings, index, team, kind, scale, speed, present, names, teams, tuple(types))
 
 
 def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: Array, heading: Array) -> None:
@@ -247,15 +248,15 @@ def _rotated(centre: tuple[float, float], degrees: float, across: Array, ahead: 
     return centre[0] + across * cos + ahead * sin, centre[1] - across * sin + ahead * cos
 
 
-def _types_of(seed: int, group: Group, types: tuple[str, ...], avatars: Array) -> Array:
+def _types_of(seed: int, group: Group, types: dict[str, int], avatars: Array) -> Array:
     """Return the index of each avatar's type; those of a mix are drawn by its weights."""
     if group.type is not None:
-        return np.full(len(avatars), types.index(group.type), np.int32)
+        return np.full(len(avatars), types[group.type], np.int32)
     mix = group.mix or {}
     names = [name for name in types if mix.get(name, 0) > 0]
     edges = np.cumsum([mix[name] for name in names])
     chosen = np.searchsorted(edges / edges[-1], uniform(seed, Purpose.TYPE, avatars), side="right")
-    return np.array([types.index(name) for name in names], np.int32)[np.minimum(chosen, len(names) - 1)]
+    return np.array([types[name] for name in names], np.int32)[np.minimum(chosen, len(names) - 1)]
 
 
 def _draw(seed: int, purpose: Purpose, avatars: Array, distribution: Distribution) -> Array:

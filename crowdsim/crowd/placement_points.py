@@ -1,8 +1,12 @@
-"""Points of a placement from CSV and NPY files."""
+"""Points of a placement from CSV and NPY files, of which nothing is taken for granted."""
 
 from __future__ import annotations
 
+import os
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
@@ -11,10 +15,13 @@ from crowdsim.scenario.groups import PointsPlacement
 from crowdsim.scenario.scenario import Scenario
 
 FARTHEST = 100_000.0
+_LONGEST_LINE = 1000
 
 
 def read_points(scenario: Scenario, group: int, placement: PointsPlacement) -> Array:
     """Return a placement's points: x and z [m] and, where the file has it, the heading [degrees]. Shape (M, 2 or 3).
+
+    Of a file, there are no more than the group has avatars.
 
     Raises:
         ScenarioError: The file cannot be read or has another format.
@@ -23,9 +30,8 @@ def read_points(scenario: Scenario, group: int, placement: PointsPlacement) -> A
         return np.array(placement.points or (), dtype=float).reshape(-1, 2)
     path = scenario.folder / placement.file
     try:
-        points = _read_npy(path) if path.suffix.lower() == ".npy" else _read_csv(path)
-        if points.ndim != 2 or points.shape[1] not in (2, 3):
-            raise ValueError(f"holds an array of shape {points.shape}, expected rows of x, z and perhaps a heading")
+        read = _read_npy if path.suffix.lower() == ".npy" else _read_csv
+        points = read(path, scenario.groups[group].count)
         good = np.isfinite(points).all(axis=1) & (np.abs(points[:, :2]) <= FARTHEST).all(axis=1)
         if not good.all():
             row = int(np.argmin(good))
@@ -37,22 +43,88 @@ def read_points(scenario: Scenario, group: int, placement: PointsPlacement) -> A
     return points
 
 
-def _read_npy(path: Path) -> Array:
-    points = np.load(path, allow_pickle=False)
-    if not isinstance(points, np.ndarray) or points.dtype.kind not in "fiu":
-        raise ValueError("holds no numbers, expected rows of x, z and perhaps a heading")
-    return points.astype(float)
+def _check_columns(shape: tuple[int, ...]) -> None:
+    if len(shape) != 2 or shape[1] not in (2, 3):
+        raise ValueError(f"holds an array of shape {shape}, expected rows of x, z and perhaps a heading")
 
 
-def _read_csv(path: Path) -> Array:
-    """Read numbers between commas, semicolons or blanks, below a line of names if there is one."""
-    with path.open(encoding="utf-8-sig") as file:
-        first = file.readline()
-    separator = "," if "," in first else ";" if ";" in first else None
-    words = first.split(separator)
-    skip = 0 if _is_number(words[0]) else 1
-    points = np.loadtxt(path, delimiter=separator, skiprows=skip, ndmin=2, encoding="utf-8-sig")
-    return points if points.size else np.empty((0, 2))
+def _read_npy(path: Path, most: int) -> Array:
+    """Read the first ``most`` rows of an array; what its header claims must be in the file, which is never unpickled.
+
+    Raises:
+        ValueError: It is no such array.
+        OSError: It cannot be read.
+    """
+    with path.open("rb") as file:
+        try:
+            version = np.lib.format.read_magic(file)
+            read_header = np.lib.format.read_array_header_1_0
+            if version != (1, 0):
+                read_header = np.lib.format.read_array_header_2_0
+            shape, is_fortran, dtype = read_header(file)
+        except (ValueError, SyntaxError, MemoryError, RecursionError, OverflowError):
+            raise ValueError("is no NPY file, expected an array as numpy.save writes it") from None
+        if dtype.kind not in "fiu":
+            raise ValueError(f"holds {dtype.name} values, expected numbers: rows of x, z and perhaps a heading")
+        _check_columns(shape)
+        held = (os.fstat(file.fileno()).st_size - file.tell()) // (shape[1] * dtype.itemsize)
+        if not 0 <= shape[0] <= held:
+            raise ValueError(f"claims {shape[0]:,} rows, but holds {held:,}, expected a complete file")
+        rows = shape[0] if is_fortran else min(shape[0], most)
+        values = np.fromfile(file, dtype, rows * shape[1])
+    points = values.reshape(rows, shape[1], order="F" if is_fortran else "C")
+    return np.ascontiguousarray(points[:most], dtype=float)
+
+
+def _read_csv(path: Path, most: int) -> Array:
+    """Read the first ``most`` rows of numbers between commas, semicolons or blanks, below a line of names if any.
+
+    Raises:
+        ValueError: It is no such text.
+        OSError: It cannot be read.
+    """
+    with path.open(encoding="utf-8-sig", newline=None) as file:
+        lines = _Lines(file)
+        try:
+            first = next(lines, "")
+            separator = "," if "," in first else ";" if ";" in first else None
+            words = first.split(separator)
+            if not words or _is_number(words[0]):
+                file.seek(0)
+                lines = _Lines(file)
+            with warnings.catch_warnings():
+                # A file without rows is one without points, which is reported as such.
+                warnings.simplefilter("ignore", UserWarning)
+                points = np.loadtxt(lines, delimiter=separator, ndmin=2, max_rows=most)
+        except UnicodeDecodeError:
+            raise ValueError(f"line {lines.number + 1} is no UTF-8, expected a text file") from None
+        except ValueError as error:
+            raise ValueError(f"line {lines.number}: {str(error).partition(' at row')[0]}") from None
+    points = points if points.size else np.empty((0, 2))
+    _check_columns(points.shape)
+    return points
+
+
+class _Lines(Iterator[str]):
+    """The lines of a text file, counted, none of them too long.
+
+    Attributes:
+        number: Number of the last one read, from 1.
+    """
+
+    def __init__(self, file: TextIO) -> None:
+        self.number = 0
+        self._file = file
+
+    def __next__(self) -> str:
+        """Return the next line."""
+        line = self._file.readline(_LONGEST_LINE)
+        if not line:
+            raise StopIteration
+        self.number += 1
+        if len(line) == _LONGEST_LINE:
+            raise ValueError(f"is longer than {_LONGEST_LINE} characters, expected x, z and perhaps a heading")
+        return line
 
 
 def _is_number(word: str) -> bool:

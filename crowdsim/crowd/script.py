@@ -121,22 +121,28 @@ class Agenda:
     Args:
         changes: The changes.
         teams: Number of teams.
+
+    Attributes:
+        pending: Numbers of the changes that have not happened yet.
+        landed: Strikes that each team has landed. Shape (teams,).
     """
 
     def __init__(self, changes: Sequence[Change], teams: int) -> None:
-        self._pending = list(changes)
-        self._landed = np.zeros(teams, np.int64)
+        self._changes = tuple(changes)
+        self.pending = list(range(len(self._changes)))
+        self.landed = np.zeros(teams, np.int64)
 
     def until_next(self, frame: int, most: int) -> int:
         """Return how many frames can be run from ``frame`` on before something may happen, at most ``most``."""
-        for change in self._pending:
-            most = min(most, 1 if change.frame is None else max(change.frame - frame, 1))
+        for number in self.pending:
+            planned = self._changes[number].frame
+            most = min(most, 1 if planned is None else max(planned - frame, 1))
         return most
 
     def count(self, teams: Array) -> None:
         """Count strikes that have landed, by the teams of their attackers. Shape (n,)."""
-        if self._pending:
-            self._landed += np.bincount(teams, minlength=len(self._landed))
+        if self.pending:
+            self.landed += np.bincount(teams, minlength=len(self.landed))
 
     def due(self, frame: int, distance: Callable[[int, int], float]) -> Iterator[Change]:
         """Yield each change that is due, once; the next one is checked after it has been made.
@@ -145,9 +151,10 @@ class Agenda:
             frame: The control frame.
             distance: Returns the least distance between avatars of two groups [m].
         """
-        for change in list(self._pending):
+        for number in list(self.pending):
+            change = self._changes[number]
             if self._is_time(change, frame, distance):
-                self._pending.remove(change)
+                self.pending.remove(number)
                 yield change
 
     def _is_time(self, change: Change, frame: int, distance: Callable[[int, int], float]) -> bool:
@@ -155,7 +162,7 @@ class Agenda:
             return frame >= change.frame
         if change.near is not None:
             return frame > 0 and distance(change.near[0], change.near[1]) < change.near[2]
-        landed = self._landed.sum() if change.team < 0 else self._landed[change.team]
+        landed = self.landed.sum() if change.team < 0 else self.landed[change.team]
         return bool(landed >= change.strikes > 0)
 
 

@@ -7,7 +7,7 @@ stage shared out among threads. Both give the same bytes, for any number of thre
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +24,7 @@ from crowdsim.crowd.opponents import Index, build_index
 from crowdsim.crowd.random import Purpose, stream
 from crowdsim.crowd.script import Agenda, Change, Script, target_positions
 from crowdsim.crowd.stages import Stages, lost_avatar
+from crowdsim.crowd.state import read_state, write_state
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import nearest
 from crowdsim.scenario.groups import SEARCHES
@@ -90,7 +91,7 @@ class Simulation:
         self._world = World(
             weights=np.array(crowd.weights, dtype=float),
             cohorts=np.column_stack(
-                [crowd.margins, crowd.most, crowd.temperatures, crowd.hysteresis, crowd.intervals]
+                [crowd.margins, crowd.most, crowd.temperatures, crowd.hysteresis, crowd.intervals, crowd.varieties]
             ).astype(float),
             arena=np.array(crowd.arena, dtype=float),
             crowding=crowd.crowding.numbers(),
@@ -107,6 +108,18 @@ class Simulation:
     @property
     def _now(self) -> Now:
         return Now(self.frame, 1, self.present)
+
+    def state(self) -> dict[str, Array]:
+        """Return all that decides how the simulation goes on, see ``state.read_state``."""
+        return read_state(self)
+
+    def restore(self, state: Mapping[str, Array]) -> None:
+        """Go on from a state of the same crowd, policies and script, see ``state.write_state``.
+
+        Raises:
+            ValueError: The state is of another crowd.
+        """
+        write_state(self, state)
 
     def close(self) -> None:
         """End the threads."""

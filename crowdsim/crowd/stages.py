@@ -13,7 +13,7 @@ from crowdsim.crowd.kernels.choice import choose
 from crowdsim.crowd.kernels.layout import ACTION_BEFORE, ENTERED, PHASE, PHASE_BEFORE, Now, Observed
 from crowdsim.crowd.kernels.motion import advance, switch
 from crowdsim.crowd.kernels.record import write_record
-from crowdsim.crowd.kernels.strikes import strike
+from crowdsim.crowd.kernels.strikes import note_hits, strike
 from crowdsim.crowd.opponents import Index
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import RunError
@@ -68,7 +68,7 @@ class Stages:
         chosen = np.empty(len(due), np.int32)
         observing = self._decide(world, now, due, chosen)
         clock.append(perf_counter_ns())
-        workers.each(lambda first, last: switch(model, avatars, due, chosen, first, last), len(due))
+        workers.each(lambda first, last: switch(model, avatars, now.frame, due, chosen, first, last), len(due))
         clock.append(perf_counter_ns())
         thrown = self._strike(world, now)
         clock.append(perf_counter_ns())
@@ -152,7 +152,9 @@ class Stages:
 
         self._workers.each(throw, now.present)
         parts = [found[first] for first in sorted(found)]
-        return Strikes(*(np.concatenate(part) for part in zip(*parts, strict=True))) if parts else empty_strikes(0)
+        thrown = Strikes(*(np.concatenate(part) for part in zip(*parts, strict=True))) if parts else empty_strikes(0)
+        note_hits(self._model, self._avatars, now.frame, thrown, 0, len(thrown.whole))
+        return thrown
 
 
 def lost_avatar(avatars: Avatars, slot: int, frame: int) -> RunError:

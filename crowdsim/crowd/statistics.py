@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -74,27 +74,34 @@ class StatisticsCounter:
 
     def add(self, chunk: Chunk) -> None:
         """Count one more chunk."""
-        self._frames += chunk.frames
-        self._present += int(np.count_nonzero(chunk.action >= 0))
-        self._thrown += len(chunk.events.frame)
-        self._landed += int(np.count_nonzero(chunk.events.landed))
-        for k in range(chunk.frames):
-            action, done, opponent = chunk.action[k], chunk.action_frame[k], chunk.opponent[k]
+        self.add_strikes(chunk.events.landed)
+        self.add_frames(chunk.variables())
+
+    def add_strikes(self, landed: Array) -> None:
+        """Count more strikes, by whether they landed. Shape (S,), bool."""
+        self._thrown += len(landed)
+        self._landed += int(np.count_nonzero(landed))
+
+    def add_frames(self, rows: Mapping[str, Array]) -> None:
+        """Count more control frames: what is recorded of each avatar, (n, N) each, by name."""
+        for action, done, opponent, x, z in zip(
+            *(rows[name] for name in ("action", "action_frame", "opponent", "x", "z")), strict=True
+        ):
+            here = action >= 0
+            self._present += int(np.count_nonzero(here))
             if self._last is not None:
                 before, done_before, opponent_before = self._last
-                here = (action >= 0) & (before >= 0)
-                switched = here & ((action != before) | (done <= done_before))
+                both = here & (before >= 0)
+                switched = both & ((action != before) | (done <= done_before))
                 whose = self._starts[self._policy[switched]] + action[switched]
                 self._transitions += int(np.count_nonzero(self._is_transition[whose]))
-                known = here & (opponent != -1) & (opponent_before != -1)
+                known = both & (opponent != -1) & (opponent_before != -1)
                 self._changes += int(np.count_nonzero(known & (opponent != opponent_before)))
             self._last = (action, done, opponent)
-            if (chunk.first + k) % self._every == 0:
-                here = action >= 0
+            if self._frames % self._every == 0:
                 self._looked += int(np.count_nonzero(here))
-                self._overlapping += int(
-                    np.count_nonzero(overlapping(chunk.x[k, here], chunk.z[k, here], self._scale[here]))
-                )
+                self._overlapping += int(np.count_nonzero(overlapping(x[here], z[here], self._scale[here])))
+            self._frames += 1
 
     def finish(self) -> CrowdStatistics:
         """Return what has been counted."""

@@ -17,13 +17,14 @@ from crowdsim.crowd.kernels.layout import (
     END_Z,
     HEAD,
     HEADING,
+    HIT_BY,
     LASTS,
     LENGTH,
     MOVING_X,
     MOVING_Z,
     NEXT,
+    NEXT_OPPONENT,
     OPPONENT,
-    OPPONENT_BEFORE,
     ORIGIN,
     PHASE,
     POLICY,
@@ -45,18 +46,19 @@ from crowdsim.jit import kernel
 
 
 @kernel(inline=True)
-def aim(model, avatars, world, now, due, count, nearest, scratch):
+def aim(model, avatars, world, now, due, count, observed, scratch):
     """Choose opponents for avatars ``due[:count]`` and write their situations (``values.value_actions``).
 
-    The state is that in which the action ends, or -1 where there is no opponent.
+    The state is that in which the action ends, or -1 where there is no opponent. Who fights whom changes when the next
+    actions start (``motion.switch``), so that all avatars see the opponents that the others had when the frame began.
     """
     whole, real, slot_of, arena = avatars.whole, avatars.real, avatars.slot_of, world.arena
+    nearest = observed.opponents
     for q in range(count):
         _ask_for_targets(model, avatars, due, count, nearest, q)
         own = due[q]
-        opponent = change_opponent(avatars, world.cohorts, now.present, own, nearest[q])
-        whole[OPPONENT_BEFORE, own] = whole[OPPONENT, own]
-        whole[OPPONENT, own] = opponent
+        opponent = change_opponent(avatars, world.cohorts, now, own, observed, q)
+        whole[NEXT_OPPONENT, own] = opponent
         seen = True
         if opponent <= -2:
             target = _scripted_target(world.targets, now.moment, -2 - opponent)
@@ -83,8 +85,9 @@ def _ask_for_targets(model, avatars, due, count, nearest, q):
     width = whole.shape[1]
     if q + 2 * AHEAD < count:
         own, j = due[q + 2 * AHEAD], max(nearest[q + 2 * AHEAD], 0)
-        for row in (OPPONENT, SKIP, ACTION, COHORT, POLICY, OPPONENT_BEFORE):
+        for row in (OPPONENT, SKIP, ACTION, COHORT, POLICY, HIT_BY):
             ask_for(whole, row * width + own)
+        ask_for(whole, OPPONENT * width + j)
         for row in (X, Z, SCALE, HEADING):
             ask_for(real, row * width + own)
             ask_for(real, row * width + j)

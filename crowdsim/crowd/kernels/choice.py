@@ -24,10 +24,12 @@ from crowdsim.crowd.kernels.layout import (
     TEMPERATURE,
 )
 from crowdsim.crowd.kernels.values import value_actions
+from crowdsim.crowd.kernels.variety import TWICE, charge_repetition, throws_too
 from crowdsim.jit import kernel
 
 BURSTS = (2, 5)  # least and most strikes of a burst
 REST = 4.0  # what a strike costs an avatar that rests, in normalised values
+REDRAWN = 4  # how often an avatar thinks again that has drawn a strike which its opponent throws
 SORTED = 256  # from this many deciding avatars on, actions are evaluated in the order of states
 
 
@@ -39,7 +41,7 @@ def choose(model, avatars, world, now, due, count, observed, scratch, out_chosen
     which neighbours lie together; where there are many, actions are evaluated in the order of states. Returns -1, or
     the slot of an avatar whose values are not numbers.
     """
-    aim(model, avatars, world, now, due, count, observed.opponents, scratch)
+    aim(model, avatars, world, now, due, count, observed, scratch)
     if count >= SORTED:
         order_by_state(scratch.states, count, scratch.starts, scratch.order)
     else:
@@ -47,7 +49,8 @@ def choose(model, avatars, world, now, due, count, observed, scratch, out_chosen
             scratch.order[q] = q
     value_actions(model, world.weights, scratch, 0, count)
     _keep_running(model, avatars, due, count, scratch)
-    avoid(model, avatars, world, due, count, observed, scratch)
+    avoid(model, avatars, world, now.frame, due, count, observed, scratch)
+    charge_repetition(model, avatars, world, now, due, count, scratch)
     return _draw_actions(model, avatars, world, now.frame, due, count, scratch, out_chosen)
 
 
@@ -104,6 +107,11 @@ def _draw_actions(model, avatars, world, frame, due, count, scratch, out_chosen)
         number = uniform(stream[CHOICE_STREAM], np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own]))
         rules = CandidateRules(cohorts[cohort, MARGIN], cohorts[cohort, MOST], cohorts[cohort, TEMPERATURE])
         picked = draw_candidate(values[q], offsets[state + 1] - offsets[state], rules, number, chances)
+        for _ in range(REDRAWN):
+            if picked < 0 or not throws_too(model, avatars, world, frame, own, offsets[state] + picked):
+                break
+            values[q, picked] -= TWICE
+            picked = draw_candidate(values[q], offsets[state + 1] - offsets[state], rules, number, chances)
         if picked < 0:
             return own
         action = offsets[state] + picked

@@ -1,4 +1,7 @@
-"""Collision avoidance: what actions cost that end, or pass, inside a neighbour or outside the arena."""
+"""Collision avoidance: what actions cost that end, or pass, inside a neighbour or outside the arena.
+
+And what actions are worth more that step back after a strong hit.
+"""
 
 import math
 
@@ -8,20 +11,29 @@ from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.arena import may_leave, outside
 from crowdsim.crowd.kernels.layout import (
     ACTION,
+    BACK,
     DISC,
     END_COST,
     END_X,
     END_Z,
     GAP,
     HEADING,
+    HIT_FRAME,
+    HIT_X,
+    HIT_Z,
     LENGTH,
     MOVE_X,
     MOVE_Z,
     NEXT,
+    NEXT_OPPONENT,
+    NUMBER,
+    OPPONENT,
     OUTSIDE_COST,
     PATH_COST,
     PHASE,
+    POLICY,
     SCALE,
+    SPACE,
     SPEED,
     X,
     Z,
@@ -29,22 +41,29 @@ from crowdsim.crowd.kernels.layout import (
 from crowdsim.crowd.kernels.tables import whole_lanes
 from crowdsim.jit import kernel
 
+BYSTANDERS = 0.66  # how much of the gap and of the cost counts for those whom an avatar does not fight
+STAGGER, STEP = 8, 0.3  # for how long a strong hit counts [control frames], and how long a step back should be [m]
+
 
 @kernel(inline=True)
-def avoid(model, avatars, world, due, count, observed, scratch):
-    """Lower the values of actions that end, or pass, inside a neighbour or outside the arena.
+def avoid(model, avatars, world, frame, due, count, observed, scratch):
+    """Lower the values of actions that end, or pass, inside a neighbour or outside the arena; or do not step back.
 
     For avatars ``due[:count]``, with which observations and values run along.
     """
     whole, real, work = avatars.whole, avatars.real, scratch.work
     worst = work[3]
+    keeps_apart = world.crowding[END_COST] > 0.0 or world.crowding[PATH_COST] > 0.0
     for q in range(count):
         own = due[q]
         state = model.actions[whole[ACTION, own], NEXT]
         furthest = model.reaches[state] * real[SCALE, own] + 1e-6  # moves are single numbers
-        close = _list_close(model, avatars, world.crowding, own, observed, q, furthest, scratch.near)
+        close = 0
+        if keeps_apart:
+            close = _list_close(model, avatars, world.crowding, own, observed, q, furthest, scratch.near)
         leaves = may_leave(world.arena, real[X, own], real[Z, own], furthest)
-        if close == 0 and not leaves:
+        staggers = frame - real[HIT_FRAME, own] <= STAGGER and real[HIT_X, own] ** 2 + real[HIT_Z, own] ** 2 >= 1.0
+        if close == 0 and not leaves and not staggers:
             continue
         lanes = _find_ends(model, avatars, own, work)
         for m in range(np.uint64(close)):
@@ -53,6 +72,8 @@ def avoid(model, avatars, world, due, count, observed, scratch):
             x, z, cost = real[X, own], real[Z, own], world.crowding[OUTSIDE_COST]
             for k in range(lanes):
                 worst[k] += cost * outside(world.arena, x + work[0, k], z + work[1, k])
+        if staggers:
+            _step_back(real, world.crowding[BACK], own, lanes, work)
         for k in range(lanes):
             scratch.values[q, k] -= worst[k]
 
@@ -62,21 +83,26 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
     """List in ``near`` the neighbours that an avatar may collide with; return how many there are.
 
     A row is the position seen from the avatar, the displacement to the end of the action, the distance at which bodies
-    meet, and the frames that are left of the action.
+    meet, the frames that are left of the action, and what it costs to end in the middle.
     """
     whole, real = avatars.whole, avatars.real
     x, z, scale = real[X, own], real[Z, own], real[SCALE, own]
+    own_space = model.sizes[whole[POLICY, own], SPACE]
     close = 0
     for m in range(observed.counts[q]):
         j = observed.neighbours[q, m]
         ax, az = real[X, j] - x, real[Z, j] - z
         wx, wz = real[END_X, j] - real[X, j], real[END_Z, j] - real[Z, j]
-        room = crowding[DISC] * (scale + real[SCALE, j]) + crowding[GAP]
+        space = 0.5 * (own_space + model.sizes[whole[POLICY, j], SPACE])
+        if whole[NUMBER, j] != whole[NEXT_OPPONENT, own] and whole[OPPONENT, j] != whole[NUMBER, own]:
+            space *= BYSTANDERS
+        room = crowding[DISC] * (scale + real[SCALE, j]) + crowding[GAP] * space
         # Point of its path at which the neighbour is nearest to the position of the avatar now.
         towards, moved = -(ax * wx + az * wz), wx * wx + wz * wz
         t = min(towards / moved, 1.0) if towards > 0.0 else 0.0
         nx, nz = ax + t * wx, az + t * wz
         near[close, 0], near[close, 1], near[close, 2], near[close, 3], near[close, 4] = ax, az, wx, wz, room
+        near[close, 6] = crowding[END_COST] * space
         near[close, 5] = (model.actions[whole[ACTION, j], LENGTH] - real[PHASE, j]) / real[SPEED, j]
         close += nx * nx + nz * nz < (room + furthest) ** 2
     return close
@@ -113,7 +139,7 @@ def _find_ends(model, avatars, own, work):
 def _add_neighbour(crowding, near, m, lanes, work):
     """Raise the cost of actions that end, or pass, inside a neighbour to what that costs."""
     ends_x, ends_z, frames, worst = work[0], work[1], work[2], work[3]
-    end_cost, path_cost = crowding[END_COST], crowding[PATH_COST]
+    end_cost, path_cost = near[m, 6], crowding[PATH_COST]
     ax, az, wx, wz, room, left = near[m, 0], near[m, 1], near[m, 2], near[m, 3], near[m, 4], near[m, 5]
     # No branch, since it cannot be predicted which neighbours come too near.
     for k in range(lanes):
@@ -127,3 +153,14 @@ def _add_neighbour(crowding, near, m, lanes, work):
         nx, nz = ax + t * dx, az + t * dz
         on_way = path_cost * (1.0 - math.sqrt(nx * nx + nz * nz) / room)
         worst[k] = max(max(worst[k], at_end), on_way if towards > 0.0 else 0.0)
+
+
+@kernel(inline=True)
+def _step_back(real, back, own, lanes, work):
+    """Lower the cost of actions that lead away from the last hit."""
+    x, z = real[HIT_X, own], real[HIT_Z, own]
+    strength = math.sqrt(x * x + z * z)
+    x, z = back * x / strength, back * z / strength
+    for k in range(lanes):
+        along = work[0, k] * x + work[1, k] * z
+        work[3, k] -= min(along, 2.0 * back * STEP - along)

@@ -2,24 +2,27 @@
 
 from typing import Any, NamedTuple
 
-# Rows of ``Avatars.whole`` and ``Avatars.real``, a column for each slot.
+# Rows of ``Avatars.whole`` and ``Avatars.real``, a column for each slot, and how many there are.
 (
     NUMBER, POLICY, COHORT, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE, PENDING,
-    BURST,
-) = range(13)  # fmt: skip
+    BURST, NEXT_OPPONENT, HIT_BY, THROWN, THROWN_UNTIL,
+) = range(17)  # fmt: skip
 (
     SCALE, SPEED, PHASE, PHASE_BEFORE, BASE_X, BASE_Z, BASE_COS, BASE_SIN, BASE_TURN, X, Z, HEADING, END_X, END_Z,
-    RESTED,
-) = range(15)  # fmt: skip
+    RESTED, HIT_X, HIT_Z, HIT_FRAME,
+) = range(18)  # fmt: skip
+WHOLE_ROWS, REAL_ROWS = 17, 18
 
 # Columns of the tables of ``Model``: actions, moves, paths (rows), strikes, bodies, sizes, policies, behaviours, grids
 # and terms (what all have, those of strikes, those of proximity).
 NEXT, LENGTH, ORIGIN, PATHS, STRIKES, FIRST_STRIKE = range(6)
 MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, TRANSITION = range(6)
 PATH_X, PATH_Z, PATH_COS, PATH_SIN, PATH_TIME = range(5)
-TIME, FIST_X, FIST_Y, FIST_Z, FIST_SPEED, HAND, OWNER, WORTH = range(8)
+TIME, FIST_X, FIST_Y, FIST_Z, FIST_SPEED, LIMB, OWNER, FROM_X, FROM_Z, WORTH = range(10)
 HEAD, NECK, PELVIS = 0, 3, 6
-HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE, FARTHEST, SOON, LATER = range(10)
+HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE, FARTHEST, SOON, LATER, STRONG, SPACE = range(
+    12
+)
 STRIDE, BEHAVIOURS, ACTIONS, STATES = range(4)
 (
     FIRST_AXIS, LAST_AXIS, FIRST_TERM, LAST_TERM, LOOKS_AHEAD, CELLS, TABLE, NORM, DISCOUNT, LOW, STEP, PRICE, EACH,
@@ -32,8 +35,8 @@ KIND, WEIGHT = range(2)
 NEAREST, SIGMA, BEST_FRAME, FACING, FURTHEST, ASIDE = range(2, 8)
 
 # Columns of ``World.cohorts``, the numbers of ``World.crowding`` and of ``World.arena``, and rows of ``World.stream``.
-MARGIN, MOST, TEMPERATURE, HYSTERESIS, INTERVAL = range(5)
-END_COST, PATH_COST, DISC, GAP, OUTSIDE_COST, TURN_BACK, SIGHT = range(7)
+MARGIN, MOST, TEMPERATURE, HYSTERESIS, INTERVAL, VARIETY = range(6)
+END_COST, PATH_COST, DISC, GAP, OUTSIDE_COST, TURN_BACK, SIGHT, BACK = range(8)
 ARENA, CENTRE_X, CENTRE_Z, HALF_X, HALF_Z = range(5)
 CHOICE_STREAM, BURST_STREAM = range(2)
 CIRCLE, RECTANGLE = 1.0, 2.0

@@ -8,7 +8,7 @@ from crowdsim.crowd.kernels.layout import SIGHT, Now, Observed
 from crowdsim.crowd.kernels.motion import advance, ask_for_starts, switch
 from crowdsim.crowd.kernels.opponents import observe_all
 from crowdsim.crowd.kernels.record import write_record
-from crowdsim.crowd.kernels.strikes import strike
+from crowdsim.crowd.kernels.strikes import note_hits, strike
 from crowdsim.jit import kernel
 
 
@@ -44,9 +44,11 @@ def run_frames(model, avatars, world, now, count, fresh, scratch, record, strike
             return k, held, lost
         note_time(timings, clock, 3)
         ask_for_starts(model, avatars, due, chosen, dues)
-        switch(model, avatars, due, chosen, 0, dues)
+        switch(model, avatars, then.frame, due, chosen, 0, dues)
         note_time(timings, clock, 4)
+        before = held
         held = strike(model, avatars, world, then, 0, present, due, strikes, held)
+        note_hits(model, avatars, then.frame, strikes, before, held)
         note_time(timings, clock, 5)
         write_record(model, avatars, record, k, 0, present)
         note_time(timings, clock, 6)

@@ -21,7 +21,10 @@ from crowdsim.crowd.kernels.layout import (
     FIRST_STRIKE,
     HEADING,
     LENGTH,
+    NEXT_OPPONENT,
     NO_STRIKE,
+    OPPONENT,
+    OPPONENT_BEFORE,
     ORIGIN,
     PENDING,
     PHASE,
@@ -36,6 +39,7 @@ from crowdsim.crowd.kernels.layout import (
     Z,
 )
 from crowdsim.crowd.kernels.prefetch import ask_for
+from crowdsim.crowd.kernels.variety import note_shown
 from crowdsim.jit import kernel
 
 
@@ -98,13 +102,17 @@ def ask_for_starts(model, avatars, due, chosen, count):
 
 
 @kernel(inline=True)
-def switch(model, avatars, due, chosen, first, last):
-    """Start the chosen actions where the old ones have ended, with the motion that was left over."""
+def switch(model, avatars, frame, due, chosen, first, last):
+    """Start the chosen actions, and fights, where the old ones have ended, with the motion that was left over.
+
+    ``frame`` is the control frame.
+    """
     whole, real = avatars.whole, avatars.real
     actions, ground, starts, policies = model.actions, model.ground, model.starts, model.policies
     for q in range(first, last):
         i = due[q]
         old, new = whole[ACTION, i], chosen[q]
+        note_shown(model, avatars, frame, i, new)
         stride, scale, speed = policies[whole[POLICY, i], STRIDE], real[SCALE, i], real[SPEED, i]
         phase = min(real[PHASE, i] - actions[old, LENGTH], speed)
         origin = actions[new, ORIGIN]
@@ -131,6 +139,8 @@ def switch(model, avatars, due, chosen, first, last):
         whole[ACTION_BEFORE, i] = old
         whole[ACTION, i] = new
         real[PHASE, i] = phase
+        whole[OPPONENT_BEFORE, i] = whole[OPPONENT, i]
+        whole[OPPONENT, i] = whole[NEXT_OPPONENT, i]
         whole[DECISIONS, i] += 1
 
 

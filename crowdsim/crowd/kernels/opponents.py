@@ -2,11 +2,15 @@
 
 import math
 
+import numpy as np
+
 from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.layout import (
     COHORT,
     FIXED,
     HEADING,
+    HIT_BY,
+    HIT_FRAME,
     HYSTERESIS,
     NUMBER,
     OPPONENT,
@@ -17,7 +21,10 @@ from crowdsim.crowd.kernels.layout import (
 )
 from crowdsim.jit import kernel
 
-BEHIND = 0.8  # how much further away an opponent counts that is behind [m]
+BEHIND = 0.8  # how much further away an opponent counts that is behind than one ahead [m]
+AVERTED = 0.8  # how much further one that looks away than one that looks at the avatar [m]
+ENGAGED = 0.8  # how much further one that does not fight the avatar [m]
+HIT, REMEMBERED = 1.0, 30.0  # how much nearer the avatar that hit it last [m], and for how long [control frames]
 
 
 @kernel(inline=True)
@@ -94,28 +101,61 @@ def _find_nearest(whole, own, present, distances, best, found):
 
 
 @kernel(inline=True)
-def change_opponent(avatars, cohorts, present, own, nearest):
-    """Return the number of an avatar's opponent, or of a target: the old one, unless another is nearer.
+def change_opponent(avatars, cohorts, now, own, observed, q):
+    """Return the number of an avatar's opponent, or of a target: the old one, unless another seems nearer.
 
-    Facing an opponent takes time: one right behind counts as ``BEHIND`` further away than one straight ahead.
+    That may be the nearest one or any neighbour; among equals it is the lower number.
     """
-    whole, real, slot_of = avatars.whole, avatars.real, avatars.slot_of
-    skip = whole[SKIP, own]
+    whole, slot_of = avatars.whole, avatars.slot_of
+    skip, nearest = whole[SKIP, own], observed.opponents[q]
     if skip == -2:
         return whole[FIXED, own]
     if nearest < 0:
         return -1
-    old = whole[OPPONENT, own]
+    old, best, found = whole[OPPONENT, own], math.inf, -1
     if old >= 0:
         slot = slot_of[old]
-        if slot < present and slot != own and whole[TEAM, slot] != skip:
-            ax, az = real[X, slot] - real[X, own], real[Z, slot] - real[Z, own]
-            bx, bz = real[X, nearest] - real[X, own], real[Z, nearest] - real[Z, own]
-            cos, sin = cos_sin(real[HEADING, own])
-            a, b = math.sqrt(ax * ax + az * az), math.sqrt(bx * bx + bz * bz)
-            near = cohorts[whole[COHORT, own], HYSTERESIS]
-            # Cosines of the directions of the two.
-            ahead = (ax * sin + az * cos) / max(a, 1e-9) - (bx * sin + bz * cos) / max(b, 1e-9)
-            if b + 0.5 * BEHIND * ahead >= a - near:
-                return old
-    return whole[NUMBER, nearest]
+        if slot < now.present and slot != own and whole[TEAM, slot] != skip:
+            best = _seems_far(avatars, now.frame, own, slot) - cohorts[whole[COHORT, own], HYSTERESIS]
+    best, found = _nearer(avatars, now.frame, own, nearest, best, found)
+    for m in range(observed.counts[q]):
+        j = observed.neighbours[q, m]
+        if whole[TEAM, j] != skip and j != nearest:
+            best, found = _nearer(avatars, now.frame, own, j, best, found)
+    return old if found < 0 else whole[NUMBER, found]
+
+
+@kernel(inline=True)
+def _nearer(avatars, frame, own, j, best, found):
+    """Return an avatar where it seems nearer than the one found before, and how far away; else those."""
+    whole, real = avatars.whole, avatars.real
+    dx, dz = real[X, j] - real[X, own], real[Z, j] - real[Z, own]
+    most = best + (HIT if whole[HIT_BY, own] == whole[NUMBER, j] else 0.0)
+    # Only the avatar that has just hit this one counts as nearer than it is; most others are too far away.
+    if most >= 0.0 and dx * dx + dz * dz <= most * most:
+        far = _seems_far(avatars, frame, own, j)
+        if far < best or (far == best and found >= 0 and whole[NUMBER, j] < whole[NUMBER, found]):
+            return far, np.int64(j)
+    return best, np.int64(found)
+
+
+@kernel(inline=True)
+def _seems_far(avatars, frame, own, j):
+    """Return how far away another avatar seems to one that looks for an opponent [m].
+
+    Facing one another takes time, so it counts where both look. Whoever fights someone else seems further, and whoever
+    has just hit the avatar nearer: fights become those of two, and few are hit from behind.
+    """
+    whole, real = avatars.whole, avatars.real
+    dx, dz = real[X, j] - real[X, own], real[Z, j] - real[Z, own]
+    far = math.sqrt(dx * dx + dz * dz)
+    part = 0.5 / max(far, 1e-9)
+    cos, sin = cos_sin(real[HEADING, own])
+    seems = far + BEHIND * (0.5 - part * (dx * sin + dz * cos))
+    cos, sin = cos_sin(real[HEADING, j])
+    seems += AVERTED * (0.5 + part * (dx * sin + dz * cos))
+    if whole[OPPONENT, j] != whole[NUMBER, own]:
+        seems += ENGAGED
+    if whole[HIT_BY, own] == whole[NUMBER, j] and frame - real[HIT_FRAME, own] < REMEMBERED:
+        seems -= HIT
+    return seems

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from crowdsim.core.bodies import comes_through
 from crowdsim.core.exponentials import exponential
 from crowdsim.crowd.kernels.layout import (
     ASIDE,
@@ -18,6 +19,8 @@ from crowdsim.crowd.kernels.layout import (
     FIST_X,
     FIST_Y,
     FIST_Z,
+    FROM_X,
+    FROM_Z,
     FURTHEST,
     HEAD_SIZE,
     KIND,
@@ -109,8 +112,9 @@ def add_strikes(model, row, options, target, factor, rows):
         lands = (
             ((to_head <= head_most) | (to_torso <= torso_most)) & (to_head >= head_least) & (to_torso >= torso_least)
         )
+        through = comes_through(px, pz, strikes[k, FROM_X], strikes[k, FROM_Z], px - dx, pz - dz)
         action = np.uint64(strikes[k, OWNER])
-        earned = strikes[k, column] * np.float64(lands)
+        earned = strikes[k, column] * np.float64(lands & (not through))
         rows[action] = max(rows[action], earned) if greatest else rows[action] + earned
         out[action] -= factor * strikes[k, column + 1] * np.float64(aside > wasted)
     factor *= terms[row, WEIGHT]

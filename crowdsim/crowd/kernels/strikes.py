@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crowdsim.core.angles import cos_sin
-from crowdsim.core.bodies import PosedBody, lands_on_posed_body
+from crowdsim.core.bodies import PosedBody, comes_through, lands_on_posed_body
 from crowdsim.crowd.kernels.interpolation import ground_at, point_at
 from crowdsim.crowd.kernels.layout import (
     ACTION,
@@ -20,10 +20,16 @@ from crowdsim.crowd.kernels.layout import (
     FIST_X,
     FIST_Y,
     FIST_Z,
-    HAND,
+    FROM_X,
+    FROM_Z,
     HEAD,
     HEAD_RADIUS,
+    HIT_BY,
+    HIT_FRAME,
+    HIT_X,
+    HIT_Z,
     LENGTH,
+    LIMB,
     NECK,
     NECK_DROP,
     NUMBER,
@@ -42,6 +48,7 @@ from crowdsim.crowd.kernels.layout import (
     SPEED,
     STRIDE,
     STRIKES,
+    STRONG,
     TIME,
     TOLERANCE,
     TORSO_RADIUS,
@@ -52,7 +59,7 @@ from crowdsim.crowd.kernels.motion import base_before
 from crowdsim.crowd.kernels.prefetch import ask_for
 from crowdsim.jit import kernel
 
-ATTACKER, VICTIM, SIDE, LANDED = range(4)
+ATTACKER, VICTIM, STRIKER, LANDED = range(4)
 WHEN, POINT_X, POINT_Y, POINT_Z, FAST = range(5)
 
 
@@ -100,6 +107,31 @@ def strike(model, avatars, world, now, first, last, who, strikes, held):
 
 
 @kernel(inline=True)
+def note_hits(model, avatars, frame, strikes, first, last):
+    """Let avatars note by whom they were hit in strikes ``first`` to ``last``, which are those of ``frame``.
+
+    A hit is as strong as its speed over ``Model.sizes`` says: 1 for a strong one. Of several hits in a frame the
+    strongest counts, among equals that of the lower number, so that their order does not matter.
+    """
+    whole, real, slot_of = avatars.whole, avatars.real, avatars.slot_of
+    for k in range(first, last):
+        attacker, victim = strikes.whole[k, ATTACKER], strikes.whole[k, VICTIM]
+        if strikes.whole[k, LANDED] == 0 or victim < 0:
+            continue
+        i, j = slot_of[attacker], slot_of[victim]
+        strength = strikes.real[k, FAST] / model.sizes[whole[POLICY, i], STRONG]
+        dx, dz = real[X, j] - real[X, i], real[Z, j] - real[Z, i]
+        part = strength / max(np.sqrt(dx * dx + dz * dz), 1e-9)
+        hit_x, hit_z = part * dx, part * dz
+        if real[HIT_FRAME, j] == frame:
+            more = hit_x * hit_x + hit_z * hit_z - real[HIT_X, j] ** 2 - real[HIT_Z, j] ** 2
+            if more < 0.0 or (more == 0.0 and whole[HIT_BY, j] < attacker):
+                continue
+        whole[HIT_BY, j] = attacker
+        real[HIT_X, j], real[HIT_Z, j], real[HIT_FRAME, j] = hit_x, hit_z, frame
+
+
+@kernel(inline=True)
 def _ask_for_strike(model, avatars, i):
     """Ask memory for the strikes of an avatar and the body of its opponent."""
     whole, actions = avatars.whole, model.actions
@@ -122,15 +154,18 @@ def _list_strikes(model, avatars, targets, now, i, old, out, held):
             continue
         if held < out.whole.shape[0]:
             whole, real = out.whole[held], out.real[held]
-            px, py, pz = _fist_of(model, avatars, i, part.action, old, k)
+            reach = model.strikes[k]
+            px, pz = _over_ground(model, avatars, i, part.action, old, reach[FIST_X], reach[FIST_Z])
+            py = reach[FIST_Y] * avatars.real[SCALE, i]
+            origin = _over_ground(model, avatars, i, part.action, old, reach[FROM_X], reach[FROM_Z])
             whole[ATTACKER], whole[VICTIM] = avatars.whole[NUMBER, i], part.opponent
-            whole[SIDE] = model.strikes[k, HAND]
+            whole[STRIKER] = model.strikes[k, LIMB]
             # Between two frames, and as exact as a number that is written: landing is judged then.
             real[WHEN] = now.frame - 1.0 + (time - part.low + part.passed) / part.motion
             real[POINT_X], real[POINT_Y], real[POINT_Z] = px, py, pz
             real[FAST] = model.strikes[k, FIST_SPEED] * avatars.real[SCALE, i] * avatars.real[SPEED, i]
             share = real[WHEN] - (now.frame - 1.0)
-            whole[LANDED] = _lands(model, avatars, targets, now, i, part.opponent, share, (px, py, pz))
+            whole[LANDED] = _lands(model, avatars, targets, now, i, part.opponent, share, (px, py, pz), origin)
         held += 1
     return held
 
@@ -154,28 +189,32 @@ def _stretch_of(model, avatars, i, old):
 
 
 @kernel(inline=True)
-def _fist_of(model, avatars, i, action, old, k):
-    """Return the position of an avatar's fist at strike ``k`` of its action, or of its ``old`` one."""
-    real, strikes, starts, scale = avatars.real, model.strikes, model.starts, avatars.real[SCALE, i]
+def _over_ground(model, avatars, i, action, old, fx, fz):
+    """Return over what a point lies that is seen from the start of an avatar's action, or of its ``old`` one."""
+    real, starts = avatars.real, model.starts
     base_x, base_z, cos, sin = real[BASE_X, i], real[BASE_Z, i], real[BASE_COS, i], real[BASE_SIN, i]
     if old:
         base_x, base_z, cos, sin, _ = base_before(model, avatars, i)
     gx, gz, gh = starts[action, 0], starts[action, 1], starts[action, 2]
     wx, wz = cos_sin(gh)
-    fx, fz = strikes[k, FIST_X], strikes[k, FIST_Z]
     gx, gz = gx + fx * wx + fz * wz, gz - fx * wz + fz * wx
-    return base_x + gx * cos + gz * sin, strikes[k, FIST_Y] * scale, base_z - gx * sin + gz * cos
+    return base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
 
 
 @kernel(inline=True)
-def _lands(model, avatars, targets, now, i, opponent, share, point):
-    """Return whether a strike of avatar ``i`` lands: near the surface of the opponent's head or torso then."""
+def _lands(model, avatars, targets, now, i, opponent, share, point, origin):
+    """Return whether a strike of avatar ``i`` lands: near the surface of the opponent's head or torso then.
+
+    A kick does not that comes through the body from over ``origin``.
+    """
     real, sizes, policy, scale = avatars.real, model.sizes, avatars.whole[POLICY, i], avatars.real[SCALE, i]
     tolerance = sizes[policy, TOLERANCE] * scale
     if opponent <= -2:
         before, after = targets[now.moment - 1, -2 - opponent], targets[now.moment, -2 - opponent]
         hx, hz = before[0] + share * (after[0] - before[0]), before[2] + share * (after[2] - before[2])
         hy = before[1] + share * (after[1] - before[1])
+        if comes_through(point[0], point[2], origin[0], origin[1], hx, hz):
+            return False
         neck = (hx, hy - sizes[policy, NECK_DROP] * scale, hz)
         pelvis = (hx, hy - sizes[policy, PELVIS_DROP] * scale, hz)
         head_radius, torso_radius = sizes[policy, HEAD_RADIUS] * scale, sizes[policy, TORSO_RADIUS] * scale
@@ -189,7 +228,10 @@ def _lands(model, avatars, targets, now, i, opponent, share, point):
     far = size * (sizes[whose, REACH] + real[SPEED, j] * sizes[whose, PACE]) + tolerance
     if dx * dx + dz * dz > far * far:
         return False
-    return lands_on_posed_body(point, _body_at(model, avatars, j, share), tolerance)
+    body = _body_at(model, avatars, j, share)
+    if comes_through(point[0], point[2], origin[0], origin[1], body.neck[0], body.neck[2]):
+        return False
+    return lands_on_posed_body(point, body, tolerance)
 
 
 @kernel(inline=True)

@@ -1,0 +1,110 @@
+"""Variety: what actions cost whose motion was shown lately, by the avatar itself or by others in its cell.
+
+Actions that end in the same state show the same motion, so motion is known by that state. Who shows it is not noted:
+a table has a mark for each cell of the ground and each state, by a hash, with the frame in which an avatar last
+started for it. All avatars read marks before any makes one, and those of a frame are equal, so that their order does
+not matter. Frames are kept modulo 2 ** 16.
+"""
+
+import math
+
+import numpy as np
+
+from crowdsim.crowd.kernels.layout import (
+    ACTION,
+    COHORT,
+    DECISIONS,
+    LENGTH,
+    NEXT,
+    NEXT_OPPONENT,
+    NUMBER,
+    PHASE,
+    SPEED,
+    STRIKES,
+    TARGET_X,
+    TARGET_Z,
+    THROWN,
+    THROWN_UNTIL,
+    VARIETY,
+    X,
+    Z,
+)
+from crowdsim.jit import kernel
+
+OTHERS, LATELY = 0.5, 30  # what motion costs that others showed lately, in normalised values; frames that this means
+OWN, LATEST = 0.15, 16  # what motion costs that is among the avatar's own latest actions; how many these are
+CELL = 16.0  # side of a cell [m]
+AHEAD, NEAR = 0.6, 1.2  # where opponents are while variety counts: cosine of the bearing, distance [m]
+TWICE, TOGETHER = 4.0, 9  # what a strike costs that the opponent throws too; frames within which it does
+FRAMES, NONE = 0xFFFF, 0xFFFF  # frames and states are kept in 16 bits; instead of a state
+
+
+@kernel(inline=True)
+def charge_repetition(model, avatars, world, now, due, count, scratch):
+    """Lower the values of actions whose motion was shown lately.
+
+    For avatars ``due[:count]``, with which values run along; those who pursue a target are not concerned.
+    """
+    whole, actions, marks = avatars.whole, model.actions, avatars.marks
+    mask = marks.shape[0] - 1
+    for q in range(count):
+        own = due[q]
+        variety = world.cohorts[whole[COHORT, own], VARIETY]
+        if variety <= 0.0 or scratch.states[q] < 0 or whole[NEXT_OPPONENT, own] < 0:
+            continue
+        offset = model.offsets[scratch.states[q]]
+        n = model.offsets[scratch.states[q] + 1] - offset
+        values = scratch.values[q]
+        x, z = scratch.situations[q, TARGET_X], scratch.situations[q, TARGET_Z]
+        far = math.sqrt(x * x + z * z)
+        if z < AHEAD * far or far > NEAR:
+            continue  # it turns and pursues by whatever motion there is
+        cell, latest = _cell_of(avatars.real, own), avatars.shown[whole[NUMBER, own]]
+        others, mine = variety * OTHERS, variety * OWN
+        for k in range(np.uint64(n)):
+            state = np.int64(actions[np.uint64(offset) + k, NEXT])
+            age = (now.frame - np.int64(marks[np.uint64((cell + state) & mask)])) & FRAMES
+            charge = others if age < LATELY else 0.0
+            low, again = np.uint16(state), False
+            for m in range(np.uint64(LATEST)):
+                again |= latest[m] == low
+            values[k] -= charge + (mine if again else 0.0)
+
+
+@kernel(inline=True)
+def note_shown(model, avatars, frame, i, action):
+    """Note the motion of an action that an avatar starts, and its strikes."""
+    whole, actions = avatars.whole, model.actions
+    state, number = np.int64(actions[action, NEXT]), whole[NUMBER, i]
+    avatars.marks[(_cell_of(avatars.real, i) + state) & (avatars.marks.shape[0] - 1)] = frame & FRAMES
+    avatars.shown[number, whole[DECISIONS, i] & (LATEST - 1)] = state & FRAMES
+    if actions[action + 1, STRIKES] > actions[action, STRIKES]:
+        whole[THROWN, i] = model.twins[state]
+        whole[THROWN_UNTIL, i] = frame + np.int64(actions[action, LENGTH] / avatars.real[SPEED, i])
+
+
+@kernel(inline=True)
+def _cell_of(real, i):
+    """Return where the marks of the cell that an avatar is in begin."""
+    column, row = math.floor(real[X, i] / CELL + 0.5), math.floor(real[Z, i] / CELL + 0.5)
+    return np.int64(column) * 73856093 ^ np.int64(row) * 19349663
+
+
+@kernel(inline=True)
+def throws_too(model, avatars, world, frame, own, action):
+    """Return whether an avatar should leave the strikes of an action to its opponent, which throws them too.
+
+    Or which throws their mirror image. Motion of the same strike is simultaneous where it ends at about the same time;
+    of two that decide in the same frame each may take half of the strikes.
+    """
+    whole, actions = avatars.whole, model.actions
+    opponent = whole[NEXT_OPPONENT, own]
+    strikes = actions[action + 1, STRIKES] - actions[action, STRIKES]
+    if strikes == 0 or opponent < 0 or world.cohorts[whole[COHORT, own], VARIETY] <= 0.0:
+        return False
+    j, piece = avatars.slot_of[opponent], np.int64(model.twins[actions[action, NEXT]])
+    ends = frame + np.int64(actions[action, LENGTH] / avatars.real[SPEED, own])
+    if piece == whole[THROWN, j] and abs(ends - whole[THROWN_UNTIL, j]) < TOGETHER:
+        return True
+    half = ((piece * 40503 + frame * 30011) >> 7) & 1
+    return avatars.real[PHASE, j] >= actions[whole[ACTION, j], LENGTH] and half != (whole[NUMBER, own] > opponent)

@@ -1,0 +1,82 @@
+"""Everything in a simulation that changes from frame to frame, as named arrays, so that it can go on from there.
+
+Arrays that are added to ``Avatars`` or ``World`` are saved without further ado; a test finds anything else that changes
+and is not in ``STATE``. Avatars are saved in the order of their numbers, since nothing that is
+computed depends on the order in which they are stored. All else in a simulation is constant, scratch space, or follows
+from these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.crowd.arrays import Avatars
+from crowdsim.crowd.state_checks import Changing, check_values
+
+STATE = ("avatars.", "_world.", "_agenda.pending", "_agenda.landed", "_fresh", "present", "frame", "searches")
+"""What changes in a simulation while it runs and decides how it goes on; of avatars and world every array."""
+
+_BY_SLOT = ("whole", "real")
+"""Arrays of avatars with a column for each slot; the others do not depend on slots."""
+
+
+def read_state(simulation: Changing) -> dict[str, Array]:
+    """Return copies of all arrays that decide how a simulation goes on, by name.
+
+    Those of ``whole`` and ``real`` have one column an avatar number, those of the world the names of its fields.
+    """
+    avatars, agenda = simulation.avatars, simulation._agenda
+    state = {
+        f"avatars.{name}": values[..., avatars.slot_of] if name in _BY_SLOT else values.copy()
+        for name, values in _arrays(avatars).items()
+    }
+    present = np.zeros(simulation.crowd.count, bool)
+    present[avatars.number[: simulation.present]] = True
+    state["present"] = present
+    state["fresh"] = np.sort(avatars.number[simulation._fresh])
+    state.update({f"world.{name}": values.copy() for name, values in simulation._world._asdict().items()})
+    state["agenda.pending"], state["agenda.landed"] = np.array(agenda.pending, np.int64), agenda.landed.copy()
+    state["frame"] = np.array(simulation.frame)
+    state["searches"] = np.array(simulation.searches, dtype="<U8")
+    return state
+
+
+def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
+    """Put a simulation of the same crowd, policies and script into a state that ``read_state`` returned.
+
+    Raises:
+        ValueError: The state is of another crowd, of other arrays, or holds values that are out of range; the message
+            names the first that differs.
+    """
+    now = read_state(simulation)
+    grows = {"fresh", "agenda.pending", "searches"}
+    for name in sorted(now.keys() | state.keys()):
+        if name not in now or name not in state:
+            raise ValueError(f"array {name!r} is {'missing' if name in now else 'unknown'}")
+        old, new = now[name], state[name]
+        if old.dtype.kind != new.dtype.kind or (name not in grows and old.shape != new.shape):
+            raise ValueError(f"array {name!r} is {new.dtype}{new.shape}, expected {old.dtype}{old.shape}")
+    check_values(simulation, now, state)
+    avatars = simulation.avatars
+    order = np.argsort(~state["present"], kind="stable").astype(np.int32)
+    for name, values in _arrays(avatars).items():
+        saved = state[f"avatars.{name}"]
+        values[...] = saved[..., order] if name in _BY_SLOT else saved
+    avatars.slot_of[order] = np.arange(len(order), dtype=np.int32)
+    simulation.present = int(np.count_nonzero(state["present"]))
+    simulation._fresh = np.sort(avatars.slot_of[state["fresh"]]).astype(np.int32)
+    for name, values in simulation._world._asdict().items():
+        values[...] = state[f"world.{name}"]
+    simulation._agenda.pending = state["agenda.pending"].tolist()
+    simulation._agenda.landed[...] = state["agenda.landed"]
+    simulation.frame = int(state["frame"])
+    simulation.searches = [str(search) for search in state["searches"]]
+    simulation._index.reset()
+
+
+def _arrays(avatars: Avatars) -> dict[str, Array]:
+    """Return the arrays of avatars, without the order in which they are stored."""
+    return {name: values for name, values in avatars._asdict().items() if name != "slot_of"}

@@ -1,0 +1,144 @@
+"""What the state of a simulation must be, so that one that was read from a file leads no kernel out of bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.crowd.arrays import Avatars, Model, World
+from crowdsim.crowd.crowd import Crowd
+from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.variety import NONE
+from crowdsim.crowd.opponents import Index
+from crowdsim.crowd.script import Agenda, Script
+
+FAR = 1e9
+"""Greatest numbers of an avatar [m, rad, control frames]."""
+_SEARCHES = {"direct", "kd_tree", "scipy"}
+_CONSTANT = {
+    "avatars.whole": (layout.NUMBER, layout.POLICY, layout.COHORT, layout.TEAM),
+    "avatars.real": (layout.SCALE, layout.SPEED),
+}
+_MAY_CHANGE = (layout.TEMPERATURE, layout.HYSTERESIS)
+_NAMES = {
+    layout.SKIP: "skip", layout.FIXED: "fixed", layout.OPPONENT: "opponent", layout.OPPONENT_BEFORE: "opponent before",
+    layout.DECISIONS: "decisions", layout.ACTION: "action", layout.ACTION_BEFORE: "action before",
+    layout.PENDING: "pending", layout.BURST: "burst", layout.NEXT_OPPONENT: "next opponent", layout.HIT_BY: "hit by",
+    layout.THROWN: "thrown", layout.THROWN_UNTIL: "thrown until",
+}  # fmt: skip
+
+
+class Changing(Protocol):
+    """The parts of a simulation that change, see ``simulation.Simulation``."""
+
+    crowd: Crowd
+    model: Model
+    avatars: Avatars
+    present: int
+    frame: int
+    searches: list[str]
+    _fresh: Array
+    _world: World
+    _agenda: Agenda
+    _script: Script
+    _index: Index
+
+
+def check_values(simulation: Changing, now: Mapping[str, Array], state: Mapping[str, Array]) -> None:
+    """Hold the values of a state, whose arrays have the right shapes, against what a simulation can have.
+
+    Args:
+        simulation: The simulation that it is for.
+        now: State of that simulation at its beginning.
+        state: The state.
+
+    Raises:
+        ValueError: A value is out of range, or what never changes is another.
+    """
+    for name, rows in _CONSTANT.items():
+        if not np.array_equal(now[name][list(rows)], state[name][list(rows)]):
+            raise ValueError(f"array {name!r} holds other avatars than those of the run")
+    for name in ("world.arena", "world.crowding", "world.stream"):
+        if not np.array_equal(now[name], state[name]):
+            raise ValueError(f"array {name!r} is not that of the run")
+    _check_whole(simulation, state)
+    _check_real(simulation, state)
+    _check_world(now, state)
+    _check_rest(simulation, state)
+
+
+def _check_whole(simulation: Changing, state: Mapping[str, Array]) -> None:
+    whole, model, count = state["avatars.whole"], simulation.model, simulation.crowd.count
+    least, most = -1 - len(simulation._script.targets), 2**31 - 1
+    policy = whole[layout.POLICY]
+    first, last = model.policies[policy, layout.ACTIONS], model.policies[policy + 1, layout.ACTIONS] - 1
+    others = dict.fromkeys(
+        (layout.FIXED, layout.OPPONENT, layout.OPPONENT_BEFORE, layout.NEXT_OPPONENT), (least, count - 1)
+    )
+    limits: dict[int, tuple[int | Array, int | Array]] = {
+        **others,
+        layout.SKIP: (-2, int(simulation.crowd.team.max(initial=0))),
+        layout.DECISIONS: (0, most),
+        layout.ACTION: (first, last),
+        layout.PENDING: (-1, layout.NO_STRIKE),
+        layout.BURST: (0, most),
+        layout.HIT_BY: (-1, count - 1),
+        layout.THROWN: (-1, len(model.twins) - 1),
+        layout.THROWN_UNTIL: (-1, most),
+    }
+    for row, (low, high) in limits.items():
+        _refuse(f"avatars.whole, {_NAMES[row]}", whole[row], (whole[row] >= low) & (whole[row] <= high))
+    before = whole[layout.ACTION_BEFORE]
+    inside = ((before >= first) & (before <= last)) | ((before >= layout.ENTERED) & (before < 0))
+    _refuse(f"avatars.whole, {_NAMES[layout.ACTION_BEFORE]}", before, inside)
+
+
+def _check_real(simulation: Changing, state: Mapping[str, Array]) -> None:
+    whole, real, model = state["avatars.whole"], state["avatars.real"], simulation.model
+    never = np.zeros(real.shape, bool)
+    never[layout.HIT_FRAME] = np.isneginf(real[layout.HIT_FRAME])
+    _refuse("avatars.real", real, (np.abs(real) <= FAR) | never)
+    before = np.where(whole[layout.ACTION_BEFORE] >= 0, whole[layout.ACTION_BEFORE], whole[layout.ACTION])
+    for row, action in ((layout.PHASE, whole[layout.ACTION]), (layout.PHASE_BEFORE, before)):
+        most = model.actions[action, layout.LENGTH] + real[layout.SPEED] + 1e-6
+        _refuse("avatars.real, phase", real[row], (real[row] >= 0.0) & (real[row] <= most))
+    shown = state["avatars.shown"]
+    _refuse("avatars.shown", shown, (shown < len(model.twins)) | (shown == NONE))
+
+
+def _check_world(now: Mapping[str, Array], state: Mapping[str, Array]) -> None:
+    cohorts, before = state["world.cohorts"], now["world.cohorts"]
+    same = [column for column in range(cohorts.shape[1]) if column not in _MAY_CHANGE]
+    if not np.array_equal(cohorts[:, same], before[:, same]):
+        raise ValueError("array 'world.cohorts' is not that of the run")
+    for name, values in (("world.cohorts", cohorts), ("world.weights", state["world.weights"])):
+        _refuse(name, values, (values >= 0.0) & (values <= FAR))
+    _refuse("world.targets", state["world.targets"], np.abs(state["world.targets"]) <= FAR)
+
+
+def _check_rest(simulation: Changing, state: Mapping[str, Array]) -> None:
+    present, fresh, pending = state["present"], state["fresh"], state["agenda.pending"]
+    _refuse("present", present.view(np.uint8), present.view(np.uint8) <= 1)
+    for name, numbers, count in (
+        ("fresh", fresh, simulation.crowd.count),
+        ("agenda.pending", pending, len(simulation._script.changes)),
+    ):
+        if numbers.ndim != 1:
+            raise ValueError(f"array {name!r} has the shape {numbers.shape}, expected one axis")
+        _refuse(name, numbers, (numbers >= 0) & (numbers < count))
+        _refuse(name, numbers[1:], np.diff(numbers) > 0)
+    _refuse("fresh", fresh, present[fresh])
+    _refuse("agenda.landed", state["agenda.landed"], state["agenda.landed"] >= 0)
+    _refuse("frame", state["frame"], (state["frame"] >= 0) & (state["frame"] < 2**40))
+    searches = state["searches"]
+    if searches.ndim != 1 or not set(map(str, searches)) <= _SEARCHES:
+        raise ValueError(f"array 'searches' is none of {', '.join(sorted(_SEARCHES))}")
+
+
+def _refuse(name: str, values: Array, holds: Array) -> None:
+    if not np.all(holds):
+        at = int(np.argmin(np.asarray(holds).reshape(-1)))
+        raise ValueError(f"array {name!r} holds {np.asarray(values).reshape(-1)[at]}, which is out of range")
