@@ -11,6 +11,7 @@ from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
+from crowdsim.motion.strikes import LIMBS
 from crowdsim.policy.rewards import TargetBody, posed_distance
 from crowdsim.take.data import TakeData
 from crowdsim.take.kernels.fists import ELBOW_LEAST, JOINTS, Landings, carry_fists
@@ -27,6 +28,8 @@ MOST = 0.35
 """Furthest that a fist is carried [m]."""
 _FACING = 0.2
 """Least cosine of the angle between the outward direction of a point that is hit and the direction to the shoulder."""
+_GIVES = 0.012
+"""How far outside a head the middle of a fist stays, which is thicker than that [m]."""
 _OUT = 12
 """Times that a point goes out of head or torso."""
 
@@ -96,13 +99,13 @@ def _unit(vectors: Array) -> Array:
 
 
 def body_points(body: Body, positions: Array, rotations: Array, scales: Array) -> tuple[Array, Array, Array, Array]:
-    """Return head (n, 3), neck (n, 3), pelvis (n, 3) and fists (n, 2, 3) of posed bodies of sizes (n,) [m]."""
+    """Return head (n, 3), neck (n, 3), pelvis (n, 3) and fists and feet (n, 4, 3) of posed bodies [m]."""
     roles = body.roles
     sizes = np.asarray(scales)[:, None]
     head = positions[:, roles["head"]] + sizes * quaternion.rotate(rotations[:, roles["head"]], body.head_offset)
-    hands = [roles["left_hand"], roles["right_hand"]]
-    fists = positions[:, hands] + sizes[..., None] * quaternion.rotate(rotations[:, hands], body.fist_offsets)
-    return head, positions[:, roles["neck"]], positions[:, roles["pelvis"]], fists
+    ends, offsets = [roles[limb] for limb in LIMBS], np.concatenate([body.fist_offsets, body.foot_offsets])
+    strikers = positions[:, ends] + sizes[..., None] * quaternion.rotate(rotations[:, ends], offsets)
+    return head, positions[:, roles["neck"]], positions[:, roles["pelvis"]], strikers
 
 
 def plan_landings(
@@ -126,7 +129,7 @@ def plan_landings(
         rows, hands = np.arange(len(which)), near.hands[which]
         fists[which] = body_points(body, positions, rotations, scales)[3][rows, hands]
         shoulders[which] = positions[rows, arms.joints[hands, 0]]
-    shifts = _surfaces(take, near, fists, shoulders, struck_at, motion.target) - fists
+    shifts = find_surfaces(take, near, fists, shoulders, struck_at, motion.target) - fists
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
     shifts = np.where(np.isfinite(shifts), shifts, 0.0)
@@ -178,17 +181,32 @@ def reach_out(window: Window, landings: Landings, moments: Moments, poses: Posed
     share(len(moments.columns), work, threads=window.threads)
 
 
-def _surfaces(
+def find_surfaces(
     take: TakeData, near: Landed, fists: Array, shoulders: Array, pose_at: PoseAt, target: TargetBody
 ) -> Array:
-    """Nearest points on what is hit, scripted targets as large as control takes them for. Shape (E, 3)."""
+    """Return the nearest points on what is hit, scripted targets as large as control takes them for. Shape (E, 3).
+
+    Args:
+        take: The take.
+        near: Strikes.
+        fists: What strikes [m]. Shape (E, 3).
+        shoulders: From where it comes [m]. Shape (E, 3).
+        pose_at: Poses those who are hit.
+        target: The body of scripted targets.
+    """
     points = np.full((len(near.times), 3), np.nan)
     people = np.flatnonzero(near.victims >= 0)
     for which, body, scales, positions, rotations in pose_at(near.victims[people], near.times[people]):
         head, neck, pelvis, _ = body_points(body, positions, rotations, scales)
         chosen = people[which]
         points[chosen] = surface_point(
-            fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales, shoulders[chosen]
+            fists[chosen],
+            head,
+            neck,
+            pelvis,
+            body.head_radius * scales + _GIVES,
+            body.torso_radius * scales,
+            shoulders[chosen],
         )
         # A fist that misses is left alone where it is in no body.
         gaps = posed_distance(fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales)

@@ -13,6 +13,7 @@ from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.motion.strikes import HANDS
 from crowdsim.take.fists import body_points
 from crowdsim.take.poses import PoseSampler
 
@@ -23,7 +24,12 @@ if TYPE_CHECKING:
 
 _MOST = 4000
 """Strikes that are drawn at the most; of more, some evenly picked."""
-_HANDS = (("left fist", "tab:blue"), ("right fist", "tab:red"))
+_STRIKERS = (
+    ("left fist", "tab:blue"),
+    ("right fist", "tab:red"),
+    ("left foot", "tab:cyan"),
+    ("right foot", "tab:orange"),
+)
 _LIMBS, _TARGET = "#e4e4e4", "#bdbdbd"
 
 
@@ -54,18 +60,18 @@ class Silhouette:
 
 @dataclass(frozen=True)
 class Hits:
-    """Strikes that landed on avatars: where fists touch, moved from the body that each hit to the silhouette.
+    """Strikes that landed on avatars: where fists and feet touch, moved from the body that each hit to the silhouette.
 
     Attributes:
         points: Where, in the silhouette's ground frame [m]. Shape (H, 3).
         on_head: Whether the head was nearer than the torso. Shape (H,).
-        hands: 0 left, 1 right. Shape (H,).
+        limbs: Numbers of ``strikes.LIMBS``. Shape (H,).
         count: Number of strikes that landed in the run; H is less where only some are drawn.
     """
 
     points: Array
     on_head: Array
-    hands: Array
+    limbs: Array
     count: int
 
 
@@ -99,12 +105,12 @@ def find_hits(sampler: PoseSampler, silhouette: Silhouette) -> Hits:
     landed = np.flatnonzero(np.asarray(events.landed, bool) & (np.asarray(events.victim) >= 0))
     some = landed[np.unique(np.linspace(0, len(landed) - 1, min(len(landed), _MOST)).astype(np.int64))]
     victims = np.asarray(events.victim)[some].astype(np.int64)
-    hands, frames = np.asarray(events.hand)[some].astype(np.int64), np.asarray(events.frame, dtype=float)[some]
+    limbs, frames = np.asarray(events.limb)[some].astype(np.int64), np.asarray(events.frame, dtype=float)[some]
     times, hit = frames / take.control_rate, np.full((len(some), 3), np.nan)
     for which, body, scales, positions, world_rotations in sampler.moments(
         np.asarray(events.attacker)[some].astype(int), times
     ):
-        hit[which] = body_points(body, positions, world_rotations, scales)[3][np.arange(len(which)), hands[which]]
+        hit[which] = body_points(body, positions, world_rotations, scales)[3][np.arange(len(which)), limbs[which]]
     rows = np.clip(np.round(frames).astype(np.int64), 0, take.frame_count - 1)
     headings = np.asarray(take.heading[:])[rows, victims].astype(float)
     points, on_head = np.full((len(some), 3), np.nan), np.zeros(len(some), bool)
@@ -123,7 +129,7 @@ def find_hits(sampler: PoseSampler, silhouette: Silhouette) -> Hits:
         points[which] = np.where(nearer[:, None], silhouette.head, middle) + out
         on_head[which] = nearer
     known = np.isfinite(points).all(axis=1)
-    return Hits(points[known], on_head[known], hands[known], len(landed))
+    return Hits(points[known], on_head[known], limbs[known], len(landed))
 
 
 def hit_figure(sampler: PoseSampler) -> Figure:
@@ -139,8 +145,10 @@ def hit_figure(sampler: PoseSampler) -> Figure:
     for axes, across, label in zip(views, (0, 2), ("to its left [m]", "ahead of it [m]"), strict=True):
         _draw_silhouette(axes, silhouette, across)
         size = float(np.clip(3000.0 / max(len(hits.points), 1), 4.0, 30.0))
-        for hand, (name, colour) in enumerate(_HANDS):
-            mine = hits.points[hits.hands == hand]
+        for limb, (name, colour) in enumerate(_STRIKERS):
+            mine = hits.points[hits.limbs == limb]
+            if limb not in HANDS and not len(mine):
+                continue
             text = f"{name} ({len(mine)})"
             axes.scatter(
                 mine[:, across], mine[:, 1], s=size, color=colour, alpha=0.7, linewidths=0, label=text, zorder=3

@@ -15,12 +15,13 @@ _FRAMES = 64
 
 
 class KeptRows:
-    """Two numbers for each avatar and control frame of a take.
+    """Numbers for each avatar and control frame of a take.
 
     Args:
         frames: Control frames of the take.
         avatars: Avatars of the take.
-        find: Returns the numbers of all avatars at control frames ``first`` to ``stop``. Shape (T, N, 2).
+        find: Returns the numbers of all avatars at control frames ``first`` to ``stop``. Shape
+            (T, N, k).
     """
 
     def __init__(self, frames: int, avatars: int, find: Callable[[int, int], Array]) -> None:
@@ -29,7 +30,7 @@ class KeptRows:
         self._kept: dict[int, Array] = {}
 
     def rows(self, first: int, stop: int, avatars: Array) -> Array:
-        """Return the numbers of avatars (n,) at control frames ``first`` to ``stop``. Shape (T, n, 2), float32."""
+        """Return the numbers of avatars (n,) at control frames ``first`` to ``stop``. Shape (T, n, k), float32."""
         if self._is_short:
             if self._whole is None:
                 self._whole = self._find(0, self._frames).astype(np.float32)

@@ -11,32 +11,33 @@ from crowdsim.core.types import Array
 from crowdsim.take.data import TakeData
 
 BEFORE, AFTER = 0.16, 0.22
-"""Time before and after a strike over which the arm leaves its captured path [s]."""
+"""Time before and after a strike over which the limb leaves its captured path [s]."""
 
-LEAN = 0.22
+LEAN = 0.24
 """How long before and after it the trunk leans for it at the most [s]."""
-_LEAST_LEAN = 0.15
+_LEAST_LEAN = 0.2
 """How long it leans at the least [s]."""
 TOGETHER = 0.07
-"""Strikes of a hand that are no further apart are one: a transition shortly after a strike showed it again [s]."""
+"""Strikes of a limb that are no further apart are one: a transition shortly after a strike showed it again [s]."""
 
 
 @dataclass(frozen=True)
 class Landed:
-    """Landed strikes in order of time, and others whose fists would be seen in a body; E strikes.
+    """Landed strikes in order of time, and others whose fists or feet would be seen in a body; E strikes.
 
     Attributes:
         times: When [s]. Shape (E,).
         attackers: Shape (E,).
         victims: Shape (E,); below -1 a scripted target.
-        hands: Shape (E,).
-        points: Where the fist was [m]. Shape (E, 3).
+        hands: Side of the limb, 0 left, 1 right. Shape (E,).
+        limbs: Numbers of ``strikes.LIMBS``. Shape (E,).
+        points: Where the fist or foot was [m]. Shape (E, 3).
         speeds: Shape (E,) [m/s].
-        spans: How long before and after it the arm is on its way, no longer than to the hand's strikes before and after
+        spans: How long before and after it the limb is on its way, no longer than to its strikes before and after
             [s]. Shape (E, 2).
         lean_spans: How long before and after it the trunk leans for it, if it can be no longer than to strikes of
-            either hand before and after [s]. Shape (E, 2).
-        again: Whether it is one with the hand's strike before. Shape (E,).
+            any limb before and after [s]. Shape (E, 2).
+        again: Whether it is one with the limb's strike before. Shape (E,).
         missed: Whether it did not land. Shape (E,).
     """
 
@@ -44,6 +45,7 @@ class Landed:
     attackers: Array
     victims: Array
     hands: Array
+    limbs: Array
     points: Array
     speeds: Array
     spans: Array
@@ -77,20 +79,20 @@ class Landed:
 
 
 def find_landed(take: TakeData, buried: Array | None = None) -> Landed:
-    """Return a take's landed strikes and those that are ``buried`` (E,); of two of a hand at once, the first."""
+    """Return a take's landed strikes and those that are ``buried`` (E,); of two of a limb at once, the first."""
     events = take.events
     result = np.asarray(events.landed, dtype=bool)
     landed = np.flatnonzero(result if buried is None else result | buried)
     frames = np.asarray(events.frame, dtype=np.float64)[landed]
     attackers = np.asarray(events.attacker)[landed].astype(np.int64)
-    hands = np.asarray(events.hand)[landed].astype(np.int64)
+    limbs = np.asarray(events.limb)[landed].astype(np.int64)
     times = frames / take.control_rate
-    order = np.lexsort((landed, times, hands, attackers))
-    same = (np.diff(attackers[order]) == 0) & (np.diff(hands[order]) == 0)
+    order = np.lexsort((landed, times, limbs, attackers))
+    same = (np.diff(attackers[order]) == 0) & (np.diff(limbs[order]) == 0)
     gaps = np.where(same, np.diff(times[order]), np.inf)
     twice = np.concatenate([[False], gaps < 1e-6]) if len(order) else np.zeros(0, bool)
     order = order[~twice]
-    same = (np.diff(attackers[order]) == 0) & (np.diff(hands[order]) == 0)
+    same = (np.diff(attackers[order]) == 0) & (np.diff(limbs[order]) == 0)
     gaps = np.where(same, np.diff(times[order]), np.inf)
     ends = [np.inf] if len(order) else []
     spans = np.stack([np.concatenate([ends, gaps]), np.concatenate([gaps, ends])], axis=1)
@@ -103,7 +105,8 @@ def find_landed(take: TakeData, buried: Array | None = None) -> Landed:
         times=times[order],
         attackers=attackers[order],
         victims=np.asarray(events.victim)[chosen].astype(np.int64),
-        hands=hands[order],
+        hands=limbs[order] % 2,
+        limbs=limbs[order],
         points=np.asarray(events.point, dtype=np.float64)[chosen].reshape(-1, 3),
         speeds=np.asarray(events.speed)[chosen].astype(np.float64),
         spans=spans,

@@ -23,10 +23,11 @@ EVENT_LABELS = {
     "frame": ("control frames", "time of furthest reach since the first control frame"),
     "attacker": ("1", "avatar number of the attacker"),
     "victim": ("1", "avatar number of the victim, -2 - k for scripted target k, -1 for none"),
-    "hand": ("1", "hand, 0 left and 1 right"),
-    "point": ("m", "position of the fist"),
-    "speed": ("m/s", "highest fist speed before, relative to the pelvis"),
+    "hand": ("1", "side of the limb, 0 left and 1 right"),
+    "point": ("m", "position of the fist or foot"),
+    "speed": ("m/s", "highest speed of it before, relative to the pelvis"),
     "landed": ("1", "whether the strike landed"),
+    "limb": ("1", "0 left hand, 1 right hand, 2 left foot, 3 right foot"),
 }
 COORDINATES = ("time", "name")
 CAST = {"type": "types", "team": "teams", "policy": "policies", "scale": "scales", "speed": "speeds", "name": "names"}
@@ -38,6 +39,7 @@ EVENTS = {
     "point": "<f4",
     "speed": "<f4",
     "landed": "|b1",
+    "limb": "|u1",
 }
 AVATARS_A_CHUNK = 65536
 EVENTS_A_CHUNK = 16384

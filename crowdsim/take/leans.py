@@ -15,7 +15,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
 from crowdsim.take.kernels.fists import JOINTS
-from crowdsim.take.motion import Limbs
+from crowdsim.take.limbs import Limbs
 
 _COMPLIANCE = (1.0, 1.0, 1.5)
 """How readily spine, chest and collar turn."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,20 +13,18 @@ from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.contacts import plant_spans
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.motion.limbs import flexion, hinge_axis
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.take.facing import chest_direction, face_direction
 from crowdsim.take.gait import Gait, measure_gait
+from crowdsim.take.limbs import Hinges, Limbs, measure_hinges, measure_limbs
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
     from crowdsim.policy.rewards import TargetBody
 
 
-_FREE, _MORE = np.deg2rad(130.0), np.deg2rad(8.0)
-"""Flexion that blends may always give, and what they may give beyond that or the capture's own [rad]."""
 _SETTLES = 2
 """Frames at the ends of a foot plant in which the foot still comes to rest, or begins to lift."""
-_SIDES = ("left", "right")
 _SAMPLE = 4096
 
 
@@ -65,48 +62,6 @@ class Frames(NamedTuple):
     rate: float
 
 
-class Limbs(NamedTuple):
-    """Two limbs of a body for compiled code, left and right.
-
-    Attributes:
-        parents: Parent of each joint of the skeleton. Shape (J,).
-        offsets: Position of each joint in its parent's frame [m]. Shape (J, 3).
-        chain: Joints from the root to the ends, parents first.
-        joints: Upper, middle and end joint. Shape (2, 3).
-        hinges: Axis of flexion in the upper joint's frame. Shape (2, 3).
-        points: What is moved: heel and ball of each foot, or the fist twice, in the end joint's frame [m]. Shape
-            (2, 2, 3).
-        bends: Lower and upper joint of the spine that lean for arms. Shape (2,).
-        toes: A joint that hangs on each end joint and turns with the toes, -1 where there is none. Shape (2,).
-        holds: Point of each end joint that stays where it is while it holds on to something, in its frame [m]: where
-            the toes begin, the ball of the foot where there are none. Shape (2, 3).
-    """
-
-    parents: Array
-    offsets: Array
-    chain: Array
-    joints: Array
-    hinges: Array
-    points: Array
-    bends: Array
-    toes: Array
-    holds: Array
-
-
-class Hinges(NamedTuple):
-    """Elbows and knees for compiled code, where nothing moves between them and the joints they hang on and carry.
-
-    Attributes:
-        joints: The joints. Shape (n,).
-        bones: The bone before and the bone after each, in its parent's frame and in its own [m]. Shape (n, 2, 3).
-        limits: Flexion up to which a blend leaves them alone, and the most that it may give [rad]. Shape (n, 2).
-    """
-
-    joints: Array
-    bones: Array
-    limits: Array
-
-
 @dataclass(frozen=True)
 class PoseMotion:
     """P playback frames of a skeleton of J joints, ready to be posed; A actions.
@@ -120,9 +75,11 @@ class PoseMotion:
         arms: The arms.
         hinges: Elbows and knees.
         gait: How it steps.
-        fists: Position of the left and right fist in the frame's ground frame [m]. Shape (P, 2, 3), float32.
+        strikers: Position of what each limb strikes with, in the order of ``strikes.LIMBS``, in the frame's ground
+            frame [m]. Shape (P, 4, 3), float32.
         trunks: Centre of the head, upper and lower end of the trunk in the frame's ground frame [m]. Shape (P, 3, 3),
             float32.
+        looks: Heading of the face and of the chest in the frame's ground frame [rad]. Shape (P, 2), float32.
         strikes: Playback frames at which strikes reach furthest, ascending. Shape (S,).
         origins: Playback frame that lies on the avatar when each action starts. Shape (A,).
         lengths: Length of each action [control frames]. Shape (A,).
@@ -137,12 +94,18 @@ class PoseMotion:
     arms: Limbs
     hinges: Hinges
     gait: Gait
-    fists: Array
+    strikers: Array
     trunks: Array
+    looks: Array
     strikes: Array
     origins: Array
     lengths: Array
     shifts: Array
+
+    def frames_at(self, actions: Array, done: Array) -> Array:
+        """Return the playback frames that are nearest after ``done`` control frames of actions. All of shape (n,)."""
+        steps = np.minimum(done, self.lengths[actions]) * self.frames.stride
+        return self.origins[actions] + np.rint(steps).astype(np.int64)
 
 
 def prepare_motion(policy: Policy) -> PoseMotion:
@@ -158,9 +121,11 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     some = slice(None, None, max(1, len(positions) // _SAMPLE))
     sample = positions[some], world_rotations[some]
     bends = np.array([body.roles["spine"], body.roles["chest"]])
-    legs = _limbs(skeleton, body, ("hip", "knee", "foot"), body.sole_offsets, bends, sample)
+    legs = measure_limbs(skeleton, body, ("hip", "knee", "foot"), body.sole_offsets, bends, sample)
     feet = legs.joints[:, 2]
     holds = positions[:, feet] + quaternion.rotate(world_rotations[:, feet], legs.holds)
+    kicking = positions[:, feet] + quaternion.rotate(world_rotations[:, feet], body.foot_offsets)
+    strikers = np.concatenate([database.fists, ground.to_local(database.ground[:, None], kicking)], axis=1)
     contacts = np.array(database.contacts, dtype=bool)
     clip = np.searchsorted(starts, np.arange(starts[-1]), side="right") - 1
     frames = Frames(
@@ -176,6 +141,10 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         stride=stride,
         rate=float(database.playback_rate),
     )
+    looks = [
+        quaternion.rotate(quaternion.multiply(headings, world_rotations[:, body.roles[role]]), ahead)
+        for role, ahead in (("head", face_direction(body)), ("chest", chest_direction(body, skeleton)))
+    ]
     fists = np.repeat(body.fist_offsets[:, None], 2, axis=1)
     return PoseMotion(
         skeleton=skeleton,
@@ -183,11 +152,12 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         target=policy.body,
         frames=frames,
         legs=legs,
-        arms=_limbs(skeleton, body, ("shoulder", "elbow", "hand"), fists, bends, sample),
-        hinges=_hinges(skeleton, body, positions),
+        arms=measure_limbs(skeleton, body, ("shoulder", "elbow", "hand"), fists, bends, sample),
+        hinges=measure_hinges(skeleton, body, positions),
         gait=measure_gait(contacts, holds, starts, float(database.playback_rate)),
-        fists=np.asarray(database.fists),
+        strikers=strikers.astype(np.float32),
         trunks=np.stack([database.heads, database.necks, database.pelvises], axis=1),
+        looks=np.stack([np.arctan2(look[:, 0], look[:, 2]) for look in looks], axis=1).astype(np.float32),
         strikes=np.asarray(database.strike_frames, dtype=np.int64),
         origins=(np.asarray(graph.action_first, dtype=np.int64) - 1) * stride,
         lengths=np.asarray(graph.action_lengths, dtype=np.int64),
@@ -210,71 +180,6 @@ def _at_rest(contacts: Array, starts: Array) -> Array:
     first, last = np.minimum(spans[..., 0] + _SETTLES, frames), np.maximum(spans[..., 1] - _SETTLES, frames)
     rest = np.stack([first, last], axis=-1)
     return np.where(contacts[..., None], rest, plant_spans(~contacts, starts)).astype(np.int32)
-
-
-def chain_of(skeleton: Skeleton, joints: Sequence[int]) -> Array:
-    """Return joints and all that they hang on, parents first."""
-    found: set[int] = set()
-    for joint in joints:
-        at = int(joint)
-        while at >= 0 and at not in found:
-            found.add(at)
-            at = int(skeleton.parents[at])
-    return np.array(sorted(found), np.int64)
-
-
-def _limbs(
-    skeleton: Skeleton,
-    body: Body,
-    names: tuple[str, str, str],
-    points: Array,
-    bends: Array,
-    sample: tuple[Array, Array],
-) -> Limbs:
-    """Two limbs; ``sample`` holds positions and rotations of all joints in some poses."""
-    joints = np.array([[body.roles[f"{side}_{name}"] for name in names] for side in _SIDES], np.int64)
-    positions, rotations = sample
-    hinges = [
-        hinge_axis(positions[:, upper], positions[:, middle], positions[:, end], rotations[:, upper])
-        for upper, middle, end in joints
-    ]
-    toes = [body.roles.get(f"{side}_toe", -1) if names[2] == "foot" else -1 for side in _SIDES]
-    # Toes may hang on a joint between them and the foot; then the ball holds.
-    toes = [
-        toe if toe >= 0 and skeleton.parents[toe] == end else -1 for toe, end in zip(toes, joints[:, 2], strict=True)
-    ]
-    holds = [skeleton.offsets[toe] if toe >= 0 else points[side, 1] for side, toe in enumerate(toes)]
-    return Limbs(
-        parents=np.asarray(skeleton.parents, dtype=np.int64),
-        offsets=np.asarray(skeleton.offsets, dtype=np.float64),
-        chain=chain_of(skeleton, [*joints[:, 2], *bends]),
-        joints=joints,
-        hinges=np.stack(hinges),
-        points=np.asarray(points, dtype=np.float64),
-        bends=bends.astype(np.int64),
-        toes=np.array(toes, np.int64),
-        holds=np.array(holds, np.float64),
-    )
-
-
-def _hinges(skeleton: Skeleton, body: Body, positions: Array) -> Hinges:
-    """Elbows and knees with limits that all of the capture keeps."""
-    joints, bones, limits = [], [], []
-    for side in _SIDES:
-        for names in (("shoulder", "elbow", "hand"), ("hip", "knee", "foot")):
-            upper, middle, end = (body.roles[f"{side}_{name}"] for name in names)
-            if skeleton.parents[middle] != upper or skeleton.parents[end] != middle:
-                continue
-            bend = flexion(positions[:, upper], positions[:, middle], positions[:, end])
-            joints.append(middle)
-            bones.append([skeleton.offsets[middle], skeleton.offsets[end]])
-            limits.append(max(float(np.percentile(bend, 99.9)), _FREE))
-    free = np.array(limits)
-    return Hinges(
-        np.array(joints, np.int64),
-        np.array(bones, np.float64).reshape(-1, 2, 3),
-        np.stack([free, free + _MORE], axis=1),
-    )
 
 
 def _align_signs(rotations: Array, starts: Array) -> None:

@@ -1,13 +1,15 @@
-"""The passes by which poses come about: motion and blends, foot plants, hit reactions, strikes that land.
+"""The passes by which poses come about: motion and blends, foot plants, hit reactions, strikes that land, deflection.
 
 Where a fist goes depends on the pose of whom it hits, and that on blows and on fists of its own. Each further pass
-knows less of others, so that a pose depends on no more than ``REACH`` seconds around it.
+knows less of others, so that a pose before deflection depends on no more than ``REACH`` seconds around it; deflection
+adds the control frames of a spline.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,17 +19,19 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.take.data import TakeData
+from crowdsim.take.deflection import AllJoints, Deflection
 from crowdsim.take.feet import hold_feet
 from crowdsim.take.fists import PoseAt, plan_landings, reach_out
-from crowdsim.take.gaze import build_gaze, directions, look
+from crowdsim.take.gaze import HeadTurns, build_gaze, look
 from crowdsim.take.kept_rows import KeptRows
 from crowdsim.take.kernels.blending import blend_poses
 from crowdsim.take.kernels.reactions import LENGTH
 from crowdsim.take.kernels.records import Moments, Playback, Posed, Transitions
 from crowdsim.take.kernels.separation import shift_roots
+from crowdsim.take.kicks import kick, split_kicks
 from crowdsim.take.landed import LEAN, Landed, find_landed
 from crowdsim.take.motion import PoseMotion
-from crowdsim.take.reactions import build_trunk, give_way, plan_blows
+from crowdsim.take.reactions import BlowPlanner, build_trunk, give_way
 from crowdsim.take.separation import Separation
 from crowdsim.take.window import Window
 
@@ -37,8 +41,8 @@ Joints = tuple[Array, Body, Array, Array, Array]
 _Pose = Callable[[Window, int, Moments], Posed]
 """Poses avatars of a policy in a window, each at its own time: times of shape (1, n)."""
 
-REACH = 1.0
-"""How far a pose looks around its time in the take [s]."""
+REACH = 1.25
+"""How far a pose looks around its time in the take [s], before limbs are deflected."""
 _LATE, _CLOSE_BY = 0.35, 0.12
 """For the fists of those who are hit: how far back blows count, and how near in time strikes of those whom they hit in
 turn [s]."""
@@ -51,6 +55,17 @@ def world_joints(skeleton: Skeleton, scales: Array, poses: Posed) -> tuple[Array
     positions, rotations = forward_kinematics(skeleton, np.zeros((len(flat), 3), np.float32), flat, threads=1)
     positions = positions.reshape(times, count, joints, 3) * scales[:, None, None].astype(np.float32)
     return positions + poses.roots[:, :, None], rotations.reshape(times, count, joints, 4)
+
+
+class _Undeflected(NamedTuple):
+    """Poses of avatars of one policy at the same times, before limbs give way."""
+
+    policy: int
+    which: Array
+    window: Window
+    moments: Moments
+    poses: Posed
+    playback: Playback
 
 
 class Passes:
@@ -67,13 +82,19 @@ class Passes:
     """
 
     def __init__(self, take: TakeData, motions: Sequence[PoseMotion], threads: int, reactions: bool) -> None:
-        self.landed: Landed = find_landed(take)
         self._take, self._motions, self._threads, self._reactions = take, motions, threads, reactions
         size = take.frame_count, take.avatar_count
         self._pushes = KeptRows(*size, Separation(take, motions).find)
-        self._directions = KeptRows(*size, partial(directions, take))
+        self._turns = KeptRows(*size, HeadTurns(take, motions).find)
         self._gazes = [build_gaze(motion) for motion in motions]
         self._trunks = [build_trunk(motion) for motion in motions]
+        self._deflection = Deflection(take, motions, self._pose_all, threads)
+        self.strike(find_landed(take))
+
+    def strike(self, landed: Landed) -> None:
+        """Take these strikes for those that land."""
+        self.landed = landed
+        self._planner = BlowPlanner(landed, self._blended_at, self._trunks, self._take.cast.policies)
 
     def window(self, index: int, avatars: Array, times: Array) -> Window:
         """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on."""
@@ -81,11 +102,11 @@ class Passes:
         first = max(0, int(np.floor((times.min() - REACH) * rate)))
         stop = min(self._take.frame_count, int(np.ceil((times.max() + REACH) * rate)) + 2)
         # Of these only control frames at the times themselves are read, as far as splines reach.
-        pushes, gazes = np.zeros((2, stop - first, len(avatars), 2))
+        pushes, turns = (np.zeros((stop - first, len(avatars), size)) for size in (2, 1))
         low, high = max(int(times.min() * rate) - 1, first), min(int(times.max() * rate) + 3, stop)
         pushes[low - first : high - first] = self._pushes.rows(low, high, avatars)
-        gazes[low - first : high - first] = self._directions.rows(low, high, avatars)
-        return Window(self._take, self._motions[index], avatars, first, stop, pushes, gazes, self._threads)
+        turns[low - first : high - first] = self._turns.rows(low, high, avatars)
+        return Window(self._take, self._motions[index], avatars, first, stop, pushes, turns[..., 0], self._threads)
 
     def blend(self, window: Window, transitions: Transitions, playback: Playback, moments: Moments) -> Posed:
         """Return captured motion with what blends add to it."""
@@ -132,8 +153,13 @@ class Passes:
 
     def final_at(self, avatars: Array, times: Array) -> list[Joints]:
         """Return joints of avatars (E,) at times (E,), each at its own, as they are shown."""
+        return self._joints_at(avatars, times, self._shown)
+
+    def _shown(self, window: Window, index: int, moments: Moments) -> Posed:
         reach = partial(self._reach_out, pose_at=self.pose_at, struck_at=self.struck_at, within=LEAN)
-        return self._joints_at(avatars, times, partial(self._reaching, self._posed, reach))
+        poses = self._reaching(self._posed, reach, window, index, moments)
+        self._deflection.bend(window, self.landed, self._columns_of(window), moments, poses)
+        return poses
 
     def _answering_at(self, avatars: Array, times: Array) -> list[Joints]:
         """Joints of avatars (E,) at times (E,) with blends, late blows, and what strikes close by do to them."""
@@ -144,13 +170,21 @@ class Passes:
         """Joints of avatars (E,) at times (E,) with blends and late blows, and nothing else."""
         return self._joints_at(avatars, times, self._pose_nearly)
 
+    def _blended_at(self, avatars: Array, times: Array) -> list[Joints]:
+        """Joints of avatars (E,) at times (E,) with blends, trunks apart, and nothing else."""
+        return self._joints_at(avatars, times, self._blend_apart)
+
+    def _blend_apart(self, window: Window, index: int, moments: Moments) -> Posed:
+        poses = self.blend(window, window.transitions(), window.playback(moments), moments)
+        shift_roots(0, len(moments.columns), moments, window.rows, poses)
+        return poses
+
     def _posed(self, window: Window, index: int, moments: Moments) -> Posed:
         return self.pose(window, index, moments)[0]
 
     def _pose_nearly(self, window: Window, index: int, moments: Moments) -> Posed:
         """Poses with blends, trunks apart, and late blows."""
-        poses = self.blend(window, window.transitions(), window.playback(moments), moments)
-        shift_roots(0, len(moments.columns), moments, window.rows, poses)
+        poses = self._blend_apart(window, index, moments)
         if self._reactions:
             self._give_way(window, index, moments, poses, _LATE)
         return poses
@@ -187,20 +221,64 @@ class Passes:
         columns[window.avatars] = np.arange(len(window.avatars))
         return columns
 
-    def reach_out(self, window: Window, moments: Moments, poses: Posed) -> None:
-        """Carry fists to where they go, in place, for poses of all avatars of a window at the same times."""
+    def sample(self, avatars: Array, times: Array) -> Iterator[tuple[int, Array, Posed, Playback]]:
+        """Pose avatars (n,), ascending, at the same times (T,) as they are shown.
+
+        Yields:
+            For each policy its number, which of them, their poses, and where they are.
+        """
+        posed = list(self._before_deflection(avatars, times))
+
+        def joints(some: Array) -> AllJoints:
+            parts = [(one, Posed(one.poses.roots[some], one.poses.rotations[some])) for one in posed]
+            return [(one.policy, one.which, *self._world_joints(one.window, poses)) for one, poses in parts]
+
+        if self._deflection.is_needed and len(avatars) == self._take.avatar_count:
+            self._deflection.note(times, self.landed, joints)
+        for one in posed:
+            columns = self._columns_of(one.window)
+            self._deflection.bend(one.window, self.landed, columns, one.moments, one.poses)
+            yield one.policy, one.which, one.poses, one.playback
+
+    def _before_deflection(self, avatars: Array, times: Array) -> Iterator[_Undeflected]:
+        """Pose avatars (n,), ascending, at the same times (T,), before limbs give way, policy by policy."""
+        owners = self._take.cast.policies[avatars]
+        for index in np.unique(owners):
+            which = np.flatnonzero(owners == index)
+            window = self.window(int(index), avatars[which], times)
+            moments = Moments(np.arange(len(which)), times[:, None])
+            poses, playback = self.pose(window, int(index), moments)
+            self._carry(window, moments, poses)
+            yield _Undeflected(int(index), which, window, moments, poses, playback)
+
+    def _world_joints(self, window: Window, poses: Posed) -> tuple[Array, Array]:
+        return world_joints(window.motion.skeleton, window.rows.scales, poses)
+
+    def _pose_all(self, avatars: Array, times: Array) -> AllJoints:
+        """Joints of avatars (n,), ascending, at the same times (T,), before limbs give way."""
+        return [
+            (one.policy, one.which, *self._world_joints(one.window, one.poses))
+            for one in self._before_deflection(avatars, times)
+        ]
+
+    def _carry(self, window: Window, moments: Moments, poses: Posed) -> None:
+        """Carry fists and feet to where they go, in place, for poses of all avatars of a window at the same times."""
         first, last = float(moments.times[0, 0]), float(moments.times[-1, 0])
         lookup = self._columns_of(window)
         near, count = self.landed.around(first, last, lookup), len(window.avatars)
+        near, kicks = split_kicks(near)
+        kick(self._take, kicks, lookup, self.pose_at, self.struck_at, window, moments, poses)
         landings = plan_landings(self._take, near, lookup, count, self.pose_at, self.struck_at, window.motion)
         reach_out(window, landings, moments, poses)
 
     def _reach_out(
         self, window: Window, moments: Moments, poses: Posed, pose_at: PoseAt, struck_at: PoseAt, within: float
     ) -> None:
-        """Carry fists to where they go, in place, for strikes that are no further off than ``within`` [s]."""
+        """Carry fists and feet to where they go, in place, for strikes that are no further off than ``within`` [s]."""
         lookup, count = self._columns_of(window), len(window.avatars)
         near = self.landed.around_each(window.avatars[moments.columns], moments.times[0], within)
+        near, kicks = split_kicks(near)
+        kick(self._take, kicks, lookup, pose_at, struck_at, window, moments, poses, within)
         landings = plan_landings(self._take, near, lookup, count, pose_at, struck_at, window.motion)
         reach_out(window, landings, moments, poses, within)
 
@@ -208,5 +286,5 @@ class Passes:
         """Add hit reactions to poses, in place; to blows that are no older than ``recent`` [s]."""
         lookup = self._columns_of(window)
         first, last = float(moments.times.min()), float(moments.times.max())
-        blows = plan_blows(self.landed, lookup, len(window.avatars), first, last, self.place_at)
+        blows = self._planner.plan(lookup, len(window.avatars), first, last)
         give_way(window, blows, self._trunks[index], moments, poses, recent)

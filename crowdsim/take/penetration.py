@@ -9,16 +9,16 @@ import numpy as np
 
 from crowdsim.core.types import Array, Progress
 from crowdsim.core.workers import share
-from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
-from crowdsim.take.kernels.penetration import Capsules, find_penetrations
+from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
+from crowdsim.take.kernels.penetration import find_penetrations
 from crowdsim.take.poses import Poses, PoseSampler
 
 DEEP, VERY_DEEP = 0.06, 0.08
 """Depth that counts as penetration, and the depth of an episode [m]."""
-_RATE = 15.0
-"""Measured frames in a second."""
+_RATE = 20.0
+"""Measured frames in a second; they lie between control frames too, where limbs are not deflected exactly."""
 _MOST_POSES, _POSES_AT_ONCE = 150_000, 4_000
 
 
@@ -41,7 +41,7 @@ class Penetration:
 
 
 def measure_penetration(sampler: PoseSampler, threads: int = 1, progress: Progress | None = None) -> Penetration:
-    """Measure all avatars at 15 frames a second; at evenly picked ones where these are too many poses.
+    """Measure all avatars at 20 frames a second; at evenly picked ones where these are too many poses.
 
     Args:
         sampler: Poses of the run's take.
@@ -79,30 +79,21 @@ def measure_penetration(sampler: PoseSampler, threads: int = 1, progress: Progre
 
 def _depths(sampler: PoseSampler, groups: Sequence[Poses], threads: int) -> Array:
     """Depths of all avatars, NaN while absent. Shape (T, N, 2)."""
-    bodies = [sampler.motions[group.policy] for group in groups]
-    most = max(len(motion.body.capsule_joints) for motion in bodies)
     times, count = len(groups[0].rotations), sampler.take.avatar_count
-    ends = np.full((2, times, count, most, 3), np.nan)
-    radii, bounds = np.zeros((count, most, 2)), np.zeros((count, most))
-    arms, counts = np.zeros((count, most), bool), np.zeros(count, np.int64)
-    for group, motion in zip(groups, bodies, strict=True):
-        body, who = motion.body, group.avatars
-        # The pelvis comes first: it lies in the middle of a body.
-        order = np.argsort(body.capsule_joints != body.roles["pelvis"], kind="stable")
-        joints, own = body.capsule_joints[order], np.arange(len(order))
-        positions, rotations = (values[:, :, joints] for values in group.joints())
-        for k, offsets in enumerate((body.capsule_starts, body.capsule_ends)):
-            offset = quaternion.rotate(rotations, offsets[order]) * group.scales[:, None, None]
-            ends[k][:, who[:, None], own] = positions + offset
-        radii[who[:, None], own] = body.capsule_radii[order] * group.scales[:, None, None]
-        halves = 0.5 * np.linalg.norm(body.capsule_ends - body.capsule_starts, axis=1) + body.capsule_radii.max(axis=1)
-        bounds[who[:, None], own] = halves[order] * group.scales[:, None] * 1.001
-        arms[who[:, None], own] = _of_arms(motion.skeleton, body)[joints]
-        counts[who] = len(order)
-    capsules = Capsules(ends[0], ends[1], radii, bounds, arms, counts)
-    ranks, depths = np.argsort(ends[0][:, :, 0, 0], axis=1, kind="stable"), np.empty((times, count, 2))
-    share(times, find_penetrations, capsules, ranks, depths, threads=threads)
-    depths[~np.isfinite(ends[0][:, :, 0, 0])] = np.nan
+    motions = [sampler.motions[group.policy] for group in groups]
+    bodies = [
+        PosedBodies(motion.body, group.avatars, group.scales, *group.joints())
+        for group, motion in zip(groups, motions, strict=True)
+    ]
+    capsules = place_capsules(bodies, times, count, threads)
+    arms = np.zeros(capsules.bounds.shape, bool)
+    for group, motion in zip(groups, motions, strict=True):
+        joints = motion.body.capsule_joints[capsule_order(motion.body)]
+        arms[group.avatars[:, None], np.arange(len(joints))] = _of_arms(motion.skeleton, motion.body)[joints]
+    middles = capsules.starts[:, :, 0, 0]
+    order, depths = np.argsort(middles, axis=1, kind="stable"), np.empty((times, count, 2))
+    share(times, find_penetrations, capsules, arms, order, depths, threads=threads)
+    depths[~np.isfinite(middles)] = np.nan
     return depths
 
 

@@ -1,7 +1,8 @@
 """Poses of a take: from what was recorded to joint rotations at any frame rate.
 
-A pose is a pure function of the take and the policies. It depends on no more than ``REACH`` seconds of the take before
-and after its time, so that any range of frames, posed alone, gives the same bytes as the whole.
+A pose is a pure function of the take and the policies. It depends on no more than ``REACH`` seconds and three control
+frames of the take before and after its time, and on what hit bodies in the two seconds before, so that any range of
+frames, posed alone, gives the same bytes as the whole.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from crowdsim.motion.skeleton import Skeleton
 from crowdsim.policy.rewards import posed_distance
 from crowdsim.take.data import TakeData
 from crowdsim.take.kernels.records import Moments, Posed
+from crowdsim.take.known import with_known_actions
 from crowdsim.take.landed import find_landed
 from crowdsim.take.motion import prepare_motion
 from crowdsim.take.passes import Passes, world_joints
@@ -33,7 +35,7 @@ _BLOCK, _AROUND = 8.0, 3.0
 _NECK, _NEAR = 0.3, 0.05
 """Where necks are between head and pelvis, and how near fists that miss may be to be looked at closely [m]."""
 
-_READ, _IN_MEMORY = ("action", "action_frame", "x", "z", "heading", "opponent"), 4_000_000
+_READ, _IN_MEMORY = ("action", "action_frame", "x", "z", "heading", "opponent", "targets"), 4_000_000
 """What poses read of a take; one of no more avatar-frames than this is read at once, not stretch by stretch."""
 
 
@@ -84,7 +86,8 @@ class PoseSampler:
         reactions: Whether landed strikes move those whom they hit; as the take says when None.
 
     Raises:
-        TakeError: The policies are not those that the take was recorded with.
+        TakeError: The policies are not those that the take was recorded with, or it holds actions that they do not
+            have.
     """
 
     def __init__(
@@ -99,6 +102,12 @@ class PoseSampler:
                     f"policy {name!r} is not the one that the take was recorded with (fingerprint "
                     f"{policy.fingerprint[:12]}, expected {fingerprint[:12]}); run the scenario again"
                 )
+            if policy.database.control_rate != take.control_rate:
+                raise TakeError(
+                    f"policy {name!r} has a control rate of {policy.database.control_rate:g}, expected that of the "
+                    f"take, {take.control_rate:g}"
+                )
+        take = with_known_actions(take, policies)
         if take.frame_count * take.avatar_count <= _IN_MEMORY:
             arrays: dict[str, Any] = {name: np.asarray(getattr(take, name)[:]) for name in _READ}
             take = replace(take, **arrays)
@@ -119,15 +128,14 @@ class PoseSampler:
             avatars: Numbers of the avatars, ascending; all when None.
         """
         numbers = np.arange(self.take.avatar_count) if avatars is None else np.asarray(avatars)
-        owners = self.take.cast.policies[numbers]
         times = np.arange(start, stop) / fps
         if len(times):
             self._look_for_buried(float(times[0]), float(times[-1]))
-        return [
-            self._sample_policy(index, numbers[owners == index], times)
-            for index in range(len(self.motions))
-            if (owners == index).any()
-        ]
+        result = []
+        for index, which, poses, playback in self._passes.sample(numbers, times):
+            mine, skeleton = numbers[which], self.motions[index].skeleton
+            result.append(Poses(index, mine, skeleton, self.take.cast.scales[mine], *poses, playback.ground))
+        return result
 
     def captured(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:
         """Return what the capture has there, without blends or anything else; arguments as of ``sample``.
@@ -164,7 +172,7 @@ class PoseSampler:
         fresh = [block for block in blocks if block not in self._searched]
         self._searched.update(fresh)
         if any([self._mark_buried(block * _BLOCK, (block + 1) * _BLOCK) for block in fresh]):
-            self._passes.landed = find_landed(self.take, self._buried)
+            self._passes.strike(find_landed(self.take, self._buried))
 
     def _mark_buried(self, first: float, last: float) -> bool:
         """Mark those of a range of times, nearly, since some others may be among them; whether there are any."""
@@ -185,14 +193,6 @@ class PoseSampler:
             gaps = posed_distance(points[which], heads, necks, pelvises, *radii)
             self._buried[some[which]] = gaps < _NEAR * scales
         return bool(self._buried[some].any())
-
-    def _sample_policy(self, index: int, avatars: Array, times: Array) -> Poses:
-        moments = Moments(np.arange(len(avatars)), times[:, None])
-        window = self.window(index, avatars, times)
-        poses, playback = self._passes.pose(window, index, moments)
-        self._passes.reach_out(window, moments, poses)
-        scales = self.take.cast.scales[avatars]
-        return Poses(index, avatars, self.motions[index].skeleton, scales, *poses, playback.ground)
 
     def window(self, index: int, avatars: Array, times: Array) -> Window:
         """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on."""

@@ -17,9 +17,10 @@ from crowdsim.take.kernels.steps import STEP
 from crowdsim.take.measures import measure_fights
 from crowdsim.take.penetration import measure_penetration
 from crowdsim.take.poses import Poses, PoseSampler
+from crowdsim.take.variety import measure_variety
 
 TOUCH = 0.02
-"""How far from a surface a fist touches it [m]."""
+"""How far from a surface a fist or foot touches it [m]."""
 _NEAR_TRANSITION = 0.1
 """Time around a transition in which accelerations count as its own [s]."""
 _MOST_POSES = 150_000
@@ -45,9 +46,9 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads
         and beside them the capture's own in the frames that are shown, and in all that there are;
         ``thrown_per_minute_captured``, strikes in a minute of the capture of the mean avatar;
         ``transition_jump_ratio``, accelerations of joints near transitions over those of the frames shown there;
-        ``fist_gap_median``, ``fist_gap_95`` and ``fist_gap_most``, how far fists are from the surface of the avatars
-        that they land on [m], and ``fists_off_share``, the share of them that are further than ``TOUCH`` from it; the
-        attributes of ``Penetration``.
+        ``fist_gap_median``, ``fist_gap_95`` and ``fist_gap_most``, how far fists and feet are from the surface of
+        the avatars that they land on [m], and ``fists_off_share``, the share of them that are further than ``TOUCH``
+        from it; the attributes of ``Penetration`` and of ``Variety``.
         Figures of which there is nothing to measure are None.
     """
     take = sampler.take
@@ -68,6 +69,7 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads
     report.update(_of_poses(sampler, progress))
     report.update(_of_fists(sampler))
     report.update(asdict(measure_penetration(sampler, threads, progress)))
+    report.update(asdict(measure_variety(take, sampler.policies)))
     report["opponent_changes"] = int(np.count_nonzero(there & (opponent[1:] != opponent[:-1])))
     report["thrown_per_minute_captured"] = _captured_strikes(sampler)
     report["transitions_per_second"] = _count_transitions(sampler) / (minutes * 60.0) if minutes else None
@@ -131,17 +133,17 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
 
 
 def _of_fists(sampler: PoseSampler) -> dict[str, float | None]:
-    """Gaps between landed fists and the surface of their victims; of many strikes, an even selection."""
+    """Gaps between landed fists and feet and the surface of their victims; of many strikes, an even selection."""
     events = sampler.take.events
     landed = np.flatnonzero(np.asarray(events.landed, dtype=bool) & (np.asarray(events.victim) >= 0))
     some = landed[np.unique(np.linspace(0, len(landed) - 1, min(len(landed), _MOST_STRIKES)).astype(np.int64))]
     times = np.asarray(events.frame, dtype=np.float64)[some] / sampler.take.control_rate
     fists, surfaces = np.full((len(some), 3), np.nan), np.full((len(some), 3), np.nan)
-    hands = np.asarray(events.hand)[some].astype(np.int64)
+    limbs = np.asarray(events.limb)[some].astype(np.int64)
     for which, body, scales, positions, rotations in sampler.moments(
         np.asarray(events.attacker)[some].astype(int), times
     ):
-        fists[which] = body_points(body, positions, rotations, scales)[3][np.arange(len(which)), hands[which]]
+        fists[which] = body_points(body, positions, rotations, scales)[3][np.arange(len(which)), limbs[which]]
     for which, body, scales, positions, rotations in sampler.moments(
         np.asarray(events.victim)[some].astype(int), times
     ):

@@ -2,79 +2,126 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
-from crowdsim.take.kernels.reactions import LENGTH, Blows, Trunk, show_reactions
-from crowdsim.take.kernels.records import Moments, Playback, Posed
+from crowdsim.motion.strikes import HANDS
+from crowdsim.take.fists import PoseAt, body_points
+from crowdsim.take.kernels.columns import HEAD, TORSO
+from crowdsim.take.kernels.reactions import LENGTH, RISE, ROUNDS, Blows, Trunk, show_reactions, strengthen
+from crowdsim.take.kernels.records import Moments, Posed
 from crowdsim.take.landed import Landed, by_column
-from crowdsim.take.motion import PoseMotion, chain_of
+from crowdsim.take.limbs import chain_of
+from crowdsim.take.motion import PoseMotion
 from crowdsim.take.window import Window
 
-PlaceAt = Callable[[Array, Array], list[tuple[Array, PoseMotion, Array, Playback]]]
-"""Of avatars (E,) at times (E,): for each policy which of them, its motion, scales, and playback of shape (1, n)."""
-
 _TYPICAL_SPEED, _STRONGEST = 8.0, 1.6
-_SWING = 0.05
-"""Time over which the direction of a fist is measured [s]."""
+_SWING, _KICK = 0.05, 0.1
+"""Time over which the direction of a fist, and of a foot, is measured [s]."""
 _NEAR_HEAD = 0.12
-_GIVES = {"spine": (0.07, 0.17), "chest": (0.07, 0.12), "neck": (0.14, 0.06), "head": (0.2, 0.07)}
+_GIVES = {"spine": (0.13, 0.19), "chest": (0.11, 0.1), "neck": (0.02, 0.0), "head": (0.0, 0.0)}
 """Joints that yield, and by how much in a strike of typical speed to the head and to the torso [rad]."""
 
 
 def build_trunk(motion: PoseMotion) -> Trunk:
     """Return the joints of a body that yield to strikes."""
-    roles = motion.body.roles
-    chain = chain_of(motion.skeleton, [roles["head"]])
-    gives = np.zeros((len(chain), 2))
+    body, skeleton = motion.body, motion.skeleton
+    chain = chain_of(skeleton, [body.roles["head"]])
+    gives, gains = np.zeros((len(chain), 2)), np.zeros(2)
+    ends = [*np.asarray(skeleton.offsets, dtype=float)[chain[1:]], np.asarray(body.head_offset, dtype=float)]
     for role, give in _GIVES.items():
         # A joint with two roles yields for both.
-        gives[chain == roles[role]] += give
-    return Trunk(np.asarray(motion.skeleton.parents, dtype=np.int64), chain, gives)
+        gives[chain == body.roles[role]] += give
+    for at in range(len(chain)):
+        gains += gives[at] * np.linalg.norm(np.sum(ends[at:], axis=0))
+    return Trunk(np.asarray(skeleton.parents, dtype=np.int64), chain, gives, gains)
 
 
-def plan_blows(landed: Landed, columns: Array, count: int, first: float, last: float, place_at: PlaceAt) -> Blows:
-    """Find what hits avatars of a window.
+class BlowPlanner:
+    """Finds what hits avatars; what it has found it keeps.
 
     Args:
         landed: The take's landed strikes.
-        columns: Column of every avatar in the window, -1 for those that are not in it. Shape (N,).
-        count: Number of columns.
-        first: First time that is posed [s].
-        last: Last time that is posed [s].
-        place_at: Returns the playback of avatars.
+        pose_at: Returns the joints of avatars in their motion, with its blends.
+        trunks: The joints that yield, policy by policy.
+        policies: Policy of each avatar. Shape (N,).
     """
-    near = landed.between(first - LENGTH, last)
-    near = near.of((near.victims >= 0) & ~near.again & ~near.missed)
-    near = near.of(columns[near.victims] >= 0)
-    axes = np.zeros((len(near.times), 3))
-    for which, motion, scales, playback in place_at(near.attackers, near.times):
-        frames, hands = playback.frames[0], near.hands[which]
-        now = np.maximum(frames, 0)
-        before = np.maximum(now - round(_SWING * motion.frames.rate), motion.frames.bounds[now, 0])
-        direction = (motion.fists[now, hands] - motion.fists[before, hands]).astype(float) * scales[:, None]
-        heading = playback.ground[0, :, 2]
-        cos, sin = np.cos(heading), np.sin(heading)
-        x, z = direction[:, 0] * cos + direction[:, 2] * sin, direction[:, 2] * cos - direction[:, 0] * sin
-        length = np.hypot(x, z)
-        strength = np.minimum(near.speeds[which] / _TYPICAL_SPEED, _STRONGEST) / np.maximum(length, 1e-6)
-        strength = np.where((length > 1e-6) & (frames >= 0), strength, 0.0)
+
+    def __init__(self, landed: Landed, pose_at: PoseAt, trunks: Sequence[Trunk], policies: Array) -> None:
+        self._landed, self._pose_at, self._trunks, self._policies = landed, pose_at, trunks, policies
+        count = len(landed.times)
+        self._known, self._shows = np.zeros(count, bool), (landed.victims >= 0) & ~landed.again & ~landed.missed
+        self._axes, self._parts = np.zeros((count, 3)), np.zeros(count, np.int64)
+        self._gains, self._own = np.zeros(count), np.zeros(count)
+
+    def plan(self, columns: Array, count: int, first: float, last: float) -> Blows:
+        """Return what hits avatars of a window.
+
+        Args:
+            columns: Column of every avatar in the window, -1 for those that are not in it. Shape (N,).
+            count: Number of columns.
+            first: First time that is posed [s].
+            last: Last time that is posed [s].
+        """
+        low, high = np.searchsorted(self._landed.times, (first - (ROUNDS + 1) * LENGTH, last))
+        near = np.arange(low, high)[self._shows[low:high]]
+        near = near[columns[self._landed.victims[near]] >= 0]
+        self._find(near[~self._known[near]])
+        times = self._landed.times[near]
+        order, starts = by_column(columns[self._landed.victims[near]], count, times)
+        near, times = near[order], times[order]
+        blows = Blows(starts, times, self._axes[near], self._parts[near])
+        return blows._replace(axes=strengthen(blows, self._gains[near], self._own[near]))
+
+    def _find(self, fresh: Array) -> None:
+        """Find out about strikes, given by number (E,)."""
+        if not len(fresh):
+            return
+        near = self._landed.of(fresh)
+        swings = np.where(np.isin(near.limbs, HANDS), _SWING, _KICK)
+        heads, sizes, radii = self._heads(near.victims, near.times)
+        moved = np.nan_to_num(self._heads(near.victims, near.times + RISE)[0] - heads)[:, ::2]
+        now, places = self._strikers(near.attackers, near.times, near.limbs)
+        before, _ = self._strikers(near.attackers, near.times - swings, near.limbs)
+        # A fist pushes along its way, and away from who strikes: a hook does both.
+        fists, apart = (_unit(np.nan_to_num(way)[:, ::2]) for way in (now - before, heads - places))
+        ways = _unit(2.0 * fists + apart)
+        strengths = np.minimum(near.speeds / _TYPICAL_SPEED, _STRONGEST)
         # Up cross direction: rotation about it tips upright vectors in the direction.
-        axes[which, 0], axes[which, 2] = z * strength, -x * strength
-    parts = np.ones(len(near.times), np.int64)
-    for which, motion, scales, playback in place_at(near.victims, near.times):
-        head = motion.trunks[np.maximum(playback.frames[0], 0), 0].astype(float) * scales[:, None]
-        ground = playback.ground[0]
-        cos, sin = np.cos(ground[:, 2]), np.sin(ground[:, 2])
-        x = ground[:, 0] + head[:, 0] * cos + head[:, 2] * sin
-        z = ground[:, 1] - head[:, 0] * sin + head[:, 2] * cos
-        gap = np.linalg.norm(near.points[which] - np.stack([x, head[:, 1], z], axis=1), axis=1)
-        parts[which] = np.where(gap < (motion.body.head_radius + _NEAR_HEAD) * scales, 0, 1)
-    order, starts = by_column(columns[near.victims], count, near.times)
-    return Blows(starts, near.times[order], axes[order], parts[order])
+        self._axes[fresh] = np.stack([ways[:, 1], np.zeros(len(ways)), -ways[:, 0]], axis=1) * strengths[:, None]
+        self._parts[fresh] = parts = np.where(np.linalg.norm(near.points - heads, axis=1) < radii, HEAD, TORSO)
+        gains = np.array([trunk.gains for trunk in self._trunks])
+        self._gains[fresh] = gains[self._policies[near.victims], parts] * sizes
+        self._own[fresh] = np.min([np.sum(moved * way, axis=1) for way in (ways, fists, apart)], axis=0)
+        self._known[fresh] = True
+
+    def _heads(self, avatars: Array, times: Array) -> tuple[Array, Array, Array]:
+        """Return heads of avatars (E,) at times (E,), sizes of bodies, and how near a head a blow hits it.
+
+        Positions are NaN while absent. Shapes (E, 3), (E,) and (E,) [m].
+        """
+        heads, sizes, radii = np.full((len(times), 3), np.nan), np.ones(len(times)), np.zeros(len(times))
+        for which, body, scales, positions, rotations in self._pose_at(avatars, times):
+            heads[which] = body_points(body, positions, rotations, scales)[0]
+            sizes[which], radii[which] = scales, (body.head_radius + _NEAR_HEAD) * scales
+        return heads, sizes, radii
+
+    def _strikers(self, avatars: Array, times: Array, limbs: Array) -> tuple[Array, Array]:
+        """Return fists or feet of avatars (E,) at times (E,), and their pelvises [m]. Both of shape (E, 3)."""
+        strikers, pelvises = np.full((2, len(times), 3), np.nan)
+        for which, body, scales, positions, rotations in self._pose_at(avatars, times):
+            _, _, pelvises[which], found = body_points(body, positions, rotations, scales)
+            strikers[which] = found[np.arange(len(which)), limbs[which]]
+        return strikers, pelvises
+
+
+def _unit(vectors: Array) -> Array:
+    """Vectors (n, 2) of length 1, or 0."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(length > 1e-6, vectors / np.maximum(length, 1e-6), 0.0)
 
 
 def give_way(

@@ -2,55 +2,136 @@
 
 from __future__ import annotations
 
-import os
 import re
-import stat
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from crowdsim.array_checks import ArrayFault, Column, check_shape
+from crowdsim.core.types import Array
 from crowdsim.errors import TakeError
-from crowdsim.files import kind_of
 from crowdsim.scenario.names import NAME, NAME_RULE, avatar_name_fault
-from crowdsim.take.layout import CAST, EVENTS
+from crowdsim.take import checks
+from crowdsim.take.layout import CAST, EVENTS, FORMAT, VERSION
+from crowdsim.take.metadata import ArrayFacts, TakeAttributes, check_first_chunks, read_metadata, read_model
+from crowdsim.take.stored import StoredColumn
 from crowdsim.take.take import VARIABLES, Cast, Events, Take
 
 
-def read_group(folder: Path, group: Any, attributes: dict[str, Any]) -> Take:
-    """Return what an open group holds.
+def read_take(folder: Path) -> Take:
+    """Return what the group in a folder holds, which has no links in it.
 
     Raises:
-        TakeError: Its names are none that a scenario could have.
-        KeyError: Something is missing; other values give ``ValueError`` or ``OSError``.
+        TakeError: It is damaged, foreign or of another version, or its names are none that a scenario could have.
     """
-    values: dict[str, Any] = {field: np.asarray(group[name][...]) for name, field in CAST.items()}
+    attributes = _read_attributes(folder)
+    names = _read_names(folder)
+    sizes = {
+        "N": len(names),
+        "G": len(attributes["target_names"]),
+        "types": len(attributes["type_names"]),
+        "teams": len(attributes["team_names"]),
+        "policies": len(attributes["policy_names"]),
+    }
+    constant = {CAST[name]: open_column(folder / name, column, sizes)[:] for name, column in checks.CAST.items()}
     colours = [[np.nan if c is None else c for c in row] for row in attributes["type_colours"]]
     cast = Cast(
-        **values,
+        names=names,
+        **constant,
         type_names=tuple(attributes["type_names"]),
         team_names=tuple(attributes["team_names"]),
         policy_names=tuple(attributes["policy_names"]),
         colours=np.array(colours, float).reshape(-1, 3),
     )
     _check_names(folder, cast)
-    events = Events(**{name: np.asarray(group["events"][name][...]) for name in EVENTS})
-    frames = group["action"].shape[0]
+    frames = _open_frames(folder, sizes)
+    targets = np.zeros((sizes["F"], 0, 3), np.float32)
     return Take(
-        **{name: group[name] for name in VARIABLES},
+        **frames,
         cast=cast,
-        targets=group["target"] if "target" in group else np.zeros((frames, 0, 3), np.float32),
+        targets=open_column(folder / "target", checks.TARGET, sizes) if sizes["G"] else targets,
         target_names=tuple(attributes["target_names"]),
-        events=events,
+        events=_read_events(folder / "events", sizes),
         control_rate=float(attributes["control_rate"]),
-        scenario=str(attributes["scenario"]),
-        seed=int(attributes["seed"]),
+        scenario=attributes["scenario"],
+        seed=attributes["seed"],
         fingerprints=tuple(attributes["policy_fingerprints"]),
-        status=str(attributes["status"]),
+        status=attributes["status"],
         # Takes written before this attribute existed have reactions.
-        reactions=bool(attributes.get("reactions", True)),
-        collision_avoidance=bool(attributes.get("collision_avoidance", True)),
+        reactions=attributes.get("reactions", True),
+        collision_avoidance=attributes.get("collision_avoidance", True),
     )
+
+
+def _read_attributes(folder: Path) -> dict[str, Any]:
+    attributes = read_metadata(folder, ".zattrs")
+    if not isinstance(attributes, dict) or attributes.get("format") != FORMAT:
+        found = attributes.get("format") if isinstance(attributes, dict) else None
+        raise TakeError(f"{folder}: is no take: its format is {found!r}, expected {FORMAT!r}")
+    if attributes.get("version") != VERSION:
+        raise TakeError(f"{folder}: is a take of version {attributes.get('version')!r}, expected {VERSION}")
+    return read_model(folder, ".zattrs", TakeAttributes)
+
+
+def open_column(folder: Path, column: Column, sizes: dict[str, int]) -> StoredColumn:
+    """Return an array of a take for reading; dimensions that are new are added to ``sizes``.
+
+    Raises:
+        TakeError: Its type or shape is another one.
+    """
+    facts = read_model(folder, ".zarray", ArrayFacts)
+    shape, dtype = tuple(facts["shape"]), np.dtype(facts["dtype"])
+    try:
+        check_shape(folder.name, dtype, shape, column, sizes)
+    except ArrayFault as fault:
+        raise TakeError(f"{folder}: {fault.what}") from None
+    return StoredColumn(folder, shape, tuple(facts["chunks"]), dtype, column, sizes)
+
+
+def _open_frames(folder: Path, sizes: dict[str, int]) -> dict[str, Any]:
+    """Return what is recorded for every control frame and avatar, for reading."""
+    found = {name: open_column(folder / name, column, sizes) for name, column in checks.FRAMES.items()}
+    for name in checks.ABSENT:
+        found[name] = replace(found[name], action=found["action"])
+    # Nobody is the opponent of itself: what an avatar 0 fights is no 0, and its chunks are never left out.
+    check_first_chunks(folder / "opponent", found["opponent"].shape, found["opponent"].chunks)
+    return {name: found[name] for name in VARIABLES}
+
+
+def _read_names(folder: Path) -> Array:
+    """Return the names of the avatars. Shape (N,), text."""
+    path = folder / "name"
+    facts = read_model(folder, "name/.zarray", ArrayFacts)
+    dtype, shape = np.dtype(facts["dtype"]), tuple(facts["shape"])
+    if dtype.kind != "U" or len(shape) != 1:
+        raise TakeError(f"{path}: holds {dtype}{shape}, expected a name an avatar")
+    if not shape[0]:
+        raise TakeError(f"{folder}: has no avatars, expected one or more")
+    if shape[0] > facts["chunks"][0]:
+        raise TakeError(f"{path}: is cut into several chunks, expected one")
+    names = StoredColumn(path, shape, tuple(facts["chunks"]), dtype, Column(str(dtype), ("N",)), {})[:]
+    try:
+        names.tolist()
+    except ValueError as error:
+        raise TakeError(f"{path}: is damaged: {error}") from None
+    return names
+
+
+def _read_events(folder: Path, sizes: dict[str, int]) -> Events:
+    """Return the strikes of a take."""
+    # Takes written before limbs were recorded have strikes of hands alone.
+    recorded = [name for name in EVENTS if name != "limb" or (folder / name).is_dir()]
+    stored = {name: open_column(folder / name, checks.EVENTS[name], sizes) for name in recorded}
+    # A strike is never without speed.
+    check_first_chunks(folder / "speed", stored["speed"].shape, stored["speed"].chunks)
+    read = {name: column[:] for name, column in stored.items()}
+    try:
+        checks.check_strikes(read)
+    except ArrayFault as fault:
+        raise TakeError(f"{folder / fault.name}: {fault.what}") from None
+    return Events(**read)
 
 
 def _check_names(folder: Path, cast: Cast) -> None:
@@ -61,17 +142,3 @@ def _check_names(folder: Path, cast: Cast) -> None:
     for name in cast.policy_names:
         if not re.fullmatch(NAME, str(name)):
             raise TakeError(f"{folder}: a policy is named {name!r}, expected a name of {NAME_RULE}")
-
-
-def check_files(folder: Path) -> None:
-    """Refuse a take that holds anything but files and folders: links lead elsewhere, and reading a pipe never ends."""
-    for above, folders, files in os.walk(folder, onerror=_raise):
-        for name in (*folders, *files):
-            path = os.path.join(above, name)
-            mode = os.lstat(path).st_mode
-            if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-                raise TakeError(f"{path}: is {kind_of(mode)}, expected a regular file; links are not followed")
-
-
-def _raise(error: OSError) -> None:
-    raise error

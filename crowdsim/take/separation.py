@@ -51,9 +51,7 @@ class Separation:
         for index, motion in enumerate(self._motions):
             here = (action >= 0) & (take.cast.policies == index)
             some = action[here]
-            frames = motion.origins[some] + np.rint(
-                np.minimum(done[here], motion.lengths[some]) * motion.frames.stride
-            ).astype(np.int64)
+            frames = motion.frames_at(some, done[here])
             sizes = np.broadcast_to(take.cast.scales, action.shape)[here][:, None, None]
             points[here] = ground.to_world(place[here][:, None], motion.trunks[frames].astype(float) * sizes)
         return points

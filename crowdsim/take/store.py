@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,21 +13,20 @@ import numpy as np
 
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, TakeError
+from crowdsim.take.continuing import read_writer, reopen_take, restore_writer
 from crowdsim.take.data import TakeHeader
 from crowdsim.take.layout import (
     AVATARS_A_CHUNK,
     CAST,
     CHUNKS_AT_FIRST,
-    COORDINATES,
     DTYPES,
     EVENT_LABELS,
     EVENTS,
     EVENTS_A_CHUNK,
-    FORMAT,
     LABELS,
-    VERSION,
 )
-from crowdsim.take.reading import check_files, read_group
+from crowdsim.take.metadata import check_files
+from crowdsim.take.reading import read_take
 from crowdsim.take.take import VARIABLES, Events, Take
 
 
@@ -40,19 +39,26 @@ class TakeWriter:
         frames: Control frames that are planned.
         chunk: Control frames in a chunk on disk.
 
+    Attributes:
+        chunk: Control frames in a chunk on disk.
+        done: Control frames on disk.
+        events_done: Strikes on disk.
+        group: The open Zarr group.
+        kept: Frames that wait for a whole chunk; ``kept_targets`` and ``kept_events`` likewise.
     """
 
     def __init__(self, path: Path, header: TakeHeader, frames: int, chunk: int = 64) -> None:
         self.path = path
         self._partial = path.with_name(path.name + ".partial")
-        self._chunk = chunk
+        self.chunk = chunk
         self._frames = frames
         self._header = header
         self._room = min(frames, CHUNKS_AT_FIRST * chunk)
-        self._done = 0
-        self._kept: list[dict[str, Array]] = []
-        self._kept_targets: list[Array] = []
-        self._kept_events: list[Events] = []
+        self.group: Any = None
+        self.done = self.events_done = 0
+        self.kept: list[dict[str, Array]] = []
+        self.kept_targets: list[Array] = []
+        self.kept_events: list[Events] = []
 
     def open(self) -> TakeWriter:
         """Make the folder, write what is constant, and return the writer.
@@ -67,50 +73,60 @@ class TakeWriter:
                 raise OutputError(f"{taken}: is there already, expected a new name for the take")
         with self._writing():
             self._partial.mkdir(parents=True)
-            self._group: Any = zarr.open_group(str(self._partial), mode="w", **_format_two())
+            self.group = zarr.open_group(str(self._partial), mode="w", **_format_two())
             self._begin()
         return self
+
+    def reopen(self, state: Mapping[str, Array]) -> TakeWriter:
+        """Go on with the take that is there, from what ``state`` returned, and return the writer.
+
+        Raises:
+            TakeError: It is missing, or chunks of it are; it stays.
+            OutputError: It cannot be written.
+        """
+        if int(state["frames"]) == int(state["events"]) == 0:
+            # Nothing on disk is needed, and chunks may have been made for a shorter run.
+            self.abandon()
+            shutil.rmtree(self.path, ignore_errors=True)
+            self.open()
+        with self._writing():
+            self.group = reopen_take(self.path, self._partial, state)
+            self.group.attrs.put(self._header.attributes(self._frames))
+        try:
+            restore_writer(self, state)
+        except ValueError as error:
+            raise TakeError(f"{self.path}: cannot be continued: {error}") from None
+        return self
+
+    @property
+    def is_between_chunks(self) -> bool:
+        """Whether all frames are on disk, and none waits for others."""
+        return not any(len(kept["action"]) for kept in self.kept)
+
+    def state(self) -> dict[str, Array]:
+        """Return what is held beside the chunks on disk, see ``continuing.read_writer``."""
+        return read_writer(self)
 
     def _begin(self) -> None:
         """Write what is constant, and arrays without values."""
         header = self._header
         cast, targets = header.cast, len(header.target_names)
-        chunk, frames, avatars = self._chunk, self._frames, len(cast.names)
+        chunk, frames, avatars = self.chunk, self._frames, len(cast.names)
         # All at once: one by one, the metadata would be written to disk for each.
-        self._group.attrs.put(
-            {
-                "format": FORMAT,
-                "version": VERSION,
-                "scenario": header.scenario,
-                "seed": header.seed,
-                "control_rate": header.control_rate,
-                "status": "running",
-                "frames_planned": frames,
-                "type_names": list(cast.type_names),
-                "team_names": list(cast.team_names),
-                "policy_names": list(cast.policy_names),
-                "policy_fingerprints": list(header.fingerprints),
-                "target_names": list(header.target_names),
-                "reactions": header.reactions,
-                "collision_avoidance": header.collision_avoidance,
-                # xarray reads coordinates that are no dimensions from here.
-                "coordinates": " ".join(COORDINATES),
-                "type_colours": [[None if np.isnan(c) else float(c) for c in row] for row in cast.colours],
-            }
-        )
+        self.group.attrs.put(self._header.attributes(self._frames))
         for name in VARIABLES:
             chunks = (min(chunk, frames), max(1, min(avatars, AVATARS_A_CHUNK)))
-            self._create(self._group, name, (self._room, avatars), chunks, DTYPES[name], ["frame", "avatar"])
+            self._create(self.group, name, (self._room, avatars), chunks, DTYPES[name], ["frame", "avatar"])
         for name, field in CAST.items():
             values = np.asarray(getattr(cast, field))
             kind = f"<U{max(1, max(map(len, values), default=1))}" if name == "name" else _little(values.dtype)
-            array = self._create(self._group, name, (avatars,), (max(1, avatars),), kind, ["avatar"])
+            array = self._create(self.group, name, (avatars,), (max(1, avatars),), kind, ["avatar"])
             array[...] = values.astype(kind)
         if targets:
             shape = (self._room, targets, 3)
             dimensions = ["frame", "target", "component"]
-            self._create(self._group, "target", shape, (min(chunk, frames), targets, 3), "<f4", dimensions)
-        events = self._group.create_group("events")
+            self._create(self.group, "target", shape, (min(chunk, frames), targets, 3), "<f4", dimensions)
+        events = self.group.create_group("events")
         for name, kind in EVENTS.items():
             more = (3,) if name == "point" else ()
             dimensions = ["event", "component"] if name == "point" else ["event"]
@@ -129,7 +145,7 @@ class TakeWriter:
         import zarr
 
         codec = numcodecs.Zstd(level=1)
-        units, long_name = (LABELS if group is self._group else EVENT_LABELS)[name]
+        units, long_name = (LABELS if group is self.group else EVENT_LABELS)[name]
         attributes: dict[str, Any] = {"_ARRAY_DIMENSIONS": dimensions, "units": units, "long_name": long_name}
         # Without a fill value: xarray reads it as the mark of missing values and would turn every 0 and False into NaN.
         facts: dict[str, Any] = {"shape": shape, "chunks": chunks, "dtype": dtype, "fill_value": None}
@@ -145,53 +161,54 @@ class TakeWriter:
         Raises:
             OutputError: They cannot be written.
         """
-        self._kept.append({name: np.asarray(chunk[name], dtype=DTYPES[name]) for name in VARIABLES})
-        self._kept_events.append(events)
+        self.kept.append({name: np.asarray(chunk[name], dtype=DTYPES[name]) for name in VARIABLES})
+        self.kept_events.append(events)
         if targets is not None and np.shape(targets)[1]:
-            self._kept_targets.append(np.asarray(targets, dtype=np.float32))
+            self.kept_targets.append(np.asarray(targets, dtype=np.float32))
         with self._writing():
             self._flush(whole=False)
 
     def _flush(self, whole: bool) -> None:
         """Write whole chunks of what is kept, everything when ``whole``, so that no chunk is written twice."""
-        ready = sum(len(kept["action"]) for kept in self._kept)
-        count = ready if whole else ready // self._chunk * self._chunk
+        ready = sum(len(kept["action"]) for kept in self.kept)
+        count = ready if whole else ready // self.chunk * self.chunk
         if whole or count:
             self._flush_events(whole)
         if count == 0:
             return
         for name in VARIABLES:
-            joined = np.concatenate([kept[name] for kept in self._kept])
-            self._put(self._group[name], joined[:count])
-        rest = {name: np.concatenate([kept[name] for kept in self._kept])[count:] for name in VARIABLES}
-        self._kept = [rest] if len(rest["action"]) else []
-        if self._kept_targets:
-            joined = np.concatenate(self._kept_targets)
-            self._put(self._group["target"], joined[:count])
-            self._kept_targets = [joined[count:]]
-        self._done += count
+            joined = np.concatenate([kept[name] for kept in self.kept])
+            self._put(self.group[name], joined[:count])
+        rest = {name: np.concatenate([kept[name] for kept in self.kept])[count:] for name in VARIABLES}
+        self.kept = [rest] if len(rest["action"]) else []
+        if self.kept_targets:
+            joined = np.concatenate(self.kept_targets)
+            self._put(self.group["target"], joined[:count])
+            self.kept_targets = [joined[count:]]
+        self.done += count
 
     def _flush_events(self, whole: bool) -> None:
         """Write whole chunks of the strikes that are kept, everything when ``whole``."""
-        if not self._kept_events:
+        if not self.kept_events:
             return
-        kept = Events(**{name: np.concatenate([getattr(e, name) for e in self._kept_events]) for name in EVENTS})
+        kept = Events(**{name: np.concatenate([getattr(e, name) for e in self.kept_events]) for name in EVENTS})
         ready = len(kept.frame)
         count = ready if whole else ready // EVENTS_A_CHUNK * EVENTS_A_CHUNK
         if count:
             for name in EVENTS:
-                array = self._group["events"][name]
+                array = self.group["events"][name]
                 first = array.shape[0]
                 array.resize((first + count, *array.shape[1:]))
                 array[first:] = getattr(kept, name)[:count]
-        self._kept_events = [Events(**{name: getattr(kept, name)[count:] for name in EVENTS})]
+            self.events_done += count
+        self.kept_events = [Events(**{name: getattr(kept, name)[count:] for name in EVENTS})]
 
     def _put(self, array: Any, values: Array) -> None:
         """Write the next frames of an array, which grows by doubling; shrinking it searches its end for chunks."""
-        stop = self._done + len(values)
+        stop = self.done + len(values)
         if stop > array.shape[0]:
             array.resize((min(max(stop, 2 * array.shape[0]), self._frames), *array.shape[1:]))
-        array[self._done : stop] = values
+        array[self.done : stop] = values
 
     def close(self, status: str = "done") -> None:
         """Finish the take and give it its final name; ``status`` is ``done`` or ``interrupted``.
@@ -203,23 +220,22 @@ class TakeWriter:
 
         with self._writing():
             self._flush(whole=True)
-            for name in [*VARIABLES, *(["target"] if "target" in self._group else [])]:
-                array = self._group[name]
-                if array.shape[0] > self._done:
-                    array.resize((self._done, *array.shape[1:]))
-            time = np.arange(self._done, dtype="<f8") / self._header.control_rate
-            self._create(self._group, "time", time.shape, (max(1, len(time)),), "<f8", ["frame"])[...] = time
-            self._group.attrs["status"] = status
+            for name in [*VARIABLES, *(["target"] if "target" in self.group else [])]:
+                array = self.group[name]
+                if array.shape[0] > self.done:
+                    array.resize((self.done, *array.shape[1:]))
+            time = np.arange(self.done, dtype="<f8") / self._header.control_rate
+            self._create(self.group, "time", time.shape, (max(1, len(time)),), "<f8", ["frame"])[...] = time
+            self.group.attrs["status"] = status
             zarr.consolidate_metadata(str(self._partial))
             os.replace(self._partial, self.path)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Report errors of writing by the take's own name, and remove what was written."""
+        """Report errors of writing by the take's own name."""
         try:
             yield
         except OSError as error:
-            self.abandon()
             raise OutputError(f"{self.path}: cannot be written: {error.strerror or error}") from None
 
     def abandon(self) -> None:
@@ -248,8 +264,6 @@ def open_take(path: FileName) -> Take:
         TakeError: There is no take, it is damaged, foreign or of another version, or its run is not finished; it holds
             links or devices; or its names are none that a scenario could have.
     """
-    import zarr
-
     folder = Path(path)
     if not (folder / ".zgroup").exists() and (folder / "take.zarr").exists():
         folder = folder / "take.zarr"
@@ -262,17 +276,8 @@ def open_take(path: FileName) -> Take:
         raise TakeError(f"{folder}: no take here{found}")
     try:
         check_files(folder)
-        group: Any = zarr.open_group(str(folder), mode="r")
-        attributes: dict[str, Any] = dict(group.attrs)
-    except TakeError:
-        raise
-    except Exception as error:
-        raise TakeError(f"{folder}: cannot be read: {error}") from None
-    if attributes.get("format") != FORMAT:
-        raise TakeError(f"{folder}: is no take: its format is {attributes.get('format')!r}, expected {FORMAT!r}")
-    if attributes.get("version") != VERSION:
-        raise TakeError(f"{folder}: is a take of version {attributes.get('version')!r}, expected {VERSION}")
-    try:
-        return read_group(folder, group, attributes)
-    except (KeyError, ValueError, OSError) as error:
-        raise TakeError(f"{folder}: is damaged: {error}") from None
+        return read_take(folder)
+    except OSError as error:
+        raise TakeError(f"{folder}: cannot be read: {error.strerror or error}") from None
+    except MemoryError:
+        raise TakeError(f"{folder}: needs more memory than there is") from None

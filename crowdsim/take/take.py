@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from crowdsim.core.types import Array
 from crowdsim.crowd.events import VARIABLES, Events
 from crowdsim.errors import TakeError
+from crowdsim.motion.strikes import LIMBS, SIDES
 from crowdsim.take.data import Cast, TakeData
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ STRIKE = np.dtype(
         ("attacker", "i4"),
         ("victim", "i4"),
         ("hand", "U5"),
+        ("limb", "U10"),
         ("x", "f4"),
         ("y", "f4"),
         ("z", "f4"),
@@ -94,13 +96,15 @@ class Take(TakeData):
 
         Returns:
             A structured array, a row a strike: ``seconds`` [s], ``attacker``, ``victim`` (an avatar, ``-2 - k`` for
-            scripted target k, -1 for none), ``hand`` (``left`` or ``right``), ``x``, ``y``, ``z`` of the fist [m],
-            its highest ``speed`` before [m/s], and ``landed``. Shape (S,), dtype ``STRIKE``.
+            scripted target k, -1 for none), ``hand`` (``left`` or ``right``, the side of
+            the limb), ``limb`` (``left_hand``, ``right_hand``, ``left_foot``, ``right_foot``), ``x``, ``y``, ``z`` of
+            fist or foot [m], its highest ``speed`` before [m/s], and ``landed``. Shape (S,), dtype ``STRIKE``.
         """
         events = self.events
         table = np.empty(len(events.frame), STRIKE)
         table["seconds"] = np.asarray(events.frame, dtype=float) / self.control_rate
-        table["hand"] = np.where(np.asarray(events.hand) == 0, "left", "right")
+        table["hand"] = np.asarray(SIDES)[np.asarray(events.hand)]
+        table["limb"] = np.asarray(LIMBS)[np.asarray(events.limb)]
         for name in ("attacker", "victim", "speed", "landed"):
             table[name] = getattr(events, name)
         for column, name in enumerate("xyz"):

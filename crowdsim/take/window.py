@@ -20,7 +20,7 @@ from crowdsim.take.kernels.steps import StepRules, plan_steps
 from crowdsim.take.kernels.transitions import measure_transitions
 from crowdsim.take.motion import PoseMotion
 
-LEAST_BLEND = 0.1
+LEAST_BLEND = 0.2
 """Least time that a blend lasts before a transition, and after it [s]."""
 _STEP_RULES = StepRules(
     lifts_within=SETTLED[1],
@@ -35,8 +35,8 @@ _STEP_RULES = StepRules(
     speed=1.25,
     drag_anyhow=HARDLY,
 )
-"""A pose sees a second around it. What a foot does some time before a transition adds up with how far after it that is
-settled, and vice versa, to less than that."""
+"""A pose sees ``passes.REACH`` seconds around it. What a foot does some time before a transition adds up with how far
+after it that is settled, and vice versa, to less than that."""
 
 
 class Window:
@@ -49,7 +49,7 @@ class Window:
         first: First control frame.
         stop: One past the last.
         pushes: How far trunks give way at these frames [m]. Shape (R, n, 2).
-        gazes: Where avatars look at these frames. Shape (R, n, 2).
+        turns: How far heads turn at these frames [rad]. Shape (R, n).
         threads: Threads that share the work.
     """
 
@@ -61,7 +61,7 @@ class Window:
         first: int,
         stop: int,
         pushes: Array,
-        gazes: Array,
+        turns: Array,
         threads: int = 1,
     ) -> None:
         whole = len(avatars) == take.avatar_count
@@ -89,7 +89,7 @@ class Window:
             speeds=speeds,
             scales=np.asarray(take.cast.scales, dtype=np.float64)[avatars],
             pushes=pushes,
-            gazes=gazes,
+            turns=turns,
             first=first,
             rate=float(take.control_rate),
         )

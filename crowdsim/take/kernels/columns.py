@@ -15,7 +15,7 @@ GAP_X, GAP_Y, GAP_Z = 0, 1, 2
 FOOT_X, FOOT_Y, FOOT_Z = 3, 4, 5
 TOES_X, TOES_Y, TOES_Z = 6, 7, 8
 GAP_COLUMNS = 9
-"""Gaps at transitions: position of a foot, rotation vector of the foot, and of its toes."""
+"""Gaps at transitions: position of a foot, level rotation and rotation about +y of the foot, rotation of its toes."""
 
 TRACK_FOOT, TRACK_TOES = 3, 7
 """Where the quaternions of foot and toes begin in the tracks of feet, behind the position."""

@@ -25,7 +25,7 @@ from crowdsim.take.kernels.limbs import (
 )
 from crowdsim.take.kernels.splines import spline_at
 
-WIDE = 0.9
+WIDE = 0.97
 """How far from a transition feet move for it [s]."""
 FREE, MOST = 0.4, 0.6
 """How far feet are moved from where blends have them before they are moved less, and at the most [m]."""
@@ -33,7 +33,7 @@ DOWN = 0.1
 """Furthest that the pelvis goes down [m]."""
 KNEE_LEAST = math.radians(4.0)
 """Flexion that a knee keeps at the least when it is stretched to hold a foot [rad]."""
-SLACK = 0.02
+SLACK = 0.03
 """Share of a leg's length over which it begins to be short."""
 FLOOR, UNDER = 0.00003, 0.0003
 """Height over which soles ease onto the floor, and how far they may be under it, as planted feet in capture are [m]."""
@@ -50,7 +50,8 @@ class Legs(NamedTuple):
         plants: First foot plant that is not over. Shape (2,).
         shift: Shift of a foot [m]. Shape (3,).
         rotations: Rotation of a foot and of its toes, by the plant before and by the one after. Shape (2, 2, 4).
-        change: Room of ``add_shift``. Shape (9,).
+        turns: Room of ``add_shift``. Shape (2, 2, 4).
+        changes: Likewise. Shape (2, 9).
     """
 
     goals: NDArray[np.float64]
@@ -60,7 +61,8 @@ class Legs(NamedTuple):
     plants: NDArray[np.int64]
     shift: NDArray[np.float64]
     rotations: NDArray[np.float64]
-    change: NDArray[np.float64]
+    turns: NDArray[np.float64]
+    changes: NDArray[np.float64]
 
 
 @kernel(inline=True)
@@ -93,10 +95,11 @@ def _limit_shift(shift, scale):
 def _hold_foot(footing, now, foot, weights, ground, legs, pose, world, asked):
     """Write where a planted foot belongs, and rotate it and its toes in the pose.
 
-    ``weights`` are the plants before and after the time, each followed by its weight.
+    ``weights`` are the plants before and after the time, each followed by its weight, and the share of the one after in
+    the rotation.
     """
     motion, shift, scale, firm = footing.motion, asked.shift, now.scale, asked.weights[foot]
-    one, before, other, after = weights
+    one, before, other, after, turn = weights
     end, toe, o = legs.joints[foot, LOWER], legs.toes[foot], legs.holds[foot]
     ankle, turned = world.positions[end], world.rotations[end]
     x, y, z = rotate(turned, o[0] * scale, o[1] * scale, o[2] * scale)
@@ -105,8 +108,8 @@ def _hold_foot(footing, now, foot, weights, ground, legs, pose, world, asked):
     shift[:] = 0.0
     for k in range(2):
         plant, weight = (one, before) if k == 0 else (other, after)
-        if weight > 0.0:
-            add_shift(footing, now, foot, plant, weight, shift, asked.rotations[k], asked.change)
+        if weight > 0.0 or 0.0 < turn < 1.0:
+            add_shift(footing, now, foot, plant, weight, shift, asked.rotations[k], asked.turns, asked.changes)
     here, there, rest = motion.holds[now.frame, foot], motion.holds[now.following, foot], 1.0 - now.part
     x = (here[0] * rest + there[0] * now.part) * scale
     y = (here[1] * rest + there[1] * now.part) * scale
@@ -119,7 +122,7 @@ def _hold_foot(footing, now, foot, weights, ground, legs, pose, world, asked):
     hold_x, hold_y, hold_z = hold_x + shift[0], hold_y + shift[1], hold_z + shift[2]
     for k in range(2 if toe >= 0 else 1):
         q = asked.rotations[0, k]
-        q[0], q[1], q[2], q[3] = mix(q, asked.rotations[1, k], after / (before + after))
+        q[0], q[1], q[2], q[3] = mix(q, asked.rotations[1, k], turn)
     turned[0], turned[1], turned[2], turned[3] = mix(turned, asked.rotations[0, 0], firm)
     if toe >= 0:
         q = pose[toe]
@@ -191,7 +194,7 @@ def _plant_pose(footing, now, ground, push, legs, root, pose, world, asked):
     pose_chain(legs, now.scale, root, pose, world)
     lack = 0.0
     for foot in range(2):
-        one, before, other, after, asked.plants[foot] = weigh_plants(
+        one, before, other, after, turn, asked.plants[foot] = weigh_plants(
             footing.plants, now.column, foot, asked.plants[foot], now.time
         )
         # Away from transitions feet are where they are captured.
@@ -199,7 +202,7 @@ def _plant_pose(footing, now, ground, push, legs, root, pose, world, asked):
         for k in range(3):
             asked.goals[foot, k] = world.positions[legs.joints[foot, LOWER], k]
         if asked.weights[foot] > 0.0:
-            _hold_foot(footing, now, foot, (one, before, other, after), ground, legs, pose, world, asked)
+            _hold_foot(footing, now, foot, (one, before, other, after, turn), ground, legs, pose, world, asked)
         _lift_sole(legs, foot, now.scale, world, asked.goals[foot])
     _give_way(legs, push, root, world)
     for foot in range(2):
@@ -227,7 +230,7 @@ def plant_feet(first, stop, moments, playback, rows, footing, legs, poses):
     world = World(np.empty((joints, 3)), np.empty((joints, 4)))
     asked = Legs(
         np.empty((2, 3)), np.empty(2), np.empty(2), np.empty(2), np.empty(2, np.int64), np.empty(3),
-        np.empty((2, 2, 4)), np.empty(9),
+        np.empty((2, 2, 4)), np.empty((2, 2, 4)), np.empty((2, 9)),
     )  # fmt: skip
     shared = times.shape[1] == 1
     for i in range(first, stop):

@@ -21,6 +21,8 @@ ELBOW_LEAST = math.radians(4.0)
 """Flexion that an elbow keeps at the least when it is stretched to reach something [rad]."""
 FOLDED = math.radians(145.0)
 """Flexion towards which elbows go at the most to bring a fist near [rad]."""
+_ROUNDS = 3
+"""Steps in which the bend of an arm is found that brings its fist to its place."""
 JOINTS = 4
 """Joints that lean: lower spine, chest, left and right collar."""
 PELVIS = 4
@@ -150,23 +152,44 @@ def _note_fists(arms, scale, world, targets):
 
 
 @kernel(allocates=False)
-def _carry_fist(arms, hand, scale, weight, pose, world, asked):
-    """Bend an arm so that its fist goes where it is to be carried; as far as it is free to, it follows the trunk."""
+def point_arm(arms, hand, pose, world, target):
+    """Bend an arm so that its wrist goes to a target, and less the nearer that is to its longest and shortest reach.
+
+    Returns:
+        The rotation of the forearm.
+    """
     p, q = world.positions[arms.joints[hand, UPPER]], world.positions[arms.joints[hand, MIDDLE]]
-    r, o = world.positions[arms.joints[hand, LOWER]], arms.points[hand, 0]
-    fist, shift = asked.targets[hand], asked.shifts[hand]
-    x, y, z = rotate(world.rotations[arms.joints[hand, LOWER]], o[0] * scale, o[1] * scale, o[2] * scale)
-    target = (
-        r[0] + weight * (fist[0] - r[0] - x) + shift[0],
-        r[1] + weight * (fist[1] - r[1] - y) + shift[1],
-        r[2] + weight * (fist[2] - r[2] - z) + shift[2],
-    )
+    r = world.positions[arms.joints[hand, LOWER]]
     a, b, now = distance_between(p, q), distance_between(q, r), distance_between(p, r)
     longest, shortest = reach_of(a, b, ELBOW_LEAST), reach_of(a, b, FOLDED)
     wanted = distance_between(p, target)
     distance = wanted - excess(now, wanted, longest, 0.0015 * (a + b))
     distance += excess(-now, -wanted, -shortest, 0.01 * (a + b))
-    bend_limb(arms, hand, pose, world, target, distance)
+    return bend_limb(arms, hand, pose, world, target, distance)
+
+
+@kernel(allocates=False)
+def _carry_fist(arms, hand, scale, weight, pose, world, asked):
+    """Bend an arm so that its fist goes where it is to be carried; as far as it is free to, it follows the trunk.
+
+    The wrist keeps its rotation: the hand turns with the forearm, and where that takes the fist is found step by step.
+    """
+    end = arms.joints[hand, LOWER]
+    r, o, wrist = world.positions[end], arms.points[hand, 0], pose[end]
+    kept = wrist[0], wrist[1], wrist[2], wrist[3]
+    fist, shift = asked.targets[hand], asked.shifts[hand]
+    x, y, z = rotate(world.rotations[end], o[0] * scale, o[1] * scale, o[2] * scale)
+    goal = (
+        r[0] + x + weight * (fist[0] - r[0] - x) + shift[0],
+        r[1] + y + weight * (fist[1] - r[1] - y) + shift[1],
+        r[2] + z + weight * (fist[2] - r[2] - z) + shift[2],
+    )
+    turned = x, y, z
+    for _ in range(_ROUNDS):
+        target = goal[0] - turned[0], goal[1] - turned[1], goal[2] - turned[2]
+        turned = rotate(point_arm(arms, hand, pose, world, target), x, y, z)
+    for k in range(4):
+        wrist[k] = kept[k]
 
 
 @kernel(allocates=False)

@@ -5,14 +5,15 @@ by delta. With E a step from 0 to 1, a foot belongs at ``motion(t) + sum over tr
 which is continuous through transitions, and moves only where E does: E rises while the foot is in the air before or
 after the plant, or in a step that the foot makes for the transition, see ``plan_steps``. All other movement of planted
 feet is the capture's own. The rotation of the foot, and of its toes, goes along; a heel that is far up comes down with
-the blend. Between plants a foot is let go of, or led from one position to the next where they follow closely.
+the blend. Between plants a foot is let go of, or led from one position to the next where they follow closely. Where
+there is hardly time for that, it begins to move a little before it lifts off, and to turn even earlier.
 """
 
 import math
 from typing import NamedTuple
 
 from crowdsim.core.easing import minimum_jerk
-from crowdsim.core.quaternions import relative, rotate_by_vector
+from crowdsim.core.quaternions import conjugate, from_vector, multiply, relative, rotate, rotate_about_y
 from crowdsim.jit import kernel
 from crowdsim.take.kernels.columns import (
     AFTER,
@@ -23,7 +24,6 @@ from crowdsim.take.kernels.columns import (
     FOOT_X,
     FOOT_Y,
     FOOT_Z,
-    GAP_COLUMNS,
     GAP_X,
     GAP_Y,
     GAP_Z,
@@ -36,10 +36,14 @@ from crowdsim.take.kernels.columns import (
     TRACK_TOES,
 )
 
-SWING = 0.15
+SWING = 0.25
 """How long it takes to let go of a foot, or to lead it to where it lands [s]."""
-PASS = 0.2
+PASS = 0.5
 """Time between two foot plants in which a foot is led from one to the other [s]."""
+ROLL = 0.03
+"""How long before it lifts off, and after it has landed, a foot moves on to the next foot plant [s]."""
+TURN = 0.3
+"""Least time in which a foot turns from one foot plant into the next [s]."""
 TILTED = math.radians(30.0)
 """Tilt of a foot over a transition beyond which it does not wait for a step [rad]."""
 
@@ -73,27 +77,53 @@ class Instant(NamedTuple):
 
 
 @kernel(allocates=False)
-def weigh_plants(plants, n, foot, at, time):
-    """Return the foot plants before and after a time, each followed by its weight, and the first that is not over.
+def _pass_on(spans, k, time, most, longest):
+    """Return how far a foot has gone or turned from one plant into the next, 0 to 1.
 
-    During a plant its weight is 1. Away from plants a weight fades over ``SWING``; between two that are not further
-    than ``PASS`` apart one passes into the other.
+    Where there is less than ``longest`` between them, it begins on the floor, by ``most`` before it lifts off, and goes
+    on for as long after it has landed.
+    """
+    end, begin = spans[k, END], spans[k + 1, BEGIN]
+    room = min(max(0.5 * (longest - begin + end), 0.0), most)
+    ahead = min(room, 0.5 * (end - spans[k, BEGIN]))
+    behind = min(room, 0.5 * (spans[k + 1, END] - begin))
+    return minimum_jerk((time - end + ahead) / (begin + behind - end + ahead))
+
+
+@kernel(allocates=False)
+def weigh_plants(plants, n, foot, at, time):
+    """Return what foot plants before and after a time mean for a foot.
+
+    During a plant its weight is 1. Between two plants that are not further than ``PASS`` apart the one before passes
+    into the one after it; away from others a weight fades.
+
+    Returns:
+        The plant before and the one after, -1 where there is none, each followed by its weight; the share of the one
+        after in the foot's rotation; and the first plant that is not over.
     """
     count, spans = plants.counts[n, foot], plants.spans[n, foot]
     while at < count and spans[at, END] < time:
         at += 1
     if at < count and spans[at, BEGIN] <= time:
-        return at, 1.0, -1, 0.0, at
+        for k in (at - 1, at):
+            if 0 <= k < count - 1 and spans[k + 1, BEGIN] - spans[k, END] < TURN:
+                turn, gone = _pass_on(spans, k, time, TURN, TURN), _pass_on(spans, k, time, ROLL, PASS)
+                if 0.0 < turn < 1.0:
+                    return k, 1.0 - gone, k + 1, gone, turn, at
+        return at, 1.0, -1, 0.0, 0.0, at
     one, other, since, until = -1, -1, math.inf, math.inf
     if at > 0:
         one, since = at - 1, time - spans[at - 1, END]
     if at < count:
         other, until = at, spans[at, BEGIN] - time
-    before, after = minimum_jerk(1.0 - since / SWING), minimum_jerk(1.0 - until / SWING)
     if since + until < PASS:
-        passed = minimum_jerk(since / (since + until))
-        before, after = before * (1.0 - passed), after * passed
-    return one, before, other, after, at
+        if since + until < TURN:
+            gone = _pass_on(spans, one, time, ROLL, PASS)
+            return one, 1.0 - gone, other, gone, _pass_on(spans, one, time, TURN, TURN), at
+        passed = minimum_jerk(since / SWING)
+        return one, 1.0 - passed, other, passed, passed, at
+    before, after = minimum_jerk(1.0 - since / SWING), minimum_jerk(1.0 - until / SWING)
+    return one, before, other, after, after / max(before + after, 1e-9), at
 
 
 @kernel(inline=True)
@@ -129,8 +159,8 @@ def _rotation_since(p, q, r, at, rest, part):
 
 
 @kernel(allocates=False)
-def _add_motion(motion, foot, start, steps, direction, scale, stays, share, change):
-    """Add a share of what a foot does since a frame: its movement, its rotation, that of its toes.
+def _find_change(motion, foot, start, steps, direction, scale, stays, change):
+    """Write what a foot does since a frame: its movement, its rotation, that of its toes.
 
     ``direction`` is that of its clip in the world. Where the foot ``stays``, only for as long as it does.
     """
@@ -148,17 +178,10 @@ def _add_motion(motion, foot, start, steps, direction, scale, stays, share, chan
     there = motion.tracks[low + 1 if part > 0.0 else low, foot]
     x, y = here[0] * rest + there[0] * part - old[0], here[1] * rest + there[1] * part - old[1]
     z = here[2] * rest + there[2] * part - old[2]
-    change[GAP_X] += share * scale * (x * cos + z * sin)
-    change[GAP_Y] += share * scale * y
-    change[GAP_Z] += share * scale * (z * cos - x * sin)
+    change[GAP_X], change[GAP_Y], change[GAP_Z] = scale * (x * cos + z * sin), scale * y, scale * (z * cos - x * sin)
     x, y, z = _rotation_since(old, here, there, TRACK_FOOT, rest, part)
-    change[FOOT_X] += share * (x * cos + z * sin)
-    change[FOOT_Y] += share * y
-    change[FOOT_Z] += share * (z * cos - x * sin)
-    x, y, z = _rotation_since(old, here, there, TRACK_TOES, rest, part)
-    change[TOES_X] += share * x
-    change[TOES_Y] += share * y
-    change[TOES_Z] += share * z
+    change[FOOT_X], change[FOOT_Y], change[FOOT_Z] = x * cos + z * sin, y, z * cos - x * sin
+    change[TOES_X], change[TOES_Y], change[TOES_Z] = _rotation_since(old, here, there, TRACK_TOES, rest, part)
 
 
 @kernel(inline=True)
@@ -182,9 +205,53 @@ def _played_on(footing, now, foot, k, begin, end):
     return ahead, behind, stays
 
 
+@kernel(allocates=False)
+def _cross_gap(share, tilt, swing, twist):
+    """Return a share of a gap: of the rotation ``swing``, a vector, and then of the one about +y, ``twist``."""
+    q = from_vector(tilt * swing[0], tilt * swing[1], tilt * swing[2])
+    if twist == 0.0 or share == 0.0:
+        return q
+    return rotate_about_y(math.cos(0.5 * share * twist), math.sin(0.5 * share * twist), q)
+
+
 @kernel(inline=True)
-def _add_transition(footing, now, foot, k, plant, weight, shift, rotations, change):
-    """Add, times a weight, how far one transition shifts a foot in a plant, and rotate it and its toes."""
+def _nearly(x, y, z):
+    """Return nearly the quaternion of a rotation vector, for small rotations."""
+    size = 1.0 / math.sqrt(1.0 + 0.25 * (x * x + y * y + z * z))
+    return size, 0.5 * x * size, 0.5 * y * size, 0.5 * z * size
+
+
+@kernel(allocates=False)
+def _play_on(past, part, crossed, back, old, new):
+    """Return what a foot rotates beyond the motion that is shown while the motions on both sides play on.
+
+    ``old`` and ``new`` are rotation vectors of what they have done since the transition; a foot that has ``crossed`` a
+    part of the gap, and would go ``back`` all of it, turns them along.
+    """
+    ahead, rest = multiply(crossed, back), 1.0 - part
+    ox, oy, oz = rotate(crossed, old[0], old[1], old[2])
+    nx, ny, nz = rotate(ahead, new[0], new[1], new[2])
+    both = _nearly(rest * ox + part * nx, rest * oy + part * ny, rest * oz + part * nz)
+    return multiply(both, _nearly(-nx, -ny, -nz) if past else _nearly(-ox, -oy, -oz))
+
+
+@kernel(inline=True)
+def _add_rotation(past, crossed, back, turns):
+    """Add a transition to the rotations that follow one another: ``turns[0]`` forth, ``turns[1]`` back before that."""
+    forth = turns[0]
+    forth[0], forth[1], forth[2], forth[3] = multiply(crossed, forth)
+    if past:
+        behind = turns[1]
+        behind[0], behind[1], behind[2], behind[3] = multiply(behind, back)
+
+
+@kernel(inline=True)
+def _add_transition(footing, now, foot, k, plant, weight, shift, turns, changes, begun):
+    """Add, times a weight, how far one transition shifts a foot in a plant, and the rotations of foot and toes.
+
+    Returns:
+        Whether this transition, or one before it, is under way.
+    """
     transitions, span = footing.transitions, footing.plants.spans[now.column, foot, plant]
     at, gap, begin, end = transitions.times[k], transitions.gaps[k, foot], span[BEGIN], span[END]
     share, lift = _progress(at, footing.steps.moves[k, foot], now.time, begin, end)
@@ -193,33 +260,42 @@ def _add_transition(footing, now, foot, k, plant, weight, shift, rotations, chan
         # A heel comes up or down with the blend; only where the foot stands, and looks, waits for its step.
         ahead, behind = transitions.spans[k, BEFORE], transitions.spans[k, AFTER]
         tilt = minimum_jerk((apart + ahead) / (ahead + behind))
-    if past:
-        share, tilt = share - 1.0, tilt - 1.0
-    for j in range(GAP_COLUMNS):
-        change[j] = (share if j < FOOT_X or j == FOOT_Y else tilt) * gap[j]
+    shift[1] += weight * lift
     ahead, behind, stays = _played_on(footing, now, foot, k, begin, end)
-    plays_on = -ahead < apart < behind
+    plays_on, left = -ahead < apart < behind, 1.0 if past else 0.0
+    if share == left and tilt == left and not plays_on and not (past and begun):
+        return begun
+    for j in range(3):
+        shift[j] += weight * (share - left) * gap[j]
+    swing, twist = (gap[FOOT_X], 0.0, gap[FOOT_Z]), gap[FOOT_Y]
+    toes = gap[TOES_X], gap[TOES_Y], gap[TOES_Z]
+    foot_turn, toes_turn = _cross_gap(share, tilt, swing, twist), _cross_gap(tilt, tilt, toes, 0.0)
+    foot_back, toes_back = (1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    if past or plays_on:
+        foot_back, toes_back = conjugate(_cross_gap(1.0, 1.0, swing, twist)), conjugate(_cross_gap(1.0, 1.0, toes, 0.0))
     if plays_on:
         part = minimum_jerk((apart + ahead) / (ahead + behind))
-        if past:
-            part -= 1.0
         steps, directions, motion = apart * now.pace, transitions.directions[k], footing.motion
-        old, new = transitions.before[k], transitions.after[k]
-        _add_motion(motion, foot, old, steps, directions[BEFORE], now.scale, stays, -part, change)
-        _add_motion(motion, foot, new, steps, directions[AFTER], now.scale, stays, part, change)
-    if share != 0.0 or tilt != 0.0 or plays_on:
+        old, new = changes[0], changes[1]
+        _find_change(motion, foot, transitions.before[k], steps, directions[BEFORE], now.scale, stays, old)
+        _find_change(motion, foot, transitions.after[k], steps, directions[AFTER], now.scale, stays, new)
         for j in range(3):
-            shift[j] += weight * change[j]
-        rotate_by_vector(rotations[0], change[FOOT_X], change[FOOT_Y], change[FOOT_Z])
-        rotate_by_vector(rotations[1], change[TOES_X], change[TOES_Y], change[TOES_Z])
-    shift[1] += weight * lift
+            shift[j] += weight * (part - left) * (new[j] - old[j])
+        more = _play_on(past, part, foot_turn, foot_back, old[FOOT_X:TOES_X], new[FOOT_X:TOES_X])
+        foot_turn = multiply(more, foot_turn)
+        more = _play_on(past, part, toes_turn, toes_back, old[TOES_X:], new[TOES_X:])
+        toes_turn = multiply(more, toes_turn)
+    _add_rotation(past, foot_turn, foot_back, turns[0])
+    _add_rotation(past, toes_turn, toes_back, turns[1])
+    return True
 
 
 @kernel(inline=True)
-def add_shift(footing, now, foot, plant, weight, shift, rotations, change):
+def add_shift(footing, now, foot, plant, weight, shift, rotations, turns, changes):
     """Add, times a weight, how far a foot belongs from the motion's own position in a plant, and rotate it.
 
-    Transitions that are past are undone from the latest back, those to come follow from the next on.
+    Rotations do not commute: a foot goes back over all transitions that are past to the motion of the first one that is
+    under way, and from there forth over all of them as far as it has come, so that nothing jumps at a transition.
 
     Args:
         footing: A ``Footing``.
@@ -229,8 +305,16 @@ def add_shift(footing, now, foot, plant, weight, shift, rotations, change):
         weight: Its weight.
         shift: Changed [m]. Shape (3,).
         rotations: Rotation of the foot and of its toes, changed. Shape (2, 4).
-        change: Room. Shape (9,).
+        turns: Room. Shape (2, 2, 4).
+        changes: Room. Shape (2, 9).
     """
+    turns[:] = 0.0
+    for part in range(2):
+        turns[part, 0, 0] = turns[part, 1, 0] = 1.0
+    begun = False
     for k in range(now.first, now.last):
-        index = now.middle - 1 - (k - now.first) if k < now.middle else k
-        _add_transition(footing, now, foot, index, plant, weight, shift, rotations, change)
+        begun = _add_transition(footing, now, foot, k, plant, weight, shift, turns, changes, begun)
+    if begun:
+        for part in range(2):
+            q = rotations[part]
+            q[0], q[1], q[2], q[3] = multiply(turns[part, 0], multiply(turns[part, 1], q))

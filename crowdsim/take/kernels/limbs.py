@@ -15,6 +15,11 @@ MOST = math.radians(150.0)
 _HINGED = 0.2
 """Sine of the flexion below which the hinge takes over from the plane that a limb is bent in."""
 
+_STRAIGHT = 0.03
+"""Distance of a middle joint from the straight line below which a limb hardly swivels [m]."""
+_SWIVELS = math.radians(70.0)
+"""Furthest that a limb swivels [rad]."""
+
 
 class World(NamedTuple):
     """Joints in the world.
@@ -166,6 +171,9 @@ def bend_limb(limbs, side, pose, world, target, distance):
         world: The joints in the world, a ``World``; it stays as it is.
         target: Position of the target [m], a tuple of three.
         distance: Distance of the end from the upper joint afterwards [m].
+
+    Returns:
+        The rotation in the world of all between the middle joint and the end.
     """
     upper, middle, end = limbs.joints[side, UPPER], limbs.joints[side, MIDDLE], limbs.joints[side, LOWER]
     p, q, r = world.positions[upper], world.positions[middle], world.positions[end]
@@ -180,7 +188,7 @@ def bend_limb(limbs, side, pose, world, target, distance):
     bend, reached = _solve_bend(u, v, a, b, axis, flexion, change)
     swing, found = _shortest_rotation(reached, (target[0] - p[0], target[1] - p[1], target[2] - p[2]))
     if not found:
-        return
+        return 1.0, 0.0, 0.0, 0.0
     # The upper joint swings; all between it and the middle joint goes along, and the middle joint bends in it.
     bend = multiply(swing, bend)
     above = world_rotations[parents[upper]]
@@ -190,3 +198,42 @@ def bend_limb(limbs, side, pose, world, target, distance):
     )
     unmoved = multiply((1.0, 0.0, 0.0, 0.0), world_rotations[end])
     _write_local(multiply(bend, world_rotations[parents[end]]), unmoved, pose[end])
+    return bend
+
+
+@kernel(allocates=False)
+def swivel_limb(limbs, side, pose, world, goal):
+    """Swivel a limb about the line from its upper joint to its end, so that its middle joint goes towards a goal.
+
+    The nearer it is to straight the less it swivels. Local rotations of its upper joint change, and of its end joint,
+    which keeps its rotation in the world.
+
+    Args:
+        limbs: A ``motion.Limbs``.
+        side: Which of the two.
+        pose: Local rotations. Shape (J, 4), changed.
+        world: The joints in the world, a ``World``; it stays as it is.
+        goal: Position towards which the middle joint goes [m], a tuple of three.
+    """
+    upper, middle, end = limbs.joints[side, UPPER], limbs.joints[side, MIDDLE], limbs.joints[side, LOWER]
+    p, q, r = world.positions[upper], world.positions[middle], world.positions[end]
+    length = distance_between(p, r)
+    if length < 1e-6:
+        return
+    x, y, z = (r[0] - p[0]) / length, (r[1] - p[1]) / length, (r[2] - p[2]) / length
+    ux, uy, uz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    vx, vy, vz = goal[0] - p[0], goal[1] - p[1], goal[2] - p[2]
+    along = ux * x + uy * y + uz * z
+    ux, uy, uz = ux - along * x, uy - along * y, uz - along * z
+    along = vx * x + vy * y + vz * z
+    vx, vy, vz = vx - along * x, vy - along * y, vz - along * z
+    sine = (uy * vz - uz * vy) * x + (uz * vx - ux * vz) * y + (ux * vy - uy * vx) * z
+    angle = math.atan2(sine, ux * vx + uy * vy + uz * vz + _STRAIGHT * _STRAIGHT)
+    angle = _SWIVELS * math.tanh(angle / _SWIVELS)
+    c, s = math.cos(0.5 * angle), math.sin(0.5 * angle)
+    swivel = c, s * x, s * y, s * z
+    world_rotations, parents = world.rotations, limbs.parents
+    above, below = world_rotations[parents[upper]], world_rotations[parents[end]]
+    _write_local((above[0], above[1], above[2], above[3]), multiply(swivel, world_rotations[upper]), pose[upper])
+    unmoved = multiply((1.0, 0.0, 0.0, 0.0), world_rotations[end])
+    _write_local(multiply(swivel, below), unmoved, pose[end])

@@ -13,8 +13,13 @@ from crowdsim.take.kernels.columns import HEAD, TORSO
 
 LENGTH = 0.65
 """How long a reaction lasts [s]."""
-PEAK = 0.15
-"""Time from a blow to its highest; one that is shorter jerks the head more than captured motion does [s]."""
+RISE = 0.22
+"""Time from a blow to its highest [s]; as smooth as it is, heads turn no more suddenly than in captured motion."""
+LEAST, MOST = 0.1, 0.25
+"""How far a blow should bring the head from where it was, and how far it throws it back beyond its motion at the most
+[m]."""
+ROUNDS = 2
+"""Rounds in which blows are strengthened."""
 
 
 class Blows(NamedTuple):
@@ -40,20 +45,57 @@ class Trunk(NamedTuple):
         parents: Parent of each joint of the skeleton. Shape (J,).
         chain: The joints, parents first. Shape (n,).
         gives: How far each gives way in a blow to head and torso [rad]. Shape (n, 2).
+        gains: How far that brings the head, about, in a body of scale 1 [m]. Shape (2,).
     """
 
     parents: NDArray[np.int64]
     chain: NDArray[np.int64]
     gives: NDArray[np.float64]
+    gains: NDArray[np.float64]
 
 
 @kernel(allocates=False)
 def _response(since):
-    """Return a spring's response to a blow: 1 at ``PEAK``, swinging through a little, at rest after ``LENGTH``."""
-    s = since / PEAK
-    back = min(max((since - 2.5 * PEAK) / (LENGTH - 2.5 * PEAK), 0.0), 1.0)
-    response = s * s * s * math.exp(3.0 - 3.0 * s) - 0.12 * math.sin(math.pi * back) ** 2
-    return response * minimum_jerk((LENGTH - since) / (0.4 * LENGTH))
+    """Return the response to a blow: 1 after ``RISE``, at rest after ``LENGTH``."""
+    return minimum_jerk(since / RISE) - minimum_jerk((since - RISE) / (LENGTH - RISE))
+
+
+@kernel
+def strengthen(blows, gains, own):
+    """Return how far each blow turns its victim: further where it would bring the head less than ``LEAST``.
+
+    A victim may be on its way towards the attacker, or springing back from blows before. Those count as strong as they
+    are themselves, or, in the first of ``ROUNDS``, as if nothing had been before them: so that a blow depends on no
+    others than those of ``ROUNDS`` times ``LENGTH`` before it.
+
+    Args:
+        blows: The ``Blows``.
+        gains: How far each brings the head at a strength of 1 [m]. Shape (E,).
+        own: How far its motion brings the head along the blow in ``RISE`` seconds [m]. Shape (E,).
+
+    Returns:
+        Their axes. Shape (E, 3).
+    """
+    axes, stronger = blows.axes.copy(), blows.axes.copy()
+    for _ in range(ROUNDS):
+        for n in range(len(blows.starts) - 1):
+            for blow in range(blows.starts[n], blows.starts[n + 1]):
+                x, z = blows.axes[blow, 0], blows.axes[blow, 2]
+                strength = math.sqrt(x * x + z * z)
+                if strength == 0.0 or gains[blow] == 0.0:
+                    continue
+                expected = own[blow]
+                for before in range(blows.starts[n], blow):
+                    since = blows.times[blow] - blows.times[before]
+                    if since < LENGTH:
+                        more = (_response(since + RISE) - _response(since)) * gains[before] / strength
+                        expected += more * (x * axes[before, 0] + z * axes[before, 2])
+                far = strength * gains[blow]
+                wanted = min(max(far, LEAST - expected), max(MOST, far))
+                for k in range(3):
+                    stronger[blow, k] = blows.axes[blow, k] * wanted / far
+        axes[:] = stronger
+    return axes
 
 
 @kernel(allocates=False)

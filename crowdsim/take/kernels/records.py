@@ -19,7 +19,7 @@ class Rows(NamedTuple):
         speeds: Motion frames in a control frame. Shape (n,).
         scales: Size of each body. Shape (n,).
         pushes: How far its trunk gives way to others, x and z [m]. Shape (R, n, 2).
-        gazes: Where it looks, x and z; shorter where it looks less. Shape (R, n, 2).
+        turns: How far its head turns about the vertical [rad]. Shape (R, n).
         first: Control frame of the first row.
         rate: Control frames a second.
     """
@@ -34,7 +34,7 @@ class Rows(NamedTuple):
     speeds: Array
     scales: Array
     pushes: Array
-    gazes: Array
+    turns: Array
     first: int
     rate: float
 
@@ -93,8 +93,9 @@ class Transitions(NamedTuple):
         ground: Ground transform of the motion after it. Shape (C, 3).
         directions: Cosine and sine of the angle from the clip's world to the world, for the motion before it and for
             the motion after it. Shape (C, 2, 2).
-        gaps: How far held points of the feet jump in the world [m], and rotation vectors by which feet jump in the
-            world, and toes on them: after less before. Shape (C, 2, 9).
+        gaps: How far held points of the feet jump in the world [m]; how feet turn there: a level rotation vector (its
+            x and z) and the angle about +y that follows it (y); and rotation vectors by which toes jump on them. After
+            less before. Shape (C, 2, 9).
     """
 
     starts: Array

@@ -6,21 +6,38 @@ from crowdsim.jit import kernel
 
 
 @kernel(allocates=False)
-def spline_at(values, rows, time, n):
-    """Return the two numbers of an avatar at a time: a cubic B-spline over control frames, whose ends repeat.
+def spline_weights(u):
+    """Return the weights of four values in a cubic B-spline, at a share of the way from the second to the third."""
+    v = 1.0 - u
+    first, second, fourth = v * v * v / 6.0, (4.0 - 6.0 * u * u + 3.0 * u * u * u) / 6.0, u * u * u / 6.0
+    return first, second, 1.0 - first - second - fourth, fourth
+
+
+@kernel(allocates=False)
+def spline_of(values, rows, time, n):
+    """Return the number of an avatar at a time: a cubic B-spline over control frames, whose ends repeat.
 
     Args:
-        values: Two numbers for each of the rows and avatars. Shape (R, n, 2).
+        values: A number for each of the rows and avatars. Shape (R, n).
         rows: The control frames, a ``Rows``.
         time: The time [s].
         n: Column of the avatar.
     """
     clock = time * rows.rate - rows.first
     before, last = math.floor(clock), values.shape[0] - 1
-    u = clock - before
-    v = 1.0 - u
-    first, second, fourth = v * v * v / 6.0, (4.0 - 6.0 * u * u + 3.0 * u * u * u) / 6.0, u * u * u / 6.0
-    weights = first, second, 1.0 - first - second - fourth, fourth
+    weights = spline_weights(clock - before)
+    value = 0.0
+    for k in range(4):
+        value += weights[k] * values[min(max(before - 1 + k, 0), last), n]
+    return value
+
+
+@kernel(allocates=False)
+def spline_at(values, rows, time, n):
+    """Return two numbers of an avatar at a time, of values (R, n, 2); see ``spline_of``."""
+    clock = time * rows.rate - rows.first
+    before, last = math.floor(clock), values.shape[0] - 1
+    weights = spline_weights(clock - before)
     x = z = 0.0
     for k in range(4):
         row = min(max(before - 1 + k, 0), last)

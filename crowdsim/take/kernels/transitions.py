@@ -42,6 +42,18 @@ def _write_rotation_vector(old, new, out):
 
 
 @kernel(allocates=False)
+def _write_swing_and_twist(old, new, out):
+    """Write the level rotation vector, with the angle about +y that follows it as y, that lead from one to another."""
+    w, x, y, z = relative(old, new)
+    half = math.atan2(y, w)
+    if abs(half) > 0.5 * math.pi:
+        half -= math.copysign(math.pi, half)
+    cos, sin = math.cos(half), math.sin(-half)
+    _write_rotation_vector((1.0, 0.0, 0.0, 0.0), rotate_about_y(cos, sin, (w, x, y, z)), out)
+    out[1] = 2.0 * half
+
+
+@kernel(allocates=False)
 def _rotate_about_y(heading, vector):
     """Rotate a vector about +y, in place."""
     cos, sin = math.cos(heading), math.sin(heading)
@@ -70,7 +82,7 @@ def _measure_gaps(transition, transitions, motion, toes, scale):
         gap[GAP_Y] = (np.float64(there[1]) - here[1]) * scale
         gap[GAP_Z] = dz * cos - dx * sin
         turned = rotate_about_y(cos_half, sin_half, motion.feet[old, foot])
-        _write_rotation_vector(turned, _doubles(motion.feet[new, foot]), gap[FOOT_X:TOES_X])
+        _write_swing_and_twist(turned, _doubles(motion.feet[new, foot]), gap[FOOT_X:TOES_X])
         _rotate_about_y(heading, gap[FOOT_X:TOES_X])
         gap[TOES_X:GAP_COLUMNS] = 0.0
         toe = toes[foot]

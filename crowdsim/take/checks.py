@@ -1,0 +1,125 @@
+"""What the arrays of a take must be, so that nothing in one can lead poses out of bounds.
+
+F control frames, N avatars, G scripted targets, E strikes; types, teams and policies as many as have names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from crowdsim.array_checks import ArrayFault, Check, Column, Index, Sizes, Within, check_array, true_or_false
+from crowdsim.core.types import Array
+from crowdsim.motion.strikes import LIMBS
+
+FAR, TURNS, LATE = 1e7, 1e5, 1e6
+"""Greatest positions [m], headings [rad] and control frames of an action."""
+SCALES, SPEEDS = (0.01, 100.0), (0.01, 20.0)
+"""Sizes of bodies over their skeletons', and motion frames in a control frame."""
+
+
+def _opponents(values: Array, sizes: Sizes) -> str:
+    return Index("N", -1 - sizes["G"])(values, sizes)
+
+
+def _times(values: Array, sizes: Sizes) -> str:
+    return Within(-1.0, float(sizes["F"]))(values, sizes)
+
+
+_PLACE, _HEADING = Within(-FAR, FAR, absent=True), Within(-TURNS, TURNS, absent=True)
+
+FRAMES: Mapping[str, Column] = {
+    "action": Column("int32", ("F", "N"), (Within(-1, 2**31 - 1),)),
+    "action_frame": Column("float32", ("F", "N"), (Within(0.0, LATE),)),
+    "x": Column("float32", ("F", "N"), (_PLACE,)),
+    "z": Column("float32", ("F", "N"), (_PLACE,)),
+    "heading": Column("float32", ("F", "N"), (_HEADING,)),
+    "opponent": Column("int32", ("F", "N"), (_opponents,)),
+}
+"""What is recorded for every control frame and avatar."""
+TARGET = Column("float32", ("F", "G", 3), (Within(-FAR, FAR),))
+ABSENT = ("x", "z", "heading")
+"""What is not a number while an avatar is absent, and only then."""
+
+CAST: Mapping[str, Column] = {
+    "type": Column("int16", ("N",), (Index("types"),)),
+    "team": Column("int16", ("N",), (Index("teams"),)),
+    "policy": Column("int16", ("N",), (Index("policies"),)),
+    "scale": Column("float32", ("N",), (Within(*SCALES),)),
+    "speed": Column("float32", ("N",), (Within(*SPEEDS),)),
+}
+"""What is constant for each avatar, but for its name."""
+
+_LIMB: tuple[Check, ...] = (Within(0, len(LIMBS) - 1),)
+
+EVENTS: Mapping[str, Column] = {
+    "frame": Column("float32", ("E",), (_times,)),
+    "attacker": Column("int32", ("E",), (Index("N"),)),
+    "victim": Column("int32", ("E",), (_opponents,)),
+    "hand": Column("uint8", ("E",), (Within(0, 1),)),
+    "point": Column("float32", ("E", 3), (Within(-FAR, FAR),)),
+    "speed": Column("float32", ("E",), (Within(0.0, 1e4),)),
+    "landed": Column("bool", ("E",), (true_or_false,)),
+    "limb": Column("uint8", ("E",), _LIMB),
+}
+"""The strikes."""
+
+
+def check_strikes(events: Mapping[str, Array]) -> None:
+    """Hold the variables of strikes, which have passed their table, against one another.
+
+    Raises:
+        ArrayFault: One lands on nobody, or on who threw it.
+    """
+    impossible = (events["victim"] == -1) | (events["victim"] == events["attacker"])
+    wrong = np.flatnonzero(events["landed"] & impossible)
+    if len(wrong):
+        at = int(wrong[0])
+        raise ArrayFault(
+            "victim", f"is {events['victim'][at]} at [{at}], expected another avatar or a target to land on"
+        )
+
+
+def check_absent(name: str, values: Array, action: Array) -> None:
+    """Hold what is not a number while an avatar is absent against who is absent.
+
+    Raises:
+        ArrayFault: An avatar that is there is nowhere.
+    """
+    wrong = np.isnan(values) & (action >= 0)
+    if wrong.any():
+        at = ", ".join(map(str, np.unravel_index(int(np.argmax(wrong)), wrong.shape)))
+        raise ArrayFault(name, f"holds nan at [{at}], expected a number where an avatar is present")
+
+
+def check_actions(action: Array, counts: Array) -> None:
+    """Hold the actions that avatars do against how many there are.
+
+    Args:
+        action: Actions. Shape (T, N).
+        counts: How many actions each avatar's policy has. Shape (N,).
+
+    Raises:
+        ArrayFault: There is no such action.
+    """
+    if action.size and int(action.max()) >= int(counts.min()):
+        wrong = action >= counts
+        if wrong.any():
+            row, column = np.unravel_index(int(np.argmax(wrong)), wrong.shape)
+            what = f"holds {action[row, column]} at [{row}, {column}]"
+            raise ArrayFault("action", f"{what}, expected one of the {counts[column]} actions of the avatar's policy")
+
+
+def check_rows(rows: Mapping[str, Array], sizes: Mapping[str, int], counts: Array) -> None:
+    """Hold some control frames of a take against their table, and against the policies; arguments as above.
+
+    Raises:
+        ArrayFault: They are something else.
+    """
+    found = dict(sizes)
+    for name, column in FRAMES.items():
+        check_array(name, rows[name], column, found)
+    for name in ABSENT:
+        check_absent(name, rows[name], rows["action"])
+    check_actions(rows["action"], counts)

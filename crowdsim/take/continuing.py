@@ -1,0 +1,178 @@
+"""Takes that go on: what a writer holds beside the chunks on disk, and a writer that continues from there."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from crowdsim.array_checks import ArrayFault, Column, Within, check_table
+from crowdsim.core.types import Array
+from crowdsim.crowd.events import VARIABLES, Events
+from crowdsim.errors import TakeError
+from crowdsim.take.checks import check_rows
+from crowdsim.take.layout import DTYPES, EVENTS
+from crowdsim.take.metadata import ArrayFacts, check_files, read_model
+
+
+class Writing(Protocol):
+    """What a writer holds, see ``store.TakeWriter``."""
+
+    chunk: int
+    done: int
+    events_done: int
+    kept: list[dict[str, Array]]
+    kept_targets: list[Array]
+    kept_events: list[Events]
+    group: Any
+
+
+def read_writer(writer: Writing) -> dict[str, Array]:
+    """Return what a writer holds beside the chunks on disk.
+
+    Returns:
+        ``chunk`` and ``frames``: control frames of a chunk, and those that are on disk; ``events``: strikes on disk;
+        then the frames and strikes that wait for a whole chunk, by the names of their variables.
+    """
+    waiting: dict[str, Array] = {
+        "chunk": np.array(writer.chunk),
+        "frames": np.array(writer.done),
+        "events": np.array(writer.events_done),
+    }
+    for name in VARIABLES:
+        parts = [kept[name] for kept in writer.kept]
+        waiting[f"frames.{name}"] = np.concatenate(parts) if parts else np.zeros((0, 0), DTYPES[name])
+    if writer.kept_targets:
+        waiting["frames.target"] = np.concatenate(writer.kept_targets)
+    for name, kind in EVENTS.items():
+        parts = [getattr(kept, name) for kept in writer.kept_events]
+        none = np.zeros((0, 3) if name == "point" else 0)
+        waiting[f"events.{name}"] = np.concatenate(parts or [none]).astype(kind)
+    return waiting
+
+
+def written_frames(writer: Writing, path: Path, counts: Array) -> Iterator[dict[str, Array]]:
+    """Yield what a writer has been handed, on disk or not, some control frames at a time.
+
+    Args:
+        writer: The writer.
+        path: The take's final name.
+        counts: How many actions each avatar's policy has. Shape (N,).
+
+    Raises:
+        TakeError: They are no frames of these avatars.
+    """
+    sizes = {"N": len(counts), "G": writer.group["target"].shape[1] if "target" in writer.group else 0}
+    blocks = range(0, writer.done, writer.chunk)
+    spans = (slice(low, min(low + writer.chunk, writer.done)) for low in blocks)
+    stored = ({name: writer.group[name][span] for name in VARIABLES} for span in spans)
+    for rows in itertools.chain(stored, writer.kept):
+        try:
+            check_rows(rows, sizes, counts)
+        except ArrayFault as fault:
+            raise TakeError(f"{path}: cannot be continued: {fault}") from None
+        yield rows
+
+
+def written_strikes(writer: Writing) -> Array:
+    """Return of all strikes that a writer has been handed whether they landed. Shape (S,), bool."""
+    return np.concatenate([writer.group["events"]["landed"][:], *(kept.landed for kept in writer.kept_events)])
+
+
+def restore_writer(writer: Writing, state: Mapping[str, Array]) -> None:
+    """Give a writer what another one held; the chunks on disk are those that this one wrote.
+
+    Raises:
+        ArrayFault: Something is missing, or not what it must be.
+    """
+    check_writer(state)
+    writer.done, writer.events_done = int(state["frames"]), int(state["events"])
+    rows = {name: state[f"frames.{name}"] for name in VARIABLES}
+    writer.kept = [rows] if len(rows["action"]) else []
+    writer.kept_targets = [state["frames.target"]] if "frames.target" in state else []
+    writer.kept_events = [Events(**{name: state[f"events.{name}"] for name in EVENTS})]
+
+
+def check_writer(state: Mapping[str, Array]) -> None:
+    """Hold what a writer held against its table, but for what depends on avatars and policies.
+
+    Raises:
+        ArrayFault: It is something else.
+    """
+    events = {f"events.{name}": Column(np.dtype(kind).name, _SHAPES.get(name, ("E",))) for name, kind in EVENTS.items()}
+    rows = {f"frames.{name}": Column(np.dtype(kind).name, ("W", "N")) for name, kind in DTYPES.items()}
+    rows["frames.target"] = Column("float32", ("W", "G", 3))
+    check_table({**_COUNTS, **rows, **events}, state, {}, ("frames.target",))
+
+
+_COUNT = Column("int64", (), (Within(0, 2**40),))
+_COUNTS = {"chunk": Column("int64", (), (Within(1, 2**40),)), "frames": _COUNT, "events": _COUNT}
+_SHAPES: dict[str, tuple[int | str, ...]] = {"point": ("E", 3)}
+
+
+def reopen_take(path: Path, partial: Path, state: Mapping[str, Array]) -> Any:
+    """Open an unfinished take, finished ones too, for writing on, without what was written behind a checkpoint.
+
+    Args:
+        path: The take's final name.
+        partial: Its name while it grows.
+        state: What ``read_writer`` returned.
+
+    Returns:
+        The open Zarr group.
+
+    Raises:
+        TakeError: There is no such take, or chunks are missing.
+        OSError: It cannot be read or written.
+    """
+    import zarr
+
+    if not partial.exists():
+        if not path.exists():
+            raise TakeError(f"{path}: is missing")
+        os.replace(path, partial)
+    # Written when a take is finished, and then anew.
+    (partial / ".zmetadata").unlink(missing_ok=True)
+    if (partial / "time").exists():
+        shutil.rmtree(partial / "time")
+    check_files(partial)
+    # Before another program reads what a stranger may have written.
+    for folder in partial.iterdir():
+        if (folder / ".zarray").exists():
+            read_model(folder, ".zarray", ArrayFacts)
+    for name in EVENTS:
+        read_model(partial / "events" / name, ".zarray", ArrayFacts)
+    try:
+        group: Any = zarr.open_group(str(partial), mode="r+")
+        arrays = [(partial / name, group[name]) for name in (*VARIABLES, *(["target"] if "target" in group else []))]
+        events = [(partial / "events" / name, group["events"][name]) for name in EVENTS]
+    except OSError:
+        raise
+    except Exception as error:
+        raise TakeError(f"{path}: cannot be continued: {error}") from None
+    for folder, array in arrays:
+        _cut(folder, array, int(state["frames"]))
+    for folder, array in events:
+        _cut(folder, array, int(state["events"]))
+        array.resize((int(state["events"]), *array.shape[1:]))
+    return group
+
+
+def _cut(folder: Path, array: Any, count: int) -> None:
+    """Remove chunks from an entry on; those before must all be there."""
+    size = array.chunks[0]
+    if count > array.shape[0] or count % size:
+        raise TakeError(f"{folder}: has {array.shape[0]} entries in chunks of {size}, expected {count} or more")
+    chunks = [(int(path.name.split(".")[0]), path) for path in folder.iterdir() if path.name[:1].isdecimal()]
+    across = -(-array.shape[1] // array.chunks[1]) if len(array.shape) == 2 else 1
+    for number, path in chunks:
+        if number >= count // size:
+            path.unlink()
+    left = sum(number < count // size and path.stat().st_size > 0 for number, path in chunks)
+    if left != across * (count // size):
+        raise TakeError(f"{folder}: holds {left} chunks, expected {across * (count // size)}")

@@ -1,0 +1,239 @@
+"""How far elbows, hands and knees give way to other bodies, some 60 times a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy.ndimage import correlate1d
+from scipy.spatial import cKDTree
+
+from crowdsim.core.types import Array
+from crowdsim.core.workers import share
+from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
+from crowdsim.take.data import TakeData
+from crowdsim.take.kernels.deflection import END, LIMBS, MOVED, Deflections, MovingLimbs, bend_limbs, deflect_limbs
+from crowdsim.take.kernels.records import Moments, Posed
+from crowdsim.take.landed import Landed, by_column
+from crowdsim.take.motion import PoseMotion
+from crowdsim.take.window import Window
+
+AllJoints = list[tuple[int, Array, Array, Array]]
+"""Of some avatars at some times, for each policy its number, which of them (m,), and positions (T, m, J, 3) [m] and
+rotations (T, m, J, 4) of joints in the world."""
+PoseAll = Callable[[Array, Array], AllJoints]
+"""Poses avatars (n,), ascending, at times (T,)."""
+
+_AROUND = 3.1
+"""Distance on the ground beyond which no two avatars touch [m]."""
+_LANDS = 0.1
+"""Time around a strike that lands in which the fist may be in what it hits [s]."""
+_RATE = 60.0
+"""How many times a second limbs are pushed out of bodies, nearly [Hz]: fists pass each other between control frames."""
+_SMOOTH = 1.25 * np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
+"""Weights of what is found at five times that follow one another; it is exaggerated, since smoothing lowers its
+peaks."""
+_POSES_AT_ONCE = 16_000
+_KEPT, _FEW = 64_000_000, 16
+"""Numbers that are kept at the most; and frames that are kept of a crowd that is larger than that."""
+
+
+class Deflection:
+    """How far limbs give way.
+
+    At each time of a grid limbs are pushed out of the bodies that are around; they follow a smooth path along these.
+
+    Args:
+        take: The take.
+        motions: The motion of each of its policies.
+        pose_all: Poses avatars before limbs give way.
+        threads: Threads that share the work.
+    """
+
+    def __init__(self, take: TakeData, motions: Sequence[PoseMotion], pose_all: PoseAll, threads: int) -> None:
+        self._take, self._pose_all, self._threads = take, pose_all, threads
+        self._motions = motions
+        self._scales = np.asarray(take.cast.scales, dtype=np.float64)
+        self._riding = [ride_along(motion) for motion in motions]
+        self._kept: dict[int, Array] = {}
+        self._fine = max(1, round(_RATE / take.control_rate))
+        self._rate = take.control_rate * self._fine
+        self._count = max(take.frame_count - 1, 0) * self._fine + 1
+        row = max(take.avatar_count * LIMBS * MOVED * 3, 1)
+        self._whole = self._count * row <= _KEPT
+        self._frames = self._count if self._whole else max(_KEPT // row, _FEW)
+
+    @property
+    def is_needed(self) -> bool:
+        """Whether limbs give way at all."""
+        return self._take.collision_avoidance and self._take.avatar_count > 1
+
+    def note(self, times: Array, landed: Landed, posed: Callable[[Array], AllJoints]) -> None:
+        """Find moves at those of some times (T,), ascending, that are of the grid, from poses that are there.
+
+        Args:
+            times: The times [s].
+            landed: Strikes that land.
+            posed: Returns the joints of all avatars at some of the times, given by index, before limbs give way.
+        """
+        frames = np.rint(times * self._rate).astype(np.int64)
+        some = np.flatnonzero((frames / self._rate == times) & (frames < self._count))
+        some = some[[int(frame) not in self._kept for frame in frames[some]]]
+        everyone = np.arange(self._take.avatar_count)
+        if not len(some) or len(some) * len(everyone) > _POSES_AT_ONCE:
+            return
+        moves = self._deflect(times[some], everyone, everyone, posed(some), landed)
+        self._kept.update(zip(frames[some].tolist(), moves, strict=True))
+
+    def bend(self, window: Window, landed: Landed, columns: Array, moments: Moments, poses: Posed) -> None:
+        """Deflect limbs of poses, in place.
+
+        Args:
+            window: The stretch of the take.
+            landed: Strikes that land.
+            columns: Column of every avatar of the take in the window, -1 for those outside it. Shape (N,).
+            moments: Who is posed, and when.
+            poses: Their poses; rotations are changed.
+        """
+        if not self.is_needed:
+            return
+        rate, times, around = self._rate, moments.times, len(_SMOOTH) // 2
+        low = max(int(times.min() * rate) - 1, 0)
+        high = min(int(times.max() * rate) + 3, self._count)
+        first, stop = max(low - around, 0), min(high + around, self._count)
+        moves = self._rows(first, stop, window.avatars, landed)
+        if not moves.any():
+            return
+        # Where a take begins and ends, its first and its last time stand for those beyond.
+        moves = correlate1d(moves, _SMOOTH, axis=0, mode="nearest")[low - first : high - first]
+        near = landed.around(float(times.min()), float(times.max()), columns)
+        order, starts = by_column(columns[near.attackers], len(window.avatars), near.times)
+        deflections = Deflections(moves, low, rate, starts, near.times[order], near.limbs[order])
+        motion, scales = window.motion, window.rows.scales
+
+        def work(first: int, stop: int) -> None:
+            bend_limbs(first, stop, moments, deflections, scales, motion.arms, motion.legs, poses)
+
+        share(len(moments.columns), work, threads=window.threads)
+
+    def _rows(self, first: int, stop: int, avatars: Array, landed: Landed) -> Array:
+        """Moves of avatars (n,) at times of the grid. Shape (R, n, 4, 2, 3), float32."""
+        everyone = np.arange(self._take.avatar_count)
+        if not self._whole and len(avatars) < len(everyone):
+            return self._find(first, stop, avatars, landed)
+        found = {frame: self._kept[frame] for frame in range(first, stop) if frame in self._kept}
+        missing = [frame for frame in range(first, stop) if frame not in found]
+        if missing:
+            fresh = self._find(missing[0], missing[-1] + 1, everyone, landed)
+            for frame, moves in enumerate(fresh, missing[0]):
+                found[frame] = self._kept[frame] = moves
+        for frame in list(self._kept)[: max(len(self._kept) - self._frames, 0)]:
+            self._kept.pop(frame, None)
+        return np.stack([found[frame][avatars] for frame in range(first, stop)])
+
+    def _find(self, first: int, stop: int, avatars: Array, landed: Landed) -> Array:
+        """Find moves of avatars (n,), some frames and neighbouring avatars at once."""
+        moves = np.zeros((stop - first, len(avatars), LIMBS, MOVED, 3), np.float32)
+        frames = max(1, _POSES_AT_ONCE // max(len(avatars), 1))
+        for low in range(first, stop, frames):
+            high = min(low + frames, stop)
+            rows = np.unique(np.arange(low, high) // self._fine)
+            span = slice(int(rows[0]), int(rows[-1]) + 1)
+            places = np.stack([np.asarray(values[span], dtype=float) for values in (self._take.x, self._take.z)], -1)
+            places[np.asarray(self._take.action[span]) < 0] = np.nan
+            # Neighbours by x come one after another.
+            some = avatars[np.argsort(places[0, avatars, 0], kind="stable")]
+            for at in range(0, len(some), _POSES_AT_ONCE):
+                chosen = np.sort(some[at : at + _POSES_AT_ONCE])
+                rows = np.searchsorted(avatars, chosen)
+                near, times = _around(places, chosen), np.arange(low, high) / self._rate
+                if len(near) > 1:
+                    posed = self._pose_all(near, times)
+                    moves[low - first : high - first, rows] = self._deflect(times, chosen, near, posed, landed)
+        return moves
+
+    def _deflect(self, times: Array, asked: Array, near: Array, joints: AllJoints, landed: Landed) -> Array:
+        """Moves of avatars (M,) at times (T,) among those near them (n,), both ascending. Shape (T, M, 4, 2, 3)."""
+        moves = np.zeros((len(times), len(asked), LIMBS, MOVED, 3), np.float32)
+        posed = [
+            (index, PosedBodies(self._motions[index].body, which, self._scales[near[which]], positions, rotations))
+            for index, which, positions, rotations in joints
+        ]
+        capsules = place_capsules([bodies for _, bodies in posed], len(times), len(near), self._threads)
+        limbs = MovingLimbs(
+            np.full((len(times), len(near), LIMBS, 3, 3), np.nan, np.float32),
+            np.full(capsules.bounds.shape, -1, np.int64),
+            np.zeros((*capsules.bounds.shape, MOVED, 2)),
+            _landing(landed, near, times),
+        )
+        for index, bodies in posed:
+            motion, (riding, weights) = self._motions[index], self._riding[index]
+            moving = np.concatenate([motion.arms.joints, motion.legs.joints])
+            limbs.joints[:, bodies.columns] = bodies.positions[:, :, moving]
+            own = np.arange(len(riding))
+            limbs.limbs[bodies.columns[:, None], own] = riding
+            limbs.weights[bodies.columns[:, None], own] = weights
+        order = np.argsort(capsules.starts[:, :, 0, 0], axis=1, kind="stable")
+        ranks, columns = np.argsort(order, axis=1, kind="stable"), np.searchsorted(near, asked)
+        share(len(times) * len(asked), deflect_limbs, capsules, limbs, order, ranks, columns, moves,
+              threads=self._threads)  # fmt: skip
+        return moves
+
+
+def _around(places: Array, avatars: Array) -> Array:
+    """Avatars that are near some of avatars (n,) at any of T times, and these, ascending; places (T, N, 2)."""
+    near = np.zeros(places.shape[1], bool)
+    near[avatars] = True
+    for now in places:
+        own = now[avatars[np.isfinite(now[avatars, 0])]]
+        if not len(own):
+            continue
+        low, high = own.min(axis=0) - _AROUND, own.max(axis=0) + _AROUND
+        others = np.flatnonzero(~near & (now >= low).all(axis=1) & (now <= high).all(axis=1))
+        if len(others):
+            near[others] = np.isfinite(cKDTree(own).query(now[others], distance_upper_bound=_AROUND)[0])
+    return np.flatnonzero(near)
+
+
+def _landing(landed: Landed, avatars: Array, times: Array) -> Array:
+    """How close to strikes that land limbs of avatars (n,) are at times (T,), from 0 to 1. Shape (T, n, 4)."""
+    near = np.zeros((len(times), len(avatars), LIMBS))
+    some = landed.between(times[0] - _LANDS, times[-1] + _LANDS)
+    column = np.minimum(np.searchsorted(avatars, some.attackers), len(avatars) - 1)
+    known = np.flatnonzero(avatars[column] == some.attackers)
+    close = np.clip(2.0 - 2.0 * np.abs(times[:, None] - some.times[known]) / _LANDS, 0.0, 1.0)
+    rows = np.broadcast_to(np.arange(len(times))[:, None], close.shape)
+    np.maximum.at(near, (rows, *(np.broadcast_to(one[known], close.shape) for one in (column, some.limbs))), close)
+    return near
+
+
+def ride_along(motion: PoseMotion) -> tuple[Array, Array]:
+    """Return which limb each capsule of a body rides on, and how far its ends go along with it.
+
+    Returns:
+        For the capsules in ``capsule_order`` the limb, left and right arm, left and right leg, or -1, shape (K,); and
+        how far either end goes along with the middle and the end joint of that limb, shape (K, 2, 2). Feet stay.
+    """
+    body, skeleton = motion.body, motion.skeleton
+    order = capsule_order(body)
+    joints = np.concatenate([motion.arms.joints, motion.legs.joints])
+    limbs, weights = np.full(len(order), -1, np.int64), np.zeros((len(order), 2, MOVED))
+    for row, capsule in enumerate(order):
+        at = int(body.capsule_joints[capsule])
+        while at >= 0 and not (joints == at).any():
+            at = int(skeleton.parents[at])
+        if at < 0:
+            continue
+        limb, part = (int(value[0]) for value in np.nonzero(joints == at))
+        limbs[row] = limb
+        for end, offset in enumerate((body.capsule_starts[capsule], body.capsule_ends[capsule])):
+            if part == 2:
+                weights[row, end, END] = 1.0
+                continue
+            bone = np.asarray(skeleton.offsets[joints[limb, part + 1]], dtype=float)
+            along = float(np.clip(offset @ bone / max(float(bone @ bone), 1e-12), 0.0, 1.0))
+            weights[row, end] = (along, 0.0) if part == 0 else (1.0 - along, along)
+        if limb >= 2:
+            weights[row, :, END] = 0.0
+    limbs[(weights == 0.0).all(axis=(1, 2))] = -1
+    return limbs, weights

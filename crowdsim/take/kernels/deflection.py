@@ -1,0 +1,372 @@
+"""Compiled deflection of limbs: elbows, hands and knees give way to other bodies."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from crowdsim.core.easing import minimum_jerk
+from crowdsim.core.types import Array
+from crowdsim.jit import kernel
+from crowdsim.take.kernels.capsules import NEAR, are_near, capsule_depth
+from crowdsim.take.kernels.columns import LOWER, MIDDLE, UPPER
+from crowdsim.take.kernels.fists import point_arm
+from crowdsim.take.kernels.limbs import World, pose_chain, swivel_limb
+from crowdsim.take.kernels.splines import spline_weights
+
+LIMBS, MOVED = 4, 2
+"""Limbs of a body: left and right arm, left and right leg; and the points of each that move, middle and end."""
+JOINT, END = 0, 1
+"""Which of these points: elbow or knee, and wrist or ankle."""
+ALLOWED = 0.01
+"""Depth at which bodies are left alone [m]."""
+_FIST_IN = 0.02
+"""How much deeper a fist may be in what it hits [m]: its middle touches."""
+_MARGIN = 0.05
+"""How far apart capsules may be that limbs might be pushed into [m]."""
+_ROUNDS, _STEP = 10, 0.8
+"""Rounds in which limbs are pushed out of what they are in, and the share of the way that each goes."""
+_LEAST = 0.3
+"""Least lever by which a push is divided: one close to a shoulder would swing the arm around."""
+_MOST = 0.25
+"""Furthest that a point of a limb moves [m]."""
+_CONTACTS = 160
+"""Most pairs of capsules that are looked at for one avatar."""
+LANDS = 0.06
+"""How long before and after a strike its fist is on its way undeflected [s], partly."""
+
+
+class MovingLimbs(NamedTuple):
+    """What moves of N bodies of K capsules at T times.
+
+    Attributes:
+        joints: Upper, middle and end joint of each limb [m]. Shape (T, N, 4, 3, 3), float32.
+        limbs: Limb of each capsule, -1 for those of the trunk. Shape (N, K).
+        weights: How far each of its ends goes along with the middle and the end of the limb. Shape (N, K, 2, 2).
+        landing: How close to a strike that lands each limb is, from 0 to 1. Shape (T, N, 4).
+    """
+
+    joints: Array
+    limbs: Array
+    weights: Array
+    landing: Array
+
+
+class Deflections(NamedTuple):
+    """How far limbs of n avatars are deflected at the times of a grid, and when they strike.
+
+    Attributes:
+        moves: How far the middle and the end of each limb go [m]. Shape (R, n, 4, 2, 3), float32.
+        first: Number of the first row in the grid.
+        rate: Times of the grid a second.
+        starts: Strikes of column i are ``starts[i]`` up to ``starts[i + 1]``. Shape (n + 1,).
+        times: When [s]. Shape (E,).
+        limbs: Of left and right hand, left and right foot. Shape (E,).
+    """
+
+    moves: Array
+    first: int
+    rate: float
+    starts: Array
+    times: Array
+    limbs: Array
+
+
+class _Contacts(NamedTuple):
+    """Capsules of a body and those of others that they may be in.
+
+    Attributes:
+        own: Capsule of the body. Shape (C,).
+        others: The other body, and its capsule. Shape (C, 2).
+        allowed: Depth up to which the body's own capsule leaves it [m]. Shape (C,).
+        spheres: Middle and radius of a sphere around each limb of the body [m]. Shape (4, 4).
+    """
+
+    own: Array
+    others: Array
+    allowed: Array
+    spheres: Array
+
+
+@kernel(allocates=False)
+def _leverage(limbs, n, capsule, share):
+    """Return how far a point of a capsule goes along with the middle and the end of its limb."""
+    if limbs.limbs[n, capsule] < 0:
+        return 0.0, 0.0
+    w = limbs.weights[n, capsule]
+    middle = w[0, JOINT] + share * (w[1, JOINT] - w[0, JOINT])
+    return middle, w[0, END] + share * (w[1, END] - w[0, END])
+
+
+@kernel(allocates=False)
+def _bound_limbs(capsules, limbs, t, n, spheres):
+    """Write spheres around the limbs of an avatar; the radius of one that has no capsules is -1."""
+    spheres[:] = 0.0
+    spheres[:, 3] = -1.0
+    for i in range(capsules.counts[n]):
+        limb = limbs.limbs[n, i]
+        if limb < 0:
+            continue
+        p, q, sphere = capsules.starts[t, n, i], capsules.ends[t, n, i], spheres[limb]
+        x, y, z = 0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), 0.5 * (p[2] + q[2])
+        if sphere[3] < 0.0:
+            sphere[0], sphere[1], sphere[2], sphere[3] = x, y, z, capsules.bounds[n, i]
+            continue
+        x, y, z = x - sphere[0], y - sphere[1], z - sphere[2]
+        far = math.sqrt(x * x + y * y + z * z)
+        more = 0.5 * (far + capsules.bounds[n, i] - sphere[3])
+        if more > 0.0:
+            part = min(more / max(far, 1e-9), 1.0)
+            sphere[0] += part * x
+            sphere[1] += part * y
+            sphere[2] += part * z
+            sphere[3] = max(sphere[3] + more, capsules.bounds[n, i]) + 1e-6
+
+
+@kernel(inline=True)
+def _limbs_near(capsules, t, other, j, spheres):
+    """Return which limbs a capsule of another body may be near, a bit for each."""
+    p, q, bound, near = capsules.starts[t, other, j], capsules.ends[t, other, j], capsules.bounds[other, j], 0
+    x, y, z = 0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), 0.5 * (p[2] + q[2])
+    for limb in range(LIMBS):
+        dx, dy, dz = x - spheres[limb, 0], y - spheres[limb, 1], z - spheres[limb, 2]
+        reach = spheres[limb, 3] + bound + _MARGIN
+        near |= np.int64(spheres[limb, 3] >= 0.0 and dx * dx + dy * dy + dz * dz <= reach * reach) << limb
+    return near
+
+
+@kernel(allocates=False)
+def _add_contacts(capsules, limbs, t, n, other, contacts, count):
+    """Note the capsules of limbs that are in another body, or near it; return how many are noted.
+
+    Where both can give way, each does its part.
+    """
+    for j in range(capsules.counts[other]):
+        near = _limbs_near(capsules, t, other, j, contacts.spheres)
+        if near == 0:
+            continue
+        for i in range(capsules.counts[n]):
+            limb = limbs.limbs[n, i]
+            if limb < 0 or not (near >> limb) & 1 or count == contacts.own.shape[0]:
+                continue
+            if not are_near(capsules, t, n, i, other, j, _MARGIN):
+                continue
+            depth, share, part = capsule_depth(
+                capsules.starts[t, n, i], capsules.ends[t, n, i], capsules.radii[n, i],
+                capsules.starts[t, other, j], capsules.ends[t, other, j], capsules.radii[other, j],
+            )  # fmt: skip
+            if depth <= ALLOWED - _MARGIN:
+                continue
+            middle, end = _leverage(limbs, n, i, share)
+            middle_2, end_2 = _leverage(limbs, other, j, part)
+            own, theirs = middle + end, middle_2 + end_2
+            if own > 1e-3:
+                allowed = ALLOWED
+                if theirs == 0.0 and middle == 0.0:
+                    allowed += limbs.landing[t, n, limbs.limbs[n, i]] * _FIST_IN
+                contacts.own[count] = i
+                contacts.others[count, 0], contacts.others[count, 1] = other, j
+                contacts.allowed[count] = allowed + max(depth - allowed, 0.0) * theirs / (own + theirs)
+                count += 1
+    return count
+
+
+@kernel(allocates=False)
+def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
+    """Push a limb out of what one of its capsules is in; return whether it was in it."""
+    i, other, j = contacts.own[contact], contacts.others[contact, 0], contacts.others[contact, 1]
+    limb, w, p, q = limbs.limbs[n, i], limbs.weights[n, i], axis[0], axis[1]
+    move = moves[limb]
+    for k in range(3):
+        p[k] = capsules.starts[t, n, i, k] + w[0, JOINT] * move[JOINT, k] + w[0, END] * move[END, k]
+        q[k] = capsules.ends[t, n, i, k] + w[1, JOINT] * move[JOINT, k] + w[1, END] * move[END, k]
+    r, s = capsules.starts[t, other, j], capsules.ends[t, other, j]
+    depth, share, part = capsule_depth(p, q, capsules.radii[n, i], r, s, capsules.radii[other, j])
+    over = depth - contacts.allowed[contact]
+    if over <= 0.0:
+        return False
+    x = p[0] + share * (q[0] - p[0]) - r[0] - part * (s[0] - r[0])
+    y = p[1] + share * (q[1] - p[1]) - r[1] - part * (s[1] - r[1])
+    z = p[2] + share * (q[2] - p[2]) - r[2] - part * (s[2] - r[2])
+    far = math.sqrt(x * x + y * y + z * z)
+    if far < 1e-6:
+        return False
+    middle, end = _leverage(limbs, n, i, share)
+    push = _STEP * over / max(middle * middle + end * end, _LEAST) / far
+    for point, lever in ((JOINT, middle), (END, end)):
+        move[point, 0] += push * lever * x
+        move[point, 1] += push * lever * y
+        move[point, 2] += push * lever * z
+    return True
+
+
+@kernel(allocates=False)
+def _keep_bones(joints, both, moves):
+    """Bring the middle of a limb, or ``both`` that and the end, back to the lengths of its bones."""
+    upper, middle, end = joints[UPPER], joints[MIDDLE], joints[LOWER]
+    a = b = c = d = 0.0
+    for k in range(3):
+        a += (middle[k] - upper[k]) ** 2
+        b += (end[k] - middle[k]) ** 2
+        c += (middle[k] + moves[JOINT, k] - upper[k]) ** 2
+    if a < 1e-9 or b < 1e-9 or c < 1e-9:
+        return
+    size = math.sqrt(a / c)
+    for k in range(3):
+        moves[JOINT, k] = upper[k] + (middle[k] + moves[JOINT, k] - upper[k]) * size - middle[k]
+    if not both:
+        return
+    for k in range(3):
+        d += (end[k] + moves[END, k] - middle[k] - moves[JOINT, k]) ** 2
+    size = math.sqrt(b / max(d, 1e-9))
+    for k in range(3):
+        start = middle[k] + moves[JOINT, k]
+        moves[END, k] = start + (end[k] + moves[END, k] - start) * size - end[k]
+
+
+@kernel(allocates=False)
+def _limit(moves):
+    """Keep a move within ``_MOST``, smoothly."""
+    far = math.sqrt(moves[0] ** 2 + moves[1] ** 2 + moves[2] ** 2)
+    if far > 1e-9:
+        kept = _MOST * math.tanh(far / _MOST) / far
+        for k in range(3):
+            moves[k] *= kept
+
+
+@kernel(allocates=False)
+def _find_contacts(capsules, limbs, t, n, order, rank, contacts):
+    """Note all capsules that limbs of an avatar are in or near; return how many."""
+    x, z, count = capsules.starts[t, n, 0, 0], capsules.starts[t, n, 0, 2], 0
+    _bound_limbs(capsules, limbs, t, n, contacts.spheres)
+    for way in (-1, 1):
+        at = rank + way
+        while 0 <= at < order.shape[0]:
+            other = order[at]
+            # Absent ones are not a number, and end the search too.
+            if not abs(capsules.starts[t, other, 0, 0] - x) < NEAR:
+                break
+            if abs(capsules.starts[t, other, 0, 2] - z) < NEAR:
+                count = _add_contacts(capsules, limbs, t, n, other, contacts, count)
+            at += way
+    return count
+
+
+@kernel
+def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
+    """Find how far limbs give way so that they are in no other body, at each of T times.
+
+    Each avatar is pushed out of the others as they are without this; of what lies between two limbs each goes its part.
+
+    Args:
+        first: First of the T x M avatars at times, time by time.
+        stop: One past the last.
+        capsules: The bodies, a ``Capsules``.
+        limbs: Their ``MovingLimbs``.
+        order: The avatars by x of the first capsule, absent ones last. Shape (T, N).
+        ranks: Where each is in that order. Shape (T, N).
+        asked: Avatars whose limbs are asked for. Shape (M,).
+        moves: Written [m]. Shape (T, M, 4, 2, 3).
+    """
+    contacts = _Contacts(
+        np.empty(_CONTACTS, np.int64),
+        np.empty((_CONTACTS, 2), np.int64),
+        np.empty(_CONTACTS, np.float64),
+        np.empty((LIMBS, 4)),
+    )
+    axis, own = np.empty((2, 3), np.float32), np.empty((LIMBS, MOVED, 3))
+    for index in range(first, stop):
+        t, m = index // asked.shape[0], index % asked.shape[0]
+        n = asked[m]
+        own[:] = 0.0
+        if math.isfinite(capsules.starts[t, n, 0, 0]):
+            count = _find_contacts(capsules, limbs, t, n, order[t], ranks[t, n], contacts)
+            for _ in range(_ROUNDS):
+                pushed = False
+                for contact in range(count):
+                    pushed |= _push(capsules, limbs, t, n, contact, contacts, own, axis)
+                if not pushed:
+                    break
+                for limb in range(LIMBS):
+                    _keep_bones(limbs.joints[t, n, limb], limb < 2, own[limb])
+            for limb in range(LIMBS):
+                _limit(own[limb, JOINT])
+                _limit(own[limb, END])
+        moves[t, m] = own
+
+
+@kernel(allocates=False)
+def _moves_at(deflections, time, n, moves):
+    """Write how far limbs of an avatar are deflected at a time, by a B-spline; return whether they are at all."""
+    clock = time * deflections.rate - deflections.first
+    before, last = math.floor(clock), deflections.moves.shape[0] - 1
+    weights = spline_weights(clock - before)
+    moves[:] = 0.0
+    deflected = False
+    for k in range(4):
+        row = deflections.moves[min(max(before - 1 + k, 0), last), n]
+        for limb in range(LIMBS):
+            for point in range(MOVED):
+                for j in range(3):
+                    value = row[limb, point, j]
+                    if value != 0.0:
+                        deflected = True
+                        moves[limb, point, j] += weights[k] * value
+    return deflected
+
+
+@kernel(allocates=False)
+def _freedom(deflections, time, n, hand):
+    """Return how free a hand is of strikes."""
+    free = 1.0
+    for strike in range(deflections.starts[n], deflections.starts[n + 1]):
+        if deflections.limbs[strike] == hand:
+            free = min(free, 1.0 - minimum_jerk(1.0 - abs(time - deflections.times[strike]) / LANDS))
+    return free
+
+
+@kernel(allocates=False)
+def _bend_arm(arms, hand, scale, root, pose, world, moves, free):
+    """Move a wrist, and swivel the elbow, as far as they are deflected."""
+    elbow, wrist = world.positions[arms.joints[hand, MIDDLE]], world.positions[arms.joints[hand, LOWER]]
+    goal = elbow[0] + moves[JOINT, 0], elbow[1] + moves[JOINT, 1], elbow[2] + moves[JOINT, 2]
+    target = wrist[0] + free * moves[END, 0], wrist[1] + free * moves[END, 1], wrist[2] + free * moves[END, 2]
+    point_arm(arms, hand, pose, world, target)
+    pose_chain(arms, scale, root, pose, world)
+    swivel_limb(arms, hand, pose, world, goal)
+
+
+@kernel
+def bend_limbs(first, stop, moments, deflections, scales, arms, legs, poses):
+    """Deflect limbs of poses, in place.
+
+    Args:
+        first: First of the moments' avatars.
+        stop: One past the last.
+        moments: Who and when, a ``Moments``.
+        deflections: A ``Deflections``.
+        scales: Body size by column.
+        arms: A ``motion.Limbs``.
+        legs: Likewise.
+        poses: Rotations are changed, a ``Posed``.
+    """
+    joints, times = arms.parents.shape[0], moments.times
+    world, moves = World(np.empty((joints, 3)), np.empty((joints, 4))), np.empty((LIMBS, MOVED, 3))
+    shared = times.shape[1] == 1
+    for i in range(first, stop):
+        n = moments.columns[i]
+        for t in range(times.shape[0]):
+            time, root, pose = times[t, 0 if shared else i], poses.roots[t, i], poses.rotations[t, i]
+            if not math.isfinite(root[0]) or not _moves_at(deflections, time, n, moves):
+                continue
+            for hand in range(2):
+                if moves[hand].any():
+                    pose_chain(arms, scales[n], root, pose, world)
+                    free = _freedom(deflections, time, n, hand)
+                    _bend_arm(arms, hand, scales[n], root, pose, world, moves[hand], free)
+            for foot in range(2):
+                move = moves[2 + foot, JOINT]
+                if move.any():
+                    pose_chain(legs, scales[n], root, pose, world)
+                    knee = world.positions[legs.joints[foot, MIDDLE]]
+                    swivel_limb(legs, foot, pose, world, (knee[0] + move[0], knee[1] + move[1], knee[2] + move[2]))
