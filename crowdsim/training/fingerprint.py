@@ -52,9 +52,9 @@ def capture_files(recipe: Recipe, mocap: FileName | None = None) -> list[Path]:
     found: dict[Path, None] = {}
     missing = []
     for pattern in recipe.motion.capture.clips:
-        literal = (folder / pattern).is_file()
+        literal = os.path.isfile(folder / pattern)
         names = [pattern] if literal else sorted(glob.glob(pattern, root_dir=folder, recursive=True))
-        files = [folder / name for name in names if (folder / name).is_file()]
+        files = [folder / name for name in names if os.path.isfile(folder / name)]
         if not files:
             missing.append(pattern)
         found.update(dict.fromkeys(files))

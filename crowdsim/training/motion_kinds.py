@@ -36,15 +36,15 @@ class MotionKind(IntEnum):
         return self.name.lower().replace("_", " ")
 
 
-def motion_kinds(actions: Actions, strike_hands: ArrayLike) -> Array:
+def motion_kinds(actions: Actions, strike_limbs: ArrayLike) -> Array:
     """Return the kind of every action.
 
-    An action with a strike is one of its first strike's hand. Others are named by where they lead: ahead, back or to a
+    An action with a strike is one of its first strike's side. Others are named by where they lead: ahead, back or to a
     side, whichever of the four directions is nearest, unless they rotate more than they travel or do neither.
 
     Args:
         actions: The actions.
-        strike_hands: Hand of each strike of the database, 0 left, 1 right. Shape (S,).
+        strike_limbs: What strikes in each strike of the database, a number of ``strikes.LIMBS``. Shape (S,).
 
     Returns:
         Values of ``MotionKind``. Shape (A,), uint8.
@@ -59,6 +59,6 @@ def motion_kinds(actions: Actions, strike_hands: ArrayLike) -> Array:
     kinds = np.where((distance < STILL) & (np.abs(turn) < SMALL_TURN), MotionKind.STAY, kinds)
     first, end = actions.strike_offsets[:-1], actions.strike_offsets[1:]
     strikes = np.flatnonzero(end > first)
-    hands = np.asarray(strike_hands)[actions.strike_ids[first[strikes]]]
-    kinds[strikes] = np.where(hands == 0, MotionKind.STRIKE_LEFT, MotionKind.STRIKE_RIGHT)
+    limbs = np.asarray(strike_limbs)[actions.strike_ids[first[strikes]]]
+    kinds[strikes] = np.where(limbs % 2 == 0, MotionKind.STRIKE_LEFT, MotionKind.STRIKE_RIGHT)
     return kinds.astype(np.uint8)

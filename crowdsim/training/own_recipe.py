@@ -12,6 +12,7 @@ from crowdsim import assets
 from crowdsim.config.files import dump_yaml
 from crowdsim.config.tree import scalar
 from crowdsim.errors import MotionError, OutputError, RecipeError
+from crowdsim.motion.strikes import ALL_LIMBS, HANDS, LIMBS
 from crowdsim.training.strikeless import describe_fists
 from crowdsim.training.survey import Survey
 
@@ -62,7 +63,7 @@ FITS = (
 has few transitions, so that dearer ones are allowed.
 """
 MIRRORED = 3600.0
-"""More motion than this [s] has variety enough without mirror images, if both hands strike."""
+"""More motion than this [s] has variety enough without mirror images, if both sides strike."""
 
 
 def check_name(name: str) -> None:
@@ -105,10 +106,15 @@ def write_recipe(name: str, survey: Survey, behaviours: Sequence[str] = BEHAVIOU
     check_name(name)
     text = recipe_text(survey, behaviours, Path.cwd() / "policies")
     path = Path("policies") / f"{name}.yaml"
+    part = path.with_name(f".{name}.yaml.part")
     try:
         path.parent.mkdir(exist_ok=True)
-        with open(path, "x", encoding="utf-8") as file:
-            file.write(text)
+        try:
+            part.write_text(text, encoding="utf-8")
+            os.replace(part, path)
+        except OSError:
+            part.unlink(missing_ok=True)
+            raise
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path
@@ -138,7 +144,8 @@ def recipe_text(survey: Survey, behaviours: Sequence[str], place: Path) -> str:
             f"or train without strikes, by: --behaviours {','.join(WITHOUT_STRIKES)}"
         )
     fit = next(one for one in FITS if survey.seconds <= one.seconds)
-    mirror = survey.seconds <= MIRRORED or min(survey.strikes) < 0.2 * sum(survey.strikes)
+    sides = [sum(survey.strikes[side::2]) for side in range(2)]
+    mirror = survey.seconds <= MIRRORED or min(sides) < 0.2 * sum(sides)
     settings, blocks = _template()
     settings = re.sub(r"(?<=\n  spacing: )\S+", f"{fit.spacing:g}", settings)
     if fit.threshold is not None:
@@ -151,11 +158,12 @@ def recipe_text(survey: Survey, behaviours: Sequence[str], place: Path) -> str:
 
 def _head(survey: Survey, mirror: bool, place: Path) -> str:
     """Return the first part of a recipe: what it was made from, and the motion."""
-    left, right = survey.strikes
-    count = len(survey.used)
+    count, struck = len(survey.used), survey.strikes
+    names = [limb.replace("_", " ") for limb in LIMBS]
+    by_limb = ", ".join(f"{amount} {name}" for amount, name in zip(struck, names, strict=True) if amount)
     lines = [
         f"# Written by crowdsim train --mocap from {count} BVH file{'s' * (count > 1)}, {survey.seconds:.0f} s with "
-        f"{left + right} strikes: {left} left, {right} right.",
+        f"{sum(struck)} strikes{': ' * bool(by_limb)}{by_limb}.",
         "# Change what you like, and train it again with: crowdsim train FILE. docs/recipes.md names every key.",
         "version: 1",
         f"description: Capture of {_scalar(survey.folder.resolve().name)}",
@@ -165,10 +173,12 @@ def _head(survey: Survey, mirror: bool, place: Path) -> str:
         "    clips:",
     ]
     for file in survey.used:
-        struck = sum(file.strikes)
-        lines.append(f"      - {_scalar(file.name)} # {file.seconds:.1f} s, {struck} strike{'s' * (struck != 1)}")
+        own = sum(file.strikes)
+        lines.append(f"      - {_scalar(file.name)} # {file.seconds:.1f} s, {own} strike{'s' * (own != 1)}")
     lines += [f"      # left out: {_comment(f'{file.name}: {file.reason}')}" for file in survey.left_out]
     lines.append(f"  mirror: {str(mirror).lower()} # add the mirror image of every clip")
+    if sum(struck[limb] for limb in ALL_LIMBS if limb not in HANDS):
+        lines += ["strikes:", "  limbs: [hands, feet]"]
     return "\n".join(lines) + "\n"
 
 

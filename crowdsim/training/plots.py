@@ -11,6 +11,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.figures import new_figure, save_figure
 from crowdsim.graph.settings import GraphSettings
+from crowdsim.motion.strikes import ALL_LIMBS, HANDS
 from crowdsim.policy.policy import Behaviour, Policy, build_lookup_tables
 from crowdsim.training.motion_kinds import MotionKind, motion_kinds
 from crowdsim.training.statistics import PAPER_REACH
@@ -20,7 +21,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-HANDS = (("left", "tab:blue"), ("right", "tab:red"))
+STRIKERS = (
+    ("left hand", "tab:blue"),
+    ("right hand", "tab:red"),
+    ("left foot", "tab:cyan"),
+    ("right foot", "tab:orange"),
+)
+"""Name and colour of each of ``strikes.LIMBS``."""
 HEAD = 1.5
 """Height of a target's head where a behaviour does not depend on height [m]."""
 NEARBY = 2.5
@@ -84,8 +91,9 @@ def strikes_figure(policy: Policy) -> Figure:
     figure = new_figure(13, 8)
     above, *others = (figure.add_subplot(2, 3, place) for place in (1, 2, 3, 5, 6))
     legend = figure.add_subplot(2, 3, 4)
-    for hand, (label, colour) in enumerate(HANDS):
-        own = database.strike_hands == hand
+    limbs = [limb for limb in ALL_LIMBS if limb in HANDS or (database.strike_limbs == limb).any()]
+    for limb in limbs:
+        own, (label, colour) = database.strike_limbs == limb, STRIKERS[limb]
         above.scatter(-x[own], z[own], s=12, color=colour, label=f"{label} ({int(own.sum())})", alpha=0.7)
     _paper_sector(above)
     above.plot(0, 0, marker="^", color="black", markersize=9)
@@ -94,14 +102,14 @@ def strikes_figure(policy: Policy) -> Figure:
     degrees = tuple(math.degrees(angle) for angle in PAPER_REACH["bearing"])
     quantities = [
         (np.hypot(x, z), "reach over the ground", "m", PAPER_REACH["distance"]),
-        (y, "height of the fist", "m", PAPER_REACH["height"]),
+        (y, "height of fist or foot", "m", PAPER_REACH["height"]),
         (np.degrees(np.arctan2(x, z)), "direction, left is positive", "degrees", degrees),
-        (np.asarray(database.strike_speeds, dtype=float), "highest speed of the fist", "m/s", None),
+        (np.asarray(database.strike_speeds, dtype=float), "highest speed of fist or foot", "m/s", None),
     ]
     lines = ["5th to 95th percentile"]
     for axes, (values, label, unit, paper) in zip(others, quantities, strict=True):
-        parts = [values[database.strike_hands == hand] for hand in range(2)]
-        axes.hist(parts, bins=24, stacked=True, color=[colour for _, colour in HANDS])
+        parts = [values[database.strike_limbs == limb] for limb in limbs]
+        axes.hist(parts, bins=24, stacked=True, color=[STRIKERS[limb][1] for limb in limbs])
         axes.set_xlabel(f"{label} [{unit}]")
         axes.set_ylabel("number of strikes")
         low, high = np.percentile(values, [5.0, 95.0])
@@ -123,7 +131,7 @@ def maps_figure(policy: Policy, behaviour: Behaviour, states: list[int], points:
     """
     far = next(axis.maximum for axis in behaviour.grid.axes if axis.name == "distance")
     extents = [far] if far <= 2.0 * NEARBY else [far, NEARBY]
-    kinds = motion_kinds(policy.actions, policy.database.strike_hands)
+    kinds = motion_kinds(policy.actions, policy.database.strike_limbs)
     look = _BestActions(policy, behaviour)
     shown: set[int] = set()
     figure = new_figure(4.6 * len(states), 0.9 + 3.9 * (1 + len(extents)))

@@ -13,58 +13,15 @@ from crowdsim.config.files import Fault, StrictModel, load_model
 from crowdsim.core.types import FileName
 from crowdsim.errors import RecipeError, nearest
 from crowdsim.graph.settings import GraphSettings
+from crowdsim.motion.settings import StrikeSettings
 from crowdsim.policy.environment import AXIS_KINDS
 from crowdsim.policy.rewards import AnyTerm, ProximityTerm, StrikeTerm
+from crowdsim.training.motion_source import MAXIMUM_SEED, Motion
 
 FORMAT = 1
+_MOST_CELLS = 1_000_000
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
-
-
-class PerformerSource(StrictModel):
-    """The embedded boxer performs."""
-
-    seconds: float = Field(default=420.0, ge=5.0, le=36000.0, description="Length of the session [s].")
-    seed: int = Field(default=1, ge=0, description="Seed of the session.")
-    stance: Literal["orthodox", "southpaw"] = Field(default="orthodox", description="Which side leads.")
-
-
-class CaptureSource(StrictModel):
-    """Motion capture in BVH files."""
-
-    clips: list[str] = Field(
-        min_length=1,
-        description="Files, or patterns with * for several, below the folder of capture.",
-    )
-    folder: str | None = Field(
-        default=None,
-        description="Folder of capture, seen from the recipe's; --mocap takes precedence. Null: that of --mocap or "
-        "CROWDSIM_MOCAP.",
-    )
-    unit: str | float | None = Field(
-        default=None, description="Unit of the files, by name or in metres; found when null."
-    )
-    up_axis: str | None = Field(default=None, description="Up axis of the files, such as y or -z; found when null.")
-    strict: bool = Field(default=True, description="Refuse files with wrong row counts or joints that flip.")
-
-
-class Motion(StrictModel):
-    """Where motion comes from and how it is prepared."""
-
-    performer: PerformerSource | None = Field(default=None, description="Motion of the embedded boxer.")
-    capture: CaptureSource | None = Field(default=None, description="Motion of BVH files.")
-    mirror: bool = Field(default=True, description="Add the mirror image of every clip; training learns both from one.")
-    trim: bool = Field(default=True, description="Cut off calibration poses at the start of a clip.")
-
-    @model_validator(mode="after")
-    def _one_source(self) -> Motion:
-        if (self.performer is None) == (self.capture is None):
-            raise Fault(
-                "names both performer and capture, expected one"
-                if self.performer
-                else "names no motion, expected performer or capture"
-            )
-        return self
 
 
 class AxisSpec(StrictModel):
@@ -73,16 +30,20 @@ class AxisSpec(StrictModel):
     count: int = Field(ge=1, le=1000, description="Number of grid points.")
     minimum: float | None = Field(
         default=None,
+        ge=-1000.0,
+        le=1000.0,
         description="First grid point; null: 0 for a distance, the full circle "
         "for a bearing, the lowest heads of the motion for a height.",
     )
     maximum: float | None = Field(
         default=None,
+        ge=-1000.0,
+        le=1000.0,
         description="Last grid point; null: a step past what strikes reach for a "
         "distance, the full circle for a bearing, the highest heads of the motion for a height.",
     )
     fade: float = Field(
-        default=0.0, ge=0.0, description="How far beyond the range the behaviour stops counting; 0: never."
+        default=0.0, ge=0.0, le=1000.0, description="How far beyond the range the behaviour stops counting; 0: never."
     )
     reach: bool = Field(
         default=False,
@@ -92,7 +53,7 @@ class AxisSpec(StrictModel):
     stretch: float | None = Field(
         default=None,
         gt=0.0,
-        allow_inf_nan=False,
+        le=1000.0,
         description="Where steps between grid points are four times as long as at 0, so that a grid is fine near and "
         "coarse far, of a distance or height [m]; null: all are equal.",
     )
@@ -133,7 +94,7 @@ class ValueIterationSpec(StrictModel):
     tolerance: float = Field(
         default=1e-3, gt=0.0, description="Greatest change of a value at the end, over the spread of values."
     )
-    max_sweeps: int = Field(default=2000, ge=1, description="Most sweeps.")
+    max_sweeps: int = Field(default=2000, ge=1, le=1_000_000, description="Most sweeps.")
 
 
 class QLearningSpec(StrictModel):
@@ -141,22 +102,27 @@ class QLearningSpec(StrictModel):
 
     kind: Literal["q_learning"]
     tolerance: float = Field(default=1e-2, gt=0.0, description="Mean error of a trial at the end, over the mean value.")
-    max_sweeps: int = Field(default=30, ge=1, description="Most rounds of exploration.")
+    max_sweeps: int = Field(default=30, ge=1, le=1_000_000, description="Most rounds of exploration.")
     omega: float = Field(default=0.75, gt=0.5, le=1.0, description="How fast step sizes fall with visits.")
-    settle: float = Field(default=60.0, gt=0.0, description="Visits before they fall.")
-    exploitations: int = Field(default=8, ge=0, description="Rounds of exploitation after each of exploration.")
-    tries: int = Field(default=4, ge=1, description="Trials of an entry in each, where the target moves.")
-    seed: int = Field(default=0, ge=0, description="Seed of the draws.")
+    settle: float = Field(default=60.0, gt=0.0, le=1e6, description="Visits before they fall.")
+    exploitations: int = Field(
+        default=8, ge=0, le=1000, description="Rounds of exploitation after each of exploration."
+    )
+    tries: int = Field(default=4, ge=1, le=1000, description="Trials of an entry in each, where the target moves.")
+    seed: int = Field(default=0, ge=0, le=MAXIMUM_SEED, description="Seed of the draws.")
 
 
 class BehaviourSpec(StrictModel):
     """A behaviour: what an avatar learns to do to its target."""
 
     axes: Axes = Field(description="The grid on which it sees the target.")
-    rewards: list[AnyTerm] = Field(min_length=1, description="The terms of its reward, which add up.")
+    rewards: list[AnyTerm] = Field(min_length=1, max_length=100, description="The terms of its reward, which add up.")
     discount: float = Field(default=0.97, gt=0.0, lt=1.0, description="Factor of rewards per control frame.")
     beyond: float = Field(
-        default=0.75, ge=0.0, description="A step: how far a distance from the data reaches past strikes [m]."
+        default=0.75,
+        ge=0.0,
+        le=1000.0,
+        description="A step: how far a distance from the data reaches past strikes [m].",
     )
     lookup: Literal["q", "v"] = Field(
         default="v", description="Table of Q(action, cell), or of V(state, cell) with a step of look-ahead."
@@ -198,6 +164,9 @@ class BehaviourSpec(StrictModel):
 
     @model_validator(mode="after")
     def _learns_what_it_says(self) -> BehaviourSpec:
+        cells = math.prod(axis.count for axis in self.axes.given().values())
+        if cells > _MOST_CELLS:
+            raise Fault(f"make a grid of {cells:,} cells, expected at most {_MOST_CELLS:,}", "axes")
         if self.axes.bearing is not None and self.axes.bearing.stretch is not None:
             raise Fault("is stretched, expected even steps of a bearing", "axes", "bearing", "stretch")
         if isinstance(self.solver, QLearningSpec) and self.backup != "max_of_interpolated":
@@ -216,13 +185,13 @@ class PruningSpec(StrictModel):
     spacing: float = Field(
         default=0.33,
         ge=0.0,
-        allow_inf_nan=False,
+        le=1000.0,
         description="Least time between decisions of a clip [s]; 0 keeps them all.",
     )
     landing: float = Field(
         default=0.25,
         ge=0.0,
-        allow_inf_nan=False,
+        le=1000.0,
         description="Least time from a transition to the next decision, and so to the next transition [s].",
     )
 
@@ -233,6 +202,7 @@ class Recipe(StrictModel):
     version: Literal[1] = Field(description="Version of the recipe format.")
     description: str = Field(default="", description="What it is for.")
     motion: Motion = Field(description="Where motion comes from.")
+    strikes: StrikeSettings = Field(default_factory=StrikeSettings, description="What counts as a strike.")
     control_rate: float = Field(
         default=15.0, ge=1.0, le=120.0, description="Decisions can fall on this many frames a second."
     )
@@ -243,7 +213,7 @@ class Recipe(StrictModel):
     prune: PruningSpec | None = Field(
         default=None, description="Which transitions of the graph are kept, by their value; null: all."
     )
-    behaviours: dict[Name, BehaviourSpec] = Field(min_length=1, description="What is learned, by name.")
+    behaviours: dict[Name, BehaviourSpec] = Field(min_length=1, max_length=100, description="What is learned, by name.")
     weights: dict[Name, Annotated[float, Field(ge=0.0, le=1000.0)]] | None = Field(
         default=None,
         description="Weights of the behaviours that avatars use where their scenario names none; null: 1 each.",

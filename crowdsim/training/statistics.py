@@ -12,14 +12,13 @@ from crowdsim.core.types import Array
 from crowdsim.graph.statistics import frames_kept_by_clip, graph_statistics
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.strike_kinds import HEIGHTS, KINDS, strike_heights, strike_kinds
+from crowdsim.motion.strikes import HANDS, SIDES
 from crowdsim.policy.policy import Policy
 from crowdsim.training.pursuit import sustained_speed
 from crowdsim.training.ranges import strike_reach, striking_range
 from crowdsim.training.solution import Solution
 from crowdsim.training.trials import measure_success
 from crowdsim.training.weaknesses import find_weaknesses
-
-HANDS = ("left", "right")
 
 PAPER_REACH = {"bearing": (-1.114, 1.317), "distance": (0.297, 1.293), "height": (1.266, 1.624)}
 """The region that the paper's strikes reach (section 6): [rad], [m], [m]."""
@@ -74,7 +73,13 @@ def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict
 
 
 def _count_strikes(database: MotionDatabase, own: Array) -> dict[str, Any]:
-    """Return what strikes reach, and how many there are of each hand, kind and height, mirror images left out."""
+    """Return what strikes reach, and how many there are of each limb, kind and height, mirror images left out.
+
+    Feet and kicks are counted where there are any.
+    """
+    limbs = np.asarray(database.strike_limbs)
+    punches = np.isin(limbs, HANDS)
+    sides = limbs % 2
 
     def count(names: tuple[str, ...], numbers: Array) -> dict[str, int]:
         return {name: int(np.sum(numbers[own] == number)) for number, name in enumerate(names)}
@@ -82,8 +87,9 @@ def _count_strikes(database: MotionDatabase, own: Array) -> dict[str, Any]:
     return {
         "reach": asdict(strike_reach(database)),
         "striking_range": list(striking_range(database)),
-        "by_hand": count(HANDS, np.asarray(database.strike_hands)),
-        "by_kind": count(KINDS, strike_kinds(database)),
+        "by_hand": count(SIDES, np.where(punches, sides, -1)),
+        **({} if punches.all() else {"by_foot": count(SIDES, np.where(punches, -1, sides))}),
+        "by_kind": count(KINDS[: -1 if punches.all() else None], strike_kinds(database)),
         "by_height": count(HEIGHTS, strike_heights(database)),
     }
 

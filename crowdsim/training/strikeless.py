@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from crowdsim.capture.loading import Capture
 from crowdsim.errors import MotionError
-from crowdsim.motion.strikes import describe_strikes_needed
+from crowdsim.motion.strikes import HANDS, describe_strikes_needed
 from crowdsim.training.recipe import BehaviourSpec, Recipe
 
 _SHOWN = 3
@@ -53,7 +55,16 @@ def require_no_strikes(recipe: Recipe, captures: Sequence[Capture]) -> None:
             f"{names}, and there are none in {performer.seconds:g} s of the embedded boxer; expected more seconds"
         )
     fists = [measure_fists(Path(capture.bvh.path).name, capture) for capture in captures]
-    raise MotionError(f"{names}, and {describe_fists(fists)}; or train without strikes: {_advice(needy)}")
+    raise MotionError(
+        f"{names}, and {describe_fists(fists)}{_kicks_left_out(captures)}; or train without strikes: {_advice(needy)}"
+    )
+
+
+def _kicks_left_out(captures: Sequence[Capture]) -> str:
+    """Return in words what to do about kicks of captures; nothing without any."""
+    found = [capture.analysis.strikes.limbs for capture in captures if capture.analysis is not None]
+    count = sum(int(np.sum(~np.isin(limbs, HANDS))) for limbs in found)
+    return f"; or list feet in strikes.limbs, since there are {count} kicks" if count else ""
 
 
 def measure_fists(name: str, capture: Capture) -> Fists:

@@ -22,13 +22,14 @@ def summarise(statistics: Mapping[str, Any], recipe: Path) -> dict[str, Any]:
 
     Returns:
         ``motion``: clips, seconds, mirrored, control frames, those that the graph keeps. ``strikes``: how many, by
-        hand, kind and height, mirror images left out, and the share that the graph keeps. ``states`` and ``actions`` of
-        the graph. ``reach``: distances from which strikes reach a head, and heights of the fist [m]; None without
-        strikes. ``sustained_speed`` [m/s]. ``success`` of each behaviour. ``weaknesses``: what, and what to do about
-        it. ``named``: whether scenarios find the policy. ``next``: a command to type.
+        hand, foot, kind and height, mirror images left out, and the share that the graph keeps. ``states`` and
+        ``actions`` of the graph. ``reach``: distances from which strikes reach a head, and heights of fists and feet
+        [m]; None without strikes. ``sustained_speed`` [m/s]. ``success`` of each behaviour. ``weaknesses``: what, and
+        what to do about it. ``named``: whether scenarios find the policy. ``next``: a command to type.
     """
     motion, graph, strikes = statistics["motion"], statistics["graph"], statistics.get("strikes")
-    counts = {key: strikes[key] for key in ("by_hand", "by_kind", "by_height", "used_share")} if strikes else {}
+    keys = ("by_hand", "by_foot", "by_kind", "by_height", "used_share")
+    counts = {key: strikes[key] for key in keys if key in strikes} if strikes else {}
     reach = {"distance": strikes["striking_range"], "height": list(strikes["reach"]["height"])} if strikes else None
     return {
         "motion": {key: motion[key] for key in ("clips", "seconds", "mirrored", "frames", "frames_kept")},

@@ -10,6 +10,7 @@ from crowdsim.capture.loading import load_capture, usable_clip, without_path
 from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import BvhError, MotionError, PolicyError
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.motion.strikes import ALL_LIMBS, LIMBS
 from crowdsim.training.fingerprint import bvh_files
 from crowdsim.training.strikeless import Fists, measure_fists
 
@@ -26,7 +27,7 @@ class SurveyedFile:
         name: Its path below the folder, with forward slashes.
         reason: Why it cannot be trained on; empty when it can.
         seconds: Its motion without the lead-in [s].
-        strikes: Strikes found in it by hand, left and right.
+        strikes: Strikes found in it by limb, in the order of ``motion.strikes.LIMBS``.
         fists: How fast its fists are; None where that is not known.
         skeleton: Its skeleton; None where it cannot be trained on.
     """
@@ -34,7 +35,7 @@ class SurveyedFile:
     name: str
     reason: str
     seconds: float = 0.0
-    strikes: tuple[int, int] = (0, 0)
+    strikes: tuple[int, ...] = (0,) * len(LIMBS)
     fists: Fists | None = None
     skeleton: Skeleton | None = None
 
@@ -59,9 +60,9 @@ class Survey:
         return sum(file.seconds for file in self.used)
 
     @property
-    def strikes(self) -> tuple[int, int]:
-        """Strikes found in them, left and right."""
-        return sum(file.strikes[0] for file in self.used), sum(file.strikes[1] for file in self.used)
+    def strikes(self) -> tuple[int, ...]:
+        """Strikes found in them by limb."""
+        return tuple(sum(file.strikes[limb] for file in self.used) for limb in ALL_LIMBS)
 
 
 def survey_capture(folder: FileName, progress: Progress | None = None) -> Survey:
@@ -124,8 +125,8 @@ def _survey_file(path: Path, name: str) -> SurveyedFile:
         return SurveyedFile(name, f"{motion.seconds:.2f} s after the lead-in, expected {LEAST_SECONDS:.2f} s or more")
     if capture.analysis is None:
         return SurveyedFile(name, "no motion of a body")
-    hands = capture.analysis.strikes.hands
-    strikes = int((hands == 0).sum()), int((hands == 1).sum())
+    limbs = capture.analysis.strikes.limbs
+    strikes = tuple(int((limbs == limb).sum()) for limb in ALL_LIMBS)
     return SurveyedFile(name, "", motion.seconds, strikes, measure_fists(name, capture), clip.skeleton)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from crowdsim import assets
 from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.core.workers import limited
-from crowdsim.errors import PolicyError, RecipeError, VersionError
+from crowdsim.errors import PolicyError, RecipeError, VersionError, under_way
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
 from crowdsim.policy.actions import build_actions
@@ -50,7 +50,8 @@ def train_recipe(
         RecipeError: The recipe is invalid.
         PolicyError: Capture is missing.
         MotionError: The motion cannot be used: clips, strikes, graph.
-        OutputError: The bundle cannot be written; nothing is left half-written.
+        OutputError: Something else has the bundle's name.
+        RunError: The bundle cannot be written; nothing is left half-written, and one that is there stays.
     """
     path = assets.find_recipe(name)
     recipe = load_recipe(path)
@@ -59,15 +60,18 @@ def train_recipe(
         if not force and not stale(folder, recipe, mocap):
             return folder, False
         with alone(folder, progress) as waited:
-            if waited and not force and not stale(folder, recipe, mocap):
+            restored = bundle.tidy(folder)
+            if (waited or restored) and not force and not stale(folder, recipe, mocap):
                 return folder, False
+            bundle.check_name(folder)
             packed = None if force else _packed(path, recipe, mocap)
             if packed is not None:
-                with limited(threads):
+                with limited(threads), under_way():
                     unpack_policy(packed, folder, progress)
                 return folder, False
             policy, timings = train_policy(recipe, path.stem, mocap, threads, progress)
-            bundle.write_bundle(folder, policy, timings)
+            with under_way():
+                bundle.write_bundle(folder, policy, timings)
     return folder, True
 
 
@@ -281,6 +285,7 @@ def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None
         mirror=recipe.motion.mirror,
         trim=recipe.motion.trim,
         progress=progress,
+        limbs=recipe.strikes.numbers(),
     )
     if not len(database.strike_frames):
         require_no_strikes(recipe, captures)

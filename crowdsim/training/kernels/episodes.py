@@ -183,11 +183,12 @@ def _note_strikes(rules, action, target, frame, out):
         t = actions.strike_times[strike]
         fists = actions.strike_positions
         fist = fists[strike, 0], fists[strike, 1], fists[strike, 2]
+        origin = actions.strike_origins[strike, 0], actions.strike_origins[strike, 1]
         head = target.x + t * target.vx, target.y, target.z + t * target.vz
         for row in range(int(behaviour[FIRST_TERM]), int(behaviour[END_TERM])):
             if terms[row, CODE] != STRIKE or frame + t > rules.horizon:
                 continue
-            if strike_lands(fist, head, terms, row):
+            if strike_lands(fist, origin, head, terms, row):
                 out[LANDED] += 1.0
                 if out[FIRST_LANDED] < 0.0:
                     out[FIRST_LANDED] = frame + t

@@ -179,8 +179,9 @@ def earned_where(actions, action, head, velocity, terms, log_discount):
             t = actions.strike_times[strike]
             fists = actions.strike_positions
             fist = fists[strike, 0], fists[strike, 1], fists[strike, 2]
+            origin = actions.strike_origins[strike, 0], actions.strike_origins[strike, 1]
             moved = head[0] + t * velocity[X], head[1], head[2] + t * velocity[Z]
-            if strike_lands(fist, moved, terms, row):
+            if strike_lands(fist, origin, moved, terms, row):
                 earned = math.exp(t * log_discount) * actions.strike_speeds[strike] ** terms[row, SPEED_WEIGHT]
                 best = max(best, earned)
                 total += earned
