@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import os
 import stat
@@ -34,6 +35,10 @@ def kind_of(mode: int) -> str:
 def is_inside(name: object) -> bool:
     """Whether a name is that of a file inside a folder: relative, parts with ``/`` between, none of them ``..``."""
     if not isinstance(name, str) or "\0" in name or (os.sep != "/" and os.sep in name):
+        return False
+    try:
+        os.fsencode(name)
+    except UnicodeEncodeError:
         return False
     return not os.path.splitdrive(name)[0] and all(part not in ("", ".", "..") for part in name.split("/"))
 
@@ -145,3 +150,50 @@ def make_folder(folder: Path) -> None:
         raise OutputError(f"{folder}: is a file, expected a folder to write into") from None
     except OSError as error:
         raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
+
+
+def replace_folder(fresh: Path, folder: Path, old: Path) -> None:
+    """Put a folder in the place of another one, which is called ``old`` then; at no moment is there none.
+
+    That is so on Linux with most file systems. Elsewhere there is none between two renamings, and ``restore_folder``
+    brings the old one back should the process end there.
+
+    Raises:
+        OSError: It cannot be renamed; what was there stays.
+    """
+    if folder.exists():
+        if _exchange(fresh, folder):
+            os.replace(fresh, old)
+            return
+        os.replace(folder, old)
+    try:
+        os.replace(fresh, folder)
+    except OSError:
+        if old.exists():
+            os.replace(old, folder)
+        raise
+
+
+def restore_folder(folder: Path, old: Path) -> bool:
+    """Bring back a folder whose replacement was broken off; return whether that was necessary.
+
+    Raises:
+        OSError: It cannot be renamed.
+    """
+    if folder.exists() or not old.exists():
+        return False
+    os.replace(old, folder)
+    return True
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Exchange the names of two folders at once; return whether the system could."""
+    try:
+        rename = ctypes.CDLL(None, use_errno=True).renameat2
+    except (AttributeError, OSError, TypeError):
+        return False
+    return rename(_HERE, os.fsencode(one), _HERE, os.fsencode(other), _EXCHANGE) == 0
+
+
+_HERE, _EXCHANGE = -100, 2
+"""Linux's AT_FDCWD and RENAME_EXCHANGE."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from crowdsim.core.types import Progress
-from crowdsim.errors import under_way
+from crowdsim.errors import OutputError, under_way
 from crowdsim.files import make_folder
 from crowdsim.render.contact_sheet import sheet_frames, write_sheet
 from crowdsim.render.options import RenderOptions
@@ -83,6 +84,51 @@ def render(
                 write_sheet(out / "contact_sheet.png", stage, moments, options.thread_count, progress)
             settle(planned)
     return Rendered(tuple(planned), sum(work.stop - work.start for work in works), kept)
+
+
+def draw_apart(source: PoseSource, out: Path, options: RenderOptions, progress: Progress | None = None) -> Path:
+    """Draw frames of a source as ``render`` does, but leave the segments of the video as they are.
+
+    ``render`` of more frames takes them over where they are moved into its folder (``adopt_frames``). A range that
+    begins or ends between whole segments is joined with others only where it is the first or the last one.
+
+    Args:
+        source: Where motion comes from.
+        out: The folder, made when missing.
+        options: What to draw, and how.
+        progress: Called with stage, done and total.
+
+    Raises:
+        TakeError: The range of frames is empty or reaches beyond the source.
+        CrowdsimError: The camera, an avatar or the size is invalid.
+        OutputError: A folder cannot be made.
+        RunError: A file cannot be written.
+    """
+    start, stop = options.frame_range(source)
+    stage = options.stage(source)
+    parts = out / f".video-{stage.mark[:16]}" if options.mp4 else None
+    _make_folders(out, options.png, parts, stage.mark)
+    works, kept = divide(stage, start, stop, out / "frames" if options.png else None, parts)
+    with under_way():
+        _draw(stage, works, options, _counter(progress, kept, stop - start))
+    return out
+
+
+def adopt_frames(out: Path, apart: Iterable[Path]) -> None:
+    """Move frames and segments of a video, drawn into other folders on the same disk, into the folder of a rendering.
+
+    Raises:
+        OutputError: One cannot be moved.
+    """
+    try:
+        for folder in apart:
+            for place in [folder / "frames", *folder.glob(".video-*")]:
+                target = out / place.name
+                for path in sorted(place.iterdir()) if place.is_dir() else ():
+                    target.mkdir(exist_ok=True)
+                    os.replace(path, target / path.name)
+    except OSError as error:
+        raise OutputError(f"{error.filename or out}: cannot be moved: {error.strerror or error}") from error
 
 
 def picture_files(out: Path, frames: tuple[int, int], mp4: bool, png: bool, contact_sheet: int) -> list[Path]:

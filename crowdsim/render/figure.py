@@ -11,7 +11,7 @@ from crowdsim.core.types import Array
 from crowdsim.motion.body import PARTS, Body
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.render.palette import EYES
-from crowdsim.take.gaze import face_direction
+from crowdsim.take.facing import face_direction
 
 _WAIST = 0.05
 """How far trunks reach up from the pelvis, as a share of the body's height."""

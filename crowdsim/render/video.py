@@ -90,6 +90,9 @@ def _run(command: list[str], path: Path, blocks: Iterable[Array]) -> None:
     """Feed blocks of bytes to an ffmpeg that writes beside ``path``, then rename."""
     part = path.with_name(f".{path.name}.part")
     blocks = iter(blocks)
+    with contextlib.suppress(OSError):
+        # The encoder of a killed process may still be writing to it.
+        part.unlink()
     # Complaints go to a file, so that no full pipe can stall the encoder; its own session keeps Ctrl-C from it.
     with tempfile.TemporaryFile() as complaints:
         process = subprocess.Popen(

@@ -1,25 +1,27 @@
-"""The folder of a run: made ready, found finished or unfinished, and cleared, without touching what is no run's."""
+"""The folder of a run: found finished or not, and made ready to begin or go on, without touching files of others."""
 
 from __future__ import annotations
 
-import difflib
 import os
 import shutil
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.files import make_folder, open_plain, remove_empty, remove_plain, stat_plain, walk
+from crowdsim.files import open_plain, remove_empty, remove_plain, stat_plain, walk
+from crowdsim.runs.checkpoint import NAME as CHECKPOINT
+from crowdsim.runs.checkpoint import Checkpoint, read_checkpoint
 from crowdsim.runs.journal import NAME as JOURNAL
 from crowdsim.runs.journal import Journal, Noted, find_noted, read_journal, write_journal
+from crowdsim.runs.lock import LOCKS, hold_folder
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import read_manifest
+from crowdsim.runs.origin import Origin, origin_difference, scenario_difference
 
 RESOLVED = "scenario.resolved.yaml"
 TAKE = "take.zarr"
-_DIFFERENCE_LINES = 40
+_CHOICES = "--force replaces it, --out names another folder"
 _OTHERS = "expected an empty folder or a run's; --out names another"
 
 
@@ -46,6 +48,7 @@ def check_folder(folder: Path, resolved: str, force: bool, locked: bool = False)
                 f"{folder}: {where}" if above == folder else f"{folder}: cannot be made: {above} is a file"
             )
         held = sorted(path.name for path in folder.iterdir()) if above == folder else []
+        held = [name for name in held if name not in {*LOCKS, f"{JOURNAL}.part"}]
         if not os.access(above, os.W_OK | os.X_OK):
             raise OutputError(f"{folder}: cannot be written, expected a folder with write permission")
         if not held:
@@ -55,7 +58,7 @@ def check_folder(folder: Path, resolved: str, force: bool, locked: bool = False)
         journal = read_journal(folder)
         if journal is None:
             raise OutputError(f"{folder}: holds {held[0]!r}, which is no run's; {_OTHERS}")
-        computed = find_noted(folder, journal.files)
+        computed = find_noted(folder, journal.files | journal.exports)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be read: {error.strerror or error}") from None
     if computed and not force:
@@ -63,9 +66,15 @@ def check_folder(folder: Path, resolved: str, force: bool, locked: bool = False)
             # It may be unfinished because it is still going.
             with hold_folder(folder):
                 pass
-        choice = "--force starts over, --out names another folder"
-        raise OutputError(f"{folder}: holds an unfinished run, which is kept ({_tops(computed)}); {choice}")
+        before = read_resolved(folder)
+        if before and before != resolved:
+            raise other_run(folder, "an unfinished run of another scenario", scenario_difference(before, resolved))
     return False
+
+
+def other_run(folder: Path, what: str, difference: list[str]) -> OutputError:
+    """Return the error of a folder that holds another run, with the lines in which that one differs."""
+    return OutputError("\n".join([f"{folder}: holds {what}; {_CHOICES}", *difference]))
 
 
 def _check_finished(folder: Path, resolved: str, force: bool) -> bool:
@@ -75,83 +84,119 @@ def _check_finished(folder: Path, resolved: str, force: bool) -> bool:
         raise OutputError(f"{error}; {_OTHERS}") from None
     if force:
         return False
-    before = _read(folder)
+    before = read_resolved(folder)
     if before == resolved and document.get("status") == "done":
         return True
-    lines = difflib.unified_diff(before.splitlines(), resolved.splitlines(), "run there", "asked for", "", "", 0, "")
-    change = "\n".join(list(lines)[:_DIFFERENCE_LINES])
-    raise OutputError(f"{folder}: holds another run; --force replaces it, --out names another folder\n{change}")
+    raise other_run(folder, "another run", scenario_difference(before, resolved))
 
 
-@contextmanager
-def hold_folder(folder: Path, shared: bool = False) -> Iterator[None]:
-    """Make a folder and keep other runs out of it; nothing of that stays, however this process ends.
+@dataclass(frozen=True)
+class Claim:
+    """A folder that is ready for a run.
 
-    Args:
-        folder: The run folder.
-        shared: Whether others that share it may hold it too: exports and renderings of one run.
-
-    Raises:
-        OutputError: It cannot be made, or another process holds it.
+    Attributes:
+        begun: Where an earlier process has left the run; None where it begins anew.
+        notes: What a user should know of that.
     """
-    make_folder(folder)
-    try:
-        import fcntl
-    except ImportError:
-        yield
-        return
-    number = os.open(folder, os.O_RDONLY)
-    try:
-        try:
-            fcntl.flock(number, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise OutputError(f"{folder}: is in use by another run; wait for it, or name another with --out") from None
-        except OSError:
-            # Some network file systems lock no folders.
-            pass
-        yield
-    finally:
-        os.close(number)
+
+    begun: Checkpoint | None = None
+    notes: tuple[str, ...] = ()
 
 
-def claim_folder(folder: Path, inputs: Iterable[str], planned: Iterable[str]) -> list[str]:
-    """Remove what an earlier run has left in a folder that ``check_folder`` passed, and note what the next one writes.
+def claim_folder(
+    folder: Path,
+    inputs: Iterable[str],
+    planned: Iterable[str],
+    origin: Origin,
+    frames: int,
+    force: bool,
+    lost: bool = False,
+) -> Claim:
+    """Make a folder that ``check_folder`` passed ready for a run, and note what the run writes.
 
-    Only files go that a manifest or a journal of this program lists. Where other files are in the way of the next run,
-    nothing goes at all.
+    What an earlier process has finished of the same run stays. Else what it has left is removed: only files that a
+    manifest or a journal of this program lists. Where other files are in the way, nothing is removed at all.
 
     Args:
         folder: The run folder.
         inputs: Names of the files that the run begins with.
         planned: Names of all others that it writes; of the take its folders.
-
-    Returns:
-        What a user should know: what was found unfinished.
+        origin: What the run is made from.
+        frames: Control frames that it has.
+        force: Whether it begins anew in any case.
+        lost: Whether outputs that are there cannot be trusted, since the machine went down while they were written.
 
     Raises:
-        OutputError: Something is in the way, cannot be removed, or is no regular file.
+        OutputError: Something is in the way, cannot be removed, or is no regular file; or the unfinished run that is
+            there was made from something else.
     """
     begin, rest = frozenset(inputs), frozenset(planned)
     try:
-        held = set(walk(folder))
+        held = set(walk(folder)) - LOCKS
         journal = read_journal(folder) or Journal()
-        old = find_noted(folder, {*journal.inputs, *journal.files, MANIFEST, JOURNAL}, held) - {JOURNAL}
+        old = find_noted(folder, {*journal.names, MANIFEST, JOURNAL}, held) - {JOURNAL}
+        claim = Claim()
         if MANIFEST in held:
             old |= held.intersection(read_manifest(folder)["files"])
+        elif old and not force:
+            claim = _find_begun(folder, journal, origin, old)
         for name in old:
             stat_plain(folder, name)
-        refuse_others(folder, held, old, journal.files, begin | rest)
+        refuse_others(folder, held, old, journal.files | journal.exports, begin | rest)
+        gone = old - {MANIFEST}
+        if claim.begun is not None:
+            finished = (folder / TAKE).is_dir() and claim.begun.frame == frames
+            gone = _leftovers(gone, Noted([*begin, *rest]), Noted(journal.exports), not lost and finished)
         # Noted before the manifest goes, so that they are recognised should this process end here.
-        write_journal(folder, Journal(journal.inputs | begin, journal.files | rest | old))
+        noted = Journal(journal.inputs | begin, journal.files | rest | old, journal.exports, origin.document())
+        write_journal(folder, noted)
         remove_plain(folder, [MANIFEST])
-        remove_plain(folder, sorted(old - {MANIFEST}))
-        remove_empty(folder, [name for tree in Noted(journal.files).trees for name in _folders(folder, tree)])
-        write_journal(folder, Journal(begin, rest))
+        remove_plain(folder, sorted(gone))
+        if claim.begun is None:
+            remove_empty(folder, [name for tree in Noted(journal.names).trees for name in _folders(folder, tree)])
+        write_journal(folder, Journal(begin, rest, origin=origin.document()))
     except OSError as error:
         raise OutputError(f"{error.filename or folder}: cannot be replaced: {error.strerror or error}") from None
-    if MANIFEST in held or not old:
-        return []
-    return [f"{folder}: an unfinished run was found ({_tops(old)}); starting clean"]
+    return claim
+
+
+def _find_begun(folder: Path, journal: Journal, origin: Origin, old: set[str]) -> Claim:
+    """Return where an earlier process has left a run.
+
+    Raises:
+        OutputError: That run was made from something else.
+    """
+    difference = origin_difference(dict(journal.origin), origin)
+    if CHECKPOINT in old and difference:
+        raise other_run(folder, "an unfinished run that cannot be continued, since something has changed", difference)
+    try:
+        begun = read_checkpoint(folder)
+        if begun.origin != origin.checksum:
+            raise TakeError(f"{folder / CHECKPOINT}: is of another run")
+    except TakeError as error:
+        why = f"; {error}" if CHECKPOINT in old else ""
+        return Claim(None, (f"{folder}: an unfinished run was found ({_tops(old)}); starting over{why}",))
+    return Claim(begun, (f"{folder}: continuing after {begun.frame} control frames",))
+
+
+def _leftovers(old: set[str], planned: Noted, exported: Noted, kept: bool) -> set[str]:
+    """Return which files of an unfinished run are half-written, or outputs that the run has not written so.
+
+    Args:
+        old: Names of all its files.
+        planned: What the run writes.
+        exported: What exports and renderings wrote.
+        kept: Whether outputs are kept, since they are of the finished take.
+    """
+    left = set()
+    for name in old:
+        if planned.tree_of(name) is not None:
+            is_whole = not name.endswith((".part", ".partial"))
+        else:
+            is_output = name not in (RESOLVED, CHECKPOINT)
+            is_whole = planned.names(name) and not (is_output and (not kept or exported.names(name)))
+        left |= set() if is_whole else {name}
+    return left
 
 
 def refuse_others(folder: Path, held: set[str], own: set[str], noted: Iterable[str], planned: Iterable[str]) -> None:
@@ -179,12 +224,16 @@ def refuse_others(folder: Path, held: set[str], own: set[str], noted: Iterable[s
             break
     else:
         taken: set[str | None] = {name for name in plan.files if (folder / name).is_dir()}
-        taken |= {tree for tree in plan.trees if tree not in known and (folder / tree).is_dir()}
+        taken |= {tree for tree in plan.trees if tree not in known and _holds_something(folder / tree)}
         taken -= {plan.tree_of(name) for name in own}
         found = min(filter(None, taken), default=None)
     if found is not None:
         what = "is in the way of what is to be written, and no run has written it"
         raise OutputError(f"{folder / found}: {what}; move it, or name another folder with --out")
+
+
+def _holds_something(folder: Path) -> bool:
+    return folder.is_dir() and next(walk(folder), None) is not None
 
 
 def _folders(folder: Path, tree: str) -> list[str]:
@@ -196,7 +245,7 @@ def _tops(names: Iterable[str]) -> str:
     return ", ".join(sorted({name.split("/")[0] for name in names}))
 
 
-def _read(folder: Path) -> str:
+def read_resolved(folder: Path) -> str:
     """Return the resolved scenario of a run; nothing where it cannot be read."""
     try:
         with open_plain(folder, RESOLVED) as file:
@@ -234,26 +283,3 @@ def copy_file(source: Path, path: Path) -> None:
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
-
-
-def describe_run(folder: Path) -> dict[str, Any]:
-    """Return what became of a run: its ``state``, and of a finished one ``avatars``, ``control_frames``, ``seconds``.
-
-    The state is ``done``, ``interrupted``, ``unfinished`` (killed, failed or still going), ``damaged``, or ``none``
-    where the folder is no run's.
-    """
-    from crowdsim.take.store import open_take
-
-    try:
-        held = [path.name for path in folder.iterdir()]
-        if MANIFEST in held:
-            report = read_manifest(folder)
-            numbers = {name: report[name] for name in ("avatars", "control_frames")}
-            return {"state": "done", **numbers, "seconds": report["seconds"]["total"]}
-        if TAKE in held:
-            take = open_take(folder)
-            state = "interrupted" if take.status == "interrupted" else "unfinished"
-            return {"state": state, "avatars": take.avatar_count, "control_frames": take.frame_count}
-    except (TakeError, OSError) as error:
-        return {"state": "damaged", "why": str(error)}
-    return {"state": "unfinished" if JOURNAL in held and read_journal(folder) is not None else "none"}

@@ -6,12 +6,13 @@ manifest lists everything.
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
+from crowdsim.config.documents import parse_json
 from crowdsim.errors import OutputError
 from crowdsim.files import is_inside, open_plain, walk
 from crowdsim.runs.signed_json import checksum, write_signed
@@ -20,12 +21,18 @@ NAME = ".crowdsim-journal.json"
 FORMAT = "crowdsim-journal"
 VERSION = 1
 
+_PARTS = ("inputs", "files", "exports")
+
+EXTENSION = ".extension"
+"""Folder in a run's in which the run is being extended."""
+
 _ZARR = re.compile(r"(?:[a-z_]+/){0,2}(?:\.z(?:group|attrs|array|metadata)|\d+(?:\.\d+)*)")
 _ZARR_TEMPORARY = re.compile(r"(.+)\.[0-9a-f]{32}\.partial")
 _SEGMENT = re.compile(r"mark|parts\.txt|\d{8,}-\d{8,}\.mp4|\.mark\.part|\.\d{8,}-\d{8,}\.mp4\.part")
 _TREES = (
     (re.compile(r"take\.zarr(?:\.partial)?"), _ZARR),
     (re.compile(r"\.video-[0-9a-f]{16}"), _SEGMENT),
+    (re.compile(r"\.extension(?:\.part)?|\.export-[0-9a-f]{16}"), re.compile(r".+")),
 )
 """Folders that are noted as a whole, and the files in them that a run or a rendering writes."""
 
@@ -51,27 +58,38 @@ class Journal:
         inputs: Small files that any run begins with: its resolved scenario, and those that it reads.
         files: Everything else, by names in the folder; a take and a video's segments by their folder, numbered files by
             one name, see ``series_name``.
+        exports: Likewise what exports and renderings write, who take what there is of the run.
+        origin: What a run is made from, see ``origin.Origin.document``; empty where no run writes.
     """
 
     inputs: frozenset[str] = frozenset()
     files: frozenset[str] = frozenset()
+    exports: frozenset[str] = frozenset()
+    origin: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """All names."""
+        return self.inputs | self.files | self.exports
 
 
 def read_journal(folder: Path) -> Journal | None:
     """Return the journal of a folder; None where there is none of this program, or it is damaged."""
     try:
         with open_plain(folder, NAME) as file:
-            document = json.loads(file.read().decode("utf-8"))
-    except (OSError, ValueError, RecursionError):
+            document = parse_json(file.read().decode("utf-8"))
+    except (OSError, ValueError):
         return None
     if not isinstance(document, dict) or document.get("format") != FORMAT or document.get("version") != VERSION:
         return None
-    inputs, files = document.get("inputs"), document.get("files")
-    if document.get("checksum") != checksum(document) or not isinstance(inputs, list) or not isinstance(files, list):
+    parts = [document.get(name, []) for name in _PARTS]
+    origin = document.get("origin", {})
+    if document.get("checksum") != checksum(document) or not isinstance(origin, dict):
         return None
-    if not all(is_inside(name) for name in (*inputs, *files)):
+    if not all(isinstance(part, list) and all(map(is_inside, part)) for part in parts):
         return None
-    return Journal(frozenset(inputs), frozenset(files))
+    inputs, files, exports = map(frozenset, parts)
+    return Journal(inputs, files, exports, origin)
 
 
 def write_journal(folder: Path, journal: Journal) -> None:
@@ -83,8 +101,8 @@ def write_journal(folder: Path, journal: Journal) -> None:
     document = {
         "format": FORMAT,
         "version": VERSION,
-        "inputs": sorted(journal.inputs),
-        "files": sorted(journal.files),
+        **{name: sorted(getattr(journal, name)) for name in _PARTS},
+        "origin": dict(journal.origin),
     }
     write_signed(folder / NAME, folder / f"{NAME}.part", document)
 
@@ -148,6 +166,17 @@ class Noted:
         digits, _, suffix = last.partition(".")
         series = self._series.get((above, suffix), ()) if digits.isdecimal() and digits.isascii() else ()
         return any(int(digits) in frames and digits == f"{int(digits):06d}" for frames in series)
+
+    def count_by_folder(self) -> dict[str, int]:
+        """Return how many single and numbered files are meant, by the folder they are in, or their name without one."""
+        counts: dict[str, int] = {}
+        for name in self.files:
+            top = name.split("/")[0]
+            counts[top] = counts.get(top, 0) + 1
+        for (above, _), series in self._series.items():
+            top = above.split("/")[0]
+            counts[top] = counts.get(top, 0) + sum(map(len, series))
+        return counts
 
     def tree_of(self, name: str) -> str | None:
         """Return the folder, noted as a whole, that a file is in."""

@@ -3,28 +3,33 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import platform
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from crowdsim import __version__
+from crowdsim.config.documents import document_fault, parse_json
 from crowdsim.errors import TakeError
-from crowdsim.files import NotPlainError, is_inside, open_plain, remove_plain, stat_plain, walk
+from crowdsim.files import NotPlainError, is_inside, open_plain, stat_plain, walk
 from crowdsim.runs.journal import NAME as JOURNAL
 from crowdsim.runs.journal import find_noted, read_journal
-from crowdsim.runs.signed_json import checksum, text_of, write_signed
+from crowdsim.runs.lock import LOCKS
+from crowdsim.runs.manifest_model import RunManifest
+from crowdsim.runs.signed_json import checksum, signed_text, text_of, write_signed
 
 NAME = "manifest.json"
 FORMAT = "crowdsim-run"
 VERSION = 1
 _TAKE = "take.zarr/"
+_OWN = {NAME, JOURNAL, *LOCKS}
+"""What is no result of a run: this list itself, and notes of what goes on."""
 _PACKAGES = ("numpy", "scipy", "numba", "zarr", "pydantic", "open3d-cpu", "open3d", "imageio-ffmpeg")
 
 
@@ -32,6 +37,7 @@ class ForeignManifestError(TakeError):
     """A file of the manifest's name was written by another program."""
 
 
+@cache
 def describe_machine() -> dict[str, Any]:
     """Return what a run's figures depend on: processor, system, Python and packages."""
     versions = {"crowdsim": __version__, "python": platform.python_version()}
@@ -89,7 +95,7 @@ def checksums(folder: Path, names: Iterable[str] | None = None, threads: int = 1
     Raises:
         OSError: One is missing or no regular file, or cannot be read.
     """
-    chosen = sorted(set(walk(folder) if names is None else names) - {NAME, JOURNAL})
+    chosen = sorted(set(walk(folder) if names is None else names) - _OWN)
     with ThreadPoolExecutor(max(1, threads)) as pool:
         hashes = list(pool.map(lambda name: _hash(folder, name), chosen))
     return {name: {"bytes": size, "sha256": report} for name, (size, report) in zip(chosen, hashes, strict=True)}
@@ -120,8 +126,8 @@ def write_manifest(folder: Path, report: Mapping[str, Any], files: Mapping[str, 
 
 
 def update_manifest(
-    folder: Path, kind: str, written: Sequence[str], report: Mapping[str, Any], replaces: bool = True, threads: int = 1
-) -> list[str]:
+    folder: Path, kind: str, written: Sequence[str], report: Mapping[str, Any], threads: int = 1
+) -> None:
     """Note in a finished run's manifest that files of an output have been written anew.
 
     Args:
@@ -129,27 +135,56 @@ def update_manifest(
         kind: Folder of the output in it, ``bvh`` say; ``pictures`` for those of the renderer.
         written: Names of the files in the run folder.
         report: What a reader should know of them.
-        replaces: Whether they are all files of that folder, so that others that the manifest lists there go.
         threads: Threads that sum up files.
-
-    Returns:
-        Names of files that the manifest listed in that folder, were not written anew, and have been removed.
 
     Raises:
         TakeError: The manifest is damaged.
-        OSError: A file cannot be read, or not removed.
+        OSError: A file cannot be read.
         OutputError: The manifest cannot be written.
     """
     document = read_manifest(folder)
     files = dict(document["files"])
-    stale = sorted({name for name in files if name.rpartition("/")[0] == kind} - set(written)) if replaces else []
-    remove_plain(folder, stale)
-    for name in stale:
-        del files[name]
     files.update(checksums(folder, written, threads))
     exports = {**document.get("exports", {}), kind: dict(report)}
     _write(folder, {**document, "exports": exports, "files": dict(sorted(files.items()))})
-    return stale
+
+
+def stage_manifest(
+    folder: Path,
+    staged: Path,
+    kinds: Mapping[str, Sequence[str]],
+    report: Mapping[str, Any],
+    hashes: Mapping[str, Mapping[str, Any]],
+) -> list[str]:
+    """Write into a staging folder the manifest that a run will have when files of outputs have taken their places.
+
+    Args:
+        folder: The run folder; where it holds no manifest, none is written.
+        staged: The staging folder.
+        kinds: Names of all files of each folder of outputs.
+        report: What a reader should know of them.
+        hashes: Their sizes and checksums.
+
+    Returns:
+        Names of files of these folders that the manifest lists now, and that are no longer among them.
+
+    Raises:
+        TakeError: The manifest is damaged.
+        OutputError: It cannot be written.
+    """
+    if not os.path.lexists(folder / NAME):
+        return []
+    document = read_manifest(folder)
+    stale = {name for name in document["files"] if name.rpartition("/")[0] in kinds} - set(hashes)
+    files = {name: facts for name, facts in document["files"].items() if name not in stale}
+    exports = {**document.get("exports", {}), **{kind: dict(report) for kind in kinds}}
+    _write(staged, {**document, "exports": exports, "files": dict(sorted({**files, **hashes}.items()))})
+    return sorted(stale)
+
+
+def signed_manifest(report: Mapping[str, Any]) -> str:
+    """Return a manifest as it is written, of a report that has everything but the checksum."""
+    return signed_text({**report, "format": FORMAT, "version": VERSION})
 
 
 def _write(folder: Path, document: Mapping[str, Any]) -> Path:
@@ -158,22 +193,26 @@ def _write(folder: Path, document: Mapping[str, Any]) -> Path:
     return path
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
+def read_manifest(folder: Path, needed: Iterable[str] = ()) -> dict[str, Any]:
     """Return a run's manifest; what it names lies inside its folder.
+
+    Args:
+        folder: The run folder.
+        needed: What it must hold beside its files.
 
     Raises:
         ForeignManifestError: Another program has written it.
-        TakeError: There is none, or it is damaged or of another version, or it names what no run writes.
+        TakeError: There is none, or it is damaged or of another version, lacks something, or names what no run writes.
     """
     path = folder / NAME
     try:
         with open_plain(folder, NAME) as file:
-            document = json.loads(file.read().decode("utf-8"))
+            document = parse_json(file.read().decode("utf-8"))
     except FileNotFoundError:
         raise TakeError(f"{folder}: no {NAME} here, so this is no finished run") from None
     except NotPlainError as error:
         raise TakeError(f"{path}: {error.strerror}") from None
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, ValueError) as error:
         raise TakeError(f"{path}: is damaged: {error}") from None
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise ForeignManifestError(f"{path}: is no manifest of a run")
@@ -181,11 +220,14 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise TakeError(f"{path}: is of version {document.get('version')!r}, expected {VERSION}")
     if document.get("checksum") != checksum(document):
         raise TakeError(f"{path}: is damaged: its checksum does not fit what it says")
-    files = document.get("files")
-    if not isinstance(files, dict) or not all(isinstance(facts, dict) for facts in files.values()):
-        raise TakeError(f"{path}: is damaged: expected its files by name, each with its size and checksum")
-    for name in files:
-        if not is_inside(name) or name in (NAME, JOURNAL):
+    fault = document_fault(RunManifest, document)
+    if fault:
+        raise TakeError(f"{path}: is damaged: {fault}")
+    for name in needed:
+        if name not in document:
+            raise TakeError(f"{path}: is damaged: lacks {name!r}")
+    for name in document["files"]:
+        if not is_inside(name) or name in _OWN:
             raise TakeError(f"{path}: names {name!r}, expected only files that a run writes inside {folder}")
     return document
 
@@ -221,9 +263,9 @@ def verify(folder: Path, threads: int = 1) -> Verdict:
     with open_plain(folder, NAME) as file:
         if file.read() != text_of(document).encode("utf-8"):
             findings.append(f"{folder / NAME}: has changed: it is not as it was written")
-    held = set(walk(folder)) - {NAME, JOURNAL}
+    held = set(walk(folder)) - _OWN
     journal = read_journal(folder)
-    begun = set() if journal is None else find_noted(folder, {*journal.inputs, *journal.files, NAME, JOURNAL}, held)
+    begun = set() if journal is None else find_noted(folder, {*journal.names, NAME, JOURNAL}, held)
     more = sorted(held - set(recorded))
     findings.extend(f"{folder / name}: is not in {NAME}" for name in more if name.startswith(_TAKE))
     more = [name for name in more if not name.startswith(_TAKE)]

@@ -7,19 +7,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import ArrayLike
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from crowdsim.core.types import Array, FileName
-from crowdsim.files import open_plain
-from crowdsim.runs.folder import RESOLVED
+from crowdsim.errors import PolicyError
 from crowdsim.runs.manifest import NAME as MANIFEST
+from crowdsim.runs.resolved import resolved_value
+from crowdsim.runs.staging import complete_alone
 from crowdsim.scenario.parts import Arena
 from crowdsim.take.take import Take
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
+
+
+POLICIES = "policies"
+"""Folder in a run's that policies are packed into."""
 
 
 class OpenedRun(NamedTuple):
@@ -48,20 +52,44 @@ def open_run(folder: FileName) -> OpenedRun:
     Raises:
         TakeError: There is no take, or it is damaged.
         PolicyError: A policy is missing, or not the one it was recorded with.
+        OutputError: Exports that were committed cannot be put in their places.
     """
     from crowdsim.policy.bundle import load_policy
     from crowdsim.take.store import open_take
-    from crowdsim.training.train import find_bundle
 
     folder = Path(folder)
+    complete_alone(folder)
     take = open_take(folder)
-    policies = [load_policy(find_bundle(name)) for name in take.cast.policy_names]
+    policies = [load_policy(bundle_of(folder, name)) for name in take.cast.policy_names]
     notes = []
     if take.status != "done":
         notes.append(f"{folder}: the run was interrupted; {take.frame_count} control frames are there")
     elif not (folder / MANIFEST).exists():
         notes.append(f"{folder}: the run is not finished; its take is, some outputs may be missing")
     return OpenedRun(replace(take, policies=tuple(policies)), policies, notes)
+
+
+def bundle_of(folder: Path, policy: str, fingerprint: str | None = None) -> Path:
+    """Return the folder of a policy that a run was made with: in its own folder if it is there, else by its name.
+
+    Args:
+        folder: The run folder.
+        policy: Name of the policy.
+        fingerprint: The one that it must have; any when None.
+
+    Raises:
+        PolicyError: It is missing, or has another fingerprint.
+    """
+    from crowdsim.policy.bundle import read_document
+    from crowdsim.training.train import find_bundle
+
+    own = folder / POLICIES / policy
+    bundle = own if (own / "policy.json").is_file() else find_bundle(policy)
+    now = read_document(bundle)["fingerprint"]
+    if fingerprint is not None and now != fingerprint:
+        what = f"policy {policy!r} is not the one that the take was recorded with"
+        raise PolicyError(f"{folder}: {what}; train it as it was, or run the scenario again")
+    return bundle
 
 
 def read_arena(folder: Path) -> Array:
@@ -72,9 +100,7 @@ def read_arena(folder: Path) -> Array:
     from crowdsim.crowd.cast import pack_arena
 
     try:
-        with open_plain(folder, RESOLVED) as file:
-            scenario = yaml.safe_load(file.read())
-        arena: Any = TypeAdapter(Arena).validate_python(scenario["arena"])
-    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError, ValidationError):
+        arena: Any = TypeAdapter(Arena).validate_python(resolved_value(folder, "arena"))
+    except ValueError:
         return np.zeros(5)
     return pack_arena(arena)

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from crowdsim.core.types import Progress
-from crowdsim.errors import CrowdsimError, under_way
 from crowdsim.files import make_folder
 from crowdsim.runs.journal import series_name
-from crowdsim.scenario.frame_ranges import output_frames, parse_frames
+from crowdsim.scenario.frame_ranges import output_frames
 
 if TYPE_CHECKING:
     from crowdsim.export.stream import Sink
     from crowdsim.policy.policy import Policy
     from crowdsim.runs.run import Run
     from crowdsim.scenario.scenario import Scenario
+    from crowdsim.take.data import TakeData
     from crowdsim.take.poses import PoseSampler
     from crowdsim.take.take import Take
 
@@ -70,7 +69,7 @@ def plan_outputs(scenario: Scenario, avatars: Sequence[str], control_frames: int
 def write_outputs(run: Run, take: Take, policies: Sequence[Policy]) -> dict[str, list[Path]]:
     """Write the outputs that a run's scenario asks for from its take; return the files of each kind.
 
-    Outputs at one rate share their poses.
+    Outputs at one rate share their poses. Files that are there already are whole, and are not written again.
 
     Raises:
         OutputError: A file cannot be written.
@@ -85,27 +84,43 @@ def write_outputs(run: Run, take: Take, policies: Sequence[Policy]) -> dict[str,
     if wanted.bvh is not None or wanted.ply is not None or wanted.pcd is not None:
         sampler = PoseSampler(take, policies, threads)
         rates: dict[float, list[Sink]] = {}
-        for fps, sink in _sinks(sampler, run.folder, scenario):
+        for fps, sink in _sinks(sampler, run.folder, scenario, found):
             rates.setdefault(fps, []).append(sink)
         for fps, sinks in rates.items():
             files = stream_poses(sampler, fps, sinks, threads, progress)
-            found.update({sink.kind: written for sink, written in zip(sinks, files, strict=True)})
+            for sink, written in zip(sinks, files, strict=True):
+                found[sink.kind] = in_order(take, [*found[sink.kind], *written])
         run.clock.lap("export")
     if wanted.render is not None:
-        from crowdsim.crowd.cast import pack_arena
-        from crowdsim.render.batch import render
-        from crowdsim.render.command import scenario_options
-        from crowdsim.render.take_source import TakeSource
-
-        arena = pack_arena(scenario.arena)
-        source = TakeSource(take, policies, wanted.render.fps, threads=threads, arena=arena)
-        options = scenario_options(wanted.render, threads)
-        shown = take.output_frames(wanted.render.fps)
-        options = replace(options, frames=_limited(wanted.render.frames_at(wanted.render.fps), shown))
-        rendered = render(source, run.folder, options, progress, _note)
-        found["pictures"] = list(rendered.files)
+        found["pictures"] = _render(run, take, policies)
         run.clock.lap("render")
     return found
+
+
+def _render(run: Run, take: Take, policies: Sequence[Policy]) -> list[Path]:
+    """Write the pictures that a run's scenario asks for; return their files."""
+    from crowdsim.crowd.cast import pack_arena
+    from crowdsim.render.batch import picture_files, render
+    from crowdsim.render.command import scenario_options
+    from crowdsim.render.take_source import TakeSource
+
+    wanted, folder = run.scenario.outputs.render, run.folder
+    assert wanted is not None
+    count = take.output_frames(wanted.fps)
+    frames = _limited(wanted.frames_at(wanted.fps), count)
+    options = replace(scenario_options(wanted, run.threads), frames=frames)
+    files = picture_files(folder, frames or (0, count), wanted.mp4, wanted.png, wanted.contact_sheet or 0)
+    is_there = {name: (folder / name).exists() for name in ("video.mp4", "contact_sheet.png")}
+    if all(path.exists() for path in files):
+        return files
+    options = replace(
+        options,
+        mp4=options.mp4 and not is_there["video.mp4"],
+        contact_sheet=0 if is_there["contact_sheet.png"] else options.contact_sheet,
+    )
+    source = TakeSource(take, policies, wanted.fps, threads=run.threads, arena=pack_arena(run.scenario.arena))
+    render(source, folder, options, run.advance_outputs, _note)
+    return files
 
 
 @contextmanager
@@ -113,12 +128,17 @@ def _note(folder: Path, planned: Sequence[Path]) -> Iterator[Callable[[Sequence[
     """Note pictures of a run that is going on in its journal."""
     from crowdsim.runs.recorder import note_files
 
-    note_files(folder, [path.relative_to(folder).as_posix() for path in planned])
+    note_files(folder, [path.relative_to(folder).as_posix() for path in planned], of_run=True)
     yield lambda files: None
 
 
-def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple[float, Sink]]:
-    """Return writers of the motion that a scenario asks for, each with its rate, and make their folders."""
+def _sinks(
+    sampler: PoseSampler, folder: Path, scenario: Scenario, found: dict[str, list[Path]]
+) -> list[tuple[float, Sink]]:
+    """Return writers of the motion that a scenario asks for, each with its rate, and make their folders.
+
+    Files that are there already go to ``found``, and what writes them is left out.
+    """
     from crowdsim.export.bvh import BvhSink
 
     take, wanted = sampler.take, scenario.outputs
@@ -127,7 +147,10 @@ def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple
         fps = wanted.bvh.fps or scenario.fps
         frames = _limited(wanted.bvh.frames_at(fps), take.output_frames(fps))
         make_folder(folder / "bvh")
-        sinks.append((fps, BvhSink(sampler, folder / "bvh", fps, frames, wanted.bvh.avatars)))
+        chosen = range(take.avatar_count) if wanted.bvh.avatars is None else wanted.bvh.avatars
+        found["bvh"], missing = divide_avatars(folder / "bvh", take, chosen)
+        if missing:
+            sinks.append((fps, BvhSink(sampler, folder / "bvh", fps, frames, missing)))
     for kind in ("ply", "pcd"):
         cloud = getattr(wanted, kind)
         if cloud is None:
@@ -135,111 +158,40 @@ def _sinks(sampler: PoseSampler, folder: Path, scenario: Scenario) -> list[tuple
         from crowdsim.export.pointcloud import CloudSink
 
         fps = cloud.fps or scenario.fps
-        frames = _limited(cloud.frames_at(fps), take.output_frames(fps))
+        start, stop = _limited(cloud.frames_at(fps), take.output_frames(fps)) or (0, take.output_frames(fps))
         make_folder(folder / kind)
-        sink = CloudSink(sampler, folder / kind, kind, fps, cloud.points, frames, cloud.every, cloud.avatars)
-        sinks.append((fps, sink))
+        found[kind], start = divide_frames(folder / kind, kind, range(start, stop, cloud.every))
+        if start < stop:
+            frames = (start, stop)
+            sink = CloudSink(sampler, folder / kind, kind, fps, cloud.points, frames, cloud.every, cloud.avatars)
+            sinks.append((fps, sink))
     return sinks
 
 
-@dataclass(frozen=True)
-class ExportOptions:
-    """What to export of a run, in a user's words.
-
-    Attributes:
-        kinds: ``bvh``, ``ply``, ``pcd``.
-        avatars: Their numbers, ``0-9`` or ``0,3,5-7``; all when None.
-        frames: Output frames ``A:B``, in frames or seconds; all when None.
-        fps: Output frames a second.
-        every: Write every n-th output frame of point clouds.
-        points: Points an avatar.
-    """
-
-    kinds: Sequence[str]
-    avatars: str | None = None
-    frames: str | None = None
-    fps: float = 60.0
-    every: int = 1
-    points: int = 500
-
-
-def export_take(
-    folder: Path,
-    take: Take,
-    policies: Sequence[Policy],
-    options: ExportOptions,
-    out: Path | None = None,
-    threads: int = 1,
-    progress: Progress | None = None,
-) -> dict[str, list[Path]]:
-    """Export a run's take again; return the files of each kind.
-
-    In the run's own folder, exports take the place of those of their kind, and the manifest says so.
-
-    Args:
-        folder: The run folder.
-        take: Its take.
-        policies: Its policies.
-        options: What to export.
-        out: Another folder for ``bvh/``, ``ply/`` and ``pcd/``.
-        threads: Threads.
-        progress: Called with stage, done and total.
-
-    Raises:
-        TakeError: Avatars or frames are asked for that the take does not have, or the manifest is damaged.
-        OutputError: A folder cannot be made, or holds other files of these names beside a run's.
-        RunError: A file cannot be written.
-    """
+def divide_avatars(folder: Path, take: TakeData, chosen: Sequence[int]) -> tuple[list[Path], list[int]]:
+    """Return the BVH files of some avatars that are there, and the numbers of the other avatars."""
     from crowdsim.export.bvh import bvh_name
-    from crowdsim.export.select import parse_avatars
-    from crowdsim.export.stream import stream_poses
-    from crowdsim.runs.recorder import record_files
-    from crowdsim.take.poses import PoseSampler
 
-    if not options.kinds:
-        raise CrowdsimError("nothing to export, expected --bvh, --ply or --pcd")
-    fps = options.fps
-    avatars = parse_avatars(options.avatars, take.avatar_count)
-    frames = None
-    if options.frames is not None:
-        frames = parse_frames(options.frames).resolve(take.output_frames(fps), fps, take.frame_limit(fps))
-    start, stop = frames or (0, take.output_frames(fps))
-    target = out or folder
-    planned: list[Path] = []
-    for kind in options.kinds:
-        if kind == "bvh":
-            numbers = range(take.avatar_count) if avatars is None else avatars
-            planned += [target / kind / bvh_name(take.cast.names[number]) for number in numbers]
-        else:
-            planned.append(target / series_name(kind, range(start, stop, options.every), kind))
-    with record_files(target, planned) as recorder:
-        sampler = PoseSampler(take, policies, threads)
-        sinks = [_sink(kind, sampler, target, options, frames, avatars) for kind in options.kinds]
-        with under_way():
-            written = stream_poses(sampler, fps, sinks, threads, progress)
-            found = dict(zip(options.kinds, written, strict=True))
-            for kind, files in found.items():
-                recorder.settle(kind, files, asdict(options), True, threads)
-    return found
+    paths = {number: folder / bvh_name(take.cast.names[number]) for number in chosen}
+    there = [path for path in paths.values() if path.exists()]
+    return there, [number for number, path in paths.items() if path not in there]
 
 
-def _sink(
-    kind: str,
-    sampler: PoseSampler,
-    target: Path,
-    options: ExportOptions,
-    frames: tuple[int, int] | None,
-    avatars: Sequence[int] | None,
-) -> Sink:
-    """Return the writer of one kind of export, whose folder is made."""
-    make_folder(target / kind)
-    if kind == "bvh":
-        from crowdsim.export.bvh import BvhSink
+def divide_frames(folder: Path, kind: str, frames: range) -> tuple[list[Path], int]:
+    """Return the clouds of some frames that are there, up to the first one that is not, and that frame."""
+    there: list[Path] = []
+    for frame in frames:
+        path = folder / f"{frame:06d}.{kind}"
+        if not path.exists():
+            return there, frame
+        there.append(path)
+    return there, frames.stop
 
-        return BvhSink(sampler, target / kind, options.fps, frames, avatars)
-    from crowdsim.export.pointcloud import CloudSink
 
-    return CloudSink(sampler, target / kind, kind, options.fps, options.points, frames, options.every, avatars)
+def in_order(take: TakeData, files: Sequence[Path]) -> list[Path]:
+    """Return files, each once, by avatar or by frame."""
+    numbers = {str(name): number for number, name in enumerate(take.cast.names)}
+    return sorted(set(files), key=lambda path: numbers[path.stem] if path.suffix == ".bvh" else int(path.stem))
 
 
 def _limited(frames: Sequence[int] | None, count: int) -> tuple[int, int] | None:

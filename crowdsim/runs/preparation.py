@@ -95,7 +95,7 @@ def untrained_policies(scenario: Scenario, mocap: FileName | None = None) -> lis
 
 
 def training_notice(name: str, threads: int) -> str:
-    """Return what a user is told before a policy is trained: about how long it takes, kernels included."""
+    """Return the notice printed before a policy is trained: about how long it takes, compilation included."""
     minutes = max(1, round(TRAINING_MINUTES / threads))
     cores = "1 core" if threads < 2 else f"{threads} cores"
     return f"training policy {name!r} takes about {minutes} min on {cores}, and is done once"
@@ -172,10 +172,14 @@ def _rgb(colour: str) -> list[float]:
     return [int(colour[place : place + 2], 16) / 255.0 for place in (1, 3, 5)]
 
 
+def estimate_needs(avatars: int, frames: int) -> tuple[float, float]:
+    """Return about how much memory a run takes, and at most how much room on disk without its outputs [bytes]."""
+    return _BASE_BYTES + avatars * (_AVATAR_BYTES + frames * _FRAME_BYTES), avatars * frames * _DISK_BYTES
+
+
 def needs(avatars: int, frames: int, folder: Path) -> str:
     """Return a sentence on the memory and room on disk that a run takes, and whether there is as much."""
-    memory = _BASE_BYTES + avatars * (_AVATAR_BYTES + frames * _FRAME_BYTES)
-    room = avatars * frames * _DISK_BYTES
+    memory, room = estimate_needs(avatars, frames)
     result = f"{avatars:,} avatars x {frames:,} control frames take up to {memory / 1e9:.1f} GB of memory and "
     result += f"{room / 1e9:.1f} GB on disk, without outputs"
     existing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())

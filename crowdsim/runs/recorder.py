@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.files import exists_plain, walk
-from crowdsim.runs.folder import TAKE, hold_folder, refuse_others
+from crowdsim.files import exists_plain, remove_plain, walk
+from crowdsim.runs.folder import refuse_others
 from crowdsim.runs.journal import NAME as JOURNAL
-from crowdsim.runs.journal import Journal, find_noted, read_journal, remove_journal, write_journal
+from crowdsim.runs.journal import Journal, Noted, find_noted, read_journal, remove_journal, write_journal
+from crowdsim.runs.lock import LOCKS, hold_folder
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import ForeignManifestError, read_manifest, update_manifest
+from crowdsim.runs.staging import complete
 
 
 class Recorder:
@@ -35,16 +38,19 @@ class Recorder:
         above = Path(os.path.realpath(self._folder)).relative_to(self._run)
         return [(above / path.relative_to(self._folder)).as_posix() for path in paths]
 
-    def settle(
-        self, kind: str, written: Sequence[Path], result: Mapping[str, Any], replaces: bool = False, threads: int = 1
-    ) -> None:
+    def base(self, folder: Path) -> tuple[Path, Path]:
+        """Return the run folder, or where there is none a folder itself, and the way from there to the folder."""
+        if self._run is None:
+            return folder, Path()
+        return self._run, Path(os.path.realpath(folder)).relative_to(self._run)
+
+    def settle(self, kind: str, written: Sequence[Path], result: Mapping[str, Any], threads: int = 1) -> None:
         """Record files that have been written; a run that has no manifest yet keeps them in its journal.
 
         Args:
             kind: Folder of these files in the folder, or another word for them.
             written: The files.
             result: What a reader should know of them.
-            replaces: Whether they are all files of their kind, so that others that the manifest lists go.
             threads: Threads that sum up files.
 
         Raises:
@@ -55,19 +61,19 @@ class Recorder:
             return
         (name,) = self.names([self._folder / kind])
         try:
-            with _alone(self._run):
-                update_manifest(self._run, name, self.names(written), result, replaces, threads)
+            update_manifest(self._run, name, self.names(written), result, threads)
         except OSError as error:
             raise OutputError(f"{error.filename or self._run}: cannot be recorded: {error.strerror or error}") from None
 
 
 @contextmanager
-def record_files(folder: Path, planned: Iterable[Path]) -> Iterator[Recorder]:
+def record_files(folder: Path, planned: Iterable[Path], staging: Iterable[str] = ()) -> Iterator[Recorder]:
     """Note files that are about to be written into a folder in the journal of the run that it is in, if it is in one.
 
     Args:
         folder: The folder that is written into.
         planned: All files that may be written, in it or in folders in it.
+        staging: Names of staging folders in the run folder.
 
     Raises:
         TakeError: The run's manifest is damaged.
@@ -78,8 +84,9 @@ def record_files(folder: Path, planned: Iterable[Path]) -> Iterator[Recorder]:
     if run is None:
         yield recorder
         return
-    names = set(recorder.names(planned))
-    with hold_folder(run, shared=True):
+    names = {*recorder.names(planned), *staging}
+    with hold_folder(run):
+        complete(run)
         note_files(run, names)
         try:
             yield recorder
@@ -110,60 +117,51 @@ def find_run(folder: Path) -> Path | None:
     return None
 
 
-def note_files(run: Path, names: Iterable[str]) -> None:
+def note_files(run: Path, names: Iterable[str], of_run: bool = False) -> None:
     """Note names of files that are about to be written in a run's journal.
+
+    Args:
+        run: The run folder, which this process holds.
+        names: The names.
+        of_run: Whether the run itself writes them, not an export or a rendering of what there is of it.
 
     Raises:
         TakeError: The run's manifest is damaged.
         OutputError: The folder holds others in their place, or the journal cannot be written.
     """
     planned = frozenset(names)
-    with _alone(run):
-        journal = read_journal(run) or Journal()
-        noted = {*journal.inputs, *journal.files}
-        try:
-            held = set(walk(run))
-            own = find_noted(run, noted, held)
-        except OSError as error:
-            raise OutputError(f"{error.filename or run}: cannot be read: {error.strerror or error}") from None
-        if MANIFEST in held:
-            own |= held.intersection(read_manifest(run)["files"])
-        refuse_others(run, held, own, noted, planned)
-        write_journal(run, Journal(journal.inputs, journal.files | planned))
+    journal = read_journal(run) or Journal()
+    noted = journal.names
+    try:
+        held = set(walk(run)) - LOCKS
+        own = find_noted(run, noted, held)
+    except OSError as error:
+        raise OutputError(f"{error.filename or run}: cannot be read: {error.strerror or error}") from None
+    if MANIFEST in held:
+        own |= held.intersection(read_manifest(run)["files"])
+    refuse_others(run, held, own, noted, planned)
+    remove_plain(run, _halves(held, Noted({*noted, *planned})))
+    key = "files" if of_run else "exports"
+    write_journal(run, replace(journal, **{key: getattr(journal, key) | planned}))
+
+
+def _halves(held: set[str], noted: Noted) -> list[str]:
+    """Return the half-written files; no process is writing them, since this one holds the folder."""
+    return sorted(name for name in held if noted.covers(name) and not noted.names(name) and not noted.tree_of(name))
 
 
 def _forget(run: Path, names: set[str]) -> None:
     """Take names of files out of a finished run's journal, unless some are there that the manifest does not list."""
     if not exists_plain(run, MANIFEST):
         return
-    with _alone(run):
-        journal = read_journal(run)
-        if journal is None:
-            return
-        recorded = read_manifest(run)["files"]
-        files = journal.files - names
-        if find_noted(run, names).difference(recorded):
-            files |= names.difference(recorded)
-        if files or journal.inputs:
-            write_journal(run, Journal(journal.inputs, files))
-        else:
-            remove_journal(run)
-
-
-@contextmanager
-def _alone(run: Path) -> Iterator[None]:
-    """Wait until no other process changes what is recorded of a run."""
-    try:
-        import fcntl
-
-        number = os.open(run / TAKE, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    except (ImportError, OSError):
-        yield
+    journal = read_journal(run)
+    if journal is None:
         return
-    try:
-        # Some network file systems lock no folders.
-        with suppress(OSError):
-            fcntl.flock(number, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(number)
+    recorded = read_manifest(run)["files"]
+    exports = journal.exports - names
+    if find_noted(run, names).difference(recorded):
+        exports |= names.difference(recorded)
+    if exports or journal.files or journal.inputs:
+        write_journal(run, replace(journal, exports=exports))
+    else:
+        remove_journal(run)

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.crowd.chunk import Chunk
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.warming import warm_up
+from crowdsim.errors import RunError, TakeError
+from crowdsim.runs.checkpoint import NAME as CHECKPOINT
+from crowdsim.runs.checkpoint import Checkpoint
 from crowdsim.runs.preparation import Prepared
 from crowdsim.runs.run import Run
 from crowdsim.take.take import Events
@@ -38,8 +44,31 @@ def take_chunk(run: Run, prepared: Prepared) -> int:
     return max(1, min(run.scenario.outputs.take.chunk, _TAKE_CHUNK_AVATAR_FRAMES // len(prepared.cast.names)))
 
 
-def record(run: Run, prepared: Prepared, sink: Sink, counter: StatisticsCounter | None = None) -> Array | None:
+class Keeper(Protocol):
+    """Keeps checkpoints of a run (``resuming.CheckpointKeeper``)."""
+
+    begun: Checkpoint | None
+    """Where the run begins; None for its first frame."""
+
+    def keep(self, simulation: Simulation, timings: Sequence[Array], required: bool) -> None:
+        """Write a checkpoint where it is time for one, or it is required."""
+
+
+def record(
+    run: Run,
+    prepared: Prepared,
+    sink: Sink,
+    counter: StatisticsCounter | None = None,
+    keeper: Keeper | None = None,
+) -> Array | None:
     """Simulate a run, and hand its control frames to a sink and a counter as they come.
+
+    Args:
+        run: The run.
+        prepared: All that it begins with.
+        sink: Where the frames go.
+        counter: Counts them.
+        keeper: Keeps checkpoints, and knows the one that the run goes on from.
 
     Returns:
         The time of each stage of control where a profile is wanted. Shape (frames, 6), int64 [ns].
@@ -47,8 +76,6 @@ def record(run: Run, prepared: Prepared, sink: Sink, counter: StatisticsCounter 
     Raises:
         Interrupted: A signal has come; the sink holds the frames that were done.
     """
-    frames, clock = prepared.frames, run.clock
-    step = max(1, min(take_chunk(run, prepared), _STEP_AVATAR_FRAMES // len(prepared.cast.names)))
     crowd, policies, script = prepared.crowd, prepared.policies, prepared.script
     profiled, search = run.scenario.outputs.profile is not None, run.scenario.opponents.search
     timings: list[Array] = []
@@ -56,27 +83,61 @@ def record(run: Run, prepared: Prepared, sink: Sink, counter: StatisticsCounter 
         model = warm_up(crowd, policies, script, search, profiled)
         simulation = Simulation(crowd, policies, script, run.threads, search, run.order, profiled, model)
         try:
-            clock.lap("prepare")
-            while simulation.frame < frames:
-                chunk = simulation.run(min(step, frames - simulation.frame))
-                clock.lap("control")
+            if keeper is not None and keeper.begun is not None:
+                _restore(simulation, keeper.begun, run.folder)
+                timings += [] if keeper.begun.timings is None else [keeper.begun.timings]
+            run.clock.lap("prepare")
+            for chunk in _chunks(run, prepared, simulation):
                 sink.append(chunk.variables(), chunk.events, chunk.targets)
-                clock.lap("take")
+                run.clock.lap("take")
                 if counter is not None:
                     counter.add(chunk)
-                    clock.lap("statistics")
+                    run.clock.lap("statistics")
                 if chunk.timings is not None:
                     timings.append(chunk.timings)
                 done = simulation.frame
-                run.advance("control", done, frames)
-                if run.caught and done < frames:
+                is_caught = bool(run.caught) and done < prepared.frames
+                if is_caught:
+                    run.stop_waiting()
+                if keeper is not None:
+                    keeper.keep(simulation, timings, is_caught or done == prepared.frames)
+                    run.clock.lap("checkpoints")
+                run.advance("control", done, prepared.frames)
+                if is_caught:
                     sink.close("interrupted")
-                    run.interrupt(f"the {done} of {frames} control frames that were done are kept")
-                clock.start()
+                    run.interrupt(f"the {done} of {prepared.frames} control frames that were done are kept")
         finally:
             simulation.close()
         sink.close()
-    except BaseException:
+    except RunError:
+        # It would fail again.
         sink.abandon()
         raise
     return np.concatenate(timings) if timings else None
+
+
+def _restore(simulation: Simulation, begun: Checkpoint, folder: Path) -> None:
+    """Let a simulation go on from a checkpoint.
+
+    Raises:
+        TakeError: The checkpoint is of another run, or holds what no run can have.
+    """
+    try:
+        if int(begun.simulation["frame"]) != begun.frame:
+            raise ValueError(f"it is of control frame {begun.frame}, and of {begun.simulation['frame']}")
+        simulation.restore(begun.simulation)
+    except (KeyError, TypeError, ValueError) as error:
+        raise TakeError(f"{folder / CHECKPOINT}: cannot be continued: {error}; remove it to start over") from None
+
+
+def _chunks(run: Run, prepared: Prepared, simulation: Simulation) -> Iterator[Chunk]:
+    """Yield the control frames of a run as they come."""
+    size = take_chunk(run, prepared)
+    step = max(1, min(size, _STEP_AVATAR_FRAMES // len(prepared.cast.names)))
+    while simulation.frame < prepared.frames:
+        run.clock.start()
+        # To the end of a chunk of the take, where a checkpoint is small.
+        until = size - simulation.frame % size
+        chunk = simulation.run(min(step, until, prepared.frames - simulation.frame))
+        run.clock.lap("control")
+        yield chunk

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from crowdsim.compilation import Compilation
     from crowdsim.crowd.statistics import CrowdStatistics
 
-CHOICES = "run --force starts over, --out names another folder"
+PATIENCE = 1.0
+"""How long a run may go on after a signal to come to the end of a frame [s]."""
+CHOICES = "the same command goes on from there"
 """What can be done about a run that was interrupted."""
 
 
@@ -44,6 +46,7 @@ class Report:
         seconds: Time of each stage [s].
         notes: What a user should know.
         done_before: Whether the run was finished already and has not been done again.
+        continued_at: Control frames that were done before, where a run goes on that was interrupted.
         compiled: Kernels that had to be compiled; their time is the stage ``compile``, with that of loading others.
         statistics: The run in numbers.
         outputs: Files of each kind, and their size together [bytes].
@@ -53,6 +56,7 @@ class Report:
     seconds: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     done_before: bool = False
+    continued_at: int = 0
     compiled: int = 0
     statistics: CrowdStatistics | None = None
     outputs: dict[str, tuple[Path, int, int]] = field(default_factory=dict)
@@ -148,12 +152,12 @@ class Run:
             Interrupted: A signal has come.
         """
         if self.caught:
-            self.interrupt("the take is finished and kept, its outputs are not: export and render write them")
+            self.interrupt("the take is finished, outputs are missing")
         self.advance(stage, done, total)
 
     @contextmanager
     def catch_signals(self) -> Iterator[None]:
-        """Note the first SIGINT or SIGTERM instead of ending at once; a second one interrupts."""
+        """Note the first SIGINT or SIGTERM, so that the run stops at the next frame; after a second stop it anyway."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
@@ -162,13 +166,27 @@ class Run:
             if self.caught:
                 raise KeyboardInterrupt
             self.caught.append(number)
+            if hasattr(signal, "setitimer"):
+                signal.setitimer(signal.ITIMER_REAL, PATIENCE)
 
-        before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+        def stop(number: int, _: Any) -> None:
+            self.interrupt("what was finished is kept")
+
+        handlers = {signal.SIGINT: note, signal.SIGTERM: note}
+        if hasattr(signal, "SIGALRM"):
+            handlers[signal.SIGALRM] = stop
+        before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
         try:
             yield
         finally:
+            self.stop_waiting()
             for number, handler in before.items():
                 signal.signal(number, handler)
+
+    def stop_waiting(self) -> None:
+        """Let what goes on now come to its end after a signal, since it is the end."""
+        if hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread():
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
 
     def interrupt(self, kept: str) -> None:
         """Stop the run because of a signal that has come; ``kept`` says what is kept.
@@ -176,4 +194,4 @@ class Run:
         Raises:
             Interrupted: Always.
         """
-        raise Interrupted(self.caught[0], self.folder, f"{kept}, {CHOICES}")
+        raise Interrupted(self.caught[0], self.folder, f"{kept}; {CHOICES}")

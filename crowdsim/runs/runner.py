@@ -13,10 +13,14 @@ from crowdsim.compilation import watch_compilation
 from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.errors import CrowdsimError, RunError, ScenarioError, under_way
 from crowdsim.files import walk
-from crowdsim.runs.folder import RESOLVED, TAKE, check_folder, claim_folder, copy_file, hold_folder, write_text
+from crowdsim.runs.checkpoint import NAME as CHECKPOINT
+from crowdsim.runs.checkpoint import Checkpoint
+from crowdsim.runs.folder import RESOLVED, TAKE, check_folder, claim_folder, copy_file, write_text
 from crowdsim.runs.journal import remove_journal
+from crowdsim.runs.lock import hold_folder, rebooted
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import checksums, peak_memory, read_manifest, write_manifest
+from crowdsim.runs.origin import Origin, origin_of
 from crowdsim.runs.outputs import expect_outputs, plan_outputs, write_outputs
 from crowdsim.runs.preparation import (
     LARGE,
@@ -29,6 +33,7 @@ from crowdsim.runs.preparation import (
     untrained_policies,
 )
 from crowdsim.runs.run import Report, Run
+from crowdsim.runs.staging import complete_alone
 from crowdsim.runs.validation import check_scenario, late_events
 from crowdsim.scenario.scenario import Scenario, dump_scenario
 from crowdsim.scenario.warnings import speed_warnings
@@ -84,13 +89,16 @@ def run_to(
     command: str = "",
     progress: Progress | None = None,
     notify: Callable[[str], None] | None = None,
+    policies: Sequence[Policy] | None = None,
 ) -> Report:
     """Run a scenario into a folder: take, outputs, and the manifest last.
 
-    A finished run of the same resolved scenario is not done again, and nothing that a run has computed is removed,
-    unless ``force`` says so; then only what a manifest or journal lists. What is wrong with the input is found before
-    the folder is made or touched. ``notify`` is called beforehand with what has to be trained, what a large crowd
-    will need and what its policies cannot do, and once when kernels are compiled.
+    A finished run of the same resolved scenario is not done again. One that was interrupted goes on where it stopped,
+    with the same result as if it had not been. Nothing that a run has computed is removed, unless ``force`` says so;
+    then only what a manifest or journal lists. What is wrong with the input is found before the folder is made or
+    touched. ``notify`` is called beforehand with what has to be trained, what a large crowd will need and what its
+    policies cannot do, and once when kernels are compiled. ``policies`` are those of a scenario that has been checked;
+    they are found, and trained if need be, when None.
 
     Raises:
         ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
@@ -101,39 +109,46 @@ def run_to(
     """
     one = Run(scenario, threads, mocap, progress, notify, Path(folder), force, command)
     resolved = dump_scenario(scenario)
+    complete_alone(one.folder)
     if check_folder(one.folder, resolved, force):
         return _done_before(one.report)
-    check_scenario(scenario)
-    untrained = untrained_policies(scenario, mocap)
-    if notify is not None:
-        for name in untrained:
-            notify(training_notice(name, threads))
-    with watch_compilation(notify, kernel_uses(scenario, untrained), threads) as compilation:
+    uses: list[str] = []
+    if policies is None:
+        check_scenario(scenario)
+        untrained = untrained_policies(scenario, mocap)
+        uses = kernel_uses(scenario, untrained)
+        if notify is not None:
+            for name in untrained:
+                notify(training_notice(name, threads))
+    with watch_compilation(notify, uses, threads) as compilation:
         one.clock.watch(compilation)
-        _run_in_folder(one, resolved)
+        _run_in_folder(one, resolved, policies)
         one.report.compiled = compilation.count
     return one.report
 
 
-def _run_in_folder(one: Run, resolved: str) -> None:
+def _run_in_folder(one: Run, resolved: str, policies: Sequence[Policy] | None) -> None:
     """Run a scenario into a folder that is fit for it, unless another run has done so meanwhile."""
-    prepared = _prepare(one)
+    prepared = _prepare(one) if policies is None else prepare(one.scenario, policies)
     outputs = _plan(one.folder, one.scenario, prepared)
     expect_outputs(one.scenario)
     one.clock.lap("prepare")
     avatars = len(prepared.cast.names)
     if one.notify is not None and avatars >= LARGE:
         one.notify(needs(avatars, prepared.frames, one.folder))
-    with one.catch_signals(), hold_folder(one.folder):
+    origin = origin_of(resolved, prepared.policies)
+    with one.catch_signals(), hold_folder(one.folder, one.command) as before:
         # Another run may have come and gone since the first look.
         if check_folder(one.folder, resolved, one.force, locked=True):
             _done_before(one.report)
             return
-        one.report.notes += claim_folder(one.folder, _inputs(one.scenario), outputs)
+        lost = before is not None and rebooted(before)
+        claim = claim_folder(one.folder, _inputs(one.scenario), outputs, origin, prepared.frames, one.force, lost)
+        one.report.notes += claim.notes
         one.clock.lap("prepare")
         try:
             with under_way():
-                _write(one, prepared, resolved)
+                _write(one, prepared, origin, claim.begun)
         except OSError as error:
             where = error.filename or one.folder
             raise RunError(f"{where}: cannot be read or written: {error.strerror or error}") from error
@@ -162,12 +177,12 @@ def _plan(folder: Path, scenario: Scenario, prepared: Prepared) -> list[str]:
         ScenarioError: An output has the name of a file that the scenario reads.
     """
     planned = plan_outputs(scenario, prepared.cast.names.tolist(), prepared.frames, prepared.rate)
-    places = {name.split("/")[0] for name in planned} | {TAKE, f"{TAKE}.partial", RESOLVED, MANIFEST}
+    places = {name.split("/")[0] for name in planned} | {TAKE, f"{TAKE}.partial", RESOLVED, MANIFEST, CHECKPOINT}
     for name in _inputs(scenario)[1:]:
         if name.split("/")[0] in places:
             what = f"reads {name!r}, which would lie in {folder} where the run writes; expected another file name"
             raise ScenarioError(f"{scenario.name}: {what}")
-    return [*planned, TAKE, f"{TAKE}.partial"]
+    return [*planned, CHECKPOINT, TAKE, f"{TAKE}.partial"]
 
 
 def _inputs(scenario: Scenario) -> list[str]:
@@ -175,13 +190,13 @@ def _inputs(scenario: Scenario) -> list[str]:
     return [RESOLVED, *(PurePosixPath(name).as_posix() for name in scenario.files)]
 
 
-def _write(one: Run, prepared: Prepared, resolved: str) -> None:
-    """Write everything into a folder that is ready for it."""
+def _write(one: Run, prepared: Prepared, origin: Origin, begun: Checkpoint | None) -> None:
+    """Write everything into a folder that is ready for it, or what is missing."""
     folder, scenario, report = one.folder, one.scenario, one.report
-    write_text(folder / RESOLVED, resolved)
+    write_text(folder / RESOLVED, origin.scenario)
     for name in scenario.files:
         copy_file(scenario.folder / name, folder / name)
-    take, timings = _write_take(one, prepared)
+    take, timings = _write_take(one, prepared, origin, begun)
     files = write_outputs(one, take, prepared.policies)
     profiled: list[str] = []
     if timings is not None and scenario.outputs.profile is not None:
@@ -198,26 +213,22 @@ def _write(one: Run, prepared: Prepared, resolved: str) -> None:
         report.outputs[kind] = (place, len(written), sum(path.stat().st_size for path in written))
     one.advance_outputs("checksums", 0, 1)
     names = [path.relative_to(folder).as_posix() for paths in files.values() for path in paths]
-    names += [*_inputs(scenario), *(f"{TAKE}/{name}" for name in walk(folder / TAKE)), *profiled]
+    names += [CHECKPOINT, *_inputs(scenario), *(f"{TAKE}/{name}" for name in walk(folder / TAKE)), *profiled]
     hashes = checksums(folder, names, one.threads)
     one.clock.lap("checksums")
-    write_manifest(folder, _manifest(one, prepared), hashes)
+    write_manifest(folder, _manifest(one, prepared, origin), hashes)
     remove_journal(folder)
     one.advance_outputs("checksums", 1, 1)
 
 
-def _write_take(one: Run, prepared: Prepared) -> tuple[Take, Array | None]:
+def _write_take(one: Run, prepared: Prepared, origin: Origin, begun: Checkpoint | None) -> tuple[Take, Array | None]:
     """Simulate and write the take as it comes; return it, and what control cost where that is wanted."""
     from crowdsim.crowd.statistics import StatisticsCounter
-    from crowdsim.runs.recording import record, take_chunk
-    from crowdsim.take.store import TakeWriter, open_take
+    from crowdsim.runs.resuming import write_take
 
     path, cast = one.folder / TAKE, prepared.cast
     counter = StatisticsCounter(prepared.policies, cast.policies, cast.scales, prepared.frames)
-    writer = TakeWriter(path, prepared.header, prepared.frames, take_chunk(one, prepared)).open()
-    one.clock.lap("take")
-    timings = record(one, prepared, writer, counter)
-    take = open_take(path)
+    take, timings = write_take(one, prepared, origin.checksum, begun, counter)
     size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
     one.report.outputs["take"] = (path, 1, size)
     one.report.statistics = counter.finish()
@@ -225,7 +236,7 @@ def _write_take(one: Run, prepared: Prepared) -> tuple[Take, Array | None]:
     return take, timings
 
 
-def _manifest(one: Run, prepared: Prepared) -> dict[str, Any]:
+def _manifest(one: Run, prepared: Prepared, origin: Origin) -> dict[str, Any]:
     report = one.report
     report.seconds["total"] = one.clock.total()
     statistics = report.statistics
@@ -238,6 +249,8 @@ def _manifest(one: Run, prepared: Prepared) -> dict[str, Any]:
         "avatars": len(prepared.cast.names),
         "control_frames": prepared.frames,
         "policies": {policy.name: policy.fingerprint for policy in prepared.policies},
+        "inputs": _inputs(one.scenario),
+        "origin": origin.document(),
         "statistics": {} if statistics is None else asdict(statistics),
         "seconds": {stage: round(value, 6) for stage, value in report.seconds.items()},
         "peak_memory_bytes": peak_memory(),

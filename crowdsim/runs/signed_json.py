@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +37,13 @@ def write_signed(path: Path, partial: Path, document: Mapping[str, Any]) -> None
         OutputError: It cannot be written; ``partial`` is removed.
     """
     try:
-        partial.write_text(signed_text(document), encoding="utf-8")
+        with open(partial, "w", encoding="utf-8") as file:
+            file.write(signed_text(document))
+            file.flush()
+            # What it says must be on disk before it has its name.
+            os.fsync(file.fileno())
         os.replace(partial, path)
     except OSError as error:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None

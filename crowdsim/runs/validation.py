@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import yaml
-
 from crowdsim import assets
 from crowdsim.config.files import Finding, find_faults
+from crowdsim.config.nodes import MAXIMUM_BYTES
 from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, ScenarioError, nearest
 from crowdsim.scenario.frame_ranges import frame_limit, output_frames
 
 if TYPE_CHECKING:
     from crowdsim.scenario.scenario import Scenario
 
+_KEY = re.compile(rb"""^['"]?([A-Za-z_]+)['"]?[ ]*:""", re.MULTILINE)
 _RECIPE_KEYS = {"motion", "graph", "control_rate", "playback_rate", "precision"}
 
 
@@ -36,24 +37,23 @@ def find_checked_file(name: str) -> Path:
     raise CrowdsimError(f"{name}: no such file, expected a file or one of {', '.join(names)}{nearest(name, names)}")
 
 
-def find_file_faults(path: Path) -> list[str]:
-    """Return everything that is wrong with a scenario or a recipe, a line each.
+def check_file(path: Path) -> tuple[list[str], list[str]]:
+    """Return everything that is wrong with a scenario or a recipe, and warnings on one that is right, a line each.
 
     A scenario whose keys are right is checked like one that is to be run. Events after its end are found, too.
+    Warnings say what a scenario asks of its policies that they cannot do.
     """
     if _is_recipe(path):
         from crowdsim.training.recipe import Recipe
 
-        return [str(finding) for finding in find_faults(path, Recipe)]
-    from crowdsim.scenario.scenario import find_scenario_faults, load_scenario
+        return [str(finding) for finding in find_faults(path, Recipe)], []
+    from crowdsim.scenario.scenario import load_scenario
 
-    lines = [str(finding) for finding in find_scenario_faults(path)]
-    if lines:
-        return lines
+    lines: list[str] = []
     try:
         scenario = load_scenario(path)
     except CrowdsimError as error:
-        return str(error).splitlines()
+        return str(error).splitlines(), []
     for check in (_behaviour_findings, _time_findings):
         try:
             lines += map(str, scenario.place(check(scenario)))
@@ -67,22 +67,18 @@ def find_file_faults(path: Path) -> list[str]:
         lines += str(error).splitlines()
     if not lines:
         lines += map(str, scenario.place(late_events(scenario)))
-    return list(dict.fromkeys(lines))
+    return list(dict.fromkeys(lines)), [] if lines else _warnings(scenario)
 
 
-def find_file_warnings(path: Path) -> list[str]:
-    """Return what a scenario without a fault asks of its policies that they cannot do, a line each.
+def _warnings(scenario: Scenario) -> list[str]:
+    """Return what a scenario asks of its policies that they cannot do, a line each.
 
     Policies that are not trained yet are passed over, since their abilities are unknown.
     """
-    if _is_recipe(path):
-        return []
     from crowdsim import assets
     from crowdsim.policy.bundle import read_document
-    from crowdsim.scenario.scenario import load_scenario
     from crowdsim.scenario.warnings import speed_warnings
 
-    scenario = load_scenario(path)
     statistics = {}
     for name in dict.fromkeys(kind.policy for kind in scenario.types.values()) if scenario.targets else ():
         with suppress(PolicyError):
@@ -105,7 +101,7 @@ def check_scenario(scenario: Scenario) -> None:
 
 def late_events(scenario: Scenario) -> list[Finding]:
     """Return a finding for each event that is planned for after the end of a scenario and so never happens."""
-    rate = _control_rate(scenario)
+    rate = control_rate(scenario)
     frames = scenario.control_frames(rate)
     findings = []
     for index, event in enumerate(scenario.events):
@@ -133,7 +129,7 @@ def _time_findings(scenario: Scenario) -> list[Finding]:
     Raises:
         ScenarioError: The control rates of the policies differ.
     """
-    rate = _control_rate(scenario)
+    rate = control_rate(scenario)
     count = scenario.control_frames(rate)
     findings = []
     for key, fps, frames in _ranges(scenario):
@@ -155,7 +151,7 @@ def _ranges(scenario: Scenario) -> Iterator[tuple[str, float, tuple[int, int]]]:
                 yield key, fps, frames
 
 
-def _control_rate(scenario: Scenario) -> float:
+def control_rate(scenario: Scenario) -> float:
     """Return the control rate of a scenario's policies [Hz].
 
     Raises:
@@ -180,14 +176,9 @@ def _length(frames: int, rate: float) -> str:
 def _is_recipe(path: Path) -> bool:
     """Whether a file's top-level keys are those of a recipe; a broken file counts as a scenario unless it has them."""
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        with path.open("rb") as file:
+            text = file.read(MAXIMUM_BYTES)
     except OSError:
         return False
-    keys = set()
-    try:
-        for event in yaml.parse(text, Loader=yaml.SafeLoader):
-            if isinstance(event, yaml.ScalarEvent) and event.start_mark is not None and event.start_mark.column == 0:
-                keys.add(event.value)
-    except yaml.YAMLError:
-        pass
+    keys = {key.decode() for key in _KEY.findall(text)}
     return bool(keys & _RECIPE_KEYS) and "groups" not in keys

@@ -1,0 +1,213 @@
+"""A run as one file: take, scenario, policies and manifest in a ZIP archive, which other machines read as it is.
+
+Files are stored, not compressed (take and video are already), so that an archive never unpacks to more than its size.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import stat
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from crowdsim.core.types import FileName
+from crowdsim.errors import OutputError, TakeError
+from crowdsim.files import is_inside, open_plain, walk
+from crowdsim.runs.checkpoint import NAME as CHECKPOINT
+from crowdsim.runs.folder import RESOLVED, TAKE
+from crowdsim.runs.manifest import NAME as MANIFEST
+from crowdsim.runs.manifest import checksums, read_manifest, signed_manifest
+from crowdsim.runs.opening import POLICIES, bundle_of
+
+_BLOCK = 1 << 20
+_MANIFEST_BYTES = 1 << 26
+"""Longest manifest that is read [bytes]."""
+
+
+def pack_run(folder: FileName, out: FileName, threads: int = 1) -> tuple[int, int]:
+    """Write a finished run into an archive; return how many files are in it, and its size [bytes].
+
+    Args:
+        folder: The run folder.
+        out: The archive.
+        threads: Threads that sum up files.
+
+    Raises:
+        TakeError: The run is not finished, or files have changed since.
+        PolicyError: A policy is missing, or not the one that the run was made with.
+        OutputError: The archive cannot be written, or something else has its name.
+    """
+    folder, out = Path(folder), Path(out)
+    document = read_manifest(folder, ("policies",))
+    if out.is_dir() or (out.exists() and not is_archive(out)):
+        raise OutputError(f"{out}: is there already and no archive of a run, expected another name")
+    sources = {name: (folder, name) for name in _own_files(document)}
+    for policy, fingerprint in document["policies"].items():
+        bundle = bundle_of(folder, policy, fingerprint)
+        sources.update({f"{POLICIES}/{policy}/{name}": (bundle, name) for name in walk(bundle)})
+    try:
+        hashes: dict[str, Any] = {}
+        for above in {above for above, _ in sources.values()}:
+            names = {name: source for name, (place, source) in sources.items() if place == above}
+            found = checksums(above, names.values(), threads)
+            hashes.update({name: found[source] for name, source in names.items()})
+    except OSError as error:
+        raise TakeError(f"{error.filename or folder}: cannot be read: {error.strerror or error}") from None
+    for name in _own_files(document):
+        if hashes[name] != document["files"][name]:
+            raise TakeError(f"{folder / name}: has changed since the run was finished; crowdsim verify reports all")
+    kept = {key: value for key, value in document.items() if key not in ("exports", "checksum")}
+    manifest = signed_manifest({**kept, "files": dict(sorted(hashes.items()))})
+    _write(out, manifest.encode("utf-8"), sources)
+    return len(sources) + 1, out.stat().st_size
+
+
+def _own_files(document: dict[str, Any]) -> list[str]:
+    """Return which of a run's files are no outputs: what it reads, its take and its checkpoint."""
+    own = {RESOLVED, CHECKPOINT, *document.get("inputs", [])}
+    return [name for name in document["files"] if name in own or name.startswith(f"{TAKE}/")]
+
+
+def _write(out: Path, manifest: bytes, sources: dict[str, tuple[Path, str]]) -> None:
+    partial = out.with_name(f".{out.name}.part")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with zipfile.ZipFile(partial, "w", zipfile.ZIP_STORED) as archive:
+            archive.writestr(_entry(MANIFEST), manifest)
+            for name, (folder, source) in sorted(sources.items()):
+                with open_plain(folder, source) as file, archive.open(_entry(name), "w", force_zip64=True) as target:
+                    while block := file.read(_BLOCK):
+                        target.write(block)
+        os.replace(partial, out)
+    except OSError as error:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+        raise OutputError(f"{out}: cannot be written: {error.strerror or error}") from None
+
+
+def _entry(name: str) -> zipfile.ZipInfo:
+    """Return a file's entry, which is the same whenever it is packed."""
+    entry = zipfile.ZipInfo(name)
+    entry.external_attr = (stat.S_IFREG | 0o644) << 16
+    return entry
+
+
+def is_archive(path: Path) -> bool:
+    """Whether a file is a ZIP archive."""
+    return path.is_file() and zipfile.is_zipfile(path)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Path]:
+    """Give a run's folder, or a folder with what its archive holds, which is there for as long as this lasts.
+
+    Raises:
+        TakeError: It is an archive that no run was packed into, or it is damaged or hostile.
+        OutputError: It cannot be unpacked.
+    """
+    if not path.is_file():
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="crowdsim-") as place:
+        folder = Path(place) / path.stem
+        unpack(path, folder)
+        yield folder
+
+
+def unpack(path: Path, folder: Path) -> None:
+    """Unpack an archive into a new folder, once it has passed its checks.
+
+    Raises:
+        TakeError: It is no archive of a run, is damaged, or holds what no run's archive does; nothing stays of it
+            outside the folder.
+        OutputError: The folder cannot be written.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = _check_entries(path, archive)
+            folder.mkdir(parents=True)
+            if entries[MANIFEST].file_size > _MANIFEST_BYTES:
+                raise TakeError(f"{path}: {MANIFEST}: has {entries[MANIFEST].file_size} bytes, too many for a manifest")
+            _extract(path, archive, entries.pop(MANIFEST), folder, None)
+            files = read_manifest(folder)["files"]
+            _compare(path, set(entries), set(files))
+            for name, entry in entries.items():
+                _extract(path, archive, entry, folder, files[name])
+    except zipfile.BadZipFile as error:
+        raise TakeError(f"{path}: is no archive of a run, or damaged: {error}") from None
+    except (EOFError, NotImplementedError, RuntimeError, ValueError) as error:
+        raise TakeError(f"{path}: is damaged: {error}") from None
+    except OSError as error:
+        if error.errno == errno.EINVAL:
+            # An entry that begins before the file does.
+            raise TakeError(f"{path}: is damaged: {error.strerror}") from None
+        raise OutputError(f"{error.filename or path}: cannot be unpacked: {error.strerror or error}") from None
+
+
+def _check_entries(path: Path, archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
+    """Return the files of an archive by name.
+
+    Raises:
+        TakeError: One is no plain, stored file inside the archive, or they hold more than it does.
+    """
+    entries: dict[str, zipfile.ZipInfo] = {}
+    for entry in archive.infolist():
+        name, mode = entry.filename, entry.external_attr >> 16
+        fault = ""
+        if not is_inside(name) or "\\" in name:
+            fault = "leads out of the archive, expected a file inside"
+        elif name in entries:
+            fault = "is there twice"
+        elif entry.is_dir() or (stat.S_IFMT(mode) not in (0, stat.S_IFREG)):
+            fault = "is a link or no regular file"
+        elif entry.compress_type != zipfile.ZIP_STORED or entry.file_size != entry.compress_size:
+            fault = "is compressed, expected files as they are"
+        elif entry.flag_bits & 1:
+            fault = "is encrypted"
+        if fault:
+            raise TakeError(f"{path}: {name!r} {fault}")
+        entries[name] = entry
+    if MANIFEST not in entries:
+        raise TakeError(f"{path}: is no archive of a run: holds no {MANIFEST}")
+    total, size = sum(entry.file_size for entry in entries.values()), path.stat().st_size
+    if total > size:
+        raise TakeError(f"{path}: claims to hold {total} bytes, but has only {size}")
+    return entries
+
+
+def _compare(path: Path, held: set[str], listed: set[str]) -> None:
+    unlisted, missing = f"is not in its {MANIFEST}", f"is in its {MANIFEST}, but missing"
+    for names, what in ((held - listed, unlisted), (listed - held, missing)):
+        if names:
+            raise TakeError(f"{path}: {min(names)!r} {what}")
+
+
+def _extract(
+    path: Path, archive: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path, facts: dict[str, Any] | None
+) -> None:
+    """Unpack a file, and hold it against what the manifest says of it."""
+    if facts is not None and facts.get("bytes") != entry.file_size:
+        raise TakeError(f"{path}: {entry.filename!r} has {entry.file_size} bytes, expected {facts.get('bytes')}")
+    target = folder.joinpath(*entry.filename.split("/"))
+    target.parent.mkdir(parents=True, exist_ok=True)
+    digest = hashlib.sha256()
+    with archive.open(entry) as source, open(target, "xb") as file:
+        _copy(source, file, digest, entry.file_size)
+    if facts is not None and digest.hexdigest() != facts.get("sha256"):
+        raise TakeError(f"{path}: {entry.filename!r} has changed: its SHA-256 is not the one in {MANIFEST}")
+
+
+def _copy(source: Any, file: BinaryIO, digest: Any, most: int) -> None:
+    """Copy no more bytes than there should be."""
+    while most > 0 and (block := source.read(min(_BLOCK, most))):
+        digest.update(block)
+        file.write(block)
+        most -= len(block)
+    if most or source.read(1):
+        raise ValueError("a file is longer or shorter than it claims")

@@ -1,0 +1,213 @@
+"""Checkpoints: all that a run needs to go on from a control frame, beside the chunks of its take; ``take/FORMAT.md``.
+
+A checkpoint is written at the ends of chunks, as often as a small share of the run's time allows, and replaces the one
+before as a whole. The last one stays in a finished run, which can be extended from there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import re
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import AfterValidator, Field
+
+from crowdsim.config.documents import DocumentModel, document_fault, parse_json
+from crowdsim.core.types import Array
+from crowdsim.crowd.chunk import STAGES
+from crowdsim.errors import OutputError, TakeError
+from crowdsim.files import open_plain
+
+NAME = "checkpoint.bin"
+FORMAT = "crowdsim-checkpoint"
+VERSION = 1
+
+SHARE = 0.005
+"""Share of a run's time that checkpoints may take."""
+
+_HEAD = 1 << 20
+"""Longest first line [bytes]."""
+_KIND = re.compile(r"<f[48]|<[iu][248]|<U[1-9]\d{0,2}|\|[bu]1|\|i1")
+"""Types of its arrays."""
+
+
+def _check_listed(item: list[Any]) -> list[Any]:
+    name, kind, shape = item
+    is_sound = isinstance(name, str) and isinstance(kind, str) and _KIND.fullmatch(kind) and isinstance(shape, list)
+    if not is_sound or not all(type(size) is int and 0 <= size < 2**40 for size in shape):
+        raise ValueError("expected name, type and shape of an array")
+    return item
+
+
+class _Head(DocumentModel):
+    """The first line of a checkpoint."""
+
+    format: str
+    version: int
+    frame: Annotated[int, Field(ge=0, le=2**40)]
+    origin: str
+    arrays: list[Annotated[list[Any], Field(min_length=3, max_length=3), AfterValidator(_check_listed)]]
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A run at the beginning of a control frame.
+
+    Attributes:
+        frame: Number of control frames done.
+        origin: Checksum of what the run was made from, see ``origin.Origin``.
+        simulation: State of the simulation, see ``crowd.state``.
+        take: State of the take's writer, see ``take.continuing``.
+        timings: Cost of control so far where it is measured [ns]. Shape (frame, 6), int64.
+    """
+
+    frame: int
+    origin: str
+    simulation: Mapping[str, Array]
+    take: Mapping[str, Array]
+    timings: Array | None = None
+
+
+def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
+    """Write a run's checkpoint in the place of the one before.
+
+    Raises:
+        OutputError: It cannot be written; the one before stays.
+    """
+    arrays = {f"simulation.{name}": values for name, values in checkpoint.simulation.items()}
+    arrays.update({f"take.{name}": values for name, values in checkpoint.take.items()})
+    if checkpoint.timings is not None:
+        arrays["timings"] = checkpoint.timings
+    blocks = {name: np.ascontiguousarray(values).tobytes() for name, values in sorted(arrays.items())}
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "frame": checkpoint.frame,
+        "origin": checkpoint.origin,
+        "arrays": [[name, arrays[name].dtype.str, list(arrays[name].shape)] for name in blocks],
+    }
+    body = b"".join(blocks.values())
+    path, partial = folder / NAME, folder / f".{NAME}.part"
+    try:
+        with open(partial, "wb") as file:
+            head = json.dumps({**document, "sha256": _checksum(document, body)}).encode() + b"\n"
+            file.write(head)
+            file.write(body)
+        os.replace(partial, path)
+    except OSError as error:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def read_checkpoint(folder: Path) -> Checkpoint:
+    """Return a run's checkpoint once it has passed its checks.
+
+    Raises:
+        TakeError: There is none, or it is damaged or of another version.
+    """
+    path = folder / NAME
+    try:
+        with open_plain(folder, NAME) as file:
+            document = _read_document(path, file.readline(_HEAD))
+            body = file.read()
+        if document.pop("sha256") != _checksum(document, body):
+            raise ValueError("its checksum does not fit what it holds")
+        arrays = _cut(document["arrays"], body)
+        frame, origin = document["frame"], document["origin"]
+    except FileNotFoundError:
+        raise TakeError(f"{folder}: no {NAME} here") from None
+    except (OSError, ValueError) as error:
+        raise TakeError(f"{path}: is damaged: {error}") from None
+    parts: dict[str, dict[str, Array]] = {"simulation": {}, "take": {}, "timings": {}}
+    for name, values in arrays.items():
+        part, _, rest = name.partition(".")
+        if part not in parts:
+            raise TakeError(f"{path}: holds an array {name!r}, expected those of a checkpoint")
+        parts[part][rest] = values
+    timings = parts["timings"].get("")
+    if timings is not None and (timings.dtype != np.int64 or timings.shape != (frame, len(STAGES))):
+        what = f"is {timings.dtype}{timings.shape}, expected int64{(frame, len(STAGES))}"
+        raise TakeError(f"{path}: timings: {what}")
+    return Checkpoint(frame, origin, parts["simulation"], parts["take"], timings)
+
+
+def _cut(listed: list[list[Any]], body: bytes) -> dict[str, Array]:
+    """Return the arrays that lie one behind the other in a checkpoint, by name.
+
+    Raises:
+        ValueError: They are not as long as what lies there, or no arrays of numbers or words.
+    """
+    arrays: dict[str, Array] = {}
+    place = 0
+    for name, kind, shape in listed:
+        dtype = np.dtype(kind)
+        size = dtype.itemsize * math.prod(shape)
+        if name in arrays or place + size > len(body):
+            raise ValueError(f"array {name!r} is there twice, or longer than the file")
+        # A copy, which can be written to and lies in memory as the processor wants it.
+        arrays[name] = np.frombuffer(body[place : place + size], dtype).reshape(shape).copy()
+        place += size
+    if place != len(body):
+        raise ValueError(f"has {len(body)} bytes of arrays, expected {place}")
+    return arrays
+
+
+def frames_done(folder: Path) -> int:
+    """Return how many control frames a run's checkpoint says are done; 0 where there is none, or it is damaged."""
+    try:
+        with open_plain(folder, NAME) as file:
+            return int(_read_document(folder / NAME, file.readline(_HEAD))["frame"])
+    except (OSError, ValueError, TakeError):
+        return 0
+
+
+def _read_document(path: Path, line: bytes) -> dict[str, Any]:
+    """Return what the first line of a checkpoint says.
+
+    Raises:
+        TakeError: It is foreign, or of another version.
+        ValueError: It is damaged.
+    """
+    document = parse_json(line.decode("utf-8"))
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise TakeError(f"{path}: is no checkpoint of a run")
+    if document.get("version") != VERSION:
+        raise TakeError(f"{path}: is a checkpoint of version {document.get('version')!r}, expected {VERSION}")
+    fault = document_fault(_Head, document)
+    if fault:
+        raise ValueError(fault)
+    return document
+
+
+def _checksum(document: Mapping[str, Any], body: bytes) -> str:
+    """Return the SHA-256 of a checkpoint: of what its first line says, without its own, and of all arrays."""
+    digest = hashlib.sha256(json.dumps(document, sort_keys=True).encode())
+    digest.update(body)
+    return digest.hexdigest()
+
+
+class Pace:
+    """Says when the next checkpoint may be written, so that all of them take no more than ``SHARE`` of the time."""
+
+    def __init__(self) -> None:
+        self._due = 0.0
+
+    def is_due(self) -> bool:
+        """Whether a checkpoint may be written now."""
+        return perf_counter() >= self._due
+
+    def wrote(self, since: float) -> None:
+        """Note that one has been written, begun at a time of ``perf_counter``."""
+        now = perf_counter()
+        self._due = now + (now - since) / SHARE
