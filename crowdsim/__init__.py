@@ -36,6 +36,7 @@ _LAZY = {
     "load_policy": "crowdsim.policy.bundle",
     "load_recipe": "crowdsim.training.recipe",
     "load_scenario": "crowdsim.scenario.scenario",
+    "open_batch": "crowdsim.batch.dataset",
     "open_run": "crowdsim.runs.opening",
     "open_take": "crowdsim.take.store",
     "read_bvh": "crowdsim.bvh.io",

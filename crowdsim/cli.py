@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import re
 import signal
@@ -13,10 +14,12 @@ import typer
 from typer.core import TyperArgument, TyperCommand
 
 from crowdsim import __version__
+from crowdsim.commands.batching import batch
 from crowdsim.commands.checking import schema, status, validate, verify
 from crowdsim.commands.common import talk, with_talk
 from crowdsim.commands.inspecting import inspect
 from crowdsim.commands.motion import perform
+from crowdsim.commands.packing import pack
 from crowdsim.commands.profiling import profile
 from crowdsim.commands.rendering import render
 from crowdsim.commands.running import export, run
@@ -50,7 +53,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 120},
 )
-for _command in (perform, inspect, train, run, export, render, profile, validate, schema, verify, status):
+for _command in (perform, inspect, train, run, batch, export, render, profile, validate, schema, verify, status, pack):
     app.command(cls=Verb, epilog=EXIT_CODES)(with_talk(_command))
 
 
@@ -59,6 +62,9 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _terminate)
     # Imports create many objects and almost no garbage: collecting it after every 700th costs 0.1 s.
     gc.set_threshold(300_000, 10, 10)
+    # At the end nothing need be looked through for garbage, which takes half a second.
+    atexit.unregister(gc.freeze)
+    atexit.register(gc.freeze)
     talk.quiet = talk.verbose = False
     try:
         app(standalone_mode=True)

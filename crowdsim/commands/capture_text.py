@@ -46,6 +46,7 @@ def _strikes(figures: Figures) -> list[Row]:
     rate = 60.0 * figures["strikes"] / figures["seconds"] if figures["seconds"] else 0.0
     rows: list[Row] = [
         ("strikes", f"{figures['strikes']:,}, {number(rate)} per minute"),
+        ("by limb", _by_limb(figures["strikes_by_limb"])),
         ("fastest fist", f"{figures['highest_fist_speed']:.1f} m/s"),
     ]
     reasons = Counter(swing["reason"] for swing in figures["rejected_list"])
@@ -60,7 +61,16 @@ def _strikes(figures: Figures) -> list[Row]:
         rows.append(
             (
                 f"at {strike['seconds']:.2f} s",
-                f"{strike['hand']:5} fist at {strike['speed']:4.1f} m/s, {place}, {ahead:.2f} m ahead",
+                f"{_striker(strike['limb']):10} at {strike['speed']:4.1f} m/s, {place}, {ahead:.2f} m ahead",
             )
         )
     return rows
+
+
+def _by_limb(counts: Mapping[str, int]) -> str | None:
+    """Return how many strikes each limb has, in words; None without any."""
+    return ", ".join(f"{amount} {_striker(limb)}" for limb, amount in counts.items() if amount) or None
+
+
+def _striker(limb: str) -> str:
+    return limb.replace("_hand", " fist").replace("_", " ")

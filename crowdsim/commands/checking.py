@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -22,9 +22,10 @@ def validate(
     as_json: Json = False,
 ) -> None:
     """Check scenarios and recipes; print every finding with its line and column."""
-    from crowdsim.runs.validation import find_checked_file, find_file_faults, find_file_warnings
+    from crowdsim.runs.validation import check_file, find_checked_file
 
     findings_by_file: dict[str, list[str]] = {}
+    warnings: list[str] = []
     for name in files:
         try:
             path = find_checked_file(name)
@@ -32,7 +33,8 @@ def validate(
             findings_by_file[name] = [str(error)]
             continue
         detail(f"{name}: checking {path}")
-        findings_by_file[str(path)] = find_file_faults(path)
+        findings_by_file[str(path)], more = check_file(path)
+        warnings += more
     found = any(findings_by_file.values())
     for findings in findings_by_file.values():
         for finding in findings:
@@ -44,11 +46,11 @@ def validate(
         print_json({"valid": not found, "files": checked})
     if found:
         sys.exit(2)
-    warnings = [warning for path in findings_by_file for warning in find_file_warnings(Path(path))]
     for warning in warnings:
         note(warning)
     if not as_json:
-        say(f"{len(findings_by_file)} file{'s' if len(findings_by_file) > 1 else ''} without a finding")
+        count = len(findings_by_file)
+        say(f"{count} file{'s' if count > 1 else ''} checked, nothing is wrong")
 
 
 class Kind(str, Enum):
@@ -56,26 +58,35 @@ class Kind(str, Enum):
 
     SCENARIO = "scenario"
     RECIPE = "recipe"
+    BATCH = "batch"
 
 
 def schema(
-    kind: Annotated[Kind, typer.Argument(metavar="[scenario|recipe]", help="What it is of.")] = Kind.SCENARIO,
+    kind: Annotated[Kind, typer.Argument(metavar="[scenario|recipe|batch]", help="What it is of.")] = Kind.SCENARIO,
 ) -> None:
-    """Print the JSON Schema of scenario or recipe files, for editors."""
+    """Print the JSON Schema of scenario, recipe or batch files, for editors."""
+    from crowdsim.batch.reference import batch_schema
     from crowdsim.scenario.scenario import scenario_schema
     from crowdsim.training.recipe_reference import recipe_schema
 
-    print(scenario_schema() if kind is Kind.SCENARIO else recipe_schema(), end="")
+    write = {Kind.SCENARIO: scenario_schema, Kind.RECIPE: recipe_schema, Kind.BATCH: batch_schema}[kind]
+    print(write(), end="")
 
 
-def verify(folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")], as_json: Json = False) -> None:
+def verify(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or its archive.")], as_json: Json = False
+) -> None:
     """Hold every file of a run against the checksums in its manifest."""
+    from crowdsim.runs.archive import opened
     from crowdsim.runs.manifest import read_manifest, verify
+    from crowdsim.runs.staging import complete_alone
 
-    verdict = verify(folder, CORES)
+    with opened(folder) as unpacked:
+        complete_alone(unpacked)
+        verdict = verify(unpacked, CORES)
+        count = len(read_manifest(unpacked)["files"])
     for finding in verdict.findings:
         print(finding, file=sys.stderr)
-    count = len(read_manifest(folder)["files"])
     if as_json:
         print_json(
             {
@@ -101,15 +112,19 @@ def verify(folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run fol
 
 
 def status(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run folder, or a folder of several.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run, a folder of several, or a batch.")],
     as_json: Json = False,
 ) -> None:
-    """List which runs in a folder are done, interrupted or unfinished."""
-    from crowdsim.runs.folder import describe_run
+    """List the runs in a folder: done, running or interrupted, how far they are, and which process is at work."""
+    from crowdsim.batch.plan import is_batch
+    from crowdsim.runs.status import describe_run
 
     if not folder.is_dir():
         raise CrowdsimError(f"{folder}: no such folder, expected runs")
-    runs = {str(path): describe_run(path) for path in [folder, *sorted(folder.iterdir())] if path.is_dir()}
+    if is_batch(folder):
+        _print_batch(folder, as_json)
+        return
+    runs = {str(path): describe_run(path) for path in [folder, *sorted(folder.glob("[!.]*"))] if path.is_dir()}
     runs = {path: facts for path, facts in runs.items() if facts["state"] != "none"}
     if not runs:
         raise CrowdsimError(f"{folder}: holds no run")
@@ -117,7 +132,48 @@ def status(
         print_json(runs)
         return
     for path, facts in runs.items():
-        more = f"  {facts['why']}" if "why" in facts else ""
-        if "avatars" in facts:
-            more = f"  {facts['avatars']:,} avatars, {facts['control_frames']:,} control frames"
-        print(f"{facts['state']:<12} {path}{more}")
+        print(f"{facts['state']:<12} {path}{_details(facts)}")
+
+
+def _print_batch(folder: Path, as_json: bool) -> None:
+    """Print how far a batch is, and the runs that are at work or have failed."""
+    from crowdsim.batch.status import describe_batch
+    from crowdsim.commands.batch_text import time_text
+
+    facts = describe_batch(folder)
+    if as_json:
+        print_json(facts)
+        return
+    counts = [f"{facts[state]:,} {state}" for state in ("done", "failed", "running", "interrupted", "waiting")]
+    left = facts.get("seconds_left")
+    owner = _details({"owner": facts["owner"]}) if "owner" in facts else ""
+    print(f"{facts['state']:<12} {folder}  {', '.join(counts)} of {facts['total']:,} runs", end="")
+    print(f"{', about ' + time_text(left) + ' left' if left else ''}{owner}")
+    if facts.get("dashboard"):
+        print(f"dashboard    {facts['dashboard']}")
+    for path, run in facts["runs"].items():
+        if run["state"] in ("running", "interrupted", "failed", "damaged"):
+            what = f"  {run['message']}; {run['command']}" if run["state"] == "failed" else _details(run)
+            task = f", {run['task']['stage']}" if "task" in run else ""
+            print(f"{run['state']:<12} {path}{what}{task}")
+
+
+def _details(facts: dict[str, Any]) -> str:
+    """Return how far a run is, in words."""
+    parts = [facts["why"]] if "why" in facts else []
+    if "avatars" in facts:
+        parts.append(f"{facts['avatars']:,} avatars")
+    if facts.get("control_frames") or "avatars" in facts:
+        planned = facts.get("planned_frames", facts["control_frames"])
+        of = "" if planned == facts["control_frames"] else f" of {planned:,}"
+        parts.append(f"{facts['control_frames']:,}{of} control frames")
+    for kind, counts in facts.get("outputs", {}).items():
+        if counts["done"] < counts["planned"]:
+            parts.append(f"{kind} {counts['done']:,} of {counts['planned']:,}")
+    if "extension" in facts:
+        longer = facts["extension"]
+        parts.append(f"extension {longer['control_frames']:,} of {longer.get('planned_frames', 0):,}")
+    if "owner" in facts:
+        owner = facts["owner"]
+        parts.append(f"process {owner['pid']} on {owner['host']} since {owner['since']} ({owner['command']})")
+    return "  " + ", ".join(parts) if parts else ""

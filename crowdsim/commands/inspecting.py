@@ -18,7 +18,8 @@ from crowdsim.files import make_folder
 
 def inspect(
     thing: Annotated[
-        str, typer.Argument(metavar="THING", help="A BVH file, a policy bundle or its name, or a run folder.")
+        str,
+        typer.Argument(metavar="THING", help="A BVH file, a policy bundle or its name, a run or its archive."),
     ],
     as_json: Json = False,
     plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for pictures.")] = None,
@@ -30,10 +31,16 @@ def inspect(
         str | None, typer.Option(metavar="AXIS", help="Up axis of a BVH file: y, z, -y ...; found by default.")
     ] = None,
 ) -> None:
-    """Describe a BVH file, a trained policy or a run in words and figures, and draw it."""
+    """Describe a BVH file, a trained policy or a run in words and figures, and draw it.
+
+    Where numbers of a BVH file are missing or wrong, the exit code is 2.
+    """
+    from crowdsim.runs.archive import is_archive, opened
+
     path = Path(thing)
-    if path.is_dir() and not (path / "policy.json").exists():
-        _inspect_run(path, as_json, plots)
+    if (path.is_dir() and not (path / "policy.json").exists()) or is_archive(path):
+        with opened(path) as folder:
+            _inspect_run(folder, as_json, plots)
     elif path.is_file() and path.suffix not in (".yaml", ".yml"):
         _inspect_bvh(path, as_json, plots, unit, up)
     elif path.suffix.lower() == ".bvh":
@@ -73,7 +80,7 @@ def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
     sampler = PoseSampler(take, policies, CORES)
     with Bars() as bars, watch_compilation(bars.note):
         result = measure_take(sampler, bars, CORES)
-    seconds = read_manifest(folder)["seconds"] if (folder / NAME).exists() else {}
+    seconds = read_manifest(folder, ("seconds",))["seconds"] if (folder / NAME).exists() else {}
     result["control_seconds"], result["wall_seconds"] = seconds.get("control"), seconds.get("total")
     if plots is not None:
         from crowdsim.take.plots import plot_take
@@ -104,7 +111,7 @@ def _print(
 
 
 def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None, up: str | None) -> None:
-    from crowdsim.capture.loading import load_capture
+    from crowdsim.capture.loading import load_capture, with_path
     from crowdsim.capture.report import describe_capture
     from crowdsim.commands.capture_text import capture_lines
 
@@ -116,4 +123,6 @@ def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None
         _draw(plots, lambda: plot_capture(capture, plots))
     _print(path, result, capture_lines, as_json)
     for finding in [] if as_json else result["findings"]:
-        print(f"{path}: {finding}", file=sys.stderr)
+        print(with_path(finding, path), file=sys.stderr)
+    if capture.bvh.faults:
+        sys.exit(2)

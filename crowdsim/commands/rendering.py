@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -16,7 +16,7 @@ from crowdsim.core.workers import CORES
 
 
 def render(
-    things: Annotated[list[Path], typer.Argument(metavar="RUN|FILE.bvh", help="Run folders and BVH files.")],
+    things: Annotated[list[Path], typer.Argument(metavar="RUN|FILE.bvh", help="Runs, their archives, BVH files.")],
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of the pictures; with several things their parent.")
     ] = None,
@@ -42,6 +42,7 @@ def render(
     from crowdsim.render.command import parse_size, render_many
     from crowdsim.render.options import RenderOptions
     from crowdsim.render.take_source import TakeSource
+    from crowdsim.runs.archive import opened
     from crowdsim.runs.opening import open_run, read_arena
     from crowdsim.runs.recorder import record_files
     from crowdsim.scenario.frame_ranges import parse_frames
@@ -59,9 +60,12 @@ def render(
         jobs=jobs,
     )
 
+    unpacked = ExitStack()
+
     def open_source(path: Path, wanted: RenderOptions) -> tuple[TakeSource, tuple[str, ...]]:
-        take, policies, notes = open_run(path)
-        source = TakeSource(take, policies, wanted.fps or 30.0, threads=threads, arena=read_arena(path))
+        folder = unpacked.enter_context(opened(path))
+        take, policies, notes = open_run(folder)
+        source = TakeSource(take, policies, wanted.fps or 30.0, threads=threads, arena=read_arena(folder))
         return source, tuple(notes)
 
     drawn = {"size": size, "fps": fps, "frames": frames, "camera": camera, "caption": caption}
@@ -75,10 +79,14 @@ def render(
         outs = [out]
     else:
         outs = [
-            out / thing.stem if out is not None else thing.with_suffix("") if thing.suffix.lower() == ".bvh" else thing
+            out / thing.stem
+            if out is not None
+            else thing.with_suffix("")
+            if thing.suffix.lower() == ".bvh" or thing.is_file()
+            else thing
             for thing in things
         ]
-    with Bars() as bars, watch_compilation(bars.note, ["pictures"], threads):
+    with unpacked, Bars() as bars, watch_compilation(bars.note, ["pictures"], threads):
         outcomes = render_many(things, outs, options, open_source, bars, record)
     failed = [outcome for outcome in outcomes if outcome.error is not None]
     for outcome in outcomes:

@@ -9,6 +9,7 @@ from crowdsim.commands.figures_text import Row, count, length, number, percent, 
 from crowdsim.take.measures import AFTER, AIR, OUT_OF_REACH, STUCK
 from crowdsim.take.penetration import DEEP
 from crowdsim.take.quality import TOUCH
+from crowdsim.take.variety import AROUND, LATELY, YIELDING
 
 Figures = Mapping[str, Any]
 
@@ -20,6 +21,7 @@ def run_lines(figures: Figures) -> list[str]:
         *section("Strikes", _strikes(figures)),
         *section(f"Opponents, from {AFTER:g} s on", _opponents(figures)),
         *section("Motion, and the capture's in the same frames", _motion(figures)),
+        *section("Variety", _variety(figures)),
     ]
 
 
@@ -43,10 +45,12 @@ def _strikes(figures: Figures) -> list[Row]:
         rates += f": {rating(thrown, captured)}, {number(captured)}"
     hits = "" if share is None else f", {percent(share)} of those thrown"
     hits += "" if landed is None else f", {number(landed)} per avatar per minute"
-    air = figures["air_share"]
+    air, behind, step = (figures[key] for key in ("air_share", "hits_from_behind_share", "step_after_hit"))
     return [
         ("thrown", f"{figures['strikes_thrown']:,}{rates}"),
         ("landed", f"{figures['strikes_landed']:,}{hits}"),
+        ("", None if behind is None else f"{percent(behind)} of them from behind"),
+        ("", None if step is None else f"victims of strong ones go back by {length(step)} within {time(YIELDING)}"),
         ("", None if least is None else f"{number(least)} per minute by the avatar that lands least"),
         ("first landed", "never" if first is None else f"after {time(first)}"),
         ("thrown at the air", None if air is None else f"{percent(air)}, at opponents further away than {AIR:g} m"),
@@ -79,6 +83,26 @@ def _motion(figures: Figures) -> list[Row]:
         ),
         ("fists that land", _fists(figures)),
         *_penetration(figures),
+    ]
+
+
+def _variety(figures: Figures) -> list[Row]:
+    repeated, source, strikes = (
+        figures[key] for key in ("repeated_second_per_minute", "same_source_share", "same_strike_share")
+    )
+    still, captured = figures["stillness_share"], figures["stillness_share_captured"]
+    beside = "" if captured is None else f"; {percent(captured)} of the capture"
+    return [
+        ("own repetition", None if repeated is None else f"the same moment {number(repeated)} times per minute"),
+        (
+            "others' motion",
+            None if source is None else f"{percent(source)} of the time, within {AROUND:g} m and {LATELY:g} s",
+        ),
+        (
+            "same strikes at once",
+            None if strikes is None else f"{percent(strikes)} of those at opponents that fight back",
+        ),
+        ("stillness", None if still is None else f"{percent(still)} of the time{beside}"),
     ]
 
 

@@ -46,6 +46,10 @@ def run(
     frames: Annotated[
         str | None, typer.Option(metavar="N", help="Another length in control frames, or in seconds as in 20s.")
     ] = None,
+    extend: Annotated[
+        str | None,
+        typer.Option(metavar="N", help="Continue a finished run by so many control frames, or seconds as in 20s."),
+    ] = None,
     fraction: Annotated[
         float | None, typer.Option(metavar="F", help="Share of every group's avatars, 0.01 say.")
     ] = None,
@@ -56,13 +60,18 @@ def run(
 ) -> None:
     """Run scenarios: simulate, and write take and outputs."""
     from crowdsim.jit.environment import load_numba
+    from crowdsim.runs.extending import extend_run, forget_extension
     from crowdsim.runs.run import Interrupted
     from crowdsim.runs.runner import run_to
     from crowdsim.scenario.frame_ranges import parse_length
     from crowdsim.scenario.scenario import load_scenario
 
     length = None if frames is None else parse_length(frames)
+    more = None if extend is None else parse_length(extend)
+    if more is not None and (force or length is not None):
+        raise CrowdsimError("run --extend: goes on with a finished run, expected neither --force nor --frames")
     documents: list[dict[str, Any]] = []
+    reported: list[Path] = []
     command = shlex.join(["crowdsim", *sys.argv[1:]])
     several, failures = len(scenarios) > 1, []
     for name in scenarios:
@@ -72,13 +81,20 @@ def run(
             folder = Path("output") / scenario.name if out is None else out / scenario.name if several else out
             detail(f"{scenario.name}: {scenario.avatar_count:,} avatars, {threads} threads, into {folder}")
             with Bars() as bars:
-                report = run_to(folder, scenario, threads, mocap, force, command, bars, bars.note)
+                if more is None:
+                    report = run_to(folder, scenario, threads, mocap, force, command, bars, bars.note)
+                else:
+                    report = extend_run(folder, scenario, more, threads, mocap, command, bars, bars.note)
             for line in report.notes:
                 note(line)
             if as_json:
                 documents.append(_describe_report(scenario.name, report))
             elif not talk.quiet:
                 _print_report(report)
+            reported.append(folder)
+            if not as_json:
+                sys.stdout.flush()
+                forget_extension(folder)
         except Interrupted as stop:
             print(stop, file=sys.stderr)
             sys.exit(128 + stop.number)
@@ -92,6 +108,9 @@ def run(
             documents.append({"scenario": name, "state": "failed", "error": str(error)})
     if as_json:
         print_json({"runs": documents})
+        sys.stdout.flush()
+        for folder in reported:
+            forget_extension(folder)
     if failures:
         print(f"{len(failures)} of {len(scenarios)} runs failed: {', '.join(failures)}", file=sys.stderr)
         sys.exit(1)
@@ -104,14 +123,16 @@ def _print_report(report: Any) -> None:
         return
     figures, seconds = report.statistics, report.seconds
     total = seconds["total"]
-    frame = 1000 * seconds["control"] / figures.control_frames
+    fresh = figures.control_frames - report.continued_at
     print(report.folder)
     print(f"  avatars         {figures.avatars:,}")
     print(f"  control frames  {figures.control_frames:,} ({figures.seconds:.1f} s)")
     print(f"  strikes         {figures.strikes_thrown:,} thrown, {figures.strikes_landed:,} landed")
     print(f"  hits            {figures.hits_per_minute_per_avatar:.1f} per avatar per minute")
     print(f"  overlap         {figures.overlap_share:.2%} of avatar-frames")
-    print(f"  control         {frame:.3f} ms a frame, {seconds['control'] / total:.2%} of the time")
+    if fresh:
+        control = seconds["control"]
+        print(f"  control         {1000 * control / fresh:.3f} ms a frame, {control / total:.2%} of the time")
     if report.compiled:
         print(f"  compilation     {seconds['compile']:.1f} s, no part of control; kernels are kept for later runs")
     for kind, (path, count, size) in report.outputs.items():
@@ -125,7 +146,7 @@ def _describe_report(name: str, report: Any) -> dict[str, Any]:
     """Return what a run did as plain data; of one that was done before as its manifest says."""
     from crowdsim.runs.manifest import read_manifest
 
-    manifest = read_manifest(report.folder)
+    manifest = read_manifest(report.folder, ("avatars", "control_frames", "seed", "statistics", "seconds"))
     return {
         "scenario": name,
         "folder": str(report.folder),
@@ -144,7 +165,7 @@ def _describe_report(name: str, report: Any) -> dict[str, Any]:
 
 
 def export(
-    folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or its archive.")],
     bvh: Annotated[bool, typer.Option("--bvh", help="Write BVH, one file an avatar.")] = False,
     ply: Annotated[bool, typer.Option("--ply", help="Write PLY point clouds, one file a frame.")] = False,
     pcd: Annotated[bool, typer.Option("--pcd", help="Write PCD point clouds, one file a frame.")] = False,
@@ -156,23 +177,27 @@ def export(
     every: Annotated[int, typer.Option(metavar="N", min=1, help="Write every n-th output frame of point clouds.")] = 1,
     points: Annotated[int, typer.Option(metavar="N", min=1, max=100_000, help="Points an avatar.")] = 500,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder that bvh/, ply/ and pcd/ go into; the run's.")
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of bvh/, ply/ and pcd/; the run's, or one beside an archive."),
     ] = None,
     threads: Threads = CORES,
 ) -> None:
     """Export a run's take as BVH or point clouds, without simulating again; in the run's folder it replaces them."""
     from crowdsim.compilation import watch_compilation
+    from crowdsim.runs.archive import opened
+    from crowdsim.runs.exports import ExportOptions, export_take
     from crowdsim.runs.opening import open_run
-    from crowdsim.runs.outputs import ExportOptions, export_take
 
-    take, policies, notes = open_run(folder)
-    for line in notes:
-        note(line)
     kinds = [kind for kind, wanted in (("bvh", bvh), ("ply", ply), ("pcd", pcd)) if wanted]
     options = ExportOptions(kinds, avatars, frames, fps, every, points)
     uses = [use for use, wanted in (("bvh", bvh), ("clouds", ply or pcd)) if wanted]
-    with Bars() as bars, watch_compilation(bars.note, uses, threads):
-        written = export_take(folder, take, policies, options, out, threads, bars)
+    target = out or (folder.with_suffix("") if folder.is_file() else folder)
+    with opened(folder) as unpacked:
+        take, policies, notes = open_run(unpacked)
+        for line in notes:
+            note(line)
+        with Bars() as bars, watch_compilation(bars.note, uses, threads):
+            written = export_take(unpacked, take, policies, options, target, threads, bars)
     for kind, files in written.items():
         size = sum(path.stat().st_size for path in files)
-        say(f"{(out or folder) / kind}: {len(files):,} file{'s' if len(files) > 1 else ''}, {size_text(size)}")
+        say(f"{target / kind}: {len(files):,} file{'s' if len(files) > 1 else ''}, {size_text(size)}")

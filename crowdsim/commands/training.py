@@ -122,14 +122,16 @@ def _print_summary(summary: dict[str, Any]) -> None:
     kept = motion["frames_kept"] / max(motion["frames"], 1)
     print(f"  motion      {clips}, {motion['seconds']:.1f} s, {kept:.0%} of it used{mirrored}")
     print(f"  strikes     {strikes['count']}" + (f", {strikes['used_share']:.0%} used" if strikes["count"] else ""))
-    for key, words in (("by_kind", "by kind"), ("by_hand", "by hand"), ("by_height", "aimed at")):
+    names = {"by_kind": "by kind", "by_hand": "by hand", "by_foot": "by foot", "by_height": "aimed at"}
+    for key, words in names.items():
         if key in strikes:
             counts = ", ".join(f"{count} {name}" for name, count in strikes[key].items())
             print(f"    {words:<10}{counts}")
     print(f"  graph       {summary['states']:,} states, {summary['actions']:,} actions")
     if reach is not None:
         (near, far), (low, high) = reach["distance"], reach["height"]
-        print(f"  reach       heads {near:.2f} to {far:.2f} m away; fists {low:.2f} to {high:.2f} m high")
+        what = "fists and feet" if "by_foot" in strikes else "fists"
+        print(f"  reach       heads {near:.2f} to {far:.2f} m away; {what} {low:.2f} to {high:.2f} m high")
     print(f"  speed       follows a target at up to {summary['sustained_speed']:.1f} m/s")
     for name, success in summary["success"].items():
         print(f"  {name:<10}  {_success_text(success)}")

@@ -1,0 +1,209 @@
+"""Batch files: scenarios, axes, exclusions and outputs of many runs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PrivateAttr, model_validator
+
+from crowdsim import assets
+from crowdsim.batch.axes import Axis, count_combinations, read_axis, read_values
+from crowdsim.config.files import Faults, Finding, StrictModel, load_model, validate
+from crowdsim.config.schema import Expected, join
+from crowdsim.config.tree import Document, Loc, Mark, read_document
+from crowdsim.core.types import FileName
+from crowdsim.errors import BatchError, nearest
+from crowdsim.scenario.outputs import Outputs
+from crowdsim.scenario.parts import Name
+
+MAXIMUM_RUNS = 100_000
+SEGMENT = 240
+"""Pictures that are encoded together; tasks draw whole segments (``crowdsim.render.segments``)."""
+
+_KEY = re.compile(r"[^.\[\]=]+(\.[^.\[\]=]+|\[\d+\])*")
+
+Values = Annotated[list[Any] | str, Expected("a list of values, or text such as 0:10 for whole numbers")]
+
+
+class Batch(StrictModel):
+    """Many runs: every scenario with every value of every axis."""
+
+    version: Literal[1] = Field(description="Version of this format.")
+    name: Name = Field(description="Name of the batch, and of its folder.")
+    description: str = Field(default="", description="What the batch is for, in words.")
+    scenarios: tuple[str, ...] = Field(
+        min_length=1, description="Scenario files, in the folder of this file, or names of scenarios."
+    )
+    axes: tuple[dict[str, Values], ...] = Field(
+        default=(),
+        description="Keys of the scenarios, such as `groups[0].count`, each with a list of values or with text such as "
+        "`0:10` for the whole numbers from 0 to 9. Keys of one item change together, those of several items are "
+        "multiplied.",
+    )
+    exclude: tuple[dict[str, Any], ...] = Field(
+        default=(),
+        description="Combinations that are left out: values, or lists of them, by key; `scenario` is a key too.",
+    )
+    outputs: Outputs | None = Field(
+        default=None, description="Outputs of all runs, in place of those that the scenarios name."
+    )
+    frames_per_task: int = Field(
+        default=SEGMENT,
+        ge=SEGMENT,
+        le=1_000_000,
+        multiple_of=SEGMENT,
+        description="Pictures that one task draws; the pictures of a run are drawn by several tasks at once.",
+    )
+
+    _document: Document = PrivateAttr(default_factory=lambda: Document(""))
+    _folder: Path = PrivateAttr(default=Path())
+
+    @model_validator(mode="after")
+    def _check(self) -> Batch:
+        findings = [*_axis_findings(self.axes), *_scenario_findings(self.scenarios)]
+        if not findings:
+            findings = [*_exclusion_findings(self)]
+            count = count_combinations(self.scenarios, self.all_axes)
+            if count > MAXIMUM_RUNS:
+                what = f"ask for {count:,} runs, expected at most {MAXIMUM_RUNS:,}"
+                findings.append(Finding(("axes",), what))
+        if findings:
+            raise Faults(findings)
+        return self
+
+    @property
+    def all_axes(self) -> tuple[Axis, ...]:
+        """The axes."""
+        return tuple(map(read_axis, self.axes))
+
+    def place(self, finding: Finding) -> Finding:
+        """Return a finding with its position in the batch file, or with the option that it comes from."""
+        return self._document.place(finding)
+
+    def find_scenario(self, name: str) -> Path:
+        """Return the file of one of the scenarios.
+
+        Raises:
+            ScenarioError: There is none.
+        """
+        beside = self._folder / name
+        return beside if beside.is_file() else assets.find_scenario(name)
+
+
+def load_batch(path: FileName) -> Batch:
+    """Return the batch that a file describes.
+
+    Raises:
+        BatchError: With every finding in a line of its own, and as the tuple ``findings``.
+    """
+    batch = load_model(path, Batch, BatchError)
+    batch._document = read_document(Path(path).read_bytes(), str(path))
+    batch._folder = Path(path).parent
+    return batch
+
+
+def batch_of_options(scenarios: Sequence[str], seeds: str | None = None, sweeps: Sequence[str] = ()) -> Batch:
+    """Return the batch that options of the command line describe.
+
+    Args:
+        scenarios: Scenario files, or their names.
+        seeds: ``A:B``, half-open, or numbers with commas between.
+        sweeps: ``KEY=VALUE,VALUE`` each.
+
+    Raises:
+        BatchError: With every finding in a line of its own, and as the tuple ``findings``.
+    """
+    given = [(f"--seeds {seeds}", f"seed={seeds}")] if seeds is not None else []
+    given += [(f"--sweep {text}", text) for text in sweeps]
+    axes: list[dict[str, Any]] = []
+    marks: dict[Loc, tuple[Mark, Mark]] = {}
+    findings: list[Finding] = []
+    for source, text in given:
+        key, equals, written = text.partition("=")
+        values, wrong = _read_sweep(written)
+        if not equals or not key or wrong:
+            what = wrong or "is no axis, expected KEY=VALUE,VALUE, such as groups[0].count=5,15,30"
+            findings.append(Finding((), what, source=source))
+            continue
+        mark = (source, 0, 0)
+        marks[("axes", len(axes))] = marks[("axes", len(axes), key)] = mark, mark
+        axes.append({key: values})
+    first = Path(scenarios[0]).stem if len(scenarios) == 1 else "batch"
+    name = re.sub(r"[^A-Za-z0-9_-]", "_", first) + ("_batch" if len(scenarios) == 1 else "")
+    data = {"version": 1, "name": name, "scenarios": list(scenarios), "axes": axes}
+    if marks:
+        marks[("axes",)] = next(iter(marks.values())) if len(given) == 1 else (("--sweep", 0, 0),) * 2
+    document = Document("crowdsim batch", data, marks, findings=findings)
+    batch = validate(document, Batch, BatchError)
+    batch._document = document
+    return batch
+
+
+def is_batch_file(name: str) -> bool:
+    """Whether a file describes a batch rather than a scenario: it lists scenarios."""
+    path = Path(name)
+    if not path.is_file():
+        return False
+    data = read_document(path.read_bytes(), name).data
+    return isinstance(data, dict) and bool({"scenarios", "axes"} & set(data))
+
+
+def _read_sweep(text: str) -> tuple[Any, str]:
+    """Return the values of a sweep, and what is wrong with them."""
+    if isinstance(read_values(text), range):
+        return text, ""
+    document = read_document(f"[{text}]".encode("utf-8", "replace"), "")
+    return document.data or [], document.findings[0].message if document.findings else ""
+
+
+def _axis_findings(axes: Sequence[dict[str, Any]]) -> Iterator[Finding]:
+    known: dict[str, int] = {}
+    for i, axis in enumerate(axes):
+        if not axis:
+            yield Finding(("axes", i), "is empty, expected a key with its values")
+        lengths = {}
+        for key, values in axis.items():
+            at, read = ("axes", i, key), read_values(values)
+            lengths[key] = len(read)
+            if not _KEY.fullmatch(key):
+                yield Finding(at, "is no key of a scenario, expected one such as seed or groups[0].count", of_key=at)
+            elif key in known:
+                yield Finding(at, f"is an axis already, see axes[{known[key]}]; expected it once", of_key=at)
+            elif re.match(r"outputs\b|name\b", key):
+                yield Finding(at, "is the same for all runs, expected a key that changes what happens", of_key=at)
+            elif not read:
+                what = "is empty" if isinstance(values, list) else f"is {values!r}"
+                yield Finding(at, f"{what}, expected a list of values, or text such as 0:10 for whole numbers")
+            known.setdefault(key, i)
+        first, count = next(iter(lengths.items()), ("", 0))
+        for key, length in lengths.items():
+            if length != count and 0 not in (length, count):
+                what = f"has {length} values, expected {count} as {first} has, since they change together"
+                yield Finding(("axes", i, key), what)
+
+
+def _scenario_findings(scenarios: Sequence[str]) -> Iterator[Finding]:
+    for i, name in enumerate(scenarios):
+        if name in scenarios[:i]:
+            yield Finding(("scenarios", i), f"is {name!r} like scenarios[{scenarios.index(name)}], expected it once")
+
+
+def _exclusion_findings(batch: Batch) -> Iterator[Finding]:
+    values: dict[str, Sequence[Any]] = {"scenario": batch.scenarios}
+    for axis in batch.all_axes:
+        values.update(zip(axis.keys, axis.columns, strict=True))
+    for i, rule in enumerate(batch.exclude):
+        if not rule:
+            yield Finding(("exclude", i), "is empty, expected values by key")
+        for key, wanted in rule.items():
+            at = ("exclude", i, key)
+            if key not in values:
+                what = f"is no axis, expected {join(values)}{nearest(key, values)}"
+                yield Finding(at, what, of_key=at)
+                continue
+            for value in wanted if isinstance(wanted, list) else [wanted]:
+                if value not in values[key]:
+                    yield Finding(at, f"never is {value!r}, expected one of its values")

@@ -1,0 +1,94 @@
+"""Why runs of a batch failed, and the commands that repeat them."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+from crowdsim.batch.attempts import TaskError, log_path, read_attempts
+from crowdsim.batch.plan import LOGS, SCENARIOS, PlannedRun
+from crowdsim.runs.folder import RESOLVED
+
+
+def describe_failure(
+    folder: Path, run: PlannedRun, error: BaseException, session: str, out_of_memory: Collection[tuple[str, int]] = ()
+) -> dict[str, Any]:
+    """Return why a run failed, as its result.
+
+    Args:
+        folder: Folder of the batch.
+        run: The run.
+        error: What Dask reports.
+        session: The session of the batch.
+        out_of_memory: Workers, with the numbers of their processes, that Dask ended since they took too much memory.
+    """
+    if isinstance(error, TaskError):
+        task, kind, message = error.task, error.kind, error.message
+    else:
+        task, kind, message = _find_death(folder, run, session) or ("", "lost", f"{type(error).__name__}: {error}")
+    path = log_path(folder, LOGS, run.id, task)
+    attempts = read_attempts(path, session)
+    if attempts and kind == "killed":
+        begun = attempts[-1].begun
+        if (begun.get("worker"), begun.get("pid")) in out_of_memory:
+            where = f"process {begun.get('pid')} on {begun.get('host')}"
+            kind, message = "memory", f"took more memory than its worker may ({where})"
+    return {
+        "state": "failed",
+        "task": task,
+        "cause": kind,
+        "message": message,
+        "attempts": len(attempts),
+        "log": os.path.relpath(path, folder) if path.is_file() else "",
+        "command": repeat_command(folder, run, task),
+    }
+
+
+def _find_death(folder: Path, run: PlannedRun, session: str) -> tuple[str, str, str] | None:
+    """Return task, kind and cause of the death of a run's tasks that died most often; None where none has died."""
+    died = {}
+    for path in sorted((folder / LOGS / run.id).glob("*.log")):
+        died[path.stem] = [one for one in read_attempts(path, session) if not one.ended]
+    task = max(died, key=lambda name: len(died[name]), default="")
+    return (task, *died[task][-1].cause()) if task and died[task] else None
+
+
+def repeat_command(folder: Path, run: PlannedRun, task: str) -> str:
+    """Return the command that does a task of a run again, without Dask."""
+    run_folder, outputs = str(folder / run.folder), run.outputs
+    words = ["crowdsim", "run", str(folder / SCENARIOS / run.id / RESOLVED), "--threads", "1", "--out", run_folder]
+    kind = task.removeprefix("export-")
+    if kind in ("bvh", "ply", "pcd"):
+        output = getattr(outputs, kind)
+        words = ["crowdsim", "export", run_folder, f"--{kind}", "--fps", f"{output.fps:g}", "--threads", "1"]
+        if kind != "bvh":
+            words += ["--every", str(output.every), "--points", str(output.points)]
+        if output.avatars is not None:
+            words += ["--avatars", ",".join(map(str, output.avatars))]
+        words += _frames(output.frames)
+    elif outputs.render is not None and task.startswith(("pictures", "finish")):
+        render = outputs.render
+        width, height = render.size
+        words = ["crowdsim", "render", run_folder, "--size", f"{width}x{height}", "--fps", f"{render.fps:g}"]
+        words += ["--png"] * render.png + ["--mp4"] * render.mp4
+        words += ["--contact-sheet", str(render.contact_sheet)] if render.contact_sheet else []
+        words += ["--camera", render.camera] if isinstance(render.camera, str) else []
+        words += ["--no-caption"] * (not render.caption) + ["--threads", "1", *_frames(render.frames)]
+    return shlex.join(words)
+
+
+def _frames(frames: object) -> list[str]:
+    return ["--frames", f"{frames[0]}:{frames[1]}"] if isinstance(frames, tuple) else []
+
+
+def log_tail(folder: Path, result: dict[str, Any], lines: int = 40) -> str:
+    """Return the end of the log of a run that failed."""
+    try:
+        text = (folder / result["log"]).read_text(encoding="utf-8", errors="replace") if result.get("log") else ""
+    except OSError:
+        return ""
+    said = [line for line in text.splitlines() if not line.startswith('{"')]
+    return "\n".join(said[-lines:])

@@ -1,0 +1,118 @@
+"""What is done once before workers begin: policies trained and frozen, kernels compiled, scenarios frozen."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Callable, Collection, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from crowdsim.batch.resolving import Resolved
+from crowdsim.core.types import FileName, Progress
+from crowdsim.errors import OutputError
+from crowdsim.files import make_folder
+from crowdsim.scenario.outputs import Outputs
+
+if TYPE_CHECKING:
+    from crowdsim.policy.policy import Policy
+
+_STALLED = 60.0
+"""When nothing has been compiled for so long, kernels are left to the workers [s]."""
+
+
+def train_policies(
+    runs: Iterable[Resolved],
+    mocap: FileName | None,
+    threads: int,
+    progress: Progress | None = None,
+    notify: Callable[[str], None] | None = None,
+) -> dict[str, Policy]:
+    """Return the policies that runs use, by name; trained when missing or stale.
+
+    Raises:
+        PolicyError: A bundle is foreign or damaged, or capture for it is missing.
+    """
+    from crowdsim.runs.preparation import load_policies, policy_names, training_notice, untrained_policies
+
+    found: dict[str, Policy] = {}
+    for one in runs:
+        if set(policy_names(one.scenario)) <= found.keys():
+            continue
+        if notify is not None:
+            for name in untrained_policies(one.scenario, mocap):
+                notify(training_notice(name, threads))
+        found.update({policy.name: policy for policy in load_policies(one.scenario, mocap, threads, progress)})
+    return found
+
+
+def freeze_policies(folder: Path, names: Collection[str]) -> None:
+    """Keep policies in a folder, from which all workers map them into memory; those that are there stay.
+
+    Raises:
+        OutputError: They cannot be written.
+    """
+    from crowdsim.training.train import find_bundle
+
+    make_folder(folder)
+    for name in names:
+        target, partial = folder / name, folder / f".{name}.part"
+        if (target / "policy.json").is_file():
+            continue
+        try:
+            shutil.rmtree(partial, ignore_errors=True)
+            shutil.copytree(find_bundle(name), partial, copy_function=_link)
+            os.replace(partial, target)
+        except (OSError, shutil.Error) as error:
+            raise OutputError(f"{target}: cannot be written: {error}") from None
+
+
+def _link(source: str, target: str) -> None:
+    """Link a file, which is never changed once it is written; copy it from another disk."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)
+
+
+def used_kernels(runs: Iterable[tuple[int, Outputs]]) -> list[str]:
+    """Return what runs need kernels for: of each its avatars, and its outputs."""
+    from crowdsim.crowd.simulation import SMALL
+
+    found: dict[str, None] = {}
+    for avatars, outputs in runs:
+        found["few" if avatars <= SMALL else "many"] = None
+        found["pictures"] = None
+        if outputs.bvh is not None:
+            found["bvh"] = None
+        if outputs.ply is not None or outputs.pcd is not None:
+            found["clouds"] = None
+    return list(found)
+
+
+def compile_kernels(uses: Collection[str], processes: int, notify: Callable[[str], None] | None = None) -> None:
+    """Compile the kernels that some uses need and that are not compiled yet; where they are, nothing is loaded.
+
+    Args:
+        uses: What kernels will be needed for.
+        processes: Processes that compile.
+        notify: Called with what is missing, and about how long it takes.
+    """
+    from crowdsim.jit.ahead import compile_ahead, compile_listed
+    from crowdsim.jit.signatures import listed
+
+    with compile_ahead(uses, processes) as missing:
+        if not missing:
+            return
+        if notify is not None:
+            notify(missing)
+        left, since = missing, time.monotonic()
+        while left and time.monotonic() - since < _STALLED:
+            for one in listed(uses):
+                compile_listed(one)
+            # What the other processes are compiling is left to them, and looked at again.
+            time.sleep(0.1)
+            before = left
+            with compile_ahead(uses, 0) as left:
+                since = since if left == before else time.monotonic()

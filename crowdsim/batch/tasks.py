@@ -1,0 +1,268 @@
+"""What workers do: simulate a run, export it, draw some of its pictures, and put everything together.
+
+A task is a function of a job that gives the same files however often it is begun; files that are there already are not
+written again. So a task whose worker has died is done by another one, from the last checkpoint or whole file on.
+"""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from crowdsim.batch.attempts import attempt, log_path
+from crowdsim.batch.environment import describe_environment
+from crowdsim.batch.plan import LOGS, POLICIES, SCENARIOS, WORK
+from crowdsim.batch.results import collect, write_result
+from crowdsim.runs.origin import document_difference
+from crowdsim.scenario.outputs import Outputs
+
+if TYPE_CHECKING:
+    from crowdsim.policy.policy import Policy
+    from crowdsim.render.options import RenderOptions
+    from crowdsim.render.take_source import TakeSource
+    from crowdsim.runs.exports import ExportOptions
+    from crowdsim.take.take import Take
+
+KINDS = ("bvh", "ply", "pcd")
+_PAUSE = 0.2
+"""How often a folder is looked at that another process holds [s]."""
+_MOMENTS = 32
+"""Frames of a source of which one picture is drawn."""
+_NEWS = 0.5
+"""How often progress is reported [s]."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What the tasks of a run need to know; plain data, which is sent to workers.
+
+    Attributes:
+        batch: Folder of the batch.
+        id: The run.
+        folder: Run folder.
+        outputs: What is written once its take is finished, resolved.
+        mark: Checksum of the outputs.
+        policies: Names of its policies.
+        session: This session of the batch.
+        environment: What a worker must be.
+        retries: How often a task may be tried again.
+        timeout: How long a task may take [s].
+        command: The command, for manifests.
+    """
+
+    batch: Path
+    id: str
+    folder: Path
+    outputs: Outputs
+    mark: str
+    policies: tuple[str, ...]
+    session: str
+    environment: Mapping[str, Any]
+    retries: int
+    timeout: float
+    command: str
+
+    @property
+    def work(self) -> Path:
+        """Folder of what is not in its place yet."""
+        return self.batch / WORK / self.id
+
+
+def simulate(job: Job) -> None:
+    """Simulate a run into its folder; where it has no outputs it is finished then."""
+    from crowdsim.runs.folder import RESOLVED
+    from crowdsim.runs.runner import run_to
+    from crowdsim.scenario.scenario import load_scenario
+
+    with _attempt(job, "simulate") as progress:
+        policies = _policies(job)
+        scenario = load_scenario(job.batch / SCENARIOS / job.id / RESOLVED, policies=job.policies)
+        _wait_for(job.folder)
+        run_to(job.folder, scenario, 1, command=job.command, progress=progress, policies=policies)
+        if not has_outputs(job.outputs):
+            write_result(job.batch, job.id, collect(job.folder, _take(job), job.mark))
+
+
+def export(job: Job, kind: str, *_: None) -> None:
+    """Export a finished take as one kind of file, into a folder beside the run's."""
+    from crowdsim.runs.exports import export_take
+
+    with _attempt(job, f"export-{kind}") as progress:
+        take = _take(job)
+        out = job.work / f"export-{kind}"
+        _wait_for(out)
+        export_take(job.folder, take, take.policies, _export_options(job, take, kind), out, 1, progress)
+
+
+def draw(job: Job, first: int, stop: int, *_: None) -> None:
+    """Draw some pictures of a finished take, into a folder beside the run's."""
+    from crowdsim.render.batch import draw_apart
+    from crowdsim.runs.lock import hold_folder
+
+    with _attempt(job, f"pictures-{first:08d}") as progress:
+        source, options = _source(job)
+        out = job.work / f"pictures-{first:08d}"
+        _wait_for(out)
+        with hold_folder(out):
+            draw_apart(source, out, replace(options, frames=(first, stop), contact_sheet=0), progress)
+
+
+def finish(job: Job, *_: None) -> None:
+    """Put exports and pictures in their places in the run folder, and join the video."""
+    from crowdsim.runs.exports import adopt_exports
+
+    with _attempt(job, "finish") as progress:
+        take = _take(job)
+        _wait_for(job.folder)
+        for kind in KINDS:
+            if getattr(job.outputs, kind) is not None:
+                adopt_exports(job.folder, job.work / f"export-{kind}", _export_options(job, take, kind))
+        if job.outputs.render is not None:
+            _join(job, progress)
+        write_result(job.batch, job.id, collect(job.folder, take, job.mark))
+        shutil.rmtree(job.work, ignore_errors=True)
+
+
+def thumbnail(job: Job, path: Path, *_: None) -> None:
+    """Draw a small picture of a finished take, at half its time."""
+    from crowdsim.render.options import RenderOptions
+    from crowdsim.render.video import write_png
+
+    with _attempt(job, "thumbnail"):
+        take = _take(job)
+        # The camera follows the crowd through all frames of its source, so there are few.
+        source = _open(job, min(30.0, _MOMENTS / max(take.frame_count / take.control_rate, 1.0)))
+        stage = RenderOptions(size=(256, 144), caption=False, threads=1).stage(source)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_png(path, stage.picture(source.frame_count // 2), stage.mark)
+
+
+def has_outputs(outputs: Outputs) -> bool:
+    """Whether anything is written once a take is finished."""
+    return outputs.render is not None or any(getattr(outputs, kind) is not None for kind in KINDS)
+
+
+def _join(job: Job, progress: Callable[[str, int, int], None]) -> None:
+    """Join the pictures that tasks have drawn, as ``crowdsim render`` draws them all."""
+    from crowdsim.render.batch import adopt_frames, render
+    from crowdsim.runs.recorder import record_files
+
+    source, options = _source(job)
+    width, height = options.size
+    drawn = {
+        "size": f"{width}x{height}", "fps": options.fps, "frames": options.frames, "camera": str(options.camera),
+        "caption": options.caption,
+    }  # fmt: skip
+
+    @contextmanager
+    def record(folder: Path, planned: Sequence[Path]) -> Iterator[Callable[[Sequence[Path]], None]]:
+        with record_files(folder, planned) as recorder:
+            adopt_frames(folder, sorted(job.work.glob("pictures-*")))
+            yield lambda files: recorder.settle("pictures", files, drawn)
+
+    render(source, job.folder, options, progress, record)
+
+
+def _export_options(job: Job, take: Take, kind: str) -> ExportOptions:
+    from crowdsim.runs.exports import ExportOptions
+
+    output = getattr(job.outputs, kind)
+    count = take.output_frames(output.fps)
+    first, stop = output.frames_at(output.fps) or (0, count)
+    avatars = None if output.avatars is None else ",".join(map(str, output.avatars))
+    more = {} if kind == "bvh" else {"every": output.every, "points": output.points}
+    return ExportOptions([kind], avatars, f"{first}:{min(stop, count)}", output.fps, **more)
+
+
+def _source(job: Job) -> tuple[TakeSource, RenderOptions]:
+    """Return the source of a run's pictures, and how they are drawn."""
+    from crowdsim.render.command import scenario_options
+
+    wanted = job.outputs.render
+    assert wanted is not None
+    options, source = scenario_options(wanted, 1), _open(job, wanted.fps)
+    first, stop = wanted.frames_at(wanted.fps) or (0, source.frame_count)
+    return source, replace(options, frames=(first, min(stop, source.frame_count)))
+
+
+def _open(job: Job, fps: float) -> TakeSource:
+    from crowdsim.render.take_source import TakeSource
+    from crowdsim.runs.opening import read_arena
+
+    take = _take(job)
+    return TakeSource(take, take.policies, fps, threads=1, arena=read_arena(job.folder))
+
+
+def _take(job: Job) -> Take:
+    from crowdsim.runs.staging import complete_alone
+    from crowdsim.take.store import open_take
+
+    complete_alone(job.folder)
+    return replace(open_take(job.folder), policies=tuple(_policies(job)))
+
+
+def _policies(job: Job) -> list[Policy]:
+    return [_load_policy(job.batch / POLICIES / name) for name in job.policies]
+
+
+@lru_cache(maxsize=4)
+def _load_policy(folder: Path) -> Policy:
+    """Return a policy, mapped into memory: the processes of a machine share one copy."""
+    from crowdsim.policy.bundle import load_policy
+
+    return replace(load_policy(folder), name=folder.name)
+
+
+def _wait_for(folder: Path) -> None:
+    """Wait until no process holds a folder: one that Dask has given up may still be at work in it."""
+    from crowdsim.runs.lock import find_owner
+
+    while find_owner(folder) is not None:
+        time.sleep(_PAUSE)
+
+
+@contextmanager
+def _attempt(job: Job, task: str) -> Iterator[Callable[[str, int, int], None]]:
+    """Hold an attempt at a task, and give what reports its progress to the process that sent it."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    _refuse_other(job, worker)
+    reported = 0.0
+
+    def report(stage: str, done: int, total: int) -> None:
+        nonlocal reported
+        if time.monotonic() - reported > _NEWS:
+            reported = time.monotonic()
+            worker.log_event(topic(job.session), {"run": job.id, "stage": stage, "done": done, "total": total})
+
+    worker.log_event(topic(job.session), {"run": job.id, "stage": task, "done": 0, "total": 1})
+    with attempt(log_path(job.batch, LOGS, job.id, task), job.session, job.retries, job.timeout, worker.address):
+        yield report
+
+
+def topic(session: str) -> str:
+    """Return the name under which workers report what they do for a session of a batch."""
+    return f"crowdsim-batch-{session}"
+
+
+@lru_cache(maxsize=1)
+def _own_environment() -> dict[str, Any]:
+    return describe_environment()
+
+
+def _refuse_other(job: Job, worker: Any) -> None:
+    """Let other workers do the tasks where this one is not what it must be, and close it."""
+    from distributed import Reschedule
+
+    difference = document_difference(job.environment, _own_environment())
+    if difference:
+        worker.log_event(topic(job.session), {"refused": worker.address, "difference": difference})
+        worker.loop.add_callback(worker.close)
+        raise Reschedule
