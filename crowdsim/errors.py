@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 import difflib
+import errno
+import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from itertools import islice
+
+_MOST_CHOICES = 200
+_LONGEST_WORD = 100
+_DISK_TROUBLE = {errno.ENOSPC, errno.EIO, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
 class CrowdsimError(Exception):
@@ -32,6 +39,10 @@ class ScenarioError(CrowdsimError):
     """A scenario is invalid."""
 
 
+class BatchError(CrowdsimError):
+    """A batch of runs is invalid, or cannot be begun."""
+
+
 class PolicyError(CrowdsimError):
     """A trained bundle is missing, damaged, foreign or of another version."""
 
@@ -45,7 +56,16 @@ class TakeError(CrowdsimError):
 
 
 class OutputError(CrowdsimError):
-    """An output cannot be written to its path."""
+    """An output cannot be written to its path.
+
+    Where the disk is full or fails, ``exit_code`` is 1, since the input was valid.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        reason = sys.exc_info()[1]
+        if isinstance(reason, OSError) and reason.errno in _DISK_TROUBLE:
+            self.exit_code = 1
 
 
 class RunError(CrowdsimError):
@@ -66,9 +86,12 @@ def under_way() -> Iterator[None]:
 def nearest(word: str, choices: Iterable[str]) -> str:
     """Return `` (did you mean 'x'?)`` with the choice most like ``word``, or an empty string when none is like it.
 
-    A choice that differs by a single letter takes precedence.
+    A choice that differs by a single letter takes precedence. Only the first ``_MOST_CHOICES`` are looked at, and
+    nothing is like a very long word.
     """
-    words = [str(choice) for choice in choices]
+    if len(str(word)) > _LONGEST_WORD:
+        return ""
+    words = [str(choice) for choice in islice(choices, _MOST_CHOICES)]
     match = [choice for choice in words if _one_letter_apart(str(word), choice)]
     match = match or difflib.get_close_matches(str(word), words, n=1, cutoff=0.6)
     return f" (did you mean '{match[0]}'?)" if match else ""
