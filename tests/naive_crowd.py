@@ -6,13 +6,16 @@ from types import SimpleNamespace
 import numpy as np
 from naive_opponents import nearest, neighbours
 
-from crowdsim.crowd.kernels.choice import BURSTS, REST
-from crowdsim.crowd.kernels.opponents import BEHIND
-from crowdsim.crowd.model import TOLERANCE
+from crowdsim.crowd.kernels import variety
+from crowdsim.crowd.kernels.choice import BURSTS, REDRAWN, REST
+from crowdsim.crowd.kernels.crowding import BYSTANDERS, STAGGER, STEP
+from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REMEMBERED
+from crowdsim.crowd.model import FULL_REACH, STRONG, TOLERANCE
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.crowd.script import target_positions
 from crowdsim.motion import ground
 from crowdsim.policy.policy import action_values
+from crowdsim.policy.rewards import comes_through
 
 
 def at(rows, place):
@@ -43,6 +46,9 @@ class Avatar:
         self.opponent = self.opponent_before = -1
         self.decisions = 0
         self.burst, self.rested = 0, 0.0
+        self.first_state = sum(other.actions.state_count for other in policies[: crowd.policy[number]])
+        self.shown, self.thrown, self.thrown_until = [], -1, 0
+        self.hit_by, self.hit, self.hit_frame = -1, np.zeros(2), -math.inf
 
     @property
     def length(self):
@@ -109,6 +115,7 @@ def run(crowd, policies, frames, script=None):
     }
     strikes = []
     paths = script.targets if script else ()
+    marks = {}
     for frame in range(frames):
         for one in avatars:
             one.decided = False
@@ -117,8 +124,13 @@ def run(crowd, policies, frames, script=None):
                 one.phase += one.speed
         due = [one for one in avatars if one.phase >= one.length]
         targets = target_positions(paths, frame - 1, 2, policies[0].database.control_rate)
-        chosen = [decide(one, avatars, crowd, targets, frame) for one in due]
+        chosen = [decide(one, avatars, crowd, targets, frame, marks) for one in due]
         for one, (opponent, action) in zip(due, chosen, strict=True):
+            one.shown.append(one.first_state + int(one.policy.actions.next[action]))
+            if one.policy.actions.strike_offsets[action] < one.policy.actions.strike_offsets[action + 1]:
+                one.thrown = twin_of(one, action)
+                one.thrown_until = frame + int(one.policy.actions.lengths[action] / one.speed)
+            marks[mark_of(one.stands(), one.shown[-1], crowd.count)] = frame
             one.action_before, one.start_before, one.start = one.action, one.start, one.stands()
             if one.decisions == 0:  # whoever enters stands where they should
                 shift = one.policy.actions.shifts[action] * [one.scale, one.scale, 1.0]
@@ -127,8 +139,10 @@ def run(crowd, policies, frames, script=None):
             one.action, one.decided = action, True
             one.opponent_before, one.opponent = one.opponent, opponent
             one.decisions += 1
+        now = [strike for one in avatars for strike in thrown(one, avatars, frame, targets)]
+        note_hits(now, avatars, frame)
+        strikes += now
         for one in avatars:
-            strikes += thrown(one, avatars, frame, targets)
             stands = one.stands()
             row = (one.action, min(one.phase, one.length), stands[0], stands[1], ground.wrap(stands[2]), one.opponent)
             for name, value in zip(record, row, strict=True):
@@ -136,19 +150,37 @@ def run(crowd, policies, frames, script=None):
     return SimpleNamespace(**record, strikes=sorted(strikes))
 
 
-def decide(one, avatars, crowd, targets, frame):
+def note_hits(strikes, avatars, frame):
+    """Those who are hit remember by whom: of several by the strongest, of equals by the lowest number."""
+    found = {}
+    for strike in strikes:
+        attacker, victim, landed = strike[1], strike[2], strike[8]
+        if landed and victim >= 0:
+            strong = np.percentile(avatars[attacker].policy.database.strike_speeds.astype(float), STRONG)
+            found.setdefault(victim, []).append((-strike[7] / strong, attacker))
+    for victim, hits in found.items():
+        strength, attacker = min(hits)
+        one, other = avatars[victim], avatars[attacker]
+        way = (one.stands() - other.stands())[:2]
+        one.hit_by, one.hit, one.hit_frame = attacker, -strength * way / np.hypot(*way), frame
+
+
+def decide(one, avatars, crowd, targets, frame, marks):
     """Opponent and next action of one avatar, from what all are like now."""
     positions = np.array([other.stands() for other in avatars])
     x, z, team = positions[:, 0], positions[:, 1], np.array([other.team for other in avatars])
     mine = positions[one.number]
+    near = neighbours(x, z, mine[0], mine[1], one.number, crowd.crowding.reach, crowd.crowding.most)
     if one.skip == -2:
         opponent = one.fixed
     else:
         opponent = nearest(x, z, team, mine[0], mine[1], one.number, one.skip)
         old = one.opponent
-        if opponent >= 0 and old >= 0 and team[old] != one.skip:
-            kept = seems_far(mine, x[old], z[old]) - crowd.hysteresis[one.cohort]
-            if seems_far(mine, x[opponent], z[opponent]) >= kept:
+        if opponent >= 0:
+            others = {opponent, *(j for j in near if team[j] != one.skip)}
+            opponent = min(others, key=lambda j: (seems_far(one, avatars[j], frame), j))
+            kept = seems_far(one, avatars[old], frame) - crowd.hysteresis[one.cohort] if old >= 0 else -math.inf
+            if old >= 0 and team[old] != one.skip and seems_far(one, avatars[opponent], frame) >= kept:
                 opponent = old
     target, moving, lasts = None, np.zeros(2), 0.0
     if opponent >= 0:
@@ -174,10 +206,16 @@ def decide(one, avatars, crowd, targets, frame):
         seen = within_grids(policy, ground.to_local(mine, target) / one.scale)
         turned = ground.to_local([0, 0, mine[2]], np.array([moving[0], 0, moving[1]]))
         values = action_values(policy, weights, state, seen, turned / (one.scale * one.speed), lasts * one.speed)
-    near = neighbours(x, z, mine[0], mine[1], one.number, crowd.crowding.reach, crowd.crowding.most)
     for k, action in enumerate(choices):
-        values[k] -= crowding(one, action, mine, [avatars[j] for j in near], positions, crowd)
+        values[k] -= crowding(one, action, mine, [avatars[j] for j in near], positions, crowd, opponent)
+        values[k] += crowd.crowding.back * stepping_back(one, action, mine, frame)
     counts = np.diff(actions.strike_offsets)[list(choices)]
+    if opponent >= 0 and crowd.varieties[one.cohort] > 0:
+        far = math.hypot(seen[0], seen[2])
+        ahead = seen[2] >= variety.AHEAD * far and far <= variety.NEAR
+        for k, action in enumerate(choices):
+            if ahead:
+                values[k] -= crowd.varieties[one.cohort] * repetition(one, action, frame, marks, crowd.count)
     interval = crowd.intervals[one.cohort]
     if interval > 0 and one.burst == 0:
         if frame >= one.rested:
@@ -187,17 +225,27 @@ def decide(one, avatars, crowd, targets, frame):
         else:
             values = values - REST * counts
     place = pick(values, one, crowd)
+    if opponent >= 0 and crowd.varieties[one.cohort] > 0:
+        for _ in range(REDRAWN):
+            if counts[place] > 0 and throws_too(one, avatars[opponent], choices[place], frame):
+                values[place] -= variety.TWICE
+                place = pick(values, one, crowd)
     if interval > 0:
         one.burst = max(one.burst - int(counts[place]), 0)
         one.rested = max(one.rested, frame) + interval * int(counts[place])
     return opponent, choices[place]
 
 
-def seems_far(mine, x, z):
-    """Distance of an opponent, and more when it is behind."""
-    right, _, ahead = ground.to_local(mine, np.array([x, 0.0, z]))
-    far = math.hypot(right, ahead)
-    return far + BEHIND * 0.5 * (1.0 - ahead / max(far, 1e-9))
+def seems_far(one, other, frame):
+    """Distance of an opponent, and more when it is behind, looks away or fights someone else; less after a hit."""
+    mine, its = one.stands(), other.stands()
+    far = math.hypot(its[0] - mine[0], its[1] - mine[1])
+    ahead = ground.to_local(mine, np.array([its[0], 0.0, its[1]]))[2] / max(far, 1e-9)
+    facing = ground.to_local(its, np.array([mine[0], 0.0, mine[1]]))[2] / max(far, 1e-9)
+    seems = far + BEHIND * 0.5 * (1.0 - ahead) + AVERTED * 0.5 * (1.0 - facing)
+    seems += 0.0 if other.opponent == one.number else ENGAGED
+    hit = one.hit_by == other.number and frame - one.hit_frame < REMEMBERED
+    return seems - (HIT if hit else 0.0)
 
 
 def within_grids(policy, target):
@@ -209,7 +257,7 @@ def within_grids(policy, target):
     return np.array([target[0] * shrink, target[1], target[2] * shrink])
 
 
-def crowding(one, action, mine, near, positions, crowd):
+def crowding(one, action, mine, near, positions, crowd, opponent):
     """What an action costs for neighbours and the arena."""
     rules = crowd.crowding
     left_over = min(one.phase - one.length, one.speed)
@@ -221,13 +269,62 @@ def crowding(one, action, mine, near, positions, crowd):
         left = (other.length - other.phase) / other.speed
         share = min(frames / left, 1.0) if left > 0 else 1.0
         then = now + share * (ground.compose(other.start, other.displacement(other.action, other.length)) - now)
-        room = rules.radius * (one.scale + other.scale) + rules.gap
+        space = 0.5 * (space_of(one.policy) + space_of(other.policy))
+        if opponent != other.number and other.opponent != one.number:
+            space *= BYSTANDERS
+        room = rules.radius * (one.scale + other.scale) + rules.gap * space
         before, after = (now - mine)[:2], (then - end)[:2]
-        worst = max(worst, rules.end * (1 - float(np.hypot(*after)) / room))
+        worst = max(worst, rules.end * space * (1 - float(np.hypot(*after)) / room))
         passing, t = nearest_approach(before, after)
         if t > 0:
             worst = max(worst, rules.path * (1 - passing / room))
     return worst + rules.outside * outside(crowd.arena, end[0], end[1])
+
+
+def mark_of(position, state, avatars):
+    """Place of a mark: a hash of the cell that a position is in, and the state."""
+    column, row = (math.floor(value / variety.CELL + 0.5) for value in position[:2])
+    size = 1 << 14
+    while size < 16 * avatars:
+        size *= 2
+    return ((column * 73856093 ^ row * 19349663) + state) % size
+
+
+def repetition(one, action, frame, marks, avatars):
+    """What an action costs whose motion was shown lately by anyone in the cell, or by the avatar itself."""
+    state = one.first_state + int(one.policy.actions.next[action])
+    last = marks.get(mark_of(one.stands(), state, avatars), -math.inf)
+    lately = frame - last < variety.LATELY
+    return (variety.OTHERS if lately else 0.0) + variety.OWN * (state in one.shown[-variety.LATEST :])
+
+
+def throws_too(one, other, action, frame):
+    """Whether an opponent throws the strikes of an action too, or they are left to it where both decide."""
+    piece, ends = twin_of(one, action), frame + int(one.policy.actions.lengths[action] / one.speed)
+    left = ((piece * 40503 + frame * 30011) >> 7) % 2 != (one.number > other.number)
+    same = piece == other.thrown and abs(ends - other.thrown_until) < variety.TOGETHER
+    return same or (left and other.phase >= other.length)
+
+
+def twin_of(one, action):
+    """Number of the state that an action ends in, a mirror image's that of what it mirrors."""
+    captured = one.policy.graph.captured_states(one.policy.database.captured_frames)
+    return one.first_state + int(one.policy.actions.next[action]) % captured
+
+
+def space_of(policy):
+    """Share of the gap between bodies that short strikes leave."""
+    return min(1.0, np.median(np.hypot(*policy.database.strike_positions.astype(float).T[[0, 2]])) / FULL_REACH)
+
+
+def stepping_back(one, action, mine, frame):
+    """How far an action leads away from a strong hit, less what is more than a step."""
+    strength = np.hypot(*one.hit)
+    if frame - one.hit_frame > STAGGER or strength < 1.0:
+        return 0.0
+    end = ground.compose(mine, one.policy.actions.displacements[action] * [one.scale, one.scale, 1.0])
+    along = float((end - mine)[:2] @ one.hit) / strength
+    return STEP - abs(STEP - along)
 
 
 def pick(values, one, crowd):
@@ -265,15 +362,18 @@ def thrown(one, avatars, frame, targets):
                 continue
             share = (time - low + passed) / motion
             point = ground.to_world(start, actions.strike_positions[k] * one.scale)
-            gap = surface_gap(one, avatars, opponent, share, point, targets)
+            gap, neck = surface_gap(one, avatars, opponent, share, point, targets)
+            from_x, from_z = actions.strike_origins[k] * one.scale
+            origin = ground.to_world(start, np.array([from_x, 0.0, from_z]))[[0, 2]]
+            through = comes_through(point, origin, neck)
             speed = float(database.strike_speeds[strike]) * one.scale * one.speed
-            landed = abs(gap) <= tolerance * one.scale
+            landed = abs(gap) <= tolerance * one.scale and not through
             found.append(
                 (
                     frame - 1 + share,
                     one.number,
                     opponent,
-                    int(database.strike_hands[strike]),
+                    int(database.strike_limbs[strike]),
                     *point,
                     speed,
                     landed,
@@ -284,9 +384,12 @@ def thrown(one, avatars, frame, targets):
 
 
 def surface_gap(one, avatars, opponent, share, point, targets):
-    """Signed distance of a point from whom it strikes: head and torso are one body, inside of which it is negative."""
+    """Signed distance of a point from whom it strikes, and the neck of that one.
+
+    Head and torso are one body, inside of which the distance is negative.
+    """
     if opponent == -1:
-        return math.inf
+        return math.inf, np.zeros(3)
     if opponent <= -2:
         head = targets[0, -2 - opponent] + share * (targets[1, -2 - opponent] - targets[0, -2 - opponent])
         sizes, scale = one.policy.body, one.scale
@@ -298,4 +401,4 @@ def surface_gap(one, avatars, opponent, share, point, targets):
     axis = neck - pelvis
     t = min(max(float((point - pelvis) @ axis) / float(axis @ axis), 0.0), 1.0)
     to_head = float(np.linalg.norm(point - head)) - sizes.head_radius * scale
-    return min(to_head, float(np.linalg.norm(point - pelvis - t * axis)) - sizes.torso_radius * scale)
+    return min(to_head, float(np.linalg.norm(point - pelvis - t * axis)) - sizes.torso_radius * scale), neck

@@ -44,6 +44,7 @@ def random_actions(states=12, seed=0, longest=4):
         strike_offsets=np.concatenate([[0], np.cumsum(strikes)]).astype(np.int32),
         strike_times=(draw.uniform(0.05, 1.0, k) * lengths[owner]).astype(np.float32),
         strike_positions=places.astype(np.float32),
+        strike_origins=np.where(np.arange(k)[:, None] % 3 == 0, 0.0, places[:, [0, 2]]).astype(np.float32),
         strike_speeds=draw.uniform(0.5, 1.5, k).astype(np.float32),
         strike_ids=np.arange(k, dtype=np.int32),
     )

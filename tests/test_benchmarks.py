@@ -26,6 +26,10 @@ KEYS = {
           for size in ("10k", "100k", "1m")),
         "million_frame_milliseconds", "jupedsim.ratio_100k", "decision.ratio_to_motion_matching",
     ],
+    "batch": [
+        *(f"workers_{count}.{name}" for count in (1, 2) for name in ("seconds", "overhead_milliseconds")),
+        "speedup", "loop_seconds_per_run",
+    ],
     "render": ["fps.30", "fps.1000", "fps.10000", "open3d.fps_30", "memory.growth_mib"],
     "training": [
         "value_iteration.ratio_to_quantecon_1t", "value_iteration.ratio_to_quantecon_2t",
@@ -40,8 +44,15 @@ KEYS = {
     "motion_quality": [
         f"boxer.{group}.{kind}.auc" for group in ("made", "apart", "every")
         for kind in ("ours", "crossfade", "hard", "motions alone")
-    ],
+    ] + [
+        f"boxer.smoothness.{group}.legs.rotation.{side}" for group in ("near_transitions", "near_strikes")
+        for side in ("shown", "captured")
+    ] + [f"boxer.decisions.{length}_ms.{side}.auc" for length in (400, 800) for side in ("shown", "captured")],
     "kinematics": ["times_faster_than_upc_pymotion", "inverse_limbs_per_s.crowdsim, 1 thread"],
+    "soak": [
+        *(f"soak.{name}" for name in ("frames", "memory_growth", "not_finite", "lost_avatars", "stuck_avatars")),
+        "checkpoints.brawl_30", "checkpoints.soak",
+    ],
     "poses": [f"{name}.poses_per_s" for name in ("threads_1", "threads_2", "crowd_of_10000_by_8_frames")],
 }  # fmt: skip
 
@@ -52,7 +63,7 @@ MEASURED = {"commit": None, "date": "2026-01-02T03:04:05+00:00", "machine": "any
 MAY_BE_NULL = {
     "open3d.fps_30",
     *(key for key in KEYS["scenes"] if key.endswith("first_landed_seconds")),
-    *(key for key in KEYS["motion_quality"] if ".apart." in key),
+    *(key for key in KEYS["motion_quality"] if ".apart." in key or ".decisions." in key),
 }
 
 

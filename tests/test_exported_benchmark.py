@@ -32,7 +32,16 @@ outputs: {bvh: {fps: 60}}
 @pytest.fixture
 def witness(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
-    names = ("_plain_bvh", "_witness", "_exported_measures", "exported")
+    names = (
+        "_plain_bvh",
+        "_witness",
+        "_exported_run",
+        "_exported_capsules",
+        "_exported_scenes",
+        "_exported_strips",
+        "_exported_table",
+        "exported",
+    )
     return SimpleNamespace(**{name.strip("_"): importlib.import_module(name) for name in names})
 
 
@@ -56,35 +65,38 @@ def test_knees_and_elbows_that_fold_backward_are_past_straight(witness: SimpleNa
     np.testing.assert_allclose(witness.witness.flexions(figure, axes), [[30.0] * 4, [5.0] * 4, [-5.0] * 4])
 
 
-def test_segments_are_as_far_apart_as_their_nearest_of_many_points(witness: SimpleNamespace) -> None:
-    p, q, r, s = np.random.default_rng(1).normal(size=(4, 50, 3))
-    share = np.linspace(0.0, 1.0, 201)[:, None, None]
-    one, two = p + share * (q - p), r + share * (s - r)
-    least = np.linalg.norm(one[:, None] - two[None], axis=-1).min(axis=(0, 1))
-    found = witness.exported_measures._between(p, q, r, s)
-    assert np.all(found <= least + 1e-9)
-    np.testing.assert_allclose(found, least, atol=0.02)
-
-
 def test_a_run_is_read_as_the_package_has_it(witness: SimpleNamespace, workplace: Path) -> None:
     (workplace / "two.yaml").write_text(SCENARIO)
     run_to(workplace / "run", load_scenario("two.yaml"))
-    stage = witness.exported.read_stage(workplace / "run", workplace / "policies", workplace, None)
+    run = witness.exported_scenes.open_exported(workplace / "run", workplace / "policies", workplace, None)
     take, policies, _ = open_run(workplace / "run")
     sampler = PoseSampler(take, policies)
     poses = sampler.sample(0, take.output_frames(60), 60)[0]
     positions, _ = poses.joints()
     database, times = policies[0].database, np.arange(len(positions)) / 60.0
     shown = sampler.window(0, np.arange(2), times).playback(Moments(np.arange(2), times[:, None]))
-    np.testing.assert_allclose(stage.frames.T, shown.frames + shown.fractions, atol=1e-3)
-    np.testing.assert_allclose(stage.scales, take.cast.scales, rtol=1e-5)
+    np.testing.assert_allclose(run.frames.T, shown.frames + shown.fractions, atol=1e-3)
+    np.testing.assert_allclose(run.scales, take.cast.scales, rtol=1e-5)
     roles = [database.body.roles[name] for name in witness.witness.JOINTS]
-    for avatar, figure in enumerate(stage.figures):
+    for avatar, figure in enumerate(run.figures):
         np.testing.assert_allclose(figure.joints, positions[:, avatar, roles], atol=1e-5)
     # The capture behind it is the database's, mirror images included.
-    np.testing.assert_allclose(stage.source.figure.joints[:, 0], database.root_positions, atol=2e-3)
-    report = witness.exported.judge(workplace / "run", stage, 0.4)
+    np.testing.assert_allclose(run.source.figure.joints[:, 0], database.root_positions, atol=2e-3)
+    report = witness.exported.measure(workplace / "run", run, 0.4)
     assert report["fists"]["landed"] <= report["inspect"]["strikes_landed"]
     assert report["transitions_per_second"] == pytest.approx(report["inspect"]["transitions_per_second"], rel=0.05)
     assert report["hinges"]["clips_with_backward_hinges"] == []
     json.dumps(report, allow_nan=False)
+    # The package measures penetration at every third frame.
+    contacts = witness.exported_capsules.find_contacts(run)
+    depths = witness.exported_capsules.deepest(contacts, 2, run.count)[:, ::3]
+    assert depths.max() > 0.06
+    assert np.mean(depths > 0.06) == pytest.approx(report["inspect"]["penetration_share_with_arms"], abs=0.01)
+    rows = witness.exported_table.measure_rows("two", report)
+    assert all(files and (source or not measure.source) for (_, files, source, _), measure in zip(
+        rows, witness.exported_table.MEASURES, strict=True))  # fmt: skip
+    witness.exported_strips.draw_strips(
+        workplace / "run", workplace / "policies" / "tiny", run, report, workplace / "strips"
+    )
+    kinds = {path.stem.removeprefix("run_") for path in (workplace / "strips").glob("*.png")}
+    assert {"feet", "wrists", "gaze", "jumps"} <= kinds

@@ -20,7 +20,9 @@ KEYS_OF_A_RUN = (
     "foot_slide_median foot_slide_95 transition_jump_ratio opponent_changes transitions_per_second control_seconds "
     "wall_seconds first_landed_seconds out_of_reach_share stuck_avatars thrown_per_minute landed_per_minute "
     "least_landed_per_minute landed_share air_share turned_away_share distance_median "
-    "penetration_share penetration_share_with_arms penetration_deepest penetrations_per_minute"
+    "penetration_share penetration_share_with_arms penetration_deepest penetrations_per_minute "
+    "repeated_second_per_minute same_source_share same_strike_share stillness_share stillness_share_captured "
+    "hits_from_behind_share step_after_hit"
 ).split()
 
 
@@ -105,6 +107,22 @@ def test_penetration_is_stated_with_its_depth_and_with_arms() -> None:
     assert "13.0 % of the time with arms" in text
 
 
+def test_variety_and_how_hits_come_are_stated() -> None:
+    figures = dict.fromkeys([*KEYS_OF_A_RUN, "thrown_per_minute_captured", "foot_slide_median_captured"])
+    figures |= dict.fromkeys(["foot_slide_95_captured", "fists_off_share", "fist_gap_median", "fist_gap_most"])
+    figures |= {"avatars": 2, "control_frames": 9, "seconds": 1.0, "strikes_thrown": 0, "strikes_landed": 0}
+    figures |= {"repeated_second_per_minute": 2.6, "same_source_share": 0.097, "same_strike_share": 0.0}
+    figures |= {"stillness_share": 0.214, "stillness_share_captured": 0.188}
+    figures |= {"hits_from_behind_share": 0.032, "step_after_hit": 0.11}
+    lines = [line.strip() for line in run_lines(figures)]
+    assert "own repetition        the same moment 2.6 times per minute" in lines
+    assert "others' motion        9.7 % of the time, within 8 m and 2 s" in lines
+    assert "same strikes at once  none of those at opponents that fight back" in lines
+    assert "stillness             21.4 % of the time; 18.8 % of the capture" in lines
+    assert "3.2 % of them from behind" in lines
+    assert "victims of strong ones go back by 11.0 cm within 1.0 s" in lines
+
+
 def test_fists_are_rated_by_the_distance_within_which_they_touch() -> None:
     figures = dict.fromkeys([*KEYS_OF_A_RUN, "thrown_per_minute_captured", "foot_slide_median_captured"])
     figures |= dict.fromkeys(["foot_slide_95_captured"])
@@ -142,7 +160,7 @@ def test_swings_that_are_no_strikes_are_counted_by_reason() -> None:
     figures = {
         "joints": 22, "end_sites": 5, "channels": 69, "frames": 240, "fps": 60.0, "seconds": 4.0, "unit_scale": 0.01,
         "up_axis": "y", "height_m": 1.75, "roles": {}, "lead_in_frames": 0, "floor_m": -0.031, "contacts": 3,
-        "contact_share": [0.5, 0.75], "strikes": 0, "highest_fist_speed": 3.2, "strike_list": [],
+        "contact_share": [0.5, 0.75], "strikes": 0, "strikes_by_limb": {}, "highest_fist_speed": 3.2, "strike_list": [],
         "rejected_list": [swing, swing, {**swing, "reason": "no_reach"}],
     }  # fmt: skip
     lines = capture_lines(figures)

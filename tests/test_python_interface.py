@@ -141,6 +141,7 @@ def test_strikes_are_a_table_in_the_order_of_time(take: Take) -> None:
     row, event = table[0], int(np.argmin(events.frame))
     assert (row["attacker"], row["victim"]) == (events.attacker[event], events.victim[event])
     assert row["hand"] == ("left", "right")[events.hand[event]]
+    assert row["limb"] == ("left_hand", "right_hand", "left_foot", "right_foot")[events.limb[event]]
     assert (row["x"], row["y"], row["z"]) == tuple(events.point[event])
     landed, missed = take.strikes(landed=True), take.strikes(landed=False)
     assert landed["landed"].all()

@@ -123,7 +123,7 @@ def test_tables_are_replaced_and_all_else_is_kept(make_tables: ModuleType, resul
     ("change", "message"),
     [
         (lambda text: text.replace("<!-- table: scale -->\n<!-- end -->\n", ""), "<!-- table: scale --> is missing"),
-        (lambda text: text.removesuffix("<!-- end -->\n"), "<!-- end --> is missing after the table files"),
+        (lambda text: text.removesuffix("<!-- end -->\n"), "<!-- end --> is missing after the table batch"),
         (lambda text: text.replace("table: scale", "table: scales"), ":5: no table scales, there are control, stages"),
         (lambda text: text + "<!-- end -->\n", ": <!-- end --> without a table"),
         (lambda text: "<!-- table: scale -->\n" + text, ":2: <!-- table: control --> inside the table scale"),

@@ -102,7 +102,9 @@ def test_stages_of_a_run_add_up_to_its_time(workplace: Path) -> None:
     assert crowdsim("run", "four.yaml") == 0
     seconds = read_manifest(workplace / "output" / "four")["seconds"]
     total = seconds.pop("total")
-    assert set(seconds) == {"policies", "prepare", "compile", "control", "take", "statistics", "export", "checksums"}
+    stages = {"policies", "prepare", "compile", "control", "take", "statistics", "export", "checksums"}
+    # Checkpoints are written as often as they cost next to nothing, in a short run perhaps never.
+    assert set(seconds) - {"checkpoints"} == stages
     assert 0.9 * total < sum(seconds.values()) <= total + 1e-3
 
 

@@ -129,10 +129,10 @@ def test_a_wrong_row_count_is_reported_with_both_numbers_and_refused_for_trainin
     path.write_bytes(path.read_bytes().replace(b"Frames: 360", b"Frames: 400"))
     capture = load_capture(path)
     assert capture.findings == capture.faults
-    assert capture.findings == ("360 rows of motion, Frames: says 400",)
+    assert capture.findings == ("line 133: 360 rows of motion, Frames: says 400",)
     with pytest.raises(MotionError) as error:
         usable_clip(capture)
-    assert str(error.value) == f"{path}: 360 rows of motion, Frames: says 400"
+    assert str(error.value) == f"{path}:133: 360 rows of motion, Frames: says 400"
     assert usable_clip(capture, strict=False).clip is capture.clip
 
 

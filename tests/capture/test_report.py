@@ -97,7 +97,7 @@ def test_swings_that_are_no_strikes_are_listed_with_time_hand_speed_and_reason(b
     listed = describe_capture(capture)["rejected_list"]
     assert len(listed) == len(analysis.strikes.rejected.peaks) > 3
     first, peak = listed[0], int(analysis.strikes.rejected.peaks[0])
-    assert list(first) == ["seconds", "hand", "speed", "reason"]
+    assert list(first) == ["seconds", "hand", "limb", "speed", "reason"]
     assert first["seconds"] == pytest.approx(capture.start + peak / 60.0, abs=1e-3)
     assert {swing["reason"] for swing in listed} <= {reason.name.lower() for reason in Rejection}
 
@@ -119,7 +119,7 @@ def test_every_axis_of_a_plot_has_a_unit_and_positions_have_equal_scales(boxer, 
     assert [axes.get_xlabel() for axes in (*skeleton, *path)] == ["to its left [m]", "ahead [m]", "z [m]"]
     assert path[0].get_ylabel() == "x [m]"
     assert all(axes.get_xlabel().startswith("time in the file [s]") for axes in (speeds, *poses))
-    assert speeds.get_ylabel() == "fist speed relative to the pelvis [m/s]"
+    assert speeds.get_ylabel() == "speed relative to the pelvis [m/s]"
     assert strips.get_ylabel() == ""
 
 

@@ -76,10 +76,10 @@ KEYS = "name, seed, duration, size, places, either, named, mode"
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("", f"1:1: the file is empty, expected a mapping with {KEYS} and note"),
-        ("# nothing\n", f"1:1: the file is empty, expected a mapping with {KEYS} and note"),
-        ("- 1\n", f"1:1: the file holds a list, expected a mapping with {KEYS} and note"),
-        ("hello", f"1:1: the file holds 'hello', expected a mapping with {KEYS} and note"),
+        ("", "1:1: the file is empty, expected a mapping with name"),
+        ("# nothing\n", "1:1: the file is empty, expected a mapping with name"),
+        ("- 1\n", "1:1: the file holds a list, expected a mapping with name"),
+        ("hello", "1:1: the file holds 'hello', expected a mapping with name"),
         ("name: a\nsede: 3", f"2:1: sede: unknown key, expected {KEYS} or note (did you mean 'seed'?)"),
         ("name: a\nseed: 1\nseed: 2", "3:1: seed: duplicate key, expected it once; it is already in line 2"),
         ("seed: 1", "1:1: name: missing, expected text"),
@@ -160,7 +160,10 @@ KEYS = "name, seed, duration, size, places, either, named, mode"
         ("title: a", "1:1: title: unknown key, it is now called 'name'"),
         ("nmae: a", f"1:1: nmae: unknown key, expected {KEYS} or note (did you mean 'name'?)"),
         ("name: a\nduration: [.nan]", "2:12: duration[0]: is .nan, expected a finite number"),
-        ('name: "\\U99999999"', "1:1: broken YAML: Python int too large to convert to C int"),
+        (
+            'name: "\\U99999999"',
+            "1:10: broken YAML: while parsing a quoted scalar: found invalid Unicode character escape code",
+        ),
         ("name: [", "1:8: broken YAML: while parsing a flow node: expected the node content, but found '<stream end>'"),
         (
             "name: a\n\tseed: 3",
@@ -175,7 +178,7 @@ KEYS = "name, seed, duration, size, places, either, named, mode"
         ),
         ("name: !secret x", "1:7: name: the tag '!secret' is not allowed, expected a plain value"),
         ("name: a\nnamed: &n {x: *n}", "2:8: named.x: refers to itself, expected a value"),
-        ("[" * 3000, "1:1: nested too deeply, expected at most 64 levels"),
+        ("[" * 3000, "1:66: nested too deeply, expected at most 64 levels"),
         ("[" * 90 + "]" * 90, "1:66: nested too deeply, expected at most 64 levels"),
         (b"name: a\nnote: \xff", "2:7: byte 0xff is no UTF-8, expected a text file in UTF-8"),
         ("name: a\nnote: \x07", "2:7: broken YAML: the character U+0007 is not allowed"),

@@ -62,6 +62,15 @@ def test_rotation_by_a_vector_matches_naive(seed: int, angle: float) -> None:
     assert same_rotation(found, naive.rotate_by_vector(q, vector))
 
 
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.0, 6.0))
+def test_the_quaternion_of_a_vector_matches_naive(seed: int, angle: float) -> None:
+    axis = np.random.default_rng(seed).normal(size=3)
+    vector = angle * axis / np.linalg.norm(axis)
+    expected = naive.rotate_by_vector(np.array([1.0, 0.0, 0.0, 0.0]), vector)
+    assert same_rotation(quaternions.from_vector(*vector), expected)
+
+
 def test_rotation_by_no_vector_changes_nothing() -> None:
     (q,) = draw(3, 1)
     found = q.copy()

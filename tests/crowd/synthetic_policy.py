@@ -43,7 +43,7 @@ def database(rng, frames=40, stride=4):
         necks=(heads - [0, 0.15, 0]).astype(np.float32),
         pelvises=(heads - [0, 0.65, 0]).astype(np.float32),
         strike_frames=strikes.astype(np.int32),
-        strike_hands=rng.integers(0, 2, len(strikes)).astype(np.uint8),
+        strike_limbs=rng.integers(0, 4, len(strikes)).astype(np.uint8),
         strike_peaks=strikes.astype(np.int32),
         strike_speeds=rng.uniform(4, 9, len(strikes)).astype(np.float32),
         strike_positions=positions.astype(np.float32),

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import naive_crowd
 import naive_opponents
 import numpy as np
@@ -5,13 +7,14 @@ import pytest
 from synthetic_policy import policy
 
 from crowdsim.crowd.crowd import build_avatars, build_crowd
-from crowdsim.crowd.kernels.layout import HEADING, OPPONENT, Observed
-from crowdsim.crowd.kernels.opponents import BEHIND, change_opponent
+from crowdsim.crowd.kernels.layout import HIT_BY, HIT_FRAME, OPPONENT, Now, Observed
+from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, REMEMBERED, change_opponent, observe_all
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import build_index, store_in_order
 from crowdsim.crowd.workers import Workers
 
-MODEL = build_model([policy(0)])
+POLICY = policy(0)
+MODEL = build_model([POLICY])
 
 
 def avatars_of(count, team, seed=0, **other):
@@ -75,14 +78,23 @@ def test_absent_avatars_are_no_opponents():
     assert all(present[list(near)].all() for near in around.values())
 
 
-def kept(positions, old, near, heading=0.0, hysteresis=0.3):
-    """Whom avatar 0, at the origin, fights next: ``old`` until now, while ``near`` is nearest."""
-    people = build_crowd(*np.array([[0.0, 0.0], *positions]).T, heading=heading, hysteresis=hysteresis)
+def chosen(old, headings, positions, opponents=(), hit=(-1, 0.0), hysteresis=0.3, sight=1.5):
+    """Whom avatar 0 fights next, as the kernel says and as the naive twin says; the frame is 100."""
+    people = build_crowd(*np.array(positions).T, heading=headings, hysteresis=hysteresis)
     avatars = build_avatars(people, MODEL)
-    avatars.real[HEADING] = heading
+    avatars.whole[OPPONENT, : len(opponents)] = opponents
     avatars.whole[OPPONENT, 0] = old
+    avatars.whole[HIT_BY, 0], avatars.real[HIT_FRAME, 0] = hit
+    found, near = Observed(*(np.empty(shape, np.int32) for shape in (1, 1, (1, 12)))), np.empty(people.count)
+    observe_all(avatars, people.count, np.zeros(1, np.int32), 1, sight, found, near, np.empty(people.count, np.int64))
     cohorts = np.array([[0.1, 4.0, 0.0, hysteresis, 0.0]])
-    return change_opponent(avatars, cohorts, people.count, 0, avatars.slot_of[near])
+    opponent = change_opponent(avatars, cohorts, Now(100, 1, people.count), 0, found, 0)
+    twins = [naive_crowd.Avatar(i, people, [POLICY]) for i in range(people.count)]
+    for i, twin in enumerate(twins):
+        twin.opponent = int(avatars.whole[OPPONENT, i])
+    twins[0].hit_by, twins[0].hit_frame = hit
+    crowd = replace(people, crowding=replace(people.crowding, reach=sight))
+    return opponent, naive_crowd.decide(twins[0], twins, crowd, np.zeros((2, 0, 3)), 100, {})[0]
 
 
 @pytest.mark.parametrize("heading", [0.0, 1.0, -2.5])
@@ -98,20 +110,34 @@ def test_an_opponent_behind_must_be_so_much_nearer(heading):
         (np.pi, np.pi / 2, 0.3 - BEHIND / 2),  # from behind to the side: sooner
     ]:
         for more, expected in ((-0.01, 1), (0.01, 2)):
-            positions = [turned(2.0, old), turned(2.0 - much_nearer - more, new)]
-            assert kept(positions, 1, 2, heading) == expected
+            positions = [(0.0, 0.0), turned(2.0, old), turned(2.0 - much_nearer - more, new)]
+            # Both look the other way, and both fight avatar 0.
+            headings = [heading, heading + old, heading + new]
+            assert chosen(1, headings, positions, (-1, 0, 0), sight=3.0) == (expected, expected)
 
 
-def test_opponents_seem_as_far_as_the_naive_twin_says():
+def test_whoever_looks_at_an_avatar_fights_it_or_has_hit_it_seems_nearer():
+    aside = [(0.0, 0.0), (1.2, 0.0), (-1.2, 0.0)]
+    looking, away = [0.0, -np.pi / 2, np.pi / 2], [0.0, np.pi / 2, np.pi / 2]
+    assert chosen(1, looking, aside, (-1, 0, 0)) == (1, 1)
+    assert chosen(1, away, aside, (-1, 0, 0)) == (2, 2)
+    assert chosen(1, looking, aside, (-1, 2, 0)) == (2, 2)
+    assert chosen(1, looking, aside, (-1, 0, 0), hit=(2, 90.0)) == (2, 2)
+    assert chosen(1, looking, aside, (-1, 0, 0), hit=(2, 100.0 - REMEMBERED)) == (1, 1)
+    assert chosen(1, away, aside, (-1, 0, 0), hysteresis=AVERTED + 0.1) == (1, 1)
+
+
+def test_opponents_are_those_of_the_naive_twin():
     rng = np.random.default_rng(5)
-    changed = 0
-    for _ in range(300):
-        positions, heading, hysteresis = rng.uniform(-2, 2, (2, 2)), rng.uniform(-3, 3), rng.uniform(0, 0.5)
-        far = [naive_crowd.seems_far(np.array([0.0, 0.0, heading]), *place) for place in positions]
-        expected = 1 if far[1] >= far[0] - hysteresis else 2
-        assert kept(positions, 1, 2, heading, hysteresis) == expected
-        changed += expected == 2
-    assert 50 < changed < 250
+    found = []
+    for _ in range(400):
+        count = int(rng.integers(3, 7))
+        positions, headings = rng.uniform(-1.5, 1.5, (count, 2)), rng.uniform(-3, 3, count)
+        opponents, hit = rng.integers(-1, count, count), (int(rng.integers(1, count)), 100.0 - rng.integers(1, 60))
+        kernel, naive = chosen(1, headings, positions, opponents, hit, rng.uniform(0, 0.5), rng.choice([0.5, 1.5]))
+        assert kernel == naive
+        found.append(kernel)
+    assert 50 < np.count_nonzero(np.array(found) > 1) < 350
 
 
 def test_storing_in_another_order_moves_all_that_an_avatar_is():

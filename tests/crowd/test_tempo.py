@@ -12,7 +12,7 @@ from crowdsim.crowd.kernels.choice import BURSTS
 from crowdsim.crowd.simulation import simulate
 
 FRAMES = 600
-PER_STRIKE = ("strike_times", "strike_positions", "strike_speeds", "strike_ids")
+PER_STRIKE = ("strike_times", "strike_positions", "strike_origins", "strike_speeds", "strike_ids")
 
 
 def eager():

@@ -70,7 +70,7 @@ def database(clips, control_rate: float = 15.0, playback_rate: float = 60.0, hei
         necks=positions,
         pelvises=positions,
         strike_frames=nothing,
-        strike_hands=nothing.astype(np.uint8),
+        strike_limbs=nothing.astype(np.uint8),
         strike_peaks=nothing,
         strike_speeds=nothing.astype(np.float32),
         strike_positions=np.zeros((0, 3), np.float32),

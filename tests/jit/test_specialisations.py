@@ -16,9 +16,10 @@ SEVERAL = {
     "training.kernels.rewards.earned_where": "the same",
     "training.kernels.successors.": "for a cell, and for rows of cells at once",
     "take.kernels.limbs.distance_between": "a line of arithmetic, of tuples and of arrays",
+    "take.kernels.segments.nearest_on_segments": "trunks are in double precision, capsules in single",
     "take.kernels.transitions._doubles": "a row of an array, or a column",
 }
-"""Why some kernels have more than one, at most five; by the beginning of their names."""
+"""Why some kernels have more than one, at most six; by the beginning of their names."""
 
 
 @pytest.mark.slow
@@ -32,5 +33,5 @@ def test_kernels_have_one_signature_each_that_is_listed() -> None:
     assert report["signatures"] == 0, "run: python benchmarks/compilation.py --write"
     unexplained = [name for name in report["several"] if not name.startswith(tuple(SEVERAL))]
     assert not unexplained
-    assert max(report["several"].values()) <= 5
+    assert max(report["several"].values()) <= 6
     assert all(any(name.startswith(one) for name in report["several"]) for one in SEVERAL), "a reason that has gone"

@@ -19,7 +19,9 @@ def _tracks(balls: np.ndarray) -> Tracks:
     still = np.zeros((frames, 3)) + np.array([0.0, 1.0, 0.0])
     pair = np.repeat(still[:, None], 2, axis=1)
     positions = np.zeros((frames, 3))
-    return Tracks(positions, positions, pair, pair, still, still, still, balls + np.array([0.0, 0.02, 0.0]), balls)
+    return Tracks(
+        positions, positions, pair, pair, pair, still, still, still, balls + np.array([0.0, 0.02, 0.0]), balls
+    )
 
 
 def _step(fps: float = 60.0, lift: float = 0.15) -> np.ndarray:

@@ -61,7 +61,7 @@ def test_what_is_kept_is_what_the_poses_give(database):
     assert np.abs(ground.wrap(gap[slow, 2] - turn)).max() < 1e-4
     np.testing.assert_allclose(ground.to_local(database.ground[:, None], tracks.fists), database.fists, atol=1e-4)
     np.testing.assert_allclose(ground.to_local(database.ground, tracks.heads), database.heads, atol=1e-4)
-    frames, hands = database.strike_frames, database.strike_hands
+    frames, hands = database.strike_frames, database.strike_limbs
     assert len(frames) > 5
     np.testing.assert_allclose(database.strike_positions, database.fists[frames, hands], atol=1e-4)
 
@@ -134,7 +134,7 @@ def test_mirror_images_follow_the_clips(database, clips):
     np.testing.assert_allclose(both.fists[4 * half :], both.fists[: 4 * half, ::-1] * flip, atol=1e-5)
     ours = both.strike_frames < 4 * half
     assert ours.sum() * 2 == len(ours)
-    assert (both.strike_hands[ours] == 0).sum() == (both.strike_hands[~ours] == 1).sum()
+    assert (both.strike_limbs[ours] == 0).sum() == (both.strike_limbs[~ours] == 1).sum()
 
 
 @pytest.mark.parametrize(("control", "playback"), [(10.0, 60.0), (30.0, 30.0), (15.0, 30.0), (12.5, 50.0)])

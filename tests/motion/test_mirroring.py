@@ -67,8 +67,8 @@ def test_mirrored_headings_change_sign_and_hands_and_feet_are_exchanged(boxer):
     strikes, mirror = (find_strikes(t, body.height, clip.fps) for t in (tracks, images))
     assert len(strikes.frames) > 1
     assert np.array_equal(np.sort(strikes.frames), np.sort(mirror.frames))
-    assert sorted(zip(strikes.frames, 1 - strikes.hands, strict=True)) == sorted(
-        zip(mirror.frames, mirror.hands, strict=True)
+    assert sorted(zip(strikes.frames, 1 - strikes.limbs, strict=True)) == sorted(
+        zip(mirror.frames, mirror.limbs, strict=True)
     )
 
 

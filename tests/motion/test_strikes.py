@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.signal import find_peaks
+from scipy import signal
 
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.measuring import measure_body
 from crowdsim.motion.resampling import resample
-from crowdsim.motion.strikes import REASONS, Rejection, _find_peaks, find_strikes
+from crowdsim.motion.strikes import REASONS, find_strikes
+from crowdsim.motion.swings import Rejection, find_peaks
 from crowdsim.motion.tracks import Tracks, build_tracks
 from crowdsim.performer.session import perform
 
@@ -31,6 +32,7 @@ def _tracks(left: np.ndarray, right: np.ndarray) -> Tracks:
         ground=np.zeros((frames, 3)),
         stances=np.zeros((frames, 3)),
         fists=np.stack([left, right], axis=1),
+        feet=feet,
         shoulders=shoulders,
         heads=body * [0.0, 1.65, 0.0],
         necks=body * [0.0, 1.5, 0.0],
@@ -58,7 +60,7 @@ REST = np.repeat([[-0.1, 1.4, 0.2]], len(TIMES), axis=0)
 
 def test_a_jab_is_found_with_frame_hand_position_and_speed():
     found = find_strikes(_tracks(_reach(TIMES, 1.5), REST), 1.75, FPS)
-    assert found.hands.tolist() == [0]
+    assert found.limbs.tolist() == [0]
     assert found.frames[0] == pytest.approx(90, abs=1)
     assert found.peaks[0] == pytest.approx(90 - 4.5, abs=1)
     np.testing.assert_allclose(found.positions[0], [0.1, 1.45, 0.65], atol=0.02)
@@ -84,7 +86,7 @@ def test_a_hook_that_is_fastest_past_its_furthest_reach_is_found_where_it_reache
     fist = _hook(TIMES, 1.5)
     assert np.argmax(np.linalg.norm(np.diff(fist, axis=0), axis=1)) > 90
     found = find_strikes(_tracks(fist, REST), 1.75, FPS)
-    assert found.hands.tolist() == [0]
+    assert found.limbs.tolist() == [0]
     assert found.frames[0] == pytest.approx(90, abs=1)
     assert found.peaks[0] > 90
 
@@ -125,8 +127,8 @@ def test_every_candidate_is_a_strike_or_rejected_and_every_reason_has_words():
     clip = perform(15.0, 8)[0].clip
     found = find_strikes(build_tracks(measure_body(clip), *clip_kinematics(clip)), 1.75, clip.fps)
     assert len(found.rejected.peaks) > 5
-    strikes = set(zip(found.hands.tolist(), found.peaks.tolist(), strict=True))
-    assert not strikes & set(zip(found.rejected.hands.tolist(), found.rejected.peaks.tolist(), strict=True))
+    strikes = set(zip(found.limbs.tolist(), found.peaks.tolist(), strict=True))
+    assert not strikes & set(zip(found.rejected.limbs.tolist(), found.rejected.peaks.tolist(), strict=True))
     assert (np.diff(found.rejected.peaks) >= 0).all()
     assert set(REASONS) == set(Rejection)
 
@@ -134,13 +136,13 @@ def test_every_candidate_is_a_strike_or_rejected_and_every_reason_has_words():
 def test_a_one_two_is_two_strikes_in_order():
     right = _reach(TIMES, 1.75) * [-1.0, 1.0, 1.0]
     found = find_strikes(_tracks(_reach(TIMES, 1.5), right), 1.75, FPS)
-    assert found.hands.tolist() == [0, 1]
+    assert found.limbs.tolist() == [0, 1]
     assert (np.diff(found.frames) > 0).all()
 
 
 def test_two_jabs_of_one_hand_are_two_strikes():
     fist = np.maximum(_reach(TIMES, 1.2), _reach(TIMES, 1.7, back=0.2))
-    assert find_strikes(_tracks(fist, REST), 1.75, FPS).hands.tolist() == [0, 0]
+    assert find_strikes(_tracks(fist, REST), 1.75, FPS).limbs.tolist() == [0, 0]
 
 
 def test_thresholds_scale_with_the_body():
@@ -182,7 +184,7 @@ def test_strikes_hardly_depend_on_the_rate_of_the_capture(fps):
 
     ours, theirs = found(60.0), found(fps)
     assert len(ours.frames) > 5
-    assert np.array_equal(ours.hands, theirs.hands)
+    assert np.array_equal(ours.limbs, theirs.limbs)
     np.testing.assert_allclose(ours.frames, theirs.frames, atol=2)
 
 
@@ -190,4 +192,4 @@ def test_strikes_hardly_depend_on_the_rate_of_the_capture(fps):
 def test_peaks_are_those_that_scipy_finds(seed: int, count: int) -> None:
     # Few different values, so that peaks and sides are often level.
     values = np.random.default_rng(seed).integers(0, 4, count).astype(float)
-    np.testing.assert_array_equal(_find_peaks(values, 2.0), find_peaks(values, height=2.0)[0])
+    np.testing.assert_array_equal(find_peaks(values, 2.0), signal.find_peaks(values, height=2.0)[0])

@@ -42,7 +42,7 @@ def test_strikes_are_found_within_a_control_frame(session):
         true_count += len(performance.truth.strikes)
         free = set(range(len(found.frames)))
         for strike in performance.truth.strikes:
-            near = [(abs(int(found.frames[k]) - strike.frame), k) for k in free if found.hands[k] == strike.hand]
+            near = [(abs(int(found.frames[k]) - strike.frame), k) for k in free if found.limbs[k] == strike.hand]
             if near and min(near)[0] <= CONTROL_FRAME:
                 _, k = min(near)
                 free.remove(k)

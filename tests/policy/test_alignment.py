@@ -1,5 +1,6 @@
 """How actions are laid on their states: feet that stand on stay where they are."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,7 +13,7 @@ from crowdsim.motion.database import build_database
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
-from crowdsim.policy.actions import STEP, build_actions
+from crowdsim.policy.actions import LEG, STEP, build_actions
 from crowdsim.policy.alignment import HARDLY, SETTLED, align_actions, align_transitions
 
 
@@ -113,3 +114,26 @@ def test_actions_start_where_they_are_laid_and_steps_are_paid(graph):
     np.testing.assert_allclose(actions.displacements, ground.compose(aligned.shifts, plain.displacements), atol=1e-5)
     np.testing.assert_allclose(actions.costs - plain.costs, STEP * aligned.steps, atol=1e-5)
     assert (aligned.steps > 0.0).any()
+
+
+def test_kicks_count_by_the_mass_of_a_leg_over_the_mean_of_punches(graph):
+    motion = database()
+    plain = build_actions(motion, graph)
+    limbs = np.asarray(motion.strike_limbs) + 2 * (np.arange(len(motion.strike_frames)) % 3 == 0).astype(np.uint8)
+    speeds, kicks = motion.strike_speeds[plain.strike_ids], limbs[plain.strike_ids] >= 2
+    mixed = build_actions(replace(motion, strike_limbs=limbs), graph)
+    expected = speeds / motion.strike_speeds[limbs < 2].mean() * np.where(kicks, LEG, 1.0)
+    np.testing.assert_allclose(mixed.strike_speeds, expected, rtol=1e-5)
+    assert kicks.any()
+    alone = build_actions(replace(motion, strike_limbs=np.full_like(limbs, 3)), graph)
+    np.testing.assert_array_equal(alone.strike_speeds, plain.strike_speeds)
+
+
+def test_kicks_come_from_where_the_avatar_is_and_punches_from_anywhere(graph):
+    motion = database()
+    limbs = np.asarray(motion.strike_limbs) + 2 * (np.arange(len(motion.strike_frames)) % 3 == 0).astype(np.uint8)
+    actions = build_actions(replace(motion, strike_limbs=limbs), graph)
+    kicks, ends = limbs[actions.strike_ids] >= 2, actions.strike_positions[:, [0, 2]]
+    np.testing.assert_array_equal(actions.strike_origins[~kicks], ends[~kicks])
+    reach = np.hypot(*motion.strike_positions[actions.strike_ids[kicks]][:, [0, 2]].T)
+    np.testing.assert_allclose(np.linalg.norm(ends[kicks] - actions.strike_origins[kicks], axis=1), reach, atol=1e-4)

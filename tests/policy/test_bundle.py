@@ -2,11 +2,13 @@
 
 import itertools
 import json
+import os
 import shutil
 
 import numpy as np
 import pytest
 
+from crowdsim import files
 from crowdsim.errors import MotionError, OutputError, PolicyError
 from crowdsim.policy import bundle
 from crowdsim.policy.bundle import load_policy
@@ -341,3 +343,36 @@ def test_a_damaged_bundle_in_a_folder_called_version_is_damaged_and_not_stale(tr
         stale(folder, recipe)
     (folder / "policy.json").write_text(json.dumps({**document, "version": 0}))
     assert stale(folder, recipe) == "it is of another format version"
+
+
+@pytest.mark.parametrize("exchanges", [True, False])
+def test_a_bundle_that_is_replaced_is_never_missing_and_leaves_nothing(copied, monkeypatch, exchanges):
+    folder, policy = copied / "small", load_policy(copied / "small")
+    if not exchanges:
+        monkeypatch.setattr(files, "_exchange", lambda *_: False)
+    replace, seen = os.replace, []
+
+    def watch(source, target) -> None:
+        seen.append((folder / "policy.json").exists())
+        replace(source, target)
+        seen.append((folder / "policy.json").exists())
+
+    monkeypatch.setattr(files.os, "replace", watch)
+    bundle.write_bundle(folder, policy, {})
+    assert all(seen) == exchanges
+    bundle.load_policy(folder)
+    assert [path.name for path in copied.iterdir() if path.name.startswith(".")] == []
+
+
+def test_what_a_killed_process_has_left_of_a_bundle_is_brought_back_or_removed(copied):
+    folder = copied / "small"
+    os.replace(folder, copied / ".small.old-12")
+    for name in (".small.new-12", ".small.old-3x", ".smaller.old-12"):
+        (copied / name).mkdir()
+    assert bundle.tidy(folder)
+    bundle.load_policy(folder)
+    assert sorted(path.name for path in copied.iterdir() if path.name.startswith(".")) == [
+        ".small.old-3x",
+        ".smaller.old-12",
+    ]
+    assert not bundle.tidy(folder)

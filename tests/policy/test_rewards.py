@@ -26,6 +26,7 @@ from crowdsim.policy.rewards import (
     TargetBody,
     Term,
     TransitionTerm,
+    comes_through,
     pack_terms,
     posed_distance,
     surface_distance,
@@ -163,7 +164,7 @@ def test_a_fist_lands_within_the_tolerance_of_the_surface_of_head_or_torso():
         ((0.0, 1.492, 1.005), False),  # deeper in the head, and still where the torso ends
     ]:
         assert landing(surface_distance(point, head, BODY), 0.1) is lands
-        assert kernels.strike_lands(tuple(point), tuple(head), term, 0) is lands
+        assert kernels.strike_lands(tuple(point), tuple(point[::2]), tuple(head), term, 0) is lands
 
 
 def test_the_distance_from_a_surface_is_signed_and_that_of_head_and_torso_together():
@@ -194,7 +195,7 @@ def test_compiled_control_and_training_land_as_the_naive_twin_does(tolerance, sc
         landed += lands
         assert surface_distance(point, head, body) == pytest.approx(distance, abs=1e-7)
         assert landing(surface_distance(point, head, body), tolerance) == lands
-        assert kernels.strike_lands(tuple(point), tuple(head), term, 0) == lands
+        assert kernels.strike_lands(tuple(point), tuple(point[::2]), tuple(head), term, 0) == lands
         posed = PosedBody(tuple(head), tuple(neck), tuple(pelvis), *map(float, radii))
         assert lands_on_posed_body(tuple(point), posed, tolerance) == lands
         assert added == lands
@@ -209,13 +210,14 @@ class Rewarded(NamedTuple):
     terms: Any
 
 
-def lands_in_control(points, head, term):
+def lands_in_control(points, head, term, origin=None):
     """Whether an action with one strike at each point earns anything by what control adds to its value."""
     count = len(points)
     actions = np.zeros((count + 1, 6), np.int32)
     actions[:, layout.STRIKES] = np.arange(count + 1)
-    strikes = np.zeros((count, 8), np.float32)
+    strikes = np.zeros((count, layout.WORTH + 2), np.float32)
     strikes[:, layout.FIST_X : layout.FIST_Z + 1] = points
+    strikes[:, [layout.FROM_X, layout.FROM_Z]] = points[:, [0, 2]] if origin is None else origin
     strikes[:, layout.OWNER], strikes[:, layout.WORTH] = np.arange(count), 1.0
     row = term.copy()
     row[0, 8] = layout.WORTH
@@ -224,6 +226,19 @@ def lands_in_control(points, head, term):
     target = Target(*head, 0.0, 0.0, np.inf)
     add_strikes(model, 0, Options(0, count, out), target, 1.0, np.empty(count))
     return out == 1.0
+
+
+def test_a_kick_that_comes_through_a_body_does_not_land_on_its_far_side():
+    term = pack_terms([StrikeTerm(kind="strike", tolerance=0.1)], TargetBody())
+    head, origin = np.array([0.0, 1.6, 0.8]), (0.0, 0.0)
+    ends = {0.45: False, 0.65: True, 0.74: True, 0.95: False, 1.3: False}
+    points = np.array([[0.0, 1.2, end] for end in ends])
+    np.testing.assert_array_equal(lands_in_control(points, head, term, origin), list(ends.values()))
+    # A punch may land there, if an arm gets there at all.
+    assert lands_in_control(points, head, term).tolist() == [False, True, True, True, False]
+    for point, expected in zip(points, ends.values(), strict=True):
+        assert kernels.strike_lands(tuple(point), origin, tuple(head), term, 0) is expected
+        assert comes_through(point, origin, head) is bool(point[2] > 0.84)
 
 
 def test_posed_bodies_are_as_far_away_as_the_naive_twin_says():
@@ -262,6 +277,7 @@ def one_action(strikes=(), path=((0.0, 0.0, 0.0),)):
         strike_offsets=np.array([0, count], np.int32),
         strike_times=np.array([time for time, _ in strikes], np.float32),
         strike_positions=np.array([place for _, place in strikes], np.float32).reshape(-1, 3),
+        strike_origins=np.array([place[::2] for _, place in strikes], np.float32).reshape(-1, 2),
         strike_speeds=np.ones(count, np.float32),
         strike_ids=np.arange(count, dtype=np.int32),
     )

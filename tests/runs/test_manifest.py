@@ -3,13 +3,23 @@
 import hashlib
 import json
 import os
+import shutil
 from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
-from crowdsim.errors import TakeError
-from crowdsim.runs.manifest import Verdict, checksums, read_manifest, update_manifest, verify, write_manifest
+from crowdsim.errors import OutputError, TakeError
+from crowdsim.runs.manifest import (
+    Verdict,
+    checksums,
+    read_manifest,
+    stage_manifest,
+    update_manifest,
+    verify,
+    write_manifest,
+)
+from crowdsim.runs.staging import commit
 
 
 @pytest.fixture
@@ -84,9 +94,14 @@ def test_any_changed_bit_of_a_manifest_is_found(folder: Path) -> None:
 
 
 def test_new_exports_replace_those_before(folder: Path) -> None:
-    (folder / "bvh" / "b.bvh").write_text("new")
-    stale = update_manifest(folder, "bvh", ["bvh/b.bvh"], {"fps": 30.0})
+    staged = folder / ".export-0123456789abcdef"
+    (staged / "bvh").mkdir(parents=True)
+    (staged / "bvh" / "b.bvh").write_text("new")
+    stale = stage_manifest(folder, staged, {"bvh": ["bvh/b.bvh"]}, {"fps": 30.0}, checksums(staged, ["bvh/b.bvh"]))
     assert stale == ["bvh/a.bvh"]
+    assert (folder / "bvh" / "a.bvh").exists()
+    commit(folder, staged, ["bvh/b.bvh"], stale)
+    assert not staged.exists()
     assert not (folder / "bvh" / "a.bvh").exists()
     assert verify(folder) == Verdict()
     report = read_manifest(folder)
@@ -106,7 +121,7 @@ def sign(folder: Path, **files: dict) -> None:
 )
 def test_a_manifest_names_only_files_inside_its_folder(folder: Path, name: str) -> None:
     sign(folder, **{name: {"bytes": 0, "sha256": ""}})
-    for use in (read_manifest, verify, lambda folder: update_manifest(folder, "bvh", [], {})):
+    for use in (read_manifest, verify, lambda folder: update_manifest(folder, "pictures", [], {})):
         with pytest.raises(TakeError, match="expected only files that a run writes inside"):
             use(folder)
     assert (folder / "bvh" / "a.bvh").exists()
@@ -139,13 +154,22 @@ def test_an_export_removes_nothing_behind_a_link(folder: Path, tmp_path_factory)
     outside = tmp_path_factory.mktemp("outside")
     (folder / "bvh").rename(outside / "bvh")
     (folder / "bvh").symlink_to(outside / "bvh")
-    with pytest.raises(OSError, match="is a symbolic link, expected a folder"):
-        update_manifest(folder, "bvh", [], {})
-    assert (outside / "bvh" / "a.bvh").exists()
+    for names, stale in (((), ["bvh/a.bvh"]), (["bvh/a.bvh"], ())):
+        staged = folder / ".export-0123456789abcdef"
+        (staged / "bvh").mkdir(parents=True)
+        (staged / "bvh" / "a.bvh").write_text("new")
+        with pytest.raises(OutputError, match=r"bvh: .*is a symbolic link, expected"):
+            commit(folder, staged, names, stale)
+        shutil.rmtree(staged)
+        assert (outside / "bvh" / "a.bvh").read_text() != "new"
 
 
 def test_a_manifest_without_sizes_and_checksums_is_damaged(folder: Path) -> None:
-    for files in (["a"], {"a": 3}, None):
+    for files, what in (
+        (["a"], "files: is a list, expected"),
+        ({"a": 3}, "files.a: is 3, expected"),
+        (None, "files: is"),
+    ):
         write_manifest(folder, {}, files)
-        with pytest.raises(TakeError, match="is damaged: expected its files by name"):
+        with pytest.raises(TakeError, match=f"is damaged: {what}"):
             read_manifest(folder)

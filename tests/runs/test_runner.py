@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -51,7 +52,8 @@ def test_a_run_writes_take_outputs_and_a_manifest_and_reports_them(workplace: Pa
     assert crowdsim("run", "four.yaml", "--threads", "1") == 0
     folder = workplace / "output" / "four"
     names = {path.name for path in folder.iterdir()}
-    assert names == {"manifest.json", "scenario.resolved.yaml", "take.zarr", "bvh", "ply", "profile.csv"}
+    expected = {"manifest.json", "scenario.resolved.yaml", "checkpoint.bin", "take.zarr", "bvh", "ply", "profile.csv"}
+    assert names == expected
     result = read_manifest(folder)
     assert (result["status"], result["seed"], result["avatars"], result["control_frames"]) == ("done", 5, 4, 40)
     assert result["command"] == "crowdsim run four.yaml --threads 1"
@@ -178,7 +180,9 @@ def test_a_folder_in_use_by_another_run_is_refused_and_free_when_that_ends(workp
     wait_for(workplace / "output" / "long" / "take.zarr.partial" / "x" / "0.0", process)
     assert crowdsim("run", "long.yaml", "--frames", "20") == 2
     result = capsys.readouterr().err.splitlines()[-1]
-    assert result == "output/long: is in use by another run; wait for it, or name another with --out"
+    since = r"since \d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ \(crowdsim run long.yaml\)"
+    who = rf"process {process.pid} on {re.escape(socket.gethostname())} {since}"
+    assert re.fullmatch(f"output/long: is in use by {who}; wait for it, or name another with --out", result), result
     process.kill()
     process.communicate(timeout=60)
     assert crowdsim("run", "long.yaml", "--frames", "20", "--force") == 0
@@ -218,7 +222,7 @@ def test_force_removes_only_what_the_run_has_written(workplace: Path, capsys) ->
         (folder / name).write_text("mine")
     assert crowdsim("run", "four.yaml", "--force", "--set", "outputs={}") == 0
     names = {name for name in tree(folder) if not name.startswith("take.zarr/")}
-    assert names == {*mine, "scenario.resolved.yaml"}
+    assert names == {*mine, "scenario.resolved.yaml", "checkpoint.bin"}
     assert not (folder / "ply").exists()
     assert not set(mine) & set(read_manifest(folder)["files"])
     capsys.readouterr()
@@ -350,7 +354,7 @@ def test_all_that_export_and_render_write_into_a_run_is_verified(workplace: Path
     assert crowdsim("verify", folder) == 1
     assert "video.mp4: has 7 bytes, expected " in capsys.readouterr().err
     assert crowdsim("run", "four.yaml", "--force") == 0
-    assert {name.split("/")[0] for name in tree(folder)} == {"scenario.resolved.yaml", "take.zarr"}
+    assert {name.split("/")[0] for name in tree(folder)} == {"scenario.resolved.yaml", "checkpoint.bin", "take.zarr"}
 
 
 def test_render_and_export_into_a_run_leave_files_of_others_alone(workplace: Path, capsys) -> None:
@@ -574,20 +578,24 @@ def test_an_interrupted_run_keeps_its_frames_and_reports_it(workplace: Path, cap
     assert take.status == "interrupted"
     assert take.frame_count >= 64
     assert np.isfinite(take.x[:]).all()
-    assert "are kept, run --force starts over, --out names another folder" in error
+    assert error.endswith("control frames that were done are kept; the same command goes on from there\n")
     folder = workplace / "output" / "long"
     assert sorted(path.name for path in folder.iterdir()) == [
         ".crowdsim-journal.json",
+        "checkpoint.bin",
         "scenario.resolved.yaml",
         "take.zarr",
     ]
     kept = tree(folder)
-    for more in ((), ("--frames", "20"), ("--seed", "6")):
+    for more, old, new in (
+        (("--frames", "20"), "duration: 50000000", "duration: 20"),
+        (("--seed", "6"), "seed: 5", "seed: 6"),
+    ):
         assert crowdsim("run", "long.yaml", *more) == 2
-        assert capsys.readouterr().err.splitlines()[-1] == (
-            "output/long: holds an unfinished run, which is kept (take.zarr); --force starts over, --out names another "
-            "folder"
-        )
+        result = capsys.readouterr().err.splitlines()
+        what = "holds an unfinished run of another scenario; --force replaces it, --out names another folder"
+        assert result[0] == f"output/long: {what}"
+        assert result[-2:] == [f"-{old}", f"+{new}"]
         assert tree(folder) == kept
     assert crowdsim("export", "output/long", "--bvh", "--frames", "0:30") == 0
     assert "output/long: the run was interrupted; " in capsys.readouterr().err
@@ -607,19 +615,17 @@ def test_a_killed_run_leaves_nothing_under_a_final_name_and_the_next_one_reports
     process.wait(timeout=60)
     process.stderr.close()
     folder = workplace / "output" / "long"
-    names = [".crowdsim-journal.json", "scenario.resolved.yaml", "take.zarr.partial"]
-    assert sorted(path.name for path in folder.iterdir()) == names
+    names = {".crowdsim-journal.json", ".crowdsim-lock.json", "scenario.resolved.yaml", "take.zarr.partial"}
+    assert {path.name for path in folder.iterdir()} - {".checkpoint.bin.part", "checkpoint.bin"} == names
     assert crowdsim("export", "output/long", "--bvh") == 2
     assert "only what a run left that was killed; run its scenario again" in capsys.readouterr().err
     assert crowdsim("run", "long.yaml", "--set", "duration=20") == 2
-    assert "holds an unfinished run, which is kept (take.zarr.partial); --force" in capsys.readouterr().err
+    assert "holds an unfinished run of another scenario; --force replaces it" in capsys.readouterr().err
     (folder / "take.zarr.partial" / ".zattrs.0123456789abcdef0123456789abcdef.partial").write_text("half")
     (folder / ".scenario.resolved.yaml.part").write_text("half")
     assert crowdsim("run", "long.yaml", "--set", "duration=20", "--force") == 0
-    held = ".scenario.resolved.yaml.part, scenario.resolved.yaml, take.zarr.partial"
-    found = f"output/long: an unfinished run was found ({held}); starting clean\n"
-    assert capsys.readouterr().err.endswith(found)
     assert crowdsim("verify", "output/long") == 0
+    assert not [path for path in folder.iterdir() if "part" in path.name]
 
 
 def test_an_interrupt_while_outputs_are_written_keeps_the_take(workplace: Path, monkeypatch, capsys) -> None:
@@ -643,7 +649,8 @@ def test_an_interrupt_while_outputs_are_written_keeps_the_take(workplace: Path, 
     assert open_take(folder).status == "done"
     assert not (folder / "manifest.json").exists()
     assert not [path for path in folder.rglob("*") if path.name.endswith(".part") or ".part." in path.name]
-    assert capsys.readouterr().err.endswith("the take is finished and kept, its outputs are not: export and render write them, run --force starts over, --out names another folder\n")  # fmt: skip  # noqa: E501
+    told = "output/four: interrupted; the take is finished, outputs are missing; the same command goes on from there\n"
+    assert capsys.readouterr().err.endswith(told)
 
 
 @pytest.mark.slow
@@ -663,7 +670,7 @@ def test_a_full_disk_is_an_error_that_leaves_nothing_half_written(workplace: Pat
     assert resource
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_DISABLE_PERFORMANCE_WARNINGS": "1"}
     # So much fits: a scenario but no take, a take but no BVH, all but a whole cloud.
-    for limit, path in ((2000, "take.zarr"), (8000, "bvh/"), (60_000, "ply/000000.ply")):
+    for limit, path in ((2000, "checkpoint.bin"), (45_000, "bvh/"), (60_000, "ply/000000.ply")):
         done = subprocess.run(
             [sys.executable, "-c", program, str(limit), "run", "four.yaml", "--force"],
             cwd=workplace, env=environment, capture_output=True, text=True, timeout=300, check=False,
@@ -673,7 +680,7 @@ def test_a_full_disk_is_an_error_that_leaves_nothing_half_written(workplace: Pat
         assert "cannot be written: " in done.stderr.splitlines()[-1]
         folder = workplace / "output" / "four"
         assert not (folder / "manifest.json").exists()
-        assert not [path for path in folder.rglob("*") if "part" in path.name]
+        assert not [path for path in folder.rglob("*") if path.name.endswith(".part") or ".part." in path.name]
         shutil.rmtree(folder)
 
 
@@ -691,7 +698,7 @@ def test_status_distinguishes_finished_runs_from_others(workplace: Path, capsys)
     assert crowdsim("status", "output/a", "--json") == 0
     result = json.loads(capsys.readouterr().out)
     assert result["output/a"].pop("seconds") > 0
-    assert result == {"output/a": {"state": "done", "avatars": 4, "control_frames": 40}}
+    assert result == {"output/a": {"state": "done", "avatars": 4, "control_frames": 40, "outputs": {}}}
     assert crowdsim("status", "policies") == 2
     assert capsys.readouterr().err == "policies: holds no run\n"
 

@@ -107,13 +107,13 @@ def test_scenarios_and_recipes_are_found_by_name(workplace: Path, capsys) -> Non
     write_scene(workplace / "scenarios" / "four.yaml", duration=0)
     assert crowdsim("validate", "tiny") == 0
     assert crowdsim("validate", "brawl_30", "policies/tiny.yaml") == 0
-    assert capsys.readouterr().out == "1 file without a finding\n2 files without a finding\n"
+    assert capsys.readouterr().out == "1 file checked, nothing is wrong\n2 files checked, nothing is wrong\n"
     (line,) = found(capsys, "four")
     assert line.endswith("scenarios/four.yaml:4:11: duration: is 0, expected a whole number from 1 to 100000000")
     (line,) = found(capsys, "brawl_3")
     assert line.startswith("brawl_3: no such file, expected a file or one of ")
     assert line.endswith("(did you mean 'brawl_30'?)")
-    assert found(capsys, ".") == [".: is a folder, expected a YAML file"]
+    assert found(capsys, ".") == [".: is a folder, expected a scenario"]
 
 
 def test_json_holds_every_file_and_finding(workplace: Path, capsys) -> None:

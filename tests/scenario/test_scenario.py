@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from crowdsim import assets
+from crowdsim.config.files import Finding, find_faults
 from crowdsim.crowd.placement import place_groups
 from crowdsim.errors import ScenarioError, nearest
 from crowdsim.scenario.parts import SCALES, SPEEDS
@@ -18,7 +19,6 @@ from crowdsim.scenario.reference import scenario_reference
 from crowdsim.scenario.scenario import (
     Scenario,
     dump_scenario,
-    find_scenario_faults,
     load_scenario,
     resolve_scenario,
     scenario_schema,
@@ -50,6 +50,11 @@ groups:
 def policies(monkeypatch, tmp_path):
     monkeypatch.setattr(assets, "policy_names", lambda: POLICIES)
     monkeypatch.chdir(tmp_path)
+
+
+def find_scenario_faults(path: Path | str, overrides: tuple[str, ...] = ()) -> list[Finding]:
+    folder = Path(path).parent
+    return find_faults(path, Scenario, overrides, {"folder": folder, "policies": assets.policy_names()})
 
 
 def findings(text: str, *overrides: str) -> list[str]:
@@ -172,7 +177,7 @@ def test_the_reference_page_links_to_sections_that_it_has():
         ("team: red, type: boxer", "team: red, type: boxxer",
          "8:34: groups[0].type: is 'boxxer', expected a type: boxer (did you mean 'boxer'?)"),
         ("team: red, type: boxer", "team: red",
-         "8:5: groups[0]: needs either 'type' or 'mix', expected exactly one of them"),
+         "8:5: groups[0]: has neither 'type' nor 'mix', expected one of them"),
         ("team: red, type: boxer", "team: red, mix: {boxer: 0}",
          "8:33: groups[0].mix: all weights are 0, expected one above 0"),
         ("team: red, type: boxer", "team: red, mix: {boxr: 1}",
@@ -401,7 +406,7 @@ def test_a_link_that_leaves_the_folder_is_refused(tmp_path):
 def test_a_missing_file_of_points_names_those_there_are():
     Path("other.csv").write_text("0,0\n")
     assert changed("{kind: grid}}", "{kind: points, file: point.csv}}") == [
-        "8:83: groups[0].placement.file: there is no file 'point.csv' in ., expected one of other.csv"
+        "8:83: groups[0].placement.file: is 'point.csv', and . holds no such file, expected one of other.csv"
     ]
 
 

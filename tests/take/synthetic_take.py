@@ -45,9 +45,11 @@ def build_take(
     pushes: float = 0.0,
     start: list[tuple[float, float, float]] | None = None,
     shifts: np.ndarray | None = None,
+    motion: MotionDatabase | None = None,
 ) -> tuple[Take, Any]:
     """Let avatars do actions one after another; returns the take and a stand-in for its policy."""
-    motion, count, stride = database(), len(chosen), database().stride
+    motion = motion or database()
+    count, stride = len(chosen), motion.stride
     speeds, scales = speeds or [1.0] * count, scales or [1.0] * count
     rng = np.random.default_rng(1)
     shifts = np.zeros((len(first), 3)) if shifts is None else shifts

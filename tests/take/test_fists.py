@@ -96,8 +96,10 @@ def test_a_fist_that_misses_for_being_deep_in_a_body_stays_at_its_surface_and_is
     positions, turns = (a[0] for a in poses.joints())
     head, neck, pelvis, fists = body_points(body, positions, turns, poses.scales)
     radii = np.array([body.head_radius]), np.array([body.torso_radius])
-    assert abs(float(posed_distance(fists[:1, hand], head[1:], neck[1:], pelvis[1:], *radii)[0])) < 0.01
+    assert abs(float(posed_distance(fists[:1, hand], head[1:], neck[1:], pelvis[1:], *radii)[0])) < 0.02
     frames = take.output_frames(60)
+    # Without the limbs that leave other bodies.
+    take = replace(take, collision_avoidance=False)
     one, none = (sampler(t, policy).sample(0, frames, 60)[0] for t in (take, without_strikes(take)))
     assert np.array_equal(one.rotations[:, 1], none.rotations[:, 1])
     assert not np.array_equal(one.rotations[:, 0], none.rotations[:, 0])
@@ -110,7 +112,7 @@ def test_a_strike_that_lands_touches_a_scripted_target_of_the_size_that_control_
 ) -> None:
     motion = database()
     best = int(np.argmax(motion.strike_speeds))
-    strike, hand, stride = int(motion.strike_frames[best]), int(motion.strike_hands[best]), motion.stride
+    strike, hand, stride = int(motion.strike_frames[best]), int(motion.strike_limbs[best]), motion.stride
     frame = strike // stride
     first, lengths = np.array([frame - 20]), np.array([60])
     take, policy = build_take([[0]], first, lengths, 45, scales=[scale], start=[(0, 0, 0)])

@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 from take.synthetic_take import actions, build_take, database, sampler
 
-from crowdsim.take.gaze import directions, face_direction
-from crowdsim.take.kernels.gaze import MOST
+from crowdsim.take.facing import face_direction
+from crowdsim.take.gaze import MOST, HeadTurns
+from crowdsim.take.motion import prepare_motion
 from crowdsim.take.poses import Poses
 from crowdsim.take.take import Take
 
@@ -78,12 +79,28 @@ def test_a_new_opponent_turns_heads_without_a_jerk() -> None:
     assert np.abs(np.diff(face, 2)).max() * 3600.0 < 60.0
 
 
-def test_directions_of_a_stretch_are_those_of_the_whole_and_fade_with_distance() -> None:
-    take, _ = pair((1, -2))
+def test_an_opponent_who_walks_around_an_avatar_turns_its_head_without_a_jerk() -> None:
+    first, lengths = actions(1, longest=1)
+    take, policy = build_take([[0], [0]], first, lengths, 90, speeds=[0.001] * 2,
+                              start=[(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])  # fmt: skip
+    angle = np.linspace(0.0, 2.0 * np.pi, 90, dtype=np.float32)
+    x, z = np.array(take.x), np.array(take.z)
+    x[:, 1], z[:, 1] = np.sin(angle), np.cos(angle)
+    opponent = np.tile(np.array([1, -1], np.int32), (90, 1))
+    poses = sampler(replace(take, x=x, z=z, opponent=opponent), policy).sample(0, 350, 60)[0]
+    body = database().body
+    face = np.unwrap(faces(poses, body.roles["head"], face_direction(body))[:, 0])
+    assert np.ptp(face) > np.radians(90.0)
+    assert np.abs(np.diff(face, 2)).max() * 3600.0 < 10.0
+
+
+def test_turns_of_a_stretch_are_those_of_the_whole_and_fade_with_distance() -> None:
+    take, policy = pair((1, -2))
     targets = np.zeros((40, 1, 3), np.float32)
     targets[..., 2] = 20.0
     take = replace(take, targets=targets, target_names=("ball",))
-    whole = directions(take, 0, 40)
-    np.testing.assert_array_equal(directions(take, 9, 21), whole[9:21])
-    np.testing.assert_allclose(np.linalg.norm(whole[:, 0], axis=-1), 1.0, atol=0.02)
+    turns = HeadTurns(take, [prepare_motion(policy)])
+    whole = turns.find(0, 40)
+    np.testing.assert_array_equal(turns.find(9, 21), whole[9:21])
+    assert (whole[:, 0] != 0.0).any()
     assert (whole[:, 1] == 0.0).all()

@@ -36,7 +36,7 @@ def test_hits_lie_on_the_part_of_the_silhouette_that_they_hit(sampler: PoseSampl
     head, torso = surface_gaps(hits.points, silhouette)
     # In the motion of a small policy a few fists do not reach what they hit.
     assert np.quantile(np.abs(np.where(hits.on_head, head, torso)), 0.95) < 0.02
-    assert set(hits.hands.tolist()) <= {0, 1}
+    assert set(hits.limbs.tolist()) <= {0, 1}
 
 
 def test_the_silhouette_is_upright_on_the_floor(sampler: PoseSampler) -> None:

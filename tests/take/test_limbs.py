@@ -15,7 +15,7 @@ from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.limbs import flexion, hinge_axis
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.take.kernels.limbs import MOST, World, bend_limb
-from crowdsim.take.motion import Limbs
+from crowdsim.take.limbs import Limbs
 
 # A root, two joints above the limb, the limb with a joint that only twists between its bones, and two joints beside it.
 PARENTS = np.array([-1, 0, 1, 2, 3, 4, 5, 0])

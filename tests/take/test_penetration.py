@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from take.synthetic_take import actions, build_take, database, sampler
 
-from crowdsim.take.kernels.penetration import Capsules, find_penetrations
+from crowdsim.take.kernels.capsules import Capsules
+from crowdsim.take.kernels.penetration import find_penetrations
 from crowdsim.take.penetration import measure_penetration
 
 
@@ -21,8 +22,9 @@ def test_depths_match_naive(seed: int) -> None:
     radii = np.repeat(rng.uniform(0.03, 0.12, (count, capsules, 1)), 2, axis=2)
     arms = rng.random((count, capsules)) < 0.4
     bounds = 0.5 * np.linalg.norm(np.nan_to_num(ends - starts), axis=-1).max(axis=0) + radii[..., 0] + 1e-6
+    posed = Capsules(starts.astype(np.float32), ends.astype(np.float32), radii, bounds, np.full(count, capsules))
     found, order = np.full((times, count, 2), np.inf), np.argsort(starts[:, :, 0, 0], axis=1)
-    find_penetrations(0, times, Capsules(starts, ends, radii, bounds, arms, np.full(count, capsules)), order, found)
+    find_penetrations(0, times, posed, arms, order, found)
     for time in range(times):
         there = np.isfinite(starts[time, :, 0, 0])
         expected = naive.depths(starts[time, there], ends[time, there], radii[there], arms[there])

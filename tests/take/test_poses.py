@@ -146,6 +146,20 @@ def test_position_and_velocity_are_continuous_at_transitions() -> None:
     assert np.percentile(changes, 99.9) < 8.0
 
 
+def test_feet_rotate_continuously_through_transitions_however_far_they_turn() -> None:
+    take, policy = random_take(3, speeds=[1.0] * 4)
+    take = replace(take, events=Events(*(getattr(take.events, n)[:0] for n in Events.__dataclass_fields__)))
+    poses = sampler(take, policy)
+    fast, feet = 1920.0, [database().body.roles[f"{side}_foot"] for side in ("left", "right")]
+    gaps = poses.window(0, np.arange(4), np.array([0.0, take.seconds])).transitions().gaps
+    assert np.linalg.norm(gaps[..., 3:6], axis=-1).max() > 1.0
+    for start in range(1000, 8000, 1000):
+        rotations = poses.sample(start, start + 1001, fast)[0].joints()[1][:, :, feet]
+        cosine = np.abs(np.sum(rotations[1:].astype(float) * rotations[:-1], axis=-1))
+        # What captured feet do at 30 rad/s; a jump at a transition would be there at any frame rate.
+        assert 2.0 * np.arccos(np.minimum(cosine, 1.0)).max() < 30.0 / fast
+
+
 def test_planted_feet_stay_where_they_are_through_cuts() -> None:
     first, lengths = actions(200, seed=4, longest=30)
     rng = np.random.default_rng(4)
@@ -291,7 +305,7 @@ def duel(gap: float, landed: bool = True) -> tuple[Take, Any, int]:
     first, lengths = np.array([frame - 20, frame - 20]), np.array([60, 60])
     take, policy = build_take([[0], [1]], first, lengths, 45, start=[(0, 0, 0), (0, 0, 0)])
     body = motion.body
-    hand = int(motion.strike_hands[chosen])
+    hand = int(motion.strike_limbs[chosen])
     when = (strike - (frame - 21) * stride) / stride
     alone = sampler(take, policy).sample(round(when * 4), round(when * 4) + 1, 60)[0]
     head, _, _, fists = body_points(body, *(a[0] for a in alone.joints()), alone.scales)
@@ -319,6 +333,18 @@ def test_a_strike_that_lands_touches(gap: float) -> None:
     radii = np.array([body.head_radius]), np.array([body.torso_radius])
     touched = surface_point(fists[:1, hand], head[1:], neck[1:], pelvis[1:], *radii)
     assert np.linalg.norm(touched - fists[0, hand]) < 0.02
+
+
+def test_the_wrist_keeps_its_rotation_when_a_strike_lands() -> None:
+    take, policy = random_take(2)
+    take = replace(take, collision_avoidance=False)
+    none = replace(take, events=Events(*(getattr(take.events, n)[:0] for n in Events.__dataclass_fields__)))
+    struck, calm = (sampler(one, policy).sample(0, 290, 60)[0].rotations for one in (take, none))
+    roles = database().body.roles
+    for side in ("left", "right"):
+        hand, elbow = roles[f"{side}_hand"], roles[f"{side}_elbow"]
+        np.testing.assert_array_equal(struck[:, :, hand], calm[:, :, hand])
+        assert np.abs(struck[:, :, elbow] - calm[:, :, elbow]).max() > 0.05
 
 
 def test_a_strike_that_misses_leaves_poses_alone() -> None:

@@ -60,7 +60,7 @@ def test_maps_show_the_kind_of_the_best_action_at_the_position_of_the_target(pol
 
     behaviour, states = policy.behaviours[0], chosen_states(policy, 2)
     figure = maps_figure(policy, behaviour, states, points=21)
-    kinds = motion_kinds(policy.actions, policy.database.strike_hands)
+    kinds = motion_kinds(policy.actions, policy.database.strike_limbs)
     tables = build_lookup_tables(policy.actions, (behaviour,), policy.body)
     near = [axes for axes in figure.axes if axes.get_title().startswith("what the best action does")][-2:]
     for axes, state in zip(near, states, strict=True):
@@ -91,6 +91,6 @@ def test_maps_have_metres_on_all_axes_and_a_legend_of_kinds_in_words(policy):
 def test_figures_of_strikes_have_units(policy):
     labels = [axes.get_xlabel() for axes in strikes_figure(policy).axes if axes.axison]
     assert labels == [
-        "to the right [m]", "reach over the ground [m]", "height of the fist [m]",
-        "direction, left is positive [degrees]", "highest speed of the fist [m/s]",
+        "to the right [m]", "reach over the ground [m]", "height of fist or foot [m]",
+        "direction, left is positive [degrees]", "highest speed of fist or foot [m/s]",
     ]  # fmt: skip

@@ -1,11 +1,14 @@
 """The recipe that is written for a folder of capture."""
 
+import errno
+import os
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from crowdsim.errors import MotionError, RecipeError
+from crowdsim.errors import MotionError, OutputError, RecipeError
+from crowdsim.training import own_recipe
 from crowdsim.training.own_recipe import BEHAVIOURS, recipe_text, write_recipe
 from crowdsim.training.recipe import Recipe, load_recipe
 from crowdsim.training.strikeless import Fists
@@ -14,7 +17,7 @@ from crowdsim.training.survey import Survey, SurveyedFile
 SHIPPED = Path(__file__).parents[2] / "policies"
 
 
-def survey_of(folder: Path, seconds: float = 200.0, strikes: tuple[int, int] = (20, 30)) -> Survey:
+def survey_of(folder: Path, seconds: float = 200.0, strikes: tuple[int, ...] = (20, 30, 0, 0)) -> Survey:
     folder.mkdir(exist_ok=True)
     file = SurveyedFile("a/take [1]: #2.bvh", "", seconds, strikes, Fists("a.bvh", seconds, 2.6, 0.01, 1.75))
     return Survey(folder, (file,), (SurveyedFile("b\n.bvh", "a single frame, expected motion"),))
@@ -63,12 +66,12 @@ def test_more_motion_has_fewer_decisions_and_grid_points(project):
         (0.25, 0.66, 40 * 36 * 3, 24 * 36 * 3, True),
         (0.25, 0.66, 40 * 36 * 3, 24 * 36 * 3, False),
     ]
-    one_handed = written(project, survey_of(project / "capture", 9000.0, (0, 50)))
+    one_handed = written(project, survey_of(project / "capture", 9000.0, (0, 50, 0, 0)))
     assert one_handed.motion.mirror
 
 
 def test_motion_without_strikes_needs_a_behaviour_without_strikes(project):
-    survey = survey_of(project / "capture", strikes=(0, 0))
+    survey = survey_of(project / "capture", strikes=(0, 0, 0, 0))
     with pytest.raises(MotionError, match=r"(?s)need strikes, and there are none in 1 file.*--behaviours approach$"):
         recipe_text(survey, BEHAVIOURS, project)
     recipe = written(project, survey, ["approach"])
@@ -106,3 +109,26 @@ def test_a_recipe_is_written_once(project):
         write_recipe("taken", replace(survey, left_out=()))
     assert (project / "policies/me.yaml").read_bytes() == before
     assert sorted(path.name for path in (project / "policies").iterdir()) == ["me.yaml", "taken"]
+
+
+def test_capture_with_kicks_has_feet_that_strike(project):
+    kicking = survey_of(project / "capture", strikes=(3, 4, 0, 2))
+    recipe = written(project, kicking)
+    assert recipe.strikes.numbers() == (0, 1, 2, 3)
+    assert "9 strikes: 3 left hand, 4 right hand, 2 right foot." in (project / "policies" / "any.yaml").read_text()
+    assert written(project, survey_of(project / "capture")).strikes.numbers() == (0, 1)
+
+
+def test_a_recipe_that_cannot_be_written_leaves_no_file(tmp_path, monkeypatch):
+    def full(source, target):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(own_recipe, "recipe_text", lambda *_: "version: 1\n")
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", full)
+        with pytest.raises(OutputError, match=r"policies/me\.yaml: cannot be written: No space left") as error:
+            own_recipe.write_recipe("me", None, ())
+    assert error.value.exit_code == 1
+    assert list((tmp_path / "policies").iterdir()) == []
+    assert own_recipe.write_recipe("me", None, ()).read_text() == "version: 1\n"

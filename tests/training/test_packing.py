@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crowdsim import assets
-from crowdsim.errors import OutputError, PolicyError
+from crowdsim.errors import PolicyError, RunError
 from crowdsim.policy import bundle
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.training.mirroring import values_with_images
@@ -199,7 +199,7 @@ def test_a_full_disk_leaves_nothing(installed, tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(bundle.np, "save", full)
-    with pytest.raises(OutputError, match="cannot be written: No space left on device"):
+    with pytest.raises(RunError, match="cannot be written: No space left on device"):
         train_recipe(installed / "tiny.yaml")
     assert not list((tmp_path / "cache").iterdir())
 

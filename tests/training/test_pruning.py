@@ -173,7 +173,7 @@ def test_training_prunes_alike_on_two_threads_and_reports_it(recipe):
         ("prune: {transition: 3}", r"prune\.transition: unknown key.*did you mean 'transitions'"),
         ("prune: {transitions: 0}", r"prune\.transitions: is 0, expected a whole number from 1 to 1000"),
         ("prune: {landing: soon}", r"prune\.landing: is 'soon', expected a number"),
-        ("prune: {spacing: -1}", r"prune\.spacing: is -1, expected a number of at least 0"),
+        ("prune: {spacing: -1}", r"prune\.spacing: is -1, expected a number from 0.0 to 1000.0"),
     ],
 )
 def test_wrong_settings_are_reported_with_their_position(tmp_path, line, message):

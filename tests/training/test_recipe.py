@@ -84,6 +84,21 @@ def test_a_short_recipe_gets_the_defaults(tmp_path):
     assert recipe.motion.mirror
 
 
+def test_limbs_that_strike_are_named_in_pairs_or_one_by_one(tmp_path):
+    path = tmp_path / "r.yaml"
+    for text, expected in (
+        ("", (0, 1)),
+        ("strikes: {}\n", (0, 1)),
+        ("strikes: {limbs: [hands, feet]}\n", (0, 1, 2, 3)),
+        ("strikes: {limbs: [right_foot, left_hand]}\n", (0, 3)),
+        ("strikes: {limbs: [feet, left_foot]}\n", (2, 3)),
+    ):
+        path.write_text(RECIPE + text)
+        assert load_recipe(path).strikes.numbers() == expected
+    assert "strikes.limbs" in faults(tmp_path, RECIPE + "strikes: {limbs: []}\n")[0]
+    assert "strikes.limbs[0]: is 'foot'" in faults(tmp_path, RECIPE + "strikes: {limbs: [foot]}\n")[0]
+
+
 def test_every_axis_and_every_reward_can_be_written_in_a_recipe():
     assert set(Axes.model_fields) == set(AXIS_KINDS)
     assert all(term.model_fields["kind"].annotation.__args__ == (name,) for name, term in TERMS.items())

@@ -91,6 +91,7 @@ def test_an_mdp_with_a_known_answer_is_solved():
         strike_offsets=np.zeros(4, np.int32),
         strike_times=np.zeros(0, np.float32),
         strike_positions=np.zeros((0, 3), np.float32),
+        strike_origins=np.zeros((0, 2), np.float32),
         strike_speeds=np.zeros(0, np.float32),
         strike_ids=np.zeros(0, np.int32),
     )
@@ -127,6 +128,7 @@ def test_one_update_of_q_learning_is_the_one_done_on_paper():
         strike_offsets=np.zeros(4, np.int32),
         strike_times=np.zeros(0, np.float32),
         strike_positions=np.zeros((0, 3), np.float32),
+        strike_origins=np.zeros((0, 2), np.float32),
         strike_speeds=np.zeros(0, np.float32),
         strike_ids=np.zeros(0, np.int32),
     )

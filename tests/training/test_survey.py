@@ -75,7 +75,7 @@ def test_files_that_cannot_be_used_are_left_out_with_their_reason(tmp_path, clip
         "chain.bvh": "no human body found in 1 joints: Base (and 1 more finding)",
         "one.bvh": "a single frame, expected motion",
         "other.bvh": "another skeleton than a.bvh: joint 9 is 'HandOfLeft', expected 'LeftHand'",
-        "rows.bvh": "240 rows of motion, Frames: says 250",
+        "rows.bvh": "line 133: 240 rows of motion, Frames: says 250",
         "short.bvh": "0.08 s after the lead-in, expected 0.20 s or more",
         "text.bvh": "line 1: found 'Once', expected 'HIERARCHY'",
     }

@@ -1,0 +1,245 @@
+"""Runs that fail, and processes that are killed: others are not affected, and what goes on gives the same bytes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+from batches import digests, results, write_batch
+from faults import KINDS
+from scenes import crowdsim
+
+from crowdsim.runs.manifest import read_manifest
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs a system that kills"),
+]
+
+LONG = {"duration": 8000, "outputs": {"take": {"chunk": 128}}}
+"""Long enough to be killed in the middle, with checkpoints at short distances."""
+
+
+def start(folder: Path, *words: str, module: str = "crowdsim.cli") -> subprocess.Popen[bytes]:
+    """Start a program in a folder."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-m", module, *words]
+    with open(folder / f"{words[0]}-{len(list(folder.glob('*.said')))}.said", "wb") as said:
+        return subprocess.Popen(command, cwd=folder, env=environment, stdout=said, stderr=said)
+
+
+def said(folder: Path) -> str:
+    return "\n".join(path.read_text(errors="replace") for path in sorted(folder.glob("*.said")))
+
+
+def wait_until(is_so: Callable[[], Any], seconds: float = 90) -> Any:
+    """Wait until something is so, and return it."""
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        found = is_so()
+        if found:
+            return found
+        time.sleep(0.05)
+    raise AssertionError("never was so")
+
+
+def at_work(folder: Path) -> list[int]:
+    """Return the processes that hold run folders of a batch now, and have written some of their takes."""
+    found = []
+    for run in folder.glob("runs/*"):
+        try:
+            owner = json.loads((run / ".crowdsim-lock.json").read_text())
+        except (OSError, ValueError):
+            continue
+        if list(run.glob("take.zarr.partial/x/*.0")) and psutil.pid_exists(owner["pid"]):
+            found.append(owner["pid"])
+    return found
+
+
+def status(folder: Path, capsys) -> dict[str, Any]:
+    capsys.readouterr()
+    assert crowdsim("status", folder, "--json") == 0
+    return json.loads(capsys.readouterr().out)
+
+
+_ALONE: dict[str, dict[str, str]] = {}
+
+
+@pytest.fixture
+def undisturbed(workplace: Path) -> dict[str, dict[str, str]]:
+    """Digests of the runs of a long batch, done one after the other by the command ``run``; the batch is in place."""
+    write_batch(workplace, LONG, axes=[{"seed": "0:4"}])
+    if not _ALONE:
+        for seed in range(4):
+            command = ["run", "four.yaml", "--seed", str(seed), "--threads", "1", "--out", f"alone/runs/{seed}"]
+            assert crowdsim(*command, "--quiet") == 0
+        _ALONE.update({text["take.zarr/x/0.0"]: text for text in digests(workplace / "alone").values()})
+    return _ALONE
+
+
+def check_same(folder: Path, undisturbed: dict[str, dict[str, str]]) -> None:
+    found = digests(folder)
+    assert len(found) == 4
+    for text in found.values():
+        assert text == undisturbed[text["take.zarr/x/0.0"]]
+
+
+def test_ten_forced_failures_of_four_kinds_affect_no_other_run(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    bad, good = list(range(900, 910)), list(range(20))
+    seeds = [*bad[:3], *good[:7], *bad[3:6], *good[7:], *bad[6:]]
+    write_batch(workplace, axes=[{"seed": seeds}])
+    monkeypatch.setenv("DASK_DISTRIBUTED__WORKER__PRELOAD", str(Path(__file__).with_name("faults.py")))
+    options = ["--jobs", "2", "--retries", "0", "--timeout", "6s", "--memory", "900M"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [sys.executable, "-m", "crowdsim.cli", "batch", "trial.yaml", "--out", "all", *options],
+        cwd=workplace, env=environment, capture_output=True, text=True, timeout=400, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1, done.stderr
+    assert "20 done, 10 failed" in done.stdout, done.stdout + done.stderr
+    assert "10 of 30 runs failed" in done.stderr
+    plan = json.loads((workplace / "all" / "batch.json").read_text())
+    seed_of = {run["id"]: run["seed"] for run in plan["runs"]}
+    for id, result in results(workplace / "all").items():
+        seed = seed_of[id]
+        assert result["state"] == ("failed" if seed in bad else "done")
+        if seed in bad:
+            assert result["cause"] == KINDS[seed % 4], result
+            assert result["attempts"] == 1
+            assert (workplace / "all" / result["log"]).is_file()
+            assert result["command"].startswith("crowdsim run ")
+    page = (workplace / "all" / "report" / "index.html").read_text()
+    assert "is not liked" in page
+    assert "Segmentation fault" in page
+    capsys.readouterr()
+    facts = status(workplace / "all", capsys)
+    assert (facts["state"], facts["done"], facts["failed"]) == ("failed", 20, 10)
+    repeat = next(one["command"] for one in results(workplace / "all").values() if one.get("cause") == "hung")
+    assert crowdsim(*repeat.split()[1:], "--quiet") == 0
+    monkeypatch.delenv("DASK_DISTRIBUTED__WORKER__PRELOAD")
+    assert crowdsim("batch", "trial.yaml", "--out", "all", "--jobs", "2") == 0
+    assert "30: 10 done, 20 before, 0 failed" in capsys.readouterr().out
+
+
+def test_the_first_failure_ends_a_batch_that_is_to_fail_fast_and_the_rest_goes_on_later(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    write_batch(workplace, axes=[{"seed": [900, *range(12)]}])
+    monkeypatch.setenv("DASK_DISTRIBUTED__WORKER__PRELOAD", str(Path(__file__).with_name("faults.py")))
+    command = ["batch", "trial.yaml", "--out", "all", "--jobs", "1", "--retries", "0", "--fail-fast"]
+    assert start(workplace, *command).wait(timeout=120) == 1
+    facts = status(workplace / "all", capsys)
+    assert facts["failed"] == 1
+    assert facts["done"] < 12
+    monkeypatch.delenv("DASK_DISTRIBUTED__WORKER__PRELOAD")
+    assert crowdsim(*command) == 0
+    assert len(digests(workplace / "all")) == 13
+
+
+def test_a_worker_that_is_killed_changes_no_byte(workplace: Path, undisturbed: dict[str, dict[str, str]]) -> None:
+    batch = start(workplace, "batch", "trial.yaml", "--out", "all", "--jobs", "2", "--retries", "3")
+    for _ in range(2):
+        os.kill(wait_until(lambda: at_work(workplace / "all"))[0], signal.SIGKILL)
+        time.sleep(0.5)
+    assert batch.wait(timeout=240) == 0, said(workplace)
+    check_same(workplace / "all", undisturbed)
+
+
+def test_a_command_that_is_killed_leaves_no_worker_and_goes_on(
+    workplace: Path, undisturbed: dict[str, dict[str, str]], capsys
+) -> None:
+    words = ("batch", "trial.yaml", "--out", "all", "--jobs", "2")
+    batch = start(workplace, *words)
+    workers = wait_until(lambda: at_work(workplace / "all"))
+    assert status(workplace / "all", capsys)["state"] == "running"
+    batch.kill()
+    batch.wait()
+    wait_until(lambda: not any(psutil.pid_exists(pid) for pid in workers), 20)
+    assert status(workplace / "all", capsys)["state"] == "interrupted"
+    assert crowdsim(*words) == 0
+    check_same(workplace / "all", undisturbed)
+
+
+@contextmanager
+def farm(folder: Path, port: int, *workers: Sequence[str]) -> Iterator[list[subprocess.Popen[bytes]]]:
+    """Start a scheduler by hand, and a worker for each of some options."""
+    address = f"tcp://127.0.0.1:{port}"
+    first = start(folder, "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard", module="dask")
+    processes = [first]
+    try:
+        for options in workers:
+            processes.append(add_worker(folder, address, *options))
+        yield processes
+    finally:
+        for one in reversed(processes):
+            one.terminate()
+        for one in processes:
+            one.wait(timeout=60)
+
+
+def add_worker(folder: Path, address: str, *options: str) -> subprocess.Popen[bytes]:
+    always = ["--nthreads", "1", "--no-dashboard", "--death-timeout", "20"]
+    return start(folder, "worker", address, *always, *options, module="dask")
+
+
+def test_a_scheduler_that_is_killed_is_reported_and_the_command_goes_on(
+    workplace: Path, undisturbed: dict[str, dict[str, str]]
+) -> None:
+    words = ("batch", "trial.yaml", "--out", "all", "--scheduler")
+    with farm(workplace, 18786, [], []) as processes:
+        batch = start(workplace, *words, "tcp://127.0.0.1:18786")
+        wait_until(lambda: at_work(workplace / "all"))
+        processes[0].kill()
+        assert batch.wait(timeout=60) == 1
+        assert "the scheduler at tcp://127.0.0.1:18786 was lost" in said(workplace)
+    with farm(workplace, 18787, [], []):
+        again = start(workplace, *words, "tcp://127.0.0.1:18787")
+        assert again.wait(timeout=240) == 0, said(workplace)
+    check_same(workplace / "all", undisturbed)
+
+
+def test_a_worker_that_differs_is_refused_at_the_start_and_not_used_later(workplace: Path) -> None:
+    write_batch(workplace, {"duration": 3000}, axes=[{"seed": "0:12"}])
+    other = workplace / "other.py"
+    other.write_text(
+        "from crowdsim.runs import origin\norigin.sources_hash = lambda: 'another'\ndef dask_setup(worker):\n    pass\n"
+    )
+    words = ("batch", "trial.yaml", "--scheduler", "tcp://127.0.0.1:18788", "--out")
+    with farm(workplace, 18788, ["--preload", str(other)]) as processes:
+        refused = start(workplace, *words, "none")
+        assert refused.wait(timeout=90) == 2
+        assert "version of sources: was " in said(workplace)
+        assert ", is another, as against this process" in said(workplace)
+        assert not (workplace / "none").exists()
+        processes[1].terminate()
+        processes[1].wait(timeout=60)
+        processes[1] = add_worker(workplace, "tcp://127.0.0.1:18788")
+        batch = start(workplace, *words, "all")
+        wait_until(lambda: list(workplace.glob("all/runs/*")))
+        processes.append(add_worker(workplace, "tcp://127.0.0.1:18788", "--preload", str(other)))
+        wait_until(lambda: "is not used, since it differs: version of sources" in said(workplace))
+        assert batch.wait(timeout=240) == 0, said(workplace)
+    assert {result["state"] for result in results(workplace / "all").values()} == {"done"}
+
+
+def test_ranges_of_pictures_give_the_video_of_one_rendering(workplace: Path) -> None:
+    render = {"fps": 120, "size": [32, 24], "png": True, "frames": [30, 300]}
+    write_batch(workplace, axes=[{"seed": [3]}], outputs={"render": render})
+    assert crowdsim("batch", "trial.yaml", "--out", "all", "--jobs", "2", "--quiet") == 0
+    (run,) = (workplace / "all" / "runs").iterdir()
+    frozen = next((workplace / "all" / "scenarios").glob("*/scenario.resolved.yaml"))
+    assert crowdsim("run", frozen, "--out", "single", "--threads", "1", "--quiet") == 0
+    how = ["--size", "32x24", "--fps", "120", "--png", "--mp4", "--frames", "30:300", "--threads", "1"]
+    assert crowdsim("render", "single", *how, "--quiet") == 0
+    assert read_manifest(run)["files"] == read_manifest(workplace / "single")["files"]
+    assert len(list((run / "frames").iterdir())) == 270

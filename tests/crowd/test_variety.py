@@ -1,0 +1,109 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_policy import policy
+
+from crowdsim.crowd.arrays import Strikes
+from crowdsim.crowd.crowd import build_avatars, build_crowd
+from crowdsim.crowd.kernels.crowding import STAGGER
+from crowdsim.crowd.kernels.layout import END_X, END_Z, HIT_BY, HIT_FRAME, HIT_X, HIT_Z, X, Z
+from crowdsim.crowd.kernels.strikes import note_hits
+from crowdsim.crowd.kernels.variety import LATEST
+from crowdsim.crowd.model import build_model, strong_speed
+from crowdsim.crowd.simulation import Simulation, simulate
+
+POLICIES = [policy(0, frames=240)]
+
+
+def run(frames=300, apart=1.0, **fields):
+    """Nine avatars on a lattice; their chunk."""
+    z, x = np.divmod(np.arange(9), 3)
+    people = build_crowd(apart * x, apart * z, x - z, seed=1, temperature=0.3, margin=1.0, **fields)
+    (chunk,) = simulate(people, POLICIES, frames, chunk=frames)
+    return chunk
+
+
+def ends(chunk):
+    """For each decision from the second on: frame, avatar, and the state in which its action ends."""
+    new = chunk.action_frame[1:] <= chunk.action_frame[:-1]
+    frame, avatar = np.nonzero(new)
+    return frame + 1, avatar, POLICIES[0].actions.next[chunk.action[frame + 1, avatar]]
+
+
+def shown_by_others(chunk, lately=30):
+    """Share of decisions for motion that another avatar started less than so many frames before."""
+    frame, avatar, state = ends(chunk)
+    again = [
+        (avatar[(frame < f) & (frame > f - lately) & (state == s)] != a).any()
+        for f, a, s in zip(frame, avatar, state, strict=True)
+    ]
+    return float(np.mean(again))
+
+
+def test_variety_lets_avatars_avoid_the_motion_of_others():
+    # Avatars in cells of their own are alone with their taste.
+    assert shown_by_others(run(variety=5.0)) < shown_by_others(run(variety=0.0)) - 0.02
+    assert shown_by_others(run(variety=5.0)) < shown_by_others(run(variety=5.0, apart=40.0))
+
+
+def test_variety_lets_avatars_avoid_their_own_motion():
+    def again(chunk):
+        _, avatar, state = ends(chunk)
+        own = [state[avatar == i] for i in range(9)]
+        return np.mean([one[k] in one[max(0, k - LATEST) : k] for one in own for k in range(len(one))])
+
+    assert again(run(variety=5.0)) < again(run(variety=0.0)) - 0.02
+
+
+def test_opponents_throw_no_strike_at_the_same_time():
+    def together(variety):
+        chunk = run(900, variety=variety)
+        rows = np.arange(len(chunk.action))[:, None]
+        other = np.maximum(chunk.opponent, 0)
+        mutual = (chunk.opponent >= 0) & (chunk.opponent[rows, other] == np.arange(9))
+        actions = POLICIES[0].actions
+        strikes = np.diff(actions.strike_offsets)[chunk.action] > 0
+        same = actions.next[chunk.action] == actions.next[chunk.action[rows, other]]
+        remaining = actions.lengths[chunk.action] - chunk.action_frame
+        near = np.abs(remaining - remaining[rows, other]) < 5
+        return np.count_nonzero(mutual & strikes & strikes[rows, other] & same & near)
+
+    assert together(1.0) < 0.2 * together(0.0)
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
+def test_of_several_hits_in_a_frame_the_strongest_counts(order):
+    people = build_crowd([0.0, 1.0, 0.0, 3.0], [0.0, 0.0, 2.0, 3.0])
+    model = build_model(POLICIES)
+    avatars = build_avatars(people, model)
+    strong = strong_speed(POLICIES[0])
+    whole = np.array([[1, 0, 0, 1], [2, 0, 1, 1], [3, 0, 1, 0]], np.int32)
+    real = np.zeros((3, 5))
+    real[:, 4] = 0.8 * strong, 1.2 * strong, 9.0 * strong  # the last one does not land
+    note_hits(model, avatars, 7, Strikes(whole[list(order)], real[list(order)]), 0, 3)
+    assert avatars.whole[HIT_BY].tolist() == [2, -1, -1, -1]
+    assert avatars.real[HIT_FRAME, 0] == 7
+    np.testing.assert_allclose(avatars.real[[HIT_X, HIT_Z], 0], [0.0, -1.2], atol=1e-12)
+
+
+def test_a_strong_hit_costs_a_step():
+    rng = np.random.default_rng(0)
+    x, z = rng.uniform(-90, 90, (2, 300))
+    people = build_crowd(x, z, rng.uniform(-3, 3, 300), temperature=0.0)
+
+    def moved(strength, frame):
+        simulation = Simulation(people, POLICIES)
+        avatars = simulation.avatars
+        avatars.real[[HIT_X, HIT_Z, HIT_FRAME]] = [[strength * 0.6], [strength * 0.8], [frame]]
+        simulation.run(1)
+        ways = avatars.real[[END_X, END_Z]] - avatars.real[[X, Z]]
+        return 0.6 * ways[0] + 0.8 * ways[1]
+
+    assert np.mean(moved(1.1, -1) - moved(0.9, -1)) > 0.02
+    assert np.array_equal(moved(0.9, -1), moved(2.0, -1 - STAGGER))
+
+
+def test_a_policy_without_strikes_has_no_strong_ones():
+    still = replace(POLICIES[0].database, strike_speeds=np.zeros(0, np.float32))
+    assert strong_speed(replace(POLICIES[0], database=still)) == np.inf

@@ -1,0 +1,115 @@
+"""Exports appear all together, go on after an interruption, and leave nothing behind."""
+
+import os
+from pathlib import Path
+
+import pytest
+from scenes import crowdsim, write_scene
+from test_resuming import Stop
+from test_runner import tree
+
+from crowdsim.export import cloud_files, pointcloud
+from crowdsim.runs import staging
+from crowdsim.runs.manifest import read_manifest
+
+FIRST = ("export", "run", "--bvh", "--ply", "--fps", "30", "--every", "3", "--points", "20", "--threads", "1")
+SECOND = (*FIRST[:5], "60", "--every", "7", "--points", "30", "--threads", "1")
+
+
+@pytest.fixture
+def exported(workplace: Path) -> Path:
+    """A run with exports."""
+    write_scene(workplace / "four.yaml")
+    assert crowdsim("run", "four.yaml", "--out", "run") == 0
+    assert crowdsim(*FIRST) == 0
+    return workplace / "run"
+
+
+def stop_at_cloud(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    write, written = cloud_files.write_cloud, []
+
+    def stop(path: Path, cloud) -> None:
+        if len(written) == count:
+            raise Stop
+        written.append(path)
+        write(path, cloud)
+
+    monkeypatch.setattr(pointcloud, "write_cloud", stop)
+
+
+def names_of(folder: Path) -> set[str]:
+    return {name for name in tree(folder) if name.split("/")[0] in ("bvh", "ply")}
+
+
+def test_an_export_that_stopped_leaves_the_old_files_and_goes_on(exported: Path, monkeypatch, capsys) -> None:
+    before = tree(exported)
+    with monkeypatch.context() as patch:
+        stop_at_cloud(patch, 5)
+        with pytest.raises(Stop):
+            crowdsim(*SECOND)
+    after = tree(exported)
+    assert {name: after[name] for name in before} == before
+    assert all(name.startswith(".export-") or name == ".crowdsim-journal.json" for name in set(after) - set(before))
+    capsys.readouterr()
+    assert crowdsim("verify", exported) == 0
+    assert "an export or a rendering was not finished: .export-" in capsys.readouterr().err
+    kept = {path.name: path.stat().st_mtime_ns for path in exported.glob(".export-*/ply/*.ply")}
+    assert len(kept) == 5
+    assert crowdsim(*SECOND) == 0
+    assert {name: (exported / "ply" / name).stat().st_mtime_ns for name in kept} == kept
+    assert crowdsim(*SECOND, "--out", "elsewhere") == 0
+    result = {name: text for name, text in tree(exported).items() if name in names_of(exported)}
+    assert result == tree(exported.parent / "elsewhere")
+    assert set(result) <= set(read_manifest(exported)["files"])
+    capsys.readouterr()
+    assert crowdsim("verify", exported) == 0
+    assert capsys.readouterr().err == ""
+    assert not [path for path in exported.iterdir() if path.name.startswith(".")]
+
+
+@pytest.mark.parametrize("moves", [0, 1, 3, 9, 50])
+def test_an_export_that_stopped_while_files_were_moved_is_completed_by_any_command(
+    exported: Path, monkeypatch, capsys, moves: int
+) -> None:
+    assert crowdsim(*SECOND, "--out", "elsewhere") == 0
+    moved, move, done = staging._move, os.replace, []
+
+    def replace(source, target) -> None:
+        if len(done) == moves:
+            raise Stop
+        done.append(target)
+        move(source, target)
+
+    def move_some(*values) -> None:
+        with monkeypatch.context() as patch:
+            patch.setattr(staging.os, "replace", replace)
+            moved(*values)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(staging, "_move", move_some)
+        if moves < 50:
+            with pytest.raises(Stop):
+                crowdsim(*SECOND)
+        else:
+            assert crowdsim(*SECOND) == 0
+    assert crowdsim("verify", exported) == 0
+    result = {name: text for name, text in tree(exported).items() if name in names_of(exported)}
+    assert result == tree(exported.parent / "elsewhere")
+    assert not [path for path in exported.iterdir() if path.name.startswith(".")]
+
+
+def test_another_export_removes_what_one_has_left(exported: Path, monkeypatch) -> None:
+    for out in ("run", "elsewhere"):
+        with monkeypatch.context() as patch:
+            stop_at_cloud(patch, 5)
+            with pytest.raises(Stop):
+                crowdsim(*SECOND, "--out", out)
+        folder = exported.parent / out
+        assert list(folder.glob(".export-*"))
+        half = folder / "bvh" / ".red_0.bvh.0123456789abcdef0123456789abcdef.part"
+        if out == "run":
+            half.write_text("half")
+        assert crowdsim(*FIRST, "--out", out) == 0
+        assert not [path for path in folder.rglob(".*") if "take.zarr" not in path.parts]
+    assert crowdsim("verify", exported) == 0
+    assert names_of(exported) == set(tree(exported.parent / "elsewhere"))

@@ -1,0 +1,148 @@
+"""Elbows, hands and knees give way to other bodies."""
+
+import naive_deflection as naive
+import numpy as np
+import pytest
+from take.synthetic_take import actions, build_take, database, sampler
+
+from crowdsim.take import deflection as module
+from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
+from crowdsim.take.deflection import ride_along
+from crowdsim.take.kernels.capsules import Capsules
+from crowdsim.take.kernels.deflection import MovingLimbs, deflect_limbs
+from crowdsim.take.kernels.limbs import World, pose_chain, swivel_limb
+from crowdsim.take.penetration import measure_penetration
+from crowdsim.take.poses import PoseSampler
+
+
+def bodies(seed: int, times: int = 2, count: int = 4) -> tuple[Capsules, MovingLimbs]:
+    """Trunks with one arm and one leg each, close together, one of them absent for a time."""
+    rng = np.random.default_rng(seed)
+    pelvis = rng.uniform(0.0, 0.7, (times, count, 3)) * [1.0, 0.1, 1.0] + [0.0, 0.9, 0.0]
+    pelvis[1, 2] = np.nan
+    chest = pelvis + np.array([0.0, 0.5, 0.0])
+    joints = np.full((times, count, 4, 3, 3), np.nan)
+    for limb, (root, size) in enumerate(((chest, 0.28), (chest, 0.28), (pelvis, 0.42), (pelvis, 0.42))):
+        joints[:, :, limb, 0] = root
+        for part in (1, 2):
+            way = rng.normal(size=(times, count, 3))
+            way *= size / np.linalg.norm(way, axis=-1, keepdims=True)
+            joints[:, :, limb, part] = joints[:, :, limb, part - 1] + way
+    joints = joints.astype(np.float32)
+    ends = [(pelvis, chest)]
+    ends += [(joints[:, :, limb, part], joints[:, :, limb, part + 1]) for limb in (0, 2) for part in (0, 1)]
+    starts, stops = (np.stack([pair[k] for pair in ends], axis=2).astype(np.float32) for k in range(2))
+    radii = np.repeat(rng.uniform(0.04, 0.12, (count, 5, 1)), 2, axis=2)
+    bounds = 0.5 * np.linalg.norm(np.nan_to_num(stops - starts), axis=-1).max(axis=0) + radii[..., 0] + 1e-3
+    weights = np.zeros((count, 5, 2, 2))
+    weights[:, 1] = weights[:, 3] = [[0.0, 0.0], [1.0, 0.0]]
+    weights[:, 2], weights[:, 4] = [[1.0, 0.0], [0.0, 1.0]], [[1.0, 0.0], [0.0, 0.0]]
+    limbs = np.tile([-1, 0, 0, 2, 2], (count, 1))
+    landing = rng.uniform(0.0, 1.0, (times, count, 4))
+    return Capsules(starts, stops, radii, bounds, np.full(count, 5)), MovingLimbs(joints, limbs, weights, landing)
+
+
+def deflect(capsules: Capsules, limbs: MovingLimbs, asked: np.ndarray) -> np.ndarray:
+    order = np.argsort(capsules.starts[:, :, 0, 0], axis=1, kind="stable")
+    moves = np.full((len(order), len(asked), 4, 2, 3), np.nan, np.float32)
+    deflect_limbs(0, len(order) * len(asked), capsules, limbs, order, np.argsort(order, axis=1), asked, moves)
+    return moves
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_moves_match_naive(seed: int) -> None:
+    capsules, limbs = bodies(seed)
+    found = deflect(capsules, limbs, np.arange(4))
+    assert np.abs(found).max() > 0.02
+    for time in range(2):
+        order = [n for n in np.argsort(capsules.starts[time, :, 0, 0]) if np.isfinite(capsules.starts[time, n, 0, 0])]
+        for n in range(4):
+            expected = naive.moves_of(capsules, limbs, time, n, order) if n in order else np.zeros((4, 2, 3))
+            np.testing.assert_allclose(found[time, n], expected, atol=5e-3)
+
+
+def test_moves_of_some_avatars_are_those_among_all() -> None:
+    capsules, limbs = bodies(9, count=7)
+    some = np.array([1, 4, 6])
+    assert np.array_equal(deflect(capsules, limbs, some), deflect(capsules, limbs, np.arange(7))[:, some])
+
+
+def clinch() -> tuple[object, object]:
+    """Two boxers who stand in one another's arms."""
+    first, lengths = actions(60)
+    return build_take(
+        [list(range(30)), list(range(30, 60))], first, lengths, 30, start=[(0.0, 0.0, 0.0), (0.3, 0.3, 2.5)]
+    )
+
+
+def test_limbs_of_boxers_who_clinch_leave_the_other_over_feet_that_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    take, policy = clinch()
+    shown = sampler(take, policy)
+    after, positions = measure_penetration(shown), shown.sample(0, 110, 60)[0].joints()[0]
+    monkeypatch.setattr(module.Deflection, "bend", lambda *_: None)
+    through = sampler(take, policy)
+    before, captured = measure_penetration(through), through.sample(0, 110, 60)[0].joints()[0]
+    assert before.penetration_share_with_arms > 0.3
+    assert after.penetration_share_with_arms < 0.6 * before.penetration_share_with_arms
+    roles = database().body.roles
+    still = [roles[name] for name in ("pelvis", "chest", "head", "left_foot", "right_foot", "left_shoulder")]
+    np.testing.assert_allclose(positions[:, :, still], captured[:, :, still], atol=1e-4)
+    for hand in ("left_hand", "right_hand"):
+        moved = (positions - captured)[:, :, roles[hand]].astype(float)
+        assert np.linalg.norm(np.diff(moved, 2, axis=0), axis=-1).max() * 3600.0 < 200.0
+
+
+def test_a_range_of_frames_and_a_crowd_too_large_to_keep_are_posed_as_the_whole(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    take, policy = clinch()
+    whole = sampler(take, policy).sample(0, 110, 60)[0]
+    part = sampler(take, policy).sample(50, 61, 60)[0]
+    assert np.array_equal(part.rotations, whole.rotations[50:61])
+    monkeypatch.setattr(module, "_KEPT", 0)
+    monkeypatch.setattr(module, "_POSES_AT_ONCE", 1)
+    one = sampler(take, policy).sample(50, 61, 60, np.array([1]))[0]
+    assert np.array_equal(one.rotations[:, 0], whole.rotations[50:61, 1])
+
+
+def test_capsules_ride_along_with_their_bones() -> None:
+    """Capsules of limbs lie where their weights of middle and end joints say, on the line of the bone."""
+    take, policy = clinch()
+    motion = sampler(take, policy).motions[0]
+    poses = sampler(take, policy).sample(0, 1, 60, np.array([0]))[0]
+    positions, rotations = poses.joints()
+    capsules = place_capsules([PosedBodies(motion.body, np.array([0]), poses.scales, positions, rotations)], 1, 1)
+    limbs, weights = ride_along(motion)
+    joints = np.concatenate([motion.arms.joints, motion.legs.joints])
+    arms = np.isin(motion.body.capsule_joints[capsule_order(motion.body)], motion.arms.joints[:, :2])
+    assert arms.sum() >= 4
+    for row in np.flatnonzero(arms):
+        upper, middle, end = positions[0, 0, joints[limbs[row]]]
+        for share, point in zip(weights[row], (capsules.starts[0, 0, row], capsules.ends[0, 0, row]), strict=True):
+            expected = (1.0 - share.sum()) * upper + share[0] * middle + share[1] * end
+            np.testing.assert_allclose(point, expected, atol=1e-4)
+    assert (limbs >= 0).sum() < len(limbs)
+    assert set(limbs) == {-1, 0, 1, 2, 3}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_limb_swivels_towards_a_goal_and_keeps_its_end(seed: int) -> None:
+    take, policy = clinch()
+    posing: PoseSampler = sampler(take, policy)
+    arms, poses = posing.motions[0].arms, posing.sample(20 + seed, 21 + seed, 60, np.array([0]))[0]
+    pose, root = poses.rotations[0, 0].astype(float), poses.root_positions[0, 0].astype(float)
+    joints = len(arms.parents)
+    before, after = (World(np.empty((joints, 3)), np.empty((joints, 4))) for _ in range(2))
+    pose_chain(arms, 1.0, root, pose, before)
+    upper, middle, end = arms.joints[0]
+    goal = before.positions[middle] + np.random.default_rng(seed).normal(0.0, 0.1, 3)
+    swivel_limb(arms, 0, pose, before, tuple(goal))
+    pose_chain(arms, 1.0, root, pose, after)
+    np.testing.assert_allclose(after.positions[end], before.positions[end], atol=1e-6)
+    dot = abs(after.rotations[end] @ before.rotations[end])
+    assert dot == pytest.approx(1.0, abs=1e-6)
+    gaps = [np.linalg.norm(world.positions[middle] - goal) for world in (before, after)]
+    assert gaps[1] < gaps[0]
+    assert np.linalg.norm(after.positions[middle] - after.positions[upper]) == pytest.approx(
+        np.linalg.norm(before.positions[middle] - before.positions[upper]), abs=1e-6
+    )
