@@ -42,7 +42,7 @@ test: system $(VENV)/.installed-test
 
 # Slow tests run every benchmark, so they need the packages that benchmarks compare with.
 test-slow: system $(VENV)/.installed-bench
-	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m slow
 
 $(VENV)/.installed-bench: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,bench]'

@@ -137,10 +137,10 @@ def wanted_within(behaviour: Behaviour) -> float:
     return max((term.between[1] for term in behaviour.terms if isinstance(term, ProximityTerm)), default=0.5) + CLOSE
 
 
-def success(spec: BehaviourSpec, episodes: Episodes) -> tuple[float, float]:
-    """Return the share of episodes that succeed in time, and the median time of those that ever do [s]."""
+def success(spec: BehaviourSpec, episodes: Episodes) -> tuple[float, float | None]:
+    """Return the share of episodes that succeed in time, and the median time of those that ever do, if any [s]."""
     walks = any(isinstance(term, ProximityTerm) for term in spec.rewards)
     times = episodes.landings if spec.strikes else episodes.arrivals
     in_time = LANDED_WITHIN[walks] if spec.strikes else ARRIVED_WITHIN
     share = float(np.mean(times <= in_time))
-    return share, float(np.nanmedian(times)) if np.isfinite(times).any() else float("nan")
+    return share, float(np.nanmedian(times)) if np.isfinite(times).any() else None

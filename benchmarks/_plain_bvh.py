@@ -39,8 +39,8 @@ class PlainBvh:
     values: Array
 
 
-def read_plain(path: Path) -> PlainBvh:
-    """Read a BVH file."""
+def read_plain(path: Path, frames: Array | None = None) -> PlainBvh:
+    """Read a BVH file, some frames of it where they are given."""
     head, _, rest = path.read_text().partition("MOTION")
     words = iter(head.split())
     names: list[str] = []
@@ -70,8 +70,10 @@ def read_plain(path: Path) -> PlainBvh:
         elif word == "CHANNELS":
             channels[opened[-1]] = tuple(next(words) for _ in range(int(next(words))))
     lines = rest.strip().split("\n", 2)
-    frames, seconds = int(lines[0].split()[-1]), float(lines[1].split()[-1])
-    values = np.array(lines[2].split(), dtype=float).reshape(frames, -1)
+    count, seconds = int(lines[0].split()[-1]), float(lines[1].split()[-1])
+    written = lines[2].split("\n")[:count]
+    chosen = written if frames is None else [written[frame] for frame in frames]
+    values = np.array(" ".join(chosen).split(), dtype=float).reshape(len(chosen), -1)
     return PlainBvh(
         tuple(names), np.array(parents), np.array(offsets) * CENTIMETRE, tuple(channels), 1.0 / seconds, values
     )

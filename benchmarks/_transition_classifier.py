@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from _exported_measures import Stage
+from _exported_run import ExportedRun
 from _plain_bvh import Array
 from _witness import JOINTS
 
@@ -62,27 +62,27 @@ def _area(features: Array, labels: Array, halves: list[Array]) -> float | None:
     return float(np.mean(outcome, axis=0).max()) if outcome else None
 
 
-def classify_transitions(stage: Stage, seconds: float) -> dict[str, Any]:
+def classify_transitions(run: ExportedRun, seconds: float) -> dict[str, Any]:
     """Return the area under the ROC curve of the better of two classifiers; 0.5 is guessing.
 
     Args:
-        stage: The run.
+        run: The run.
         seconds: Length of a window [s].
     """
-    half = round(0.5 * seconds * stage.fps) + 1
-    count = len(stage.figures[0].head)
+    half = round(0.5 * seconds * run.fps) + 1
+    count = len(run.figures[0].head)
     rows: list[tuple[int, int, int, int, bool]] = []
-    for avatar, outcome in enumerate(stage.decisions):
+    for avatar, outcome in enumerate(run.decisions):
         times, left, entered = outcome[:, 0], outcome[:, 1].astype(int), outcome[:, 2].astype(int)
         transition = left != entered
         for k, time in enumerate(times):
-            frame = round(time * stage.fps)
-            if not half + stage.fps <= frame < count - half - stage.fps:
+            frame = round(time * run.fps)
+            if not half + run.fps <= frame < count - half - run.fps:
                 continue
             near = np.abs(times - time) < 0.5 * seconds + CLEAR
             if transition[k] or not (transition & near).any():
                 rows.append((avatar, frame, left[k], entered[k], bool(transition[k])))
-    source, step, reach = stage.source, stage.step, half * stage.step
+    source, step, reach = run.source, run.step, half * run.step
     clip = np.searchsorted(source.starts, np.arange(len(source.clips)), side="right") - 1
 
     def inside(frame: int) -> bool:
@@ -99,13 +99,13 @@ def classify_transitions(stage: Stage, seconds: float) -> dict[str, Any]:
     if min(labels.sum(), (~labels).sum()) < 50:
         return {"transitions": int(labels.sum()), "others": int((~labels).sum()), "auc": None, "auc_of_content": None}
     steps = np.arange(-half, half + 1)
-    windows = np.stack([stage.figures[row[0]].joints[row[1] + steps] / stage.scales[row[0]] for row in chosen])
+    windows = np.stack([run.figures[row[0]].joints[row[1] + steps] / run.scales[row[0]] for row in chosen])
     # Of the capture behind a transition either side is shown in turn.
     frames = np.array([row[2 + k % 2] if row[4] else row[3] for k, row in enumerate(chosen)])
     content = source.figure.joints[frames[:, None] + steps * step]
     # A clip and its mirror image are cut into the same pieces.
     offsets = np.arange(len(clip)) - source.starts[clip]
-    piece = source.clips * 10_000 + (offsets / (PIECE * stage.sizes.rate)).astype(int)
+    piece = source.clips * 10_000 + (offsets / (PIECE * run.sizes.rate)).astype(int)
     clips = np.array([[piece[row[2] - 1], piece[row[3]]] for row in chosen])
     halves = []
     for split in range(SPLITS):
@@ -116,6 +116,6 @@ def classify_transitions(stage: Stage, seconds: float) -> dict[str, Any]:
     return {
         "transitions": int(labels.sum()),
         "others": int((~labels).sum()),
-        "auc": _area(_features(windows, stage.fps), labels, halves),
-        "auc_of_content": _area(_features(content, stage.fps), labels, halves),
+        "auc": _area(_features(windows, run.fps), labels, halves),
+        "auc_of_content": _area(_features(content, run.fps), labels, halves),
     }

@@ -1,14 +1,14 @@
-"""Bodies in BVH files as points in the world: what exported figures and the capture behind them are judged by.
+"""Bodies in BVH files as points and capsules in the world, from which exported figures and their source are measured.
 
-It shares no code with the package: BVH files are read and posed by ``_plain_bvh``. Sizes of bodies (radii of head and
-torso, positions of fists and soles on hands and feet) and where actions begin in the capture are numbers of the
-policy's bundle.
+It shares no code with the package: BVH files are read and posed by ``_plain_bvh``. Sizes of bodies (radii, capsules,
+positions of fists and soles on hands and feet) and where actions begin in the source are numbers of the policy's
+bundle.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,11 @@ OTHER_SIDE = [
     for at, name in enumerate(JOINTS)
 ]
 HINGES = ("left_knee", "right_knee", "left_elbow", "right_elbow")
-MIRROR = "~mirror"
+PARTS = (
+    "torso", "head", "left_leg", "right_leg", "left_upper_arm", "right_upper_arm",
+    "left_forearm", "right_forearm", "left_fist", "right_fist",
+)  # fmt: skip
+"""Parts of a body that capsules belong to."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,9 @@ class Sizes:
         roots: Positions of the root over the database's playback frames [m]. Shape (P, 3).
         first: Playback frame at which each action begins. Shape (A,).
         lengths: Length of each action [control frames]. Shape (A,).
+        capsule_joints: Joint that each capsule rides on. Shape (K,).
+        capsule_ends: Both ends of each in the frame of that joint, unscaled [m]. Shape (K, 2, 3).
+        capsule_radii: Radius at both ends, unscaled [m]. Shape (K, 2).
     """
 
     names: tuple[str, ...]
@@ -69,6 +76,9 @@ class Sizes:
     roots: Array
     first: Array
     lengths: Array
+    capsule_joints: Array
+    capsule_ends: Array
+    capsule_radii: Array
 
     def rest(self) -> Array:
         """Positions of the joints in the rest pose [m]. Shape (J, 3)."""
@@ -76,6 +86,23 @@ class Sizes:
         for joint in range(1, len(positions)):
             positions[joint] = positions[self.parents[joint]] + self.offsets[joint]
         return positions
+
+    def forward(self) -> Array:
+        """Where the rest pose looks: level, and square to its hips. Shape (3,)."""
+        rest = self.rest()
+        ahead = np.cross(rest[self.roles["left_hip"]] - rest[self.roles["right_hip"]], [0.0, 1.0, 0.0])
+        return np.asarray(ahead / np.linalg.norm(ahead))
+
+    def capsule_parts(self) -> Array:
+        """Index into ``PARTS`` of each capsule. Shape (K,)."""
+        starts = {self.roles["neck"]: "head", self.roles["head"]: "head"}
+        for side in ("left", "right"):
+            limbs = (("hip", "leg"), ("shoulder", "upper_arm"), ("elbow", "forearm"), ("hand", "fist"))
+            starts |= {self.roles[f"{side}_{role}"]: f"{side}_{part}" for role, part in limbs}
+        parts: list[str] = []
+        for joint, parent in enumerate(self.parents):
+            parts.append(starts.get(joint, parts[parent] if parent >= 0 else "torso"))
+        return np.array([PARTS.index(parts[joint]) for joint in self.capsule_joints])
 
 
 def read_sizes(bundle: Path) -> Sizes:
@@ -104,6 +131,9 @@ def read_sizes(bundle: Path) -> Sizes:
         roots=numbers("database_root_positions"),
         first=(numbers("graph_action_first").astype(int) - 1) * stride,
         lengths=numbers("graph_action_lengths").astype(int),
+        capsule_joints=numbers("body_capsule_joints").astype(int),
+        capsule_ends=np.stack([numbers("body_capsule_starts"), numbers("body_capsule_ends")], axis=1),
+        capsule_radii=numbers("body_capsule_radii"),
     )
 
 
@@ -119,6 +149,9 @@ class Figure:
         crosses: Cross product of the unit vectors along the bones before and after each of ``HINGES``, in the frame of
             the bone before. Shape (F, 4, 3).
         dots: Their dot products. Shape (F, 4).
+        turns: Rotation matrices of ``JOINTS`` in the world. Shape (F, 16, 3, 3).
+        pelvises: Unit vector to which the pelvis faces, level. Shape (F, 3).
+        faces: Unit vector to which the head faces. Shape (F, 3).
     """
 
     joints: Array
@@ -127,6 +160,9 @@ class Figure:
     soles: Array
     crosses: Array
     dots: Array
+    turns: Array
+    pelvises: Array
+    faces: Array
 
     def part(self, frames: Any) -> Figure:
         """Return some frames."""
@@ -138,25 +174,30 @@ def join(figures: list[Figure]) -> Figure:
     return Figure(*(np.concatenate([getattr(one, field.name) for one in figures]) for field in fields(Figure)))
 
 
-def mirror(figure: Figure) -> Figure:
-    """Return a figure's mirror image in x = 0."""
-    flip = np.array([-1.0, 1.0, 1.0])
-    swapped = [1, 0, 3, 2]
-    return Figure(
-        joints=figure.joints[:, OTHER_SIDE] * flip,
-        fists=figure.fists[:, ::-1] * flip,
-        head=figure.head * flip,
-        soles=figure.soles[:, ::-1] * flip,
-        # Frames of joints are mirrored too; a cross product keeps its part along the mirror's normal.
-        crosses=figure.crosses[:, swapped] * -flip,
-        dots=figure.dots[:, swapped],
-    )
+@dataclass(frozen=True)
+class Posed:
+    """What a BVH file shows.
+
+    Attributes:
+        figure: The body.
+        capsules: Ends of its capsules in the world [m]. Shape (F, K, 2, 3), float32.
+        scale: Its size over that of the bundle's body.
+        fps: Frames a second.
+    """
+
+    figure: Figure
+    capsules: Array
+    scale: float
+    fps: float
 
 
-def read_figure(path: Path, sizes: Sizes, turned: tuple[str, ...] = ()) -> tuple[Figure, float, float]:
-    """Read a BVH file as a body; return it, its size over the bundle's body, and its frames a second.
+def pose_file(path: Path, sizes: Sizes, turned: tuple[str, ...] = ()) -> Posed:
+    """Read a BVH file as a body.
 
     Elbows of ``turned`` fold opposite to the file.
+
+    Raises:
+        ValueError: The file has other joints than the policy's body.
     """
     bvh = read_plain(path)
     if bvh.names != sizes.names:
@@ -166,42 +207,53 @@ def read_figure(path: Path, sizes: Sizes, turned: tuple[str, ...] = ()) -> tuple
     rest = sizes.rest()
     uppers = {sizes.roles[name]: sizes.roles[name.replace("elbow", "shoulder")] for name in turned}
     positions, turns = pose(bvh, {joint: rest[joint] - rest[upper] for joint, upper in uppers.items()})
+    capsules = np.empty((len(positions), *sizes.capsule_ends.shape), np.float32)
+    for k, joint in enumerate(sizes.capsule_joints):
+        offsets = np.einsum("fij,ej->fei", turns[:, joint], sizes.capsule_ends[k] * scale)
+        capsules[:, k] = positions[:, joint, None] + offsets
+    return Posed(_figure(positions, turns, sizes, scale), capsules, scale, bvh.fps)
+
+
+def _figure(positions: Array, turns: Array, sizes: Sizes, scale: float) -> Figure:
+    """Points and directions of a body from positions (F, J, 3) and turns (F, J, 3, 3) of its joints."""
+    roles, sides = sizes.roles, ("left", "right")
 
     def at(role: str, offset: Array) -> Array:
-        joint = sizes.roles[role]
-        return positions[:, joint] + turns[:, joint] @ (offset * scale)
+        return positions[:, roles[role]] + turns[:, roles[role]] @ (offset * scale)
 
     crosses, dots = np.empty((len(positions), 4, 3)), np.empty((len(positions), 4))
     for k, middle in enumerate(HINGES):
         side = middle.split("_")[0]
         upper, lower = ("hip", "foot") if "knee" in middle else ("shoulder", "hand")
-        a, b, c = (sizes.roles[role] for role in (f"{side}_{upper}", middle, f"{side}_{lower}"))
-        one, two = _unit(positions[:, b] - positions[:, a]), _unit(positions[:, c] - positions[:, b])
+        a, b, c = (roles[role] for role in (f"{side}_{upper}", middle, f"{side}_{lower}"))
+        one, two = unit(positions[:, b] - positions[:, a]), unit(positions[:, c] - positions[:, b])
         crosses[:, k] = np.einsum("fji,fj->fi", turns[:, a], np.cross(one, two))
         dots[:, k] = np.sum(one * two, axis=1)
-    sides = ("left", "right")
-    figure = Figure(
-        joints=positions[:, [sizes.roles[role] for role in JOINTS]],
+    shown = [roles[role] for role in JOINTS]
+    across = positions[:, roles["left_hip"]] - positions[:, roles["right_hip"]]
+    soles = [np.stack([at(f"{side}_foot", sole) for sole in sizes.soles[k]], axis=1) for k, side in enumerate(sides)]
+    return Figure(
+        joints=positions[:, shown],
         fists=np.stack([at(f"{side}_hand", sizes.fists[k]) for k, side in enumerate(sides)], axis=1),
         head=at("head", sizes.head),
-        soles=np.stack(
-            [np.stack([at(f"{side}_foot", sole) for sole in sizes.soles[k]], axis=1) for k, side in enumerate(sides)],
-            axis=1,
-        ),
+        soles=np.stack(soles, axis=1),
         crosses=crosses,
         dots=dots,
+        turns=turns[:, shown],
+        pelvises=unit(np.cross(across, [0.0, 1.0, 0.0])),
+        faces=turns[:, roles["head"]] @ sizes.forward(),
     )
-    return figure, scale, bvh.fps
 
 
-def _unit(vectors: Array) -> Array:
+def unit(vectors: Array) -> Array:
+    """Return vectors of length 1."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
 
 
 def hinge_axes(figure: Figure) -> Array:
     """Return the axis about which knees and elbows bend: the mean of those of clearly bent ones. Shape (4, 3)."""
     bent = np.linalg.norm(figure.crosses, axis=-1) > np.sin(np.radians(20.0))
-    return _unit(np.sum(figure.crosses * bent[..., None], axis=0))
+    return unit(np.sum(figure.crosses * bent[..., None], axis=0))
 
 
 def flexions(figure: Figure, axes: Array) -> Array:
@@ -209,104 +261,3 @@ def flexions(figure: Figure, axes: Array) -> Array:
     size = np.linalg.norm(figure.crosses, axis=-1)
     side = np.where(np.sum(figure.crosses * axes, axis=-1) < 0.0, -1.0, 1.0)
     return np.degrees(np.arctan2(side * size, figure.dots))
-
-
-def folds(figure: Figure, sizes: Sizes) -> Array:
-    """Return how far knees fold backward and elbows forward, 1 wholly and -1 the other way, in the rest pose's frame.
-
-    Shape (4,). In the rest pose joints are not turned, so that forward is what is square to the hips and up.
-    """
-    rest = sizes.rest()
-    across = rest[sizes.roles["left_hip"]] - rest[sizes.roles["right_hip"]]
-    forward = np.cross(across, [0.0, 1.0, 0.0])
-    outcome = []
-    for hinge, axis in zip(HINGES, hinge_axes(figure), strict=True):
-        side, what = hinge.split("_")
-        upper = rest[sizes.roles[f"{side}_{'hip' if what == 'knee' else 'shoulder'}"]]
-        way = np.cross(axis, rest[sizes.roles[hinge]] - upper)
-        outcome.append((-1.0 if what == "knee" else 1.0) * float(np.dot(way, forward)) / np.linalg.norm(way))
-    return np.array(outcome) / np.linalg.norm(forward)
-
-
-def ground(figure: Figure, fps: float) -> float:
-    """Return the height of the floor under a figure: the median of its lowest sole over its stiller half."""
-    soles = figure.soles.reshape(len(figure.soles), 4, 3)
-    speeds = np.linalg.norm(np.diff(soles, axis=0), axis=-1).min(axis=1) * fps
-    still = np.flatnonzero(speeds <= np.median(speeds))
-    return float(np.median(soles[still, :, 1].min(axis=1)))
-
-
-@dataclass(frozen=True)
-class Source:
-    """The capture that a policy plays, by the database's playback frames.
-
-    Attributes:
-        figure: What the capture shows there, its floor at 0.
-        clips: Clip of each frame; a clip and its mirror image have one number. Shape (P,).
-        starts: First playback frame of each clip, mirror images counted apart, and the end.
-        apart: How far roots of the bundle's database lie from those of the capture at the most, over the floor [m].
-        floors: How far the two disagree on each clip's floor [m]. Shape (clips,).
-        backward: Clips whose knees fold forward or elbows backward in the file, seen from the rest pose, and which.
-            Such elbows are turned here.
-    """
-
-    figure: Figure
-    clips: Array
-    starts: Array
-    apart: float
-    floors: Array
-    backward: list[tuple[str, str]]
-
-
-def read_source(paths: list[Path], sizes: Sizes) -> Source:
-    """Read the clips of a policy from their files, frames in the order of its database."""
-    found = {path.stem: path for path in paths}
-    parts: list[Figure] = []
-    numbers: list[int] = []
-    clips: list[Array] = []
-    floors: list[float] = []
-    backward: list[tuple[str, str]] = []
-    apart = 0.0
-    starts = sizes.clip_starts * sizes.stride
-    seen: dict[str, tuple[int, Figure]] = {}
-    for clip, name in enumerate(sizes.clip_names):
-        low, high = starts[clip], starts[clip + 1]
-        plain = name.removesuffix(MIRROR)
-        if name.endswith(MIRROR):
-            number, shown = seen[plain]
-            parts.append(mirror(shown))
-        else:
-            figure, _, fps = read_figure(found[plain], sizes)
-            wrong = [HINGES[k] for k in np.flatnonzero(folds(figure, sizes) < 0.0)]
-            backward += [(plain, hinge) for hinge in wrong]
-            if wrong:
-                figure, _, fps = read_figure(found[plain], sizes, tuple(name for name in wrong if "elbow" in name))
-            step, roots = round(fps / sizes.rate), sizes.roots[low:high]
-            # Where the database begins in the file, which may open with a calibration pose.
-            last = len(figure.joints) - step * (high - low - 1)
-            own = figure.joints[:, 0]
-            level = [0, 2]
-            gaps = [np.abs(own[k::step][: high - low, level] - roots[:, level]).max() for k in range(last)]
-            begin = int(np.argmin(gaps))
-            apart = max(apart, float(gaps[begin]))
-            shown = figure.part(slice(begin, begin + step * (high - low), step))
-            floor = ground(figure.part(slice(begin, None)), fps)
-            floors.append(float(np.median(shown.joints[:, 0, 1] - roots[:, 1])) - floor)
-            shown = _lowered(shown, floor)
-            number = len(seen)
-            seen[plain] = number, shown
-            parts.append(shown)
-        numbers.append(number)
-        clips.append(np.full(high - low, number))
-    return Source(join(parts), np.concatenate(clips), starts, apart, np.array(floors), backward)
-
-
-def _lowered(figure: Figure, floor: float) -> Figure:
-    down = np.array([0.0, floor, 0.0])
-    return replace(
-        figure,
-        joints=figure.joints - down,
-        fists=figure.fists - down,
-        head=figure.head - down,
-        soles=figure.soles - down,
-    )

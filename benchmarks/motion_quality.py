@@ -1,6 +1,6 @@
 """How natural transitions look: a classifier tries to distinguish them from captured motion.
 
-    python benchmarks/motion_quality.py [--mocap DIR] [--json] [--windows 2000] [--seconds 0.4] [--noise 0.01]
+    python benchmarks/motion_quality.py [--mocap DIR] [--json] [--windows 1000] [--seconds 0.4] [--noise 0.01]
                                         [--policy BUNDLE ...] [--brawls 3] [--quick]
 
 Sixty avatars fight, everyone against everyone, with a trained policy. Windows of 0.4 s around their transitions
@@ -17,7 +17,15 @@ speeds and magnitudes of accelerations, the better one counts.
 and hit reactions make to bodies; `crossfade` mixes both motions over 0.4 s; `hard` does nothing; `motions alone` omits
 the moment of a hard transition, so what it shows is the choice of motions, which no blend can change. Noise of 0.01
 mm, a tenth of the error of good optical capture, is added to all positions: the performer's planted feet are exactly
-still, and without noise a classifier would find rounding errors. The motion is the embedded performer's
+still, and without noise a classifier would find rounding errors.
+
+`decisions` are complete poses, with strikes and hit reactions: windows around transitions against windows around
+decisions without one, for three classifiers that get jerks too, beside the capture behind these windows. See
+`_decisions.py`. `smoothness` is how often joints of complete poses accelerate more than the 99.9th percentile of the
+capture, near transitions and near strikes that land, with jumps of joints and drops of the pelvis. See
+`_smoothness.py`.
+
+The motion is the embedded performer's
 (`policies/boxer.yaml`) and, with --mocap or CROWDSIM_MOCAP, the capture of `policies/boxer_cmu.yaml`; policies that
 are not trained are trained first.
 """
@@ -35,7 +43,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from _decisions import KINDS, judge_decisions
 from _quick import small_policies
+from _shown_motion import PARTS, Shown, read_shown
+from _smoothness import measure_smoothness
 
 from crowdsim.core.types import Array
 from crowdsim.graph.motion_graph import MotionGraph
@@ -81,10 +92,14 @@ def usable(database: MotionDatabase, graph: MotionGraph, count: int, rng: np.ran
     return leave[fits], enter[fits]
 
 
-def fight(policy: Policy, seed: int = 0, quick: bool = False) -> PoseSampler:
-    """Poses of sixty who fight by a policy, without what strikes do."""
+def fight(policy: Policy, seed: int = 0, quick: bool = False) -> Take:
+    """Sixty fight by a policy."""
     scenario = load_scenario("brawl_30", [*SCENE, *(QUICK if quick else []), f"seed={seed}"])
-    take = run(scenario, [policy], threads=2)
+    return run(scenario, [policy], threads=2)
+
+
+def without_strikes(take: Take, policy: Policy) -> PoseSampler:
+    """Poses of a take without what strikes do."""
     none = Events(*(getattr(take.events, name)[:0] for name in Events.__dataclass_fields__))
     return PoseSampler(replace(take, events=none), [policy], threads=2)
 
@@ -333,8 +348,14 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         database = policy.database
         half = round(0.5 * options.seconds * database.playback_rate)
         brawls: list[dict[str, Any]] = []
+        runs: list[Shown] = []
+        smooth: list[dict[str, Any]] = []
         for seed in range(options.brawls):
-            sampler = fight(policy, seed, options.quick)
+            take = fight(policy, seed, options.quick)
+            shown_run = read_shown(PoseSampler(take, [policy], threads=2))
+            smooth.append(measure_smoothness(shown_run))
+            runs.append(replace(shown_run, rotations=np.empty(0), local=np.empty(0)))
+            sampler = without_strikes(take, policy)
             leave, enter, shown, apart = made(sampler, half, options.windows, np.random.default_rng(seed))
             fighters, seconds = sampler.take.avatar_count, sampler.take.seconds
             transitions = sampler.window(0, np.arange(fighters), np.array([0.0, seconds])).transitions()
@@ -348,10 +369,43 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         every = usable(database, policy.graph, options.windows, np.random.default_rng(0))
         result[Path(name).name] = {
             **mean_of(brawls),
+            "decisions": judge_decisions(runs, options.windows, noise),
+            "smoothness": mean_of(smooth),
             "made_in_each": [brawl["made"]["ours"]["auc"] for brawl in brawls],
             "every": judge(database, *every, alone(database, *every, half), noise=noise),
         }
     return result
+
+
+def _shown_and_captured(pair: dict[str, Any]) -> str:
+    """Return two figures side by side, the second in brackets."""
+    own, theirs = (pair[name]["auc"] if isinstance(pair[name], dict) else pair[name] for name in ("shown", "captured"))
+    return "      -      " if own is None or theirs is None else f"{own:6.3f} ({theirs:5.3f})"
+
+
+def _print_decisions(outcome: dict[str, Any]) -> None:
+    print("  AUC of transitions against other decisions, and (of the capture behind them)")
+    for length, entry in outcome.items():
+        best = _shown_and_captured(entry)
+        each = ", ".join(
+            f"{name} {_shown_and_captured({side: entry[side][name] for side in ('shown', 'captured')})}"
+            for name in entry["shown"]
+            if name != "auc"
+        )
+        print(f"    {length}, {entry['transitions']} and {entry['others']}: {best}; {each}")
+        for part, kinds in entry["parts"].items():
+            print(f"      {part:8}", "  ".join(f"{kind} {_shown_and_captured(kinds[kind])}" for kind in KINDS))
+
+
+def _print_smoothness(outcome: dict[str, Any]) -> None:
+    print("  frames above the 99.9th percentile of the capture [per mille], and (of the capture behind them)")
+    for group in ("near_transitions", "near_strikes", "elsewhere"):
+        for part in PARTS:
+            kinds = outcome[group][part]
+            cells = "  ".join(f"{kind} {_shown_and_captured(pair)}" for kind, pair in kinds.items())
+            print(f"    {group:17} {part:6} {cells}")
+    for name in ("jumps_per_minute", "pelvis_drops_per_minute"):
+        print(f"    {name}: {_shown_and_captured(outcome[name])}")
 
 
 def main() -> None:
@@ -359,7 +413,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder with capture")
     parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
-    parser.add_argument("--windows", type=int, default=2000, help="most transitions that are classified")
+    parser.add_argument("--windows", type=int, default=1000, help="most transitions that are classified")
     parser.add_argument("--policy", nargs="+", help="recipes or bundles other than boxer and boxer_cmu")
     parser.add_argument("--seconds", type=float, default=0.4, help="length of a window, 0.2 to 1.6")
     parser.add_argument("--brawls", type=int, default=3, help="brawls whose transitions are classified")
@@ -393,6 +447,8 @@ def main() -> None:
             for kind in ("ours", "crossfade", "hard", "motions alone"):
                 row = rows[kind]
                 print(f"    {kind:24} {row['auc']:7.3f} {row['logistic']:8.3f} {row['trees']:6.3f}")
+        _print_decisions(outcome["decisions"])
+        _print_smoothness(outcome["smoothness"])
 
 
 if __name__ == "__main__":

@@ -101,7 +101,7 @@ def measure(clip: Clip, body: Body) -> dict[str, Array]:
         arms = [body.roles[f"{side}_{name}"] for side in ("left", "right")]
         swift = [
             np.linalg.norm(turns[max(frame - 14, 0) : frame, arms[hand]], axis=-1).max()
-            for frame, hand in zip(strikes.frames, strikes.hands, strict=True)
+            for frame, hand in zip(strikes.frames, strikes.limbs, strict=True)
         ]
         samples[f"{name} speed, strikes [rad/s]"] = np.array(swift)
     for name, roles in JOINTS.items():
@@ -141,7 +141,7 @@ def match_strikes(performance: Performance, body: Body, tracks: Tracks) -> tuple
         near = [
             (abs(int(found.frames[k]) - strike.frame), k)
             for k in free
-            if found.hands[k] == strike.hand and abs(int(found.frames[k]) - strike.frame) <= CONTROL_FRAME
+            if found.limbs[k] == strike.hand and abs(int(found.frames[k]) - strike.frame) <= CONTROL_FRAME
         ]
         if near:
             free.remove(min(near)[1])
@@ -173,7 +173,7 @@ def cover(performances: Sequence[Performance], body: Body) -> dict[str, Any]:
         tracks = build_tracks(body, *clip_kinematics(performance.clip))
         strikes = find_strikes(tracks, body.height, FPS)
         frames = np.maximum(strikes.frames[:, None] - np.arange(0, BEFORE + 1, CONTROL_FRAME), 0)
-        fists = tracks.fists[strikes.frames, strikes.hands]
+        fists = tracks.fists[strikes.frames, strikes.limbs]
         places = ground.to_local(tracks.ground[frames], fists[:, None])
         seen.append(places[:, 0])
         before.append(places.reshape(-1, 3))

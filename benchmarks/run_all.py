@@ -37,7 +37,7 @@ SECONDS = 3600
 MEASURED = ("benchmarks", "crowdsim", "policies", "pyproject.toml", "scenarios", ":!benchmarks/results.json")
 """What figures depend on in a checkout."""
 PACKAGES = ("numpy", "scipy", "numba", "open3d-cpu", "open3d", "zarr", "upc-pymotion", "pybvh", "bvhio", "polars",
-            "quantecon", "scikit-learn", "jupedsim", "orjson")  # fmt: skip
+            "quantecon", "scikit-learn", "jupedsim", "orjson", "distributed")  # fmt: skip
 
 
 def names() -> list[str]:

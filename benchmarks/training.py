@@ -64,6 +64,7 @@ def synthetic_actions(states: int = 437, count: int = 27072, seed: int = 1) -> A
         strike_offsets=np.concatenate([[0], np.cumsum(strikes)]).astype(np.int32),
         strike_times=(draw.uniform(0.1, 1.0, k) * lengths[strikes]).astype(np.float32),
         strike_positions=positions.astype(np.float32),
+        strike_origins=positions[:, [0, 2]].astype(np.float32),
         strike_speeds=draw.uniform(0.5, 1.5, k).astype(np.float32),
         strike_ids=np.arange(k, dtype=np.int32),
     )

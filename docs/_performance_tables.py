@@ -187,6 +187,29 @@ def compilation(results: Results) -> list[str]:
     return results.table(["package", "kernels", "compiled", "CPU time [s]"], rows, "compilation")
 
 
+def batch(results: Results) -> list[str]:
+    """Return what a batch of small runs takes beside a shell loop."""
+    get, figures = (
+        results.cell,
+        {
+            "the runs [s]": (number, "seconds"),
+            "start of workers [s]": (number, "start_seconds"),
+            "small pictures and report [s]": (number, "after_seconds"),
+            "a run by itself, median [ms]": (whole, "own_milliseconds"),
+            "what the batch adds to it, of a worker's time [ms]": (whole, "overhead_milliseconds"),
+        },
+    )
+    rows = [
+        [label, *(get(show, "batch", workers, key) for workers in ("workers_1", "workers_2"))]
+        for label, (show, key) in figures.items()
+    ]
+    rows += [
+        ["time of one worker over it", "1", get(number, "batch", "speedup")],
+        ["a loop over `crowdsim run`, a run [s]", get(number, "batch", "loop_seconds_per_run"), ""],
+    ]
+    return results.table(["100 runs of `duel`", "1 worker", "2 workers"], rows, "batch")
+
+
 PERFORMANCE_TABLES: dict[str, Callable[[Results], list[str]]] = {
     "control": control,
     "stages": stages,
@@ -198,4 +221,5 @@ PERFORMANCE_TABLES: dict[str, Callable[[Results], list[str]]] = {
     "pictures": pictures,
     "poses": poses,
     "files": files,
+    "batch": batch,
 }

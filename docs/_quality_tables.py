@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
-from _results import NOT_MEASURED, Format, Results, cell, fixed, number, percent, scaled, short
+from _results import MISSING, NOT_MEASURED, Format, Results, cell, fixed, number, percent, scaled, short
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
+from _exported_goals import MEASURES, shown
 from _scene_goals import GOALS, Goal
 
 FIGHTS = ("duel", "moving_target", "moving_target_fast", "armies_200", "brawl_30", "brawl_30_cmu")
@@ -146,6 +148,52 @@ def transitions(results: Results) -> list[str]:
     return results.table(header, rows, "motion_quality")
 
 
+SIDES = ("shown", "captured")
+TWO = ("boxer", "boxer_cmu")
+
+
+def _pair(results: Results, policy: str, *keys: str) -> str:
+    """Return a figure of shown motion and, in brackets, that of the capture behind it."""
+    own, theirs = (results.cell(fixed, "motion_quality", policy, *keys, side) for side in SIDES)
+    return own if own == theirs == NOT_MEASURED else f"{own} ({theirs})"
+
+
+def decisions(results: Results) -> list[str]:
+    """Return how well classifiers distinguish transitions from other decisions, beside the capture behind them."""
+    rows = []
+    for window, label in (("400_ms", "0.4 s"), ("800_ms", "0.8 s")):
+        for model in ("logistic", "trees", "boosting"):
+            cells = []
+            for policy in TWO:
+                keys = ("motion_quality", policy, "decisions", window)
+                own, theirs = (results.cell(fixed, *keys, side, model) for side in SIDES)
+                cells.append(own if own == theirs == NOT_MEASURED else f"{own} ({theirs})")
+            rows.append([f"{model}, windows of {label}", *cells])
+    for part in ("legs", "trunk", "arms", "head"):
+        for kind in ("velocity", "acceleration", "jerk"):
+            figures = ("decisions", "400_ms", "parts", part, kind)
+            rows.append([f"{part}, {kind} alone", *(_pair(results, policy, *figures) for policy in TWO)])
+    return results.table(["AUC (of the capture behind)", *(f"`{policy}`" for policy in TWO)], rows, "motion_quality")
+
+
+def smoothness(results: Results) -> list[str]:
+    """Return how often shown motion exceeds the accelerations of its capture, beside the capture behind it."""
+    rows = []
+    for group in ("near_transitions", "near_strikes", "elsewhere"):
+        for part in ("legs", "trunk", "arms", "head"):
+            for kind, label in (("acceleration", "positions"), ("rotation", "rotations"), ("joint", "joints")):
+                keys = ("smoothness", group, part, kind)
+                cells = [_pair(results, policy, *keys) for policy in TWO]
+                rows.append([f"{group.replace('_', ' ')}: {part}, {label}", *cells])
+    for key, label in (
+        ("jumps_per_minute", "one-frame jumps of joints per minute"),
+        ("pelvis_drops_per_minute", "drops of the pelvis per minute"),
+    ):
+        rows.append([label, *(_pair(results, policy, "smoothness", key) for policy in TWO)])
+    header = ["per mille of frames (of the capture behind)", *(f"`{policy}`" for policy in TWO)]
+    return results.table(header, rows, "motion_quality")
+
+
 def poses(results: Results) -> list[str]:
     """Return what an independent reader measures in exported BVH files."""
     scenes = ("brawl_30", "brawl_30_cmu", "armies_200")
@@ -177,6 +225,24 @@ def poses(results: Results) -> list[str]:
     ]  # fmt: skip
     cells = [[label, *(results.cell(shown, "exported", name, *keys) for name in scenes)] for label, shown, keys in rows]
     return results.table(["", *(f"`{name}`" for name in scenes)], cells, "exported")
+
+
+def contact(results: Results) -> list[str]:
+    """Return what an independent reader measures of contact, reactions and variety, and what is aimed at."""
+    scenes, rows = ("brawl_30", "brawl_30_cmu"), []
+    for measure in MEASURES:
+        cells, text_of = [], partial(shown, unit=measure.unit)
+        for scene in scenes:
+            found = results.get("exported", scene, *measure.keys)
+            captured = results.get("exported", scene, *measure.source) if measure.source else None
+            text = cell(text_of, found)
+            numbers = [None if value is MISSING else value for value in (found, captured)]
+            cells.append(text if measure.met(scene, *numbers) else f"**{text}**")
+            cells.append(cell(text_of, captured) if measure.source else "")
+        own, other = (measure.goal(scene) for scene in scenes)
+        rows.append([measure.label, *cells, own if own == other else f"{own}; `brawl_30_cmu`: {other}"])
+    header = ["", *(name for scene in scenes for name in (f"`{scene}`", "its source")), "goal"]
+    return results.table(header, rows, "exported")
 
 
 def performer(results: Results) -> list[str]:
@@ -213,7 +279,10 @@ QUALITY_TABLES: dict[str, Callable[[Results], list[str]]] = {
     "random": random_choice,
     "policies": policies,
     "transitions": transitions,
+    "decisions": decisions,
+    "smoothness": smoothness,
     "poses": poses,
+    "contact": contact,
     "performer": performer,
     "detectors": detectors,
 }

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from crowdsim.batch.reference import batch_reference
 from crowdsim.scenario.reference import scenario_reference
 from crowdsim.scenario.scenario import scenario_schema
 from crowdsim.training.recipe_reference import recipe_reference
@@ -11,4 +12,5 @@ ROOT = Path(__file__).resolve().parent.parent
 if __name__ == "__main__":
     (ROOT / "docs" / "scenarios.md").write_text(scenario_reference(), encoding="utf-8")
     (ROOT / "docs" / "recipes.md").write_text(recipe_reference(), encoding="utf-8")
+    (ROOT / "docs" / "batch_files.md").write_text(batch_reference(), encoding="utf-8")
     (ROOT / "scenarios" / "scenario.schema.json").write_text(scenario_schema(), encoding="utf-8")
