@@ -59,6 +59,10 @@ class Model(NamedTuple):
             ``policy.LookupTables.leads`` [control frames]; the speed from which on a strike is strong [m/s];
             the share of ``Crowding``'s gap that bodies keep. Shape (P, 12), float64.
         twins: For each state the one of the captured motion that it is, or is the mirror image of. Shape (S,), int32.
+        falls: Actions that nobody chooses: the policy, the kind (0 fall, 1 lie, 2 rise, 3 stagger), the action, and the
+            row of the fall that it belongs to. Shape (F, 4), int32.
+        fall_directions: Where each leads, seen from the avatar before it: 0 ahead, pi behind [rad]. Shape (F,),
+            float64.
     """
 
     offsets: Array
@@ -78,6 +82,8 @@ class Model(NamedTuple):
     policies: Array
     sizes: Array
     twins: Array
+    falls: Array
+    fall_directions: Array
 
 
 class Avatars(NamedTuple):
@@ -86,13 +92,14 @@ class Avatars(NamedTuple):
     Slots follow the index, so that neighbours in space are neighbours in memory; those of absent avatars come last.
     Nothing that is computed depends on slots. "Before" is one control frame ago.
 
-    Rows of ``whole``: number; policy; cohort (row of ``World.cohorts``); team; skip, the team that the opponent may not
-    be of (-1 nearest of anyone, -2 ``fixed`` says); fixed (number of the opponent, -2 - k for target k, -1 for none);
-    opponent, likewise; opponent before the last decision; decisions taken; action; action before, negative when there
-    was no decision in this frame; pending, the last whole frame of the action before its next strike, or -1 where the
-    action before may still have one; burst, strikes left of the present burst, 0 for an avatar that rests; the opponent
-    from the next action on, of avatars that have just decided; number of the avatar that hit it last, or -1; motion of
-    its latest action with strikes (``Model.twins``), or -1, and the frame in which that ends.
+    Rows of ``whole``: number; policy; cohort (row of ``World.cohorts``); team, -2 less it while the avatar is down;
+    skip, the team that the opponent may not be of (-1 nearest of anyone, -2 ``fixed`` says); fixed (number of the
+    opponent, -2 - k for target k, -1 for none); opponent, likewise; opponent before the last decision; decisions taken;
+    action; action before, negative when there was no decision in this frame; pending, the last whole frame of the
+    action before its next strike, or -1 where the action before may still have one; burst, strikes left of the present
+    burst, 0 for an avatar that rests; the opponent from the next action on, of avatars that have just decided; number
+    of the avatar that hit it last, or -1; motion of its latest action with strikes (``Model.twins``), or -1, and the
+    frame in which that ends.
 
     Rows of ``real``: scale of the body; speed [frames of motion in a control frame]; phase, frames of the action done
     (an action shows its frame ``min(phase, T)``; what goes beyond is motion that the next action starts with); phase
@@ -109,6 +116,10 @@ class Avatars(NamedTuple):
             Shape (N, 16), uint16.
         marks: Frames in which motion was last shown in cells of the ground (``variety``). Shape (a power of 2,),
             uint16.
+        conditions: What each number is told to do about its opponent (fight, watch, flee), what it does and will do;
+            the distance that it keeps while it watches [m]; how it stands and will stand, its row of ``Model.falls``
+            and how often it was down; the frame in which it gets up; its health, what hits took lately and in which
+            frame; its stamina. Shape (N, 13), or (0, 13) where nothing of this is used, float64.
     """
 
     whole: Array
@@ -116,6 +127,7 @@ class Avatars(NamedTuple):
     slot_of: Array
     shown: Array
     marks: Array
+    conditions: Array
 
     @property
     def number(self) -> Array:
@@ -156,6 +168,11 @@ class World(NamedTuple):
         cohorts: How far below the best value a candidate may lie, how many candidates there are at most, the randomness
             of the draw, how much nearer another opponent must be [m], how long it takes to recover from a strike
             [control frames], 0 no time, and how much avatars care for variety. Shape (M, 6), float64.
+        rules: Health at the start (0: nothing hurts), what a strong hit to the head takes, the shares of hits to the
+            body and of blocked ones; what hits must take to make an avatar stagger, and to knock it down; for how long
+            it is down [control frames], and how often until it stays down; what a strike and a metre take from its
+            stamina, and what a frame restores; how many may attack it, 0 for any number. Shape (M, 12), float64.
+        pauses: Whether frames end a call in which strikes are thrown, since events wait for them. Shape (1,).
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]. Shape (5,).
         crowding: The numbers of ``Crowding``. Shape (8,), float64.
         targets: Positions of scripted targets, from the frame before the first that is run on [m]. Shape
@@ -165,6 +182,8 @@ class World(NamedTuple):
 
     weights: Array
     cohorts: Array
+    rules: Array
+    pauses: Array
     arena: Array
     crowding: Array
     targets: Array

@@ -3,37 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from crowdsim.config.files import Finding
 from crowdsim.core.types import Array
-from crowdsim.crowd.crowd import ANYONE, SCRIPTED, Crowd, Crowding
+from crowdsim.crowd.crowd import Crowd, Crowding
 from crowdsim.crowd.placement import Placed
-from crowdsim.crowd.script import Change, CirclePath, LinePath, Script, TargetPath
+from crowdsim.crowd.plan import attackers_of, hysteresis_of, plan_script, set_opponents, weights_of
+from crowdsim.crowd.script import Script
 from crowdsim.errors import RecipeError, nearest
-from crowdsim.scenario.events import (
-    AddEvent,
-    Condition,
-    DistanceCondition,
-    Event,
-    FrameCondition,
-    RetargetEvent,
-    SecondsCondition,
-    StrikesCondition,
-    WeightsEvent,
-)
-from crowdsim.scenario.groups import (
-    AnyoneOpponents,
-    CircleTarget,
-    FixedOpponents,
-    Opponents,
-    OtherTeamOpponents,
-    Target,
-    TargetOpponents,
-)
-from crowdsim.scenario.parts import Arena, CircleArena, RectangleArena
+from crowdsim.scenario.events import FightEvent, FleeEvent, RetargetEvent, WatchEvent, WeightsEvent
+from crowdsim.scenario.groups import Opponents
+from crowdsim.scenario.parts import Arena, AvatarType, CircleArena, RectangleArena
 from crowdsim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -75,11 +59,14 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         policy = policies[owners[kind]]
         named = kinds[kind].behaviours
         own = policy.weights
-        weights[row] = _weights(policy, named, width) if named else np.pad(own, (0, width - len(own)))
+        weights[row] = weights_of(policy, named, width) if named else np.pad(own, (0, width - len(own)))
     settings = [kinds[kind] for _, kind in cohorts]
+    rules = [
+        _rules(kind, scenario.groups[group].opponents, rate) for (group, _), kind in zip(cohorts, settings, strict=True)
+    ]
     skip, fixed = np.empty(placed.count, np.int32), np.full(placed.count, -1, np.int32)
     for index, group in enumerate(scenario.groups):
-        _set_opponents(scenario, placed, placed.group == index, group.opponents, skip, fixed)
+        set_opponents(scenario, placed, placed.group == index, group.opponents, skip, fixed)
     crowd = Crowd(
         x=placed.x,
         z=placed.z,
@@ -97,17 +84,16 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         margins=np.array([kind.candidates.margin for kind in settings]),
         most=np.array([kind.candidates.maximum for kind in settings], np.int32),
         temperatures=np.array([kind.temperature for kind in settings]),
-        hysteresis=np.array([_hysteresis(scenario.groups[group].opponents) for group, _ in cohorts]),
+        hysteresis=np.array([hysteresis_of(scenario.groups[group].opponents) for group, _ in cohorts]),
         intervals=np.array([0.0 if kind.tempo is None else 60.0 * rate / kind.tempo for kind in settings]),
         varieties=np.array([kind.variety for kind in settings]),
         arena=pack_arena(scenario.arena),
-        crowding=Crowding() if scenario.collision_avoidance else Crowding.none(),
+        crowding=_crowding(scenario),
         seed=scenario.seed,
+        rules=np.array(rules),
+        conditioned=is_conditioned(scenario),
     )
-    changes = tuple(
-        _change(scenario, placed, policies, crowd, cohorts, owners, event, rate) for event in scenario.events
-    )
-    return crowd, Script(tuple(_path(target) for target in scenario.targets.values()), changes)
+    return crowd, plan_script(scenario, placed, policies, crowd, cohorts, owners)
 
 
 def learned_behaviours(policy: str) -> list[str]:
@@ -176,34 +162,35 @@ def unlearned_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]
     return list(dict.fromkeys(findings))
 
 
-def _weights(policy: Policy, given: dict[str, float], width: int, others: float = 0.0) -> Array:
-    """Return weights of a policy's behaviours in its order, ``others`` for those not named and up to ``width``."""
-    result = [given.get(behaviour.name, others) for behaviour in policy.behaviours]
-    return np.array(result + [others] * (width - len(result)))
+def is_conditioned(scenario: Scenario) -> bool:
+    """Return whether avatars of a scenario can be hurt, tire, watch, flee or wait."""
+    kinds = [scenario.types[name] for name in scenario.used_types]
+    opponents = [group.opponents for group in scenario.groups]
+    opponents += [event.opponents for event in scenario.events if isinstance(event, RetargetEvent)]
+    return (
+        any(kind.damage is not None or kind.stamina is not None for kind in kinds)
+        or any(isinstance(event, FleeEvent | WatchEvent | FightEvent) for event in scenario.events)
+        or any(attackers_of(one) > 0 for one in opponents)
+    )
 
 
-def _hysteresis(opponents: Opponents | None) -> float:
-    return opponents.hysteresis if isinstance(opponents, OtherTeamOpponents | AnyoneOpponents) else 0.0
+def _rules(kind: AvatarType, opponents: Opponents | None, rate: float) -> list[float]:
+    """Return what hurts and tires avatars of a type, see ``World.rules``."""
+    damage, stamina = kind.damage, kind.stamina
+    hurts = [0.0] * 8
+    if damage is not None:
+        hurts = [damage.health, damage.hit, damage.body, damage.blocked, damage.stagger, damage.knock_down]
+        hurts += [round(damage.count * rate), damage.downs]
+    tires = [0.0] * 3 if stamina is None else [stamina.strike, stamina.metre, stamina.rest / rate]
+    return [*hurts, *tires, attackers_of(opponents)]
 
 
-def _set_opponents(
-    scenario: Scenario, placed: Placed, who: Array, opponents: Opponents | None, skip: Array, fixed: Array
-) -> None:
-    """Write the opponents of some avatars as entries of ``Crowd.skip`` and ``Crowd.fixed``."""
-    fixed[who] = -1
-    if opponents is None or isinstance(opponents, AnyoneOpponents):
-        skip[who] = ANYONE
-    elif isinstance(opponents, OtherTeamOpponents):
-        skip[who] = placed.team[who]
-    elif isinstance(opponents, TargetOpponents):
-        skip[who] = SCRIPTED
-        fixed[who] = -2 - list(scenario.targets).index(opponents.target)
-    elif isinstance(opponents, FixedOpponents):
-        skip[who] = SCRIPTED
-        members = np.flatnonzero(placed.group == placed.groups.index(opponents.group))
-        ours = np.flatnonzero(who)
-        chosen = members[np.arange(len(ours)) % len(members)] if opponents.member is None else members[opponents.member]
-        fixed[ours] = np.where(chosen == ours, -1, chosen)
+def _crowding(scenario: Scenario) -> Crowding:
+    """Return how avatars avoid one another; where they wait for one another, they see further."""
+    rules = Crowding() if scenario.collision_avoidance else Crowding.none()
+    opponents = [group.opponents for group in scenario.groups]
+    opponents += [event.opponents for event in scenario.events if isinstance(event, RetargetEvent)]
+    return replace(rules, reach=3.0, most=24) if any(attackers_of(one) > 0 for one in opponents) else rules
 
 
 def pack_arena(arena: Arena) -> Array:
@@ -213,54 +200,3 @@ def pack_arena(arena: Arena) -> Array:
     if isinstance(arena, RectangleArena):
         return np.array([2.0, *arena.centre, arena.size[0] / 2, arena.size[1] / 2])
     return np.zeros(5)
-
-
-def _path(target: Target) -> TargetPath:
-    if isinstance(target, CircleTarget):
-        return CirclePath(target.radius, target.speed, target.centre, target.height)
-    return LinePath(np.array(target.points, dtype=float), target.speed, target.loop, target.height)
-
-
-def _when(scenario: Scenario, placed: Placed, condition: Condition, rate: float) -> dict[str, Any]:
-    """A condition as fields of a ``Change``."""
-    if isinstance(condition, FrameCondition):
-        return {"frame": condition.frame}
-    if isinstance(condition, SecondsCondition):
-        return {"frame": round(condition.seconds * rate)}
-    if isinstance(condition, StrikesCondition):
-        team = -1 if condition.team is None else placed.teams.index(condition.team)
-        return {"strikes": condition.count, "team": team}
-    assert isinstance(condition, DistanceCondition)
-    groups = (placed.groups.index(condition.group), placed.groups.index(condition.to))
-    return {"near": (*groups, condition.below)}
-
-
-def _change(
-    scenario: Scenario,
-    placed: Placed,
-    policies: Sequence[Policy],
-    crowd: Crowd,
-    cohorts: Array,
-    owners: Array,
-    event: Event,
-    rate: float,
-) -> Change:
-    """An event as a ``Change``."""
-    when = _when(scenario, placed, event.when, rate)
-    group = None if event.group is None else placed.groups.index(event.group)
-    who = np.ones(placed.count, bool) if group is None else placed.group == group
-    if isinstance(event, WeightsEvent):
-        rows = np.ones(len(cohorts), bool) if group is None else cohorts[:, 0] == group
-        weights = np.full(crowd.weights.shape, np.nan)
-        for row in np.flatnonzero(rows):
-            policy = policies[owners[cohorts[row, 1]]]
-            weights[row] = _weights(policy, event.behaviours, crowd.weights.shape[1], np.nan)
-        heat = np.where(rows, np.nan if event.temperature is None else event.temperature, np.nan)
-        return Change(**when, weights=weights, temperatures=heat)
-    if isinstance(event, RetargetEvent):
-        skip, fixed = crowd.skip.copy(), crowd.fixed.copy()
-        _set_opponents(scenario, placed, who, event.opponents, skip, fixed)
-        rows = np.ones(len(cohorts), bool) if group is None else cohorts[:, 0] == group
-        margin = np.where(rows, _hysteresis(event.opponents), np.nan)
-        return Change(**when, who=who, skip=skip, fixed=fixed, hysteresis=margin)
-    return Change(**when, who=who, present=isinstance(event, AddEvent))

@@ -87,6 +87,8 @@ class Crowd:
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]. Shape (5,).
         crowding: How avatars keep out of one another.
         seed: Seed of every draw.
+        rules: What hurts and tires avatars, see ``World.rules``; nothing where it is empty. Shape (M, 12) or (0, 12).
+        conditioned: Whether avatars can be hurt, tire, watch, flee or wait.
     """
 
     x: Array
@@ -111,6 +113,8 @@ class Crowd:
     arena: Array = field(default_factory=lambda: np.zeros(5))
     crowding: Crowding = field(default_factory=Crowding)
     seed: int = 0
+    rules: Array = field(default_factory=lambda: np.zeros((0, layout.RULES)))
+    conditioned: bool = False
 
     @property
     def count(self) -> int:
@@ -197,6 +201,7 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
         real=np.zeros((layout.REAL_ROWS, count)),
         slot_of=slot_of,
         shown=np.empty((count, LATEST), np.uint16),
+        conditions=np.zeros((count if crowd.conditioned else 0, layout.CONDITIONS)),
         marks=np.full(1 << (max(_LEAST_MARKS, _MARKS * count) - 1).bit_length(), _LONG_AGO, np.uint16),
     )
     whole, real = avatars.whole, avatars.real
@@ -261,3 +266,9 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
     for row in (layout.OPPONENT, layout.OPPONENT_BEFORE, layout.NEXT_OPPONENT, layout.HIT_BY, layout.THROWN):
         whole[row, slots] = -1
     real[layout.HIT_FRAME, slots] = -np.inf
+    if len(avatars.conditions):
+        rows = avatars.conditions[numbers]
+        rows[:, layout.STANDING : layout.DOWNS + 1] = layout.UP
+        rows[:, layout.HEALTH] = crowd.rules[crowd.cohort[numbers], layout.FULL_HEALTH]
+        rows[:, layout.HURT], rows[:, layout.HURT_FRAME], rows[:, layout.STAMINA] = 0.0, -np.inf, 1.0
+        avatars.conditions[numbers] = rows

@@ -105,6 +105,8 @@ def build_model(policies: Sequence[Policy]) -> Model:
         policies=np.column_stack([strides, *firsts]).astype(np.int32),
         sizes=np.array([_sizes(policy) for policy in policies]),
         twins=twin_states(policies, starts),
+        falls=np.zeros((0, 4), np.int32),
+        fall_directions=np.zeros(0),
     )
 
 

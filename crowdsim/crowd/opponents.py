@@ -104,7 +104,8 @@ class ScipyIndex(TreeIndex):
         self._trees = {}
         for skip in np.unique(avatars.skip[:present]):
             if skip > -2:
-                slots = np.flatnonzero(avatars.team[:present] != skip)
+                team = avatars.team[:present]
+                slots = np.flatnonzero((team != skip) & (team >= 0))
                 self._trees[int(skip)] = (slots, cKDTree(points[slots]) if len(slots) else None)
 
     def observe(self, avatars: Avatars, due: Array, reach: float, out: Observed) -> None:

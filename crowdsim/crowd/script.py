@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.crowd.triggers import EVERY_FRAME, STRIKES, AtFrame, Trigger
+
+if TYPE_CHECKING:
+    from crowdsim.crowd.progress import Progress
 
 
 class TargetPath(Protocol):
@@ -76,30 +80,43 @@ class Change:
     """An event that happens once, before decisions, and changes the arrays of a crowd.
 
     Attributes:
-        frame: Control frame at which it happens; None where a condition decides.
-        strikes: With a condition: strikes that must have landed; 0 for none.
-        team: Team that must have landed them, -1 for all together.
-        near: With a condition: two groups, and the distance between them [m] that must be undercut.
+        when: What it waits for.
         weights: New weights of behaviours; NaN leaves one as it is. Shape (M, B).
         temperatures: New temperatures, likewise. Shape (M,).
         hysteresis: New hysteresis [m], likewise. Shape (M,).
-        who: Avatars that ``skip``, ``fixed`` and ``present`` concern. Shape (N,), bool.
+        attackers: How many may attack one avatar from now on, likewise. Shape (M,).
+        who: Avatars that what follows concerns. Shape (N,), bool.
         skip: Their new ``Crowd.skip``. Shape (N,).
         fixed: Their new ``Crowd.fixed``. Shape (N,).
         present: Whether they enter (True) or leave (False).
+        mode: What they do about their opponents: ``layout.FIGHTS``, ``WATCHES`` or ``FLEES``.
+        distance: The distance that those keep who watch [m].
     """
 
-    frame: int | None = None
-    strikes: int = 0
-    team: int = -1
-    near: tuple[int, int, float] | None = None
+    when: Trigger
     weights: Array | None = None
     temperatures: Array | None = None
     hysteresis: Array | None = None
+    attackers: Array | None = None
     who: Array | None = None
     skip: Array | None = None
     fixed: Array | None = None
     present: bool | None = None
+    mode: float | None = None
+    distance: float = 0.0
+
+
+@dataclass(frozen=True)
+class End:
+    """What ends a run early.
+
+    Attributes:
+        kind: ``last_standing``, ``last_team``, ``down`` or ``landed``.
+        count: Of ``down`` and ``landed``: how many.
+    """
+
+    kind: str
+    count: int = 0
 
 
 @dataclass(frozen=True)
@@ -109,61 +126,66 @@ class Script:
     Attributes:
         targets: Paths of scripted targets.
         changes: What happens during the run, in this order where several things happen at once.
+        until: What ends it before its duration.
     """
 
     targets: tuple[TargetPath, ...] = ()
     changes: tuple[Change, ...] = ()
+    until: End | None = None
 
 
 class Agenda:
-    """The changes of a script that have not happened yet, and what they wait for.
+    """The changes of a script that have not happened yet, and what has happened in a run so far.
 
     Args:
-        changes: The changes.
-        teams: Number of teams.
+        script: The script.
+        progress: What has happened.
 
     Attributes:
         pending: Numbers of the changes that have not happened yet.
-        landed: Strikes that each team has landed. Shape (teams,).
+        progress: What has happened.
     """
 
-    def __init__(self, changes: Sequence[Change], teams: int) -> None:
-        self._changes = tuple(changes)
+    def __init__(self, script: Script, progress: Progress) -> None:
+        self._changes, self._until = script.changes, script.until
         self.pending = list(range(len(self._changes)))
-        self.landed = np.zeros(teams, np.int64)
+        self.progress = progress
 
     def until_next(self, frame: int, most: int) -> int:
-        """Return how many frames can be run from ``frame`` on before something may happen, at most ``most``."""
+        """Return how many frames can be run from ``frame`` on before something may happen, at most ``most``.
+
+        What waits for strikes or knock-downs may happen earlier: a call ends in a frame that has any.
+        """
         for number in self.pending:
-            planned = self._changes[number].frame
-            most = min(most, 1 if planned is None else max(planned - frame, 1))
+            when = self._changes[number].when
+            if when.after == EVERY_FRAME:
+                return 1
+            if isinstance(when, AtFrame):
+                most = min(most, max(when.frame - frame, 1))
         return most
 
-    def count(self, teams: Array) -> None:
-        """Count strikes that have landed, by the teams of their attackers. Shape (n,)."""
-        if self.pending:
-            self.landed += np.bincount(teams, minlength=len(self.landed))
+    @property
+    def waits_for_strikes(self) -> bool:
+        """Whether something may happen because of a strike."""
+        until = self._until is not None and self._until.kind == "landed"
+        return until or any(self._changes[number].when.after == STRIKES for number in self.pending)
 
-    def due(self, frame: int, distance: Callable[[int, int], float]) -> Iterator[Change]:
-        """Yield each change that is due, once; the next one is checked after it has been made.
-
-        Args:
-            frame: The control frame.
-            distance: Returns the least distance between avatars of two groups [m].
-        """
+    def due(self) -> Iterator[Change]:
+        """Yield each change that is due, once; the next one is checked after it has been made."""
         for number in list(self.pending):
             change = self._changes[number]
-            if self._is_time(change, frame, distance):
+            if change.when.is_due(self.progress):
                 self.pending.remove(number)
                 yield change
 
-    def _is_time(self, change: Change, frame: int, distance: Callable[[int, int], float]) -> bool:
-        if change.frame is not None:
-            return frame >= change.frame
-        if change.near is not None:
-            return frame > 0 and distance(change.near[0], change.near[1]) < change.near[2]
-        landed = self.landed.sum() if change.team < 0 else self.landed[change.team]
-        return bool(landed >= change.strikes > 0)
+    def awaited(self, count: int) -> Array:
+        """Return which of ``count`` avatars have still to enter. Shape (count,), bool."""
+        awaited = np.zeros(count, bool)
+        for number in self.pending:
+            change = self._changes[number]
+            if change.present and change.who is not None:
+                awaited |= change.who
+        return awaited
 
 
 def target_positions(paths: Sequence[TargetPath], first: int, count: int, rate: float) -> Array:

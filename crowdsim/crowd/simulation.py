@@ -21,6 +21,8 @@ from crowdsim.crowd.kernels.layout import Now
 from crowdsim.crowd.kernels.loop import run_frames
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import Index, build_index
+from crowdsim.crowd.outcome import LINGERS, Outcome, find_outcome
+from crowdsim.crowd.progress import Progress
 from crowdsim.crowd.random import Purpose, stream
 from crowdsim.crowd.script import Agenda, Change, Script, target_positions
 from crowdsim.crowd.stages import Stages, lost_avatar
@@ -79,13 +81,14 @@ class Simulation:
         self.frame = 0
         self.rate = float(policies[0].database.control_rate)
         self._script = script or Script()
-        self._agenda = Agenda(self._script.changes, int(crowd.team.max(initial=0)) + 1)
+        self.outcome: Outcome | None = None
         self._workers = Workers(threads)
         self._search = search
         self._index: Index = build_index(search, self._workers)
         self.searches: list[str] = []
         self._profiled = profiled
         self._fresh = np.arange(self.present, dtype=np.int32)
+        self._lingers = round(LINGERS * self.rate)
         self._stages = Stages(crowd, self.model, self.avatars, self._index, self._workers)
         self._scratch = empty_scratch(self.model, crowd.crowding.most, min(SMALL, max(crowd.count, 1)))
         self._world = World(
@@ -93,11 +96,16 @@ class Simulation:
             cohorts=np.column_stack(
                 [crowd.margins, crowd.most, crowd.temperatures, crowd.hysteresis, crowd.intervals, crowd.varieties]
             ).astype(float),
+            rules=np.array(crowd.rules, dtype=float)
+            if len(crowd.rules)
+            else np.zeros((len(crowd.weights), layout.RULES)),
+            pauses=np.zeros(1),
             arena=np.array(crowd.arena, dtype=float),
             crowding=crowd.crowding.numbers(),
             targets=np.zeros((2, 0, 3)),
             stream=np.array([stream(crowd.seed, Purpose.CHOICE), stream(crowd.seed, Purpose.BURST)], np.uint64),
         )
+        self._agenda = Agenda(self._script, Progress(crowd, self.avatars, self._world))
 
     @property
     def nbytes(self) -> int:
@@ -121,12 +129,17 @@ class Simulation:
         """
         write_state(self, state)
 
+    @property
+    def is_over(self) -> bool:
+        """Whether the run has come to the end that its script has set, and what follows that has been shown."""
+        return self.outcome is not None and self.frame >= self.outcome.frame + self._lingers
+
     def close(self) -> None:
         """End the threads."""
         self._workers.close()
 
     def run(self, frames: int) -> Chunk:
-        """Run the next ``frames`` control frames and return them.
+        """Run the next ``frames`` control frames and return them; fewer where the run comes to its end before.
 
         Raises:
             RunError: An avatar's position or values are not finite; the message names avatar and frame.
@@ -136,7 +149,7 @@ class Simulation:
         timings = np.zeros((frames, len(STAGES)), np.int64) if self._profiled else None
         strikes = []
         done = 0
-        while done < frames:
+        while done < frames and not self.is_over:
             self._happen()
             if self.present < count:
                 self._blank(record, done, frames)
@@ -148,8 +161,10 @@ class Simulation:
             else:
                 ran, thrown = self._run_stages(rows, times)
             strikes.append(thrown)
+            self._agenda.progress.count(thrown)
             done += ran
-        targets = target_positions(self._script.targets, first, frames, self.rate)
+        record = record.rows(0, done)
+        targets = target_positions(self._script.targets, first, done, self.rate)
         return Chunk(
             first=first,
             action=record.whole[0],
@@ -159,8 +174,8 @@ class Simulation:
             heading=record.real[3],
             opponent=record.whole[1],
             targets=targets.astype(np.float32),
-            events=events_of(strikes),
-            timings=timings,
+            events=events_of(strikes or [empty_strikes(0)]),
+            timings=None if timings is None else timings[:done],
         )
 
     def _run_small(self, rows: Record, timings: Array | None) -> tuple[int, Strikes]:
@@ -180,9 +195,7 @@ class Simulation:
             raise lost_avatar(self.avatars, lost, self.frame + ran)
         self._fresh = self._fresh[:0]
         self.frame += ran
-        thrown = Strikes(strikes.whole[:held], strikes.real[:held])
-        self._agenda.count(self.crowd.team[thrown.whole[thrown.whole[:, 3] > 0, 0]])
-        return int(ran), thrown
+        return int(ran), Strikes(strikes.whole[:held], strikes.real[:held])
 
     def _run_stages(self, rows: Record, timings: Array | None) -> tuple[int, Strikes]:
         """Run one frame, each stage shared out among threads."""
@@ -190,7 +203,6 @@ class Simulation:
         fresh, self._fresh = self._fresh, self._fresh[:0]
         thrown = self._stages.run(self._world_at(self.frame - 1, 2), self._now, fresh, rows, timings)
         self.frame += 1
-        self._agenda.count(self.crowd.team[thrown.whole[thrown.whole[:, 3] > 0, 0]])
         return 1, thrown
 
     def _note_search(self, search: str) -> None:
@@ -210,24 +222,27 @@ class Simulation:
 
     def _happen(self) -> None:
         """Make changes whose time has come, before this frame's decisions."""
-        for change in self._agenda.due(self.frame, self._distance):
+        progress = self._agenda.progress
+        progress.frame, progress.present = self.frame, self.present
+        if len(self.avatars.conditions):
+            # Those leave that are out and whose policies have no falls.
+            leave = self.avatars.conditions[self.avatars.number, layout.STANDING] == layout.OUT
+            if leave[: self.present].any():
+                self._admit(leave, present=False)
+                self._index.reset()
+        for change in self._agenda.due():
             self._make(change)
-
-    def _distance(self, one: int, other: int) -> float:
-        """Return the least distance between avatars of two groups [m]."""
-        from scipy.spatial import cKDTree
-
-        group = self.crowd.group[self.avatars.number[: self.present]]
-        points = np.column_stack([self.avatars.x[: self.present], self.avatars.z[: self.present]])
-        if not (group == one).any() or not (group == other).any():
-            return float("inf")
-        return float(cKDTree(points[group == one]).query(points[group == other])[0].min())
+        progress.present = self.present
+        self._world.pauses[0] = float(self._agenda.waits_for_strikes)
+        if self._script.until is not None and self.outcome is None:
+            self.outcome = find_outcome(self._script.until, self._agenda, self.crowd)
 
     def _make(self, change: Change) -> None:
         for values, new in (
             (self._world.weights, change.weights),
             (self._world.cohorts[:, layout.TEMPERATURE], change.temperatures),
             (self._world.cohorts[:, layout.HYSTERESIS], change.hysteresis),
+            (self._world.rules[:, layout.ATTACKERS], change.attackers),
         ):
             if new is not None:
                 np.copyto(values, new, where=~np.isnan(new))
@@ -238,6 +253,9 @@ class Simulation:
             numbers = self.avatars.number[concerned]
             self.avatars.whole[layout.SKIP, concerned] = change.skip[numbers]
             self.avatars.whole[layout.FIXED, concerned] = change.fixed[numbers]
+        if change.mode is not None:
+            self.avatars.conditions[change.who, layout.MODE] = change.mode
+            self.avatars.conditions[change.who, layout.KEEPS] = change.distance
         if change.present is not None:
             self._admit(concerned, change.present)
         self._index.reset()
@@ -288,7 +306,7 @@ def simulate(
     size = chunk or min(max(_CHUNK_AVATAR_FRAMES // max(crowd.count, 1), 1), 256)
     simulation = Simulation(crowd, policies, script, threads, search, order, profiled)
     try:
-        while simulation.frame < frames:
+        while simulation.frame < frames and not simulation.is_over:
             yield simulation.run(min(size, frames - simulation.frame))
     finally:
         simulation.close()

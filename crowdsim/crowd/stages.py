@@ -10,6 +10,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World, empty_scratch, empty_strikes
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.kernels.choice import choose
+from crowdsim.crowd.kernels.damage import hurt
 from crowdsim.crowd.kernels.layout import ACTION_BEFORE, ENTERED, PHASE, PHASE_BEFORE, Now, Observed
 from crowdsim.crowd.kernels.motion import advance, switch
 from crowdsim.crowd.kernels.record import write_record
@@ -68,7 +69,7 @@ class Stages:
         chosen = np.empty(len(due), np.int32)
         observing = self._decide(world, now, due, chosen)
         clock.append(perf_counter_ns())
-        workers.each(lambda first, last: switch(model, avatars, now.frame, due, chosen, first, last), len(due))
+        workers.each(lambda first, last: switch(model, avatars, world, now.frame, due, chosen, first, last), len(due))
         clock.append(perf_counter_ns())
         thrown = self._strike(world, now)
         clock.append(perf_counter_ns())
@@ -154,6 +155,7 @@ class Stages:
         parts = [found[first] for first in sorted(found)]
         thrown = Strikes(*(np.concatenate(part) for part in zip(*parts, strict=True))) if parts else empty_strikes(0)
         note_hits(self._model, self._avatars, now.frame, thrown, 0, len(thrown.whole))
+        hurt(self._model, self._avatars, world, now.frame, thrown, 0, len(thrown.whole))
         return thrown
 
 

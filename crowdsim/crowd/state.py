@@ -14,9 +14,20 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars
+from crowdsim.crowd.outcome import Outcome
 from crowdsim.crowd.state_checks import Changing, check_values
 
-STATE = ("avatars.", "_world.", "_agenda.pending", "_agenda.landed", "_fresh", "present", "frame", "searches")
+STATE = (
+    "avatars.",
+    "_world.",
+    "_agenda.pending",
+    "_agenda.progress.",
+    "outcome",
+    "_fresh",
+    "present",
+    "frame",
+    "searches",
+)
 """What changes in a simulation while it runs and decides how it goes on; of avatars and world every array."""
 
 _BY_SLOT = ("whole", "real")
@@ -38,7 +49,11 @@ def read_state(simulation: Changing) -> dict[str, Array]:
     state["present"] = present
     state["fresh"] = np.sort(avatars.number[simulation._fresh])
     state.update({f"world.{name}": values.copy() for name, values in simulation._world._asdict().items()})
-    state["agenda.pending"], state["agenda.landed"] = np.array(agenda.pending, np.int64), agenda.landed.copy()
+    state["agenda.pending"] = np.array(agenda.pending, np.int64)
+    state["agenda.landed"], state["agenda.landed_on"] = agenda.progress.landed.copy(), agenda.progress.landed_on.copy()
+    ended = simulation.outcome
+    state["outcome.frame"] = np.array(-1 if ended is None else ended.frame)
+    state["outcome.standing"] = np.zeros(0, np.int64) if ended is None else ended.standing
     state["frame"] = np.array(simulation.frame)
     state["searches"] = np.array(simulation.searches, dtype="<U8")
     return state
@@ -52,7 +67,7 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
             names the first that differs.
     """
     now = read_state(simulation)
-    grows = {"fresh", "agenda.pending", "searches"}
+    grows = {"fresh", "agenda.pending", "searches", "outcome.standing"}
     for name in sorted(now.keys() | state.keys()):
         if name not in now or name not in state:
             raise ValueError(f"array {name!r} is {'missing' if name in now else 'unknown'}")
@@ -71,7 +86,10 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
     for name, values in simulation._world._asdict().items():
         values[...] = state[f"world.{name}"]
     simulation._agenda.pending = state["agenda.pending"].tolist()
-    simulation._agenda.landed[...] = state["agenda.landed"]
+    simulation._agenda.progress.landed[...] = state["agenda.landed"]
+    simulation._agenda.progress.landed_on[...] = state["agenda.landed_on"]
+    until, ended = simulation._script.until, int(state["outcome.frame"])
+    simulation.outcome = None if until is None or ended < 0 else Outcome(until.kind, ended, state["outcome.standing"])
     simulation.frame = int(state["frame"])
     simulation.searches = [str(search) for search in state["searches"]]
     simulation._index.reset()

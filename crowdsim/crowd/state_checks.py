@@ -13,16 +13,19 @@ from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.variety import NONE
 from crowdsim.crowd.opponents import Index
+from crowdsim.crowd.outcome import Outcome
 from crowdsim.crowd.script import Agenda, Script
 
 FAR = 1e9
 """Greatest numbers of an avatar [m, rad, control frames]."""
 _SEARCHES = {"direct", "kd_tree", "scipy"}
 _CONSTANT = {
-    "avatars.whole": (layout.NUMBER, layout.POLICY, layout.COHORT, layout.TEAM),
+    "avatars.whole": (layout.NUMBER, layout.POLICY, layout.COHORT),
     "avatars.real": (layout.SCALE, layout.SPEED),
 }
-_MAY_CHANGE = (layout.TEMPERATURE, layout.HYSTERESIS)
+_MAY_CHANGE = {"cohorts": (layout.TEMPERATURE, layout.HYSTERESIS), "rules": (layout.ATTACKERS,)}
+_ENDLESS = (layout.RISES, layout.HURT_FRAME)
+"""Columns of conditions that are infinite for what never was or will be."""
 _NAMES = {
     layout.SKIP: "skip", layout.FIXED: "fixed", layout.OPPONENT: "opponent", layout.OPPONENT_BEFORE: "opponent before",
     layout.DECISIONS: "decisions", layout.ACTION: "action", layout.ACTION_BEFORE: "action before",
@@ -40,6 +43,7 @@ class Changing(Protocol):
     present: int
     frame: int
     searches: list[str]
+    outcome: Outcome | None
     _fresh: Array
     _world: World
     _agenda: Agenda
@@ -66,6 +70,7 @@ def check_values(simulation: Changing, now: Mapping[str, Array], state: Mapping[
             raise ValueError(f"array {name!r} is not that of the run")
     _check_whole(simulation, state)
     _check_real(simulation, state)
+    _check_conditions(simulation, state)
     _check_world(now, state)
     _check_rest(simulation, state)
 
@@ -109,13 +114,37 @@ def _check_real(simulation: Changing, state: Mapping[str, Array]) -> None:
     _refuse("avatars.shown", shown, (shown < len(model.twins)) | (shown == NONE))
 
 
+def _check_conditions(simulation: Changing, state: Mapping[str, Array]) -> None:
+    """Hold what avatars are told to do, and how well they are, against what can be."""
+    rows, whole = state["avatars.conditions"], state["avatars.whole"]
+    team = whole[layout.TEAM]
+    own = simulation.crowd.team[: len(team)]
+    is_down = np.zeros(len(team), bool)
+    if len(rows):
+        falls = simulation.model.falls
+        standing = rows[:, (layout.STANDING, layout.STANDING_NEXT)]
+        _refuse("avatars.conditions, standing", standing, np.isin(standing, np.arange(layout.OUT + 1)))
+        for column in (layout.MODE, layout.DOES, layout.DOES_NEXT):
+            _refuse("avatars.conditions, mode", rows[:, column], np.isin(rows[:, column], (0.0, 1.0, 2.0)))
+        is_down = (standing[:, 0] >= layout.DROPS) & ~(standing[:, 0] == layout.UP)
+        fall = rows[:, layout.FALL]
+        lies = np.isin(standing, (layout.FALLING, layout.LYING, layout.RISING)).any(axis=1)
+        known = (fall == np.floor(fall)) & (fall >= 0) & (fall < max(len(falls), 1))
+        _refuse("avatars.conditions, fall", fall, known & (~lies | (len(falls) > 0)))
+        numbers = rows[:, [column for column in range(rows.shape[1]) if column not in _ENDLESS]]
+        _refuse("avatars.conditions", numbers, (numbers >= 0.0) & (numbers <= FAR))
+        _refuse("avatars.conditions", rows, ~np.isnan(rows))
+    _refuse("avatars.whole, team", team, np.where(is_down, team == -2 - own, team == own))
+
+
 def _check_world(now: Mapping[str, Array], state: Mapping[str, Array]) -> None:
-    cohorts, before = state["world.cohorts"], now["world.cohorts"]
-    same = [column for column in range(cohorts.shape[1]) if column not in _MAY_CHANGE]
-    if not np.array_equal(cohorts[:, same], before[:, same]):
-        raise ValueError("array 'world.cohorts' is not that of the run")
-    for name, values in (("world.cohorts", cohorts), ("world.weights", state["world.weights"])):
-        _refuse(name, values, (values >= 0.0) & (values <= FAR))
+    for name, changing in _MAY_CHANGE.items():
+        found, before = state[f"world.{name}"], now[f"world.{name}"]
+        same = [column for column in range(found.shape[1]) if column not in changing]
+        if not np.array_equal(found[:, same], before[:, same]):
+            raise ValueError(f"array 'world.{name}' is not that of the run")
+    for name in ("world.cohorts", "world.rules", "world.weights", "world.pauses"):
+        _refuse(name, state[name], (state[name] >= 0.0) & (state[name] <= FAR))
     _refuse("world.targets", state["world.targets"], np.abs(state["world.targets"]) <= FAR)
 
 
@@ -131,7 +160,15 @@ def _check_rest(simulation: Changing, state: Mapping[str, Array]) -> None:
         _refuse(name, numbers, (numbers >= 0) & (numbers < count))
         _refuse(name, numbers[1:], np.diff(numbers) > 0)
     _refuse("fresh", fresh, present[fresh])
-    _refuse("agenda.landed", state["agenda.landed"], state["agenda.landed"] >= 0)
+    for name in ("agenda.landed", "agenda.landed_on"):
+        _refuse(name, state[name], state[name] >= 0)
+    _refuse(
+        "outcome.frame",
+        state["outcome.frame"],
+        (state["outcome.frame"] >= -1) & (state["outcome.frame"] <= state["frame"]),
+    )
+    standing = state["outcome.standing"]
+    _refuse("outcome.standing", standing, (standing >= 0) & (standing < simulation.crowd.count))
     _refuse("frame", state["frame"], (state["frame"] >= 0) & (state["frame"] < 2**40))
     searches = state["searches"]
     if searches.ndim != 1 or not set(map(str, searches)) <= _SEARCHES:

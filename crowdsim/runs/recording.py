@@ -96,11 +96,12 @@ def record(
                 if chunk.timings is not None:
                     timings.append(chunk.timings)
                 done = simulation.frame
-                is_caught = bool(run.caught) and done < prepared.frames
+                is_last = done == prepared.frames or simulation.is_over
+                is_caught = bool(run.caught) and not is_last
                 if is_caught:
                     run.stop_waiting()
                 if keeper is not None:
-                    keeper.keep(simulation, timings, is_caught or done == prepared.frames)
+                    keeper.keep(simulation, timings, is_caught or is_last)
                     run.clock.lap("checkpoints")
                 run.advance("control", done, prepared.frames)
                 if is_caught:
@@ -134,7 +135,7 @@ def _chunks(run: Run, prepared: Prepared, simulation: Simulation) -> Iterator[Ch
     """Yield the control frames of a run as they come."""
     size = take_chunk(run, prepared)
     step = max(1, min(size, _STEP_AVATAR_FRAMES // len(prepared.cast.names)))
-    while simulation.frame < prepared.frames:
+    while simulation.frame < prepared.frames and not simulation.is_over:
         run.clock.start()
         # To the end of a chunk of the take, where a checkpoint is small.
         until = size - simulation.frame % size

@@ -11,6 +11,7 @@ from crowdsim.config.findings import show
 from crowdsim.config.schema import some
 from crowdsim.errors import nearest
 from crowdsim.scenario.description import Description
+from crowdsim.scenario.fight_checks import fight_findings
 from crowdsim.scenario.groups import MAXIMUM_AVATARS, FixedOpponents, Opponents
 
 MAXIMUM_BVH_FILES = 10_000
@@ -108,7 +109,9 @@ def sense_findings(scenario: Description) -> list[Finding]:
 
     Of very many, there are no more than ``MOST_FINDINGS`` and one.
     """
-    found = chain(_crowd_findings(scenario), _search_findings(scenario), _output_findings(scenario))
+    found = chain(
+        _crowd_findings(scenario), _search_findings(scenario), _output_findings(scenario), fight_findings(scenario)
+    )
     return list(islice(dict.fromkeys(found), MOST_FINDINGS + 1))
 
 

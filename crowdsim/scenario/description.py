@@ -13,6 +13,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr
 from crowdsim.config.files import Finding, StrictModel, place
 from crowdsim.errors import ScenarioError
 from crowdsim.scenario.events import Event
+from crowdsim.scenario.fitness import End
 from crowdsim.scenario.groups import AnyoneOpponents, Group, Opponents, PointsPlacement, Target
 from crowdsim.scenario.outputs import Outputs
 from crowdsim.scenario.parts import MAXIMUM_FRAMES, MAXIMUM_SECONDS, Arena, AvatarType, Name, NoArena
@@ -76,6 +77,11 @@ class Description(StrictModel):
         description="Whether avatars avoid collisions; else they walk through one another.",
     )
     reactions: bool = Field(default=True, description="Whether avatars react to strikes that land on them.")
+    until: End | None = Field(
+        default=None,
+        description="What ends the run before its duration: `last_standing` (one avatar is left that is not down for "
+        "good), `last_team` (those left are of one team), or a mapping with `down` or `landed`.",
+    )
     targets: dict[Name, Target] = Field(default_factory=dict, description="Scripted targets by name.")
     events: tuple[Event, ...] = Field(
         default=(), max_length=_MOST, description="Changes during the run; each happens once."

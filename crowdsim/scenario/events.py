@@ -44,8 +44,39 @@ class DistanceCondition(StrictModel):
     below: float = Field(gt=0, le=100_000, description="Distance [m].")
 
 
+class LandedOnCondition(StrictModel):
+    """When strikes have landed on a group."""
+
+    kind: Literal["landed_on"] = Field(description="As soon as this number of strikes have landed on a group.")
+    group: Name = Field(description="The group.")
+    count: int = Field(ge=1, le=1_000_000_000, description="Number of strikes.")
+
+
+class DownCondition(StrictModel):
+    """When avatars have been knocked down."""
+
+    kind: Literal["down"] = Field(description="As soon as avatars have been knocked down this number of times.")
+    group: Name | None = Field(default=None, description="Group that they are of; without it all groups together.")
+    count: int = Field(default=1, ge=1, le=1_000_000_000, description="Number of knock-downs.")
+
+
+class HealthCondition(StrictModel):
+    """When an avatar's health has fallen."""
+
+    kind: Literal["health_below"] = Field(description="As soon as the health of an avatar of a group is below this.")
+    group: Name = Field(description="The group.")
+    points: float = Field(gt=0, le=1_000_000, description="Health [points].")
+
+
 Condition = Annotated[
-    FrameCondition | SecondsCondition | StrikesCondition | DistanceCondition, Field(discriminator="kind")
+    FrameCondition
+    | SecondsCondition
+    | StrikesCondition
+    | DistanceCondition
+    | LandedOnCondition
+    | DownCondition
+    | HealthCondition,
+    Field(discriminator="kind"),
 ]
 
 
@@ -90,4 +121,34 @@ class RemoveEvent(StrictModel):
     group: Name = Field(description="Group that leaves.")
 
 
-Event = Annotated[WeightsEvent | RetargetEvent | AddEvent | RemoveEvent, Field(discriminator="kind")]
+class FleeEvent(StrictModel):
+    """A group runs away."""
+
+    kind: Literal["flee"] = Field(description="Lets avatars run away from their opponents.")
+    when: Condition = Field(description="When it happens.")
+    group: Name | None = Field(default=None, description="Group that it concerns; without it everyone.")
+
+
+class WatchEvent(StrictModel):
+    """A group keeps its distance."""
+
+    kind: Literal["watch"] = Field(
+        description="Lets avatars keep a distance from their opponents, face them, and wait."
+    )
+    when: Condition = Field(description="When it happens.")
+    group: Name | None = Field(default=None, description="Group that it concerns; without it everyone.")
+    distance: float = Field(default=2.5, ge=1, le=20, description="The distance [m].")
+
+
+class FightEvent(StrictModel):
+    """A group fights again."""
+
+    kind: Literal["fight"] = Field(description="Lets avatars fight again that flee or watch.")
+    when: Condition = Field(description="When it happens.")
+    group: Name | None = Field(default=None, description="Group that it concerns; without it everyone.")
+
+
+Event = Annotated[
+    WeightsEvent | RetargetEvent | AddEvent | RemoveEvent | FleeEvent | WatchEvent | FightEvent,
+    Field(discriminator="kind"),
+]

@@ -133,6 +133,10 @@ Placement = Annotated[
 Facing = Literal["placement", "centre", "outwards", "enemies", "random"] | Degrees
 
 Hysteresis = Annotated[float, Field(ge=0, le=100)]
+Attackers = Annotated[
+    int | None,
+    Field(ge=1, le=12, description="How many avatars may attack one opponent; others wait around it. null: all."),
+]
 SearchName = Literal["auto", "kd_tree", "scipy"]
 SEARCHES: tuple[str, ...] = get_args(SearchName)
 """Indices for nearest opponents, by name."""
@@ -155,6 +159,7 @@ class OtherTeamOpponents(StrictModel):
     hysteresis: Hysteresis = Field(
         default=0.3, description="How much nearer [m] another one must seem before an avatar changes its opponent."
     )
+    attackers: Attackers = None
     search: Search = "auto"
 
 
@@ -168,6 +173,7 @@ class AnyoneOpponents(StrictModel):
     hysteresis: Hysteresis = Field(
         default=0.3, description="How much nearer [m] another one must seem before an avatar changes its opponent."
     )
+    attackers: Attackers = None
     search: Search = "auto"
 
 

@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, mode
 from crowdsim.config.files import Fault, Faults, Finding, StrictModel
 from crowdsim.config.schema import Expected, join
 from crowdsim.errors import nearest
+from crowdsim.scenario.fitness import Damage, Stamina
 from crowdsim.scenario.names import NAME, NAME_RULE
 from crowdsim.training.pursuit import MARGIN, MOST, TEMPERATURE
 
@@ -164,6 +165,10 @@ class AvatarType(StrictModel):
         description="Strikes per minute that an avatar can sustain: it strikes in bursts and rests between them; "
         "null: it never tires.",
     )
+    damage: Damage | None = Field(
+        default=None, description="What strikes take from an avatar, and when it goes down; null: nothing hurts it."
+    )
+    stamina: Stamina | None = Field(default=None, description="What tires an avatar; null: nothing does.")
     variety: float = Field(
         default=1.0,
         ge=0,

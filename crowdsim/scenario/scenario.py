@@ -201,6 +201,9 @@ def _merged_types(scenario: Scenario) -> dict[str, AvatarType]:
                 base = merged[own.extends].model_dump()
                 for key in ("behaviours", "candidates"):
                     said[key] = {**base[key], **said.get(key, {})}
+                for key in ("damage", "stamina"):
+                    if base[key] is not None and said.get(key) is not None:
+                        said[key] = {**base[key], **said[key]}
                 said = {**base, **said}
             merged[one] = AvatarType.model_validate({**said, "extends": None})
     return {name: merged[name] for name in scenario.types}

@@ -4,6 +4,7 @@ import math
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.arena import outside
+from crowdsim.crowd.kernels.intents import see_by_intent
 from crowdsim.crowd.kernels.interpolation import between
 from crowdsim.crowd.kernels.layout import (
     ACTION,
@@ -42,6 +43,7 @@ from crowdsim.crowd.kernels.layout import (
 )
 from crowdsim.crowd.kernels.opponents import change_opponent
 from crowdsim.crowd.kernels.prefetch import ask_for
+from crowdsim.crowd.kernels.special import is_down
 from crowdsim.jit import kernel
 
 
@@ -66,7 +68,14 @@ def aim(model, avatars, world, now, due, count, observed, scratch):
             target = _head_of(model, avatars, slot_of[opponent])
         else:
             target, seen = Target(0.0, 1.5 * real[SCALE, own], 0.0, 0.0, 0.0, 0.0), False
-        if arena[ARENA] != 0.0 and outside(arena, real[X, own], real[Z, own]) > world.crowding[TURN_BACK]:
+        down = False
+        if avatars.conditions.shape[0] > 0:
+            down = is_down(avatars, own)
+            if down:
+                whole[NEXT_OPPONENT, own], seen = -1, False
+            else:
+                target = see_by_intent(avatars, world, now, own, opponent, target, observed, q)
+        if not down and arena[ARENA] != 0.0 and outside(arena, real[X, own], real[Z, own]) > world.crowding[TURN_BACK]:
             # The middle counts until the avatar is inside again.
             target, seen = Target(arena[CENTRE_X], target.y, arena[CENTRE_Z], 0.0, 0.0, target.lasts), True
         _write_situation(real, own, target, scratch.situations, q)

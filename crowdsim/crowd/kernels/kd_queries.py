@@ -1,4 +1,7 @@
-"""Compiled queries of a KD-tree: nearest opponents, and neighbours within reach."""
+"""Compiled queries of a KD-tree: nearest opponents, and neighbours within reach.
+
+Points of a team below 0 are nobody's opponent; they are neighbours all the same.
+"""
 
 import math
 from typing import Any, NamedTuple
@@ -96,6 +99,7 @@ def _nearest(tree, query, best, found, stack, far):
                 distance <= best
                 and i != own
                 and tree.team[i] != skip
+                and tree.team[i] >= 0
                 and (distance < best or found < 0 or tree.number[i] < tree.number[found])
             ):
                 best = distance
@@ -304,15 +308,17 @@ def _list_neighbours(tree, query, q, copied, reach, observed, space):
                 neighbours[listed] = i
                 listed += 1
                 distance = distances[hits[h]]
-                if tree.team[i] != skip and (
-                    distance < best or (distance == best and tree.number[i] < tree.number[found])
+                if (
+                    tree.team[i] != skip
+                    and tree.team[i] >= 0
+                    and (distance < best or (distance == best and tree.number[i] < tree.number[found]))
                 ):
                     best, found = distance, i
         held = listed
     else:
         held = _gather(tree, query, reach * reach, neighbours, space.nearest, space.stack)
         for n in range(held):
-            if found < 0 and tree.team[neighbours[n]] != skip:
+            if found < 0 and tree.team[neighbours[n]] != skip and tree.team[neighbours[n]] >= 0:
                 best, found = space.nearest[n], np.int64(neighbours[n])
     observed.counts[q] = held
     return best, found
@@ -327,6 +333,7 @@ def _scan(tree, query, copied, best, found, space):
             distance <= best
             and i != query.own
             and tree.team[i] != query.skip
+            and tree.team[i] >= 0
             and (distance < best or tree.number[i] < tree.number[found])
         ):
             best, found = distance, i
@@ -344,7 +351,12 @@ def _distance_seen(boxes, leaf, query, reach):
 @kernel(inline=True)
 def _take_guess(tree, query, guess, best, found):
     """Return a point that may be the nearest one, where it is nearer than the one found before."""
-    if 0 <= guess < tree.xs.shape[0] and guess != query.own and tree.team[guess] != query.skip:
+    if (
+        0 <= guess < tree.xs.shape[0]
+        and guess != query.own
+        and tree.team[guess] != query.skip
+        and tree.team[guess] >= 0
+    ):
         dx, dz = tree.xs[guess] - query.x, tree.zs[guess] - query.z
         distance = dx * dx + dz * dz
         if distance < best or (distance == best and tree.number[guess] < tree.number[found]):

@@ -34,6 +34,23 @@ KIND, WEIGHT = range(2)
 ) = range(2, 13)  # fmt: skip
 NEAREST, SIGMA, BEST_FRAME, FACING, FURTHEST, ASIDE = range(2, 8)
 
+# Columns of ``Avatars.conditions``: what an avatar is told to do, what it did last and does next, and how well it is.
+(
+    MODE, DOES, DOES_NEXT, KEEPS, STANDING, STANDING_NEXT, FALL, DOWNS, RISES, HEALTH, HURT, HURT_FRAME, STAMINA,
+) = range(13)  # fmt: skip
+CONDITIONS = 13
+FIGHTS, WATCHES, FLEES = 0.0, 1.0, 2.0
+UP, STAGGERS, DROPS, FALLING, LYING, RISING, OUT = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
+FALL_POLICY, FALL_KIND, FALL_ACTION, FALL_ROW = range(4)
+FALLS, LIES, STANDS_UP, STUMBLES = range(4)
+
+# Columns of ``World.rules``.
+(
+    FULL_HEALTH, HIT_COST, BODY_SHARE, BLOCKED_SHARE, STAGGER_FROM, DOWN_FROM, DOWN_FRAMES, MOST_DOWNS, STRIKE_TIRES,
+    RUN_TIRES, REST_GAIN, ATTACKERS,
+) = range(12)  # fmt: skip
+RULES = 12
+
 # Columns of ``World.cohorts``, the numbers of ``World.crowding`` and of ``World.arena``, and rows of ``World.stream``.
 MARGIN, MOST, TEMPERATURE, HYSTERESIS, INTERVAL, VARIETY = range(6)
 END_COST, PATH_COST, DISC, GAP, OUTSIDE_COST, TURN_BACK, SIGHT, BACK = range(8)

@@ -4,6 +4,7 @@ import numpy as np
 
 from crowdsim.crowd.kernels.choice import choose
 from crowdsim.crowd.kernels.clock import note_time
+from crowdsim.crowd.kernels.damage import hurt
 from crowdsim.crowd.kernels.layout import SIGHT, Now, Observed
 from crowdsim.crowd.kernels.motion import advance, ask_for_starts, switch
 from crowdsim.crowd.kernels.opponents import observe_all
@@ -18,8 +19,8 @@ def run_frames(model, avatars, world, now, count, fresh, scratch, record, strike
 
     ``fresh``: the first frame only decides, since nothing has moved yet. ``timings`` (count, 6) takes the time of
     index, observe, choose, advance, strikes and record [ns]; with None no clock is read. Returns the frames done, which
-    are fewer where room for strikes may not last, the number of strikes, and the slot of an avatar whose position or
-    values are not numbers, or -1.
+    are fewer where room for strikes may not last, an avatar is knocked down, or events wait for strikes and some are
+    thrown; the number of strikes; and the slot of an avatar whose position or values are not numbers, or -1.
     """
     present = now.present
     due, chosen = np.empty(present, np.int32), np.empty(present, np.int32)
@@ -44,15 +45,18 @@ def run_frames(model, avatars, world, now, count, fresh, scratch, record, strike
             return k, held, lost
         note_time(timings, clock, 3)
         ask_for_starts(model, avatars, due, chosen, dues)
-        switch(model, avatars, then.frame, due, chosen, 0, dues)
+        switch(model, avatars, world, then.frame, due, chosen, 0, dues)
         note_time(timings, clock, 4)
         before = held
         held = strike(model, avatars, world, then, 0, present, due, strikes, held)
         note_hits(model, avatars, then.frame, strikes, before, held)
+        felled = hurt(model, avatars, world, then.frame, strikes, before, held)
         note_time(timings, clock, 5)
         write_record(model, avatars, record, k, 0, present)
         note_time(timings, clock, 6)
         _write_times(timings, clock, k)
+        if felled > 0 or (world.pauses[0] != 0.0 and held > before):
+            return k + 1, held, -1
     return count, held, -1
 
 

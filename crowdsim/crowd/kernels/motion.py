@@ -39,6 +39,7 @@ from crowdsim.crowd.kernels.layout import (
     Z,
 )
 from crowdsim.crowd.kernels.prefetch import ask_for
+from crowdsim.crowd.kernels.special import note_condition
 from crowdsim.crowd.kernels.variety import note_shown
 from crowdsim.jit import kernel
 
@@ -102,7 +103,7 @@ def ask_for_starts(model, avatars, due, chosen, count):
 
 
 @kernel(inline=True)
-def switch(model, avatars, frame, due, chosen, first, last):
+def switch(model, avatars, world, frame, due, chosen, first, last):
     """Start the chosen actions, and fights, where the old ones have ended, with the motion that was left over.
 
     ``frame`` is the control frame.
@@ -113,6 +114,8 @@ def switch(model, avatars, frame, due, chosen, first, last):
         i = due[q]
         old, new = whole[ACTION, i], chosen[q]
         note_shown(model, avatars, frame, i, new)
+        if avatars.conditions.shape[0] > 0:
+            note_condition(model, avatars, world, frame, i, new)
         stride, scale, speed = policies[whole[POLICY, i], STRIDE], real[SCALE, i], real[SPEED, i]
         phase = min(real[PHASE, i] - actions[old, LENGTH], speed)
         origin = actions[new, ORIGIN]

@@ -62,7 +62,7 @@ def _list_near(whole, q, own, held, observed, distances, hits):
         if i == own:
             continue
         nearer = distances[i] < best or (distances[i] == best and whole[NUMBER, i] < whole[NUMBER, found])
-        if skip > -2 and whole[TEAM, i] != skip and nearer:
+        if skip > -2 and whole[TEAM, i] != skip and whole[TEAM, i] >= 0 and nearer:
             best, found = distances[i], i
         k = listed
         if listed < room:
@@ -94,6 +94,7 @@ def _find_nearest(whole, own, present, distances, best, found):
             distances[i] <= best
             and i != own
             and whole[TEAM, i] != whole[SKIP, own]
+            and whole[TEAM, i] >= 0
             and (distances[i] < best or whole[NUMBER, i] < whole[NUMBER, found])
         ):
             best, found = distances[i], i
@@ -109,18 +110,19 @@ def change_opponent(avatars, cohorts, now, own, observed, q):
     whole, slot_of = avatars.whole, avatars.slot_of
     skip, nearest = whole[SKIP, own], observed.opponents[q]
     if skip == -2:
-        return whole[FIXED, own]
+        fixed = whole[FIXED, own]
+        return -1 if fixed >= 0 and whole[TEAM, slot_of[fixed]] < 0 else fixed
     if nearest < 0:
         return -1
     old, best, found = whole[OPPONENT, own], math.inf, -1
     if old >= 0:
         slot = slot_of[old]
-        if slot < now.present and slot != own and whole[TEAM, slot] != skip:
+        if slot < now.present and slot != own and whole[TEAM, slot] != skip and whole[TEAM, slot] >= 0:
             best = _seems_far(avatars, now.frame, own, slot) - cohorts[whole[COHORT, own], HYSTERESIS]
     best, found = _nearer(avatars, now.frame, own, nearest, best, found)
     for m in range(observed.counts[q]):
         j = observed.neighbours[q, m]
-        if whole[TEAM, j] != skip and j != nearest:
+        if whole[TEAM, j] != skip and whole[TEAM, j] >= 0 and j != nearest:
             best, found = _nearer(avatars, now.frame, own, j, best, found)
     return old if found < 0 else whole[NUMBER, found]
 

@@ -1,0 +1,129 @@
+"""What strikes do to those they land on: they take health, make an avatar stagger, or knock it down.
+
+Damage is a whole number of parts of a point (``GRAIN``), so that sums do not depend on the order of strikes.
+"""
+
+import math
+
+from crowdsim.crowd.kernels.interpolation import between
+from crowdsim.crowd.kernels.layout import (
+    ACTION,
+    BLOCKED_SHARE,
+    BODY_SHARE,
+    COHORT,
+    DOWN_FROM,
+    DOWNS,
+    DROPS,
+    FULL_HEALTH,
+    HEALTH,
+    HIT_COST,
+    HURT,
+    HURT_FRAME,
+    LENGTH,
+    MOST_DOWNS,
+    NECK,
+    NUMBER,
+    ORIGIN,
+    OUT,
+    PHASE,
+    POLICY,
+    SCALE,
+    STAGGER_FROM,
+    STAGGERS,
+    STANDING,
+    STRIDE,
+    STRONG,
+    TEAM,
+    UP,
+)
+from crowdsim.crowd.kernels.special import falls_of
+from crowdsim.crowd.kernels.strikes import ATTACKER, FAST, LANDED, POINT_Y, VICTIM
+from crowdsim.jit import kernel
+
+GRAIN = 1024.0  # parts of a point
+LATELY = 30  # hits add up to a knock-down that are no further apart [control frames]
+STRONGEST = 2.0  # what a hit counts at most, over a strong one
+BLOCKED = 2  # outcome of a strike that a glove or forearm has met
+
+
+@kernel(inline=True)
+def hurt(model, avatars, world, frame, strikes, first, last):
+    """Let strikes ``first`` to ``last`` of ``frame`` hurt whom they hit; return how many are knocked down or out."""
+    whole, conditions, slot_of = avatars.whole, avatars.conditions, avatars.slot_of
+    if conditions.shape[0] == 0:
+        return 0
+    for k in range(first, last):
+        j = _hurt_by(model, avatars, world, strikes, k)
+        if j >= 0:
+            row = conditions[whole[NUMBER, j]]
+            harm = _harm(model, avatars, world, strikes, k, j)
+            row[HEALTH] = max(row[HEALTH] - harm, 0.0)
+            if frame - row[HURT_FRAME] > LATELY:
+                row[HURT] = 0.0
+            row[HURT] += harm
+            row[HURT_FRAME] = frame
+    felled = 0
+    for k in range(first, last):
+        victim = strikes.whole[k, VICTIM]
+        j = slot_of[victim] if victim >= 0 else -1
+        if j >= 0 and whole[TEAM, j] >= 0 and conditions[victim, HURT_FRAME] == frame:
+            felled += _fell(model, avatars, world, j)
+    return felled
+
+
+@kernel(inline=True)
+def _hurt_by(model, avatars, world, strikes, k):
+    """Return the slot of whom a strike hurts, or -1."""
+    victim = strikes.whole[k, VICTIM]
+    if victim < 0 or not (strikes.whole[k, LANDED] == 1 or strikes.whole[k, LANDED] == BLOCKED):
+        return -1
+    j = avatars.slot_of[victim]
+    if avatars.whole[TEAM, j] < 0 or world.rules[avatars.whole[COHORT, j], FULL_HEALTH] <= 0.0:
+        return -1
+    return j
+
+
+@kernel(inline=True)
+def _harm(model, avatars, world, strikes, k, j):
+    """Return what a strike takes from the health of an avatar: by its speed, and by where it lands."""
+    whole, real, actions = avatars.whole, avatars.real, model.actions
+    attacker = avatars.slot_of[strikes.whole[k, ATTACKER]]
+    rules = world.rules[whole[COHORT, j]]
+    strength = min(strikes.real[k, FAST] / model.sizes[whole[POLICY, attacker], STRONG], STRONGEST)
+    action = whole[ACTION, j]
+    frame = (
+        actions[action, ORIGIN]
+        + min(real[PHASE, j], actions[action, LENGTH]) * model.policies[whole[POLICY, j], STRIDE]
+    )
+    share = (
+        1.0
+        if strikes.real[k, POINT_Y] >= between(model.bodies, frame, NECK + 1) * real[SCALE, j]
+        else (rules[BODY_SHARE])
+    )
+    if strikes.whole[k, LANDED] == BLOCKED:
+        share *= rules[BLOCKED_SHARE]
+    return math.floor(GRAIN * rules[HIT_COST] * strength * share + 0.5) / GRAIN
+
+
+@kernel(inline=True)
+def _fell(model, avatars, world, j):
+    """Let an avatar that has just been hurt stagger, fall, or leave the fight; return whether it does not stay up.
+
+    One whose policy has no falls leaves when it is out, and stays up until then.
+    """
+    whole = avatars.whole
+    row, rules = avatars.conditions[whole[NUMBER, j]], world.rules[whole[COHORT, j]]
+    falls = falls_of(model, whole[POLICY, j])
+    down = row[HURT] >= rules[DOWN_FROM] or row[HEALTH] <= 0.0
+    if down:
+        row[DOWNS] += 1.0
+        row[HURT] = 0.0
+    out = row[HEALTH] <= 0.0 or row[DOWNS] >= rules[MOST_DOWNS]
+    if not out and not (down and falls):
+        if row[STANDING] == UP and row[HURT] >= rules[STAGGER_FROM]:
+            row[STANDING] = STAGGERS
+        return 0
+    row[STANDING] = DROPS if falls else OUT
+    # Nobody fights it any more, and it fights nobody.
+    whole[TEAM, j] = -2 - whole[TEAM, j]
+    return 1

@@ -1,0 +1,84 @@
+"""What an avatar does about its opponent: it fights, watches from a distance, or flees.
+
+Behaviours are learned for opponents that are to be hit. Whoever watches or flees sees its opponent elsewhere: nearer
+by as much as the distance that it keeps is greater than that of a fight, or behind its own back. So it moves by what it
+has learned; strikes cost it as much as one that rests.
+"""
+
+import math
+
+from crowdsim.crowd.kernels.layout import (
+    ATTACKERS,
+    COHORT,
+    DOES,
+    DOES_NEXT,
+    FIGHTS,
+    FLEES,
+    KEEPS,
+    MODE,
+    NUMBER,
+    OPPONENT,
+    TEAM,
+    WATCHES,
+    Target,
+    X,
+    Z,
+)
+from crowdsim.jit import kernel
+
+FIGHTING = 0.9  # how far apart avatars are that fight [m]
+CLOSEST = 0.3  # how near an opponent seems at the most to one that watches [m]
+FLIGHT = 10.0  # how far away the point is that an avatar flees to [m]
+WAITING = 2.2  # how far from an opponent avatars wait that others fight already [m]
+ADMITTED = 0.5  # how much nearer an avatar counts that fights already, among those who would like to [m]
+
+
+@kernel(inline=True)
+def see_by_intent(avatars, world, now, own, opponent, target, observed, q):
+    """Decide what an avatar does next about its opponent; return where it sees the target therefore."""
+    row = avatars.conditions[avatars.whole[NUMBER, own]]
+    does, keeps = row[MODE], row[KEEPS]
+    if does == FIGHTS and opponent >= 0 and _has_to_wait(avatars, world, now, own, opponent, observed, q):
+        does, keeps = WATCHES, WAITING
+    row[DOES_NEXT] = does
+    if does == FIGHTS:
+        return target
+    x, z = avatars.real[X, own], avatars.real[Z, own]
+    dx, dz = target.x - x, target.z - z
+    far = max(math.sqrt(dx * dx + dz * dz), 1e-9)
+    if does == FLEES:
+        return Target(x - FLIGHT * dx / far, target.y, z - FLIGHT * dz / far, 0.0, 0.0, target.lasts)
+    part = max(far - (keeps - FIGHTING), CLOSEST) / far
+    return Target(x + part * dx, target.y, z + part * dz, target.vx, target.vz, target.lasts)
+
+
+@kernel(inline=True)
+def _has_to_wait(avatars, world, now, own, opponent, observed, q):
+    """Return whether as many others as may attack an opponent are nearer to it, among those that are observed.
+
+    Who fights it already counts as nearer; among equals it is the lower number.
+    """
+    whole, conditions = avatars.whole, avatars.conditions
+    most = world.rules[whole[COHORT, own], ATTACKERS]
+    j = avatars.slot_of[opponent]
+    if most <= 0.0 or j >= now.present:
+        return False
+    mine = _claim(avatars, own, j)
+    nearer = 0
+    for m in range(observed.counts[q]):
+        i = observed.neighbours[q, m]
+        if whole[OPPONENT, i] != opponent or whole[TEAM, i] < 0 or conditions[whole[NUMBER, i], MODE] != FIGHTS:
+            continue
+        far = _claim(avatars, i, j)
+        nearer += far < mine or (far == mine and whole[NUMBER, i] < whole[NUMBER, own])
+    return nearer >= most
+
+
+@kernel(inline=True)
+def _claim(avatars, i, j):
+    """Return how far an avatar is from another, less where it fights that one already [m]."""
+    whole, real = avatars.whole, avatars.real
+    dx, dz = real[X, j] - real[X, i], real[Z, j] - real[Z, i]
+    far = math.sqrt(dx * dx + dz * dz)
+    fights = whole[OPPONENT, i] == whole[NUMBER, j] and avatars.conditions[whole[NUMBER, i], DOES] == FIGHTS
+    return far - ADMITTED if fights else far

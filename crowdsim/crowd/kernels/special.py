@@ -1,0 +1,153 @@
+"""Actions that nobody chooses: staggers, falls, lying and standing up, each when the action before it has ended."""
+
+import math
+
+import numpy as np
+
+from crowdsim.core.random import uniform
+from crowdsim.crowd.kernels.layout import (
+    CHOICE_STREAM,
+    COHORT,
+    DECISIONS,
+    DOES,
+    DOES_NEXT,
+    DOWN_FRAMES,
+    DOWNS,
+    DROPS,
+    FALL,
+    FALL_ACTION,
+    FALL_KIND,
+    FALL_POLICY,
+    FALL_ROW,
+    FALLING,
+    FALLS,
+    HEADING,
+    HEALTH,
+    HIT_X,
+    HIT_Z,
+    LENGTH,
+    LIES,
+    LYING,
+    MOST_DOWNS,
+    MOVE_X,
+    MOVE_Z,
+    NUMBER,
+    POLICY,
+    REST_GAIN,
+    RISES,
+    RISING,
+    RUN_TIRES,
+    SPEED,
+    STAGGERS,
+    STAMINA,
+    STANDING,
+    STANDING_NEXT,
+    STANDS_UP,
+    STRIKE_TIRES,
+    STRIKES,
+    STUMBLES,
+    TEAM,
+    UP,
+)
+from crowdsim.jit import kernel
+
+LIKE = 0.6  # directions of falls are alike that differ by no more from the nearest one to the blow's [rad]
+
+
+@kernel(inline=True)
+def falls_of(model, policy):
+    """Return whether a policy has falls."""
+    found = False
+    for row in range(model.falls.shape[0]):
+        found |= model.falls[row, FALL_POLICY] == policy and model.falls[row, FALL_KIND] == FALLS
+    return found
+
+
+@kernel(inline=True)
+def is_down(avatars, i):
+    """Return whether an avatar falls, lies, or is out of the fight; not one that has stood up and now chooses again."""
+    standing = avatars.conditions[avatars.whole[NUMBER, i], STANDING]
+    return standing >= DROPS and standing != RISING
+
+
+@kernel(inline=True)
+def special_action(model, avatars, world, frame, own):
+    """Return the action that an avatar has to do next because it staggers, falls or is down; -1 where it may choose.
+
+    What it will be doing is noted in its row of ``conditions``; others see it when the action starts.
+    """
+    row = avatars.conditions[avatars.whole[NUMBER, own]]
+    standing = row[STANDING]
+    row[STANDING_NEXT] = UP
+    if standing == STAGGERS:
+        found = _pick(model, avatars, world, own, STUMBLES)
+        return -1 if found < 0 else model.falls[found, FALL_ACTION]
+    if standing == DROPS:
+        found = _pick(model, avatars, world, own, FALLS)
+        row[STANDING_NEXT], row[FALL] = FALLING, found
+        return model.falls[found, FALL_ACTION]
+    if FALLING <= standing <= LYING:
+        rises = standing == LYING and frame >= row[RISES]
+        row[STANDING_NEXT] = RISING if rises else LYING
+        return _part_of(model, np.int64(row[FALL]), STANDS_UP if rises else LIES)
+    return -1
+
+
+@kernel(inline=True)
+def _part_of(model, fall, kind):
+    """Return the action of a kind that belongs to a fall."""
+    for row in range(model.falls.shape[0]):
+        if model.falls[row, FALL_KIND] == kind and model.falls[row, FALL_ROW] == fall:
+            return model.falls[row, FALL_ACTION]
+    return -1
+
+
+@kernel(inline=True)
+def _pick(model, avatars, world, own, kind):
+    """Return a row of ``Model.falls`` that leads where the last blow came to, drawn among those alike; -1 for none."""
+    whole, real, falls = avatars.whole, avatars.real, model.falls
+    policy = whole[POLICY, own]
+    blow = math.atan2(real[HIT_X, own], real[HIT_Z, own]) - real[HEADING, own]
+    best = math.inf
+    for row in range(falls.shape[0]):
+        if falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind:
+            best = min(best, _apart(model.fall_directions[row], blow))
+    alike = 0
+    for row in range(falls.shape[0]):
+        of_kind = falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind
+        alike += of_kind and _apart(model.fall_directions[row], blow) <= best + LIKE
+    number, decision = np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own])
+    left = int(alike * uniform(world.stream[CHOICE_STREAM], number, decision))
+    for row in range(falls.shape[0]):
+        of_kind = falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind
+        if of_kind and _apart(model.fall_directions[row], blow) <= best + LIKE:
+            if left == 0:
+                return row
+            left -= 1
+    return -1
+
+
+@kernel(inline=True)
+def _apart(one, other):
+    """Return the angle between two directions [rad]."""
+    turn = one - other
+    return abs(turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5))
+
+
+@kernel(inline=True)
+def note_condition(model, avatars, world, frame, i, action):
+    """Note what an avatar does from now on, as it starts an action; and what that takes from its stamina."""
+    whole = avatars.whole
+    row, rules = avatars.conditions[whole[NUMBER, i]], world.rules[whole[COHORT, i]]
+    row[DOES] = row[DOES_NEXT]
+    frames = model.actions[action, LENGTH] / avatars.real[SPEED, i]
+    strikes = model.actions[action + 1, STRIKES] - model.actions[action, STRIKES]
+    x, z = model.moves[action, MOVE_X], model.moves[action, MOVE_Z]
+    spent = rules[STRIKE_TIRES] * strikes + rules[RUN_TIRES] * math.sqrt(x * x + z * z)
+    row[STAMINA] = min(max(row[STAMINA] - spent, 0.0) + rules[REST_GAIN] * frames, 1.0)
+    if row[STANDING_NEXT] == FALLING and row[STANDING] == DROPS:
+        out = row[HEALTH] <= 0.0 or row[DOWNS] >= rules[MOST_DOWNS]
+        row[RISES] = math.inf if out else frame + frames + rules[DOWN_FRAMES]
+    row[STANDING] = row[STANDING_NEXT]
+    if row[STANDING] == UP and whole[TEAM, i] < 0:
+        whole[TEAM, i] = -2 - whole[TEAM, i]

@@ -1,0 +1,88 @@
+"""What has happened in a run so far, as far as events may wait for it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.crowd.arrays import Avatars, Strikes, World
+from crowdsim.crowd.crowd import Crowd
+from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.strikes import ATTACKER, LANDED, VICTIM
+
+
+class Progress:
+    """What has happened in a run so far.
+
+    Args:
+        crowd: Its crowd.
+        avatars: Its avatars.
+        world: What they share.
+
+    Attributes:
+        frame: The control frame.
+        present: How many avatars are there; these are in the first slots.
+        landed: Strikes that each team has landed. Shape (teams,), int64.
+        landed_on: Strikes that have landed on each group. Shape (groups,), int64.
+    """
+
+    def __init__(self, crowd: Crowd, avatars: Avatars, world: World) -> None:
+        self._crowd, self._avatars, self._world = crowd, avatars, world
+        self.frame, self.present = 0, int(np.count_nonzero(crowd.present))
+        self.landed = np.zeros(int(crowd.team.max(initial=0)) + 1, np.int64)
+        self.landed_on = np.zeros(int(crowd.group.max(initial=0)) + 1, np.int64)
+
+    def count(self, thrown: Strikes) -> None:
+        """Count strikes that have landed."""
+        landed = thrown.whole[thrown.whole[:, LANDED] == 1]
+        self.landed += np.bincount(self._crowd.team[landed[:, ATTACKER]], minlength=len(self.landed))
+        victims = landed[landed[:, VICTIM] >= 0, VICTIM]
+        self.landed_on += np.bincount(self._crowd.group[victims], minlength=len(self.landed_on))
+
+    @property
+    def downs(self) -> Array:
+        """How often each avatar has been knocked down, by number. Shape (N,), or (0,) where none can be."""
+        return self._avatars.conditions[:, layout.DOWNS]
+
+    def downs_of(self, group: int) -> int:
+        """Return how often avatars of a group, or of all with -1, have been knocked down."""
+        downs = self.downs
+        if group >= 0 and len(downs):
+            downs = downs[self._crowd.group == group]
+        return int(downs.sum())
+
+    @property
+    def out(self) -> Array:
+        """Which avatars are down for good, by number. Shape (N,), bool."""
+        now = self._avatars.conditions
+        if len(now) == 0:
+            return np.zeros(self._crowd.count, bool)
+        rules = self._world.rules[self._crowd.cohort]
+        spent = (now[:, layout.HEALTH] <= 0.0) | (now[:, layout.DOWNS] >= rules[:, layout.MOST_DOWNS])
+        out: Array = (rules[:, layout.FULL_HEALTH] > 0.0) & spent
+        return out
+
+    @property
+    def here(self) -> Array:
+        """Which avatars are there, by number. Shape (N,), bool."""
+        here = np.zeros(self._crowd.count, bool)
+        here[self._avatars.number[: self.present]] = True
+        return here
+
+    def health_of(self, group: int) -> float:
+        """Return the least health of an avatar of a group that can be hurt [points], inf where none can."""
+        now = self._avatars.conditions
+        if len(now) == 0:
+            return float("inf")
+        hurt = (self._crowd.group == group) & (self._world.rules[self._crowd.cohort, layout.FULL_HEALTH] > 0.0)
+        return float(now[hurt, layout.HEALTH].min(initial=np.inf))
+
+    def distance_of(self, one: int, other: int) -> float:
+        """Return the least distance between avatars of two groups that are there [m]."""
+        from scipy.spatial import cKDTree
+
+        group = self._crowd.group[self._avatars.number[: self.present]]
+        points = np.column_stack([self._avatars.x[: self.present], self._avatars.z[: self.present]])
+        if not (group == one).any() or not (group == other).any():
+            return float("inf")
+        return float(cKDTree(points[group == one]).query(points[group == other])[0].min())

@@ -1,0 +1,99 @@
+"""What events of a run wait for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from crowdsim.core.types import Array
+
+if TYPE_CHECKING:
+    from crowdsim.crowd.progress import Progress
+
+EVERY_FRAME, STRIKES, KNOCK_DOWNS, NOTHING = range(4)
+"""What a trigger must be looked at after: every frame, strikes, knock-downs; or it is known when it is due."""
+
+
+@dataclass(frozen=True)
+class AtFrame:
+    """At a control frame."""
+
+    frame: int
+    after: ClassVar[int] = NOTHING
+
+    def is_due(self, now: Progress) -> bool:
+        """Return whether it is time."""
+        return now.frame >= self.frame
+
+
+@dataclass(frozen=True)
+class Landed:
+    """When strikes have landed; of a team, or of all with -1."""
+
+    count: int
+    team: int = -1
+    after: ClassVar[int] = STRIKES
+
+    def is_due(self, now: Progress) -> bool:
+        """Return whether it is time."""
+        return _count(now.landed, self.team) >= self.count
+
+
+@dataclass(frozen=True)
+class LandedOn:
+    """When strikes have landed on a group."""
+
+    group: int
+    count: int
+    after: ClassVar[int] = STRIKES
+
+    def is_due(self, now: Progress) -> bool:
+        """Return whether it is time."""
+        return _count(now.landed_on, self.group) >= self.count
+
+
+@dataclass(frozen=True)
+class Downs:
+    """When avatars have been knocked down; of a group, or all with -1."""
+
+    count: int
+    group: int = -1
+    after: ClassVar[int] = KNOCK_DOWNS
+
+    def is_due(self, now: Progress) -> bool:
+        """Return whether it is time."""
+        return now.downs_of(self.group) >= self.count
+
+
+@dataclass(frozen=True)
+class HealthBelow:
+    """When the health of an avatar of a group is below a number of points."""
+
+    group: int
+    points: float
+    after: ClassVar[int] = STRIKES
+
+    def is_due(self, now: Progress) -> bool:
+        """Return whether it is time."""
+        return now.health_of(self.group) < self.points
+
+
+@dataclass(frozen=True)
+class Near:
+    """When avatars of two groups are nearer to each other than a distance [m]."""
+
+    one: int
+    other: int
+    below: float
+    after: ClassVar[int] = EVERY_FRAME
+
+    def is_due(self, now: Progress) -> bool:
+        """Return whether it is time."""
+        return now.frame > 0 and now.distance_of(self.one, self.other) < self.below
+
+
+Trigger = AtFrame | Landed | LandedOn | Downs | HealthBelow | Near
+
+
+def _count(counts: Array, which: int) -> int:
+    return int(counts.sum() if which < 0 else counts[which])

@@ -1,0 +1,86 @@
+"""What a scenario waits for in vain: conditions that cannot occur, and ends that cannot come."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from crowdsim.config.files import Finding
+from crowdsim.scenario.description import Description
+from crowdsim.scenario.fitness import CountEnd, Damage
+from crowdsim.scenario.groups import Group
+
+_NEEDS_DAMAGE = "expected 'damage' of their type"
+
+
+def fight_findings(scenario: Description) -> Iterator[Finding]:
+    """Yield ends and conditions of a valid scenario that cannot come."""
+    yield from _end_findings(scenario)
+    by_name = {group.name or f"group{i + 1}": group for i, group in enumerate(scenario.groups)}
+    for i, event in enumerate(scenario.events):
+        when = event.when
+        if when.kind not in ("down", "health_below") or (when.group is not None and when.group not in by_name):
+            continue
+        if when.kind == "down":
+            groups = list(by_name.values()) if when.group is None else [by_name[when.group]]
+            most = sum(_most_downs(scenario, group) for group in groups)
+            if when.count > most:
+                yield Finding(("events", i, "when", *(() if most == 0 else ("count",))), _too_many(when.count, most))
+        elif when.kind == "health_below":
+            given = [damage for damage in _damages(scenario, by_name[when.group]) if damage is not None]
+            if not given:
+                what = f"nothing hurts avatars of {when.group!r}, {_NEEDS_DAMAGE}"
+                yield Finding(("events", i, "when", "group"), what)
+            elif when.points > min(damage.health for damage in given):
+                least = min(damage.health for damage in given)
+                what = f"is {when.points:g}, but avatars of {when.group!r} start with less, expected at most {least:g}"
+                yield Finding(("events", i, "when", "points"), what)
+
+
+def _end_findings(scenario: Description) -> Iterator[Finding]:
+    until = scenario.until
+    if until is None or (isinstance(until, CountEnd) and until.down is None):
+        return
+    most = sum(_hurt(scenario, group) for group in scenario.groups)
+    if most == 0:
+        yield Finding(("until",), f"no avatar can go down, {_NEEDS_DAMAGE}")
+    elif isinstance(until, CountEnd) and until.down is not None and until.down > most:
+        yield Finding(("until", "down"), f"is {until.down}, but {most} avatars can go down, expected at most that")
+    elif until == "last_team" and len(scenario.teams) == 1:
+        what = f"is 'last_team', but all avatars are of team {scenario.groups[0].team!r}, expected a second team or "
+        yield Finding(("until",), what + "'last_standing'")
+    elif until == "last_standing" and scenario.avatar_count == 1:
+        yield Finding(("until",), "is 'last_standing', but there is one avatar, expected a second one")
+
+
+def _too_many(count: int, most: int) -> str:
+    if most == 0:
+        return f"no avatar can be knocked down, {_NEEDS_DAMAGE}"
+    return f"is {count}, but there can be {most} knock-downs, expected at most that"
+
+
+def _damages(scenario: Description, group: Group) -> list[Damage | None]:
+    """Return the damage of each type that avatars of a group can have, through all that it extends."""
+    names = [group.type] if group.type is not None else [name for name, share in (group.mix or {}).items() if share]
+    return [_damage_of(scenario, name) for name in names]
+
+
+def _damage_of(scenario: Description, name: str) -> Damage | None:
+    seen: set[str] = set()
+    at: str | None = name
+    while at is not None and at in scenario.types and at not in seen:
+        seen.add(at)
+        kind = scenario.types[at]
+        if "damage" in kind.model_fields_set or kind.extends is None:
+            return kind.damage
+        at = kind.extends
+    return None
+
+
+def _hurt(scenario: Description, group: Group) -> int:
+    """Return how many avatars of a group can go down for good, at most."""
+    return group.count if any(damage is not None for damage in _damages(scenario, group)) else 0
+
+
+def _most_downs(scenario: Description, group: Group) -> int:
+    """Return how often avatars of a group can be knocked down, at most."""
+    return group.count * max((damage.downs for damage in _damages(scenario, group) if damage is not None), default=0)
