@@ -37,7 +37,7 @@ from _realised_reward import RewardCounter
 from scenes import Scene, build_scene, play
 
 from crowdsim.core.workers import CORES, limited
-from crowdsim.crowd.simulation import simulate
+from crowdsim.crowd.simulate import simulate
 from crowdsim.policy.policy import Policy
 from crowdsim.policy.rewards import Term
 from crowdsim.runs.preparation import prepare

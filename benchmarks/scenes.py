@@ -39,7 +39,7 @@ from _scene_goals import GOALS, summarise
 from crowdsim import load_policies, load_scenario
 from crowdsim.core.workers import CORES
 from crowdsim.crowd.chunk import Chunk
-from crowdsim.crowd.simulation import simulate
+from crowdsim.crowd.simulate import simulate
 from crowdsim.runs.preparation import prepare
 from crowdsim.scenario.scenario import Scenario, resolve_scenario
 from crowdsim.take.measures import AFTER, FightCounter, opponent_offsets

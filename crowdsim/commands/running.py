@@ -121,12 +121,17 @@ def _print_report(report: Any) -> None:
     if report.done_before:
         print(f"{report.folder}: this run is done already; --force does it again")
         return
+    from crowdsim.runs.ending import outcome_text
+
     figures, seconds = report.statistics, report.seconds
     total = seconds["total"]
     fresh = figures.control_frames - report.continued_at
     print(report.folder)
     print(f"  avatars         {figures.avatars:,}")
     print(f"  control frames  {figures.control_frames:,} ({figures.seconds:.1f} s)")
+    if report.outcome is not None:
+        rate = figures.control_frames / figures.seconds
+        print(f"  outcome         {outcome_text(report.outcome, rate)}")
     print(f"  strikes         {figures.strikes_thrown:,} thrown, {figures.strikes_landed:,} landed")
     print(f"  hits            {figures.hits_per_minute_per_avatar:.1f} per avatar per minute")
     print(f"  overlap         {figures.overlap_share:.2%} of avatar-frames")
@@ -154,6 +159,7 @@ def _describe_report(name: str, report: Any) -> dict[str, Any]:
         "avatars": manifest["avatars"],
         "control_frames": manifest["control_frames"],
         "seed": manifest["seed"],
+        "outcome": manifest.get("outcome"),
         "statistics": manifest["statistics"],
         "seconds": manifest["seconds"],
         "outputs": {

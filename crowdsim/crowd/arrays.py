@@ -61,8 +61,7 @@ class Model(NamedTuple):
         twins: For each state the one of the captured motion that it is, or is the mirror image of. Shape (S,), int32.
         falls: Actions that nobody chooses: the policy, the kind (0 fall, 1 lie, 2 rise, 3 stagger), the action, and the
             row of the fall that it belongs to. Shape (F, 4), int32.
-        fall_directions: Where each leads, seen from the avatar before it: 0 ahead, pi behind [rad]. Shape (F,),
-            float64.
+        fall_directions: Where each leads, 0 ahead and pi behind the avatar [rad]. Shape (F,), float64.
     """
 
     offsets: Array
@@ -117,9 +116,9 @@ class Avatars(NamedTuple):
         marks: Frames in which motion was last shown in cells of the ground (``variety``). Shape (a power of 2,),
             uint16.
         conditions: What each number is told to do about its opponent (fight, watch, flee), what it does and will do;
-            the distance that it keeps while it watches [m]; how it stands and will stand, its row of ``Model.falls``
-            and how often it was down; the frame in which it gets up; its health, what hits took lately and in which
-            frame; its stamina. Shape (N, 13), or (0, 13) where nothing of this is used, float64.
+            the distance that it keeps while it watches [m]; how it stands and will stand, its row of ``Model.falls``,
+            how often it was down, when it gets up; its health, what hits took lately, and when; its stamina. Shape
+            (N, 13), or (0, 13) where nothing of this is used, float64.
     """
 
     whole: Array
@@ -171,8 +170,8 @@ class World(NamedTuple):
         rules: Health at the start (0: nothing hurts), what a strong hit to the head takes, the shares of hits to the
             body and of blocked ones; what hits must take to make an avatar stagger, and to knock it down; for how long
             it is down [control frames], and how often until it stays down; what a strike and a metre take from its
-            stamina, and what a frame restores; how many may attack it, 0 for any number. Shape (M, 12), float64.
-        pauses: Whether frames end a call in which strikes are thrown, since events wait for them. Shape (1,).
+            stamina, what a frame restores; how many may attack it (0: all). Shape (M, 12), float64.
+        pauses: Whether a call ends in a frame with strikes, since events wait for them. Shape (1,).
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]. Shape (5,).
         crowding: The numbers of ``Crowding``. Shape (8,), float64.
         targets: Positions of scripted targets, from the frame before the first that is run on [m]. Shape

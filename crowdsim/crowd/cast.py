@@ -60,10 +60,6 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         named = kinds[kind].behaviours
         own = policy.weights
         weights[row] = weights_of(policy, named, width) if named else np.pad(own, (0, width - len(own)))
-    settings = [kinds[kind] for _, kind in cohorts]
-    rules = [
-        _rules(kind, scenario.groups[group].opponents, rate) for (group, _), kind in zip(cohorts, settings, strict=True)
-    ]
     skip, fixed = np.empty(placed.count, np.int32), np.full(placed.count, -1, np.int32)
     for index, group in enumerate(scenario.groups):
         set_opponents(scenario, placed, placed.group == index, group.opponents, skip, fixed)
@@ -81,19 +77,29 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         fixed=fixed,
         present=placed.present,
         weights=weights,
-        margins=np.array([kind.candidates.margin for kind in settings]),
-        most=np.array([kind.candidates.maximum for kind in settings], np.int32),
-        temperatures=np.array([kind.temperature for kind in settings]),
-        hysteresis=np.array([hysteresis_of(scenario.groups[group].opponents) for group, _ in cohorts]),
-        intervals=np.array([0.0 if kind.tempo is None else 60.0 * rate / kind.tempo for kind in settings]),
-        varieties=np.array([kind.variety for kind in settings]),
+        **_preferences(scenario, cohorts, rate),
         arena=pack_arena(scenario.arena),
         crowding=_crowding(scenario),
         seed=scenario.seed,
-        rules=np.array(rules),
         conditioned=is_conditioned(scenario),
     )
     return crowd, plan_script(scenario, placed, policies, crowd, cohorts, owners)
+
+
+def _preferences(scenario: Scenario, cohorts: Array, rate: float) -> dict[str, Array]:
+    """Return how the avatars of each cohort choose, and what hurts and tires them: fields of ``Crowd``."""
+    types, groups = list(scenario.types.values()), [scenario.groups[group] for group, _ in cohorts]
+    kinds = [types[kind] for _, kind in cohorts]
+    rules = [_rules(kind, group.opponents, rate) for group, kind in zip(groups, kinds, strict=True)]
+    return {
+        "margins": np.array([kind.candidates.margin for kind in kinds]),
+        "most": np.array([kind.candidates.maximum for kind in kinds], np.int32),
+        "temperatures": np.array([kind.temperature for kind in kinds]),
+        "hysteresis": np.array([hysteresis_of(group.opponents) for group in groups]),
+        "intervals": np.array([0.0 if kind.tempo is None else 60.0 * rate / kind.tempo for kind in kinds]),
+        "varieties": np.array([kind.variety for kind in kinds]),
+        "rules": np.array(rules, dtype=float),
+    }
 
 
 def learned_behaviours(policy: str) -> list[str]:

@@ -7,7 +7,7 @@ stage shared out among threads. Both give the same bytes, for any number of thre
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
 SMALL = 400
 """Most avatars whose opponents ``auto`` finds by comparing with everyone, many frames in one compiled call."""
-
-_CHUNK_AVATAR_FRAMES = 1_000_000
 
 
 class Simulation:
@@ -153,7 +151,10 @@ class Simulation:
             self._happen()
             if self.present < count:
                 self._blank(record, done, frames)
-            step = self._agenda.until_next(self.frame, frames - done)
+            most = frames - done
+            if self.outcome is not None:
+                most = min(most, self.outcome.frame + self._lingers - self.frame)
+            step = self._agenda.until_next(self.frame, most)
             rows = record.rows(done, done + step)
             times = None if timings is None else timings[done : done + step]
             if self.present <= SMALL and self._search == "auto":
@@ -274,39 +275,3 @@ class Simulation:
         enter(self.avatars, self.crowd, self.model, slots)
         slots = np.concatenate([slots, self.avatars.slot_of[fresh]])
         self._fresh = np.unique(slots[slots < self.present]).astype(np.int32)
-
-
-def simulate(
-    crowd: Crowd,
-    policies: Sequence[Policy],
-    frames: int,
-    script: Script | None = None,
-    threads: int = 1,
-    search: str = "auto",
-    order: Array | None = None,
-    profiled: bool = False,
-    chunk: int | None = None,
-) -> Iterator[Chunk]:
-    """Run a crowd and yield its frames in chunks; it runs only as far as chunks are read.
-
-    Args:
-        crowd: The crowd; see ``cast.cast_crowd`` for a scenario's.
-        policies: Its policies.
-        frames: Control frames.
-        script: What is planned.
-        threads: Threads for large crowds.
-        search: How nearest opponents are found, one of ``scenario.groups.SEARCHES``.
-        order: Number of the avatar in each slot at the start; it changes no result. Shape (N,).
-        profiled: Take the time of every stage.
-        chunk: Control frames in a chunk; by default a million avatar-frames, at most 256.
-
-    Raises:
-        RunError: An avatar's position or values are not finite; the message names avatar and frame.
-    """
-    size = chunk or min(max(_CHUNK_AVATAR_FRAMES // max(crowd.count, 1), 1), 256)
-    simulation = Simulation(crowd, policies, script, threads, search, order, profiled)
-    try:
-        while simulation.frame < frames and not simulation.is_over:
-            yield simulation.run(min(size, frames - simulation.frame))
-    finally:
-        simulation.close()

@@ -157,6 +157,10 @@ def _plan(
         same = Scenario.model_validate(given).duration
     except (TakeError, ValueError) as error:
         raise OutputError(f"{folder}: holds no finished run to extend: {error}") from None
+    ended = manifest.get("outcome")
+    if ended is not None:
+        what = f"has come to the end of its scenario, {str(ended.get('kind', '')).replace('_', ' ')}"
+        raise OutputError(f"{folder}: {what}; it cannot be extended")
     resolved = dump_scenario(scenario.model_copy(update={"duration": same}))
     if resolved != before:
         raise other_run(folder, "another run", scenario_difference(before, resolved))

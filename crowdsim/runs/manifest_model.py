@@ -34,6 +34,7 @@ class RunManifest(OpenModel):
     origin: dict[str, Any] = Field(default_factory=dict)
     exports: dict[str, dict[str, Any]] = Field(default_factory=dict)
     statistics: dict[str, Any] = Field(default_factory=dict)
+    outcome: dict[str, Any] | None = None
     seconds: dict[str, _Seconds] = Field(default_factory=lambda: {"total": 0.0})
 
     @model_validator(mode="after")

@@ -108,6 +108,8 @@ def _render(run: Run, take: Take, policies: Sequence[Policy]) -> list[Path]:
     assert wanted is not None
     count = take.output_frames(wanted.fps)
     frames = _limited(wanted.frames_at(wanted.fps), count)
+    if frames is not None and frames[0] == frames[1]:
+        return []
     options = replace(scenario_options(wanted, run.threads), frames=frames)
     files = picture_files(folder, frames or (0, count), wanted.mp4, wanted.png, wanted.contact_sheet or 0)
     is_there = {name: (folder / name).exists() for name in ("video.mp4", "contact_sheet.png")}
@@ -149,7 +151,7 @@ def _sinks(
         make_folder(folder / "bvh")
         chosen = range(take.avatar_count) if wanted.bvh.avatars is None else wanted.bvh.avatars
         found["bvh"], missing = divide_avatars(folder / "bvh", take, chosen)
-        if missing:
+        if missing and (frames is None or frames[0] < frames[1]):
             sinks.append((fps, BvhSink(sampler, folder / "bvh", fps, frames, missing)))
     for kind in ("ply", "pcd"):
         cloud = getattr(wanted, kind)
@@ -195,5 +197,8 @@ def in_order(take: TakeData, files: Sequence[Path]) -> list[Path]:
 
 
 def _limited(frames: Sequence[int] | None, count: int) -> tuple[int, int] | None:
-    """Return a checked range of a scenario's output frames, cut to the ``count`` that there are."""
-    return None if frames is None else (frames[0], min(frames[1], count))
+    """Return a checked range of a scenario's output frames, cut to the ``count`` that there are.
+
+    It is empty where the run has ended before.
+    """
+    return None if frames is None else (min(frames[0], count), min(frames[1], count))

@@ -15,6 +15,7 @@ from crowdsim.crowd.warming import warm_up
 from crowdsim.errors import RunError, TakeError
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import Checkpoint
+from crowdsim.runs.ending import describe_outcome
 from crowdsim.runs.preparation import Prepared
 from crowdsim.runs.run import Run
 from crowdsim.take.take import Events
@@ -87,26 +88,9 @@ def record(
                 _restore(simulation, keeper.begun, run.folder)
                 timings += [] if keeper.begun.timings is None else [keeper.begun.timings]
             run.clock.lap("prepare")
-            for chunk in _chunks(run, prepared, simulation):
-                sink.append(chunk.variables(), chunk.events, chunk.targets)
-                run.clock.lap("take")
-                if counter is not None:
-                    counter.add(chunk)
-                    run.clock.lap("statistics")
-                if chunk.timings is not None:
-                    timings.append(chunk.timings)
-                done = simulation.frame
-                is_last = done == prepared.frames or simulation.is_over
-                is_caught = bool(run.caught) and not is_last
-                if is_caught:
-                    run.stop_waiting()
-                if keeper is not None:
-                    keeper.keep(simulation, timings, is_caught or is_last)
-                    run.clock.lap("checkpoints")
-                run.advance("control", done, prepared.frames)
-                if is_caught:
-                    sink.close("interrupted")
-                    run.interrupt(f"the {done} of {prepared.frames} control frames that were done are kept")
+            _record_chunks(run, prepared, simulation, timings, sink, counter, keeper)
+            if simulation.outcome is not None:
+                run.report.outcome = describe_outcome(run.scenario, simulation.outcome)
         finally:
             simulation.close()
         sink.close()
@@ -115,6 +99,42 @@ def record(
         sink.abandon()
         raise
     return np.concatenate(timings) if timings else None
+
+
+def _record_chunks(
+    run: Run,
+    prepared: Prepared,
+    simulation: Simulation,
+    timings: list[Array],
+    sink: Sink,
+    counter: StatisticsCounter | None,
+    keeper: Keeper | None,
+) -> None:
+    """Simulate a run to its end; what control costs is added to ``timings``.
+
+    Raises:
+        Interrupted: A signal has come.
+    """
+    for chunk in _chunks(run, prepared, simulation):
+        sink.append(chunk.variables(), chunk.events, chunk.targets)
+        run.clock.lap("take")
+        if counter is not None:
+            counter.add(chunk)
+            run.clock.lap("statistics")
+        if chunk.timings is not None:
+            timings.append(chunk.timings)
+        done = simulation.frame
+        is_last = done == prepared.frames or simulation.is_over
+        is_caught = bool(run.caught) and not is_last
+        if is_caught:
+            run.stop_waiting()
+        if keeper is not None:
+            keeper.keep(simulation, timings, is_caught or is_last)
+            run.clock.lap("checkpoints")
+        run.advance("control", done, done if is_last else prepared.frames)
+        if is_caught:
+            sink.close("interrupted")
+            run.interrupt(f"the {done} of {prepared.frames} control frames that were done are kept")
 
 
 def _restore(simulation: Simulation, begun: Checkpoint, folder: Path) -> None:

@@ -49,6 +49,7 @@ class Report:
         continued_at: Control frames that were done before, where a run goes on that was interrupted.
         compiled: Kernels that had to be compiled; their time is the stage ``compile``, with that of loading others.
         statistics: The run in numbers.
+        outcome: How it ended, where its scenario has an end and that came (``ending.describe_outcome``).
         outputs: Files of each kind, and their size together [bytes].
     """
 
@@ -59,6 +60,7 @@ class Report:
     continued_at: int = 0
     compiled: int = 0
     statistics: CrowdStatistics | None = None
+    outcome: dict[str, Any] | None = None
     outputs: dict[str, tuple[Path, int, int]] = field(default_factory=dict)
 
 

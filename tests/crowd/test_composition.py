@@ -7,7 +7,7 @@ import pytest
 from synthetic_policy import policy
 
 from crowdsim.crowd.crowd import Crowding, build_crowd
-from crowdsim.crowd.simulation import simulate
+from crowdsim.crowd.simulate import simulate
 from crowdsim.policy.policy import action_values
 from crowdsim.training.behaviours import train_behaviour
 from crowdsim.training.recipe import BehaviourSpec

@@ -17,7 +17,9 @@ from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.model import build_model, farthest
 from crowdsim.crowd.placement import place_groups
 from crowdsim.crowd.script import Change, CirclePath, LinePath, Script
-from crowdsim.crowd.simulation import Simulation, simulate
+from crowdsim.crowd.simulate import simulate
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.triggers import AtFrame, Landed, Near
 from crowdsim.errors import RunError
 from crowdsim.policy.bundle import encode
 from crowdsim.policy.policy import action_values
@@ -241,7 +243,7 @@ def lattice(count, **fields):
 )
 def test_every_search_gives_the_same_bytes(people):
     late = ~people.present
-    script = Script(changes=(Change(frame=7, who=late, present=True),) if late.any() else ())
+    script = Script(changes=(Change(AtFrame(7), who=late, present=True),) if late.any() else ())
     auto = bytes_of(simulate(people, POLICIES, 20, script))
     for search in ("kd_tree", "scipy"):
         assert bytes_of(simulate(people, POLICIES, 20, script, search=search)) == auto
@@ -342,7 +344,7 @@ def test_groups_enter_and_leave(count):
     late = np.arange(count) % 3 == 0
     gone = np.arange(count) % 3 == 1
     people = crowd(count, present=~late)
-    script = Script(changes=(Change(frame=10, who=late, present=True), Change(frame=20, who=gone, present=False)))
+    script = Script(changes=(Change(AtFrame(10), who=late, present=True), Change(AtFrame(20), who=gone, present=False)))
     record, events = whole(simulate(people, POLICIES, 60, script))
     assert (record["action"][:10, late] == -1).all()
     assert (record["action"][10:, late] >= 0).all()
@@ -357,7 +359,7 @@ def test_groups_enter_and_leave(count):
 
 def test_those_who_enter_a_small_crowd_change_nothing_in_how_it_runs(monkeypatch):
     people = crowd(30, present=np.arange(30) > 9)
-    script = Script(changes=(Change(frame=7, who=np.arange(30) < 10, present=True),))
+    script = Script(changes=(Change(AtFrame(7), who=np.arange(30) < 10, present=True),))
     together = bytes_of(simulate(people, POLICIES, 30, script))
     monkeypatch.setattr(simulation, "SMALL", 0)
     assert bytes_of(simulate(people, POLICIES, 30, script)) == together
@@ -368,17 +370,17 @@ def test_a_change_waits_for_its_condition():
     nobody = {"who": np.ones(20, bool), "skip": np.full(20, -2), "fixed": np.full(20, -1)}
     _, before = whole(simulate(people, POLICIES, 200))
     third = int(np.ceil(before["frame"][before["landed"]][2]))
-    record, _ = whole(simulate(people, POLICIES, 200, Script(changes=(Change(strikes=3, **nobody),))))
+    record, _ = whole(simulate(people, POLICIES, 200, Script(changes=(Change(Landed(3), **nobody),))))
     frames = np.flatnonzero((record["opponent"] == -1).any(axis=1))
     assert frames[0] >= third + 1
-    record, _ = whole(simulate(people, POLICIES, 60, Script(changes=(Change(near=(0, 1, 100.0), **nobody),))))
+    record, _ = whole(simulate(people, POLICIES, 60, Script(changes=(Change(Near(0, 1, 100.0), **nobody),))))
     assert (record["opponent"][0] >= 0).all()
     assert (record["opponent"][30:] == -1).any()
 
 
 def test_new_weights_change_what_avatars_do():
     people = crowd(20)
-    change = Change(frame=20, weights=np.array([[0.0, np.nan]]), temperatures=np.array([np.nan]))
+    change = Change(AtFrame(20), weights=np.array([[0.0, np.nan]]), temperatures=np.array([np.nan]))
     one, _ = whole(simulate(people, POLICIES, 40))
     two, _ = whole(simulate(people, POLICIES, 40, Script(changes=(change,))))
     assert np.array_equal(one["action"][:20], two["action"][:20])

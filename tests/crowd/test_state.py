@@ -12,6 +12,7 @@ from test_simulation import bytes_of, crowd
 from crowdsim.crowd.script import Change, CirclePath, Script
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.state import STATE
+from crowdsim.crowd.triggers import AtFrame, Landed, Near
 
 POLICIES = [policy(0, "v", name="one"), policy(1, "q", frames=50, stride=2, name="two")]
 GROUPS = np.arange(12) // 6
@@ -25,11 +26,11 @@ def scripted(**fields: Any) -> tuple[Any, Script]:
     late = np.arange(12) >= 9
     one = crowd(present=~late, interval=20.0, group=GROUPS, team=GROUPS, **fields)
     changes = (
-        Change(strikes=3, team=-1, weights=np.full(one.weights.shape, 0.5)),
-        Change(frame=17, who=late, present=True),
-        Change(frame=17, temperatures=np.full(len(one.temperatures), 0.3)),
-        Change(near=(0, 1, 0.8), who=GROUPS == 1, skip=np.full(12, -2), fixed=np.full(12, -2)),
-        Change(frame=44, who=np.arange(12) < 2, present=False),
+        Change(Landed(3), weights=np.full(one.weights.shape, 0.5)),
+        Change(AtFrame(17), who=late, present=True),
+        Change(AtFrame(17), temperatures=np.full(len(one.temperatures), 0.3)),
+        Change(Near(0, 1, 0.8), who=GROUPS == 1, skip=np.full(12, -2), fixed=np.full(12, -2)),
+        Change(AtFrame(44), who=np.arange(12) < 2, present=False),
     )
     return one, Script((CirclePath(2.0, 1.0, (1.0, 1.0), 1.5),), changes)
 
@@ -74,7 +75,7 @@ def test_everything_that_changes_is_in_the_state(search: str) -> None:
     before = {path: repr(value) for path, value in parts(simulation)}
     simulation.run(FRAMES)
     changed = {path for path, value in parts(simulation) if before.get(path) != repr(value)}
-    assert {"avatars.whole", "avatars.real", "frame", "_agenda.landed"} <= changed
+    assert {"avatars.whole", "avatars.real", "frame", "_agenda.progress.landed"} <= changed
     forgotten = {path for path in changed if not path.startswith((*STATE, *SCRATCH))}
     assert not forgotten, "saved neither in crowd/state.py nor known as scratch space"
 

@@ -5,7 +5,7 @@ import pytest
 
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.script import CirclePath, Script
-from crowdsim.crowd.simulation import simulate
+from crowdsim.crowd.simulate import simulate
 from crowdsim.policy.bundle import load_policy
 from crowdsim.scenario.parts import AvatarType
 

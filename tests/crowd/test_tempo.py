@@ -9,7 +9,7 @@ from synthetic_policy import policy
 
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.kernels.choice import BURSTS
-from crowdsim.crowd.simulation import simulate
+from crowdsim.crowd.simulate import simulate
 
 FRAMES = 600
 PER_STRIKE = ("strike_times", "strike_positions", "strike_origins", "strike_speeds", "strike_ids")

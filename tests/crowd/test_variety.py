@@ -11,7 +11,8 @@ from crowdsim.crowd.kernels.layout import END_X, END_Z, HIT_BY, HIT_FRAME, HIT_X
 from crowdsim.crowd.kernels.strikes import note_hits
 from crowdsim.crowd.kernels.variety import LATEST
 from crowdsim.crowd.model import build_model, strong_speed
-from crowdsim.crowd.simulation import Simulation, simulate
+from crowdsim.crowd.simulate import simulate
+from crowdsim.crowd.simulation import Simulation
 
 POLICIES = [policy(0, frames=240)]
 

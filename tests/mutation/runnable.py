@@ -18,6 +18,7 @@ from crowdsim.config.documents import document_fault
 from crowdsim.crowd.crowd import build_crowd
 from crowdsim.crowd.script import Change, CirclePath, Script
 from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.triggers import AtFrame, Landed
 from crowdsim.errors import PolicyError, TakeError
 from crowdsim.policy.bundle import map_arrays, read_document
 from crowdsim.policy.document import PolicyDocument
@@ -223,7 +224,7 @@ class Base:
 
     def _simulation(self) -> Simulation:
         late = np.arange(AVATARS) == AVATARS - 1
-        changes = (Change(strikes=3, temperatures=np.full(1, 0.3)), Change(frame=9, who=late, present=True))
+        changes = (Change(Landed(3), temperatures=np.full(1, 0.3)), Change(AtFrame(9), who=late, present=True))
         script = Script((CirclePath(2.0, 1.0, (1.0, 1.0), 1.5),), changes)
         return Simulation(_crowd(self.policy, present=~late), [self.policy], script)
 

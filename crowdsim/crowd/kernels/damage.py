@@ -48,7 +48,7 @@ BLOCKED = 2  # outcome of a strike that a glove or forearm has met
 
 @kernel(inline=True)
 def hurt(model, avatars, world, frame, strikes, first, last):
-    """Let strikes ``first`` to ``last`` of ``frame`` hurt whom they hit; return how many are knocked down or out."""
+    """Let strikes ``first`` to ``last`` of ``frame`` hurt whom they hit; return how many are knocked down."""
     whole, conditions, slot_of = avatars.whole, avatars.conditions, avatars.slot_of
     if conditions.shape[0] == 0:
         return 0
@@ -107,7 +107,7 @@ def _harm(model, avatars, world, strikes, k, j):
 
 @kernel(inline=True)
 def _fell(model, avatars, world, j):
-    """Let an avatar that has just been hurt stagger, fall, or leave the fight; return whether it does not stay up.
+    """Let an avatar that has just been hurt stagger, fall, or leave the fight; return whether it was knocked down.
 
     One whose policy has no falls leaves when it is out, and stays up until then.
     """
@@ -122,7 +122,7 @@ def _fell(model, avatars, world, j):
     if not out and not (down and falls):
         if row[STANDING] == UP and row[HURT] >= rules[STAGGER_FROM]:
             row[STANDING] = STAGGERS
-        return 0
+        return 1 if down else 0
     row[STANDING] = DROPS if falls else OUT
     # Nobody fights it any more, and it fights nobody.
     whole[TEAM, j] = -2 - whole[TEAM, j]

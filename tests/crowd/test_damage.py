@@ -1,0 +1,261 @@
+"""Damage, knock-downs, and ends of runs."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from synthetic_policy import policy
+from test_simulation import bytes_of, crowd, whole
+
+from crowdsim.crowd import simulation
+from crowdsim.crowd.crowd import Crowding
+from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.damage import GRAIN, LATELY, STRONGEST
+from crowdsim.crowd.kernels.interpolation import between
+from crowdsim.crowd.model import build_model
+from crowdsim.crowd.script import Change, End, Script
+from crowdsim.crowd.simulate import simulate
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.triggers import Downs, HealthBelow, Landed, LandedOn
+
+POLICIES = [policy(0, "v", name="one")]
+HEALTH, HIT, BODY, BLOCKED, STAGGER, DOWN, COUNT, MOST = 60.0, 6.0, 0.5, 0.1, 5.0, 9.0, 12, 3
+
+
+def rules(count=1, attackers=0, **other):
+    given = [HEALTH, HIT, BODY, BLOCKED, STAGGER, DOWN, COUNT, MOST, *other.pop("tires", (0.0, 0.0, 0.0)), attackers]
+    return np.tile(np.array(given, float), (count, 1))
+
+
+def fighters(count=12, **other):
+    fields = {"policies": 1, "rules": rules(), "conditioned": True, "spacing": 0.8, **other}
+    return crowd(count, **fields)
+
+
+def with_falls(directions=(0.0, math.pi), kinds=(0, 1, 2)):
+    """Return the model of the policy with falls that are made of its actions."""
+    model = build_model(POLICIES)
+    rows = [(0, kind, 4 * fall + kind, 3 * fall) for fall in range(len(directions)) for kind in kinds]
+    turns = np.repeat(np.asarray(directions, float), len(kinds))
+    return model._replace(falls=np.array(rows, np.int32), fall_directions=turns)
+
+
+def run(people, frames=200, script=None, model=None, **other):
+    one = Simulation(people, POLICIES, script, model=model, **other)
+    return one, whole([one.run(frames)])
+
+
+def harm(one, attacker, victim, point, speed):
+    """Return what a strike takes, in the frame that a simulation has just done."""
+    avatars, model = one.avatars, one.model
+    j, i = (int(avatars.slot_of[number]) for number in (victim, attacker))
+    action = avatars.whole[layout.ACTION, j]
+    done = min(avatars.real[layout.PHASE, j], model.actions[action, layout.LENGTH])
+    frame = model.actions[action, layout.ORIGIN] + done * model.policies[0, layout.STRIDE]
+    share = 1.0 if point[1] >= between(model.bodies, frame, layout.NECK + 1) * avatars.real[layout.SCALE, j] else BODY
+    strength = min(speed / model.sizes[avatars.whole[layout.POLICY, i], layout.STRONG], STRONGEST)
+    return math.floor(GRAIN * HIT * strength * share + 0.5) / GRAIN
+
+
+def test_health_is_what_a_naive_count_of_strikes_leaves():
+    one = Simulation(fighters(), POLICIES)
+    health, hurt, since, downs = np.full(12, HEALTH), np.zeros(12), np.full(12, -np.inf), np.zeros(12)
+    out = np.zeros(12, bool)
+    for frame in range(250):
+        events = one.run(1).events
+        hit = set()
+        for k in np.flatnonzero(events.landed & (events.victim >= 0)):
+            victim = int(events.victim[k])
+            if out[victim]:
+                continue
+            taken = harm(one, int(events.attacker[k]), victim, events.point[k].astype(float), float(events.speed[k]))
+            health[victim] = max(health[victim] - taken, 0.0)
+            hurt[victim] = (hurt[victim] if frame - since[victim] <= LATELY else 0.0) + taken
+            since[victim] = frame
+            hit.add(victim)
+        for victim in hit:
+            if hurt[victim] >= DOWN or health[victim] <= 0.0:
+                downs[victim], hurt[victim] = downs[victim] + 1, 0.0
+            out[victim] = downs[victim] >= MOST or health[victim] <= 0.0
+        np.testing.assert_allclose(one.avatars.conditions[:, layout.HEALTH], health, atol=2 / GRAIN)
+        assert np.array_equal(one.avatars.conditions[:, layout.DOWNS], downs)
+    assert downs.sum() > 5
+
+
+def test_whoever_is_out_leaves_where_its_policy_has_no_falls():
+    one, (record, events) = run(fighters(), 400)
+    out = np.flatnonzero(one.avatars.conditions[:, layout.STANDING] == layout.OUT)
+    gone = np.flatnonzero((record["action"] == -1).any(axis=0))
+    assert len(gone)
+    assert set(gone) <= set(out)
+    for number in gone:
+        first = int(np.argmax(record["action"][:, number] == -1))
+        assert (record["action"][first:, number] == -1).all()
+        assert not (events["attacker"][events["frame"] > first] == number).any()
+
+
+@pytest.mark.parametrize("search", ["auto", "kd_tree", "scipy"])
+def test_nobody_fights_those_who_are_down(search):
+    one = Simulation(fighters(), POLICIES, model=with_falls(), search=search)
+    deepest = 0
+    for _ in range(300):
+        one.run(1)
+        whole_rows, conditions = one.avatars.whole, one.avatars.conditions
+        down = conditions[one.avatars.number, layout.STANDING] >= layout.DROPS
+        assert np.array_equal(whole_rows[layout.TEAM] < 0, down)
+        decided = (whole_rows[layout.ACTION_BEFORE] >= 0) & (whole_rows[layout.OPPONENT] >= 0)
+        # Whoever has just decided saw who was down a frame before.
+        fought = one.avatars.slot_of[whole_rows[layout.OPPONENT, decided]]
+        since = conditions[one.avatars.number[fought], layout.HURT_FRAME]
+        assert ((whole_rows[layout.TEAM, fought] >= 0) | (since >= one.frame - 1)).all()
+        lies = down & (conditions[one.avatars.number, layout.STANDING] != layout.DROPS)
+        assert (whole_rows[layout.OPPONENT, lies] == -1).all()
+        deepest = max(deepest, int(down.sum()))
+    assert deepest > 2
+
+
+def test_whoever_is_knocked_down_falls_lies_and_rises_where_the_blow_came_to():
+    model = with_falls()
+    one = Simulation(fighters(), POLICIES, model=model)
+    seen = [[] for _ in range(12)]
+    chosen = []
+    for _ in range(400):
+        before = one.avatars.conditions[:, layout.STANDING].copy()
+        one.run(1)
+        for number in range(12):
+            slot, now = one.avatars.slot_of[number], one.avatars.conditions[number]
+            if now[layout.STANDING] == layout.FALLING and before[number] == layout.DROPS:
+                blow = math.atan2(one.avatars.real[layout.HIT_X, slot], one.avatars.real[layout.HIT_Z, slot])
+                chosen.append((math.cos(blow - one.avatars.real[layout.HEADING, slot]), int(now[layout.FALL])))
+            seen[number].append(now[layout.STANDING])
+    # The first direction is ahead, the second behind; blows from the side may lead to either.
+    clear = [(ahead > 0, fall == 0) for ahead, fall in chosen if abs(ahead) > 0.5]
+    assert len(clear) > 5
+    assert all(ahead == forward for ahead, forward in clear)
+    order = {layout.DROPS: {layout.FALLING}, layout.FALLING: {layout.LYING}, layout.LYING: {layout.RISING}}
+    order[layout.RISING] = {layout.UP}
+    for states in seen:
+        for one_state, next_state in itertools.pairwise([key for key, _ in itertools.groupby(states)]):
+            if one_state in order:
+                assert next_state in order[one_state]
+
+
+def test_a_blow_makes_an_avatar_stagger_where_its_policy_has_staggers():
+    model = build_model(POLICIES)._replace(
+        falls=np.array([[0, layout.STUMBLES, 5, 0]], np.int32), fall_directions=np.zeros(1)
+    )
+    one = Simulation(
+        fighters(rules=rules() * np.where(np.arange(12) == layout.DOWN_FROM, 100.0, 1.0)), POLICIES, model=model
+    )
+    stumbled = 0
+    for _ in range(200):
+        before = one.avatars.conditions[:, layout.STANDING].copy()
+        one.run(1)
+        now = one.avatars.conditions[:, layout.STANDING]
+        done = (before == layout.STAGGERS) & (now == layout.UP)
+        assert (one.avatars.whole[layout.ACTION, one.avatars.slot_of[done]] == 5).all()
+        stumbled += int(done.sum())
+    assert stumbled > 3
+
+
+@pytest.mark.parametrize("falls", [False, True])
+def test_knock_downs_depend_on_neither_threads_nor_storage_nor_calls(falls, monkeypatch):
+    people = fighters(20)
+    model = with_falls() if falls else build_model(POLICIES)
+    script = Script(changes=(Change(Downs(2), who=np.arange(20) < 5, mode=layout.FLEES),), until=End("down", 6))
+
+    def result(order=None, **other):
+        one = Simulation(people, POLICIES, script, order=order, model=model, **other)
+        return bytes_of([one.run(n) for n in (1, 40, 159)])
+
+    expected = result()
+    assert result(order=np.random.default_rng(1).permutation(20)) == expected
+    monkeypatch.setattr(simulation, "SMALL", 0)
+    assert result(threads=2) == expected
+
+
+@pytest.mark.parametrize("falls", [False, True])
+@pytest.mark.parametrize("stop", [30, 77])
+def test_a_fight_goes_on_from_its_state(stop, falls):
+    model = with_falls() if falls else build_model(POLICIES)
+    script = Script(changes=(Change(HealthBelow(0, 30.0), who=np.arange(12) < 6, mode=layout.WATCHES, distance=2.0),),
+                    until=End("down", 4))  # fmt: skip
+    one, two, three = (Simulation(fighters(), POLICIES, script, model=model) for _ in range(3))
+    one.run(stop)
+    rest = one.run(200 - stop)
+    two.run(stop)
+    three.restore(two.state())
+    assert bytes_of([three.run(200 - stop)]) == bytes_of([rest])
+    assert (three.outcome is None) == (one.outcome is None)
+    assert three.frame == one.frame
+
+
+@pytest.mark.parametrize("kind", ["last_standing", "last_team", "down", "landed"])
+def test_a_run_ends_when_its_end_has_come(kind):
+    frail = rules()
+    frail[:, layout.FULL_HEALTH] = 20.0
+    people = fighters(6, team=np.arange(6) % 2, rules=frail, skip=np.full(6, -1))
+    count = {"down": 2, "landed": 25}.get(kind, 0)
+    one = Simulation(people, POLICIES, Script(until=End(kind, count)))
+    record, events = whole([one.run(3000)])
+    ended = one.outcome
+    assert ended is not None
+    assert ended.kind == kind
+    assert one.frame == len(record["action"]) == ended.frame + 45 < 3000
+    here = record["action"][ended.frame] >= 0
+    if kind == "last_standing":
+        assert len(ended.standing) <= 1 < (record["action"][ended.frame - 1] >= 0).sum()
+    if kind == "last_team":
+        assert len(np.unique(people.team[ended.standing])) <= 1
+    if kind == "down":
+        assert len(ended.standing) <= 4
+    if kind == "landed":
+        landed = np.sort(events["frame"][events["landed"]])
+        assert ended.frame - 1 < landed[count - 1] + 1 <= ended.frame + 1
+    assert set(ended.standing) == set(np.flatnonzero(here)) or kind == "landed"
+    assert one.run(5).frames == 0
+
+
+def test_changes_wait_for_blows_and_knock_downs():
+    group = np.arange(12) % 2
+    nobody = {"who": np.ones(12, bool), "skip": np.full(12, -2), "fixed": np.full(12, -1)}
+    for trigger in (LandedOn(1, 4), Downs(2, 0), HealthBelow(1, 45.0), Landed(5)):
+        one = Simulation(fighters(group=group), POLICIES, Script(changes=(Change(trigger, **nobody),)))
+        progress = one._agenda.progress
+        for _ in range(300):
+            one.run(1)
+            due = trigger.is_due(progress)
+            if due:
+                break
+        assert due
+        one.run(1)
+        assert not one._agenda.pending
+
+
+def test_no_more_attack_one_opponent_than_may():
+    skip, fixed = np.full(9, -2), np.where(np.arange(9) == 0, -1, 0)
+    given = rules(attackers=2)
+    given[:, layout.FULL_HEALTH] = 0.0
+    people = fighters(9, rules=given, skip=skip, fixed=fixed, crowding=Crowding(reach=3.0, most=24))
+    one = Simulation(people, POLICIES)
+    one.run(30)
+    for _ in range(60):
+        one.run(1)
+        fights = (one.avatars.conditions[:, layout.DOES] == layout.FIGHTS) & (np.arange(9) > 0)
+        assert 1 <= fights.sum() <= 4
+    assert fights.sum() <= 3
+
+
+def test_the_exhausted_strike_less():
+    def thrown(tires):
+        people = fighters(12, interval=3.0, rules=rules(tires=tires) * np.where(np.arange(12) == 0, 0.0, 1.0))
+        _, events = whole(simulate(people, POLICIES, 300))
+        return len(events["frame"])
+
+    assert thrown((0.5, 0.0, 0.0)) < 0.85 * thrown((0.0, 0.0, 0.0))
+
+
+def test_a_crowd_that_nothing_hurts_has_no_conditions():
+    one = Simulation(crowd(), [*POLICIES, policy(1, "q", frames=50, stride=2, name="two")])
+    assert one.avatars.conditions.shape == (0, layout.CONDITIONS)

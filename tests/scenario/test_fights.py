@@ -1,0 +1,143 @@
+"""Scenarios in which avatars can be hurt, and fights have an end."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from crowdsim.cli import app
+from crowdsim.errors import OutputError, ScenarioError
+from crowdsim.runs.extending import extend_run
+from crowdsim.runs.manifest import read_manifest
+from crowdsim.runs.runner import run, run_to
+from crowdsim.scenario.scenario import load_scenario
+from crowdsim.take.store import open_take
+
+FIGHT = {
+    "version": 1,
+    "name": "fight",
+    "seed": 3,
+    "duration": 600,
+    "types": {"boxer": {"policy": "tiny", "damage": {"health": 30, "knock_down": 8, "downs": 2}}},
+    "groups": [
+        {"name": "red", "team": "red", "type": "boxer", "count": 3, "facing": "enemies",
+         "placement": {"kind": "army", "side": "left", "ranks": 1, "gap": 1.5}},
+        {"name": "blue", "team": "blue", "type": "boxer", "count": 3, "facing": "enemies",
+         "placement": {"kind": "army", "side": "right", "ranks": 1, "gap": 1.5}},
+    ],
+    "opponents": {"kind": "other_team"},
+    "until": "last_team",
+}  # fmt: skip
+
+
+def write(folder: Path, **changes: object) -> Path:
+    path = folder / "fight.yaml"
+    path.write_text(yaml.safe_dump({**FIGHT, **changes}), encoding="utf-8")
+    return path
+
+
+def findings(folder: Path, **changes: object) -> list[str]:
+    with pytest.raises(ScenarioError) as error:
+        load_scenario(write(folder, **changes))
+    return [line.split(": ", 1)[1] for line in str(error.value).splitlines()]
+
+
+def test_a_run_ends_with_its_outcome_in_manifest_and_summary(
+    workplace: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write(workplace, outputs={"bvh": {"fps": 30, "frames": [0, 90]}})
+    with pytest.raises(SystemExit) as stop:
+        app(["run", str(path), "--quiet"])
+    assert stop.value.code in (0, None)
+    manifest = read_manifest(workplace / "output/fight")
+    outcome, frames = manifest["outcome"], manifest["control_frames"]
+    assert outcome["kind"] == "last_team"
+    assert outcome["frame"] + 45 == frames < 600
+    assert len(outcome["teams"]) <= 1
+    assert outcome["standing_count"] == len(outcome["standing"]) <= 3
+    assert open_take(workplace / "output/fight/take.zarr").frame_count == frames
+    with pytest.raises(SystemExit):
+        app(["run", str(path), "--json", "--force"])
+    assert json.loads(capsys.readouterr().out)["runs"][0]["outcome"] == outcome
+
+
+def test_a_run_that_has_ended_is_not_extended(workplace: Path) -> None:
+    scenario = load_scenario(write(workplace))
+    run_to(workplace / "out", scenario)
+    with pytest.raises(OutputError, match="has come to the end of its scenario, last team; it cannot be extended"):
+        extend_run(workplace / "out", scenario, (10, False))
+
+
+def test_outputs_behind_the_end_are_left_out(workplace: Path) -> None:
+    given = {"bvh": {"fps": 30, "frames": [1000, 1100]}, "ply": {"fps": 30, "frames": [1000, 1100], "points": 10}}
+    report = run_to(workplace / "out", load_scenario(write(workplace, outputs=given)))
+    assert set(report.outputs) == {"take"}
+    assert report.outcome is not None
+
+
+def test_events_let_groups_flee_and_watch(workplace: Path) -> None:
+    far = {}
+    for kind, more in (("fight", {}), ("flee", {}), ("watch", {"distance": 3.0})):
+        events = [
+            {"kind": kind, "group": group, "when": {"kind": "frame", "frame": 30}, **more} for group in ("red", "blue")
+        ]
+        path = write(workplace, events=events, until=None, duration=200, types={"boxer": {"policy": "tiny"}})
+        take = run(load_scenario(path))
+        here = [np.stack([take.x[120:, group], take.z[120:, group]]) for group in (slice(0, 3), slice(3, 6))]
+        gaps = np.linalg.norm(here[0][..., :, None] - here[1][..., None, :], axis=0)
+        far[kind] = float(np.median(gaps.min(axis=(1, 2))))
+    assert far["fight"] < 1.3
+    assert far["watch"] > 1.8
+    assert far["flee"] > far["watch"]
+
+
+def test_few_attack_one_opponent_where_few_may(workplace: Path) -> None:
+    def near(attackers: int | None) -> float:
+        groups = [dict(FIGHT["groups"][0], count=8), dict(FIGHT["groups"][1], count=1)]
+        given = {"kind": "other_team", "attackers": attackers}
+        take = run(load_scenario(write(workplace, groups=groups, opponents=given, until=None, duration=300,
+                                       types={"boxer": {"policy": "tiny"}})))  # fmt: skip
+        gaps = np.hypot(take.x[100:, :8] - take.x[100:, 8:], take.z[100:, :8] - take.z[100:, 8:])
+        return float((gaps < 1.3).sum(axis=1).mean())
+
+    assert near(2) < 0.7 * near(None)
+    assert near(2) < 3.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"types": {"boxer": {"policy": "tiny"}}}, ["until: no avatar can go down, expected 'damage' of their type"]),
+        ({"until": {"down": 7}}, ["until.down: is 7, but 6 avatars can go down, expected at most that"]),
+        ({"until": {"down": 1, "landed": 1}}, ["until: has both 'down' and 'landed', expected one of them"]),
+        ({"until": {}}, ["until: has neither 'down' nor 'landed', expected one of them"]),
+        (
+            {"groups": [FIGHT["groups"][0]], "opponents": {"kind": "anyone"}},
+            ["until: is 'last_team', but all avatars are of team 'red', expected a second team or 'last_standing'"],
+        ),
+        (
+            {"events": [{"kind": "flee", "when": {"kind": "down", "count": 13}}]},
+            ["events[0].when.count: is 13, but there can be 12 knock-downs, expected at most that"],
+        ),
+        (
+            {"events": [{"kind": "flee", "when": {"kind": "health_below", "group": "red", "points": 31}}]},
+            ["events[0].when.points: is 31, but avatars of 'red' start with less, expected at most 30"],
+        ),
+    ],
+)
+def test_what_cannot_come_is_found(workplace: Path, changes: dict[str, object], expected: list[str]) -> None:
+    found = [line.split(": ", 1)[-1] if line[0].isdigit() else line for line in findings(workplace, **changes)]
+    assert [line.lstrip("0123456789: ") for line in found] == expected
+
+
+def test_damage_is_inherited_key_by_key(workplace: Path) -> None:
+    types = {
+        **FIGHT["types"],
+        "heavy": {"extends": "boxer", "damage": {"health": 50}},
+        "ghost": {"extends": "boxer", "damage": None},
+    }
+    resolved = load_scenario(write(workplace, types=types)).types
+    assert (resolved["heavy"].damage.health, resolved["heavy"].damage.downs) == (50, 2)
+    assert resolved["ghost"].damage is None
