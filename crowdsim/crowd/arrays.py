@@ -51,13 +51,16 @@ class Model(NamedTuple):
             float64.
         bodies: Centre of the head, upper and lower end of the torso, in the frame's ground frame [m]. Shape (L, 9),
             float32.
+        arms: Left and right elbow, left and right fist, likewise. Shape (L, 12), float32.
+        ways: Where fist or foot is 0.1 s and 0.05 s before each strike, seen from the action's start [m]. Shape (K, 6),
+            float32.
         policies: For each policy the playback frames in a control frame, its first row in ``behaviours``, its first
             action and its first state; the last row closes these three. Shape (P + 1, 4), int32.
         sizes: Radius of head and torso, drop from the head to neck and pelvis, a strike's tolerance; how far the
             surface of head and torso is from the body's position at most, and how far it moves in a control frame at
             most; the distance beyond which all grids end [m]; how much later moving targets are seen, as in
             ``policy.LookupTables.leads`` [control frames]; the speed from which on a strike is strong [m/s];
-            the share of ``Crowding``'s gap that bodies keep. Shape (P, 12), float64.
+            the share of ``Crowding``'s gap that bodies keep; radius of forearm and glove. Shape (P, 14), float64.
         twins: For each state the one of the captured motion that it is, or is the mirror image of. Shape (S,), int32.
     """
 
@@ -75,6 +78,8 @@ class Model(NamedTuple):
     ground: Array
     starts: Array
     bodies: Array
+    arms: Array
+    ways: Array
     policies: Array
     sizes: Array
     twins: Array
@@ -109,6 +114,9 @@ class Avatars(NamedTuple):
             Shape (N, 16), uint16.
         marks: Frames in which motion was last shown in cells of the ground (``variety``). Shape (a power of 2,),
             uint16.
+        seen: What each number's opponent was like when it decided on its latest actions with strikes, those of
+            even and of odd decisions: x, z [m], heading [rad] and playback frame, of scripted targets the height [m]
+            instead of the heading; the frame is -1 where there was none. Shape (N, 8), float64.
     """
 
     whole: Array
@@ -116,6 +124,7 @@ class Avatars(NamedTuple):
     slot_of: Array
     shown: Array
     marks: Array
+    seen: Array
 
     @property
     def number(self) -> Array:
@@ -235,7 +244,7 @@ class Strikes(NamedTuple):
     """Strikes thrown.
 
     Attributes:
-        whole: Attacker, victim, limb, whether it landed. Shape (S, 4), int32.
+        whole: Attacker, victim, limb, outcome (``kernels.outcomes``). Shape (S, 4), int32.
         real: Frame, position x, y, z [m], speed [m/s]. Shape (S, 5), float64.
     """
 

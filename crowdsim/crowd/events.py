@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from crowdsim.core.types import Array
+from crowdsim.crowd.kernels.layout import LANDED, MISSED
+
+OUTCOMES = ("missed", "landed", "blocked", "evaded")
+"""What becomes of a strike, by number."""
 
 VARIABLES = ("action", "action_frame", "x", "z", "heading", "opponent")
 """What is recorded for every control frame and avatar, in this order."""
@@ -23,6 +29,7 @@ class Events:
         speed: Its highest speed before [m/s]. Shape (S,), float32.
         landed: Whether it landed. Shape (S,), bool.
         limb: 0 left hand, 1 right hand, 2 left foot, 3 right foot; hands where it is not given. Shape (S,), uint8.
+        outcome: Index into ``OUTCOMES``; where it is not given, as ``landed`` says. Shape (S,), uint8.
     """
 
     frame: Array
@@ -33,7 +40,12 @@ class Events:
     speed: Array
     landed: Array
     limb: Array = None  # type: ignore[assignment]
+    outcome: Array = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         if self.limb is None:
             object.__setattr__(self, "limb", self.hand)
+        if self.outcome is None:
+            object.__setattr__(
+                self, "outcome", np.where(np.asarray(self.landed, bool), LANDED, MISSED).astype(np.uint8)
+            )

@@ -17,7 +17,7 @@ from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World, empty_
 from crowdsim.crowd.chunk import STAGES, Chunk, events_of
 from crowdsim.crowd.crowd import Crowd, build_avatars, enter
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.kernels.layout import Now
+from crowdsim.crowd.kernels.layout import LANDED, Now
 from crowdsim.crowd.kernels.loop import run_frames
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import Index, build_index
@@ -181,7 +181,7 @@ class Simulation:
         self._fresh = self._fresh[:0]
         self.frame += ran
         thrown = Strikes(strikes.whole[:held], strikes.real[:held])
-        self._agenda.count(self.crowd.team[thrown.whole[thrown.whole[:, 3] > 0, 0]])
+        self._agenda.count(self.crowd.team[thrown.whole[thrown.whole[:, 3] == LANDED, 0]])
         return int(ran), thrown
 
     def _run_stages(self, rows: Record, timings: Array | None) -> tuple[int, Strikes]:
@@ -190,7 +190,7 @@ class Simulation:
         fresh, self._fresh = self._fresh, self._fresh[:0]
         thrown = self._stages.run(self._world_at(self.frame - 1, 2), self._now, fresh, rows, timings)
         self.frame += 1
-        self._agenda.count(self.crowd.team[thrown.whole[thrown.whole[:, 3] > 0, 0]])
+        self._agenda.count(self.crowd.team[thrown.whole[thrown.whole[:, 3] == LANDED, 0]])
         return 1, thrown
 
     def _note_search(self, search: str) -> None:
