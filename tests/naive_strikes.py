@@ -61,8 +61,8 @@ def thrown(one, avatars, frame, targets):
             outcome = MISSED
             if abs(gap) <= tolerance * one.scale and not comes_through(point, origin, neck):
                 way = [ground.to_world(start, p * one.scale) for p in way_of(one.policy, action, k)]
-                blocked = opponent >= 0 and meets_guard([*way, point], avatars[opponent], share)
-                outcome = BLOCKED if blocked else LANDED
+                met = meets_guard([*way, point], avatars[opponent], share) if opponent >= 0 else None
+                outcome, point = (LANDED, point) if met is None else (BLOCKED, met)
             elif seen is not None:
                 gap_then, neck_then = gap_to(point, *seen)
                 if abs(gap_then) <= tolerance * one.scale and not comes_through(point, origin, neck_then):
@@ -148,7 +148,7 @@ def way_of(policy, action, k):
 
 
 def meets_guard(way, other, share):
-    """Whether a strike on its way meets forearm or glove of an avatar before it is in head or torso."""
+    """Where a strike on its way meets forearm or glove of an avatar before it is in head or torso, or None."""
     action, phase, start = other.meanwhile(share)
     policy, database, place = other.policy, other.policy.database, other.place(action, phase)
     stands = ground.compose(start, other.displacement(action, phase))
@@ -170,9 +170,9 @@ def meets_guard(way, other, share):
             point = here + step / STEPS * (there - here)
             for hinge, fist in arms:
                 if from_line(point, hinge, fist) <= forearm * other.scale:
-                    return True
+                    return point
                 if np.linalg.norm(point - fist) <= glove * other.scale:
-                    return True
+                    return point
             if gap_to(point, *head)[0] <= 0:
-                return False
-    return False
+                return None
+    return None

@@ -127,7 +127,10 @@ def _print_report(report: Any) -> None:
     print(report.folder)
     print(f"  avatars         {figures.avatars:,}")
     print(f"  control frames  {figures.control_frames:,} ({figures.seconds:.1f} s)")
-    print(f"  strikes         {figures.strikes_thrown:,} thrown, {figures.strikes_landed:,} landed")
+    print(
+        f"  strikes         {figures.strikes_thrown:,} thrown, {figures.strikes_landed:,} landed, "
+        f"{figures.strikes_blocked:,} blocked, {figures.strikes_evaded:,} evaded"
+    )
     print(f"  hits            {figures.hits_per_minute_per_avatar:.1f} per avatar per minute")
     print(f"  overlap         {figures.overlap_share:.2%} of avatar-frames")
     if fresh:

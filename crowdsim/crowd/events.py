@@ -25,7 +25,7 @@ class Events:
         attacker: Avatar that struck. Shape (S,), int32.
         victim: Its opponent, an avatar or ``-2 - target``; -1 for none. Shape (S,), int32.
         hand: Side of the limb, 0 left, 1 right. Shape (S,), uint8.
-        point: Where the fist or foot was [m]. Shape (S, 3), float32.
+        point: Where the fist or foot was, of a strike that was blocked where it met the arm [m]. Shape (S, 3), float32.
         speed: Its highest speed before [m/s]. Shape (S,), float32.
         landed: Whether it landed. Shape (S,), bool.
         limb: 0 left hand, 1 right hand, 2 left foot, 3 right foot; hands where it is not given. Shape (S,), uint8.

@@ -80,8 +80,8 @@ def written_frames(writer: Writing, path: Path, counts: Array) -> Iterator[dict[
 
 
 def written_strikes(writer: Writing) -> Array:
-    """Return of all strikes that a writer has been handed whether they landed. Shape (S,), bool."""
-    return np.concatenate([writer.group["events"]["landed"][:], *(kept.landed for kept in writer.kept_events)])
+    """Return what became of all strikes that a writer has been handed. Shape (S,), uint8."""
+    return np.concatenate([writer.group["events"]["outcome"][:], *(kept.outcome for kept in writer.kept_events)])
 
 
 def restore_writer(writer: Writing, state: Mapping[str, Array]) -> None:

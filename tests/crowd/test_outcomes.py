@@ -66,7 +66,18 @@ def pair(glove=AWAY, elbow=AWAY, seen=HEAD, head=HEAD, place=(0.0, 0.0, 0.0), ta
         avatars.seen[0] = np.tile([seen[0], seen[2], seen[1], 0.0], 2)
     end = x + (REACH - 0.05) * math.sin(turn), 1.6, z + (REACH - 0.05) * math.cos(turn)
     blow = Blow(0, int(avatars.whole[layout.ACTION, 0]), opponent, end, (end[0], end[2]), 1.0, False)
-    return judge(model, avatars, targets, Now(1, 1, 2), 0, blow)
+    outcome, point = judge(model, avatars, targets, Now(1, 1, 2), 0, blow)
+    if outcome == BLOCKED:
+        assert_on_arm(np.array(point), glove, elbow, victim)
+    else:
+        assert tuple(point) == end
+    return outcome
+
+
+def assert_on_arm(point, glove, elbow, victim):
+    """A strike is blocked where it is in forearm or glove, which are large in these bodies."""
+    glove, elbow = ground.to_world(victim, glove), ground.to_world(victim, elbow)
+    assert min(naive_strikes.from_line(point, glove, elbow) - 0.07, np.linalg.norm(point - glove) - 0.12) < 1e-4
 
 
 @settings(max_examples=40, deadline=None)

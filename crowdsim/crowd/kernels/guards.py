@@ -7,21 +7,20 @@ from crowdsim.crowd.kernels.layout import (
     LEFT_ELBOW,
     LEFT_FIST,
     SCALE,
-    WAY_POINTS,
 )
 from crowdsim.crowd.kernels.motion import over_ground
 from crowdsim.jit import kernel
 
 STEPS = 6
-"""Steps of a strike's way from each of its points to the next."""
+"""Steps of a strike's way from each of its points (``Model.ways``) to the next."""
 
 
 @kernel(inline=True)
-def is_blocked(model, avatars, i, blow, body, stands):
-    """Return whether a strike on its way meets an arm of the victim before it is in head or torso.
+def meet_guard(model, avatars, i, blow, body, stands):
+    """Return whether a strike on its way meets an arm of the victim before it is in head or torso, and where it does.
 
     The arms are as they are when the strike reaches furthest. It meets one where the middle of the fist or foot comes
-    through the surface of forearm or glove: what only grazes them goes on.
+    through the surface of forearm or glove: what only grazes them goes on. Where it meets none is where it ends.
     """
     frame, x, z, size, cos, sin, policy = stands
     forearm, glove = model.sizes[policy, FOREARM_RADIUS] * size, model.sizes[policy, GLOVE_RADIUS] * size
@@ -30,23 +29,31 @@ def is_blocked(model, avatars, i, blow, body, stands):
     left_fist = point_at(model.arms, frame, LEFT_FIST, x, z, size, cos, sin)
     right_fist = point_at(model.arms, frame, LEFT_FIST + 3, x, z, size, cos, sin)
     way, own = model.ways[blow.strike], avatars.real[SCALE, i]
-    for part in range(WAY_POINTS):
-        start, end = _way_point(model, avatars, i, blow, way, own, part), blow.point
-        if part + 1 < WAY_POINTS:
-            end = _way_point(model, avatars, i, blow, way, own, part + 1)
-        for step in range(1, STEPS + 1):
-            t = step / STEPS
-            px = start[0] + t * (end[0] - start[0])
-            py = start[1] + t * (end[1] - start[1])
-            pz = start[2] + t * (end[2] - start[2])
-            point = (px, py, pz)
-            if _is_in_arm(point, left_elbow, left_fist, forearm, glove):
-                return True
-            if _is_in_arm(point, right_elbow, right_fist, forearm, glove):
-                return True
-            if _is_in_body(point, body):
-                return False
-    return False
+    first = _way_point(model, avatars, i, blow, way, own, 0)
+    middle = _way_point(model, avatars, i, blow, way, own, 1)
+    # Most strikes that land come nowhere near an arm.
+    reach = 1.0001 * max(forearm, glove) * max(forearm, glove)
+    left = _square_between(first, middle, left_elbow, left_fist) <= reach
+    left |= _square_between(middle, blow.point, left_elbow, left_fist) <= reach
+    right = _square_between(first, middle, right_elbow, right_fist) <= reach
+    right |= _square_between(middle, blow.point, right_elbow, right_fist) <= reach
+    if not left and not right:
+        return False, blow.point
+    for step in range(1, 2 * STEPS + 1):
+        start, end, t = first, middle, step / STEPS
+        if step > STEPS:
+            start, end, t = middle, blow.point, (step - STEPS) / STEPS
+        px = start[0] + t * (end[0] - start[0])
+        py = start[1] + t * (end[1] - start[1])
+        pz = start[2] + t * (end[2] - start[2])
+        point = (px, py, pz)
+        if left and _is_in_arm(point, left_elbow, left_fist, forearm, glove):
+            return True, point
+        if right and _is_in_arm(point, right_elbow, right_fist, forearm, glove):
+            return True, point
+        if _is_in_body(point, body):
+            return False, blow.point
+    return False, blow.point
 
 
 @kernel(inline=True)
@@ -84,3 +91,24 @@ def _square_from(point, start, end):
         t = min(max((lx * dx + ly * dy + lz * dz) / square, 0.0), 1.0)
     lx, ly, lz = lx - t * dx, ly - t * dy, lz - t * dz
     return lx * lx + ly * ly + lz * lz
+
+
+@kernel(inline=True)
+def _square_between(start, end, first, last):
+    """Return the square of the least distance between two lines, each from a point to another.
+
+    After Ericson, Real-Time Collision Detection (2005), section 5.1.9.
+    """
+    ux, uy, uz = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+    vx, vy, vz = last[0] - first[0], last[1] - first[1], last[2] - first[2]
+    wx, wy, wz = start[0] - first[0], start[1] - first[1], start[2] - first[2]
+    a, e, b = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, ux * vx + uy * vy + uz * vz
+    c, f = ux * wx + uy * wy + uz * wz, vx * wx + vy * wy + vz * wz
+    across = a * e - b * b
+    s = min(max((b * f - c * e) / across, 0.0), 1.0) if across > 1e-12 else 0.0
+    t = (b * s + f) / e if e > 1e-12 else 0.0
+    if t < 0.0 or t > 1.0:
+        t = min(max(t, 0.0), 1.0)
+        s = min(max((b * t - c) / a, 0.0), 1.0) if a > 1e-12 else 0.0
+    dx, dy, dz = wx + s * ux - t * vx, wy + s * uy - t * vy, wz + s * uz - t * vz
+    return dx * dx + dy * dy + dz * dz

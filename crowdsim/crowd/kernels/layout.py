@@ -14,15 +14,14 @@ from typing import Any, NamedTuple
 WHOLE_ROWS, REAL_ROWS = 17, 18
 SEEN_X, SEEN_Z, SEEN_TURN, SEEN_FRAME = range(4)  # columns of each half of ``Avatars.seen``
 
-# Columns of the tables of ``Model``: actions, moves, paths (rows), strikes, bodies, arms, how many points ways have,
-# sizes, policies, behaviours, grids and terms (what all have, those of strikes, those of proximity).
+# Columns of the tables of ``Model``: actions, moves, paths (rows), strikes, bodies, arms, sizes, policies, behaviours,
+# grids and terms (what all have, those of strikes, those of proximity).
 NEXT, LENGTH, ORIGIN, PATHS, STRIKES, FIRST_STRIKE = range(6)
 MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, TRANSITION = range(6)
 PATH_X, PATH_Z, PATH_COS, PATH_SIN, PATH_TIME = range(5)
 TIME, FIST_X, FIST_Y, FIST_Z, FIST_SPEED, LIMB, OWNER, FROM_X, FROM_Z, WORTH = range(10)
 HEAD, NECK, PELVIS = 0, 3, 6
 LEFT_ELBOW, LEFT_FIST = 0, 6
-WAY_POINTS = 2
 (
     HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE, FARTHEST, SOON, LATER, STRONG, SPACE,
     FOREARM_RADIUS, GLOVE_RADIUS,

@@ -11,7 +11,7 @@ import numpy as np
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.bodies import PosedBody, comes_through, lands_on_posed_body
-from crowdsim.crowd.kernels.guards import is_blocked
+from crowdsim.crowd.kernels.guards import meet_guard
 from crowdsim.crowd.kernels.layout import (
     ACTION,
     BLOCKED,
@@ -100,7 +100,7 @@ def note_seen(model, avatars, world, now, due, count, chosen):
 
 @kernel(inline=True)
 def judge(model, avatars, targets, now, i, blow):
-    """Return what becomes of a strike of avatar ``i``."""
+    """Return what becomes of a strike of avatar ``i``, and where it ends, blocked ones where they meet the arm."""
     real, sizes = avatars.real, model.sizes
     tolerance = sizes[avatars.whole[POLICY, i], TOLERANCE] * real[SCALE, i]
     half = 4 * ((avatars.whole[DECISIONS, i] + (0 if blow.old else 1)) & 1)
@@ -113,11 +113,12 @@ def judge(model, avatars, targets, now, i, blow):
         hx, hz = before[0] + blow.share * (after[0] - before[0]), before[2] + blow.share * (after[2] - before[2])
         hy = before[1] + blow.share * (after[1] - before[1])
         if _hits(blow, _under(model, avatars, i, hx, hy, hz), tolerance):
-            return LANDED
-        return EVADED if frame >= 0.0 and _hits(blow, _under(model, avatars, i, x, turn, z), tolerance) else MISSED
+            return LANDED, blow.point
+        evaded = frame >= 0.0 and _hits(blow, _under(model, avatars, i, x, turn, z), tolerance)
+        return EVADED if evaded else MISSED, blow.point
     j = np.int64(avatars.slot_of[blow.opponent]) if blow.opponent >= 0 else np.int64(now.present)
     if j >= now.present:
-        return MISSED
+        return MISSED, blow.point
     whose, size = avatars.whole[POLICY, j], real[SCALE, j]
     # As far as a body reaches, and moves in a frame: most strikes that miss are not even near.
     far = size * sizes[whose, REACH] + tolerance
@@ -125,12 +126,13 @@ def judge(model, avatars, targets, now, i, blow):
         stands = standing(model, avatars, j, blow.share)
         body = posed_body(model, stands)
         if _hits(blow, body, tolerance):
-            return BLOCKED if is_blocked(model, avatars, i, blow, body, stands) else LANDED
+            blocked, point = meet_guard(model, avatars, i, blow, body, stands)
+            return BLOCKED if blocked else LANDED, point
     if frame < 0.0 or not _is_near(blow, x, z, far):
-        return MISSED
+        return MISSED, blow.point
     cos, sin = cos_sin(turn)
     then = Standing(frame, x, z, size, cos * size, sin * size, whose)
-    return EVADED if _hits(blow, posed_body(model, then), tolerance) else MISSED
+    return EVADED if _hits(blow, posed_body(model, then), tolerance) else MISSED, blow.point
 
 
 @kernel(inline=True)

@@ -117,14 +117,17 @@ def note_hits(model, avatars, frame, strikes, first, last):
 
 @kernel(inline=True)
 def _ask_for_strike(model, avatars, i):
-    """Ask memory for the strikes of an avatar and the body of its opponent."""
+    """Ask memory for the strikes of an avatar, what it has seen, and the body of its opponent."""
     whole, actions = avatars.whole, model.actions
+    ask_for(avatars.seen, 8 * whole[NUMBER, i])
     ask_for(model.strikes, model.strikes.shape[1] * actions[whole[ACTION, i], STRIKES])
+    ask_for(model.ways, 6 * actions[whole[ACTION, i], STRIKES])
     ask_for(model.starts, 3 * whole[ACTION, i])
     j = avatars.slot_of[max(whole[OPPONENT, i], 0)]
     frame = int(avatars.real[PHASE, j]) * model.policies[whole[POLICY, j], STRIDE]
     frame += actions[whole[ACTION, j], ORIGIN]
     ask_for(model.bodies, 9 * frame)
+    ask_for(model.arms, 12 * frame)
     ask_for(model.ground, 3 * frame)
 
 
@@ -146,11 +149,11 @@ def _list_strikes(model, avatars, targets, now, i, old, out, held):
             whole[STRIKER] = model.strikes[k, LIMB]
             # Between two frames, and as exact as a number that is written: landing is judged then.
             real[WHEN] = now.frame - 1.0 + (time - part.low + part.passed) / part.motion
-            real[POINT_X], real[POINT_Y], real[POINT_Z] = px, py, pz
             real[FAST] = model.strikes[k, FIST_SPEED] * avatars.real[SCALE, i] * avatars.real[SPEED, i]
             share = real[WHEN] - (now.frame - 1.0)
             blow = Blow(k, part.action, part.opponent, (px, py, pz), origin, share, old)
-            whole[OUTCOME] = judge(model, avatars, targets, now, i, blow)
+            whole[OUTCOME], end = judge(model, avatars, targets, now, i, blow)
+            real[POINT_X], real[POINT_Y], real[POINT_Z] = end
         held += 1
     return held
 
