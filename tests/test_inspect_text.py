@@ -16,7 +16,8 @@ from crowdsim.commands.run_text import run_lines
 from crowdsim.motion.strikes import REASONS, Rejection
 
 KEYS_OF_A_RUN = (
-    "avatars control_frames seconds strikes_thrown strikes_landed strikes_blocked strikes_evaded strikes_missed hits_per_minute_per_avatar overlap_share "
+    "avatars control_frames seconds strikes_thrown strikes_landed strikes_blocked strikes_evaded strikes_missed "
+    "hits_per_minute_per_avatar overlap_share "
     "foot_slide_median foot_slide_95 transition_jump_ratio opponent_changes transitions_per_second control_seconds "
     "wall_seconds first_landed_seconds out_of_reach_share stuck_avatars thrown_per_minute landed_per_minute "
     "least_landed_per_minute landed_share blocked_share evaded_share air_share turned_away_share distance_median "
