@@ -5,25 +5,18 @@ from types import SimpleNamespace
 
 import numpy as np
 from naive_opponents import nearest, neighbours
+from naive_strikes import at, thrown, what_is_seen
 
 from crowdsim.crowd.kernels import variety
 from crowdsim.crowd.kernels.choice import BURSTS, REDRAWN, REST
 from crowdsim.crowd.kernels.crowding import BYSTANDERS, STAGGER, STEP
+from crowdsim.crowd.kernels.layout import LANDED
 from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REMEMBERED
-from crowdsim.crowd.model import FULL_REACH, STRONG, TOLERANCE
+from crowdsim.crowd.model import FULL_REACH, STRONG
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.crowd.script import target_positions
 from crowdsim.motion import ground
 from crowdsim.policy.policy import action_values
-from crowdsim.policy.rewards import comes_through
-
-
-def at(rows, place):
-    """Row of an array at a fractional place."""
-    below = int(place)
-    if place == below:
-        return np.asarray(rows[below], float)
-    return np.asarray(rows[below], float) + (place - below) * (np.asarray(rows[below + 1], float) - rows[below])
 
 
 class Avatar:
@@ -49,6 +42,7 @@ class Avatar:
         self.first_state = sum(other.actions.state_count for other in policies[: crowd.policy[number]])
         self.shown, self.thrown, self.thrown_until = [], -1, 0
         self.hit_by, self.hit, self.hit_frame = -1, np.zeros(2), -math.inf
+        self.seen = self.seen_before = None
 
     @property
     def length(self):
@@ -125,6 +119,9 @@ def run(crowd, policies, frames, script=None):
         due = [one for one in avatars if one.phase >= one.length]
         targets = target_positions(paths, frame - 1, 2, policies[0].database.control_rate)
         chosen = [decide(one, avatars, crowd, targets, frame, marks) for one in due]
+        bodies = [what_is_seen(one, opponent, avatars, targets) for one, (opponent, _) in zip(due, chosen, strict=True)]
+        for one, seen in zip(due, bodies, strict=True):
+            one.seen_before, one.seen = one.seen, seen
         for one, (opponent, action) in zip(due, chosen, strict=True):
             one.shown.append(one.first_state + int(one.policy.actions.next[action]))
             if one.policy.actions.strike_offsets[action] < one.policy.actions.strike_offsets[action + 1]:
@@ -154,8 +151,8 @@ def note_hits(strikes, avatars, frame):
     """Those who are hit remember by whom: of several by the strongest, of equals by the lowest number."""
     found = {}
     for strike in strikes:
-        attacker, victim, landed = strike[1], strike[2], strike[8]
-        if landed and victim >= 0:
+        attacker, victim, outcome = strike[1], strike[2], strike[8]
+        if outcome == LANDED and victim >= 0:
             strong = np.percentile(avatars[attacker].policy.database.strike_speeds.astype(float), STRONG)
             found.setdefault(victim, []).append((-strike[7] / strong, attacker))
     for victim, hits in found.items():
@@ -339,66 +336,3 @@ def pick(values, one, crowd):
     number = float(uniform(crowd.seed, Purpose.CHOICE, one.number, one.decisions))
     place = np.searchsorted(np.cumsum(chances), number * chances.sum(), side="right")
     return candidates[min(place, len(candidates) - 1)]
-
-
-def thrown(one, avatars, frame, targets):
-    """Strikes of one avatar since the frame before."""
-    parts = [(one.action, one.phase_before, min(one.phase, one.length), one.start, one.opponent, 0.0)]
-    motion = parts[0][2] - parts[0][1]
-    if one.decided:
-        rest = float(one.policy.actions.lengths[one.action_before]) - one.phase_before
-        old = (one.action_before, one.phase_before, one.phase_before + rest, one.start_before, one.opponent_before, 0.0)
-        parts = [old, (one.action, 0.0, min(one.phase, one.length), one.start, one.opponent, rest)]
-        motion = rest + parts[1][2]
-    found = []
-    database, actions = one.policy.database, one.policy.actions
-    tolerance = max(
-        [t.tolerance for b in one.policy.behaviours for t in b.terms if hasattr(t, "tolerance")] or [TOLERANCE]
-    )
-    for action, low, high, start, opponent, passed in parts:
-        for k in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
-            time, strike = float(actions.strike_times[k]), actions.strike_ids[k]
-            if not low < time <= high:
-                continue
-            share = (time - low + passed) / motion
-            point = ground.to_world(start, actions.strike_positions[k] * one.scale)
-            gap, neck = surface_gap(one, avatars, opponent, share, point, targets)
-            from_x, from_z = actions.strike_origins[k] * one.scale
-            origin = ground.to_world(start, np.array([from_x, 0.0, from_z]))[[0, 2]]
-            through = comes_through(point, origin, neck)
-            speed = float(database.strike_speeds[strike]) * one.scale * one.speed
-            landed = abs(gap) <= tolerance * one.scale and not through
-            found.append(
-                (
-                    frame - 1 + share,
-                    one.number,
-                    opponent,
-                    int(database.strike_limbs[strike]),
-                    *point,
-                    speed,
-                    landed,
-                    gap,
-                )
-            )
-    return found
-
-
-def surface_gap(one, avatars, opponent, share, point, targets):
-    """Signed distance of a point from whom it strikes, and the neck of that one.
-
-    Head and torso are one body, inside of which the distance is negative.
-    """
-    if opponent == -1:
-        return math.inf, np.zeros(3)
-    if opponent <= -2:
-        head = targets[0, -2 - opponent] + share * (targets[1, -2 - opponent] - targets[0, -2 - opponent])
-        sizes, scale = one.policy.body, one.scale
-        neck, pelvis = head - [0, sizes.neck_drop * scale, 0], head - [0, sizes.pelvis_drop * scale, 0]
-    else:
-        other = avatars[opponent]
-        sizes, scale, moment = other.policy.body, other.scale, other.meanwhile(share)
-        head, neck, pelvis = (other.body(name, *moment) for name in ("heads", "necks", "pelvises"))
-    axis = neck - pelvis
-    t = min(max(float((point - pelvis) @ axis) / float(axis @ axis), 0.0), 1.0)
-    to_head = float(np.linalg.norm(point - head)) - sizes.head_radius * scale
-    return min(to_head, float(np.linalg.norm(point - pelvis - t * axis)) - sizes.torso_radius * scale), neck

@@ -16,10 +16,11 @@ from crowdsim.commands.run_text import run_lines
 from crowdsim.motion.strikes import REASONS, Rejection
 
 KEYS_OF_A_RUN = (
-    "avatars control_frames seconds strikes_thrown strikes_landed hits_per_minute_per_avatar overlap_share "
+    "avatars control_frames seconds strikes_thrown strikes_landed strikes_blocked strikes_evaded strikes_missed "
+    "hits_per_minute_per_avatar overlap_share "
     "foot_slide_median foot_slide_95 transition_jump_ratio opponent_changes transitions_per_second control_seconds "
     "wall_seconds first_landed_seconds out_of_reach_share stuck_avatars thrown_per_minute landed_per_minute "
-    "least_landed_per_minute landed_share air_share turned_away_share distance_median "
+    "least_landed_per_minute landed_share blocked_share evaded_share air_share turned_away_share distance_median "
     "penetration_share penetration_share_with_arms penetration_deepest penetrations_per_minute "
     "repeated_second_per_minute same_source_share same_strike_share stillness_share stillness_share_captured "
     "hits_from_behind_share step_after_hit"

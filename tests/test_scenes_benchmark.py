@@ -16,7 +16,8 @@ from crowdsim.take.measures import measure_fights
 ROOT = Path(__file__).parents[1]
 KEYS = {
     "first_landed_seconds", "out_of_reach_share", "stuck_avatars", "stuck_share", "thrown_per_minute",
-    "landed_per_minute", "least_landed_per_minute", "landed_share", "air_share", "turned_away_share",
+    "landed_per_minute", "least_landed_per_minute", "landed_share", "blocked_share", "evaded_share",
+    "air_share", "turned_away_share",
     "distance_median", "overlap_share",
 }  # fmt: skip
 

@@ -28,6 +28,8 @@ _FIGURES = {
     "hits_per_minute_per_avatar": "hits per avatar per minute",
     "thrown_per_minute": "strikes thrown per avatar per minute",
     "landed_share": "strikes that land, share",
+    "blocked_share": "strikes that are blocked, share",
+    "evaded_share": "strikes that are evaded, share",
     "distance_median": "median distance to the opponent [m]",
     "out_of_reach_share": "opponent out of reach, share of time",
     "overlap_share": "overlap, share of avatar-frames",

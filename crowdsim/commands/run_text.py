@@ -45,6 +45,7 @@ def _strikes(figures: Figures) -> list[Row]:
         rates += f": {rating(thrown, captured)}, {number(captured)}"
     hits = "" if share is None else f", {percent(share)} of those thrown"
     hits += "" if landed is None else f", {number(landed)} per avatar per minute"
+    stopped, evaded = figures["blocked_share"], figures["evaded_share"]
     air, behind, step = (figures[key] for key in ("air_share", "hits_from_behind_share", "step_after_hit"))
     return [
         ("thrown", f"{figures['strikes_thrown']:,}{rates}"),
@@ -52,6 +53,15 @@ def _strikes(figures: Figures) -> list[Row]:
         ("", None if behind is None else f"{percent(behind)} of them from behind"),
         ("", None if step is None else f"victims of strong ones go back by {length(step)} within {time(YIELDING)}"),
         ("", None if least is None else f"{number(least)} per minute by the avatar that lands least"),
+        (
+            "blocked",
+            f"{figures['strikes_blocked']:,}" + ("" if stopped is None else f", {percent(stopped)} of those thrown"),
+        ),
+        (
+            "evaded",
+            f"{figures['strikes_evaded']:,}" + ("" if evaded is None else f", {percent(evaded)} of those thrown"),
+        ),
+        ("missed", f"{figures['strikes_missed']:,}"),
         ("first landed", "never" if first is None else f"after {time(first)}"),
         ("thrown at the air", None if air is None else f"{percent(air)}, at opponents further away than {AIR:g} m"),
     ]

@@ -132,7 +132,12 @@ def _print_report(report: Any) -> None:
     if report.outcome is not None:
         rate = figures.control_frames / figures.seconds
         print(f"  outcome         {outcome_text(report.outcome, rate)}")
-    print(f"  strikes         {figures.strikes_thrown:,} thrown, {figures.strikes_landed:,} landed")
+    print(
+        f"  strikes         {figures.strikes_thrown:,} thrown, {figures.strikes_landed:,} landed, "
+        f"{figures.strikes_blocked:,} blocked, {figures.strikes_evaded:,} evaded"
+    )
+    if figures.knock_downs:
+        print(f"  knock-downs     {figures.knock_downs:,}")
     print(f"  hits            {figures.hits_per_minute_per_avatar:.1f} per avatar per minute")
     print(f"  overlap         {figures.overlap_share:.2%} of avatar-frames")
     if fresh:

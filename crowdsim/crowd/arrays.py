@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels import layout
 
@@ -51,13 +49,16 @@ class Model(NamedTuple):
             float64.
         bodies: Centre of the head, upper and lower end of the torso, in the frame's ground frame [m]. Shape (L, 9),
             float32.
+        arms: Left and right elbow, left and right fist, likewise. Shape (L, 12), float32.
+        ways: Where fist or foot is 0.1 s and 0.05 s before each strike, seen from the action's start [m]. Shape (K, 6),
+            float32.
         policies: For each policy the playback frames in a control frame, its first row in ``behaviours``, its first
             action and its first state; the last row closes these three. Shape (P + 1, 4), int32.
         sizes: Radius of head and torso, drop from the head to neck and pelvis, a strike's tolerance; how far the
             surface of head and torso is from the body's position at most, and how far it moves in a control frame at
             most; the distance beyond which all grids end [m]; how much later moving targets are seen, as in
             ``policy.LookupTables.leads`` [control frames]; the speed from which on a strike is strong [m/s];
-            the share of ``Crowding``'s gap that bodies keep. Shape (P, 12), float64.
+            the share of ``Crowding``'s gap that bodies keep; radius of forearm and glove. Shape (P, 14), float64.
         twins: For each state the one of the captured motion that it is, or is the mirror image of. Shape (S,), int32.
         falls: Actions that nobody chooses: the policy, the kind (0 fall, 1 lie, 2 rise, 3 stagger), the action, and the
             row of the fall that it belongs to. Shape (F, 4), int32.
@@ -78,6 +79,8 @@ class Model(NamedTuple):
     ground: Array
     starts: Array
     bodies: Array
+    arms: Array
+    ways: Array
     policies: Array
     sizes: Array
     twins: Array
@@ -119,6 +122,9 @@ class Avatars(NamedTuple):
             the distance that it keeps while it watches [m]; how it stands and will stand, its row of ``Model.falls``,
             how often it was down, when it gets up; its health, what hits took lately, and when; its stamina. Shape
             (N, 13), or (0, 13) where nothing of this is used, float64.
+        seen: What each number's opponent was like when it decided on its latest actions with strikes, those of
+            even and of odd decisions: x, z [m], heading [rad] and playback frame, of scripted targets the height [m]
+            instead of the heading; the frame is -1 where there was none. Shape (N, 8), float64.
     """
 
     whole: Array
@@ -127,6 +133,7 @@ class Avatars(NamedTuple):
     shown: Array
     marks: Array
     conditions: Array
+    seen: Array
 
     @property
     def number(self) -> Array:
@@ -253,48 +260,10 @@ class Strikes(NamedTuple):
     """Strikes thrown.
 
     Attributes:
-        whole: Attacker, victim, limb, whether it landed. Shape (S, 4), int32.
-        real: Frame, position x, y, z [m], speed [m/s]. Shape (S, 5), float64.
+        whole: Attacker, victim, limb, outcome (``kernels.outcomes``), whether it has knocked its victim down. Shape
+            (S, 5), int32.
+        real: Frame, position x, y, z [m], speed [m/s], what it takes from its victim's health. Shape (S, 6), float64.
     """
 
     whole: Array
     real: Array
-
-
-def empty_record(frames: int, count: int) -> Record:
-    """Return a record with room for some frames."""
-    # A spare frame, so that rows of it never lie in one piece: kernels are compiled for one layout, whatever the rows.
-    whole, real = np.empty((2, frames + 1, count), np.int32), np.empty((4, frames + 1, count), np.float32)
-    return Record(whole[:, :frames], real[:, :frames])
-
-
-def empty_strikes(count: int) -> Strikes:
-    """Return room for some strikes."""
-    return Strikes(np.empty((count, 4), np.int32), np.empty((count, 5)))
-
-
-def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
-    """Return scratch space for the states of a model, for some neighbours, and for a batch."""
-    lanes, block = layout.LANES, min(layout.BLOCK, batch)
-    width = -(-int(np.diff(model.offsets).max()) // lanes) * lanes
-    behaviours = int(np.diff(model.policies[:, layout.BEHAVIOURS]).max())
-    rows = int(np.diff(model.actions[model.offsets, layout.PATHS]).max()) + lanes
-    return Scratch(
-        situations=np.zeros((batch, 6)),
-        states=np.empty(batch, np.int32),
-        cohorts=np.empty(batch, np.int32),
-        policies=np.empty(batch, np.int32),
-        order=np.empty(batch, np.int64),
-        starts=np.empty(len(model.offsets) + 1, np.int64),
-        values=np.empty((batch, width)),
-        begins=np.empty(block + 1, np.int64),
-        spots=np.empty((block * behaviours, 4), np.int64),
-        parts=np.empty((block * behaviours, 4)),
-        nears=np.empty(behaviours, np.int64),
-        cells=np.zeros((2 * behaviours, block * width)),
-        work=np.zeros((5 + 2 * behaviours, block * width)),
-        gaps=np.empty(rows),
-        # Rows behind the last action are read and weighed by zero, which needs them to be finite.
-        rows=np.zeros(max(rows, width)),
-        near=np.empty((max(neighbours, 1), 7)),
-    )

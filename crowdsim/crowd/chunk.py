@@ -10,6 +10,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Strikes
 from crowdsim.crowd.events import VARIABLES, Events
+from crowdsim.crowd.kernels.layout import LANDED
 
 STAGES = ("index", "observe", "choose", "advance", "strikes", "record")
 """What a control frame's time is spent on."""
@@ -66,6 +67,9 @@ def events_of(parts: Sequence[Strikes]) -> Events:
         hand=(whole[:, 2] % 2).astype(np.uint8),
         point=real[:, 1:4].astype(np.float32),
         speed=real[:, 4].astype(np.float32),
-        landed=whole[:, 3] > 0,
+        landed=whole[:, 3] == LANDED,
         limb=whole[:, 2].astype(np.uint8),
+        outcome=whole[:, 3].astype(np.uint8),
+        damage=real[:, 5].astype(np.float32),
+        down=whole[:, 4] > 0,
     )

@@ -203,6 +203,7 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
         shown=np.empty((count, LATEST), np.uint16),
         conditions=np.zeros((count if crowd.conditioned else 0, layout.CONDITIONS)),
         marks=np.full(1 << (max(_LEAST_MARKS, _MARKS * count) - 1).bit_length(), _LONG_AGO, np.uint16),
+        seen=np.tile([0.0, 0.0, 0.0, -1.0], (count, 2)),
     )
     whole, real = avatars.whole, avatars.real
     whole[layout.NUMBER] = numbers

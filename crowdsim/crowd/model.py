@@ -11,6 +11,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.model_arms import arm_radii, arm_rows, way_rows
 from crowdsim.crowd.model_tables import (
     action_rows,
     action_starts,
@@ -86,6 +87,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
     offsets = joined_offsets([action.offsets for action in actions], starts["action"])
     strides = [*(database.stride for database in databases), 0]
     firsts = [starts["behaviour"], starts["action"], starts["state"]]
+    origins = [action_starts(policy) for policy in policies]
     bodies = [np.column_stack([database.heads, database.necks, database.pelvises]) for database in databases]
     return Model(
         offsets=offsets,
@@ -100,8 +102,10 @@ def build_model(policies: Sequence[Policy]) -> Model:
         terms=terms[wanted],
         table=values,
         ground=joined([database.ground for database in databases], np.float64),
-        starts=np.concatenate([action_starts(policy) for policy in policies]),
+        starts=np.concatenate(origins),
         bodies=np.concatenate(bodies).astype(np.float32),
+        arms=np.concatenate([arm_rows(database) for database in databases]),
+        ways=way_rows(policies, origins),
         policies=np.column_stack([strides, *firsts]).astype(np.int32),
         sizes=np.array([_sizes(policy) for policy in policies]),
         twins=twin_states(policies, starts),
@@ -169,6 +173,7 @@ def _sizes(policy: Policy) -> list[float]:
         *leads,
         strong_speed(policy),
         space_of(policy),
+        *arm_radii(database.body),
     ]
 
 

@@ -8,7 +8,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Strikes, World
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.kernels.strikes import ATTACKER, LANDED, VICTIM
+from crowdsim.crowd.kernels.strikes import ATTACKER, OUTCOME, VICTIM
 
 
 class Progress:
@@ -34,7 +34,7 @@ class Progress:
 
     def count(self, thrown: Strikes) -> None:
         """Count strikes that have landed."""
-        landed = thrown.whole[thrown.whole[:, LANDED] == 1]
+        landed = thrown.whole[thrown.whole[:, OUTCOME] == layout.LANDED]
         self.landed += np.bincount(self._crowd.team[landed[:, ATTACKER]], minlength=len(self.landed))
         victims = landed[landed[:, VICTIM] >= 0, VICTIM]
         self.landed_on += np.bincount(self._crowd.group[victims], minlength=len(self.landed_on))

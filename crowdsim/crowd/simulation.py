@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World, empty_record, empty_scratch, empty_strikes
+from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World
+from crowdsim.crowd.buffers import empty_record, empty_scratch, empty_strikes
 from crowdsim.crowd.chunk import STAGES, Chunk, events_of
 from crowdsim.crowd.crowd import Crowd, build_avatars, enter
 from crowdsim.crowd.kernels import layout

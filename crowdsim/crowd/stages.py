@@ -7,7 +7,8 @@ from time import perf_counter_ns
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World, empty_scratch, empty_strikes
+from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World
+from crowdsim.crowd.buffers import empty_scratch, empty_strikes
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.kernels.choice import choose
 from crowdsim.crowd.kernels.damage import hurt

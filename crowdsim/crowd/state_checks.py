@@ -112,6 +112,10 @@ def _check_real(simulation: Changing, state: Mapping[str, Array]) -> None:
         _refuse("avatars.real, phase", real[row], (real[row] >= 0.0) & (real[row] <= most))
     shown = state["avatars.shown"]
     _refuse("avatars.shown", shown, (shown < len(model.twins)) | (shown == NONE))
+    seen = state["avatars.seen"]
+    _refuse("avatars.seen", seen, np.abs(seen) <= FAR)
+    frames = seen.reshape(-1, 2, 4)[..., layout.SEEN_FRAME]
+    _refuse("avatars.seen, frame", frames, ((frames >= 0.0) & (frames <= len(model.bodies) - 1)) | (frames == -1.0))
 
 
 def _check_conditions(simulation: Changing, state: Mapping[str, Array]) -> None:

@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.chunk import Chunk
+from crowdsim.crowd.events import OUTCOMES
 from crowdsim.crowd.kd_tree import build_tree, neighbours
+from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED, MISSED
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -35,6 +37,10 @@ class CrowdStatistics:
         seconds: Their time [s].
         strikes_thrown: Strikes that reached their furthest point.
         strikes_landed: Those that landed.
+        strikes_blocked: Those that a forearm or glove of the victim stopped.
+        strikes_evaded: Those that would have landed on the victim as it was when the attacker decided on them.
+        strikes_missed: All others.
+        knock_downs: How often avatars were knocked down.
         hits_per_minute_per_avatar: Strikes landed over the minutes that avatars were present.
         overlap_share: Share of avatar-frames in which a body's disc overlaps another's.
         opponent_changes: How often an avatar took another opponent.
@@ -46,6 +52,10 @@ class CrowdStatistics:
     seconds: float
     strikes_thrown: int
     strikes_landed: int
+    strikes_blocked: int
+    strikes_evaded: int
+    strikes_missed: int
+    knock_downs: int
     hits_per_minute_per_avatar: float
     overlap_share: float
     opponent_changes: int
@@ -69,18 +79,19 @@ class StatisticsCounter:
         self._is_transition = np.concatenate([np.asarray(one.actions.costs) > 0 for one in policies])
         self._every = max(1, -(-planned * len(self._scale) // _OVERLAP_AVATAR_FRAMES))
         self._last: tuple[Array, Array, Array] | None = None
-        self._frames = self._present = self._thrown = self._landed = self._changes = self._transitions = 0
+        self._frames = self._present = self._changes = self._transitions = 0
         self._looked = self._overlapping = 0
+        self._outcomes, self._downs = np.zeros(len(OUTCOMES), np.int64), 0
 
     def add(self, chunk: Chunk) -> None:
         """Count one more chunk."""
-        self.add_strikes(chunk.events.landed)
+        self.add_strikes(chunk.events.outcome, chunk.events.down)
         self.add_frames(chunk.variables())
 
-    def add_strikes(self, landed: Array) -> None:
-        """Count more strikes, by whether they landed. Shape (S,), bool."""
-        self._thrown += len(landed)
-        self._landed += int(np.count_nonzero(landed))
+    def add_strikes(self, outcomes: Array, down: Array) -> None:
+        """Count more strikes, by what became of them, (S,) uint8, and whether they knocked down, (S,) bool."""
+        self._outcomes += np.bincount(outcomes, minlength=len(OUTCOMES))
+        self._downs += int(np.count_nonzero(down))
 
     def add_frames(self, rows: Mapping[str, Array]) -> None:
         """Count more control frames: what is recorded of each avatar, (n, N) each, by name."""
@@ -105,14 +116,18 @@ class StatisticsCounter:
 
     def finish(self) -> CrowdStatistics:
         """Return what has been counted."""
-        minutes = self._present / self._rate / 60
+        minutes, landed = self._present / self._rate / 60, int(self._outcomes[LANDED])
         return CrowdStatistics(
             avatars=len(self._scale),
             control_frames=self._frames,
             seconds=self._frames / self._rate,
-            strikes_thrown=self._thrown,
-            strikes_landed=self._landed,
-            hits_per_minute_per_avatar=self._landed / minutes if minutes else 0.0,
+            strikes_thrown=int(self._outcomes.sum()),
+            strikes_landed=landed,
+            strikes_blocked=int(self._outcomes[BLOCKED]),
+            strikes_evaded=int(self._outcomes[EVADED]),
+            strikes_missed=int(self._outcomes[MISSED]),
+            knock_downs=self._downs,
+            hits_per_minute_per_avatar=landed / minutes if minutes else 0.0,
             overlap_share=self._overlapping / self._looked if self._looked else 0.0,
             opponent_changes=self._changes,
             transitions_per_second=self._transitions / (minutes * 60) if minutes else 0.0,

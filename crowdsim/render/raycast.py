@@ -85,17 +85,19 @@ class Capsules:
 
 @dataclass(frozen=True)
 class Flashes:
-    """Moments at which strikes land.
+    """Moments at which strikes reach furthest.
 
     Attributes:
         points: Where [m]. Shape (H, 3).
         ages: Time since, as a share of the time that a flash lasts, 0..1. Shape (H,).
         powers: Brightness, about 1. Shape (H,).
+        outcomes: Numbers of ``crowd.events.OUTCOMES``, which marks follow. Shape (H,).
     """
 
     points: Array = field(default_factory=lambda: np.zeros((0, 3)))
     ages: Array = field(default_factory=lambda: np.zeros(0))
     powers: Array = field(default_factory=lambda: np.zeros(0))
+    outcomes: Array = field(default_factory=lambda: np.zeros(0, np.uint8))
 
 
 def sun_direction(azimuth: float, elevation: float = SUN_ELEVATION) -> Array:
@@ -120,7 +122,7 @@ def draw(
         view: The camera.
         size: Width and height [px].
         sun: Unit direction to the sun, above the horizon. Shape (3,).
-        flashes: Strikes that land.
+        flashes: Strikes.
         threads: How many threads share the picture.
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]; open ground by
             default. Shape (5,).
@@ -217,7 +219,7 @@ def _contact_lists(cones: Array, camera: Array, segments: Array) -> tuple[Array,
 def _project_flashes(flashes: Flashes | None, camera: Array) -> Array:
     """Positions of flashes on the picture, see ``draw_tiles``; those behind the eye fall out."""
     if flashes is None or not len(flashes.points):
-        return np.zeros((0, 6), np.float32)
+        return np.zeros((0, 7), np.float32)
     basis = camera[RIGHT_X:FOCAL].reshape(3, 3)
     x, y, z = basis @ (np.asarray(flashes.points, float) - camera[EYE_X:RIGHT_X]).T
     seen = z > 0.2
@@ -235,6 +237,7 @@ def _project_flashes(flashes: Flashes | None, camera: Array) -> Array:
             size,
             np.asarray(flashes.ages, float)[seen],
             np.asarray(flashes.powers, float)[seen] * fade,
+            np.asarray(flashes.outcomes, float)[seen],
         ],
         axis=1,
     ).astype(np.float32)

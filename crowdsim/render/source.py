@@ -79,17 +79,17 @@ class PoseSource(Protocol):
             World positions [m] (n, J, 3) and rotations (n, J, 4), scaled already and NaN while absent, a pair a figure.
         """
 
-    def hits(self, frame: int) -> tuple[Array, Array, Array]:
-        """Return the strikes that landed within the last 0.4 s before a frame.
+    def blows(self, frame: int) -> tuple[Array, Array, Array, Array]:
+        """Return the strikes at somebody that reached furthest within the last 0.4 s before a frame.
 
         Returns:
-            Points [m] (H, 3), time since [s] (H,), speeds [m/s] (H,).
+            Points [m] (H, 3), time since [s] (H,), speeds [m/s] (H,), numbers of ``crowd.events.OUTCOMES`` (H,).
         """
 
     def markers(self, frame: int) -> Array:
         """Return the positions of scripted targets and the like [m]. Shape (G, 3)."""
 
 
-def no_hits() -> tuple[Array, Array, Array]:
-    """Return what ``hits`` gives where nothing landed."""
-    return np.zeros((0, 3)), np.zeros(0), np.zeros(0)
+def no_blows() -> tuple[Array, Array, Array, Array]:
+    """Return what ``blows`` gives where there were none."""
+    return np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.uint8)

@@ -16,12 +16,12 @@ from crowdsim.render.raycast import Flashes, draw
 from crowdsim.render.scene import Cast, build_cast
 from crowdsim.render.source import PoseSource
 
-VERSION = 3
+VERSION = 4
 """Counts changes after which pictures differ."""
 _BETWEEN = 34
 """Grey of the line between cameras side by side."""
 FLASH = 0.28
-"""Time for which a strike that landed flashes [s]."""
+"""Time for which the mark of a strike shows [s]."""
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,14 @@ class Stage:
 
     def picture(self, frame: int, threads: int = 1) -> Array:
         """Draw a frame. Shape (height, width, 3), uint8."""
-        points, ages, speeds = self.source.hits(frame)
+        points, ages, speeds, outcomes = self.source.blows(frame)
         capsules = self.cast.place(self.source.poses(frame), self.source.markers(frame))
         young = np.asarray(ages) < FLASH
         flashes = Flashes(
             np.asarray(points)[young],
             np.asarray(ages)[young] / FLASH,
             0.55 + 0.45 * np.clip(np.asarray(speeds)[young] / 9.0, 0.0, 1.0),
+            np.asarray(outcomes)[young],
         )
         width, height = self.size
         edges = [round(width * i / len(self.tracks)) for i in range(len(self.tracks) + 1)]

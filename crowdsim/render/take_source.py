@@ -19,7 +19,7 @@ from crowdsim.take.take import Take
 _BLOCK_BYTES = 48 << 20
 _MOST_FRAMES = 32
 _FLASH_REACH = 0.4
-"""How far back ``hits`` looks [s]."""
+"""How far back ``blows`` looks [s]."""
 
 
 class TakeSource:
@@ -71,12 +71,11 @@ class TakeSource:
         self._block = int(np.clip(_BLOCK_BYTES // (take.avatar_count * joints * 16), 1, _MOST_FRAMES))
         self._blocks: OrderedDict[int, list[Poses]] = OrderedDict()
         self._lock = threading.Lock()
-        landed = np.asarray(take.events.landed, bool)
-        times = np.asarray(take.events.frame, float)[landed] / take.control_rate
-        order = np.argsort(times, kind="stable")
-        self._hit_times = times[order]
-        self._hit_points = np.asarray(take.events.point, float)[landed][order]
-        self._hit_speeds = np.asarray(take.events.speed, float)[landed][order]
+        aimed = np.flatnonzero(np.asarray(take.events.victim) != -1)
+        aimed = aimed[np.argsort(np.asarray(take.events.frame, float)[aimed], kind="stable")]
+        self._strike_times = np.asarray(take.events.frame, float)[aimed] / take.control_rate
+        events = take.events
+        self._strikes = tuple(np.asarray(part)[aimed] for part in (events.point, events.speed, events.outcome))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Build again from the arguments on the other side."""
@@ -115,11 +114,12 @@ class TakeSource:
             posed.append((positions[0], rotations[0]))
         return posed
 
-    def hits(self, frame: int) -> tuple[Array, Array, Array]:
-        """Return points [m], time since [s] and speeds [m/s] of the strikes that landed a moment before a frame."""
+    def blows(self, frame: int) -> tuple[Array, Array, Array, Array]:
+        """Return points [m], time since [s], speeds [m/s] and outcomes of strikes a moment before a frame."""
         now = frame / self.fps
-        first, stop = np.searchsorted(self._hit_times, [now - _FLASH_REACH, now + 1e-6])
-        return self._hit_points[first:stop], now - self._hit_times[first:stop], self._hit_speeds[first:stop]
+        first, stop = np.searchsorted(self._strike_times, [now - _FLASH_REACH, now + 1e-6])
+        points, speeds, outcomes = (part[first:stop] for part in self._strikes)
+        return points.astype(float), now - self._strike_times[first:stop], speeds.astype(float), outcomes
 
     def markers(self, frame: int) -> Array:
         """Return where the scripted targets are at a frame [m]. Shape (G, 3)."""
@@ -135,7 +135,8 @@ def _digest(take: Take) -> str:
         repr((take.scenario, take.seed, take.fingerprints, take.control_rate, take.frame_count, take.status)).encode()
     )
     cast, events = take.cast, take.events
-    for array in (cast.types, cast.teams, cast.policies, cast.scales, cast.speeds, cast.colours, events.point):
+    of_cast = (cast.types, cast.teams, cast.policies, cast.scales, cast.speeds, cast.colours)
+    for array in (*of_cast, events.point, events.outcome):
         digest.update(np.ascontiguousarray(array).tobytes())
     for frame in np.unique(np.linspace(0, take.frame_count - 1, 8).astype(int)):
         for variable in (take.action, take.action_frame, take.x, take.z, take.heading):

@@ -41,9 +41,9 @@ class OpenedRun(NamedTuple):
         """Return where an avatar's joints are at one time or several [m], see ``Take.joints``."""
         return self.take.joints(avatar, seconds)
 
-    def strikes(self, landed: bool | None = None) -> Array:
+    def strikes(self, landed: bool | None = None, outcome: str | None = None) -> Array:
         """Return the strikes as a table, see ``Take.strikes``."""
-        return self.take.strikes(landed)
+        return self.take.strikes(landed, outcome)
 
 
 def open_run(folder: FileName) -> OpenedRun:

@@ -86,7 +86,7 @@ def write_take(
             if begun.frame == prepared.frames and path.exists():
                 take = with_known_actions(open_take(path), prepared.policies)
                 if take.status == "done":
-                    _recount(counter, _rows(take, writer.chunk), take.events.landed)
+                    _recount(counter, _rows(take, writer.chunk), (take.events.outcome, take.events.down))
                     run.report.continued_at = begun.frame
                     return take, begun.timings
             check_begun(begun, path, len(prepared.cast.names))
@@ -128,9 +128,9 @@ def check_begun(begun: Checkpoint, path: Path, avatars: int) -> None:
         raise TakeError(f"{path}: cannot be continued: {fault}") from None
 
 
-def _recount(counter: StatisticsCounter, frames: Iterable[dict[str, Array]], landed: Array) -> None:
+def _recount(counter: StatisticsCounter, frames: Iterable[dict[str, Array]], strikes: tuple[Array, Array]) -> None:
     """Count what was recorded before."""
-    counter.add_strikes(landed)
+    counter.add_strikes(*strikes)
     for rows in frames:
         counter.add_frames(rows)
 

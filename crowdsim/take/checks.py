@@ -11,6 +11,8 @@ import numpy as np
 
 from crowdsim.array_checks import ArrayFault, Check, Column, Index, Sizes, Within, check_array, true_or_false
 from crowdsim.core.types import Array
+from crowdsim.crowd.events import OUTCOMES
+from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED
 from crowdsim.motion.strikes import LIMBS
 
 FAR, TURNS, LATE = 1e7, 1e5, 1e6
@@ -62,6 +64,9 @@ EVENTS: Mapping[str, Column] = {
     "speed": Column("float32", ("E",), (Within(0.0, 1e4),)),
     "landed": Column("bool", ("E",), (true_or_false,)),
     "limb": Column("uint8", ("E",), _LIMB),
+    "outcome": Column("uint8", ("E",), (Within(0, len(OUTCOMES) - 1),)),
+    "damage": Column("float32", ("E",), (Within(0.0, 1e8),)),
+    "down": Column("bool", ("E",), (true_or_false,)),
 }
 """The strikes."""
 
@@ -70,15 +75,26 @@ def check_strikes(events: Mapping[str, Array]) -> None:
     """Hold the variables of strikes, which have passed their table, against one another.
 
     Raises:
-        ArrayFault: One lands on nobody, or on who threw it.
+        ArrayFault: One lands on nobody, or on who threw it, or its outcome is impossible, or not what ``landed`` says.
     """
-    impossible = (events["victim"] == -1) | (events["victim"] == events["attacker"])
-    wrong = np.flatnonzero(events["landed"] & impossible)
+    victim, outcome = events["victim"], events.get("outcome")
+    impossible = (victim == -1) | (victim == events["attacker"])
+    _refuse_victim(victim, events["landed"] & impossible, "another avatar or a target to land on")
+    if outcome is None:
+        return
+    _refuse_victim(victim, (outcome == EVADED) & impossible, "another avatar or a target that evades")
+    _refuse_victim(victim, (outcome == BLOCKED) & (impossible | (victim < 0)), "another avatar, which blocks")
+    wrong = np.flatnonzero(events["landed"] != (outcome == LANDED))
     if len(wrong):
         at = int(wrong[0])
-        raise ArrayFault(
-            "victim", f"is {events['victim'][at]} at [{at}], expected another avatar or a target to land on"
-        )
+        expected = OUTCOMES[LANDED] if events["landed"][at] else "another, since it did not land"
+        raise ArrayFault("outcome", f"is {OUTCOMES[outcome[at]]} at [{at}], expected {expected}")
+
+
+def _refuse_victim(victim: Array, wrong: Array, expected: str) -> None:
+    if wrong.any():
+        at = int(np.argmax(wrong))
+        raise ArrayFault("victim", f"is {victim[at]} at [{at}], expected {expected}")
 
 
 def check_absent(name: str, values: Array, action: Array) -> None:

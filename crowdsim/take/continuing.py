@@ -79,9 +79,13 @@ def written_frames(writer: Writing, path: Path, counts: Array) -> Iterator[dict[
         yield rows
 
 
-def written_strikes(writer: Writing) -> Array:
-    """Return of all strikes that a writer has been handed whether they landed. Shape (S,), bool."""
-    return np.concatenate([writer.group["events"]["landed"][:], *(kept.landed for kept in writer.kept_events)])
+def written_strikes(writer: Writing) -> tuple[Array, Array]:
+    """Return of all strikes that a writer has been handed what became of them, uint8, and whether they knocked down."""
+    outcome, down = (
+        np.concatenate([writer.group["events"][name][:], *(getattr(kept, name) for kept in writer.kept_events)])
+        for name in ("outcome", "down")
+    )
+    return outcome, down
 
 
 def restore_writer(writer: Writing, state: Mapping[str, Array]) -> None:

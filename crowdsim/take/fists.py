@@ -14,6 +14,7 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.strikes import LIMBS
 from crowdsim.policy.rewards import TargetBody, posed_distance
 from crowdsim.take.data import TakeData
+from crowdsim.take.guards import guard_of, guard_points
 from crowdsim.take.kernels.fists import ELBOW_LEAST, JOINTS, Landings, carry_fists
 from crowdsim.take.kernels.records import Moments, Posed
 from crowdsim.take.landed import LEAN, TOGETHER, Landed, by_column
@@ -184,7 +185,9 @@ def reach_out(window: Window, landings: Landings, moments: Moments, poses: Posed
 def find_surfaces(
     take: TakeData, near: Landed, fists: Array, shoulders: Array, pose_at: PoseAt, target: TargetBody
 ) -> Array:
-    """Return the nearest points on what is hit, scripted targets as large as control takes them for. Shape (E, 3).
+    """Return the nearest points on what is hit, of blocked strikes those on the arm that is in the way. Shape (E, 3).
+
+    Scripted targets are as large as control takes them for.
 
     Args:
         take: The take.
@@ -212,6 +215,12 @@ def find_surfaces(
         gaps = posed_distance(fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales)
         free = chosen[near.missed[chosen] & (gaps >= 0.0)]
         points[free] = fists[free]
+        stopped = near.blocked[chosen]
+        points[chosen[stopped]] = guard_points(
+            near.points[chosen[stopped]],
+            shoulders[chosen[stopped]],
+            guard_of(body, positions[stopped], rotations[stopped], scales[stopped]),
+        )
     scripted = np.flatnonzero(near.victims < -1)
     if len(scripted):
         clock = near.times[scripted] * take.control_rate

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
 from crowdsim.figures import new_figure
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import Body
@@ -67,12 +68,14 @@ class Hits:
         on_head: Whether the head was nearer than the torso. Shape (H,).
         limbs: Numbers of ``strikes.LIMBS``. Shape (H,).
         count: Number of strikes that landed in the run; H is less where only some are drawn.
+        blocked: Likewise where fists and feet are of strikes that an arm blocked [m]. Shape (B, 3).
     """
 
     points: Array
     on_head: Array
     limbs: Array
     count: int
+    blocked: Array
 
 
 def build_silhouette(database: MotionDatabase) -> Silhouette:
@@ -100,10 +103,16 @@ def build_silhouette(database: MotionDatabase) -> Silhouette:
 
 
 def find_hits(sampler: PoseSampler, silhouette: Silhouette) -> Hits:
-    """Return where strikes landed on avatars, on the silhouette."""
+    """Return where strikes landed on avatars, or were blocked, on the silhouette."""
     take, events = sampler.take, sampler.take.events
-    landed = np.flatnonzero(np.asarray(events.landed, bool) & (np.asarray(events.victim) >= 0))
-    some = landed[np.unique(np.linspace(0, len(landed) - 1, min(len(landed), _MOST)).astype(np.int64))]
+    outcomes, on_avatars = np.asarray(events.outcome), np.asarray(events.victim) >= 0
+    landed, blocked = (np.flatnonzero(on_avatars & (outcomes == outcome)) for outcome in (LANDED, BLOCKED))
+    some = np.concatenate(
+        [
+            each[np.unique(np.linspace(0, len(each) - 1, min(len(each), _MOST)).astype(np.int64))]
+            for each in (landed, blocked)
+        ]
+    )
     victims = np.asarray(events.victim)[some].astype(np.int64)
     limbs, frames = np.asarray(events.limb)[some].astype(np.int64), np.asarray(events.frame, dtype=float)[some]
     times, hit = frames / take.control_rate, np.full((len(some), 3), np.nan)
@@ -129,7 +138,8 @@ def find_hits(sampler: PoseSampler, silhouette: Silhouette) -> Hits:
         points[which] = np.where(nearer[:, None], silhouette.head, middle) + out
         on_head[which] = nearer
     known = np.isfinite(points).all(axis=1)
-    return Hits(points[known], on_head[known], limbs[known], len(landed))
+    hits, stopped = known & (outcomes[some] == LANDED), known & (outcomes[some] == BLOCKED)
+    return Hits(points[hits], on_head[hits], limbs[hits], len(landed), points[stopped])
 
 
 def hit_figure(sampler: PoseSampler) -> Figure:
@@ -153,6 +163,10 @@ def hit_figure(sampler: PoseSampler) -> Figure:
             axes.scatter(
                 mine[:, across], mine[:, 1], s=size, color=colour, alpha=0.7, linewidths=0, label=text, zorder=3
             )
+        stopped = hits.blocked
+        if len(stopped):
+            text = f"blocked ({len(stopped)})"
+            axes.scatter(stopped[:, across], stopped[:, 1], s=size, marker="x", color="0.25", label=text, zorder=3)
         axes.set_xlabel(label)
         axes.set_xlim(-0.75, 0.75)
         axes.set_ylim(0.0, 1.9)

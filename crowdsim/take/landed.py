@@ -1,4 +1,7 @@
-"""Landed strikes of a take: attacker, victim and time; and those that miss, for being too deep in a body."""
+"""Strikes of a take that touch: attacker, victim and time.
+
+They land, or are blocked; and some miss, for being too deep in a body.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.crowd.kernels.layout import BLOCKED
 from crowdsim.take.data import TakeData
 
 BEFORE, AFTER = 0.16, 0.22
@@ -23,7 +27,7 @@ TOGETHER = 0.07
 
 @dataclass(frozen=True)
 class Landed:
-    """Landed strikes in order of time, and others whose fists or feet would be seen in a body; E strikes.
+    """Landed and blocked strikes in order of time, and others whose fists or feet would be seen in a body; E strikes.
 
     Attributes:
         times: When [s]. Shape (E,).
@@ -38,7 +42,8 @@ class Landed:
         lean_spans: How long before and after it the trunk leans for it, if it can be no longer than to strikes of
             any limb before and after [s]. Shape (E, 2).
         again: Whether it is one with the limb's strike before. Shape (E,).
-        missed: Whether it did not land. Shape (E,).
+        missed: Whether it neither landed nor was blocked. Shape (E,).
+        blocked: Whether a forearm or glove of the victim stopped it. Shape (E,).
     """
 
     times: Array
@@ -52,6 +57,7 @@ class Landed:
     lean_spans: Array
     again: Array
     missed: Array
+    blocked: Array
 
     def between(self, first: float, last: float) -> Landed:
         """Return those from ``first`` to ``last`` [s]."""
@@ -79,9 +85,13 @@ class Landed:
 
 
 def find_landed(take: TakeData, buried: Array | None = None) -> Landed:
-    """Return a take's landed strikes and those that are ``buried`` (E,); of two of a limb at once, the first."""
+    """Return a take's landed and blocked strikes and those that are ``buried`` (E,).
+
+    Of two of a limb at once it is the first.
+    """
     events = take.events
-    result = np.asarray(events.landed, dtype=bool)
+    blocked = np.asarray(events.outcome) == BLOCKED
+    result = np.asarray(events.landed, dtype=bool) | blocked
     landed = np.flatnonzero(result if buried is None else result | buried)
     frames = np.asarray(events.frame, dtype=np.float64)[landed]
     attackers = np.asarray(events.attacker)[landed].astype(np.int64)
@@ -113,6 +123,7 @@ def find_landed(take: TakeData, buried: Array | None = None) -> Landed:
         lean_spans=_lean_spans(attackers[order], times[order]),
         again=again,
         missed=~result[chosen],
+        blocked=blocked[chosen],
     )
 
 

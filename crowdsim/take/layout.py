@@ -1,5 +1,7 @@
 """Names, types and units of what a take holds on disk; FORMAT.md beside this file."""
 
+from crowdsim.crowd.events import OUTCOMES
+
 FORMAT = "crowdsim-take"
 VERSION = 1
 DTYPES = {"action": "<i4", "action_frame": "<f4", "x": "<f4", "z": "<f4", "heading": "<f4", "opponent": "<i4"}
@@ -28,7 +30,12 @@ EVENT_LABELS = {
     "speed": ("m/s", "highest speed of it before, relative to the pelvis"),
     "landed": ("1", "whether the strike landed"),
     "limb": ("1", "0 left hand, 1 right hand, 2 left foot, 3 right foot"),
+    "outcome": ("1", "what became of the strike"),
+    "damage": ("1", "what the strike took from the health of its victim, in points"),
+    "down": ("1", "whether the strike knocked its victim down"),
 }
+EVENT_FLAGS = {"outcome": OUTCOMES}
+"""Meanings of numbers, from 0 on."""
 COORDINATES = ("time", "name")
 CAST = {"type": "types", "team": "teams", "policy": "policies", "scale": "scales", "speed": "speeds", "name": "names"}
 EVENTS = {
@@ -40,6 +47,9 @@ EVENTS = {
     "speed": "<f4",
     "landed": "|b1",
     "limb": "|u1",
+    "outcome": "|u1",
+    "damage": "<f4",
+    "down": "|b1",
 }
 AVATARS_A_CHUNK = 65536
 EVENTS_A_CHUNK = 16384

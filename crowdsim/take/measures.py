@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.chunk import Chunk
-from crowdsim.crowd.events import VARIABLES, Events
+from crowdsim.crowd.events import OUTCOMES, VARIABLES, Events
+from crowdsim.crowd.kernels.layout import BLOCKED, EVADED
 from crowdsim.crowd.statistics import overlapping
 from crowdsim.take.data import TakeData
 
@@ -46,6 +47,8 @@ class FightMeasures:
         landed_per_minute: Strikes landed per avatar per minute.
         least_landed_per_minute: Strikes landed per minute by the avatar that lands least.
         landed_share: Share of the strikes thrown that landed.
+        blocked_share: Share of the strikes thrown that a forearm or glove of the victim stopped.
+        evaded_share: Share of the strikes thrown that the victim evaded.
         air_share: Share of strikes thrown while the opponent was farther away than ``AIR``; of those thrown with an
             opponent. Positions are interpolated between control frames.
         turned_away_share: Share of counted time in which the opponent is more than 90 degrees off the heading.
@@ -63,6 +66,8 @@ class FightMeasures:
     landed_per_minute: float | None
     least_landed_per_minute: float | None
     landed_share: float | None
+    blocked_share: float | None
+    evaded_share: float | None
     air_share: float | None
     turned_away_share: float | None
     distance_median: float | None
@@ -89,6 +94,7 @@ class FightCounter:
         self._present, self._thrown, self._landed, self._stretch, self._longest = np.zeros(
             (5, len(self._scales)), np.int32
         )
+        self._outcomes = np.zeros(len(OUTCOMES), np.int64)
         self._seen = np.zeros(len(self._scales), bool)
         self._frames = self._known = self._out = self._away = self._aimed = self._air = 0
         self._looked = self._overlapping = 0
@@ -131,6 +137,7 @@ class FightCounter:
         attacker, landed = np.asarray(events.attacker, np.int64), np.asarray(events.landed, bool)
         self._thrown += np.bincount(attacker, minlength=len(self._scales)).astype(np.int32)
         self._landed += np.bincount(attacker[landed], minlength=len(self._scales)).astype(np.int32)
+        self._outcomes += np.bincount(events.outcome, minlength=len(OUTCOMES))
         frames = np.asarray(events.frame, float)
         if self._first_landed is None and landed.any():
             self._first_landed = float(frames[landed].min()) / self._rate
@@ -184,6 +191,8 @@ class FightCounter:
             landed_per_minute=_ratio(landed, total),
             least_landed_per_minute=least,
             landed_share=_ratio(landed, thrown),
+            blocked_share=_ratio(int(self._outcomes[BLOCKED]), thrown),
+            evaded_share=_ratio(int(self._outcomes[EVADED]), thrown),
             air_share=_ratio(self._air, self._aimed),
             turned_away_share=_ratio(self._away, self._known),
             distance_median=float(np.median(distances)) if len(distances) else None,

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.crowd.kernels.layout import EVADED, MISSED
 from crowdsim.errors import TakeError
 from crowdsim.motion import ground
 from crowdsim.motion.body import Body
@@ -178,7 +179,7 @@ class PoseSampler:
         """Mark those of a range of times, nearly, since some others may be among them; whether there are any."""
         events = self.take.events
         times = np.asarray(events.frame, dtype=np.float64) / self.take.control_rate
-        missed = ~np.asarray(events.landed, dtype=bool) & (np.asarray(events.victim) >= 0)
+        missed = np.isin(np.asarray(events.outcome), (MISSED, EVADED)) & (np.asarray(events.victim) >= 0)
         some = np.flatnonzero(missed & (times >= first) & (times < last))
         points = np.asarray(events.point, dtype=np.float64).reshape(-1, 3)[some]
         victims = np.asarray(events.victim)[some].astype(np.int64)

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from crowdsim.core.types import Array, Progress
+from crowdsim.crowd.events import OUTCOMES
+from crowdsim.crowd.kernels.layout import LANDED
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.take.fists import body_points, surface_point
@@ -39,7 +41,8 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads
         threads: Threads that share the work.
 
     Returns:
-        ``avatars``, ``control_frames``, ``seconds``; ``strikes_thrown``, ``strikes_landed``,
+        ``avatars``, ``control_frames``, ``seconds``; ``strikes_thrown`` and, of these, ``strikes_landed``,
+        ``strikes_blocked``, ``strikes_evaded`` and ``strikes_missed``; ``knock_downs``;
         ``hits_per_minute_per_avatar``; the attributes of ``FightMeasures``, positions from 10 s on;
         ``opponent_changes`` of all avatars; ``transitions_per_second`` of an avatar; ``foot_slide_median`` and
         ``foot_slide_95``, speed over the floor of planted feet [m/s], those apart that make a step for a transition,
@@ -54,7 +57,8 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads
     take = sampler.take
     present = np.asarray(take.action[:]) >= 0
     minutes = float(present.sum()) / take.control_rate / 60.0
-    landed = int(np.count_nonzero(take.events.landed))
+    outcomes = np.bincount(take.events.outcome, minlength=len(OUTCOMES))
+    landed = int(outcomes[LANDED])
     opponent = np.asarray(take.opponent[:])
     there = present[1:] & present[:-1] & (opponent[:-1] != -1) & (opponent[1:] != -1)
     report: dict[str, Any] = {
@@ -62,7 +66,8 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads
         "control_frames": take.frame_count,
         "seconds": take.seconds,
         "strikes_thrown": len(take.events.frame),
-        "strikes_landed": landed,
+        **{f"strikes_{name}": int(count) for name, count in zip(OUTCOMES, outcomes, strict=True)},
+        "knock_downs": int(np.count_nonzero(take.events.down)),
         "hits_per_minute_per_avatar": landed / minutes if minutes else None,
         **asdict(measure_fights(take)),
     }

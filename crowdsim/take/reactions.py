@@ -1,4 +1,7 @@
-"""Hits show: a landed strike throws head and trunk back along the blow, and they spring back, over the motion."""
+"""Hits show: a landed strike throws head and trunk back along the blow, and they spring back, over the motion.
+
+A strike that is blocked pushes them a third as far.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +25,8 @@ _TYPICAL_SPEED, _STRONGEST = 8.0, 1.6
 _SWING, _KICK = 0.05, 0.1
 """Time over which the direction of a fist, and of a foot, is measured [s]."""
 _NEAR_HEAD = 0.12
+_BLOCKED = 1.0 / 3.0
+"""Share of a blow that gets through the arm that blocks it."""
 _GIVES = {"spine": (0.13, 0.19), "chest": (0.11, 0.1), "neck": (0.02, 0.0), "head": (0.0, 0.0)}
 """Joints that yield, and by how much in a strike of typical speed to the head and to the torso [rad]."""
 
@@ -44,7 +49,7 @@ class BlowPlanner:
     """Finds what hits avatars; what it has found it keeps.
 
     Args:
-        landed: The take's landed strikes.
+        landed: The take's landed and blocked strikes.
         pose_at: Returns the joints of avatars in their motion, with its blends.
         trunks: The joints that yield, policy by policy.
         policies: Policy of each avatar. Shape (N,).
@@ -89,12 +94,13 @@ class BlowPlanner:
         # A fist pushes along its way, and away from who strikes: a hook does both.
         fists, apart = (_unit(np.nan_to_num(way)[:, ::2]) for way in (now - before, heads - places))
         ways = _unit(2.0 * fists + apart)
-        strengths = np.minimum(near.speeds / _TYPICAL_SPEED, _STRONGEST)
+        strengths = np.minimum(near.speeds / _TYPICAL_SPEED, _STRONGEST) * np.where(near.blocked, _BLOCKED, 1.0)
         # Up cross direction: rotation about it tips upright vectors in the direction.
         self._axes[fresh] = np.stack([ways[:, 1], np.zeros(len(ways)), -ways[:, 0]], axis=1) * strengths[:, None]
         self._parts[fresh] = parts = np.where(np.linalg.norm(near.points - heads, axis=1) < radii, HEAD, TORSO)
         gains = np.array([trunk.gains for trunk in self._trunks])
-        self._gains[fresh] = gains[self._policies[near.victims], parts] * sizes
+        # Blows without a gain are not strengthened: what an arm stops need not be seen in the head.
+        self._gains[fresh] = np.where(near.blocked, 0.0, gains[self._policies[near.victims], parts] * sizes)
         self._own[fresh] = np.min([np.sum(moved * way, axis=1) for way in (ways, fists, apart)], axis=0)
         self._known[fresh] = True
 

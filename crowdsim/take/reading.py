@@ -19,6 +19,9 @@ from crowdsim.take.metadata import ArrayFacts, TakeAttributes, check_first_chunk
 from crowdsim.take.stored import StoredColumn
 from crowdsim.take.take import VARIABLES, Cast, Events, Take
 
+_LATER = ("limb", "outcome", "damage", "down")
+"""Variables of strikes that older takes do not have."""
+
 
 def read_take(folder: Path) -> Take:
     """Return what the group in a folder holds, which has no links in it.
@@ -121,8 +124,8 @@ def _read_names(folder: Path) -> Array:
 
 def _read_events(folder: Path, sizes: dict[str, int]) -> Events:
     """Return the strikes of a take."""
-    # Takes written before limbs were recorded have strikes of hands alone.
-    recorded = [name for name in EVENTS if name != "limb" or (folder / name).is_dir()]
+    # Without limbs all strikes are of hands, without outcomes those that did not land missed.
+    recorded = [name for name in EVENTS if name not in _LATER or (folder / name).is_dir()]
     stored = {name: open_column(folder / name, checks.EVENTS[name], sizes) for name in recorded}
     # A strike is never without speed.
     check_first_chunks(folder / "speed", stored["speed"].shape, stored["speed"].chunks)

@@ -20,6 +20,7 @@ from crowdsim.take.layout import (
     CAST,
     CHUNKS_AT_FIRST,
     DTYPES,
+    EVENT_FLAGS,
     EVENT_LABELS,
     EVENTS,
     EVENTS_A_CHUNK,
@@ -147,6 +148,9 @@ class TakeWriter:
         codec = numcodecs.Zstd(level=1)
         units, long_name = (LABELS if group is self.group else EVENT_LABELS)[name]
         attributes: dict[str, Any] = {"_ARRAY_DIMENSIONS": dimensions, "units": units, "long_name": long_name}
+        if group is not self.group and name in EVENT_FLAGS:
+            meanings = EVENT_FLAGS[name]
+            attributes |= {"flag_values": list(range(len(meanings))), "flag_meanings": " ".join(meanings)}
         # Without a fill value: xarray reads it as the mark of missing values and would turn every 0 and False into NaN.
         facts: dict[str, Any] = {"shape": shape, "chunks": chunks, "dtype": dtype, "fill_value": None}
         if hasattr(zarr.Group, "create_array"):

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.events import VARIABLES, Events
-from crowdsim.errors import TakeError
+from crowdsim.crowd.events import OUTCOMES, VARIABLES, Events
+from crowdsim.errors import TakeError, nearest
 from crowdsim.motion.strikes import LIMBS, SIDES
 from crowdsim.take.data import Cast, TakeData
 
@@ -33,6 +33,7 @@ STRIKE = np.dtype(
         ("z", "f4"),
         ("speed", "f4"),
         ("landed", "?"),
+        ("outcome", "U7"),
     ]
 )
 """A row of ``Take.strikes``."""
@@ -88,29 +89,39 @@ class Take(TakeData):
             result[which] = positions
         return result.reshape(*times.shape, *result.shape[1:])
 
-    def strikes(self, landed: bool | None = None) -> Array:
+    def strikes(self, landed: bool | None = None, outcome: str | None = None) -> Array:
         """Return the strikes as a table, in the order of time.
 
         Args:
             landed: Only those that landed, or only those that did not; all when None.
+            outcome: Only those of which this became: ``missed``, ``landed``, ``blocked``, ``evaded``.
 
         Returns:
             A structured array, a row a strike: ``seconds`` [s], ``attacker``, ``victim`` (an avatar, ``-2 - k`` for
             scripted target k, -1 for none), ``hand`` (``left`` or ``right``, the side of
             the limb), ``limb`` (``left_hand``, ``right_hand``, ``left_foot``, ``right_foot``), ``x``, ``y``, ``z`` of
-            fist or foot [m], its highest ``speed`` before [m/s], and ``landed``. Shape (S,), dtype ``STRIKE``.
+            fist or foot [m], its highest ``speed`` before [m/s], ``landed``, and ``outcome``. Shape (S,), dtype
+            ``STRIKE``.
+
+        Raises:
+            ValueError: There is no such outcome.
         """
+        if outcome is not None and outcome not in OUTCOMES:
+            expected = f"{', '.join(OUTCOMES)}{nearest(outcome, OUTCOMES)}"
+            raise ValueError(f"outcome is {outcome!r}, expected one of {expected}")
         events = self.events
         table = np.empty(len(events.frame), STRIKE)
         table["seconds"] = np.asarray(events.frame, dtype=float) / self.control_rate
         table["hand"] = np.asarray(SIDES)[np.asarray(events.hand)]
         table["limb"] = np.asarray(LIMBS)[np.asarray(events.limb)]
+        table["outcome"] = np.asarray(OUTCOMES)[np.asarray(events.outcome)]
         for name in ("attacker", "victim", "speed", "landed"):
             table[name] = getattr(events, name)
         for column, name in enumerate("xyz"):
             table[name] = np.asarray(events.point)[:, column]
         table = table[np.argsort(table["seconds"], kind="stable")]
-        return table if landed is None else table[table["landed"] == landed]
+        table = table if landed is None else table[table["landed"] == landed]
+        return table if outcome is None else table[table["outcome"] == outcome]
 
     def _policy_of(self, avatar: int) -> int:
         if not 0 <= avatar < self.avatar_count:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from crowdsim.graph.motion_graph import MotionGraph
-from crowdsim.motion.body import Body
+from crowdsim.motion.body import PARTS, Body
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.policy.actions import build_actions
@@ -13,6 +13,26 @@ from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TransitionTerm, target_body
 
 
+def figure():
+    """Return a skeleton of a pelvis, arms and feet, and its body; its gloves are large."""
+    names = ("pelvis", "left_elbow", "left_hand", "right_elbow", "right_hand", "left_foot", "right_foot")
+    parents = np.array([-1, 0, 1, 0, 3, 0, 0], np.int32)
+    offsets = np.array(
+        [[0, 0, 0], [0.2, 0.2, 0.15], [-0.05, 0.2, 0.2], [-0.2, 0.2, 0.15], [0.05, 0.2, 0.2], [0.1, -0.9, 0.1],
+         [-0.1, -0.9, 0.1]], float,
+    )  # fmt: skip
+    radii = np.array([[0.08, 0.06], [0.08, 0.06], [0.09, 0.12], [0.09, 0.12]])
+    body = Body(
+        roles={name: joint for joint, name in enumerate(names)}, height=1.75,
+        fist_offsets=np.array([[0.0, 0.0, 0.08], [0.0, 0.0, 0.08]]), head_offset=np.zeros(3),
+        sole_offsets=np.tile([[0.0, -0.1, -0.05], [0.0, -0.1, 0.15]], (2, 1, 1)), head_radius=0.11, torso_radius=0.15,
+        capsule_joints=np.array([1, 3, 2, 4], np.int32), capsule_starts=np.zeros((4, 3)),
+        capsule_ends=np.array([offsets[2], offsets[4], [0, 0, 0.08], [0, 0, 0.08]]), capsule_radii=radii,
+        capsule_parts=np.array([PARTS.index("skin")] * 2 + [PARTS.index("glove")] * 2, np.uint8),
+    )  # fmt: skip
+    return Skeleton(names, parents, offsets), body
+
+
 def database(rng, frames=40, stride=4):
     """Return one clip of a body that wanders and throws punches."""
     count = frames * stride
@@ -20,25 +40,24 @@ def database(rng, frames=40, stride=4):
     heads = np.array([0.0, 1.6, 0.05]) + rng.normal(0, 0.02, (count, 3))
     strikes = np.sort(rng.choice(np.arange(stride, count - stride), frames // 3, replace=False))
     positions = rng.normal([0, 1.4, 0.6], [0.15, 0.1, 0.1], (len(strikes), 3))
-    nothing = np.zeros((0, 3))
-    body = Body(
-        roles={"pelvis": 0}, height=1.75, fist_offsets=np.zeros((2, 3)), head_offset=np.zeros(3),
-        sole_offsets=np.zeros((2, 2, 3)), head_radius=0.11, torso_radius=0.15, capsule_joints=np.zeros(0, np.int32),
-        capsule_starts=nothing, capsule_ends=nothing, capsule_radii=np.zeros((0, 2)),
-        capsule_parts=np.zeros(0, np.uint8),
-    )  # fmt: skip
+    skeleton, body = figure()
+    # Drawn on their own, so that what is drawn above does not depend on them.
+    arms = np.random.default_rng(count)
+    fists = arms.normal([[0.15, 1.45, 0.3], [-0.15, 1.45, 0.3]], 0.05, (count, 2, 3))
+    turns = arms.normal([1.0, 0.0, 0.0, 0.0], 0.1, (count, len(skeleton.names), 4))
+    turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
     return MotionDatabase(
-        skeleton=Skeleton(("pelvis",), np.array([-1], np.int32), np.zeros((1, 3))),
+        skeleton=skeleton,
         body=body,
         control_rate=15.0,
         playback_rate=15.0 * stride,
         clip_names=("clip",),
         clip_starts=np.array([0, frames], np.int32),
-        root_positions=np.zeros((count, 3), np.float32),
-        rotations=np.zeros((count, 1, 4), np.float32),
+        root_positions=np.column_stack([ground[:, 0], np.full(count, 1.0), ground[:, 1]]).astype(np.float32),
+        rotations=turns.astype(np.float32),
         ground=ground,
         contacts=np.zeros((count, 2), bool),
-        fists=np.zeros((count, 2, 3), np.float32),
+        fists=fists.astype(np.float32),
         heads=heads.astype(np.float32),
         necks=(heads - [0, 0.15, 0]).astype(np.float32),
         pelvises=(heads - [0, 0.65, 0]).astype(np.float32),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from synthetic_policy import policy
 
-from crowdsim.crowd.arrays import empty_scratch
+from crowdsim.crowd.buffers import empty_scratch
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.model import SUPPORTED_AXES, SUPPORTED_TERMS, build_model
 from crowdsim.errors import PolicyError, RecipeError

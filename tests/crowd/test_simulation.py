@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from synthetic_policy import policy
 
-from crowdsim.crowd import arrays, simulation
-from crowdsim.crowd.arrays import empty_record, empty_scratch
+from crowdsim.crowd import buffers, simulation
+from crowdsim.crowd.buffers import empty_record, empty_scratch
 from crowdsim.crowd.cast import cast_crowd
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.events import VARIABLES
-from crowdsim.crowd.kernels.layout import DECISIONS, STATES
+from crowdsim.crowd.kernels.layout import DECISIONS, LANDED, STATES
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.model import build_model, farthest
 from crowdsim.crowd.placement import place_groups
@@ -104,7 +104,8 @@ def test_a_run_is_that_of_the_naive_twin(name, fields, targets):
         np.testing.assert_allclose(events["frame"][k], strike[0], atol=1e-5)
         np.testing.assert_allclose(events["point"][k], strike[4:7], atol=2e-5)
         np.testing.assert_allclose(events["speed"][k], strike[7], rtol=1e-5)
-        assert events["landed"][k] == strike[8]
+        assert events["outcome"][k] == strike[8]
+        assert events["landed"][k] == (strike[8] == LANDED)
 
 
 @pytest.mark.parametrize("lookup", ["v", "q"])
@@ -299,7 +300,7 @@ def test_what_memory_held_before_changes_no_result(held, monkeypatch):
 
     expected = bytes_of(simulate(crowd(30), POLICIES, 200))
     namespace = SimpleNamespace(**{**vars(np), "empty": dirty})
-    monkeypatch.setattr(arrays, "np", namespace)
+    monkeypatch.setattr(buffers, "np", namespace)
     assert bytes_of(simulate(crowd(30), POLICIES, 200)) == expected
 
 

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from crowdsim.crowd.kernels.layout import LANDED
 from crowdsim.render.figure import BoneFigure
-from crowdsim.render.source import no_hits
+from crowdsim.render.source import no_blows
 
 DUMMY = BoneFigure(
     capsule_joints=np.zeros(3, np.int32),
@@ -52,12 +53,12 @@ class Walkers:
         turns = np.stack([np.cos(heading / 2), 0 * x, np.sin(heading / 2), 0 * x], axis=-1)[:, None]
         return [(positions, turns)]
 
-    def hits(self, frame):
+    def blows(self, frame):
         if not len(self.strikes):
-            return no_hits()
+            return no_blows()
         ages = frame / self.fps - self.strikes[:, 0]
         now = (ages >= 0) & (ages < 0.4)
-        return self.strikes[now, 1:], ages[now], np.full(now.sum(), 8.0)
+        return self.strikes[now, 1:], ages[now], np.full(now.sum(), 8.0), np.full(now.sum(), LANDED)
 
     def markers(self, frame):
         return np.zeros((0, 3)) if self.things is None else self.things[frame]

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED, MISSED
 from crowdsim.render.kernels import tiles
 from crowdsim.render.kernels.cones import meet_cone, start_tile
 from crowdsim.render.kernels.ground import _checks
@@ -295,7 +296,7 @@ def test_flashes_brighten_their_surroundings_and_fade():
     point = np.array([[0.0, 1.5, 0.0]])
     plain = draw(scene, VIEW, (128, 96), SUN).astype(int)
     glow = [
-        draw(scene, VIEW, (128, 96), SUN, Flashes(point, np.array([age]), np.ones(1))).astype(int) - plain
+        draw(scene, VIEW, (128, 96), SUN, Flashes(point, np.array([age]), np.ones(1), np.ones(1))).astype(int) - plain
         for age in (0.0, 0.5, 0.99)
     ]
     assert glow[0].min() >= 0
@@ -304,9 +305,22 @@ def test_flashes_brighten_their_surroundings_and_fade():
     assert glow[0][:10, :10].max() == 0
 
 
+def test_outcomes_of_strikes_have_marks_of_their_own():
+    scene, point = crowd(1), np.array([[0.0, 1.5, 0.0]])
+    plain = draw(scene, VIEW, (128, 96), SUN).astype(int)
+    marks = [
+        draw(scene, VIEW, (128, 96), SUN, Flashes(point, np.full(1, 0.2), np.ones(1), np.full(1, outcome))) - plain
+        for outcome in range(4)
+    ]
+    strongest = [int(mark.sum(axis=(0, 1)).argmax()) for mark in marks]
+    assert [strongest[outcome] for outcome in (LANDED, BLOCKED, EVADED)] == [0, 2, 1]
+    assert all(mark.max() > 20 for mark in marks)
+    assert marks[MISSED].sum() < min(marks[outcome].sum() for outcome in (LANDED, BLOCKED, EVADED))
+
+
 def test_flashes_behind_something_are_hidden():
     scene = capsules([-3, 1.5, 3, 3, 1.5, 3, 1.4, 1.4])
-    hidden = Flashes(np.array([[0.0, 1.5, -2.0]]), np.zeros(1), np.ones(1))
+    hidden = Flashes(np.array([[0.0, 1.5, -2.0]]), np.zeros(1), np.ones(1), np.ones(1))
     plain = draw(scene, VIEW, (128, 96), SUN)
     np.testing.assert_array_equal(draw(scene, VIEW, (128, 96), SUN, hidden), plain)
 

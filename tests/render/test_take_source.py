@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
 from crowdsim.errors import TakeError
 from crowdsim.graph.motion_graph import build_graph
 from crowdsim.motion import ground
@@ -71,6 +72,7 @@ def wander(policy, frames=FRAMES, avatars=AVATARS) -> Take:
         point=np.array([[1.0, 1.5, 0.2], [0.0, 1.4, 0.0]], np.float32),
         speed=np.array([7.0, 5.0], np.float32),
         landed=np.array([True, False]),
+        outcome=np.array([LANDED, BLOCKED], np.uint8),
     )
     targets = np.zeros((frames, 1, 3), np.float32)
     targets[:, 0, 0] = np.arange(frames)
@@ -108,13 +110,15 @@ def test_avatars_are_at_the_positions_of_the_take_and_absent_before_they_enter(p
     assert np.abs(positions[:-1, pelvis][:, [0, 2]] - source.ground(np.array([4]))[0, :-1, :2]).max() < 0.25
 
 
-def test_strikes_that_landed_are_seen_for_a_moment_and_targets_move(policy):
+def test_strikes_are_seen_for_a_moment_and_targets_move(policy):
     source = TakeSource(wander(policy), [policy], 30.0)
-    assert [len(source.hits(frame)[0]) for frame in (12, 24, 25, 30, 36, 40)] == [0, 0, 1, 1, 1, 0]
-    points, ages, speeds = source.hits(28)
+    assert [len(source.blows(frame)[0]) for frame in (11, 12, 24, 25, 30, 36, 40)] == [0, 1, 1, 1, 1, 1, 0]
+    points, ages, speeds, outcomes = source.blows(28)
     assert points.tolist() == [[1.0, 1.5, pytest.approx(0.2)]]
     assert ages.tolist() == [pytest.approx(0.1)]
     assert speeds.tolist() == [7.0]
+    assert outcomes.tolist() == [LANDED]
+    assert source.blows(20)[3].tolist() == [BLOCKED]
     assert source.markers(7)[0, 0] == pytest.approx(3.5)
 
 

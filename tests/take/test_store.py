@@ -2,13 +2,16 @@
 
 import json
 import os
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
+import zarr
 
+from crowdsim.crowd.events import OUTCOMES
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.scenario.names import avatar_name_fault
 from crowdsim.take.data import TakeHeader
@@ -126,8 +129,61 @@ def test_xarray_reads_every_variable_as_it_was_written(tmp_path: Path) -> None:
             assert group[name].attrs["long_name"], name
     assert {name: str(value.dtype) for name, value in read_events.variables.items()} == {
         "frame": "float32", "attacker": "int32", "victim": "int32", "hand": "uint8", "point": "float32",
-        "speed": "float32", "landed": "bool", "limb": "uint8",
+        "speed": "float32", "landed": "bool", "limb": "uint8", "outcome": "uint8", "damage": "float32", "down": "bool",
     }  # fmt: skip
+
+
+def test_outcomes_of_strikes_have_their_meanings_in_xarray(tmp_path: Path) -> None:
+    write(tmp_path / "take.zarr", [6]).close()
+    outcome = xarray.open_zarr(tmp_path / "take.zarr", group="events").outcome
+    assert outcome.attrs["flag_values"] == [0, 1, 2, 3]
+    assert outcome.attrs["flag_meanings"].split() == list(OUTCOMES)
+
+
+def strike_all(path: Path) -> Events:
+    """Write a take with a strike of each outcome."""
+    writer = TakeWriter(path / "take.zarr", TakeHeader(CAST, 15.0, "test", 3, ("abc",)), 4).open()
+    strikes = replace(events(0.0, 0.5, 1.0, 1.5), landed=np.arange(4) == 1, outcome=np.arange(4, dtype=np.uint8))
+    strikes = replace(strikes, victim=(strikes.attacker + 1) % AVATARS)
+    writer.append(chunk(0, 4), strikes)
+    writer.close()
+    return strikes
+
+
+def test_a_take_keeps_what_became_of_strikes(tmp_path: Path) -> None:
+    strikes = strike_all(tmp_path)
+    take = open_take(tmp_path)
+    np.testing.assert_array_equal(take.events.outcome, strikes.outcome)
+    assert take.strikes()["outcome"].tolist() == list(OUTCOMES)
+    assert take.strikes(outcome="blocked")["attacker"].tolist() == [2]
+    assert len(take.strikes(landed=False, outcome="landed")) == 0
+    with pytest.raises(ValueError, match=r"outcome is 'evade', expected one of missed, .* \(did you mean 'evaded'"):
+        take.strikes(outcome="evade")
+
+
+def test_takes_without_outcomes_have_those_that_landed_say(tmp_path: Path) -> None:
+    strike_all(tmp_path)
+    shutil.rmtree(tmp_path / "take.zarr" / "events" / "outcome")
+    assert open_take(tmp_path).events.outcome.tolist() == [0, 1, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"outcome": [0, 0, 2, 3]}, r"events/outcome: is missed at \[1\], expected landed"),
+        ({"outcome": [1, 1, 2, 3]}, r"events/outcome: is landed at \[0\], expected another, since it did not land"),
+        ({"outcome": [0, 1, 9, 3]}, r"events/outcome: holds 9 at \[2\]"),
+        ({"victim": [1, 2, -1, 0]}, r"events/victim: is -1 at \[2\], expected another avatar, which blocks"),
+        ({"victim": [1, 2, 3, -1]}, r"events/victim: is -1 at \[3\], expected another avatar or a target that evades"),
+    ],
+)
+def test_outcomes_that_cannot_be_are_refused(tmp_path: Path, changes: dict[str, list[int]], message: str) -> None:
+    strike_all(tmp_path)
+    group = zarr.open_group(str(tmp_path / "take.zarr"), mode="r+")
+    for name, values in changes.items():
+        group["events"][name][:] = values
+    with pytest.raises(TakeError, match=message):
+        open_take(tmp_path)
 
 
 def test_time_and_avatar_names_are_coordinates(tmp_path: Path) -> None:

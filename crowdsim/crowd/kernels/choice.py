@@ -26,6 +26,7 @@ from crowdsim.crowd.kernels.layout import (
     STRIKES,
     TEMPERATURE,
 )
+from crowdsim.crowd.kernels.outcomes import note_seen
 from crowdsim.crowd.kernels.special import special_action
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.kernels.variety import TWICE, charge_repetition, throws_too
@@ -56,7 +57,10 @@ def choose(model, avatars, world, now, due, count, observed, scratch, out_chosen
     _keep_running(model, avatars, due, count, scratch)
     avoid(model, avatars, world, now.frame, due, count, observed, scratch)
     charge_repetition(model, avatars, world, now, due, count, scratch)
-    return _draw_actions(model, avatars, world, now.frame, due, count, scratch, out_chosen)
+    lost = _draw_actions(model, avatars, world, now.frame, due, count, scratch, out_chosen)
+    if lost < 0:
+        note_seen(model, avatars, world, now, due, count, out_chosen)
+    return lost
 
 
 @kernel(allocates=False)

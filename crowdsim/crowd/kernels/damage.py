@@ -8,6 +8,7 @@ import math
 from crowdsim.crowd.kernels.interpolation import between
 from crowdsim.crowd.kernels.layout import (
     ACTION,
+    BLOCKED,
     BLOCKED_SHARE,
     BODY_SHARE,
     COHORT,
@@ -19,6 +20,7 @@ from crowdsim.crowd.kernels.layout import (
     HIT_COST,
     HURT,
     HURT_FRAME,
+    LANDED,
     LENGTH,
     MOST_DOWNS,
     NECK,
@@ -37,13 +39,12 @@ from crowdsim.crowd.kernels.layout import (
     UP,
 )
 from crowdsim.crowd.kernels.special import falls_of
-from crowdsim.crowd.kernels.strikes import ATTACKER, FAST, LANDED, POINT_Y, VICTIM
+from crowdsim.crowd.kernels.strikes import ATTACKER, FAST, FELLED, OUTCOME, POINT_Y, TAKEN, VICTIM
 from crowdsim.jit import kernel
 
 GRAIN = 1024.0  # parts of a point
 LATELY = 30  # hits add up to a knock-down that are no further apart [control frames]
 STRONGEST = 2.0  # what a hit counts at most, over a strong one
-BLOCKED = 2  # outcome of a strike that a glove or forearm has met
 
 
 @kernel(inline=True)
@@ -57,6 +58,7 @@ def hurt(model, avatars, world, frame, strikes, first, last):
         if j >= 0:
             row = conditions[whole[NUMBER, j]]
             harm = _harm(model, avatars, world, strikes, k, j)
+            strikes.real[k, TAKEN] = harm
             row[HEALTH] = max(row[HEALTH] - harm, 0.0)
             if frame - row[HURT_FRAME] > LATELY:
                 row[HURT] = 0.0
@@ -67,15 +69,31 @@ def hurt(model, avatars, world, frame, strikes, first, last):
         victim = strikes.whole[k, VICTIM]
         j = slot_of[victim] if victim >= 0 else -1
         if j >= 0 and whole[TEAM, j] >= 0 and conditions[victim, HURT_FRAME] == frame:
-            felled += _fell(model, avatars, world, j)
+            fallen = _fell(model, avatars, world, j)
+            felled += fallen
+            if fallen > 0:
+                strikes.whole[_hardest(strikes, victim, first, last), FELLED] = 1
     return felled
+
+
+@kernel(inline=True)
+def _hardest(strikes, victim, first, last):
+    """Return which strike took most from an avatar, among equals that of the lowest number."""
+    best, most = -1, 0.0
+    for k in range(first, last):
+        if strikes.whole[k, VICTIM] == victim:
+            taken = strikes.real[k, TAKEN]
+            lower = best >= 0 and taken == most and strikes.whole[k, ATTACKER] < strikes.whole[best, ATTACKER]
+            if taken > most or lower:
+                best, most = k, taken
+    return best
 
 
 @kernel(inline=True)
 def _hurt_by(model, avatars, world, strikes, k):
     """Return the slot of whom a strike hurts, or -1."""
     victim = strikes.whole[k, VICTIM]
-    if victim < 0 or not (strikes.whole[k, LANDED] == 1 or strikes.whole[k, LANDED] == BLOCKED):
+    if victim < 0 or not (strikes.whole[k, OUTCOME] == LANDED or strikes.whole[k, OUTCOME] == BLOCKED):
         return -1
     j = avatars.slot_of[victim]
     if avatars.whole[TEAM, j] < 0 or world.rules[avatars.whole[COHORT, j], FULL_HEALTH] <= 0.0:
@@ -100,7 +118,7 @@ def _harm(model, avatars, world, strikes, k, j):
         if strikes.real[k, POINT_Y] >= between(model.bodies, frame, NECK + 1) * real[SCALE, j]
         else (rules[BODY_SHARE])
     )
-    if strikes.whole[k, LANDED] == BLOCKED:
+    if strikes.whole[k, OUTCOME] == BLOCKED:
         share *= rules[BLOCKED_SHARE]
     return math.floor(GRAIN * rules[HIT_COST] * strength * share + 0.5) / GRAIN
 

@@ -12,17 +12,20 @@ from typing import Any, NamedTuple
     RESTED, HIT_X, HIT_Z, HIT_FRAME,
 ) = range(18)  # fmt: skip
 WHOLE_ROWS, REAL_ROWS = 17, 18
+SEEN_X, SEEN_Z, SEEN_TURN, SEEN_FRAME = range(4)  # columns of each half of ``Avatars.seen``
 
-# Columns of the tables of ``Model``: actions, moves, paths (rows), strikes, bodies, sizes, policies, behaviours, grids
-# and terms (what all have, those of strikes, those of proximity).
+# Columns of the tables of ``Model``: actions, moves, paths (rows), strikes, bodies, arms, sizes, policies, behaviours,
+# grids and terms (what all have, those of strikes, those of proximity).
 NEXT, LENGTH, ORIGIN, PATHS, STRIKES, FIRST_STRIKE = range(6)
 MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, TRANSITION = range(6)
 PATH_X, PATH_Z, PATH_COS, PATH_SIN, PATH_TIME = range(5)
 TIME, FIST_X, FIST_Y, FIST_Z, FIST_SPEED, LIMB, OWNER, FROM_X, FROM_Z, WORTH = range(10)
 HEAD, NECK, PELVIS = 0, 3, 6
-HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE, FARTHEST, SOON, LATER, STRONG, SPACE = range(
-    12
-)
+LEFT_ELBOW, LEFT_FIST = 0, 6
+(
+    HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP, TOLERANCE, REACH, PACE, FARTHEST, SOON, LATER, STRONG, SPACE,
+    FOREARM_RADIUS, GLOVE_RADIUS,
+) = range(14)  # fmt: skip
 STRIDE, BEHAVIOURS, ACTIONS, STATES = range(4)
 (
     FIRST_AXIS, LAST_AXIS, FIRST_TERM, LAST_TERM, LOOKS_AHEAD, CELLS, TABLE, NORM, DISCOUNT, LOW, STEP, PRICE, EACH,
@@ -62,6 +65,7 @@ CIRCLE, RECTANGLE = 1.0, 2.0
 TARGET_X, TARGET_Y, TARGET_Z, MOVING_X, MOVING_Z, LASTS = range(6)
 WORK_X, WORK_Z, WORK_DISTANCE, WORK_BEARING, WORK_STATE, WORK_SHARES = range(6)
 
+MISSED, LANDED, BLOCKED, EVADED = range(4)  # what becomes of a strike
 ENTERED = -2  # instead of the action before, of avatars that have just entered
 NO_STRIKE = 1 << 30  # instead of a frame, where an action has no strike left
 LANES = 8  # entries that are worked on at once

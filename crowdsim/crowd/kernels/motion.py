@@ -163,3 +163,16 @@ def base_before(model, avatars, i):
     cos, sin = cos * real[SCALE, i], sin * real[SCALE, i]
     gx, gz = ground[end, 0], ground[end, 1]
     return x - gx * cos - gz * sin, z + gx * sin - gz * cos, cos, sin, turn
+
+
+@kernel(inline=True)
+def over_ground(model, avatars, i, action, old, fx, fz):
+    """Return over what a point lies that is seen from the start of an avatar's action, or of its ``old`` one."""
+    real, starts = avatars.real, model.starts
+    base_x, base_z, cos, sin = real[BASE_X, i], real[BASE_Z, i], real[BASE_COS, i], real[BASE_SIN, i]
+    if old:
+        base_x, base_z, cos, sin, _ = base_before(model, avatars, i)
+    gx, gz, gh = starts[action, 0], starts[action, 1], starts[action, 2]
+    wx, wz = cos_sin(gh)
+    gx, gz = gx + fx * wx + fz * wz, gz - fx * wz + fz * wx
+    return base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos

@@ -4,11 +4,13 @@ import math
 
 import numpy as np
 
+from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED
 from crowdsim.jit import kernel
 from crowdsim.render.kernels.columns import (
     EYE_Y,
     FLASH_AGE,
     FLASH_DEPTH,
+    FLASH_OUTCOME,
     FLASH_POWER,
     FLASH_SIZE,
     FLASH_X,
@@ -95,30 +97,60 @@ def paint_points(buf, lit, count, camera, light, paints):
 
 @kernel(fastmath=FLAGS)
 def add_flashes(buf, x0, y0, flashes):
-    """Add a star and a ring of light for every flash whose square touches the tile."""
+    """Add a mark of light for every flash whose square touches the tile.
+
+    Warm star and ring: landed; blue dot in a ring that stays: blocked; green ring that grows: evaded; grey cross:
+    missed.
+    """
     for f in range(flashes.shape[0]):
         fx, fy, size = flashes[f, FLASH_X] - x0, flashes[f, FLASH_Y] - y0, flashes[f, FLASH_SIZE]
         reach = 2.2 * size
         if fx + reach < 0.0 or fy + reach < 0.0 or fx - reach > 8.0 or fy - reach > 8.0:
             continue
         depth, age, power = flashes[f, FLASH_DEPTH], flashes[f, FLASH_AGE], flashes[f, FLASH_POWER]
+        outcome = np.int64(flashes[f, FLASH_OUTCOME])
+        red, green, blue = _mark_colour(outcome)
         for i in range(N):
             x, y = ((i & 7) + 0.5 - fx) / size, ((i >> 3) + 0.5 - fy) / size
             square = x * x + y * y
             if square >= 4.8 or buf[FRONT_T + i] < depth:
                 continue
             window = 1.0 - square / 4.8
-            window *= window
-            p, q = x + y, x - y
-            rays = 1.0 / (1.0 + 60.0 * x * x * y * y / (square + 0.02)) + 0.4 / (1.0 + 40.0 * p * p * q * q)
-            core = 1.0 / (1.0 + 30.0 * square)
-            star = core * (1.2 + 1.5 * rays)
-            ring = math.sqrt(square) - 0.3 - 1.3 * age
-            ring = 0.5 / (1.0 + 220.0 * ring * ring)
-            glow = power * window * (star * (1.0 - age) + ring * (1.0 - age)) * (1.0 - age)
-            buf[RED + i] += F(1.5 * glow)
-            buf[GREEN + i] += F(1.15 * glow)
-            buf[BLUE + i] += F(0.55 * glow)
+            glow = power * window * window * _mark(outcome, x, y, square, age) * (1.0 - age) * (1.0 - age)
+            buf[RED + i] += F(red * glow)
+            buf[GREEN + i] += F(green * glow)
+            buf[BLUE + i] += F(blue * glow)
+
+
+@kernel(inline=True)
+def _mark_colour(outcome):
+    """Return red, green and blue of the mark of an outcome."""
+    if outcome == LANDED:
+        return 1.5, 1.15, 0.55
+    if outcome == BLOCKED:
+        return 0.35, 0.8, 1.9
+    if outcome == EVADED:
+        return 0.35, 1.5, 0.4
+    return 0.9, 0.9, 0.95
+
+
+@kernel(inline=True)
+def _mark(outcome, x, y, square, age):
+    """Return the brightness of the mark of an outcome at a point, in units of its size."""
+    far, p, q = math.sqrt(square), x + y, x - y
+    if outcome == LANDED:
+        rays = 1.0 / (1.0 + 60.0 * x * x * y * y / (square + 0.02)) + 0.4 / (1.0 + 40.0 * p * p * q * q)
+        core = 1.0 / (1.0 + 30.0 * square)
+        ring = far - 0.3 - 1.3 * age
+        return core * (1.2 + 1.5 * rays) + 0.5 / (1.0 + 220.0 * ring * ring)
+    if outcome == BLOCKED:
+        ring = far - 0.65
+        return 1.2 / (1.0 + 180.0 * ring * ring) + 1.2 / (1.0 + 40.0 * square)
+    if outcome == EVADED:
+        ring = far - 0.4 - 0.8 * age
+        return 0.9 / (1.0 + 260.0 * ring * ring)
+    arm = min(abs(p), abs(q))
+    return 0.7 / (1.0 + 300.0 * arm * arm) if square < 0.3 else 0.0
 
 
 @kernel(fastmath=FLAGS)

@@ -40,8 +40,9 @@ FIRST_ROW, LAST_ROW = 0, 1
 PAINT_RED, PAINT_GREEN, PAINT_BLUE, GLOSS = 0, 1, 2, 3
 """Linear colour and gloss of a cone."""
 
-FLASH_X, FLASH_Y, FLASH_DEPTH, FLASH_SIZE, FLASH_AGE, FLASH_POWER = 0, 1, 2, 3, 4, 5
-"""A flash: position in the picture [px], distance from the eye [m], size [px], age 0..1, brightness."""
+FLASH_X, FLASH_Y, FLASH_DEPTH, FLASH_SIZE, FLASH_AGE, FLASH_POWER, FLASH_OUTCOME = 0, 1, 2, 3, 4, 5, 6
+"""A flash: position in the picture [px], distance from the eye [m], size [px], age 0..1, brightness, outcome of the
+strike (``crowd.kernels.layout``)."""
 
 ARENA_KIND, ARENA_X, ARENA_Z, ARENA_HALF_X, ARENA_HALF_Z, ARENA_LINE = 0, 1, 2, 3, 4, 5
 """An arena: kind (0 none, 1 circle, 2 rectangle), centre, half sizes and half the width of its line [m]."""

@@ -40,7 +40,7 @@ def draw_tiles(first, step, camera, light, floor, scene, grids, arena, flashes, 
         grids: Which of them each cell may show or be shaded by, a ``Grids``.
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z, half the width of
             the line around it [m]. Shape (6,).
-        flashes: Place x, y [px], distance [m], size [px], age 0..1, power. Shape (H, 6), float32.
+        flashes: Place x, y [px], distance [m], size [px], age 0..1, power, outcome. Shape (H, 7), float32.
         out: The picture. Shape (height, width, 3), uint8.
     """
     buf = np.zeros(SCRATCH, np.float32)

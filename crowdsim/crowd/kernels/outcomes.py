@@ -1,0 +1,164 @@
+"""What becomes of a strike: it lands, a forearm or glove blocks it, the victim has evaded it, or it misses.
+
+Judged when it reaches furthest. A strike that would land is blocked where, on its way there, it meets an arm of the
+victim before it is in the victim's head or torso. One that does not land was evaded where it would have landed on the
+victim as it was when the attacker decided on the action.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crowdsim.core.angles import cos_sin
+from crowdsim.core.bodies import PosedBody, comes_through, lands_on_posed_body
+from crowdsim.crowd.kernels.guards import meet_guard
+from crowdsim.crowd.kernels.layout import (
+    ACTION,
+    BLOCKED,
+    DECISIONS,
+    EVADED,
+    HEAD_RADIUS,
+    HEADING,
+    LANDED,
+    LENGTH,
+    MISSED,
+    NECK_DROP,
+    NEXT_OPPONENT,
+    NUMBER,
+    ORIGIN,
+    PACE,
+    PELVIS_DROP,
+    PHASE,
+    POLICY,
+    REACH,
+    SCALE,
+    SEEN_FRAME,
+    SEEN_TURN,
+    SEEN_X,
+    SEEN_Z,
+    SPEED,
+    STRIDE,
+    STRIKES,
+    TOLERANCE,
+    TORSO_RADIUS,
+    X,
+    Z,
+)
+from crowdsim.crowd.kernels.postures import Standing, posed_body, standing
+from crowdsim.jit import kernel
+
+
+class Blow(NamedTuple):
+    """A strike that is judged.
+
+    Attributes:
+        strike: Its row in ``Model.strikes``.
+        action: The action that it is in.
+        opponent: Whom it is for.
+        point: Where the fist or foot is [m].
+        origin: Over what it comes from [m], see ``comes_through``.
+        share: How much of the control frame has passed.
+        old: Whether the action is the one before the present one.
+    """
+
+    strike: int
+    action: int
+    opponent: int
+    point: Any
+    origin: Any
+    share: float
+    old: bool
+
+
+@kernel(inline=True)
+def note_seen(model, avatars, world, now, due, count, chosen):
+    """Let avatars ``due[:count]`` that have chosen strikes note what their opponents are like.
+
+    A row of ``Avatars.seen`` has two halves, which decisions take in turns: strikes of the action before are listed
+    when the next one has begun.
+    """
+    whole, real, actions = avatars.whole, avatars.real, model.actions
+    for q in range(count):
+        if actions[chosen[q] + 1, STRIKES] == actions[chosen[q], STRIKES]:
+            continue
+        own = due[q]
+        opponent, half = whole[NEXT_OPPONENT, own], 4 * (whole[DECISIONS, own] & 1)
+        row = avatars.seen[whole[NUMBER, own]]
+        j = np.int64(avatars.slot_of[opponent]) if opponent >= 0 else np.int64(now.present)
+        if opponent <= -2:
+            target = world.targets[now.moment, -2 - opponent]
+            row[half + SEEN_X], row[half + SEEN_Z], row[half + SEEN_TURN] = target[0], target[2], target[1]
+            row[half + SEEN_FRAME] = 0.0
+        elif j < now.present:
+            done = min(real[PHASE, j], np.float64(actions[whole[ACTION, j], LENGTH]))
+            frame = actions[whole[ACTION, j], ORIGIN] + done * model.policies[whole[POLICY, j], STRIDE]
+            row[half + SEEN_X], row[half + SEEN_Z], row[half + SEEN_TURN] = real[X, j], real[Z, j], real[HEADING, j]
+            row[half + SEEN_FRAME] = frame
+        else:
+            row[half + SEEN_FRAME] = -1.0
+
+
+@kernel(inline=True)
+def judge(model, avatars, targets, now, i, blow):
+    """Return what becomes of a strike of avatar ``i``, and where it ends, blocked ones where they meet the arm."""
+    real, sizes = avatars.real, model.sizes
+    tolerance = sizes[avatars.whole[POLICY, i], TOLERANCE] * real[SCALE, i]
+    half = 4 * ((avatars.whole[DECISIONS, i] + (0 if blow.old else 1)) & 1)
+    seen = avatars.seen[avatars.whole[NUMBER, i]]
+    x, z, turn, frame = (
+        seen[half + SEEN_X], seen[half + SEEN_Z], seen[half + SEEN_TURN], seen[half + SEEN_FRAME],
+    )  # fmt: skip
+    if blow.opponent <= -2:
+        before, after = targets[now.moment - 1, -2 - blow.opponent], targets[now.moment, -2 - blow.opponent]
+        hx, hz = before[0] + blow.share * (after[0] - before[0]), before[2] + blow.share * (after[2] - before[2])
+        hy = before[1] + blow.share * (after[1] - before[1])
+        if _hits(blow, _under(model, avatars, i, hx, hy, hz), tolerance):
+            return LANDED, blow.point
+        evaded = frame >= 0.0 and _hits(blow, _under(model, avatars, i, x, turn, z), tolerance)
+        return EVADED if evaded else MISSED, blow.point
+    j = np.int64(avatars.slot_of[blow.opponent]) if blow.opponent >= 0 else np.int64(now.present)
+    if j >= now.present:
+        return MISSED, blow.point
+    whose, size = avatars.whole[POLICY, j], real[SCALE, j]
+    # As far as a body reaches, and moves in a frame: most strikes that miss are not even near.
+    far = size * sizes[whose, REACH] + tolerance
+    if _is_near(blow, real[X, j], real[Z, j], far + size * real[SPEED, j] * sizes[whose, PACE]):
+        stands = standing(model, avatars, j, blow.share)
+        body = posed_body(model, stands)
+        if _hits(blow, body, tolerance):
+            blocked, point = meet_guard(model, avatars, i, blow, body, stands)
+            return BLOCKED if blocked else LANDED, point
+    if frame < 0.0 or not _is_near(blow, x, z, far):
+        return MISSED, blow.point
+    cos, sin = cos_sin(turn)
+    then = Standing(frame, x, z, size, cos * size, sin * size, whose)
+    return EVADED if _hits(blow, posed_body(model, then), tolerance) else MISSED, blow.point
+
+
+@kernel(inline=True)
+def _is_near(blow, x, z, far):
+    """Return whether a strike ends no further from a position than some distance."""
+    dx, dz = x - blow.point[0], z - blow.point[2]
+    return dx * dx + dz * dz <= far * far
+
+
+@kernel(inline=True)
+def _hits(blow, body, tolerance):
+    """Return whether a strike hits a body: near its surface, and no kick that comes through the body."""
+    point, origin, neck = blow.point, blow.origin, body.neck
+    if comes_through(point[0], point[2], origin[0], origin[1], neck[0], neck[2]):
+        return False
+    return lands_on_posed_body(point, body, tolerance)
+
+
+@kernel(inline=True)
+def _under(model, avatars, i, x, y, z):
+    """Return the body of a scripted target, as large as the avatar that strikes it."""
+    sizes, policy, scale = model.sizes, avatars.whole[POLICY, i], avatars.real[SCALE, i]
+    return PosedBody(
+        (x, y, z),
+        (x, y - sizes[policy, NECK_DROP] * scale, z),
+        (x, y - sizes[policy, PELVIS_DROP] * scale, z),
+        sizes[policy, HEAD_RADIUS] * scale,
+        sizes[policy, TORSO_RADIUS] * scale,
+    )
