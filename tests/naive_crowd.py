@@ -10,7 +10,7 @@ from naive_strikes import at, thrown, what_is_seen
 from crowdsim.crowd.kernels import variety
 from crowdsim.crowd.kernels.choice import BURSTS, REDRAWN, REST
 from crowdsim.crowd.kernels.crowding import BYSTANDERS, STAGGER, STEP
-from crowdsim.crowd.kernels.layout import LANDED
+from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
 from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REMEMBERED
 from crowdsim.crowd.model import FULL_REACH, STRONG
 from crowdsim.crowd.random import Purpose, uniform
@@ -148,11 +148,11 @@ def run(crowd, policies, frames, script=None):
 
 
 def note_hits(strikes, avatars, frame):
-    """Those who are hit remember by whom: of several by the strongest, of equals by the lowest number."""
+    """Those who are hit, or block, remember whom: of several by the strongest, of equals by the lowest number."""
     found = {}
     for strike in strikes:
         attacker, victim, outcome = strike[1], strike[2], strike[8]
-        if outcome == LANDED and victim >= 0:
+        if outcome in (LANDED, BLOCKED) and victim >= 0:
             strong = np.percentile(avatars[attacker].policy.database.strike_speeds.astype(float), STRONG)
             found.setdefault(victim, []).append((-strike[7] / strong, attacker))
     for victim, hits in found.items():

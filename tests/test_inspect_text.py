@@ -27,6 +27,9 @@ KEYS_OF_A_RUN = (
 ).split()
 
 
+NO_OUTCOMES = {"strikes_blocked": 0, "strikes_evaded": 0, "strikes_missed": 0}
+
+
 def no_data(text: str) -> bool:
     """Whether a text has no dict, list or other repr in it, and no number of more than four digits after a dot."""
     return not re.search(r"[{}\[\]]|None|nan|True|False|\.\d{5}|array|\w_\w", text)
@@ -92,6 +95,7 @@ def test_a_run_of_which_little_can_be_measured_is_reported_as_such() -> None:
     figures = dict.fromkeys([*KEYS_OF_A_RUN, "thrown_per_minute_captured", "fists_off_share", "fist_gap_median"])
     figures |= dict.fromkeys(["fist_gap_most", "foot_slide_median_captured", "foot_slide_95_captured"])
     figures |= {"avatars": 1, "control_frames": 1, "seconds": 0.0, "strikes_thrown": 0, "strikes_landed": 0}
+    figures |= NO_OUTCOMES
     lines = run_lines(figures)
     assert no_data("\n".join(lines))
     assert "    first landed  never" in lines
@@ -102,6 +106,7 @@ def test_penetration_is_stated_with_its_depth_and_with_arms() -> None:
     figures = dict.fromkeys([*KEYS_OF_A_RUN, "thrown_per_minute_captured", "foot_slide_median_captured"])
     figures |= dict.fromkeys(["foot_slide_95_captured", "fists_off_share", "fist_gap_median", "fist_gap_most"])
     figures |= {"avatars": 2, "control_frames": 9, "seconds": 1.0, "strikes_thrown": 0, "strikes_landed": 0}
+    figures |= NO_OUTCOMES
     figures |= {"penetration_share": 0.004, "penetration_share_with_arms": 0.13, "penetration_deepest": 0.14}
     text = "\n".join(run_lines(figures))
     assert "0.40 % of the time deeper than 6.0 cm, 14.0 cm (deepest)" in text
@@ -112,6 +117,7 @@ def test_variety_and_how_hits_come_are_stated() -> None:
     figures = dict.fromkeys([*KEYS_OF_A_RUN, "thrown_per_minute_captured", "foot_slide_median_captured"])
     figures |= dict.fromkeys(["foot_slide_95_captured", "fists_off_share", "fist_gap_median", "fist_gap_most"])
     figures |= {"avatars": 2, "control_frames": 9, "seconds": 1.0, "strikes_thrown": 0, "strikes_landed": 0}
+    figures |= NO_OUTCOMES
     figures |= {"repeated_second_per_minute": 2.6, "same_source_share": 0.097, "same_strike_share": 0.0}
     figures |= {"stillness_share": 0.214, "stillness_share_captured": 0.188}
     figures |= {"hits_from_behind_share": 0.032, "step_after_hit": 0.11}
@@ -128,6 +134,7 @@ def test_fists_are_rated_by_the_distance_within_which_they_touch() -> None:
     figures = dict.fromkeys([*KEYS_OF_A_RUN, "thrown_per_minute_captured", "foot_slide_median_captured"])
     figures |= dict.fromkeys(["foot_slide_95_captured"])
     figures |= {"avatars": 2, "control_frames": 9, "seconds": 1.0, "strikes_thrown": 2, "strikes_landed": 2}
+    figures |= NO_OUTCOMES
     figures |= {"fists_off_share": 0.0, "fist_gap_median": 0.001, "fist_gap_most": 0.018}
     touching = "    fists that land  all within 2 cm of what they hit; 0.1 cm (median), 1.8 cm (furthest)"
     assert touching in run_lines(figures)

@@ -18,7 +18,7 @@ from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip
 from crowdsim.motion.tracks import clip_tracks
 from crowdsim.render.figure import Figure, bone_capsules
-from crowdsim.render.source import no_blows
+from crowdsim.render.source import no_strikes
 
 BVH_CAMERA = "front+side"
 MOST_FPS = 60.0
@@ -86,9 +86,9 @@ class ClipSource:
         """Return that there is nothing but the figure."""
         return np.zeros((0, 3))
 
-    def blows(self, frame: int) -> tuple[Array, Array, Array, Array]:
+    def recent_strikes(self, frame: int) -> tuple[Array, Array, Array, Array]:
         """Return that there are none."""
-        return no_blows()
+        return no_strikes()
 
 
 def show_rate(fps: float, wanted: float | None = None) -> float:

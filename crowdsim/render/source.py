@@ -79,7 +79,7 @@ class PoseSource(Protocol):
             World positions [m] (n, J, 3) and rotations (n, J, 4), scaled already and NaN while absent, a pair a figure.
         """
 
-    def blows(self, frame: int) -> tuple[Array, Array, Array, Array]:
+    def recent_strikes(self, frame: int) -> tuple[Array, Array, Array, Array]:
         """Return the strikes at somebody that reached furthest within the last 0.4 s before a frame.
 
         Returns:
@@ -90,6 +90,6 @@ class PoseSource(Protocol):
         """Return the positions of scripted targets and the like [m]. Shape (G, 3)."""
 
 
-def no_blows() -> tuple[Array, Array, Array, Array]:
-    """Return what ``blows`` gives where there were none."""
+def no_strikes() -> tuple[Array, Array, Array, Array]:
+    """Return what ``recent_strikes`` gives where there were none."""
     return np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.uint8)

@@ -46,7 +46,7 @@ class Stage:
 
     def picture(self, frame: int, threads: int = 1) -> Array:
         """Draw a frame. Shape (height, width, 3), uint8."""
-        points, ages, speeds, outcomes = self.source.blows(frame)
+        points, ages, speeds, outcomes = self.source.recent_strikes(frame)
         capsules = self.cast.place(self.source.poses(frame), self.source.markers(frame))
         young = np.asarray(ages) < FLASH
         flashes = Flashes(

@@ -19,7 +19,7 @@ from crowdsim.take.take import Take
 _BLOCK_BYTES = 48 << 20
 _MOST_FRAMES = 32
 _FLASH_REACH = 0.4
-"""How far back ``blows`` looks [s]."""
+"""How far back ``recent_strikes`` looks [s]."""
 
 
 class TakeSource:
@@ -114,7 +114,7 @@ class TakeSource:
             posed.append((positions[0], rotations[0]))
         return posed
 
-    def blows(self, frame: int) -> tuple[Array, Array, Array, Array]:
+    def recent_strikes(self, frame: int) -> tuple[Array, Array, Array, Array]:
         """Return points [m], time since [s], speeds [m/s] and outcomes of strikes a moment before a frame."""
         now = frame / self.fps
         first, stop = np.searchsorted(self._strike_times, [now - _FLASH_REACH, now + 1e-6])

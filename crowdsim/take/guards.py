@@ -61,6 +61,10 @@ def guard_points(points: Array, origins: Array, guard: Guard) -> Array:
     rows, nearest = np.arange(len(points)), np.argmin(gaps, axis=1)
     middle, radius = middles[rows, nearest], radii[rows, nearest]
     way = _ASIDE * _unit(points - middle) + _unit(origins - middle)
+    # Along a forearm it would come no further out of it.
+    arm = nearest // 2
+    bones, beside = _unit(axes[rows, arm]), (nearest % 2 == 0) & (along[rows, arm] > 0.0) & (along[rows, arm] < 1.0)
+    way = way - np.where(beside, np.sum(way * bones, axis=-1), 0.0)[:, None] * bones
     return np.asarray(middle + _unit(way) * (radius + guard.gloves - _GIVES)[:, None])
 
 

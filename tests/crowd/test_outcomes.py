@@ -14,7 +14,7 @@ from crowdsim.crowd.crowd import build_avatars, build_crowd
 from crowdsim.crowd.events import OUTCOMES
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED, MISSED, Now
-from crowdsim.crowd.kernels.outcomes import Blow, judge
+from crowdsim.crowd.kernels.outcomes import Strike, judge
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.model_arms import arm_rows, way_rows
 from crowdsim.crowd.script import CirclePath, Script
@@ -65,8 +65,8 @@ def pair(glove=AWAY, elbow=AWAY, seen=HEAD, head=HEAD, place=(0.0, 0.0, 0.0), ta
         opponent, targets = -2, np.tile(target, (2, 1, 1))
         avatars.seen[0] = np.tile([seen[0], seen[2], seen[1], 0.0], 2)
     end = x + (REACH - 0.05) * math.sin(turn), 1.6, z + (REACH - 0.05) * math.cos(turn)
-    blow = Blow(0, int(avatars.whole[layout.ACTION, 0]), opponent, end, (end[0], end[2]), 1.0, False)
-    outcome, point = judge(model, avatars, targets, Now(1, 1, 2), 0, blow)
+    thrown = Strike(0, int(avatars.whole[layout.ACTION, 0]), opponent, end, (end[0], end[2]), 1.0, False)
+    outcome, point = judge(model, avatars, targets, Now(1, 1, 2), 0, thrown)
     if outcome == BLOCKED:
         assert_on_arm(np.array(point), glove, elbow, victim)
     else:

@@ -7,7 +7,7 @@ import numpy as np
 
 from crowdsim.crowd.kernels.layout import LANDED
 from crowdsim.render.figure import BoneFigure
-from crowdsim.render.source import no_blows
+from crowdsim.render.source import no_strikes
 
 DUMMY = BoneFigure(
     capsule_joints=np.zeros(3, np.int32),
@@ -53,9 +53,9 @@ class Walkers:
         turns = np.stack([np.cos(heading / 2), 0 * x, np.sin(heading / 2), 0 * x], axis=-1)[:, None]
         return [(positions, turns)]
 
-    def blows(self, frame):
+    def recent_strikes(self, frame):
         if not len(self.strikes):
-            return no_blows()
+            return no_strikes()
         ages = frame / self.fps - self.strikes[:, 0]
         now = (ages >= 0) & (ages < 0.4)
         return self.strikes[now, 1:], ages[now], np.full(now.sum(), 8.0), np.full(now.sum(), LANDED)

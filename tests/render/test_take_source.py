@@ -112,13 +112,13 @@ def test_avatars_are_at_the_positions_of_the_take_and_absent_before_they_enter(p
 
 def test_strikes_are_seen_for_a_moment_and_targets_move(policy):
     source = TakeSource(wander(policy), [policy], 30.0)
-    assert [len(source.blows(frame)[0]) for frame in (11, 12, 24, 25, 30, 36, 40)] == [0, 1, 1, 1, 1, 1, 0]
-    points, ages, speeds, outcomes = source.blows(28)
+    assert [len(source.recent_strikes(frame)[0]) for frame in (11, 12, 24, 25, 30, 36, 40)] == [0, 1, 1, 1, 1, 1, 0]
+    points, ages, speeds, outcomes = source.recent_strikes(28)
     assert points.tolist() == [[1.0, 1.5, pytest.approx(0.2)]]
     assert ages.tolist() == [pytest.approx(0.1)]
     assert speeds.tolist() == [7.0]
     assert outcomes.tolist() == [LANDED]
-    assert source.blows(20)[3].tolist() == [BLOCKED]
+    assert source.recent_strikes(20)[3].tolist() == [BLOCKED]
     assert source.markers(7)[0, 0] == pytest.approx(3.5)
 
 

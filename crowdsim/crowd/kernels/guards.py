@@ -16,7 +16,7 @@ STEPS = 6
 
 
 @kernel(inline=True)
-def meet_guard(model, avatars, i, blow, body, stands):
+def meet_guard(model, avatars, i, thrown, body, stands):
     """Return whether a strike on its way meets an arm of the victim before it is in head or torso, and where it does.
 
     The arms are as they are when the strike reaches furthest. It meets one where the middle of the fist or foot comes
@@ -28,21 +28,21 @@ def meet_guard(model, avatars, i, blow, body, stands):
     right_elbow = point_at(model.arms, frame, LEFT_ELBOW + 3, x, z, size, cos, sin)
     left_fist = point_at(model.arms, frame, LEFT_FIST, x, z, size, cos, sin)
     right_fist = point_at(model.arms, frame, LEFT_FIST + 3, x, z, size, cos, sin)
-    way, own = model.ways[blow.strike], avatars.real[SCALE, i]
-    first = _way_point(model, avatars, i, blow, way, own, 0)
-    middle = _way_point(model, avatars, i, blow, way, own, 1)
+    way, own = model.ways[thrown.strike], avatars.real[SCALE, i]
+    first = _way_point(model, avatars, i, thrown, way, own, 0)
+    middle = _way_point(model, avatars, i, thrown, way, own, 1)
     # Most strikes that land come nowhere near an arm.
     reach = 1.0001 * max(forearm, glove) * max(forearm, glove)
     left = _square_between(first, middle, left_elbow, left_fist) <= reach
-    left |= _square_between(middle, blow.point, left_elbow, left_fist) <= reach
+    left |= _square_between(middle, thrown.point, left_elbow, left_fist) <= reach
     right = _square_between(first, middle, right_elbow, right_fist) <= reach
-    right |= _square_between(middle, blow.point, right_elbow, right_fist) <= reach
+    right |= _square_between(middle, thrown.point, right_elbow, right_fist) <= reach
     if not left and not right:
-        return False, blow.point
+        return False, thrown.point
     for step in range(1, 2 * STEPS + 1):
         start, end, t = first, middle, step / STEPS
         if step > STEPS:
-            start, end, t = middle, blow.point, (step - STEPS) / STEPS
+            start, end, t = middle, thrown.point, (step - STEPS) / STEPS
         px = start[0] + t * (end[0] - start[0])
         py = start[1] + t * (end[1] - start[1])
         pz = start[2] + t * (end[2] - start[2])
@@ -52,14 +52,14 @@ def meet_guard(model, avatars, i, blow, body, stands):
         if right and _is_in_arm(point, right_elbow, right_fist, forearm, glove):
             return True, point
         if _is_in_body(point, body):
-            return False, blow.point
-    return False, blow.point
+            return False, thrown.point
+    return False, thrown.point
 
 
 @kernel(inline=True)
-def _way_point(model, avatars, i, blow, way, own, part):
+def _way_point(model, avatars, i, thrown, way, own, part):
     """Return a point of the way of a strike [m]."""
-    x, z = over_ground(model, avatars, i, blow.action, blow.old, way[3 * part], way[3 * part + 2])
+    x, z = over_ground(model, avatars, i, thrown.action, thrown.old, way[3 * part], way[3 * part + 2])
     return x, way[3 * part + 1] * own, z
 
 

@@ -48,7 +48,7 @@ from crowdsim.crowd.kernels.postures import Standing, posed_body, standing
 from crowdsim.jit import kernel
 
 
-class Blow(NamedTuple):
+class Strike(NamedTuple):
     """A strike that is judged.
 
     Attributes:
@@ -99,53 +99,53 @@ def note_seen(model, avatars, world, now, due, count, chosen):
 
 
 @kernel(inline=True)
-def judge(model, avatars, targets, now, i, blow):
+def judge(model, avatars, targets, now, i, thrown):
     """Return what becomes of a strike of avatar ``i``, and where it ends, blocked ones where they meet the arm."""
     real, sizes = avatars.real, model.sizes
     tolerance = sizes[avatars.whole[POLICY, i], TOLERANCE] * real[SCALE, i]
-    half = 4 * ((avatars.whole[DECISIONS, i] + (0 if blow.old else 1)) & 1)
+    half = 4 * ((avatars.whole[DECISIONS, i] + (0 if thrown.old else 1)) & 1)
     seen = avatars.seen[avatars.whole[NUMBER, i]]
     x, z, turn, frame = (
         seen[half + SEEN_X], seen[half + SEEN_Z], seen[half + SEEN_TURN], seen[half + SEEN_FRAME],
     )  # fmt: skip
-    if blow.opponent <= -2:
-        before, after = targets[now.moment - 1, -2 - blow.opponent], targets[now.moment, -2 - blow.opponent]
-        hx, hz = before[0] + blow.share * (after[0] - before[0]), before[2] + blow.share * (after[2] - before[2])
-        hy = before[1] + blow.share * (after[1] - before[1])
-        if _hits(blow, _under(model, avatars, i, hx, hy, hz), tolerance):
-            return LANDED, blow.point
-        evaded = frame >= 0.0 and _hits(blow, _under(model, avatars, i, x, turn, z), tolerance)
-        return EVADED if evaded else MISSED, blow.point
-    j = np.int64(avatars.slot_of[blow.opponent]) if blow.opponent >= 0 else np.int64(now.present)
+    if thrown.opponent <= -2:
+        before, after = targets[now.moment - 1, -2 - thrown.opponent], targets[now.moment, -2 - thrown.opponent]
+        hx, hz = before[0] + thrown.share * (after[0] - before[0]), before[2] + thrown.share * (after[2] - before[2])
+        hy = before[1] + thrown.share * (after[1] - before[1])
+        if _hits(thrown, _under(model, avatars, i, hx, hy, hz), tolerance):
+            return LANDED, thrown.point
+        evaded = frame >= 0.0 and _hits(thrown, _under(model, avatars, i, x, turn, z), tolerance)
+        return EVADED if evaded else MISSED, thrown.point
+    j = np.int64(avatars.slot_of[thrown.opponent]) if thrown.opponent >= 0 else np.int64(now.present)
     if j >= now.present:
-        return MISSED, blow.point
+        return MISSED, thrown.point
     whose, size = avatars.whole[POLICY, j], real[SCALE, j]
     # As far as a body reaches, and moves in a frame: most strikes that miss are not even near.
     far = size * sizes[whose, REACH] + tolerance
-    if _is_near(blow, real[X, j], real[Z, j], far + size * real[SPEED, j] * sizes[whose, PACE]):
-        stands = standing(model, avatars, j, blow.share)
+    if _is_near(thrown, real[X, j], real[Z, j], far + size * real[SPEED, j] * sizes[whose, PACE]):
+        stands = standing(model, avatars, j, thrown.share)
         body = posed_body(model, stands)
-        if _hits(blow, body, tolerance):
-            blocked, point = meet_guard(model, avatars, i, blow, body, stands)
+        if _hits(thrown, body, tolerance):
+            blocked, point = meet_guard(model, avatars, i, thrown, body, stands)
             return BLOCKED if blocked else LANDED, point
-    if frame < 0.0 or not _is_near(blow, x, z, far):
-        return MISSED, blow.point
+    if frame < 0.0 or not _is_near(thrown, x, z, far):
+        return MISSED, thrown.point
     cos, sin = cos_sin(turn)
     then = Standing(frame, x, z, size, cos * size, sin * size, whose)
-    return EVADED if _hits(blow, posed_body(model, then), tolerance) else MISSED, blow.point
+    return EVADED if _hits(thrown, posed_body(model, then), tolerance) else MISSED, thrown.point
 
 
 @kernel(inline=True)
-def _is_near(blow, x, z, far):
+def _is_near(thrown, x, z, far):
     """Return whether a strike ends no further from a position than some distance."""
-    dx, dz = x - blow.point[0], z - blow.point[2]
+    dx, dz = x - thrown.point[0], z - thrown.point[2]
     return dx * dx + dz * dz <= far * far
 
 
 @kernel(inline=True)
-def _hits(blow, body, tolerance):
+def _hits(thrown, body, tolerance):
     """Return whether a strike hits a body: near its surface, and no kick that comes through the body."""
-    point, origin, neck = blow.point, blow.origin, body.neck
+    point, origin, neck = thrown.point, thrown.origin, body.neck
     if comes_through(point[0], point[2], origin[0], origin[1], neck[0], neck[2]):
         return False
     return lands_on_posed_body(point, body, tolerance)

@@ -8,6 +8,7 @@ from crowdsim.crowd.kernels.layout import (
     ACTION,
     ACTION_BEFORE,
     AHEAD,
+    BLOCKED,
     FIST_SPEED,
     FIST_X,
     FIST_Y,
@@ -39,7 +40,7 @@ from crowdsim.crowd.kernels.layout import (
     Z,
 )
 from crowdsim.crowd.kernels.motion import over_ground
-from crowdsim.crowd.kernels.outcomes import Blow, judge
+from crowdsim.crowd.kernels.outcomes import Strike, judge
 from crowdsim.crowd.kernels.prefetch import ask_for
 from crowdsim.jit import kernel
 
@@ -94,13 +95,15 @@ def strike(model, avatars, world, now, first, last, who, strikes, held):
 def note_hits(model, avatars, frame, strikes, first, last):
     """Let avatars note by whom they were hit in strikes ``first`` to ``last``, which are those of ``frame``.
 
-    A hit is as strong as its speed over ``Model.sizes`` says: 1 for a strong one. Of several hits in a frame the
-    strongest counts, among equals that of the lower number, so that their order does not matter.
+    Whoever blocks a strike notes it like one that lands. A hit is as strong as its speed over ``Model.sizes`` says: 1
+    for a strong one. Of several hits in a frame the strongest counts, among equals that of the lower number, so that
+    their order does not matter.
     """
     whole, real, slot_of = avatars.whole, avatars.real, avatars.slot_of
     for k in range(first, last):
         attacker, victim = strikes.whole[k, ATTACKER], strikes.whole[k, VICTIM]
-        if strikes.whole[k, OUTCOME] != LANDED or victim < 0:
+        outcome = strikes.whole[k, OUTCOME]
+        if (outcome != LANDED and outcome != BLOCKED) or victim < 0:
             continue
         i, j = slot_of[attacker], slot_of[victim]
         strength = strikes.real[k, FAST] / model.sizes[whole[POLICY, i], STRONG]
@@ -152,8 +155,8 @@ def _list_strikes(model, avatars, targets, now, i, old, out, held):
             real[WHEN] = now.frame - 1.0 + (time - part.low + part.passed) / part.motion
             real[FAST] = model.strikes[k, FIST_SPEED] * avatars.real[SCALE, i] * avatars.real[SPEED, i]
             share = real[WHEN] - (now.frame - 1.0)
-            blow = Blow(k, part.action, part.opponent, (px, py, pz), origin, share, old)
-            whole[OUTCOME], end = judge(model, avatars, targets, now, i, blow)
+            thrown = Strike(k, part.action, part.opponent, (px, py, pz), origin, share, old)
+            whole[OUTCOME], end = judge(model, avatars, targets, now, i, thrown)
             real[POINT_X], real[POINT_Y], real[POINT_Z] = end
         held += 1
     return held
