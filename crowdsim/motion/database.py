@@ -105,7 +105,7 @@ class MotionDatabase:
 
     @property
     def segment_starts(self) -> Array:
-        """First control frame of each stretch of a clip between falls, and of each fall, and F; else ``clip_starts``."""
+        """First control frame of each stretch of clips between falls, and of each fall, and F. Int32."""
         spans = self.falls.spans
         if not len(spans):
             return self.clip_starts
