@@ -8,6 +8,7 @@ Lengths [m], angles [degrees].
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from crowdsim.performer.score import Vector
 
@@ -79,17 +80,17 @@ class Plunge:
     """A kind of fall.
 
     Attributes:
-        bearing: Where the trunk goes, 0 ahead and to the left above 0 [degrees].
         lying: Ground frame in which the body lies, in the stance: to the left, ahead [m], heading [degrees].
         risen: Ground frame of the stance after it, likewise.
-        down: Keys of the fall; the last one lies.
-        up: Keys of getting up, after the lying one.
+        down: Keys of the fall.
+        lies: How the body lies then; the key's time is not read.
+        up: Keys of getting up.
     """
 
-    bearing: float
     lying: Vector
     risen: Vector
     down: tuple[Key, ...]
+    lies: Key
     up: tuple[Key, ...]
 
 
@@ -129,11 +130,10 @@ _UP_FROM_BACK = (
 )  # fmt: skip
 
 _BACKWARD = Plunge(
-    180.0,
     (0.0, -0.27, 0.0),
     (0.0, -0.24, 0.0),
     (
-        Key(0.16, STANCE, (-0.01, 0.83, -0.10), (-26.0, -8.0, 0.0, 0.0), (4.0, -14.0, 0.0), (-14.0, 0.0),
+        Key(0.19, STANCE, (-0.01, 0.83, -0.11), (-26.0, -8.0, 0.0, 0.0), (4.0, -14.0, 0.0), (-14.0, 0.0),
             Hand((0.34, 0.16, 0.26), elbow=30.0), Hand((-0.08, 0.14, 0.30), elbow=30.0),
             Foot(pitch=4.0), Foot(pitch=10.0)),
         Key(0.40, STANCE, (-0.01, 0.60, -0.30), (-14.0, -18.0, 0.0, 0.0), (0.0, 10.0, 0.0), (12.0, 0.0),
@@ -146,67 +146,68 @@ _BACKWARD = Plunge(
             _floor(0.45, -0.60, 80.0), _floor(-0.48, -0.50, 5.0),
             Foot((0.14, 0.14, 0.33), -18.0, 6.0, 6.0), Foot((-0.19, 0.12, 0.50), -60.0, -22.0, 20.0)),
     ),
+    _ON_BACK,
     _UP_FROM_BACK,
 )  # fmt: skip
 
 
 def _sideways(side: float) -> Plunge:
     """Return the fall to the left (1) or right (-1): onto the hip, over onto the back, up again turned half away."""
-    near, far = (Foot, Foot)
-    lying = (0.58 * side, -0.10, -78.0 * side)
-    out = _floor(0.92 * side, -0.06, 60.0)
-    reach = Hand((0.44 * side, -0.06, 0.22), elbow=50.0)
-    keep = Hand((-0.16 * side, 0.08, 0.30), elbow=25.0)
-    hands = (lambda a, b: {"lead": a, "rear": b}) if side > 0 else (lambda a, b: {"lead": b, "rear": a})
-    feet = (
-        (lambda a, b: {"lead_foot": a, "rear_foot": b}) if side > 0 else (lambda a, b: {"lead_foot": b, "rear_foot": a})
-    )
-    return Plunge(
-        90.0 * side,
-        lying,
-        (0.30 * side, -0.02, -42.0 * side),
-        (
-            Key(0.16, STANCE, (0.09 * side, 0.83, -0.01), (-28.0, 8.0, 10.0 * side, 0.0), (0.0, 8.0, 16.0 * side),
-                (0.0, 0.0), **hands(Hand(elbow=30.0), Hand(elbow=30.0)),
-                **feet(near(pitch=6.0), far(pitch=16.0))),
-            Key(0.40, STANCE, (0.27 * side, 0.60, -0.03), (-24.0, 10.0, 24.0 * side, 0.0), (0.0, 14.0, 10.0 * side),
-                (6.0, 0.0), **hands(reach, keep),
-                **feet(near((0.15 * side, 0.0, 0.20 if side > 0 else -0.20), 24.0, -10.0, 10.0),
-                       far((-0.06 * side, 0.06, -0.16 if side > 0 else 0.20), 14.0, -20.0))),
-            Key(0.62, STANCE, (0.44 * side, 0.18, -0.06), (-18.0, 4.0, 48.0 * side, 0.0), (0.0, 20.0, -6.0 * side),
-                (10.0, 0.0), **hands(out, keep),
-                **feet(near((0.02 * side, 0.04, 0.16), 20.0, -30.0 * side, 10.0),
-                       far((-0.18 * side, 0.16, 0.04), -10.0, -40.0 * side))),
-            Key(0.88, LYING, (0.0, 0.06, -0.30), (0.0, -82.0, 0.0, 58.0 * side), (0.0, 22.0, 0.0), (16.0, 0.0),
-                **hands(_floor(0.42 * side, -0.70, 80.0), Hand((0.02 * side, 0.02, 0.32), elbow=25.0)),
-                **feet(near((0.24 * side, 0.0, 0.22), -20.0, 30.0 * side, 10.0),
-                       far((-0.02 * side, 0.16, 0.34), -20.0, 10.0 * side))),
-        ),
-        (),
+
+    def hands(near: Hand, other: Hand) -> dict[str, Any]:
+        return {"lead": near, "rear": other} if side > 0.0 else {"lead": other, "rear": near}
+
+    def feet(near: Foot, other: Foot) -> dict[str, Any]:
+        return {"lead_foot": near, "rear_foot": other} if side > 0.0 else {"lead_foot": other, "rear_foot": near}
+
+    out, held = _floor(0.92 * side, -0.06, 60.0), Hand((-0.16 * side, 0.08, 0.30), elbow=25.0)
+    near = 0.20 if side > 0.0 else -0.20
+    down = (
+        Key(0.16, STANCE, (0.09 * side, 0.83, -0.01), (-28.0, 8.0, 10.0 * side, 0.0), (0.0, 8.0, 16.0 * side),
+            (0.0, 0.0), **hands(Hand(elbow=30.0), Hand(elbow=30.0)), **feet(Foot(pitch=6.0), Foot(pitch=16.0))),
+        Key(0.40, STANCE, (0.27 * side, 0.60, -0.03), (-24.0, 10.0, 24.0 * side, 0.0), (0.0, 14.0, 10.0 * side),
+            (6.0, 0.0), **hands(Hand((0.44 * side, -0.06, 0.22), elbow=50.0), held),
+            **feet(Foot((0.15 * side, 0.0, near), 24.0, -10.0, 10.0),
+                   Foot((-0.06 * side, 0.06, -0.16 if side > 0.0 else 0.20), 14.0, -20.0))),
+        Key(0.62, STANCE, (0.44 * side, 0.18, -0.06), (-18.0, 4.0, 48.0 * side, 0.0), (0.0, 20.0, -6.0 * side),
+            (10.0, 0.0), **hands(out, held),
+            **feet(Foot((0.02 * side, 0.04, 0.16), 20.0, -30.0 * side, 10.0),
+                   Foot((-0.18 * side, 0.16, 0.04), -10.0, -40.0 * side))),
+        Key(0.88, LYING, (0.0, 0.06, -0.30), (0.0, -82.0, 0.0, 58.0 * side), (0.0, 22.0, 0.0), (16.0, 0.0),
+            **hands(_floor(0.42 * side, -0.70, 80.0), Hand((0.02 * side, 0.02, 0.32), elbow=25.0)),
+            **feet(Foot((0.24 * side, 0.0, 0.22), -20.0, 30.0 * side, 10.0),
+                   Foot((-0.02 * side, 0.16, 0.34), -20.0, 10.0 * side))),
     )  # fmt: skip
-
-
-_ON_SIDE = {
-    side: Key(
+    lies = Key(
         0.0,
         LYING,
         (0.0, 0.05, -0.30),
         (0.0, -90.0, 0.0, 34.0 * side),
         (4.0 * side, 12.0, 0.0),
         (10.0, 6.0 * side),
-        *(
-            (_floor(0.42, -0.70, 80.0), Hand((0.02, -0.08, 0.30), elbow=30.0))
-            if side > 0
-            else (Hand((-0.02, -0.08, 0.30), elbow=30.0), _floor(-0.42, -0.70, 80.0))
+        **hands(_floor(0.42 * side, -0.70, 80.0), Hand((0.02 * side, -0.08, 0.30), elbow=30.0)),
+        **feet(
+            Foot((0.20 * side, 0.0, 0.24 if side > 0.0 else 0.30), -4.0, 18.0 * side, 6.0),
+            Foot((-0.04 * side, 0.0, 0.30 if side > 0.0 else 0.24), -4.0, 18.0 * side, 6.0),
         ),
-        Foot((0.20 if side > 0 else 0.04, 0.0, 0.24), -4.0, 18.0 * side, 6.0),
-        Foot((-0.04 if side > 0 else -0.20, 0.0, 0.30), -4.0, 18.0 * side, 6.0),
     )
-    for side in (1.0, -1.0)
-}
+    return Plunge((0.58 * side, -0.10, -78.0 * side), (0.30 * side, -0.02, -42.0 * side), down, lies, _UP_FROM_BACK)
+
+
+_FACE_DOWN = Key(
+    0.0,
+    LYING,
+    (0.0, 0.05, -0.19),
+    (0.0, 93.0, 0.0, 0.0),
+    (0.0, 2.0, 0.0),
+    (-14.0, 48.0),
+    _floor(0.42, 0.52, -6.0),
+    _floor(-0.42, 0.50, -6.0),
+    Foot((0.14, 0.0, -1.27), 146.0, 10.0, 5.0),
+    Foot((-0.14, 0.0, -1.28), 146.0, -10.0, 5.0),
+)
 
 _FORWARD = Plunge(
-    0.0,
     (0.0, 0.95, 0.0),
     (0.0, 0.95, 0.0),
     (
@@ -220,21 +221,22 @@ _FORWARD = Plunge(
             Hand((0.24, 0.12, 0.46), elbow=30.0), Hand((-0.24, 0.12, 0.46), elbow=30.0),
             Foot((0.14, 0.02, -0.10), 84.0, 0.0, 5.0), Foot((-0.14, 0.0, -0.20), 80.0, -8.0, 5.0)),
         Key(0.72, STANCE, (0.0, 0.35, 0.62), (0.0, 66.0, 0.0, 0.0), (0.0, 0.0, 0.0), (-34.0, 10.0),
-            _floor(0.33, 1.42, 40.0), _floor(-0.33, 1.40, 40.0),
+            _floor(0.38, 1.44, 20.0), _floor(-0.38, 1.42, 20.0),
             Foot((0.14, 0.02, -0.17), 104.0, 0.0, 5.0), Foot((-0.14, 0.02, -0.20), 102.0, -4.0, 5.0)),
     ),
+    _FACE_DOWN,
     (
         Key(0.28, RISEN, (0.0, 0.20, -0.16), (0.0, 72.0, 0.0, 0.0), (0.0, -6.0, 0.0), (-20.0, 10.0),
-            _floor(0.33, 0.47, 40.0), _floor(-0.33, 0.45, 40.0),
+            _floor(0.38, 0.51, 12.0), _floor(-0.38, 0.49, 12.0),
             Foot((0.13, 0.02, -1.02), 126.0, 0.0, 5.0), Foot((-0.14, 0.02, -1.04), 126.0, 0.0, 5.0)),
         Key(0.60, RISEN, (-0.02, 0.44, -0.10), (0.0, 66.0, 0.0, 0.0), (0.0, 8.0, 0.0), (-16.0, 0.0),
-            _floor(0.33, 0.47, 40.0), _floor(-0.33, 0.45, 40.0),
+            _floor(0.38, 0.51, 25.0), _floor(-0.38, 0.49, 25.0),
             Foot((0.13, 0.03, -0.60), 104.0, 0.0, 5.0), Foot((-0.14, 0.02, -0.58), 96.0, -4.0, 5.0)),
         Key(0.86, RISEN, (-0.04, 0.50, -0.12), (-6.0, 52.0, 0.0, 0.0), (0.0, 24.0, 0.0), (-10.0, 0.0),
-            _floor(0.33, 0.47, 30.0), _floor(-0.33, 0.45, 40.0),
+            _floor(0.38, 0.51, 30.0), _floor(-0.38, 0.49, 40.0),
             Foot((0.17, 0.08, -0.10), 20.0, 4.0, 16.0), Foot((-0.14, 0.0, -0.54), 84.0, -10.0, 5.0)),
         Key(1.14, RISEN, (-0.04, 0.52, -0.10), (-14.0, 40.0, 0.0, 0.0), (0.0, 26.0, 0.0), (-10.0, 0.0),
-            Hand((0.14, 0.50, 0.12), True, 35.0), _floor(-0.33, 0.45, 40.0),
+            Hand((0.14, 0.50, 0.12), True, 35.0), _floor(-0.38, 0.49, 40.0),
             Foot(), Foot((-0.14, 0.0, -0.52), 78.0, -16.0, 5.0)),
         Key(1.45, RISEN, (-0.03, 0.66, -0.02), (-24.0, 28.0, 0.0, 0.0), (0.0, 20.0, 0.0), (-5.0, 4.0),
             Hand((0.17, -0.06, 0.30)), Hand((-0.14, -0.04, 0.28)),
@@ -242,22 +244,5 @@ _FORWARD = Plunge(
     ),
 )  # fmt: skip
 
-_FACE_DOWN = Key(
-    0.0,
-    LYING,
-    (0.0, 0.05, -0.15),
-    (0.0, 90.0, 0.0, 0.0),
-    (0.0, -3.0, 0.0),
-    (-8.0, 42.0),
-    _floor(0.36, 0.47, 40.0),
-    _floor(-0.36, 0.45, 40.0),
-    Foot((0.14, 0.0, -1.19), 140.0, 10.0, 5.0),
-    Foot((-0.14, 0.0, -1.20), 140.0, -10.0, 5.0),
-)
-
-LYING_KEYS = {"forward": _FACE_DOWN, "backward": _ON_BACK, "left": _ON_SIDE[1.0], "right": _ON_SIDE[-1.0]}
-"""How the body lies after each fall; the key's time is not read."""
-_LEFT, _RIGHT = _sideways(1.0), _sideways(-1.0)
-PLUNGES = {"forward": _FORWARD, "backward": _BACKWARD, "left": _LEFT, "right": _RIGHT}
+PLUNGES = {"forward": _FORWARD, "backward": _BACKWARD, "left": _sideways(1.0), "right": _sideways(-1.0)}
 """Kinds of falls by where the trunk goes."""
-UP_FROM = {"forward": _FORWARD.up, "backward": _UP_FROM_BACK, "left": _UP_FROM_BACK, "right": _UP_FROM_BACK}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.performer import floor
 from crowdsim.performer import skeleton as bones
-from crowdsim.performer.curves import soft_floor
+from crowdsim.performer.curves import smooth_below, soft_floor
 from crowdsim.performer.footwork import Footwork
 from crowdsim.performer.pose import (
     ankle_position,
@@ -33,6 +33,8 @@ _NECK_SHARE = 0.42
 _FIST_ROLL = 0.3
 _RESTS = 0.006
 """Range over which the pelvis comes to rest on the floor [m]."""
+_LANDS = 0.13
+"""Time over which the floor takes the speed of a part of the body that meets it [s]."""
 _KNEE_LIFT = 0.4
 """How far the pelvis is lifted for a knee that touches the floor, at the most [m]."""
 _MOST_TOES = 1.1
@@ -86,8 +88,10 @@ def fall_over(
     trunk = pose_trunk(skeleton, hips, found[:, bones.HIPS], *tumble.spine.T)
     _bend_trunk(trunk.spine, tumble, rotations, found)
     rest = floor.rest_height(body, skeleton, hips, found)
-    hips[:, 1] += tumble.weight * (soft_floor(hips[:, 1], rest, _RESTS) - hips[:, 1])
-    _set_legs(body, guard, tumble, hips, found)
+    around = round(_LANDS * (len(times) - 1) / (times[-1] - times[0]))
+    lift = soft_floor(hips[:, 1], rest, _RESTS) - hips[:, 1]
+    hips[:, 1] += tumble.weight * -smooth_below(-lift, around)
+    _set_legs(body, guard, tumble, hips, found, around)
     _set_arms(skeleton, tumble, hips, rotations, found)
     return hips, quat.continuous(found), tumble.weight
 
@@ -114,7 +118,7 @@ def _bend_trunk(spine: Array, tumble: Tumble, rotations: Array, found: Array) ->
         found[:, joint] = quat.slerp(rotations[:, joint], local, tumble.weight)
 
 
-def _set_legs(body: Body, guard: Guarded, tumble: Tumble, hips: Array, found: Array) -> None:
+def _set_legs(body: Body, guard: Guarded, tumble: Tumble, hips: Array, found: Array, around: int) -> None:
     """Put the feet where they are, rest the pelvis (F, 3) on knees that touch the floor, and bend the legs."""
     weight, turned = tumble.weight, found[:, bones.HIPS]
     soles, ankles = [], np.empty((len(hips), 2, 3))
@@ -139,7 +143,7 @@ def _set_legs(body: Body, guard: Guarded, tumble: Tumble, hips: Array, found: Ar
             parts.append((hip, ankle, unit(mixed(guard.knees[:, foot], ahead, weight))))
         return parts
 
-    hips[:, 1] += weight * _knee_lift(legs, len(hips))
+    hips[:, 1] += weight * -smooth_below(-_knee_lift(legs, len(hips)), around)
     for foot, (hip, ankle, ahead) in enumerate(legs(np.zeros(len(hips)))):
         thigh, shank, sole = pose_leg(turned, hip, ankle, soles[foot], ahead)
         found[:, bones.UP_LEGS[foot]], found[:, bones.LEGS[foot]], found[:, bones.FEET[foot]] = thigh, shank, sole
@@ -150,7 +154,7 @@ def _near_floor(height: Array) -> Array:
     return np.asarray(np.clip((0.10 - height) / 0.06, 0.0, 1.0))
 
 
-def _knee_lift(legs, count: int) -> Array:  # type: ignore[no-untyped-def]
+def _knee_lift(legs: Callable[[Array], list[tuple[Array, Array, Array]]], count: int) -> Array:
     """Return how far the pelvis has to rise so that no knee is in the floor [m], by bisection. Shape (F,)."""
     low, high = np.zeros(count), np.full(count, _KNEE_LIFT)
     for _ in range(24):

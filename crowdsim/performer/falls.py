@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion import quaternion as quat
-from crowdsim.performer.fall_poses import LYING, LYING_KEYS, PLUNGES, RISEN, STANCE, UP_FROM, Foot, Hand, Key
+from crowdsim.performer.fall_poses import LYING, PLUNGES, RISEN, STANCE, Foot, Hand, Key
 from crowdsim.performer.plan import Choreographer
 from crowdsim.performer.score import Channel, Fall, Pose, Score, Stagger, Style, Vector
 
@@ -46,13 +46,12 @@ def write_fall(kind: str, rng: np.random.Generator, facing: float | None = None)
         RISEN: plan.ground_frame,
     }
     writer = _Writer(plan.style, frames, {STANCE: prints, LYING: prints, RISEN: plan.prints}, rng)
-    lying = LYING_KEYS[kind]
     end = rise + slow * _STEPS[2]
     poses = [writer.guard(start - 0.2, STANCE), writer.guard(start, STANCE)]
     poses += [writer.pose(key, start + quick * key.time) for key in plunge.down]
-    lain = writer.pose(lying, down)
-    poses += [lain, *(writer.at(lain, moment) for moment in (rise,))]
-    poses += [writer.pose(key, rise + slow * key.time) for key in UP_FROM[kind]]
+    lain = writer.pose(plunge.lies, down)
+    poses += [lain, writer.at(lain, rise)]
+    poses += [writer.pose(key, rise + slow * key.time) for key in plunge.up]
     landed = writer.guard(rise + slow * _STEPS[1], RISEN)
     poses += [writer.stepping(poses[-1], landed, rise + slow * _STEPS[0]), landed, writer.at(landed, end)]
     fall = Fall(kind, start, down, rise, end, tuple(_with_props(poses)))

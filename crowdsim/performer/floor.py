@@ -13,8 +13,8 @@ from crowdsim.performer import skeleton as bones
 from crowdsim.performer.curves import soft_cap, soft_floor
 from crowdsim.performer.pose import LEG_REACH, triangle, unit
 
-KNEE, ELBOW, FIST = 0.054, 0.046, 0.062
-"""Radii of knees, elbows and fists, and a little more [m]."""
+HIP, KNEE, ELBOW, FIST = 0.092, 0.054, 0.046, 0.062
+"""Radii of thighs at the hip, knees, elbows and fists, and a little more [m]."""
 _SOFT = 0.006
 _LEAST_LEG = 0.24
 """Least distance from hip to ankle [m]: thigh and shank have flesh."""
@@ -46,9 +46,10 @@ TRUNK = np.array([bones.HIPS, bones.SPINE, bones.SPINE1, bones.SPINE2, bones.NEC
 
 
 def rest_height(body: Body, skeleton: Skeleton, hips: Array, rotations: Array) -> Array:
-    """Return the least height of the pelvis at which trunk, head and shoulders are out of the floor [m]. Shape (F,)."""
+    """Return the least height of the pelvis at which trunk, head and hips are out of the floor [m]. Shape (F,)."""
     positions, turned = forward_kinematics(skeleton, hips, rotations)
-    return np.asarray(hips[:, 1] - lowest(body, TRUNK, positions, turned))
+    low = np.minimum(lowest(body, TRUNK, positions, turned), positions[:, list(bones.UP_LEGS), 1].min(axis=1) - HIP)
+    return np.asarray(hips[:, 1] - low)
 
 
 def clear_feet(body: Body, ankles: Array, soles: tuple[Array, Array]) -> Array:

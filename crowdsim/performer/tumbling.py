@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -114,13 +114,3 @@ def mixed(guard: Array, fallen: Array, weight: Array) -> Array:
     """Return tracks (F, ...) of the guard where ``weight`` (F,) is 0 and of a fall where it is 1."""
     share = np.reshape(weight, (-1,) + (1,) * (guard.ndim - 1))
     return np.asarray(guard + share * (fallen - guard))
-
-
-def mixed_rotations(guard: Array, fallen: Array, weight: Array) -> Array:
-    """Return the same of rotations (F, 4), the shorter way."""
-    return quat.slerp(guard, fallen, weight)
-
-
-def with_lifted(tumble: Tumble, hips: Array) -> Tumble:
-    """Return falls with the pelvis at other positions (F, 3)."""
-    return replace(tumble, hips=hips)
