@@ -18,6 +18,9 @@ def perform(
         float, typer.Option(metavar="S", min=2.0, max=86400.0, help="Length of all clips together [s].")
     ] = 437.0,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Another seed, another session.")] = 1,
+    falls: Annotated[
+        int, typer.Option(metavar="N", min=0, max=1000, help="Takes of each kind of fall and stagger besides.")
+    ] = 0,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the BVH files.")] = Path(
         "output/performer"
     ),
@@ -27,5 +30,5 @@ def perform(
 
     make_folder(out)
     with Bars() as bars, under_way():
-        paths = write_performance(out, seconds, seed, progress=bars)
+        paths = write_performance(out, seconds, seed, progress=bars, falls=falls)
     say(f"{len(paths)} clips in {out}")

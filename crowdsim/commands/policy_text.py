@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from crowdsim.commands.common import size_text
@@ -23,6 +23,7 @@ def policy_lines(figures: Figures) -> list[str]:
     ]
     if "strikes" in figures:
         lines += section("Region that strikes reach, 5th to 95th percentile", _strikes(figures["strikes"]))
+    lines += section("Falls", falls_text(figures.get("falls")))
     for name, behaviour in figures["behaviours"].items():
         lines += section(f"Behaviour {name}", _behaviour(behaviour))
     return lines + section("Training", _training(figures["timings"]))
@@ -65,6 +66,25 @@ def _graph(graph: Figures, motion: Figures) -> list[Row]:
         ("drawn at random", f"{number(graph['transitions_per_second'])} transitions per second, where the capture"),
         ("", f"has none; captured motion runs on for {time(graph['seconds_between_transitions'])} (median)"),
     ]
+
+
+NO_FALLS = "no falls found: who is knocked down staggers and leaves"
+
+
+def falls_text(falls: Figures | None) -> list[Row]:
+    """Return how many falls and staggers a policy has, and which way they go."""
+    if falls is None:
+        return [("falls", NO_FALLS)]
+    kinds = (("falls", "fall", falls["directions"]), ("staggers", "stagger", falls["stagger_directions"]))
+    return [(row, f"{count(len(ways), kind)}{_sides(ways)}") for row, kind, ways in kinds]
+
+
+def _sides(ways: Sequence[float]) -> str:
+    """Return which way bearings go, in words."""
+    names = ("forward", "to the left", "backward", "to the right")
+    numbers = [round(way / (0.5 * math.pi)) % 4 for way in ways]
+    parts = [f"{numbers.count(number)} {name}" for number, name in enumerate(names) if number in numbers]
+    return f": {', '.join(parts)}" if parts else ""
 
 
 def _strikes(strikes: Figures) -> list[Row]:

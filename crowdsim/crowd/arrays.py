@@ -18,7 +18,9 @@ class Model(NamedTuple):
     A is the number of actions, S of states, K of strikes in actions, L of playback frames, P of policies.
 
     Attributes:
-        offsets: CSR: actions of state s are ``offsets[s]:offsets[s + 1]``. Shape (S + 1,), int32.
+        offsets: CSR: actions of state s are ``offsets[s]:offsets[s + 1]``. Behind the states of a policy each of its
+            falls and staggers has a state of its own, to which no action leads, so that no avatar chooses it.
+            Shape (S + 1,), int32.
         reaches: How far the actions of each state lead at most [m]. Shape (S,), float64.
         actions: For each action the state in which it ends, its length T [control frames], the playback frame that lies
             on the avatar when it starts, and its first row in ``paths`` and in ``strikes``, which the last row closes;
@@ -60,9 +62,10 @@ class Model(NamedTuple):
             ``policy.LookupTables.leads`` [control frames]; the speed from which on a strike is strong [m/s];
             the share of ``Crowding``'s gap that bodies keep; radius of forearm and glove. Shape (P, 14), float64.
         twins: For each state the one of the captured motion that it is, or is the mirror image of. Shape (S,), int32.
-        falls: Actions that nobody chooses: the policy, the kind (0 fall, 1 lie, 2 rise, 3 stagger), the action, and the
-            row of the fall that it belongs to. Shape (F, 4), int32.
-        fall_directions: Where each leads, 0 ahead and pi behind the avatar [rad]. Shape (F,), float64.
+        falls: What knocks avatars down: policy, kind (0 falls, 1 lies, 2 rises, 3 staggers), action, and the row of the
+            fall that it belongs to, of a stagger its own. Shape (n, 4), int32.
+        fall_directions: Bearing of the trunk's way in the avatar's ground frame at the start of that fall or stagger:
+            0 forward, pi / 2 to the left [rad]. Shape (n,), float64.
     """
 
     offsets: Array

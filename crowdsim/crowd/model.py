@@ -18,6 +18,7 @@ from crowdsim.crowd.model_tables import (
     behaviour_rows,
     count_rows,
     discount_rows,
+    fall_rows,
     grid_rows,
     joined,
     joined_offsets,
@@ -35,6 +36,8 @@ from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, Term, TransitionT
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
+
+_FALL_ACTION = 2  # column of Model.falls
 
 TOLERANCE = 0.10
 """How far from the surface a strike lands (``rewards.lands``) [m], for a policy whose recipe rewards no strikes."""
@@ -84,7 +87,8 @@ def build_model(policies: Sequence[Policy]) -> Model:
     kept = np.concatenate([[0], np.cumsum(wanted)])
     of_terms = slice(layout.FIRST_TERM, layout.LOOKS_AHEAD)
     behaviours[:, of_terms] = kept[behaviours[:, of_terms].astype(int)]
-    offsets = joined_offsets([action.offsets for action in actions], starts["action"])
+    offsets = joined_offsets(actions, starts["action"])
+    falls, directions = fall_rows(policies, starts)
     strides = [*(database.stride for database in databases), 0]
     firsts = [starts["behaviour"], starts["action"], starts["state"]]
     origins = [action_starts(policy) for policy in policies]
@@ -109,8 +113,8 @@ def build_model(policies: Sequence[Policy]) -> Model:
         policies=np.column_stack([strides, *firsts]).astype(np.int32),
         sizes=np.array([_sizes(policy) for policy in policies]),
         twins=twin_states(policies, starts),
-        falls=np.zeros((0, 4), np.int32),
-        fall_directions=np.zeros(0),
+        falls=falls,
+        fall_directions=directions,
     )
 
 
@@ -137,12 +141,16 @@ def check_support(policy: Policy) -> None:
 
 
 def entry_actions(model: Model) -> Array:
-    """Return the cheapest action that ends in each state, the first among equals; -1 for none. Shape (S,), int32."""
-    ends = model.actions[:-1, layout.NEXT]
-    order = np.lexsort((np.arange(len(ends)), model.moves[:, layout.COST], ends))
+    """Return the cheapest action that ends in each state, the first among equals; -1 for none. Shape (S,), int32.
+
+    Falls are none of them.
+    """
+    chosen = np.setdiff1d(np.arange(len(model.actions) - 1), model.falls[:, _FALL_ACTION])
+    ends = model.actions[chosen, layout.NEXT]
+    order = np.lexsort((np.arange(len(ends)), model.moves[chosen, layout.COST], ends))
     entries = np.full(len(model.offsets) - 1, -1, np.int32)
     states, first = np.unique(ends[order], return_index=True)
-    entries[states] = order[first]
+    entries[states] = chosen[order[first]]
     return entries
 
 
@@ -160,7 +168,7 @@ def _sizes(policy: Policy) -> list[float]:
     pace = float(steps.max(initial=0.0)) * database.stride
     drops = (body.neck_drop, body.pelvis_drop)
     tolerance = _tolerance(policy)
-    leads = [lead * float(np.mean(policy.actions.lengths)) for lead in (HALFWAY, LEAD)]
+    leads = [lead * policy.actions.mean_length for lead in (HALFWAY, LEAD)]
     far = farthest(policy)
     return [
         body.head_radius,

@@ -10,6 +10,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels import layout
 from crowdsim.motion import ground
+from crowdsim.policy.falls import FALL, LYING, RISE, STAGGER
 from crowdsim.policy.rewards import StrikeTerm, TransitionTerm
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ def count_rows(policies: Sequence[Policy], tables: Sequence[LookupTables]) -> di
     """Return where the rows of each policy begin in arrays of each kind, and behind them where the last one ends."""
     actions = [table.actions for table in tables]
     return {
-        "state": _starts_of([action.state_count for action in actions]),
+        "state": _starts_of([action.state_count + _spare_states(action) for action in actions]),
         "action": _starts_of([action.action_count for action in actions]),
         "path": _starts_of([len(action.paths) for action in actions]),
         "strike": _starts_of([len(action.strike_times) for action in actions]),
@@ -33,6 +34,30 @@ def count_rows(policies: Sequence[Policy], tables: Sequence[LookupTables]) -> di
         "term": _starts_of([len(table.terms) for table in tables]),
         "table": _starts_of([len(table.table) for table in tables]),
     }
+
+
+def _spare_states(actions: Actions) -> int:
+    """Return how many states a policy has in a run besides its own: one for each fall, to which no action leads."""
+    return actions.action_count - actions.choice_count
+
+
+def fall_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> tuple[Array, Array]:
+    """Return the falls and staggers of all policies, and their directions; see ``Model.falls``."""
+    rows: list[tuple[int, int, int, int]] = []
+    directions: list[float] = []
+    for p, (first, policy) in enumerate(zip(starts["action"], policies, strict=False)):
+        falls = policy.falls
+        if falls is None:
+            continue
+        for number, direction in enumerate(falls.direction.tolist()):
+            own = len(rows)
+            for kind, actions in ((FALL, falls.fall), (LYING, falls.lie), (RISE, falls.rise)):
+                rows.append((p, kind, int(first + actions[number]), own))
+                directions.append(direction)
+        for action, direction in zip(falls.stagger.tolist(), falls.stagger_direction.tolist(), strict=True):
+            rows.append((p, STAGGER, int(first + action), len(rows)))
+            directions.append(direction)
+    return np.array(rows, np.int32).reshape(-1, 4), np.array(directions, float)
 
 
 def behaviour_rows(
@@ -131,7 +156,9 @@ def twin_states(policies: Sequence[Policy], starts: dict[str, Array]) -> Array:
     parts = []
     for first, policy in zip(starts["state"], policies, strict=False):
         captured = policy.graph.captured_states(policy.database.captured_frames)
-        parts.append(first + np.arange(policy.actions.state_count) % max(captured, 1))
+        count = policy.actions.state_count
+        parts.append(first + np.arange(count) % max(captured, 1))
+        parts.append(first + np.arange(count, count + _spare_states(policy.actions)))
     return np.concatenate(parts).astype(np.int32)
 
 
@@ -214,7 +241,10 @@ def _moved(parts: Sequence[Array], starts: Array) -> Array:
     return np.concatenate(moved).astype(np.int32)
 
 
-def joined_offsets(parts: Sequence[Array], starts: Array) -> Array:
-    """Return CSR offsets of each policy as one, which count from the run's first row."""
-    inner = [np.asarray(part[:-1], np.int64) + start for part, start in zip(parts, starts, strict=False)]
+def joined_offsets(actions: Sequence[Actions], starts: Array) -> Array:
+    """Return CSR offsets of the actions of each policy as one; falls have a state each behind those of their policy."""
+    inner = [
+        start + np.concatenate([np.asarray(one.offsets[:-1], np.int64), np.arange(one.choice_count, one.action_count)])
+        for one, start in zip(actions, starts, strict=False)
+    ]
     return np.concatenate([*inner, starts[-1:]]).astype(np.int32)

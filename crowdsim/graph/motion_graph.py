@@ -62,9 +62,9 @@ def _find(
     contacts = np.ascontiguousarray(database.contacts[:: database.stride])
     near = _frames(settings.near, database.control_rate)
     ceiling = np.inf if threshold is None else threshold
-    return find_transitions(
+    found = find_transitions(
         features,
-        database.clip_starts,
+        database.segment_starts,
         contacts,
         near,
         settings.branching,
@@ -72,6 +72,8 @@ def _find(
         progress=progress,
         leading=database.captured_frames,
     )
+    fallen = database.falls.mask(database.frame_count)
+    return found.chosen(~fallen[found.sources] & ~fallen[found.targets]) if fallen.any() else found
 
 
 def _graph_at(
@@ -82,9 +84,9 @@ def _graph_at(
     # What costs nearly the threshold is worth little, and a little more than nothing.
     worth = np.float32(threshold) - below.costs + 1e-6
     spacing = _frames(settings.spacing, database.control_rate)
-    decisions = decision_frames(below, worth, database.clip_starts, spacing)
+    decisions = decision_frames(below, worth, database.segment_starts, spacing)
     chosen = with_images(below.chosen(decisions[below.sources]), database.captured_frames, database.frame_count)
-    return graph_of_transitions(chosen, database.clip_starts, threshold, database.clip_names)
+    return graph_of_transitions(chosen, database.segment_starts, threshold, database.segment_names)
 
 
 def _graph_of_actions(

@@ -9,7 +9,7 @@ the end of a clip, is a state too, with one action.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -63,18 +63,32 @@ class MotionGraph:
 
     @property
     def action_count(self) -> int:
-        """Number of actions A."""
+        """Number of actions A, falls included."""
         return len(self.action_next)
 
     @property
+    def choice_count(self) -> int:
+        """Number of actions that belong to states; those behind them are falls."""
+        return int(self.action_offsets[-1])
+
+    @property
+    def without_falls(self) -> MotionGraph:
+        """The graph of the actions that belong to states."""
+        count = self.choice_count
+        if count == self.action_count:
+            return self
+        names = ("action_next", "action_first", "action_lengths", "action_costs")
+        return replace(self, **{name: getattr(self, name)[:count] for name in names})
+
+    @property
     def action_states(self) -> Array:
-        """State in which each action begins. Shape (A,), int32."""
+        """State in which each action begins that belongs to one. Shape (choice_count,), int32."""
         return np.repeat(np.arange(self.state_count, dtype=np.int32), np.diff(self.action_offsets))
 
     @property
     def action_has_transition(self) -> Array:
-        """Whether each action begins with a transition rather than the captured next frame. Shape (A,), bool."""
-        return self.action_first != self.state_frames[self.action_states] + 1
+        """Whether each of these begins with a transition, not the captured next frame. Shape (choice_count,), bool."""
+        return self.action_first[: self.choice_count] != self.state_frames[self.action_states] + 1
 
     def captured_states(self, captured: int) -> int:
         """Return the number of states before their mirror images: that of state s is s + this.
@@ -87,19 +101,20 @@ class MotionGraph:
         return self.state_count // 2 if len(self.action_images(captured)) else self.state_count
 
     def action_images(self, captured: int) -> Array:
-        """Return the mirror image of each action of the captured states. Shape (A / 2,), int64.
+        """Return the mirror image of each action of the captured states. Shape (choice_count / 2,), int64.
 
         Empty where the graph is not its own mirror image.
 
         Args:
             captured: Number of captured frames, behind which their mirror images lie.
         """
-        frames, half, count = len(self.frames_kept), self.state_count // 2, self.action_count // 2
+        frames, half, count = len(self.frames_kept), self.state_count // 2, self.choice_count // 2
+        first = self.action_first[: self.choice_count]
         own, others = self.state_frames[:half], self.state_frames[half:]
         if 2 * captured == frames and np.array_equal(own + captured, others):
-            pairs = self.state_frames[self.action_states].astype(np.int64) * frames + self.action_first
+            pairs = self.state_frames[self.action_states].astype(np.int64) * frames + first
             images = pairs[:count] + captured * frames
-            images += np.where(self.action_first[:count] < captured, captured, -captured)
+            images += np.where(first[:count] < captured, captured, -captured)
             order = np.argsort(pairs, kind="stable")
             if np.array_equal(np.sort(images), pairs[order][count:]):
                 result: Array = order[np.searchsorted(pairs[order], images)]
@@ -116,7 +131,7 @@ def graph_of_transitions(
         transitions: The transitions; none leads to the first frame of a clip.
         clip_starts: First frame of each clip, and F. Shape (C + 1,).
         threshold: Largest cost that was allowed [m].
-        clip_names: Names of the clips for messages.
+        clip_names: Names of the clips for messages; parts of a clip, which may be left out, have empty ones.
 
     Raises:
         MotionError: The graph has no cycle, or only one loop without a decision.
@@ -195,7 +210,7 @@ def _dropped_clips(kept: Array, clip_starts: Array, clip_names: tuple[str, ...])
     return tuple(
         f"clip {name!r} drops out of the motion graph: none of its {stop - start} frames can be reached and left again"
         for name, start, stop in zip(clip_names, clip_starts[:-1], clip_starts[1:], strict=False)
-        if not kept[start:stop].any()
+        if name and not kept[start:stop].any()
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.motion.body import Body
 from crowdsim.motion.contacts import find_contacts, find_floor
+from crowdsim.motion.falls import FallSpans, find_falls
 from crowdsim.motion.skeleton import Clip
 from crowdsim.motion.strikes import HANDS, Strikes, find_strikes
 from crowdsim.motion.tracks import Tracks, clip_tracks
@@ -26,6 +27,7 @@ class ClipAnalysis:
         tracks: Paths of the body's points.
         contacts: Whether the left and right foot are planted. Shape (F, 2), bool.
         strikes: The strikes of the limbs that were asked for.
+        falls: Falls and staggers.
     """
 
     clip: Clip
@@ -34,10 +36,11 @@ class ClipAnalysis:
     tracks: Tracks
     contacts: Array
     strikes: Strikes
+    falls: FallSpans
 
 
 def analyse_clip(clip: Clip, body: Body, calibrate_floor: bool = True, limbs: Sequence[int] = HANDS) -> ClipAnalysis:
-    """Find the floor, contacts and strikes of a clip.
+    """Find the floor, contacts, strikes and falls of a clip.
 
     Args:
         clip: The clip in metres, y up, without its lead-in, at 60 frames a second or more for true speeds; at least
@@ -55,6 +58,7 @@ def analyse_clip(clip: Clip, body: Body, calibrate_floor: bool = True, limbs: Se
         tracks=tracks,
         contacts=find_contacts(tracks, body.height, clip.fps),
         strikes=find_strikes(tracks, body.height, clip.fps, limbs),
+        falls=find_falls(tracks, body.height, clip.fps),
     )
 
 

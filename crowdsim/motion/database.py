@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +14,8 @@ from crowdsim.errors import MotionError
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.analysis import ClipAnalysis, analyse_clip
 from crowdsim.motion.body import HEIGHT, Body
+from crowdsim.motion.fall_spans import clip_spans, joined_spans, settle_ground
+from crowdsim.motion.falls import FallSpans, no_falls
 from crowdsim.motion.measuring import MeasuredClip
 from crowdsim.motion.mirroring import mirrored
 from crowdsim.motion.resampling import resample
@@ -57,6 +61,8 @@ class MotionDatabase:
         strike_speeds: That speed, relative to the pelvis [m/s]. Shape (S,), float32.
         strike_positions: Position of the fist or foot at ``strike_frames`` in that frame's ground frame [m].
             Shape (S, 3), float32.
+        falls: Falls and staggers, control frames, with bearings in the ground frames at their starts. There are no
+            strikes in them.
     """
 
     skeleton: Skeleton
@@ -78,6 +84,7 @@ class MotionDatabase:
     strike_peaks: Array
     strike_speeds: Array
     strike_positions: Array
+    falls: FallSpans = field(default_factory=no_falls)
 
     @property
     def stride(self) -> int:
@@ -95,6 +102,37 @@ class MotionDatabase:
         count = len(self.clip_names) // 2
         images = tuple(f"{name}~mirror" for name in self.clip_names[:count])
         return int(self.clip_starts[count]) if count and self.clip_names[count:] == images else self.frame_count
+
+    @property
+    def segment_starts(self) -> Array:
+        """First control frame of each stretch of clips between falls, and of each fall, and F. Int32."""
+        spans = self.falls.spans
+        if not len(spans):
+            return self.clip_starts
+        cuts = np.concatenate([self.clip_starts, spans[:, 0], spans[:, 1] + 1])
+        return np.unique(cuts).astype(np.int32)
+
+    @property
+    def segment_names(self) -> tuple[str, ...]:
+        """Names of the clips that ``segment_starts`` leaves whole, and empty ones for parts of others."""
+        whole = dict(zip(zip(self.clip_starts[:-1], self.clip_starts[1:], strict=True), self.clip_names, strict=True))
+        return tuple(whole.get(ends, "") for ends in itertools.pairwise(self.segment_starts))
+
+    def standing(self, stride: int = 1) -> Any:
+        """Return an index of the frames outside falls and staggers: all of them, as a slice, where there are none.
+
+        Args:
+            stride: Frames in a control frame: 1 for control frames, ``self.stride`` for playback frames.
+        """
+        if not len(self.falls.spans):
+            return slice(None)
+        return np.repeat(~self.falls.mask(self.frame_count), stride)
+
+    @property
+    def head_heights(self) -> Array:
+        """Heights of the head's centre in playback frames outside falls and staggers [m]. Float32."""
+        result: Array = self.heads[self.standing(self.stride), 1]
+        return result
 
     @property
     def seconds(self) -> float:
@@ -180,7 +218,10 @@ def _join(
     parts, stride = clips + images, round(playback_rate / control_rate)
     lengths = np.array([part.clip.frame_count for part in parts])
     starts = np.concatenate([[0], np.cumsum(lengths)])
-    grounds = _grounds(clips) + _grounds(images)
+    spans = clip_spans(clips, stride)
+    grounds = _grounds(clips, spans, stride) + _grounds(images, spans, stride)
+    falls = joined_spans(spans, starts // stride, np.concatenate(grounds), stride, bool(images))
+    fallen = np.repeat(falls.mask(int(starts[-1]) // stride), stride)
 
     def local(name: str) -> Array:
         positions = [getattr(part.tracks, name) for part in parts]
@@ -191,8 +232,10 @@ def _join(
         values = [getattr(part.strikes, name) for part in parts]
         if shift:
             values = [value + start for value, start in zip(values, starts[:-1], strict=True)]
-        return np.concatenate(values).astype(values[0].dtype)
+        return np.concatenate(values).astype(values[0].dtype)[upright]
 
+    # Arms that flail in a fall do not strike.
+    upright = ~fallen[np.concatenate([part.strikes.frames + start for part, start in zip(parts, starts, strict=False)])]
     fists, frames, numbers = local("fists"), strikes("frames", shift=True).astype(np.int32), strikes("limbs")
     return MotionDatabase(
         skeleton=parts[0].clip.skeleton,
@@ -214,10 +257,11 @@ def _join(
         strike_peaks=strikes("peaks", shift=True).astype(np.int32),
         strike_speeds=strikes("speeds"),
         strike_positions=np.concatenate([fists, local("feet")], axis=1)[frames, numbers],
+        falls=falls,
     )
 
 
-def _grounds(clips: list[ClipAnalysis]) -> list[Array]:
+def _grounds(clips: list[ClipAnalysis], spans: list[FallSpans], stride: int) -> list[Array]:
     """Return each clip's ground transforms: its stances, with headings in the mean direction of bodies over all clips.
 
     Feet that pass one another say nothing about where a body faces: the faster it travels, the more hips and shoulders
@@ -228,13 +272,19 @@ def _grounds(clips: list[ClipAnalysis]) -> list[Array]:
     away = [ground.wrap(clip.tracks.ground[:, 2] - clip.tracks.stances[:, 2]) for clip in clips]
     travel = [_travelling(clip) for clip in clips]
     weights = 1.0 - np.concatenate(travel) + 1e-6
+    weights[np.concatenate([_fallen(clip, one, stride) for clip, one in zip(clips, spans, strict=True)])] = 0.0
     mean = float(np.angle(np.sum(weights * np.exp(1j * np.concatenate(away)))))
     aligned: list[Array] = []
-    for clip, gap, share in zip(clips, away, travel, strict=True):
+    for clip, gap, share, own in zip(clips, away, travel, spans, strict=True):
         stances = clip.tracks.stances.copy()
         stances[:, 2] += mean + share * ground.wrap(gap - mean)
-        aligned.append(stances)
+        aligned.append(settle_ground(stances, clip.tracks.pelvises, own, stride))
     return aligned
+
+
+def _fallen(clip: ClipAnalysis, spans: FallSpans, stride: int) -> Array:
+    """Return which playback frames of a clip lie in falls and staggers. Shape (P,), bool."""
+    return np.repeat(spans.mask(clip.clip.frame_count // stride), stride)
 
 
 def _travelling(analysis: ClipAnalysis) -> Array:

@@ -13,8 +13,10 @@ from crowdsim.performer.score import (
     Accent,
     Channel,
     Defence,
+    Fall,
     Reach,
     Score,
+    Stagger,
 )
 from crowdsim.performer.steps import Stepper
 
@@ -156,7 +158,7 @@ class Choreographer(Stepper):
         times = at(part.start, False), at(part.peak, False), at(part.fall, True), at(part.end, True)
         self.accent(part.channel, size, *times)
 
-    def finish(self, seconds: float) -> Score:
+    def finish(self, seconds: float, falls: tuple[Fall, ...] = (), staggers: tuple[Stagger, ...] = ()) -> Score:
         """Return the score of a clip of this length [s]."""
         return Score(
             seconds=seconds,
@@ -169,4 +171,6 @@ class Choreographer(Stepper):
             reaches=tuple(self._reaches),
             defences=tuple(self._defences),
             travels=tuple(self._travels),
+            falls=falls,
+            staggers=staggers,
         )

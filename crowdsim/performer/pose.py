@@ -141,7 +141,6 @@ def pose_arm(
         Local rotations of upper arm, forearm and hand, each (F, 4).
     """
     sign = 1.0 if side == 0 else -1.0
-    lower = bones.FOREARM + bones.FIST_AHEAD
     gap = fist - shoulder
     distance = np.linalg.norm(gap, axis=-1)
     axis = gap / np.maximum(distance, 1e-9)[:, None]
@@ -151,6 +150,18 @@ def pose_arm(
     carried = quat.multiply(quat.between(quat.rotate(chest_rotation, _AHEAD), axis), chest_rotation)
     down, out = quat.rotate(carried, _DOWN), quat.rotate(carried, _LEFT) * sign
     pole = np.cos(swivel)[:, None] * down + np.sin(swivel)[:, None] * out
+    return bend_arm(side, collar, shoulder, fist, pole, roll)
+
+
+def bend_arm(
+    side: int, collar: Array, shoulder: Array, fist: Array, pole: Array, roll: Array
+) -> tuple[Array, Array, Array]:
+    """Bend an arm as ``pose_arm`` does, the elbow where ``pole`` (F, 3) points, at a right angle to the arm."""
+    sign = 1.0 if side == 0 else -1.0
+    lower = bones.FOREARM + bones.FIST_AHEAD
+    gap = fist - shoulder
+    distance = np.linalg.norm(gap, axis=-1)
+    axis = gap / np.maximum(distance, 1e-9)[:, None]
     bone, away, fold = triangle(axis, distance, bones.UPPER_ARM, lower, pole)
     x, z = bone * sign, -away
     upper_rotation = frame_of(x, np.cross(z, x), z)
@@ -177,10 +188,8 @@ def ankle_position(ball: Array, rotation: Array) -> Array:
     return ball - quat.rotate(rotation, np.array([0.0, bones.BALL_HEIGHT - bones.ANKLE_HEIGHT, bones.BALL_AHEAD]))
 
 
-def pose_leg(
-    hips_rotation: Array, hip: Array, ankle: Array, foot: Array, knee_yaw: Array
-) -> tuple[Array, Array, Array]:
-    """Bend a leg so that the ankle is where it should be and the knee points along ``knee_yaw`` (F,) [rad].
+def pose_leg(hips_rotation: Array, hip: Array, ankle: Array, foot: Array, ahead: Array) -> tuple[Array, Array, Array]:
+    """Bend a leg so that the ankle is where it should be and the knee points as nearly ``ahead`` (F, 3) as it can.
 
     Returns:
         Local rotations of thigh, shank and foot, each (F, 4).
@@ -188,7 +197,6 @@ def pose_leg(
     gap = ankle - hip
     distance = np.linalg.norm(gap, axis=-1)
     axis = gap / distance[:, None]
-    ahead = np.stack([np.sin(knee_yaw), np.zeros_like(knee_yaw), np.cos(knee_yaw)], axis=-1)
     pole = unit(ahead - axis * np.sum(axis * ahead, axis=-1, keepdims=True))
     distance = np.minimum(distance, 0.9995 * (bones.THIGH + bones.SHANK))
     bone, away, fold = triangle(axis, distance, bones.THIGH, bones.SHANK, pole)

@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum, auto
 
+Vector = tuple[float, float, float]
+
 LEAD, REAR = 0, 1
 """Feet and hands: the lead is the left one of an orthodox boxer."""
 
@@ -177,6 +179,65 @@ class Defence:
 
 
 @dataclass(frozen=True)
+class Pose:
+    """A pose of a fall at ``time`` [s]; lengths [m] and angles [rad] in the world, feet and hands lead, rear.
+
+    Attributes:
+        time: When the body is in it.
+        hips: Position of the pelvis; lower than the body can lie, it rests on the floor.
+        rotation: Rotation of the pelvis, a quaternion.
+        spine: Twist, flexion and bend of the spine.
+        head: Nod and turn of the head against the chest.
+        hands: Positions of the fists in the chest's frame.
+        props: Positions of the fists where hands are on the floor, or on a knee.
+        propped: How far each hand is there, 0 or 1.
+        elbows: Swivel of the elbows.
+        balls: Positions of the balls of the feet.
+        yaws: Headings of the feet.
+        pitches: Lift of the heels over the balls, below 0 that of the toes over the heels.
+        splays: How far each knee points outwards.
+    """
+
+    time: float
+    hips: Vector
+    rotation: tuple[float, float, float, float]
+    spine: Vector
+    head: tuple[float, float]
+    hands: tuple[Vector, Vector]
+    props: tuple[Vector, Vector]
+    propped: tuple[float, float]
+    elbows: tuple[float, float]
+    balls: tuple[Vector, Vector]
+    yaws: tuple[float, float]
+    pitches: tuple[float, float]
+    splays: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Fall:
+    """A fall: standing until ``start``, on the floor from ``down`` to ``rise``, in the guard again at ``end`` [s].
+
+    ``kind`` is a key of ``falls.FALLS``; between ``start`` and ``end`` the body goes through ``poses``.
+    """
+
+    kind: str
+    start: float
+    down: float
+    rise: float
+    end: float
+    poses: tuple[Pose, ...]
+
+
+@dataclass(frozen=True)
+class Stagger:
+    """Catching steps between ``start`` and ``end`` [s] after a hit that threw the trunk one way."""
+
+    kind: str
+    start: float
+    end: float
+
+
+@dataclass(frozen=True)
 class Style:
     """How one clip's boxer stands: what the accents are added to. Lengths [m], angles [rad], rates [Hz].
 
@@ -227,3 +288,5 @@ class Score:
     reaches: tuple[Reach, ...]
     defences: tuple[Defence, ...]
     travels: tuple[Travel, ...] = ()
+    falls: tuple[Fall, ...] = ()
+    staggers: tuple[Stagger, ...] = ()

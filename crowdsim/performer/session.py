@@ -15,6 +15,7 @@ from crowdsim.core.types import Progress
 from crowdsim.errors import nearest
 from crowdsim.motion.skeleton import Clip
 from crowdsim.performer.defences import DEFENCES
+from crowdsim.performer.falls import FALLS, STAGGERS, write_fall, write_stagger
 from crowdsim.performer.phrases import THEMES, write_score
 from crowdsim.performer.punches import PUNCHES
 from crowdsim.performer.score import Score
@@ -26,7 +27,7 @@ from crowdsim.performer.truth import Truth, find_truth, mirror_truth
 CLIP_SECONDS = 30.0
 """About how long one clip is."""
 STANCES = ("orthodox", "southpaw")
-MOVES = (*PUNCHES, *DEFENCES, *FOOTWORK)
+MOVES = (*PUNCHES, *DEFENCES, *FOOTWORK, *FALLS, *STAGGERS)
 """What can be performed alone."""
 
 
@@ -58,15 +59,17 @@ def perform(
     fps: float = 60.0,
     stance: str = "orthodox",
     progress: Progress | None = None,
+    falls: int = 0,
 ) -> list[Performance]:
     """Perform a session of boxing: several clips, each from guard to guard.
 
     Args:
-        seconds: Length of all clips together [s].
+        seconds: Length of all clips together but those of falls [s].
         seed: The same seed gives the same bytes.
         fps: Frames a second.
         stance: "orthodox" (left side leads) or "southpaw", its mirror image.
         progress: Called with ("perform", clips done, clips).
+        falls: How often each kind of fall and stagger is performed, in clips of their own behind the others.
 
     Raises:
         ValueError: A length or rate is not positive, or the stance is unknown.
@@ -83,6 +86,24 @@ def perform(
         performances.append(_perform_score(f"performer_{index:02d}", score, frames, fps, stance, life))
         if progress is not None:
             progress("perform", index + 1, len(lengths))
+    return performances + _perform_falls(falls, seed, fps, stance)
+
+
+_FALLS_STREAM = 1 << 20
+"""Which stream of a seed falls are drawn from: not one of a session's clips."""
+
+
+def _perform_falls(count: int, seed: int, fps: float, stance: str) -> list[Performance]:
+    """Perform each kind of fall and stagger so many times."""
+    performances = []
+    for index, kind in enumerate((*FALLS, *STAGGERS)):
+        for take in range(count):
+            root = np.random.SeedSequence(seed, spawn_key=(_FALLS_STREAM, index, take))
+            plan, life = (np.random.default_rng(child) for child in root.spawn(2))
+            score = write_fall(kind, plan) if kind in FALLS else write_stagger(kind, plan)
+            word = kind if kind in STAGGERS else f"fall_{kind}"
+            name, frames = f"performer_{word}_{take:02d}", round(score.seconds * fps)
+            performances.append(_perform_score(name, score, frames, fps, stance, life))
     return performances
 
 
@@ -107,7 +128,12 @@ def perform_solo(move: str, seed: int = 1, fps: float = 60.0, stance: str = "ort
         raise ValueError(f"unknown move {move!r}; expected one of {', '.join(MOVES)}{nearest(move, MOVES)}")
     _check_stance(stance)
     plan, life = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
-    score = write_solo(move, plan)
+    if move in FALLS:
+        score = write_fall(move, plan, 0.0)
+    elif move in STAGGERS:
+        score = write_stagger(move, plan, 0.0)
+    else:
+        score = write_solo(move, plan)
     return _perform_score(move, score, round(score.seconds * fps), fps, stance, life)
 
 
@@ -141,17 +167,19 @@ def write_performance(
     fps: float = 60.0,
     stance: str = "orthodox",
     progress: Progress | None = None,
+    falls: int = 0,
 ) -> list[Path]:
     """Perform a session and write its clips to ``performer_00.bvh`` and so on; return the files.
 
-    The folder is made when it is missing. Ground truth is not written.
+    Falls and staggers go to ``performer_fall_forward_00.bvh`` and so on. The folder is made when it is missing. Ground
+    truth is not written.
     """
     from crowdsim.bvh.io import write_bvh
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    for performance in perform(seconds, seed, fps, stance, progress):
+    for performance in perform(seconds, seed, fps, stance, progress, falls):
         path = folder / f"{performance.clip.name}.bvh"
         write_bvh(path, performance.clip)
         paths.append(path)

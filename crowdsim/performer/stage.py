@@ -12,6 +12,7 @@ from crowdsim.motion import quaternion as quat
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.performer import skeleton as bones
 from crowdsim.performer.curves import pulse, smooth_below, soft_cap, soft_floor, window
+from crowdsim.performer.falling import fall_over, without_plants
 from crowdsim.performer.fists import clear_head, lead_fists
 from crowdsim.performer.footwork import Footwork, trace_feet
 from crowdsim.performer.gait import GAITS
@@ -173,6 +174,9 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
         rotations[:, bones.ARMS[side]] = upper
         rotations[:, bones.FOREARMS[side]] = forearm
         rotations[:, bones.HANDS[side]] = hand
+    if score.falls:
+        hips, rotations, weight = fall_over(skeleton, hips, rotations, score.falls, times, rng)
+        feet = without_plants(feet, weight)
     return Staged(hips, quat.continuous(rotations), feet, fists, shoulders, reaches)
 
 
@@ -200,9 +204,9 @@ def _bend_legs(trunk: Trunk, soles: _Soles, rotations: Array) -> None:
     for foot in range(2):
         sign = 1 - 2 * foot
         hip = trunk.hips + quat.rotate(trunk.hips_rotation, np.array([bones.HIP_HALF * sign, -bones.HIP_DROP, 0.0]))
-        thigh, shank, sole = pose_leg(
-            trunk.hips_rotation, hip, soles.ankles[:, foot], soles.rotations[foot], soles.yaws[foot]
-        )
+        yaw = soles.yaws[foot]
+        ahead = np.stack([np.sin(yaw), np.zeros_like(yaw), np.cos(yaw)], axis=-1)
+        thigh, shank, sole = pose_leg(trunk.hips_rotation, hip, soles.ankles[:, foot], soles.rotations[foot], ahead)
         rotations[:, bones.UP_LEGS[foot]] = thigh
         rotations[:, bones.LEGS[foot]] = shank
         rotations[:, bones.FEET[foot]] = sole

@@ -58,6 +58,29 @@ class TrueTravel:
 
 
 @dataclass(frozen=True)
+class TrueFall:
+    """A fall: hit at frame ``start``, lying from ``down`` to ``rise``, and in the guard again from ``end`` on.
+
+    ``kind`` is a word of ``falls.FALLS``, seen by an orthodox boxer.
+    """
+
+    kind: str
+    start: int
+    down: int
+    rise: int
+    end: int
+
+
+@dataclass(frozen=True)
+class TrueStagger:
+    """A stagger of one kind over frames ``start`` to ``end``, half-open."""
+
+    kind: str
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
 class Truth:
     """Ground truth of one clip.
 
@@ -67,6 +90,8 @@ class Truth:
         defences: Defences by time.
         travels: Travel over the floor by time.
         stance: Ground transform of the stance: pelvis over the floor, heading towards the opponent. Shape (F, 3).
+        falls: Falls by time.
+        staggers: Staggers by time.
     """
 
     contacts: Array
@@ -74,6 +99,8 @@ class Truth:
     defences: tuple[TrueDefence, ...]
     travels: tuple[TrueTravel, ...]
     stance: Array
+    falls: tuple[TrueFall, ...] = ()
+    staggers: tuple[TrueStagger, ...] = ()
 
 
 def find_truth(score: Score, staged: Staged, times: Array) -> Truth:
@@ -114,10 +141,19 @@ def find_truth(score: Score, staged: Staged, times: Array) -> Truth:
         TrueTravel(t.gait, int(np.ceil(t.start * fps)), min(int(t.end * fps) + 1, len(times)))
         for t in sorted(score.travels, key=lambda t: t.start)
     )
-    return Truth(staged.footwork.planted.copy(), tuple(strikes), defences, travels, stance)
+    falls = tuple(TrueFall(f.kind, *(round(t * fps) for t in (f.start, f.down, f.rise, f.end))) for f in score.falls)
+    staggers = tuple(TrueStagger(s.kind, round(s.start * fps), round(s.end * fps)) for s in score.staggers)
+    return Truth(staged.footwork.planted.copy(), tuple(strikes), defences, travels, stance, falls, staggers)
 
 
-_OTHER_SIDE = {"slip_left": "slip_right", "slip_right": "slip_left"}
+_OTHER_SIDE = {
+    "slip_left": "slip_right",
+    "slip_right": "slip_left",
+    "left": "right",
+    "right": "left",
+    "stagger_left": "stagger_right",
+    "stagger_right": "stagger_left",
+}
 
 
 def mirror_truth(truth: Truth) -> Truth:
@@ -131,4 +167,6 @@ def mirror_truth(truth: Truth) -> Truth:
         defences=tuple(replace(d, kind=_OTHER_SIDE.get(d.kind, d.kind)) for d in truth.defences),
         travels=truth.travels,
         stance=truth.stance * np.array([-1.0, 1.0, -1.0]),
+        falls=tuple(replace(f, kind=_OTHER_SIDE.get(f.kind, f.kind)) for f in truth.falls),
+        staggers=tuple(replace(s, kind=_OTHER_SIDE.get(s.kind, s.kind)) for s in truth.staggers),
     )

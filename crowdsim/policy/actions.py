@@ -24,7 +24,8 @@ class Actions(NamedTuple):
     named tuple, so that compiled code can be handed all of it.
 
     Attributes:
-        offsets: CSR: actions of state s are ``offsets[s]:offsets[s + 1]``. Shape (S + 1,), int32.
+        offsets: CSR: actions of state s are ``offsets[s]:offsets[s + 1]``. Shape (S + 1,), int32. Those behind
+            ``offsets[S]`` are falls.
         next: State in which each action ends. Shape (A,), int32.
         lengths: Length T of each action [control frames]. Shape (A,), int32.
         shifts: Where the ground transform of the motion's frame lies when each action starts, as seen from the
@@ -69,6 +70,16 @@ class Actions(NamedTuple):
     def action_count(self) -> int:
         """Number of actions A."""
         return len(self.next)
+
+    @property
+    def choice_count(self) -> int:
+        """Number of actions that belong to states; those behind them are falls."""
+        return int(self.offsets[-1])
+
+    @property
+    def mean_length(self) -> float:
+        """Mean length of the actions that belong to states [control frames]."""
+        return float(np.mean(self.lengths[: self.choice_count]))
 
     @property
     def displacements(self) -> Array:

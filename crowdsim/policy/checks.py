@@ -1,7 +1,7 @@
 """What the arrays of a bundle must be, so that nothing in one can lead compiled code out of bounds.
 
 J joints, E end sites, C capsules, M clips, F control frames, P playback frames, N strikes of the database, S states,
-A actions, T transitions, L rows of paths, K strikes in actions.
+A actions, Q of them of states, H falls, G staggers, T transitions, L rows of paths, K strikes in actions.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from crowdsim.array_checks import (
+    ArrayFault,
     Ascending,
     Check,
     Column,
@@ -30,6 +31,10 @@ from crowdsim.motion.strikes import LIMBS
 
 STATE_VALUES = "state_values"
 """Name of the array of ``Behaviour.state_values``, one after another."""
+
+FALLS = ("falls_fall", "falls_lie", "falls_rise", "falls_stagger")
+OF_FALLS = (*FALLS, "falls_direction", "falls_stagger_direction")
+"""Names of the arrays of ``policy.falls.Falls``, all of which are there or none: numbers of actions, and all."""
 
 FAR, NEAR, TURNS = 1e6, 1e3, 1e5
 """Greatest positions in the world of a clip and in the frame of a body [m], and headings that are not wrapped [rad]."""
@@ -93,7 +98,7 @@ TABLE: Mapping[str, Column] = {
     "database_strike_positions": _singles(("N", 3), _NEAR),
     "graph_state_frames": _ints(("S",), Index("F", least=1), Ascending(strictly=True)),
     "graph_action_next": _ints(("A",), Index("S")),
-    "graph_action_offsets": _ints(("S+1",), Offsets("A", least=1, most=MOST)),
+    "graph_action_offsets": _ints(("S+1",), Offsets("Q", least=1, most=MOST)),
     "graph_action_first": _ints(("A",), Index("F", least=1)),
     "graph_action_lengths": _ints(("A",), Within(1, LONGEST)),
     "graph_action_costs": _singles(("A",), _COSTS),
@@ -113,6 +118,12 @@ TABLE: Mapping[str, Column] = {
     "actions_strike_origins": _singles(("K", 2), _NEAR),
     "actions_strike_speeds": _singles(("K",), Within(0.0, NEAR)),
     "actions_strike_ids": _ints(("K",), Index("N")),
+    "falls_fall": _ints(("H",), Index("A")),
+    "falls_lie": _ints(("H",), Index("A")),
+    "falls_rise": _ints(("H",), Index("A")),
+    "falls_direction": _singles(("H",), _FAR),
+    "falls_stagger": _ints(("G",), Index("A")),
+    "falls_stagger_direction": _singles(("G",), _FAR),
     "values": Column("float32 float16 uint8 uint16", ("V",)),
     STATE_VALUES: Column("float32 float16 uint8 uint16", ("W",)),
 }
@@ -137,7 +148,10 @@ def check_arrays(arrays: Mapping[str, Array], sizes: Mapping[str, int], stride: 
     for name in ("values", STATE_VALUES):
         if name in arrays and arrays[name].dtype.kind == "f":
             check_table({name: Column(str(arrays[name].dtype), ("V",), (_FLOATS,))}, {name: arrays[name]}, {})
-    check_relations(_relations(stride, found), arrays)
+    some = [name for name in OF_FALLS if name in arrays]
+    if some and len(some) < len(OF_FALLS):
+        raise ArrayFault(some[0], "is there without the other arrays of falls, expected all of them or none")
+    check_relations(_relations(stride, found) + (_FALLS if some else ()), arrays)
 
 
 def _relations(stride: int, sizes: Mapping[str, int]) -> tuple[Relation, ...]:
@@ -177,7 +191,27 @@ def _frames(arrays: Mapping[str, Array]) -> tuple[Array, Array]:
 
 def _end_in_states(arrays: Mapping[str, Array]) -> Array:
     result: Array = _frames(arrays)[1] == arrays["graph_state_frames"][arrays["graph_action_next"]]
+    result[int(arrays["graph_action_offsets"][-1]) :] = True
     return result
+
+
+def _numbered_behind(arrays: Mapping[str, Array]) -> bool:
+    three = np.stack([arrays[f"falls_{name}"] for name in ("fall", "lie", "rise")], axis=1).reshape(-1)
+    numbers = np.concatenate([three, arrays["falls_stagger"]])
+    return np.array_equal(numbers, np.arange(arrays["graph_action_offsets"][-1], len(arrays["graph_action_next"])))
+
+
+def _lie_between(arrays: Mapping[str, Array]) -> Array:
+    before, last = _frames(arrays)
+    fall, lie, rise = (arrays[f"falls_{name}"] for name in ("fall", "lie", "rise"))
+    result: Array = (before[lie] == last[fall]) & (last[lie] <= before[rise])
+    return result
+
+
+_FALLS = (
+    Relation("falls_fall", "falls, each with its lie and rise, behind the actions of states", _numbered_behind),
+    Relation("falls_lie", "lying between a fall and a rise", _lie_between),
+)
 
 
 def _stay_in_clips(arrays: Mapping[str, Array]) -> Array:

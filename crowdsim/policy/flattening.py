@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,9 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.checks import STATE_VALUES, check_arrays
+from crowdsim.policy.checks import FALLS, OF_FALLS, STATE_VALUES, check_arrays
 from crowdsim.policy.environment import Axis, build_grid
+from crowdsim.policy.falls import flatten_falls, read_falls, spans_of
 from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.rewards import AnyTerm, TargetBody
 
@@ -45,6 +47,7 @@ def flatten_policy(policy: Policy) -> tuple[dict[str, Any], dict[str, Array]]:
     }
     for name, array in zip(policy.actions._fields, policy.actions, strict=True):
         arrays[f"actions_{name}"] = array
+    arrays |= flatten_falls(policy.falls)
     half = policy.recipe["precision"] == "float16"
     tables = [behaviour.table.astype(np.float16) if half else behaviour.table for behaviour in policy.behaviours]
     arrays["values"] = np.concatenate(tables)
@@ -109,7 +112,7 @@ def assemble_motion(
     database = _join(MotionDatabase, "database", document["database"], arrays, skeleton=skeleton, body=body)
     graph = _join(MotionGraph, "graph", document["graph"], arrays)
     actions = Actions(*(arrays[f"actions_{name}"] for name in Actions._fields))
-    return database, graph, actions
+    return replace(database, falls=spans_of(read_falls(arrays), graph)), graph, actions
 
 
 def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) -> None:
@@ -125,7 +128,8 @@ def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) ->
     wanted = _STORED[document["recipe"]["precision"]]
     if arrays["values"].dtype != wanted:
         raise ArrayFault("values", f"holds {arrays['values'].dtype}, expected {wanted} for the precision of the recipe")
-    states, actions = arrays["graph_state_frames"].size, arrays["graph_action_next"].size
+    falls = sum(arrays[name].size for name in FALLS if name in arrays)
+    states, actions = arrays["graph_state_frames"].size, arrays["graph_action_next"].size - falls
     cells = [math.prod(axis["count"] for axis in report["axes"]) for report in behaviours]
     for report, count in zip(behaviours, cells, strict=True):
         expected = count * (actions if report["lookup"] == "q" else states)
@@ -135,10 +139,11 @@ def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) ->
     sizes = {
         "J": len(document["skeleton"]["names"]),
         "M": len(database["clip_names"]),
+        "Q": actions,
         "V": sum(report["entries"] for report in behaviours),
         "W": states * sum(count for report, count in zip(behaviours, cells, strict=True) if "state_values" in report),
     }
-    check_arrays(arrays, sizes, stride, (STATE_VALUES,))
+    check_arrays(arrays, sizes, stride, (STATE_VALUES, *OF_FALLS))
     longest = int(arrays["actions_lengths"].max()) + 1
     if len(behaviours) * longest**2 > _MOST_POWERS:
         what = f"are up to {longest - 1} control frames for {len(behaviours)} behaviours"
@@ -154,6 +159,7 @@ _MOST_POWERS = 1 << 25
 def assemble_policy(document: Mapping[str, Any], arrays: Mapping[str, Array]) -> Policy:
     """Return the policy that was flattened into plain data and arrays, which have passed their checks."""
     database, graph, actions = assemble_motion(document, arrays)
+    falls = read_falls(arrays)
     terms: TypeAdapter[Any] = TypeAdapter(tuple[AnyTerm, ...])
     stored = arrays["values"]
     values = stored.astype(np.float32) if stored.dtype == np.float16 else stored
@@ -187,4 +193,5 @@ def assemble_policy(document: Mapping[str, Any], arrays: Mapping[str, Array]) ->
         statistics=document["statistics"],
         fingerprint=document["fingerprint"],
         fingerprints=document["fingerprints"],
+        falls=falls,
     )

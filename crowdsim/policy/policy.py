@@ -16,6 +16,7 @@ from crowdsim.motion import ground
 from crowdsim.policy.action_rewards import action_reward
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import AXIS_WIDTH, HALFWAY, LEAD, Grid, corners, fade_factor
+from crowdsim.policy.falls import Falls
 from crowdsim.policy.rewards import TERM_WIDTH, TargetBody, Term, TransitionTerm, pack_terms
 
 if TYPE_CHECKING:
@@ -124,6 +125,8 @@ class Policy:
         statistics: What ``crowdsim inspect`` reports, plain data.
         fingerprint: SHA-256 over recipe, capture and sources, in hexadecimal.
         fingerprints: The same for each of the three alone.
+        falls: Which actions knock an avatar down; None where the motion has no falls. Actions of the graph behind
+            those that states choose among are these.
     """
 
     name: str
@@ -137,6 +140,7 @@ class Policy:
     statistics: Mapping[str, Any]
     fingerprint: str
     fingerprints: Mapping[str, str]
+    falls: Falls | None = None
 
     def behaviour(self, name: str) -> Behaviour:
         """Return the behaviour called ``name``.
@@ -180,7 +184,7 @@ def build_lookup_tables(
     if values is None:
         values = np.concatenate([behaviour.table for behaviour in behaviours])
     packed = np.array(rows, dtype=np.float64).reshape(-1, 11)
-    leads = np.array([HALFWAY, LEAD]) * float(np.mean(actions.lengths))
+    leads = np.array([HALFWAY, LEAD]) * actions.mean_length
     return LookupTables(actions, packed, np.concatenate(axes), np.concatenate(terms), np.asarray(values), leads)
 
 
@@ -240,12 +244,12 @@ def _action_value(
     first, n = int(actions.offsets[state]), int(actions.offsets[state + 1] - actions.offsets[state])
     if behaviour.lookup == "q":
         # The table holds targets at rest only: it is read at the position of the target half an action later.
-        cells, shares = corners(grid, target + min(HALFWAY * float(np.mean(actions.lengths)), lasts) * moving)
+        cells, shares = corners(grid, target + min(HALFWAY * actions.mean_length, lasts) * moving)
         return float(shares @ behaviour.values(first * grid.cells + cells * n + (action - first)))
     velocity = moving[[0, 2]], lasts
     reward = action_reward(actions, action, target, behaviour.terms, policy.body, behaviour.discount, *velocity)
     # Values are those of a target at rest; an avatar that pursues a moving one must look ahead.
-    moved = target + min(float(actions.lengths[action]) + LEAD * float(np.mean(actions.lengths)), lasts) * moving
+    moved = target + min(float(actions.lengths[action]) + LEAD * actions.mean_length, lasts) * moving
     later = ground.to_local(actions.displacements[action].astype(float), moved)
     cells, shares = corners(grid, later)
     value = float(shares @ behaviour.values(int(actions.next[action]) * grid.cells + cells))

@@ -83,6 +83,13 @@ class StrikeFigures(OpenModel):
         return self
 
 
+class FallFigures(OpenModel):
+    """What is reported of falls and staggers: their directions [rad]."""
+
+    directions: list[Number] = Field(min_length=1)
+    stagger_directions: list[Number]
+
+
 class Statistics(OpenModel):
     """What is reported of a policy, see ``training.statistics.policy_statistics``."""
 
@@ -92,6 +99,7 @@ class Statistics(OpenModel):
     warnings: list[str]
     behaviours: dict[str, BehaviourFigures]
     strikes: StrikeFigures | None = None
+    falls: FallFigures | None = None
 
     @model_validator(mode="after")
     def _strikes_are_there(self) -> Statistics:

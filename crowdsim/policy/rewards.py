@@ -226,12 +226,13 @@ def unknown_term(term: Term) -> RecipeError:
 
 def target_body(database: MotionDatabase) -> TargetBody:
     """Return the sizes of a target like the performers of a database: radii of its body, medians of how it hangs."""
-    heads = database.heads[:, 1]
+    standing = database.standing(database.stride)
+    heads = database.heads[standing, 1]
     return TargetBody(
         head_radius=float(database.body.head_radius),
         torso_radius=float(database.body.torso_radius),
-        neck_drop=round(float(np.median(heads - database.necks[:, 1])), 4),
-        pelvis_drop=round(float(np.median(heads - database.pelvises[:, 1])), 4),
+        neck_drop=round(float(np.median(heads - database.necks[standing, 1])), 4),
+        pelvis_drop=round(float(np.median(heads - database.pelvises[standing, 1])), 4),
     )
 
 

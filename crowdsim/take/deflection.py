@@ -12,6 +12,7 @@ from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
 from crowdsim.take.data import TakeData
+from crowdsim.take.fallen import fallen_rows
 from crowdsim.take.kernels.deflection import END, LIMBS, MOVED, Deflections, MovingLimbs, bend_limbs, deflect_limbs
 from crowdsim.take.kernels.records import Moments, Posed
 from crowdsim.take.landed import Landed, by_column
@@ -177,6 +178,9 @@ class Deflection:
         ranks, columns = np.argsort(order, axis=1, kind="stable"), np.searchsorted(near, asked)
         share(len(times) * len(asked), deflect_limbs, capsules, limbs, order, ranks, columns, moves,
               threads=self._threads)  # fmt: skip
+        rows = np.clip(np.rint(times * self._take.control_rate).astype(np.int64), 0, self._take.frame_count - 1)
+        down = fallen_rows(self._take, self._motions, int(rows.min()), int(rows.max()) + 1)
+        moves[down[rows - rows.min()][:, asked]] = 0.0
         return moves
 
 

@@ -66,14 +66,14 @@ class HeadTurns:
         heading, turns = np.asarray(take.heading[low:high], dtype=float), np.zeros(action.shape)
         for index, motion in enumerate(self._motions):
             here = (action >= 0) & (take.cast.policies == index) & (sizes > 0.0)
-            some, way = action[here], ways[here]
-            face, chest = motion.looks[motion.frames_at(some, done[here])].astype(float).T
+            way, frames = ways[here], motion.frames_at(action[here], done[here])
+            face, chest = motion.looks[frames].astype(float).T
             error = wrap(np.arctan2(way[:, 0], way[:, 1]) - heading[here] - face)
             follows = sizes[here] * ease((np.pi - np.abs(error)) / _BEHIND)
             turned = wrap(face - chest)
             error = follows * (error - _FREE * np.tanh(error / _FREE))
             # A head that the motion itself turns further stays as it is.
-            turns[here] = _kept(turned + error) - _kept(turned)
+            turns[here] = np.where(motion.down[frames], 0.0, _kept(turned + error) - _kept(turned))
         # Where a take begins and ends, its first and its last frame stand for those beyond.
         return correlate1d(turns, _SMOOTH, axis=0, mode="nearest")[first - low : stop - low, :, None]
 

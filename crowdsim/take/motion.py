@@ -19,6 +19,7 @@ from crowdsim.take.gait import Gait, measure_gait
 from crowdsim.take.limbs import Hinges, Limbs, measure_hinges, measure_limbs
 
 if TYPE_CHECKING:
+    from crowdsim.motion.database import MotionDatabase
     from crowdsim.policy.policy import Policy
     from crowdsim.policy.rewards import TargetBody
 
@@ -84,6 +85,8 @@ class PoseMotion:
         origins: Playback frame that lies on the avatar when each action starts. Shape (A,).
         lengths: Length of each action [control frames]. Shape (A,).
         shifts: Where the ground transform of that frame lies then, as seen from the avatar's. Shape (A, 3).
+        down: Whether a body falls, lies or gets up in each frame; its feet then count as planted in none.
+            Shape (P,), bool.
     """
 
     skeleton: Skeleton
@@ -101,6 +104,7 @@ class PoseMotion:
     origins: Array
     lengths: Array
     shifts: Array
+    down: Array
 
     def frames_at(self, actions: Array, done: Array) -> Array:
         """Return the playback frames that are nearest after ``done`` control frames of actions. All of shape (n,)."""
@@ -126,7 +130,8 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     holds = positions[:, feet] + quaternion.rotate(world_rotations[:, feet], legs.holds)
     kicking = positions[:, feet] + quaternion.rotate(world_rotations[:, feet], body.foot_offsets)
     strikers = np.concatenate([database.fists, ground.to_local(database.ground[:, None], kicking)], axis=1)
-    contacts = np.array(database.contacts, dtype=bool)
+    down = fallen_frames(database)
+    contacts = np.array(database.contacts, dtype=bool) & ~down[:, None]
     clip = np.searchsorted(starts, np.arange(starts[-1]), side="right") - 1
     frames = Frames(
         rotations=rotations,
@@ -162,7 +167,16 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         origins=(np.asarray(graph.action_first, dtype=np.int64) - 1) * stride,
         lengths=np.asarray(graph.action_lengths, dtype=np.int64),
         shifts=np.asarray(policy.actions.shifts, dtype=np.float64),
+        down=down,
     )
+
+
+def fallen_frames(database: MotionDatabase) -> Array:
+    """Return which playback frames lie between standing and standing of a fall. Shape (P,), bool."""
+    down = np.zeros(database.frame_count * database.stride, bool)
+    for start, stop in zip(database.falls.starts, database.falls.stops, strict=True):
+        down[int(start) * database.stride + 1 : int(stop) * database.stride] = True
+    return down
 
 
 def _tracks(holds: Array, world_rotations: Array, rotations: Array, toes: Array) -> Array:

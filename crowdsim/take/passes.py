@@ -20,6 +20,7 @@ from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.take.data import TakeData
 from crowdsim.take.deflection import AllJoints, Deflection
+from crowdsim.take.fallen import falls_soon
 from crowdsim.take.feet import hold_feet
 from crowdsim.take.fists import PoseAt, plan_landings, reach_out
 from crowdsim.take.gaze import HeadTurns, build_gaze, look
@@ -94,7 +95,8 @@ class Passes:
     def strike(self, landed: Landed) -> None:
         """Take these strikes for those that land."""
         self.landed = landed
-        self._planner = BlowPlanner(landed, self._blended_at, self._trunks, self._take.cast.policies)
+        falls = partial(falls_soon, self._take, self._motions)
+        self._planner = BlowPlanner(landed, self._blended_at, self._trunks, self._take.cast.policies, falls)
 
     def window(self, index: int, avatars: Array, times: Array) -> Window:
         """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on."""

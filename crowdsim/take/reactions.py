@@ -5,7 +5,7 @@ A strike that is blocked pushes them a third as far.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -30,6 +30,8 @@ _BLOCKED = 1.0 / 3.0
 _GIVES = {"spine": (0.13, 0.19), "chest": (0.11, 0.1), "neck": (0.02, 0.0), "head": (0.0, 0.0)}
 """Joints that yield, and by how much in a strike of typical speed to the head and to the torso [rad]."""
 
+FallsAt = Callable[[Array, Array], Array]
+
 
 def build_trunk(motion: PoseMotion) -> Trunk:
     """Return the joints of a body that yield to strikes."""
@@ -53,14 +55,18 @@ class BlowPlanner:
         pose_at: Returns the joints of avatars in their motion, with its blends.
         trunks: The joints that yield, policy by policy.
         policies: Policy of each avatar. Shape (N,).
+        falls: Returns which avatars (E,) are down at times (E,) [s], or will be at once: blows do not show on them.
     """
 
-    def __init__(self, landed: Landed, pose_at: PoseAt, trunks: Sequence[Trunk], policies: Array) -> None:
+    def __init__(
+        self, landed: Landed, pose_at: PoseAt, trunks: Sequence[Trunk], policies: Array, falls: FallsAt
+    ) -> None:
         self._landed, self._pose_at, self._trunks, self._policies = landed, pose_at, trunks, policies
         count = len(landed.times)
         self._known, self._shows = np.zeros(count, bool), (landed.victims >= 0) & ~landed.again & ~landed.missed
         self._axes, self._parts = np.zeros((count, 3)), np.zeros(count, np.int64)
         self._gains, self._own = np.zeros(count), np.zeros(count)
+        self._falls = falls
 
     def plan(self, columns: Array, count: int, first: float, last: float) -> Blows:
         """Return what hits avatars of a window.
@@ -75,6 +81,7 @@ class BlowPlanner:
         near = np.arange(low, high)[self._shows[low:high]]
         near = near[columns[self._landed.victims[near]] >= 0]
         self._find(near[~self._known[near]])
+        near = near[self._shows[near]]
         times = self._landed.times[near]
         order, starts = by_column(columns[self._landed.victims[near]], count, times)
         near, times = near[order], times[order]
@@ -86,6 +93,7 @@ class BlowPlanner:
         if not len(fresh):
             return
         near = self._landed.of(fresh)
+        self._shows[fresh] = ~self._falls(near.victims, near.times)
         swings = np.where(np.isin(near.limbs, HANDS), _SWING, _KICK)
         heads, sizes, radii = self._heads(near.victims, near.times)
         moved = np.nan_to_num(self._heads(near.victims, near.times + RISE)[0] - heads)[:, ::2]

@@ -9,6 +9,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.take.data import TakeData
+from crowdsim.take.fallen import fallen_rows
 from crowdsim.take.kernels.separation import push_trunks
 from crowdsim.take.motion import PoseMotion
 
@@ -43,7 +44,7 @@ class Separation:
         return _widest(pushes)[first - low : stop - low]
 
     def _points(self, first: int, stop: int) -> Array:
-        """Heads, necks and pelvises in the world at control frames. Shape (T, N, 3, 3)."""
+        """Heads, necks and pelvises in the world at control frames, NaN of who is down. Shape (T, N, 3, 3)."""
         take = self._take
         action, done = np.asarray(take.action[first:stop]), np.asarray(take.action_frame[first:stop], dtype=float)
         place = np.stack([np.asarray(values[first:stop], dtype=float) for values in (take.x, take.z, take.heading)], -1)
@@ -54,6 +55,7 @@ class Separation:
             frames = motion.frames_at(some, done[here])
             sizes = np.broadcast_to(take.cast.scales, action.shape)[here][:, None, None]
             points[here] = ground.to_world(place[here][:, None], motion.trunks[frames].astype(float) * sizes)
+        points[fallen_rows(take, self._motions, first, stop)] = np.nan
         return points
 
 

@@ -39,6 +39,13 @@ class PerformerSource(StrictModel):
     seconds: float = Field(default=420.0, ge=5.0, le=36000.0, description="Length of the session [s].")
     seed: int = Field(default=1, ge=0, le=MAXIMUM_SEED, description="Seed of the session.")
     stance: Literal["orthodox", "southpaw"] = Field(default="orthodox", description="Which side leads.")
+    falls: int = Field(
+        default=0,
+        ge=0,
+        le=1000,
+        description="How often each kind of fall and stagger is performed besides; 0: not at all, and who is knocked "
+        "down staggers and leaves.",
+    )
 
 
 class CaptureSource(StrictModel):

@@ -21,6 +21,7 @@ import numpy as np
 from crowdsim.core.types import Array, Progress
 from crowdsim.errors import PolicyError
 from crowdsim.policy import bundle
+from crowdsim.policy.actions import leading_actions
 from crowdsim.policy.environment import Axis, Grid, build_grid
 from crowdsim.policy.flattening import STATE_VALUES, assemble_motion
 from crowdsim.policy.policy import StateValues
@@ -183,6 +184,7 @@ def _computed_table(
     spec = Recipe.model_validate(document["recipe"]).behaviours[behaviour["name"]]
     behind = StateValues(values, **behaviour["state_values"])
     body = TargetBody(**document["target"])
+    actions = leading_actions(actions, actions.state_count)
     table, low, step = bytes_behind(behaviour["name"], spec, database, actions, body, behind)
     behaviour.update(stored_low=low, stored_step=step)
     return table

@@ -68,7 +68,7 @@ def prune_graph(
     # Above 0 even where a transition adds nothing, so that no frame loses all its transitions for that.
     worth[chosen] = gains[jumps][chosen] + 1e-9
     spacing = _frames(settings.spacing, database)
-    decisions = decision_frames(wide_transitions.chosen(chosen), worth[chosen], database.clip_starts, spacing)
+    decisions = decision_frames(wide_transitions.chosen(chosen), worth[chosen], database.segment_starts, spacing)
     landing = _frames(settings.landing, database)
     if landing > 1:
         mirrored = states < graph.state_count
@@ -95,7 +95,7 @@ def _graph_of(database: MotionDatabase, transitions: Transitions, threshold: flo
     """Return the graph of some transitions, with their mirror images if it is ``mirrored``."""
     if mirrored:
         transitions = with_images(transitions, database.captured_frames, database.frame_count)
-    return graph_of_transitions(transitions, database.clip_starts, threshold, database.clip_names)
+    return graph_of_transitions(transitions, database.segment_starts, threshold, database.segment_names)
 
 
 def _frames(seconds: float, database: MotionDatabase) -> int:
@@ -111,7 +111,9 @@ def _transitions_of(graph: MotionGraph, which: Array) -> Transitions:
 
 def _frames_shown(transitions: Transitions, decisions: Array, database: MotionDatabase) -> Array:
     """Return how many frames each transition shows up to the next decision of the clip, or its end. Shape (T,)."""
-    stops = np.flatnonzero(decisions | np.isin(np.arange(database.frame_count), np.asarray(database.clip_starts) - 1))
+    stops = np.flatnonzero(
+        decisions | np.isin(np.arange(database.frame_count), np.asarray(database.segment_starts) - 1)
+    )
     following = np.searchsorted(stops, transitions.targets)
     result: Array = stops[np.minimum(following, len(stops) - 1)] - transitions.targets + 1
     return result

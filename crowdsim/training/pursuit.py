@@ -61,7 +61,7 @@ def distances_behind(policy: Policy, speed: float, tables: tuple[LookupTables, A
     numbers, rate = np.arange(AVATARS), float(policy.database.control_rate)
     states = (numbers * policy.actions.state_count // AVATARS).astype(np.int32)
     bearings = 2.0 * math.pi * ((0.5 + numbers * 0.6180339887498949) % 1.0)
-    height = float(np.median(np.asarray(policy.database.heads[:, 1], dtype=float)))
+    height = float(np.median(np.asarray(policy.database.head_heights, dtype=float)))
     rules = CandidateRules(MARGIN, float(MOST), TEMPERATURE)
     chase = Chase(height, LEAD, speed / rate, round(BEGUN * rate), round(DONE * rate), rules)
     out = np.empty(AVATARS)

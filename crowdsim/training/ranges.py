@@ -41,7 +41,7 @@ def strike_reach(database: MotionDatabase) -> Reach:
     """
     check_strikes(database)
     x, y, z = np.asarray(database.strike_positions, dtype=float).T
-    heads = np.asarray(database.heads[:, 1], dtype=float)
+    heads = np.asarray(database.head_heights, dtype=float)
     return Reach(_range(np.hypot(x, z)), _range(np.arctan2(x, z)), _range(y), _range(heads))
 
 
@@ -117,7 +117,7 @@ def sample_targets(database: MotionDatabase, count: int = TARGETS) -> Array:
         The head's place in the ground frame [m], and how far it moves in a control frame along x and z [m]: half of
         the targets are at rest, the others move at up to ``PACE`` in any direction. Shape (count, 5).
     """
-    near, high = (0.3, 1.3), np.percentile(np.asarray(database.heads[:, 1], dtype=float), [5.0, 95.0])
+    near, high = (0.3, 1.3), np.percentile(np.asarray(database.head_heights, dtype=float), [5.0, 95.0])
     if len(database.strike_frames):
         near = strike_reach(database).distance
     shares = (0.5 + np.outer(np.arange(count), _SPREAD)) % 1.0
@@ -151,7 +151,7 @@ def resolve_grid(spec: BehaviourSpec, database: MotionDatabase) -> Grid:
             low = 0.0 if low is None else low
             high = _far(spec, database) if high is None else high
         elif name == "height":
-            heads = np.percentile(np.asarray(database.heads[:, 1], dtype=float), [1.0, 99.0])
+            heads = np.percentile(np.asarray(database.head_heights, dtype=float), [1.0, 99.0])
             low = round(float(heads[0]), 3) if low is None else low
             high = round(float(heads[1]), 3) if high is None else high
         if low is None or high is None:

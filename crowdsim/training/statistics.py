@@ -11,6 +11,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.graph.statistics import frames_kept_by_clip, graph_statistics
 from crowdsim.motion.database import MotionDatabase
+from crowdsim.motion.falls import FallSpans
 from crowdsim.motion.strike_kinds import HEIGHTS, KINDS, strike_heights, strike_kinds
 from crowdsim.motion.strikes import HANDS, SIDES
 from crowdsim.policy.policy import Policy
@@ -50,6 +51,8 @@ def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict
     if len(database.strike_frames):
         used = len(np.unique(policy.actions.strike_ids)) / len(database.strike_frames)
         report["strikes"] = {**_count_strikes(database, own[clip_of]), "used_share": used, "paper": PAPER_REACH}
+    if database.falls.any:
+        report["falls"] = _count_falls(database.falls, sum(own) < len(own))
     for behaviour in policy.behaviours:
         solution = solutions[behaviour.name]
         entry_bytes = {"float32": 4, "float16": 2, "int16": 2, "int8": 1}[str(policy.recipe["precision"])]
@@ -92,6 +95,13 @@ def _count_strikes(database: MotionDatabase, own: Array) -> dict[str, Any]:
         "by_kind": count(KINDS[: -1 if punches.all() else None], strike_kinds(database)),
         "by_height": count(HEIGHTS, strike_heights(database)),
     }
+
+
+def _count_falls(falls: FallSpans, mirrored: bool) -> dict[str, list[float]]:
+    """Return directions of falls and staggers by time, mirror images left out [rad]."""
+    share = 2 if mirrored else 1
+    ways = {"directions": falls.directions, "stagger_directions": falls.stagger_directions}
+    return {name: [round(float(way), 4) for way in some[: len(some) // share]] for name, some in ways.items()}
 
 
 def inspect_bundle(policy: Policy, timings: Mapping[str, Any] | None = None) -> dict[str, Any]:

@@ -24,7 +24,7 @@ def summarise(statistics: Mapping[str, Any], recipe: Path) -> dict[str, Any]:
         ``motion``: clips, seconds, mirrored, control frames, those that the graph keeps. ``strikes``: how many, by
         hand, foot, kind and height, mirror images left out, and the share that the graph keeps. ``states`` and
         ``actions`` of the graph. ``reach``: distances from which strikes reach a head, and heights of fists and feet
-        [m]; None without strikes. ``sustained_speed`` [m/s]. ``success`` of each behaviour. ``weaknesses``: what, and
+        [m]; None without strikes. ``falls``: directions of falls and staggers; None without falls. ``sustained_speed`` [m/s]. ``success`` of each behaviour. ``weaknesses``: what, and
         what to do about it. ``named``: whether scenarios find the policy. ``next``: a command to type.
     """
     motion, graph, strikes = statistics["motion"], statistics["graph"], statistics.get("strikes")
@@ -37,6 +37,7 @@ def summarise(statistics: Mapping[str, Any], recipe: Path) -> dict[str, Any]:
         "states": graph["states"],
         "actions": graph["actions"],
         "reach": reach,
+        "falls": statistics.get("falls"),
         "sustained_speed": statistics["sustained_speed"],
         "success": {name: facts["success"] for name, facts in statistics["behaviours"].items()},
         "weaknesses": [asdict(weakness) for weakness in find_weaknesses(statistics)],

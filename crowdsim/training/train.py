@@ -18,6 +18,7 @@ from crowdsim.errors import PolicyError, RecipeError, VersionError, under_way
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
 from crowdsim.policy.actions import build_actions
+from crowdsim.policy.falls import add_falls
 from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.rewards import target_body
 from crowdsim.training.behaviours import train_behaviour
@@ -232,7 +233,8 @@ def train_policy(
             fingerprints=prints,
         )
         statistics = policy_statistics(policy, solutions)
-    return Policy(**{**vars(policy), "statistics": statistics}), timings
+        graph, actions, falls = add_falls(database, graph, actions, recipe.graph)
+    return replace(policy, statistics=statistics, graph=graph, actions=actions, falls=falls), timings
 
 
 def _timing(solution: Solution, seconds: float) -> dict[str, float]:
@@ -269,7 +271,9 @@ def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None
     captures: list[Capture] = []
     clips: list[MeasuredClip] = []
     if performer is not None:
-        performed = perform(performer.seconds, performer.seed, recipe.playback_rate, performer.stance, progress)
+        performed = perform(
+            performer.seconds, performer.seed, recipe.playback_rate, performer.stance, progress, performer.falls
+        )
         clips = measure_clips([performance.clip for performance in performed])
     else:
         assert source is not None

@@ -98,7 +98,7 @@ class _Goal:
 def _starts(policy: Policy, strikes: bool, walks: bool, count: int) -> tuple[Array, Array]:
     """Return states (N,) and targets (N, 3) at the start of each trial."""
     database = policy.database
-    heads = np.asarray(database.heads[:, 1], dtype=float)
+    heads = np.asarray(database.head_heights, dtype=float)
     low, high = np.percentile(heads, [5.0, 95.0])
     around, height = (-math.pi, math.pi), (float(low), float(high))
     distance, bearing = _UNSEEN, around

@@ -1,0 +1,112 @@
+"""Falls of all clips of a motion database: in control frames, mirror images included, and ground transforms in them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crowdsim.core.easing import ease
+from crowdsim.core.types import Array
+from crowdsim.motion import ground
+from crowdsim.motion.analysis import ClipAnalysis
+from crowdsim.motion.falls import FallSpans, no_falls
+
+_LEAVES = 0.35
+"""Share of a fall over which the ground transform goes from the feet to the pelvis, and back again at its end."""
+
+
+def clip_spans(clips: Sequence[ClipAnalysis], stride: int) -> list[FallSpans]:
+    """Return the falls and staggers of each clip in its control frames; staggers only where any clip has a fall.
+
+    Args:
+        clips: The clips.
+        stride: Playback frames in a control frame.
+    """
+    if not any(clip.falls.any for clip in clips):
+        return [no_falls() for _ in clips]
+    return [_in_control_frames(clip.falls, clip.clip.frame_count // stride - 1, stride) for clip in clips]
+
+
+def _in_control_frames(found: FallSpans, last: int, stride: int) -> FallSpans:
+    """Return spans whose ends are control frames up to ``last``, none shorter, of which no two meet."""
+
+    def ends(frames: Array) -> Array:
+        return np.minimum(-(-frames // stride), last).astype(np.int32)
+
+    starts, stops = (found.starts // stride).astype(np.int32), ends(found.stops)
+    downs, rises = ends(found.downs), (found.rises // stride).astype(np.int32)
+    starts[1:] = np.maximum(starts[1:], stops[:-1] + 1)
+    good = (starts < downs) & (downs < rises) & (rises < stops)
+    staggers = np.stack([found.staggers[:, 0] // stride, ends(found.staggers[:, 1])], axis=1).astype(np.int32)
+    staggers[1:, 0] = np.maximum(staggers[1:, 0], staggers[:-1, 1] + 1)
+    clear = staggers[:, 0] < staggers[:, 1]
+    for start, stop in zip(starts[good], stops[good], strict=True):
+        clear &= (staggers[:, 1] < start) | (staggers[:, 0] > stop)
+    return FallSpans(
+        starts[good],
+        downs[good],
+        rises[good],
+        stops[good],
+        found.directions[good],
+        staggers[clear],
+        found.stagger_directions[clear],
+    )
+
+
+def settle_ground(stances: Array, pelvises: Array, spans: FallSpans, stride: int) -> Array:
+    """Return ground transforms of a clip that follow the pelvis through falls, where feet say nothing.
+
+    Args:
+        stances: Ground transforms, playback frames. Shape (P, 3).
+        pelvises: Position of the pelvis [m]. Shape (P, 3).
+        spans: The clip's falls in control frames.
+        stride: Playback frames in a control frame.
+    """
+    settled = stances.copy()
+    for start, stop in zip(spans.starts.astype(int) * stride, spans.stops.astype(int) * stride, strict=True):
+        inside = np.arange(start, stop + 1)
+        gone = (inside - start) / (stop - start)
+        out, back = ease(gone / _LEAVES), ease((gone - 1.0) / _LEAVES + 1.0)
+        away = [settled[frame, :2] - pelvises[frame, [0, 2]] for frame in (start, stop)]
+        settled[inside, :2] = pelvises[inside][:, [0, 2]] + (1.0 - out)[:, None] * away[0] + back[:, None] * away[1]
+        # What feet that pass one another on the floor add in whole circles is not kept.
+        whole = settled[stop, 2] - settled[start, 2]
+        turn = float(ground.wrap(whole))
+        settled[stop + 1 :, 2] += turn - whole
+        settled[inside, 2] = settled[start, 2] + turn * ease(gone)
+    return settled
+
+
+def joined_spans(spans: Sequence[FallSpans], starts: Array, grounds: Array, stride: int, mirrored: bool) -> FallSpans:
+    """Return the falls of all clips in frames of the database, with bearings in the ground frames at their starts.
+
+    Args:
+        spans: Those of each captured clip, in its control frames.
+        starts: First control frame of each clip, mirror images included. Shape (C + 1,).
+        grounds: Ground transforms of all playback frames. Shape (P, 3).
+        stride: Playback frames in a control frame.
+        mirrored: Whether mirror images of all clips follow.
+    """
+    parts = []
+    for image in range(1 + mirrored):
+        for index, one in enumerate(spans):
+            first = np.int32(starts[image * len(spans) + index])
+            sign = np.float32(1 - 2 * image)
+            headings = (grounds[stride * (frames + first), 2] for frames in (one.starts, one.staggers[:, 0]))
+            bearings = [
+                ground.wrap(sign * ways - heading).astype(np.float32)
+                for ways, heading in zip((one.directions, one.stagger_directions), headings, strict=True)
+            ]
+            parts.append(
+                FallSpans(
+                    one.starts + first,
+                    one.downs + first,
+                    one.rises + first,
+                    one.stops + first,
+                    bearings[0],
+                    one.staggers + first,
+                    bearings[1],
+                )
+            )
+    return FallSpans(*(np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])))

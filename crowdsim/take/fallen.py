@@ -1,0 +1,39 @@
+"""Who is down: falling, lying or getting up. What poses add for bodies that stand leaves them alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.take.data import TakeData
+from crowdsim.take.motion import PoseMotion
+
+_SOON = 0.2
+"""Time before a fall in which a hit does not add a reaction to it [s]."""
+
+
+def fallen_rows(take: TakeData, motions: Sequence[PoseMotion], first: int, stop: int) -> Array:
+    """Return who is down at control frames ``first`` to ``stop``. Shape (stop - first, N), bool."""
+    action, done = np.asarray(take.action[first:stop]), np.asarray(take.action_frame[first:stop], dtype=float)
+    down = np.zeros(action.shape, bool)
+    for index, motion in enumerate(motions):
+        if motion.down.any():
+            here = (action >= 0) & (take.cast.policies == index)
+            down[here] = motion.down[motion.frames_at(action[here], done[here])]
+    return down
+
+
+def falls_soon(take: TakeData, motions: Sequence[PoseMotion], avatars: Array, times: Array) -> Array:
+    """Return whether avatars (E,) are down at times (E,) [s], or will be within ``_SOON``. Shape (E,), bool."""
+    if not len(times) or not any(motion.down.any() for motion in motions):
+        return np.zeros(len(times), bool)
+    rate, last = take.control_rate, take.frame_count - 1
+    rows = np.clip((times * rate).astype(np.int64), 0, last)
+    ends = np.clip(np.ceil((times + _SOON) * rate).astype(np.int64), 0, last)
+    first, stop = int(rows.min()), int(ends.max()) + 1
+    down = fallen_rows(take, motions, first, stop)
+    counts = np.concatenate([np.zeros((1, down.shape[1]), np.int64), np.cumsum(down, axis=0)])
+    result: Array = counts[ends + 1 - first, avatars] > counts[rows - first, avatars]
+    return result
