@@ -35,12 +35,15 @@ from crowdsim.crowd.kernels.layout import (
     SCALE,
     SPACE,
     SPEED,
+    TEAM,
     X,
     Z,
 )
+from crowdsim.crowd.kernels.postures import middle_of
 from crowdsim.crowd.kernels.tables import whole_lanes
 from crowdsim.jit import kernel
 
+LYING = 1.0  # radius of the disc around the middle of a body that is down [m]
 BYSTANDERS = 0.66  # how much of the gap and of the cost counts for those whom an avatar does not fight
 STAGGER, STEP = 8, 0.3  # for how long a strong hit counts [control frames], and how long a step back should be [m]
 
@@ -97,6 +100,11 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
         if whole[NUMBER, j] != whole[NEXT_OPPONENT, own] and whole[OPPONENT, j] != whole[NUMBER, own]:
             space *= BYSTANDERS
         room = crowding[DISC] * (scale + real[SCALE, j]) + crowding[GAP] * space
+        if whole[TEAM, j] < 0:
+            # It lies, or falls: nobody steps on it, from its head to its feet.
+            mx, mz = middle_of(model, avatars, j)
+            ax, az, wx, wz = mx - x, mz - z, 0.0, 0.0
+            room = crowding[DISC] * scale + LYING * real[SCALE, j]
         # Point of its path at which the neighbour is nearest to the position of the avatar now.
         towards, moved = -(ax * wx + az * wz), wx * wx + wz * wz
         t = min(towards / moved, 1.0) if towards > 0.0 else 0.0
