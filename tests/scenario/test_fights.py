@@ -55,7 +55,8 @@ def test_a_run_ends_with_its_outcome_in_manifest_and_summary(
     outcome, frames = manifest["outcome"], manifest["control_frames"]
     assert outcome["kind"] == "last_team"
     assert outcome["frame"] + 45 == frames < 600
-    assert len(outcome["teams"]) <= 1
+    assert sorted(outcome["teams"]) == ["blue", "red"]
+    assert 0 in outcome["teams"].values()
     assert outcome["standing_count"] == len(outcome["standing"]) <= 3
     assert open_take(workplace / "output/fight/take.zarr").frame_count == frames
     with pytest.raises(SystemExit):

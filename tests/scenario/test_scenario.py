@@ -28,7 +28,8 @@ ROOT = Path(__file__).parents[2]
 SCHEMA_FILE = "scenario.schema.json"
 SHIPPED = sorted((ROOT / "scenarios").glob("*.yaml"))
 NAMES = [
-    "armies_200", "brawl_30", "brawl_30_cmu", "crowd_100k", "crowd_10k", "crowd_1m", "duel", "moving_target",
+    "armies_200", "bout", "brawl_30", "brawl_30_cmu", "brawl_last_standing", "crowd_100k",
+    "crowd_10k", "crowd_1m", "duel", "moving_target",
     "moving_target_fast",
 ]  # fmt: skip
 POLICIES = ["boxer", "boxer_cmu", "boxer_crowd"]
