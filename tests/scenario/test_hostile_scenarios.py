@@ -64,12 +64,21 @@ def test_long_scenarios_are_read_in_little_time(text: str) -> None:
             BASE + "- {type: b, count: 1, placement: {kind: gird}}\n" * 4000,
             "s.yaml:7:10: groups[1].type: is 'b', expect",
         ),
-        (BASE + EVENTS + WRONG_EVENT * 10_500, "s.yaml:8:46: events[0].when.frame: is -7, expected a whole number from"),
-        (BASE + EVENTS + "- {a: 1}\n" * 33_000, "s.yaml:8:3: events[0].kind: missing, expected 'weights', 'retarget', "),
+        (
+            BASE + EVENTS + WRONG_EVENT * 10_500,
+            "s.yaml:8:46: events[0].when.frame: is -7, expected a whole number from",
+        ),
+        (
+            BASE + EVENTS + "- {a: 1}\n" * 33_000,
+            "s.yaml:8:3: events[0].kind: missing, expected 'weights', 'retarget', ",
+        ),
         (BASE + EVENTS + "- {kind: 1}\n" * 70_000, "s.yaml:66666:3: the file holds more than 100,000 values, exp"),
         (BASE + "- {type: b, count: 0, waits: 3}\n" * 14_000, "s.yaml:7:3: groups[1].placement: missing, expected "),
         (BASE + "".join(f"k{i}: 1\n" for i in range(9_000)), "s.yaml:7:1: k0: unknown key, expected version, name, "),
-        (BASE + "".join(f"k{i}: 1\n" for i in range(90_000)), "s.yaml:1:1: a mapping of 90,005 keys, expected at most "),
+        (
+            BASE + "".join(f"k{i}: 1\n" for i in range(90_000)),
+            "s.yaml:1:1: a mapping of 90,005 keys, expected at most ",
+        ),
         (
             BASE.replace("a: {", "".join(f"'#{i}': 1, " for i in range(60_000)) + "a: {"),
             "s.yaml:4:8: types: a mapping of 60,001 keys, expected at most 10,000",
