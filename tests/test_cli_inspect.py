@@ -50,10 +50,10 @@ def test_wrong_numbers_go_to_standard_error_with_their_line_and_exit_two(clip, t
     path.write_bytes(clip.read_bytes().replace(b"Frames: 240", b"Frames: 250"))
     done = _inspect(path)
     assert done.returncode == 2
-    assert done.stderr == f"{path}:133: 240 rows of motion, Frames: says 250\n"
+    assert done.stderr == f"{path}:133:9: 240 rows of motion, Frames: says 250\n"
     report = json.loads(_inspect(path, "--json").stdout)
     assert report["frames"] == 240
-    assert report["findings"] == ["line 133: 240 rows of motion, Frames: says 250"]
+    assert report["findings"] == ["line 133, column 9: 240 rows of motion, Frames: says 250"]
 
 
 @pytest.mark.parametrize("text", ["", "not a capture\n", "HIERARCHY\nROOT a\n{\nOFFSET 0 0 zero\n"])

@@ -49,7 +49,10 @@ def still_clip(path: Path) -> Path:
 def test_any_layout_becomes_a_recipe_and_a_bundle(inside, capsys):
     recipe = load_recipe("policies/me.yaml")
     assert recipe.motion.capture.clips == ["day 1/Boxing.BVH"]
-    assert "# left out: broken.bvh: line 1: found 'Once', expected 'HIERARCHY'" in Path("policies/me.yaml").read_text()
+    assert (
+        "# left out: broken.bvh: line 1, column 1: found 'Once', expected 'HIERARCHY'"
+        in Path("policies/me.yaml").read_text()
+    )
     assert (inside / "policies/me/policy.json").is_file()
     assert crowdsim("validate", "policies/me.yaml") == 0
     assert crowdsim("train", "me", "--json") == 0
@@ -97,7 +100,7 @@ def test_files_that_are_left_out_are_noted_with_their_reason(inside, tmp_path, m
     monkeypatch.chdir(tmp_path)
     assert crowdsim("train", "--mocap", inside / "capture", "--name", "again") == 0
     noted = capsys.readouterr().err
-    assert f"{inside}/capture/broken.bvh: left out: line 1: found 'Once', expected 'HIERARCHY'\n" in noted
+    assert f"{inside}/capture/broken.bvh: left out: line 1, column 1: found 'Once', expected 'HIERARCHY'\n" in noted
     assert re.search(r"policies/again\.yaml: written for 1 of 2 files, 8\.0 s with \d+ strikes\n", noted)
 
 

@@ -67,7 +67,7 @@ def to_clip(bvh: Bvh, unit_scale: float = 1.0, up_axis: str = "y") -> Clip:
     joints = int(roots[1]) if len(roots) > 1 else bvh.joint_count
     frames = bvh.frame_count
     if frames * joints > _MOST_POSES:
-        raise BvhError(f"{bvh.path}: {frames} frames of {joints} joints are more than fit in memory")
+        raise BvhError(f"{bvh.path}:1:1: {frames} frames of {joints} joints are more than fit in memory")
 
     offsets = rotate_up(bvh.offsets[:joints] * unit_scale, up_axis)
     rotations = _read_rotations(bvh, joints, up_axis)

@@ -41,7 +41,7 @@ class Bvh:
         frame_time: What the file says after ``Frame Time:`` [s].
         fps: Frames a second, the frame time's rounding undone.
         path: The file it came from, or an empty string.
-        findings: What is odd about the file, one line each, ``PATH:LINE: what``.
+        findings: What is odd about the file, one line each, ``PATH:LINE:COLUMN: what``.
         faults: Those of the findings by which the motion is incomplete or wrong.
     """
 

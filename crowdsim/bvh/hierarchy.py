@@ -18,7 +18,7 @@ _MOST_CHANNELS = 12
 
 @dataclass
 class Hierarchy:
-    """The tree as read, in file order; lists because it grows while reading."""
+    """The tree as read, in file order; lists because it grows while reading. Places are those of the keywords."""
 
     names: list[bytes] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
@@ -27,6 +27,8 @@ class Hierarchy:
     end_names: list[bytes] = field(default_factory=list)
     end_parents: list[int] = field(default_factory=list)
     end_offsets: list[tuple[float, float, float] | None] = field(default_factory=list)
+    places: list[int] = field(default_factory=list)
+    end_places: list[int] = field(default_factory=list)
 
 
 _END = -2
@@ -78,6 +80,7 @@ def read_hierarchy(scanner: Scanner) -> Hierarchy:
         elif keyword in (b"end", b"endsite", b"end_site"):
             if len(tree.end_names) == _MOST_JOINTS:
                 raise scanner.error(f"at most {_MOST_JOINTS:,} end sites")
+            tree.end_places.append(scanner.start)
             label = scanner.name()
             tree.end_names.append(label or b"Site")
             tree.end_parents.append(joint)
@@ -91,6 +94,7 @@ def _open_joint(scanner: Scanner, tree: Hierarchy, parent: int) -> None:
     """Read a joint's name and opening brace and add it to the tree."""
     if len(tree.names) == _MOST_JOINTS:
         raise scanner.error(f"at most {_MOST_JOINTS:,} joints")
+    tree.places.append(scanner.start)
     name = scanner.name()
     if not name:
         name = b"joint%d" % len(tree.names)

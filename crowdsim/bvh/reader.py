@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import codecs
 import os
+import re
 from collections import Counter
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -20,13 +22,15 @@ from crowdsim.errors import BvhError
 _HARD_TOKENS = 4096
 _LARGEST = 1 << 30
 _MOST_FINDINGS = 8
+_NUMBERS = re.compile(rb"\S+")
+_LINE_FEED, _RETURN = b"\n\r"
 
 
 def read_bvh(path: FileName) -> Bvh:
     """Read a BVH file as it is; what is odd but readable becomes a finding.
 
     Raises:
-        BvhError: The file cannot be opened or is no BVH; says the line, the token and what was expected.
+        BvhError: The file cannot be opened or is no BVH; says line and column, the token and what was expected.
     """
     return parse_bvh(_load(path), os.fspath(path))
 
@@ -60,8 +64,8 @@ def parse_bvh(data: bytes, path: str = "") -> Bvh:
     )
     if len(motion) != declared:
         scanner.fault(f"{len(motion)} rows of motion, Frames: says {declared}", scanner.frames_at)
-    for what, row in _bad_channels(bvh):
-        scanner.fault(f"{path}:{rows.line_of(row)}: {what}")
+    for what, row, column in _bad_channels(bvh):
+        scanner.fault(what, rows.place_of(row, column))
     return replace(bvh, findings=tuple(scanner.findings), faults=tuple(scanner.faults))
 
 
@@ -89,7 +93,7 @@ def _as_ascii_based(data: bytes, path: str) -> bytes:
         try:
             return data.decode("utf-16").encode()
         except UnicodeError as error:
-            raise BvhError(f"{path}:1: broken UTF-16 text, expected a BVH file") from error
+            raise BvhError(f"{path}:1:1: broken UTF-16 text, expected a BVH file") from error
     return data
 
 
@@ -107,27 +111,31 @@ def _unique_names(tree: Hierarchy, encoding: str, scanner: Scanner) -> tuple[str
     names = tuple(name.decode(encoding) for name in tree.names)
     if len(set(names)) < len(names):
         often, count = Counter(names).most_common(1)[0]
-        scanner.findings.append(f"{scanner.path}: {count} joints are called {quoted(often)}")
+        second = names.index(often, names.index(often) + 1)
+        scanner.note(f"{count} joints are called {quoted(often)}", tree.places[second])
     return names
 
 
 def _check_tree(scanner: Scanner, tree: Hierarchy, names: tuple[str, ...], columns: int) -> None:
     """Note findings about the hierarchy as a whole."""
-    where = scanner.path
-    roots = [names[joint] for joint, parent in enumerate(tree.parents) if parent < 0]
+    roots = [joint for joint, parent in enumerate(tree.parents) if parent < 0]
     if len(roots) > 1:
-        shown = ", ".join(map(quoted, roots[:4])) + (" ..." if len(roots) > 4 else "")
-        scanner.findings.append(f"{where}: {len(roots)} ROOTs ({shown}), only the first one's skeleton is used")
-    bare = [name for name, offset in zip(names, tree.offsets, strict=True) if offset is None]
+        shown = ", ".join(quoted(names[root]) for root in roots[:4]) + (" ..." if len(roots) > 4 else "")
+        what = f"{len(roots)} ROOTs ({shown}), only the first one's skeleton is used"
+        scanner.note(what, tree.places[roots[1]])
+    bare = [joint for joint, offset in enumerate(tree.offsets) if offset is None]
     if bare:
-        scanner.findings.append(f"{where}: joint {quoted(bare[0])} has no OFFSET, 0 taken ({len(bare)} such joints)")
-    scaled = [
-        name for name, own in zip(names, tree.channels, strict=True) if any(c.endswith("scale") for c in own or ())
-    ]
+        what = f"joint {quoted(names[bare[0]])} has no OFFSET, 0 taken ({len(bare)} such joints)"
+        scanner.note(what, tree.places[bare[0]])
+    bare = [end for end, offset in enumerate(tree.end_offsets) if offset is None]
+    if bare:
+        what = f"an end site of joint {quoted(names[tree.end_parents[bare[0]]])} has no OFFSET, 0 taken"
+        scanner.note(f"{what} ({len(bare)} such end sites)", tree.end_places[bare[0]])
+    scaled = [joint for joint, own in enumerate(tree.channels) if any(c.endswith("scale") for c in own or ())]
     if scaled:
-        scanner.findings.append(f"{where}: joint {quoted(scaled[0])} has scale channels, which are not used")
+        scanner.note(f"joint {quoted(names[scaled[0]])} has scale channels, which are not used", tree.places[scaled[0]])
     if columns == 0:
-        scanner.fault(f"{where}: no joint has channels, so nothing moves")
+        scanner.fault("no joint has channels, so nothing moves", tree.places[0])
 
 
 @dataclass
@@ -146,12 +154,30 @@ class _Rows:
     start: int
     firsts: Array | None = None
 
-    def line_of(self, row: int) -> int:
-        """Return the line on which a row begins, from 1."""
-        lines = lines_of_numbers(self.scanner.data, self.start)
-        number = row * self.values.shape[1] if self.firsts is None else int(self.firsts[row])
-        at = int(np.searchsorted(np.cumsum(lines[:, 1]), number, side="right"))
-        return self.scanner.line_of(self.start) + int(lines[at, 0])
+    def place_of(self, row: int, column: int) -> int:
+        """Return where a value begins in the text."""
+        first = row * self.values.shape[1] if self.firsts is None else int(self.firsts[row])
+        return place_of_number(self.scanner.data, self.start, first + column)
+
+
+def place_of_number(data: bytes, start: int, number: int) -> int:
+    """Return where one of the numbers begins that follow each other from ``start`` on, counted from 0."""
+    lines = lines_of_numbers(data, start)
+    counts = np.cumsum(lines[:, 1])
+    at = int(np.searchsorted(counts, number, side="right"))
+    place = line_start(data, start, int(lines[at, 0]))
+    tokens = islice(_NUMBERS.finditer(data, place), number - int(counts[at] - lines[at, 1]), None)
+    return next(tokens).start()
+
+
+def line_start(data: bytes, start: int, line: int) -> int:
+    """Return where a line begins, counted from 0 and from ``start`` on."""
+    if line == 0:
+        return start
+    text = np.frombuffer(data, np.uint8)[start:]
+    is_end = text == _LINE_FEED
+    is_end[:-1] |= (text[:-1] == _RETURN) & (text[1:] != _LINE_FEED)
+    return start + int(np.flatnonzero(is_end)[line - 1]) + 1
 
 
 def lines_of_numbers(data: bytes, start: int) -> Array:
@@ -214,26 +240,22 @@ def _odd_rows(scanner: Scanner, start: int, values: Array, columns: int) -> _Row
     """
     lines = lines_of_numbers(scanner.data, start)
     odd = lines[:, 1] != columns
+    firsts = np.cumsum(lines[:, 1]) - lines[:, 1]
     if 2 * odd.sum() <= len(lines):
-        line, found = lines[odd][0]
-        place = scanner.line_of(start) + int(line)
         more = f", and {odd.sum() - 1} more such rows" if odd.sum() > 1 else ""
-        scanner.fault(
-            f"{scanner.path}:{place}: row of {found} numbers, expected {columns}, one a channel; left out{more}"
-        )
-        firsts = (np.cumsum(lines[:, 1]) - lines[:, 1])[~odd]
+        what = f"row of {lines[odd][0, 1]} numbers, expected {columns}, one a channel; left out{more}"
+        scanner.fault(what, place_of_number(scanner.data, start, int(firsts[odd][0])))
+        firsts = firsts[~odd]
         return _Rows(values[firsts[:, None] + np.arange(columns)], scanner, start, firsts)
     rest = len(values) % columns
     if rest:
-        last = scanner.line_of(start) + int(lines[-1, 0])
-        scanner.fault(
-            f"{scanner.path}:{last}: {len(values)} numbers are {rest} more than whole rows of {columns}; left out"
-        )
+        what = f"{len(values)} numbers are {rest} more than whole rows of {columns}; left out"
+        scanner.fault(what, place_of_number(scanner.data, start, len(values) - rest))
     return _Rows(values[: len(values) - rest].reshape(-1, columns), scanner, start)
 
 
-def _bad_channels(bvh: Bvh) -> list[tuple[str, int]]:
-    """Return where the motion is not finite or out of range, by joint and channel, with the first row of each."""
+def _bad_channels(bvh: Bvh) -> list[tuple[str, int, int]]:
+    """Return where the motion is not finite or out of range, by joint and channel, with row and column of each."""
     # Comparing with NaN is false.
     if not bvh.motion.size or (bvh.motion.min() >= -FARTHEST and bvh.motion.max() <= FARTHEST):
         return []
@@ -245,8 +267,10 @@ def _bad_channels(bvh: Bvh) -> list[tuple[str, int]]:
         more = f" and in {count - 1} more frames" if count > 1 else ""
         value = bvh.motion[frame, column]
         limit = f", expected numbers from -{FARTHEST:.0f} to {FARTHEST:.0f}" if np.isfinite(value) else ""
-        found.append((f"frame {frame}, {bvh.describe_column(int(column))} is {value}{more}{limit}", frame))
+        what = f"frame {frame}, {bvh.describe_column(int(column))} is {value}{more}{limit}"
+        found.append((what, frame, int(column)))
     if len(columns) > _MOST_FINDINGS:
-        row = int(np.argmax(bad[:, columns[_MOST_FINDINGS]]))
-        found.append((f"{len(columns) - _MOST_FINDINGS} more channels are wrong somewhere", row))
+        column = int(columns[_MOST_FINDINGS])
+        row = int(np.argmax(bad[:, column]))
+        found.append((f"{len(columns) - _MOST_FINDINGS} more channels are wrong somewhere", row, column))
     return found

@@ -55,7 +55,7 @@ class Scanner:
             end = max(self.data.rfind(sign, start, start + _LONGEST_LINE) for sign in (b"\n", b"\r"))
             if end < 0:
                 what = f"a line of more than {_LONGEST_LINE:,} bytes, expected shorter ones"
-                raise BvhError(f"{self.path}:{self.line_of(start)}: {what}")
+                raise BvhError(f"{self.where(start)}: {what}")
             start = end + 1
 
     def next(self) -> bytes:
@@ -78,25 +78,33 @@ class Scanner:
         both = data.count(b"\r\n", 0, place)
         return 1 + data.count(b"\n", 0, place) + data.count(b"\r", 0, place) - both
 
+    def where(self, place: int) -> str:
+        """Return a place in the data for a message: ``PATH:LINE:COLUMN``, both from 1."""
+        begin = max(self.data.rfind(b"\n", 0, place), self.data.rfind(b"\r", 0, place)) + 1
+        column = len(self.data[begin:place].decode("utf-8", "replace")) + 1
+        return f"{self.path}:{self.line_of(place)}:{column}"
+
     def error(self, expected: str, place: int | None = None) -> BvhError:
         """Return the error that the token at ``place``, by default the last one, is not what was expected."""
         place = self.start if place is None else place
         match = _TOKEN.match(self.data, place)
         found = f"found {show(match[1])}" if match else "the file ends"
-        line = self.line_of(match.start(1) if match else len(self.data))
-        return BvhError(f"{self.path}:{line}: {found}, expected {expected}")
+        where = self.where(match.start(1) if match else len(self.data))
+        return BvhError(f"{where}: {found}, expected {expected}")
 
     def find(self, what: str, place: int | None = None) -> None:
         """Note a finding about the token at ``place``, by default the last one, up to a limit."""
         if len(self.findings) < _MOST_FINDINGS:
-            self.findings.append(f"{self.path}:{self.line_of(self.start if place is None else place)}: {what}")
+            self.note(what, self.start if place is None else place)
 
-    def fault(self, what: str, place: int | None = None) -> None:
-        """Note a finding by which the motion is incomplete or wrong, about the token at ``place`` where it is given."""
-        if place is not None:
-            what = f"{self.path}:{self.line_of(place)}: {what}"
-        self.findings.append(what)
-        self.faults.append(what)
+    def note(self, what: str, place: int) -> None:
+        """Note a finding about the token at ``place``, however many there are."""
+        self.findings.append(f"{self.where(place)}: {what}")
+
+    def fault(self, what: str, place: int) -> None:
+        """Note a finding by which the motion is incomplete or wrong, about the token at ``place``."""
+        self.note(what, place)
+        self.faults.append(self.findings[-1])
 
     def name(self) -> bytes:
         """Return the text before the opening brace, and step over both.

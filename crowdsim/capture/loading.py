@@ -180,16 +180,19 @@ def usable_clip(capture: Capture, strict: bool = True) -> MeasuredClip:
 
 
 def without_path(finding: str, path: str) -> str:
-    """Return a finding of the file, ``PATH:LINE: what`` or ``PATH: what``, without its path."""
+    """Return a finding of the file, ``PATH:LINE:COLUMN: what``, without its path."""
     if not finding.startswith(path + ":"):
         return finding
-    return re.sub(r"^(\d+): ", r"line \1: ", finding[len(path) + 1 :]).lstrip()
+    return re.sub(r"^(\d+):(\d+): ", r"line \1, column \2: ", finding[len(path) + 1 :]).lstrip()
 
 
 def with_path(finding: str, path: FileName) -> str:
-    """Return a finding of a capture, ``line LINE: what`` or ``what``, with the path of its file before it."""
-    found = re.match(r"line (\d+): ", finding)
-    return f"{path}: {finding}" if found is None else f"{path}:{found[1]}: {finding[found.end() :]}"
+    """Return a finding of a capture, ``line LINE, column COLUMN: what``, as ``PATH:LINE:COLUMN: what``.
+
+    What is found out about a file as a whole has no line of its own, and gets the first one.
+    """
+    found = re.match(r"line (\d+), column (\d+): ", finding)
+    return f"{path}:1:1: {finding}" if found is None else f"{path}:{found[1]}:{found[2]}: {finding[found.end() :]}"
 
 
 def _within_reach(bvh: Bvh) -> Bvh:

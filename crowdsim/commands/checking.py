@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
@@ -115,14 +116,18 @@ def status(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run, a folder of several, or a batch.")],
     as_json: Json = False,
 ) -> None:
-    """List the runs in a folder: done, running or interrupted, how far they are, and which process is at work."""
+    """List the runs in a folder: done, running or interrupted, how far they are, and which process is at work.
+
+    Exit code 1 says that a run is damaged, or one of a batch has failed.
+    """
     from crowdsim.batch.plan import is_batch
     from crowdsim.runs.status import describe_run
 
     if not folder.is_dir():
         raise CrowdsimError(f"{folder}: no such folder, expected runs")
     if is_batch(folder):
-        _print_batch(folder, as_json)
+        if _print_batch(folder, as_json):
+            sys.exit(1)
         return
     runs = {str(path): describe_run(path) for path in [folder, *sorted(folder.glob("[!.]*"))] if path.is_dir()}
     runs = {path: facts for path, facts in runs.items() if facts["state"] != "none"}
@@ -130,20 +135,28 @@ def status(
         raise CrowdsimError(f"{folder}: holds no run")
     if as_json:
         print_json(runs)
-        return
-    for path, facts in runs.items():
-        print(f"{facts['state']:<12} {path}{_details(facts)}")
+    else:
+        for path, facts in runs.items():
+            print(f"{facts['state']:<12} {path}{_details(facts)}")
+    if _has_failed(runs):
+        sys.exit(1)
 
 
-def _print_batch(folder: Path, as_json: bool) -> None:
-    """Print how far a batch is, and the runs that are at work or have failed."""
+def _has_failed(runs: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Whether a run is damaged or has failed."""
+    return any(facts["state"] in ("damaged", "failed") for facts in runs.values())
+
+
+def _print_batch(folder: Path, as_json: bool) -> bool:
+    """Print how far a batch is, and the runs that are at work or have failed; return whether there are failed ones."""
     from crowdsim.batch.status import describe_batch
     from crowdsim.commands.batch_text import time_text
 
     facts = describe_batch(folder)
+    has_failed = _has_failed(facts["runs"])
     if as_json:
         print_json(facts)
-        return
+        return has_failed
     counts = [f"{facts[state]:,} {state}" for state in ("done", "failed", "running", "interrupted", "waiting")]
     left = facts.get("seconds_left")
     owner = _details({"owner": facts["owner"]}) if "owner" in facts else ""
@@ -156,6 +169,7 @@ def _print_batch(folder: Path, as_json: bool) -> None:
             what = f"  {run['message']}; {run['command']}" if run["state"] == "failed" else _details(run)
             task = f", {run['task']['stage']}" if "task" in run else ""
             print(f"{run['state']:<12} {path}{what}{task}")
+    return has_failed
 
 
 def _details(facts: dict[str, Any]) -> str:

@@ -17,6 +17,7 @@ from typing import Any, ClassVar, TypeVar
 import yaml
 from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, ValidationError
 
+from crowdsim.config.collection import collection_paused
 from crowdsim.config.findings import Fault, Faults, show, translate
 from crowdsim.config.nodes import MAXIMUM_BYTES
 from crowdsim.config.overrides import override
@@ -98,6 +99,7 @@ def find_faults(
     return _read(path, model, overrides, context)[1]
 
 
+@collection_paused()
 def place(path: FileName, findings: Iterable[Finding]) -> list[Finding]:
     """Return findings in a file with the positions of their keys, or of the nearest ones above them that it has."""
     found = list(findings)
@@ -142,6 +144,7 @@ def _document(path: FileName, is_changed: bool = False) -> Document:
 _read_document = lru_cache(maxsize=4)(read_document)
 
 
+@collection_paused()
 def _read(
     path: FileName, model: type[Model], overrides: Sequence[str], context: dict[str, Any] | None
 ) -> tuple[Model | None, list[Finding]]:

@@ -66,7 +66,7 @@ def translate(error: ValidationError, document: Document, top: Part) -> list[Fin
     for count, detail in enumerate(error.errors(include_url=False, include_input=False)):
         here = _locate(detail["loc"], document.data, top, labels)
         before, union = union, None if here.union is None else here.union.loc
-        if count > _MOST_ERRORS and (union is None or union != before):
+        if count > _MOST_ERRORS and (union is None or union != before or union in spoken):
             break
         if here.union is not None:
             silent[here.union.loc] = here.union

@@ -17,6 +17,7 @@ from crowdsim.config.syntax import explain
 MAXIMUM_BYTES = 1_048_576
 MAXIMUM_VALUES = 100_000
 MAXIMUM_DEPTH = 64
+MAXIMUM_KEYS = 10_000
 
 TOO_DEEP = f"nested too deeply, expected at most {MAXIMUM_DEPTH} levels"
 SCALAR, SEQUENCE, MAPPING = range(3)

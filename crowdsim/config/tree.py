@@ -17,6 +17,7 @@ from crowdsim.config.nodes import (
     MAPPING,
     MAXIMUM_BYTES,
     MAXIMUM_DEPTH,
+    MAXIMUM_KEYS,
     MAXIMUM_VALUES,
     SCALAR,
     SEQUENCE,
@@ -215,6 +216,9 @@ class _Builder:
 
     def pairs(self, node: Node, loc: Loc) -> dict[str, tuple[Node, Node]]:
         """Return the nodes of key and value by key; each key once, those merged in by ``<<`` last."""
+        if len(node.items) > 2 * MAXIMUM_KEYS:
+            self.note(node, loc, f"a mapping of {len(node.items) // 2:,} keys, expected at most {MAXIMUM_KEYS:,}")
+            raise Enough
         pairs: dict[str, tuple[Node, Node]] = {}
         merged: list[Node] = []
         for key_node, value in zip(node.items[::2], node.items[1::2], strict=True):

@@ -125,7 +125,7 @@ def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) ->
     """
     behaviours, database = document["behaviours"], document["database"]
     stride = round(database["playback_rate"] / database["control_rate"])
-    wanted = _STORED[document["recipe"]["precision"]]
+    wanted = STORED[document["recipe"]["precision"]]
     if arrays["values"].dtype != wanted:
         raise ArrayFault("values", f"holds {arrays['values'].dtype}, expected {wanted} for the precision of the recipe")
     falls = sum(arrays[name].size for name in FALLS if name in arrays)
@@ -150,7 +150,7 @@ def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) ->
         raise ArrayFault("actions_lengths", f"{what}, expected shorter actions, or fewer behaviours")
 
 
-_STORED = {"float32": "float32", "float16": "float16", "int16": "uint16", "int8": "uint8"}
+STORED = {"float32": "float32", "float16": "float16", "int16": "uint16", "int8": "uint8"}
 """Types of values on disk, by precision."""
 _MOST_POWERS = 1 << 25
 """Most powers of discounts that control tabulates, for each behaviour and each two frames of an action."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from crowdsim.capture.loading import load_capture
+from crowdsim.capture.loading import load_capture, with_path
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import BvhError
 from crowdsim.motion.analysis import on_floor
@@ -157,11 +157,11 @@ def bvh_source(path: FileName, fps: float | None = None, lead_in: bool = False) 
     capture = load_capture(path)
     clip = capture.clip if lead_in else capture.motion
     if clip.frame_count < 1:
-        raise BvhError(f"{path}: no frames, expected motion to draw")
+        raise BvhError(with_path("no frames, expected motion to draw", path))
     name = Path(path).stem
     if not np.isfinite(clip.rotations).all() or not np.isfinite(clip.root_positions).all():
         bad = ~(np.isfinite(clip.rotations).all(axis=(1, 2)) & np.isfinite(clip.root_positions).all(axis=1))
-        raise BvhError(f"{path}: frame {capture.lead_in + int(np.argmax(bad))} holds a value that is no number")
+        raise BvhError(f"{path}:1:1: frame {capture.lead_in + int(np.argmax(bad))} holds a value that is no number")
     clip = _renamed(resample(clip, show_rate(clip.fps, fps)), name, str(path))
     if capture.body is not None:
         if clip.frame_count > 1:

@@ -25,7 +25,7 @@ from crowdsim.config.documents import DocumentModel, document_fault, parse_json
 from crowdsim.core.types import Array
 from crowdsim.crowd.chunk import STAGES
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.files import open_plain
+from crowdsim.files import open_plain, sync_disk, sync_folder
 
 NAME = "checkpoint.bin"
 FORMAT = "crowdsim-checkpoint"
@@ -33,6 +33,9 @@ VERSION = 1
 
 SHARE = 0.005
 """Share of a run's time that checkpoints may take."""
+
+LASTS_AFTER = 10.0
+"""How long a run must have taken for its checkpoints to survive a power cut [s]; the wait for the disk costs 50 ms."""
 
 _HEAD = 1 << 20
 """Longest first line [bytes]."""
@@ -78,8 +81,13 @@ class Checkpoint:
     timings: Array | None = None
 
 
-def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
+def write_checkpoint(folder: Path, checkpoint: Checkpoint, lasts: bool = True) -> None:
     """Write a run's checkpoint in the place of the one before.
+
+    Args:
+        folder: The run folder.
+        checkpoint: The checkpoint.
+        lasts: Whether to wait until it, and the chunks of the take that it counts on, are on disk.
 
     Raises:
         OutputError: It cannot be written; the one before stays.
@@ -103,7 +111,12 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
             head = json.dumps({**document, "sha256": _checksum(document, body)}).encode() + b"\n"
             file.write(head)
             file.write(body)
+        if lasts:
+            # After a power cut it must count on no chunk that is not there.
+            sync_disk(folder)
         os.replace(partial, path)
+        if lasts:
+            sync_folder(folder)
     except OSError as error:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
@@ -198,10 +211,20 @@ def _checksum(document: Mapping[str, Any], body: bytes) -> str:
 
 
 class Pace:
-    """Says when the next checkpoint may be written, so that all of them take no more than ``SHARE`` of the time."""
+    """Says when the next checkpoint may be written, so that all of them take no more than ``SHARE`` of the time.
 
-    def __init__(self) -> None:
+    Args:
+        lasts: Whether the first one is to survive a power cut already, since the one that it replaces does.
+    """
+
+    def __init__(self, lasts: bool = False) -> None:
         self._due = 0.0
+        self._lasting = 0.0 if lasts else perf_counter() + LASTS_AFTER
+
+    @property
+    def lasts(self) -> bool:
+        """Whether a checkpoint that is written now is to survive a power cut."""
+        return perf_counter() >= self._lasting
 
     def is_due(self) -> bool:
         """Whether a checkpoint may be written now."""

@@ -42,7 +42,7 @@ class CheckpointKeeper:
     def __init__(self, folder: Path, origin: str, writer: TakeWriter, begun: Checkpoint | None) -> None:
         self.begun = begun
         self._folder, self._origin, self._writer = folder, origin, writer
-        self._pace = Pace()
+        self._pace = Pace(begun is not None)
 
     def keep(self, simulation: Simulation, timings: Sequence[Array], required: bool) -> None:
         """Write a checkpoint where it is time for one, or it is required.
@@ -55,7 +55,8 @@ class CheckpointKeeper:
         since = perf_counter()
         measured = np.concatenate(timings) if timings else None
         state = simulation.state(), self._writer.state()
-        write_checkpoint(self._folder, Checkpoint(simulation.frame, self._origin, *state, measured))
+        written = Checkpoint(simulation.frame, self._origin, *state, measured)
+        write_checkpoint(self._folder, written, self._pace.lasts)
         self._pace.wrote(since)
 
 

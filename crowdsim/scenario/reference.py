@@ -11,8 +11,9 @@ _HEAD = """# Scenario files
 Every key of a scenario, from the schema that checks it. Lengths are in metres, times in seconds or control frames as
 stated, angles in degrees; x points to the left and z ahead of an avatar with heading 0. Required keys have no default.
 `crowdsim validate FILE` reports every error in a file; `--set groups[0].count=12` changes a key for one run.
-A file has at most 1 MiB of UTF-8, 100,000 values, 64 levels, and 10,000 types, groups and events each. Of more than 100
-findings the first 100 are reported. Files of points lie in the scenario's folder or below it.
+A file has at most 1 MiB of UTF-8, 100,000 values, 64 levels, 10,000 keys in a mapping, and 10,000 types, groups and
+events each. Of more than 100 findings the first 100 are reported. Files of points lie in the scenario's folder or below
+it.
 
 <!-- Written from the schema by crowdsim.scenario.reference; do not edit. -->
 """

@@ -10,6 +10,7 @@ from typing import Any, cast
 from pydantic import ValidationError, ValidationInfo, model_validator
 
 from crowdsim import assets
+from crowdsim.config.collection import collection_paused
 from crowdsim.config.files import Faults, Finding, dump_yaml, load_model
 from crowdsim.config.schema import quoted
 from crowdsim.core.types import FileName
@@ -45,6 +46,7 @@ class Scenario(Description):
         return name_findings(data)
 
 
+@collection_paused()
 def load_scenario(
     path: FileName,
     overrides: Sequence[str] = (),

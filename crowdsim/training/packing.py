@@ -17,9 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from crowdsim.core.types import Array, Progress
 from crowdsim.errors import PolicyError
+from crowdsim.files import open_plain
 from crowdsim.policy import bundle
 from crowdsim.policy.actions import leading_actions
 from crowdsim.policy.environment import Axis, Grid, build_grid
@@ -28,12 +30,15 @@ from crowdsim.policy.policy import StateValues
 from crowdsim.policy.rewards import TargetBody
 from crowdsim.training.behaviours import bytes_behind
 from crowdsim.training.mirroring import mirrored_points, values_with_images
+from crowdsim.training.packed_checks import check_packed, check_unpacked, decompress
 from crowdsim.training.recipe import Recipe
 
 KIND = "crowdsim packed policy"
 VERSION = 1
 MOTION = ("database_", "skeleton_", "body_")
 """How the names of arrays begin that depend on the motion alone."""
+_MOST_BYTES = 1 << 31
+"""Longest file of compressed arrays that is read."""
 
 
 def pack_policy(trained: Path, folder: Path) -> None:
@@ -72,7 +77,9 @@ def read_packed(path: Path) -> dict[str, Any]:
         VersionError: It is of another format version.
         PolicyError: It is foreign or damaged.
     """
-    return bundle.read_checked(path, KIND, VERSION, "install crowdsim again")
+    packed = bundle.read_checked(path, KIND, VERSION, "install crowdsim again")
+    check_packed(path, packed)
+    return packed
 
 
 def unpack_policy(path: Path, folder: Path, progress: Progress | None = None) -> None:
@@ -97,13 +104,14 @@ def unpack_policy(path: Path, folder: Path, progress: Progress | None = None) ->
 
     report(0)
     arrays = {name: array for part in packed["parts"] for name, array in _read_part(path, part).items()}
+    check_unpacked(path, document, arrays)
     report(1)
     values, behind = [], []
     for done, behaviour in enumerate(described, start=2):
         table = unpack_table(arrays.pop(_kept_name(behaviour)), _grid(behaviour), len(arrays["graph_state_frames"]))
         if "state_values" in behaviour:
             behind.append(table)
-            table = _computed_table(document, behaviour, arrays, table)
+            table = _computed_table(path, document, behaviour, arrays, table)
         values.append(table)
         report(done)
     arrays["values"] = np.concatenate(values)
@@ -177,11 +185,18 @@ def _grid(behaviour: Mapping[str, Any]) -> Grid:
 
 
 def _computed_table(
-    document: Mapping[str, Any], behaviour: dict[str, Any], arrays: Mapping[str, Array], values: Array
+    path: Path, document: Mapping[str, Any], behaviour: dict[str, Any], arrays: Mapping[str, Array], values: Array
 ) -> Array:
-    """Return a behaviour's table of Q in bytes by one backup of V, and put its range into the behaviour's data."""
+    """Return a behaviour's table of Q in bytes by one backup of V, and put its range into the behaviour's data.
+
+    Raises:
+        PolicyError: The recipe in the packed policy is none, or has no such behaviour.
+    """
     database, _, actions = assemble_motion(document, arrays)
-    spec = Recipe.model_validate(document["recipe"]).behaviours[behaviour["name"]]
+    try:
+        spec = Recipe.model_validate(document["recipe"]).behaviours[behaviour["name"]]
+    except (ValidationError, KeyError):
+        raise PolicyError(f"{path}: policy: recipe: is no recipe of {behaviour['name']!r}") from None
     behind = StateValues(values, **behaviour["state_values"])
     body = TargetBody(**document["target"])
     actions = leading_actions(actions, actions.state_count)
@@ -212,12 +227,14 @@ def _read_part(path: Path, part: Mapping[str, Any]) -> dict[str, Array]:
     """
     file = path.with_name(part["file"])
     try:
-        content = file.read_bytes()
+        with open_plain(file.parent, file.name) as opened:
+            content = opened.read(_MOST_BYTES + 1)
     except OSError as error:
         raise PolicyError(f"{file}: cannot be read: {error.strerror}; install crowdsim again") from None
     if hashlib.sha256(content).hexdigest() != part["sha256"]:
         raise PolicyError(f"{file}: damaged: its SHA-256 is not the one in {path.name}; install crowdsim again")
-    planes, first, arrays = np.frombuffer(lzma.decompress(content), np.uint8), 0, {}
+    size = sum(np.dtype(code).itemsize * math.prod(shape) for _, code, shape in part["arrays"])
+    planes, first, arrays = np.frombuffer(decompress(file, content, size), np.uint8), 0, {}
     for name, code, shape in part["arrays"]:
         kind, count = np.dtype(code), math.prod(shape)
         plane = planes[first : first + count * kind.itemsize].reshape(kind.itemsize, count)

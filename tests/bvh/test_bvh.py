@@ -117,7 +117,7 @@ def test_a_brace_inside_a_word_belongs_to_the_name_when_another_opens_the_block_
 def test_joints_without_a_name_get_one_and_a_finding():
     walk = bvh(PLAIN, **{"JOINT Leg": "JOINT"})
     assert walk.names == ("Hips", "Chest", "joint2")
-    assert walk.findings == ("walk.bvh:20: joint without a name, called 'joint2'",)
+    assert walk.findings == ("walk.bvh:20:3: joint without a name, called 'joint2'",)
 
 
 def test_decimal_commas_are_decimal_points():
@@ -143,27 +143,27 @@ def test_joints_may_have_no_channels_one_or_two():
     assert [len(own) for own in walk.channels] == [6, 2, 0]
     assert walk.motion.tolist() == [[1, 2, 3, 4, 5, 6, 7, 8]]
     assert bvh(text, **{"CHANNELS 2 Zrotation Xrotation": "CHANNELS 0", " 7 8": ""}).channels[1] == ()
-    assert walk.findings == ("walk.bvh:29: 1 rows of motion, Frames: says 2",)
+    assert walk.findings == ("walk.bvh:29:9: 1 rows of motion, Frames: says 2",)
 
 
 def test_joints_with_the_same_name_are_kept_and_found():
     walk = bvh(PLAIN, Leg="Chest")
     assert walk.names == ("Hips", "Chest", "Chest")
-    assert walk.findings == ("walk.bvh: 2 joints are called 'Chest'",)
+    assert walk.findings == ("walk.bvh:19:3: 2 joints are called 'Chest'",)
 
 
 @pytest.mark.parametrize("name", ["row of teeth", "nothing moves", "is nan"])
 def test_what_joints_are_called_never_makes_a_finding_a_fault(name):
     walk = bvh(PLAIN.replace("JOINT Leg", f"JOINT {name}").replace("JOINT Chest", f"JOINT {name}"))
-    assert walk.findings == (f"walk.bvh: 2 joints are called '{name}'",)
+    assert walk.findings == (f"walk.bvh:19:3: 2 joints are called '{name}'",)
     assert walk.faults == ()
-    assert bvh(PLAIN.replace("Frames: 2", "Frames: 3")).faults == ("walk.bvh:30: 2 rows of motion, Frames: says 3",)
+    assert bvh(PLAIN.replace("Frames: 2", "Frames: 3")).faults == ("walk.bvh:30:9: 2 rows of motion, Frames: says 3",)
 
 
 def test_scale_channels_are_read_found_and_not_used():
     text = PLAIN.replace("CHANNELS 3 Yrotation", "CHANNELS 4 Xscale Yrotation").replace(" 40 ", " 1 40 ")
     walk = bvh(text.replace("4e-3", "1 4e-3"))
-    assert walk.findings == ("walk.bvh: joint 'Chest' has scale channels, which are not used",)
+    assert walk.findings == ("walk.bvh:6:3: joint 'Chest' has scale channels, which are not used",)
     np.testing.assert_array_equal(to_clip(walk).rotations, to_clip(bvh(PLAIN)).rotations)
 
 
@@ -176,7 +176,7 @@ def test_all_roots_are_read_and_a_clip_takes_the_first():
     walk = bvh(text + "\n".join(f"{row} {row}" for row in rows))
     assert walk.names[::3] == ("Hips", "OtherHips")
     assert walk.parents.tolist() == [-1, 0, 0, -1, 3, 3]
-    assert walk.findings == ("walk.bvh: 2 ROOTs ('Hips', 'OtherHips'), only the first one's skeleton is used",)
+    assert walk.findings == ("walk.bvh:29:1: 2 ROOTs ('Hips', 'OtherHips'), only the first one's skeleton is used",)
     first, alone = to_clip(walk), to_clip(bvh(PLAIN))
     assert first.skeleton.names == alone.skeleton.names
     np.testing.assert_array_equal(first.skeleton.end_offsets, alone.skeleton.end_offsets)
@@ -186,11 +186,11 @@ def test_all_roots_are_read_and_a_clip_takes_the_first():
 @pytest.mark.parametrize(
     ("declared", "rows", "finding"),
     [
-        (5, 2, "walk.bvh:30: 2 rows of motion, Frames: says 5"),
-        (1, 2, "walk.bvh:30: 2 rows of motion, Frames: says 1"),
-        (0, 2, "walk.bvh:30: 2 rows of motion, Frames: says 0"),
-        (10**15, 2, "walk.bvh:30: 2 rows of motion, Frames: says 1000000000000000"),
-        (3, 0, "walk.bvh:30: 0 rows of motion, Frames: says 3"),
+        (5, 2, "walk.bvh:30:9: 2 rows of motion, Frames: says 5"),
+        (1, 2, "walk.bvh:30:9: 2 rows of motion, Frames: says 1"),
+        (0, 2, "walk.bvh:30:9: 2 rows of motion, Frames: says 0"),
+        (10**15, 2, "walk.bvh:30:9: 2 rows of motion, Frames: says 1000000000000000"),
+        (3, 0, "walk.bvh:30:9: 0 rows of motion, Frames: says 3"),
     ],
 )
 def test_a_wrong_row_count_is_found_with_both_numbers(declared, rows, finding):
@@ -210,9 +210,9 @@ def test_no_frames_are_no_error():
 @pytest.mark.parametrize(
     ("stop", "finding"),
     [
-        ("MOTION", "walk.bvh:29: the file ends after the hierarchy, without MOTION"),
-        ("Frames", "walk.bvh:30: the file ends before Frames:"),
-        ("Frame Time", "walk.bvh:31: the file ends before Frame Time:"),
+        ("MOTION", "walk.bvh:29:1: the file ends after the hierarchy, without MOTION"),
+        ("Frames", "walk.bvh:30:1: the file ends before Frames:"),
+        ("Frame Time", "walk.bvh:31:1: the file ends before Frame Time:"),
     ],
 )
 def test_a_file_that_ends_after_the_hierarchy_has_no_frames(stop, finding):
@@ -228,34 +228,35 @@ def test_a_row_of_another_length_is_left_out_and_found():
     walk = bvh(PLAIN[: PLAIN.index("0 90")].replace("Frames: 2", "Frames: 6") + "\n".join(rows))
     assert walk.motion[:, 0].tolist() == [0, 1, 3, 4, 5]
     assert walk.findings == (
-        "walk.bvh:34: row of 16 numbers, expected 15, one a channel; left out",
-        "walk.bvh:30: 5 rows of motion, Frames: says 6",
+        "walk.bvh:34:1: row of 16 numbers, expected 15, one a channel; left out",
+        "walk.bvh:30:9: 5 rows of motion, Frames: says 6",
     )
     rows[2], rows[5] = "1 2", "9"
     walk = bvh(PLAIN[: PLAIN.index("0 90")].replace("Frames: 2", "Frames: 6") + "\r".join(rows))
     assert walk.motion[:, 0].tolist() == [0, 1, 3, 4]
     assert (
-        walk.findings[0] == "walk.bvh:34: row of 2 numbers, expected 15, one a channel; left out, and 1 more such rows"
+        walk.findings[0]
+        == "walk.bvh:34:1: row of 2 numbers, expected 15, one a channel; left out, and 1 more such rows"
     )
 
 
 def test_an_incomplete_last_row_is_left_out_where_lines_mean_nothing():
     walk = bvh(PLAIN[: PLAIN.index("0 90")] + "\n".join(str(number) for number in range(32)))
     np.testing.assert_array_equal(walk.motion, np.arange(30.0).reshape(2, 15))
-    assert walk.findings == ("walk.bvh:63: 32 numbers are 2 more than whole rows of 15; left out",)
+    assert walk.findings == ("walk.bvh:62:1: 32 numbers are 2 more than whole rows of 15; left out",)
 
 
 def test_values_that_are_not_finite_are_found_with_frame_joint_and_channel():
     walk = bvh(PLAIN, **{" 50 60 7 ": " nan 60 -inf ", "1.5 91": "1.5 1.#INF", "-5.": "1e999"})
     assert walk.findings == (
-        "walk.bvh:33: frame 1, joint 'Hips', channel Yposition is inf",
-        "walk.bvh:33: frame 1, joint 'Hips', channel Xrotation is inf",
-        "walk.bvh:32: frame 0, joint 'Chest', channel Xrotation is nan",
-        "walk.bvh:32: frame 0, joint 'Leg', channel Xrotation is -inf",
+        "walk.bvh:33:5: frame 1, joint 'Hips', channel Yposition is inf",
+        "walk.bvh:33:20: frame 1, joint 'Hips', channel Xrotation is inf",
+        "walk.bvh:32:20: frame 0, joint 'Chest', channel Xrotation is nan",
+        "walk.bvh:32:27: frame 0, joint 'Leg', channel Xrotation is -inf",
     )
     many = bvh(PLAIN[: PLAIN.index("0 90")] + "nan " * 30)
-    assert many.findings[0] == "walk.bvh:32: frame 0, joint 'Hips', channel Xposition is nan and in 1 more frames"
-    assert many.findings[-1] == "walk.bvh:32: 7 more channels are wrong somewhere"
+    assert many.findings[0] == "walk.bvh:32:1: frame 0, joint 'Hips', channel Xposition is nan and in 1 more frames"
+    assert many.findings[-1] == "walk.bvh:32:33: 7 more channels are wrong somewhere"
     assert len(many.findings) == 9
 
 
@@ -266,57 +267,58 @@ def test_text_behind_the_last_row_is_found_and_left_out():
         token = repr(tail.split()[0])
         size = len(tail)
         assert walk.findings == (
-            f"walk.bvh:34: {size} bytes from {token} on, after the last row, are no numbers and left out",
+            f"walk.bvh:34:1: {size} bytes from {token} on, after the last row, are no numbers and left out",
         )
 
 
 def test_offsets_that_are_not_finite_or_missing_become_zero_and_a_finding():
     walk = bvh(PLAIN, **{"OFFSET 0 10 0": "OFFSET 0 nan 0"})
     assert walk.offsets[1].tolist() == [0, 0, 0]
-    assert walk.findings == walk.faults == ("walk.bvh:8: OFFSET is nan, 0 taken",)
+    assert walk.findings == walk.faults == ("walk.bvh:8:14: OFFSET is nan, 0 taken",)
     walk = bvh(PLAIN, **{"OFFSET 0 10 0": ""})
-    assert walk.findings == ("walk.bvh: joint 'Chest' has no OFFSET, 0 taken (1 such joints)",)
+    assert walk.findings == ("walk.bvh:6:3: joint 'Chest' has no OFFSET, 0 taken (1 such joints)",)
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("HIERARCHY", "", "2: found 'ROOT', expected 'HIERARCHY'"),
-        ("HIERARCHY", "{\\rtf1", "1: found '{', expected 'HIERARCHY'"),
-        ("ROOT Hips", "JOINT Hips", "2: found 'JOINT', expected 'ROOT' and a name"),
-        ("ROOT Hips\n{", "ROOT Hips\n", "4: found 'OFFSET', expected '{'"),
-        ("OFFSET 1 2 3", "OFFSET 1 2", "5: found 'CHANNELS', expected a number, the z of an OFFSET"),
-        ("OFFSET 1 2 3", "OFFSET 1,5,6 2 3", "4: found '1,5,6', expected a number, the x of an OFFSET"),
-        ("OFFSET 1 2 3", "OFFSET 1_0 2 3", "4: found '1_0', expected a number, the x of an OFFSET"),
-        ("OFFSET 1 2 3", "OFFSETS", "4: found 'OFFSETS', expected OFFSET, CHANNELS, JOINT, End Site or '}'"),
-        ("CHANNELS 6 X", "CHANNELS six X", "5: found 'six', expected the number of channels"),
-        ("CHANNELS 6 X", "CHANNELS 99999999999 X", "5: found '99999999999', expected the number of channels"),
-        ("CHANNELS 6 X", "CHANNELS 5 X", "5: found 'Yrotation', expected 5 channels, as CHANNELS says"),
-        ("CHANNELS 6 X", "CHANNELS 7 X", "6: found 'JOINT', expected channel 7 of 7, such as Xposition or Zrotation"),
+        ("HIERARCHY", "", "2:1: found 'ROOT', expected 'HIERARCHY'"),
+        ("HIERARCHY", "{\\rtf1", "1:1: found '{', expected 'HIERARCHY'"),
+        ("ROOT Hips", "JOINT Hips", "2:1: found 'JOINT', expected 'ROOT' and a name"),
+        ("ROOT Hips\n{", "ROOT Hips\n", "4:3: found 'OFFSET', expected '{'"),
+        ("OFFSET 1 2 3", "OFFSET 1 2", "5:3: found 'CHANNELS', expected a number, the z of an OFFSET"),
+        ("OFFSET 1 2 3", "OFFSET 1,5,6 2 3", "4:10: found '1,5,6', expected a number, the x of an OFFSET"),
+        ("OFFSET 1 2 3", "OFFSET 1_0 2 3", "4:10: found '1_0', expected a number, the x of an OFFSET"),
+        ("OFFSET 1 2 3", "OFFSETS", "4:3: found 'OFFSETS', expected OFFSET, CHANNELS, JOINT, End Site or '}'"),
+        ("CHANNELS 6 X", "CHANNELS six X", "5:12: found 'six', expected the number of channels"),
+        ("CHANNELS 6 X", "CHANNELS 99999999999 X", "5:12: found '99999999999', expected the number of channels"),
+        ("CHANNELS 6 X", "CHANNELS 5 X", "5:64: found 'Yrotation', expected 5 channels, as CHANNELS says"),
+        ("CHANNELS 6 X", "CHANNELS 7 X", "6:3: found 'JOINT', expected channel 7 of 7, such as Xposition or Zrotation"),
         (
             "CHANNELS 3 Yrotation",
             "CHANNELS 3 Yrotatoin",
-            "9: found 'Yrotatoin', expected channel 1 of 3, such as Xposition or Zrotation (did you mean 'Yrotation'?)",
+            "9:16: found 'Yrotatoin', expected channel 1 of 3, such as Xposition or Zrotation"
+            " (did you mean 'Yrotation'?)",
         ),
-        ("OFFSET 0 10 0", "CHANNELS 0", "9: found 'CHANNELS', expected one CHANNELS a joint"),
+        ("OFFSET 0 10 0", "CHANNELS 0", "9:5: found 'CHANNELS', expected one CHANNELS a joint"),
         (
             "OFFSET 0 5 0",
             "CHANNELS 3",
-            "12: found '3', expected 'OFFSET' or '}' of an end site, which has neither channels nor children",
+            "12:16: found '3', expected 'OFFSET' or '}' of an end site, which has neither channels nor children",
         ),
-        ("}\nMOTION", "MOTION", "28: found 'MOTION', expected OFFSET, CHANNELS, JOINT, End Site or '}'"),
-        ("}\nMOTION", "}}\nMOTION", "28: found '}', expected 'ROOT' or 'MOTION'"),
-        ("MOTION", "MOTIONS", "29: found 'MOTIONS', expected 'ROOT' or 'MOTION'"),
-        ("Frames: 2", "Frames: two", "30: found 'two', expected a number of frames"),
-        ("Frames: 2", "Frames: 2.5", "30: found '2.5', expected a number of frames"),
-        ("Frames: 2", "Frames: -2", "30: found '-2', expected a number of frames"),
-        ("Frames: 2", "", "32: found '0', expected 'Frames:' and a number"),
-        ("Frame Time: 0.00833333", "", "32: found '0', expected 'Frame Time:' and a number"),
-        ("0.00833333", "fast", "31: found 'fast', expected a number of seconds"),
-        ("50 60 7", "50 sixty 7", "32: found 'sixty', expected a number"),
-        ("50 60 7", "50 6-0 7", "32: found '6-0', expected a number"),
-        ("50 60 7", "50 0,5, 7", "32: found '0,5,', expected a number"),
-        ("50 60 7", "50 " + "x" * 100 + " 7", f"32: found '{'x' * 37}...', expected a number"),
+        ("}\nMOTION", "MOTION", "28:1: found 'MOTION', expected OFFSET, CHANNELS, JOINT, End Site or '}'"),
+        ("}\nMOTION", "}}\nMOTION", "28:2: found '}', expected 'ROOT' or 'MOTION'"),
+        ("MOTION", "MOTIONS", "29:1: found 'MOTIONS', expected 'ROOT' or 'MOTION'"),
+        ("Frames: 2", "Frames: two", "30:9: found 'two', expected a number of frames"),
+        ("Frames: 2", "Frames: 2.5", "30:9: found '2.5', expected a number of frames"),
+        ("Frames: 2", "Frames: -2", "30:9: found '-2', expected a number of frames"),
+        ("Frames: 2", "", "32:1: found '0', expected 'Frames:' and a number"),
+        ("Frame Time: 0.00833333", "", "32:1: found '0', expected 'Frame Time:' and a number"),
+        ("0.00833333", "fast", "31:13: found 'fast', expected a number of seconds"),
+        ("50 60 7", "50 sixty 7", "32:23: found 'sixty', expected a number"),
+        ("50 60 7", "50 6-0 7", "32:23: found '6-0', expected a number"),
+        ("50 60 7", "50 0,5, 7", "32:23: found '0,5,', expected a number"),
+        ("50 60 7", "50 " + "x" * 100 + " 7", f"32:23: found '{'x' * 37}...', expected a number"),
     ],
 )
 def test_what_is_no_bvh_is_refused_with_line_token_and_expectation(old, new, message):
@@ -325,20 +327,20 @@ def test_what_is_no_bvh_is_refused_with_line_token_and_expectation(old, new, mes
 
 
 def test_text_that_ends_inside_the_hierarchy_is_refused():
-    fails("", "walk.bvh:1: the file ends, expected 'HIERARCHY'")
-    fails("HIERARCHY\nROOT Hips", "walk.bvh:2: the file ends, expected '{'")
+    fails("", "walk.bvh:1:1: the file ends, expected 'HIERARCHY'")
+    fails("HIERARCHY\nROOT Hips", "walk.bvh:2:10: the file ends, expected '{'")
     expected = "OFFSET, CHANNELS, JOINT, End Site or '}'"
-    fails(PLAIN[: PLAIN.index("  JOINT Leg")], f"walk.bvh:19: the file ends, expected {expected}")
-    fails(b"\xff\xfeH", "walk.bvh:1: broken UTF-16 text, expected a BVH file")
+    fails(PLAIN[: PLAIN.index("  JOINT Leg")], f"walk.bvh:19:1: the file ends, expected {expected}")
+    fails(b"\xff\xfeH", "walk.bvh:1:1: broken UTF-16 text, expected a BVH file")
 
 
 def test_numbers_without_channels_are_refused():
     text = "HIERARCHY ROOT a { OFFSET 0 0 0 }\nMOTION Frames: 1 Frame Time: 0.1\n"
     assert parse_bvh(text.encode(), "a.bvh").findings == (
-        "a.bvh: no joint has channels, so nothing moves",
-        "a.bvh:2: 0 rows of motion, Frames: says 1",
+        "a.bvh:1:11: no joint has channels, so nothing moves",
+        "a.bvh:2:16: 0 rows of motion, Frames: says 1",
     )
-    fails(text + "1 2", "walk.bvh:3: found '1', expected no numbers, since no joint has channels")
+    fails(text + "1 2", "walk.bvh:3:1: found '1', expected no numbers, since no joint has channels")
 
 
 def test_files_that_cannot_be_opened_are_bvh_errors(tmp_path):
@@ -357,7 +359,8 @@ def test_files_that_cannot_be_opened_are_bvh_errors(tmp_path):
 
 def test_huge_counts_and_deep_trees_neither_hang_nor_exhaust_memory():
     fails(
-        PLAIN.replace("CHANNELS 6 X", "CHANNELS 999 X"), "walk.bvh:5: found '999', expected at most 12 channels a joint"
+        PLAIN.replace("CHANNELS 6 X", "CHANNELS 999 X"),
+        "walk.bvh:5:12: found '999', expected at most 12 channels a joint",
     )
     assert bvh(PLAIN.replace("Frames: 2", "Frames: 999999999999")).frame_count == 2
     block = "JOINT a {OFFSET 0 1 0 CHANNELS 0\n"
@@ -365,11 +368,11 @@ def test_huge_counts_and_deep_trees_neither_hang_nor_exhaust_memory():
         deep = "HIERARCHY " + block.replace("JOINT", "ROOT") + block * depth + "}" * (depth + 1)
         if depth == 999:
             assert parse_bvh((deep + " MOTION Frames: 0 Frame Time: 1").encode()).joint_count == 1000
-            fails(deep[:-1], "walk.bvh:1001: the file ends, expected OFFSET, CHANNELS, JOINT, End Site or '}'")
+            fails(deep[:-1], "walk.bvh:1001:1000: the file ends, expected OFFSET, CHANNELS, JOINT, End Site or '}'")
         else:
-            fails(deep, "walk.bvh:1001: found 'JOINT', expected at most 1,000 joints")
+            fails(deep, "walk.bvh:1001:1: found 'JOINT', expected at most 1,000 joints")
     ends = "HIERARCHY ROOT a {" + "End Site {}\n" * 2000
-    fails(ends, "walk.bvh:1001: found 'End', expected at most 1,000 end sites")
+    fails(ends, "walk.bvh:1001:1: found 'End', expected at most 1,000 end sites")
     wide = "HIERARCHY ROOT a { CHANNELS 1 Xrotation" + " JOINT b{}" * 999 + "} MOTION Frames: 9 Frame Time: 1\n"
     with pytest.raises(BvhError, match="more than fit in memory"):
         to_clip(parse_bvh((wide + "0 " * 70_000).encode()))
@@ -381,12 +384,12 @@ def test_huge_counts_and_deep_trees_neither_hang_nor_exhaust_memory():
         (
             "OFFSET 0 10 0",
             "OFFSET 0 1e308 0",
-            "8: found '1e308', expected a number from -1000000 to 1000000, the y of an",
+            "8:14: found '1e308', expected a number from -1000000 to 1000000, the y of an",
         ),
-        ("OFFSET 0 10 0", "OFFSET 0 1 0 OFFSET 0 1 0", "8: found 'OFFSET', expected one OFFSET a joint"),
-        ("OFFSET 0 5 0", "CHANNELS 0 CHANNELS 0", "12: found 'CHANNELS', expected 'OFFSET' or '}' of an end site"),
-        ("JOINT Leg", "JOINT " + "L" * 300, f"19: found '{'L' * 37}...', expected a name of at most 256 bytes"),
-        ("MOTION", "MOTION" + " " * 2_000_000, "29: a line of more than 1,048,576 bytes, expected shorter ones"),
+        ("OFFSET 0 10 0", "OFFSET 0 1 0 OFFSET 0 1 0", "8:18: found 'OFFSET', expected one OFFSET a joint"),
+        ("OFFSET 0 5 0", "CHANNELS 0 CHANNELS 0", "12:18: found 'CHANNELS', expected 'OFFSET' or '}' of an end site"),
+        ("JOINT Leg", "JOINT " + "L" * 300, f"19:9: found '{'L' * 37}...', expected a name of at most 256 bytes"),
+        ("MOTION", "MOTION" + " " * 2_000_000, "29:1: a line of more than 1,048,576 bytes, expected shorter ones"),
     ],
 )
 def test_what_no_exporter_writes_is_refused_where_it_is(old, new, message):
@@ -397,22 +400,22 @@ def test_what_no_exporter_writes_is_refused_where_it_is(old, new, message):
 def test_numbers_out_of_reach_are_faults_with_their_line():
     walk = bvh(PLAIN, **{" 50 60 7 ": " 50 -1e308 7 "})
     limits = "expected numbers from -1000000 to 1000000"
-    assert walk.faults == (f"walk.bvh:32: frame 0, joint 'Chest', channel Zrotation is -1e+308, {limits}",)
+    assert walk.faults == (f"walk.bvh:32:23: frame 0, joint 'Chest', channel Zrotation is -1e+308, {limits}",)
     row = "1 " * 15
     text = PLAIN[: PLAIN.index("0 90")].replace("Frames: 2", "Frames: 5") + f"{row}\n\n2 3\n{row}\n{row}\n\n{row}inf"
-    assert bvh(text.replace(f"{row}inf", row + "\n" + "nan " * 15)).faults[1].startswith("walk.bvh:39: frame 4, joint")
+    assert bvh(text.replace(f"{row}inf", row + "\n" + "nan " * 15)).faults[1].startswith("walk.bvh:39:1: frame 4, ")
 
 
 def test_a_frame_time_that_is_no_positive_time_is_found():
     walk = bvh(PLAIN, **{"0.00833333": "0"})
     assert walk.fps == 30.0
-    assert walk.findings == walk.faults == ("walk.bvh:31: frame time is '0', 30 frames a second taken",)
+    assert walk.findings == walk.faults == ("walk.bvh:31:13: frame time is '0', 30 frames a second taken",)
     assert bvh(PLAIN, **{"0.00833333": "-0.01"}).faults == (
-        "walk.bvh:31: frame time is '-0.01', 30 frames a second taken",
+        "walk.bvh:31:13: frame time is '-0.01', 30 frames a second taken",
     )
     assert bvh(PLAIN, **{"0.00833333": "nan"}).findings[0].endswith("is 'nan', 30 frames a second taken")
     assert bvh(PLAIN, **{"0.00833333": "120"}).findings == (
-        "walk.bvh:31: frame time '120' means 0.00833333 frames a second",
+        "walk.bvh:31:13: frame time '120' means 0.00833333 frames a second",
     )
 
 
@@ -487,7 +490,7 @@ def test_mutated_text_is_read_or_refused_and_never_crashes(text, edits, encoding
         text = text[:at] + scrap + text[at + cut :]
     walk, message = read_or_message(text.encode(encoding, "replace"))
     if walk is None:
-        assert re.match(r"walk\.bvh:\d+: (found|the file ends|broken)", message)
+        assert re.match(r"walk\.bvh:\d+:\d+: (found|the file ends|broken)", message)
     else:
         clip = to_clip(walk)
         assert walk.motion.shape == (walk.frame_count, walk.channel_count)

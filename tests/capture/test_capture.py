@@ -100,7 +100,7 @@ def test_no_motion_is_a_fault(boxer, tmp_path, frames):
     what = "a single frame, expected motion" if frames else "no frames, expected motion"
     assert capture.findings == (what,) == capture.faults
     assert capture.up_axis == "y"
-    with pytest.raises(MotionError, match=rf"clip\.bvh: {what}"):
+    with pytest.raises(MotionError, match=rf"clip\.bvh:1:1: {what}"):
         usable_clip(capture, strict=False)
 
 
@@ -129,10 +129,10 @@ def test_a_wrong_row_count_is_reported_with_both_numbers_and_refused_for_trainin
     path.write_bytes(path.read_bytes().replace(b"Frames: 360", b"Frames: 400"))
     capture = load_capture(path)
     assert capture.findings == capture.faults
-    assert capture.findings == ("line 133: 360 rows of motion, Frames: says 400",)
+    assert capture.findings == ("line 133, column 9: 360 rows of motion, Frames: says 400",)
     with pytest.raises(MotionError) as error:
         usable_clip(capture)
-    assert str(error.value) == f"{path}:133: 360 rows of motion, Frames: says 400"
+    assert str(error.value) == f"{path}:133:9: 360 rows of motion, Frames: says 400"
     assert usable_clip(capture, strict=False).clip is capture.clip
 
 
@@ -217,5 +217,5 @@ def test_findings_of_the_file_name_the_line(boxer, tmp_path):
     lines[-2] = b"1.0 2.0 3.0"
     path.write_bytes(b"\n".join(lines))
     capture = load_capture(path)
-    assert capture.findings[0].startswith(f"line {len(lines) - 1}: row of 3 numbers, expected 69")
+    assert capture.findings[0].startswith(f"line {len(lines) - 1}, column 1: row of 3 numbers, expected 69")
     assert len(capture.faults) == 2

@@ -16,6 +16,7 @@ from scenes import crowdsim, write_scene
 from test_crash import Task, check_end, check_whole, contents
 
 from crowdsim.policy.bundle import load_policy
+from crowdsim.runs import checkpoint
 from crowdsim.training import train
 from crowdsim.training.recipe import load_recipe
 
@@ -108,6 +109,8 @@ def failing(below: Path, number: int, kind: str, monkeypatch: pytest.MonkeyPatch
         patch.setattr(os, "replace", moved(replace))
         patch.setattr(os, "rename", moved(rename))
         patch.setattr(os, "fsync", synced)
+        patch.setattr(checkpoint, "sync_disk", synced)
+        patch.setattr(checkpoint, "LASTS_AFTER", 0.0)
         yield disk
 
 

@@ -703,6 +703,24 @@ def test_status_distinguishes_finished_runs_from_others(workplace: Path, capsys)
     assert capsys.readouterr().err == "policies: holds no run\n"
 
 
+def test_status_fails_where_a_run_is_damaged(workplace: Path, capsys) -> None:
+    write_scene(workplace / "a.yaml", name="a")
+    write_scene(workplace / "b.yaml", name="b")
+    assert crowdsim("run", "a.yaml", "b.yaml") == 0
+    (workplace / "output" / "b" / "manifest.json").write_text("{")
+    for options in ([], ["--json"]):
+        assert crowdsim("status", "output/a", *options) == 0
+        capsys.readouterr()
+        assert crowdsim("status", "output", *options) == 1
+        out = capsys.readouterr().out
+        assert "damaged" in out
+        assert "output/b/manifest.json" in out
+    # A take without a manifest whose metadata is damaged.
+    (workplace / "output" / "b" / "manifest.json").unlink()
+    (workplace / "output" / "b" / "take.zarr" / ".zattrs").write_text("[]")
+    assert crowdsim("status", "output/b") == 1
+
+
 def test_the_needs_of_a_large_crowd_are_reported_beforehand(tmp_path, monkeypatch):
     result = preparation.needs(1_000_000, 60, tmp_path / "not" / "there")
     assert re.fullmatch(

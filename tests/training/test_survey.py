@@ -72,12 +72,12 @@ def test_files_that_cannot_be_used_are_left_out_with_their_reason(tmp_path, clip
     survey = survey_capture(tmp_path)
     assert [file.name for file in survey.used] == ["a.bvh", "b.bvh"]
     assert {file.name: file.reason for file in survey.left_out} == {
-        "chain.bvh": "no human body found in 1 joints: Base (and 1 more finding)",
-        "one.bvh": "a single frame, expected motion",
+        "chain.bvh": "line 1, column 1: no human body found in 1 joints: Base (and 1 more finding)",
+        "one.bvh": "line 1, column 1: a single frame, expected motion",
         "other.bvh": "another skeleton than a.bvh: joint 9 is 'HandOfLeft', expected 'LeftHand'",
-        "rows.bvh": "line 133: 240 rows of motion, Frames: says 250",
+        "rows.bvh": "line 133, column 9: 240 rows of motion, Frames: says 250",
         "short.bvh": "0.08 s after the lead-in, expected 0.20 s or more",
-        "text.bvh": "line 1: found 'Once', expected 'HIERARCHY'",
+        "text.bvh": "line 1, column 1: found 'Once', expected 'HIERARCHY'",
     }
 
 
@@ -91,8 +91,8 @@ def test_a_folder_without_a_usable_file_is_refused_with_every_reason(tmp_path, c
         survey_capture(tmp_path)
     assert str(error.value).splitlines() == [
         f"{tmp_path}: none of its BVH files can be trained on",
-        "  one.bvh: a single frame, expected motion",
-        "  text.bvh: line 1: found 'Once', expected 'HIERARCHY'",
+        "  one.bvh: line 1, column 1: a single frame, expected motion",
+        "  text.bvh: line 1, column 1: found 'Once', expected 'HIERARCHY'",
     ]
 
 
