@@ -20,6 +20,7 @@ from crowdsim.commands.common import (
     say,
     talk,
 )
+from crowdsim.commands.policy_text import falls_text
 from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError, MotionError, RunError
@@ -132,6 +133,8 @@ def _print_summary(summary: dict[str, Any]) -> None:
         (near, far), (low, high) = reach["distance"], reach["height"]
         what = "fists and feet" if "by_foot" in strikes else "fists"
         print(f"  reach       heads {near:.2f} to {far:.2f} m away; {what} {low:.2f} to {high:.2f} m high")
+    for row, text in falls_text(summary["falls"]):
+        print(f"  {row:<10}  {text}")
     print(f"  speed       follows a target at up to {summary['sustained_speed']:.1f} m/s")
     for name, success in summary["success"].items():
         print(f"  {name:<10}  {_success_text(success)}")

@@ -36,7 +36,7 @@ from crowdsim.runs.run import Report, Run
 from crowdsim.runs.staging import complete_alone
 from crowdsim.runs.validation import check_scenario, late_events
 from crowdsim.scenario.scenario import Scenario, dump_scenario
-from crowdsim.scenario.warnings import speed_warnings
+from crowdsim.scenario.warnings import policy_warnings
 from crowdsim.take.take import Take
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ def _prepare(one: Run) -> Prepared:
     policies = load_policies(scenario, one.mocap, one.threads, one.progress)
     one.clock.lap("policies")
     if one.notify is not None:
-        warnings = speed_warnings(scenario, {policy.name: policy.statistics for policy in policies})
+        warnings = policy_warnings(scenario, {policy.name: policy.statistics for policy in policies})
         for warning in scenario.place(warnings):
             one.notify(str(warning))
     return prepare(scenario, policies, placed)

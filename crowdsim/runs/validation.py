@@ -77,13 +77,14 @@ def _warnings(scenario: Scenario) -> list[str]:
     """
     from crowdsim import assets
     from crowdsim.policy.bundle import read_document
-    from crowdsim.scenario.warnings import speed_warnings
+    from crowdsim.scenario.warnings import policy_warnings
 
     statistics = {}
-    for name in dict.fromkeys(kind.policy for kind in scenario.types.values()) if scenario.targets else ():
+    damaged = any(kind.damage is not None for kind in scenario.types.values())
+    for name in dict.fromkeys(kind.policy for kind in scenario.types.values()) if scenario.targets or damaged else ():
         with suppress(PolicyError):
             statistics[name] = read_document(assets.find_bundle(name))["statistics"]
-    return [str(warning) for warning in scenario.place(speed_warnings(scenario, statistics))]
+    return [str(warning) for warning in scenario.place(policy_warnings(scenario, statistics))]
 
 
 def check_scenario(scenario: Scenario) -> None:

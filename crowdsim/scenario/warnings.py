@@ -1,4 +1,4 @@
-"""Warnings on valid scenarios: targets that are faster than the policies of avatars that follow them."""
+"""Warnings on valid scenarios: what they ask of policies that these cannot do."""
 
 from __future__ import annotations
 
@@ -14,6 +14,31 @@ from crowdsim.scenario.parts import AvatarType, limits
 
 if TYPE_CHECKING:
     from crowdsim.scenario.scenario import Scenario
+
+
+def policy_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
+    """Return a finding for each thing that a scenario asks of its policies and they cannot do.
+
+    Args:
+        scenario: The scenario, resolved.
+        statistics: Statistics of each policy by its name; types of other policies are passed over.
+    """
+    return [*speed_warnings(scenario, statistics), *fall_warnings(scenario, statistics)]
+
+
+def fall_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
+    """Return a finding for each type that can be knocked down, but whose policy has no falls."""
+    findings = []
+    for name in sorted(scenario.used_types):
+        kind = scenario.types[name]
+        if kind.damage is None or kind.policy not in statistics or statistics[kind.policy].get("falls"):
+            continue
+        what = (
+            f"policy {kind.policy!r} has no falls: an avatar leaves when it would stay down, and is not knocked down "
+            "before; expected a recipe with 'motion.performer.falls', or capture with falls"
+        )
+        findings.append(Finding(("types", name, "damage"), what))
+    return findings
 
 
 def speed_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]]) -> list[Finding]:

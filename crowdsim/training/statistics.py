@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,8 @@ def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict
     mirrored = np.array([name.endswith("~mirror") for name in database.clip_names])
     own = ~mirrored if mirrored.any() else np.ones(len(mirrored), bool)
     clip_of = np.searchsorted(database.clip_starts * database.stride, database.strike_frames, side="right") - 1
-    kept = frames_kept_by_clip(graph, database.clip_starts)
+    shown = replace(graph, frames_kept=graph.frames_kept | database.falls.mask(database.frame_count))
+    kept = frames_kept_by_clip(shown, database.clip_starts)
     frames = np.diff(database.clip_starts)
     report: dict[str, Any] = {
         "motion": {

@@ -24,9 +24,9 @@ def summarise(statistics: Mapping[str, Any], recipe: Path) -> dict[str, Any]:
         ``motion``: clips, seconds, mirrored, control frames, those that the graph keeps. ``strikes``: how many, by
         hand, foot, kind and height, mirror images left out, and the share that the graph keeps. ``states`` and
         ``actions`` of the graph. ``reach``: distances from which strikes reach a head, and heights of fists and feet
-        [m]; None without strikes. ``falls``: directions of falls and staggers; None without falls. ``sustained_speed``
-        [m/s]. ``success`` of each behaviour. ``weaknesses``: what, and what to do about it. ``named``: whether
-        scenarios find the policy. ``next``: a command to type.
+            [m]; None without strikes. ``falls``: directions of falls and staggers [rad]; None without falls.
+        ``sustained_speed`` [m/s]. ``success`` of each behaviour. ``weaknesses``: what, and what to do about it.
+        ``named``: whether scenarios find the policy. ``next``: a command to type.
     """
     motion, graph, strikes = statistics["motion"], statistics["graph"], statistics.get("strikes")
     keys = ("by_hand", "by_foot", "by_kind", "by_height", "used_share")

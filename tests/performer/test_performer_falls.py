@@ -1,0 +1,178 @@
+"""The embedded boxer falls, lies, gets up and staggers as a body of flesh on a floor does."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from falling import lowest_points
+
+from crowdsim.motion.body import Body, build_body
+from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.motion.skeleton import Clip
+from crowdsim.performer import skeleton as bones
+from crowdsim.performer.falls import FALLS, STAGGERS
+from crowdsim.performer.session import Performance, perform, perform_solo
+
+FPS = 60.0
+TAKES = [(kind, seed) for kind in FALLS for seed in (1, 2, 3)]
+WAYS = {"forward": (0.0, 1.0), "backward": (0.0, -1.0), "left": (1.0, 0.0), "right": (-1.0, 0.0)}
+
+
+@cache
+def performed(kind: str, seed: int) -> Performance:
+    return perform_solo(kind, seed)
+
+
+@cache
+def posed(kind: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    clip = performed(kind, seed).clip
+    return forward_kinematics(clip.skeleton, clip.root_positions, clip.rotations)
+
+
+@cache
+def body() -> Body:
+    return build_body(performed("forward", 1).clip.skeleton)
+
+
+def lows(kind: str, seed: int) -> np.ndarray:
+    return lowest_points(body(), *posed(kind, seed))
+
+
+def of(joints: list[int]) -> np.ndarray:
+    return np.isin(body().capsule_joints, joints)
+
+
+def accelerations(clip: Clip) -> np.ndarray:
+    positions, _ = forward_kinematics(clip.skeleton, clip.root_positions, clip.rotations)
+    return np.linalg.norm(np.diff(positions, 2, axis=0), axis=-1) * FPS**2
+
+
+@cache
+def usual_accelerations() -> np.ndarray:
+    """The 99.9th percentile of the acceleration of each joint in ordinary motion."""
+    return np.percentile(np.concatenate([accelerations(one.clip) for one in perform(60, 1)]), 99.9, axis=0)
+
+
+@pytest.mark.parametrize(("kind", "seed"), TAKES)
+def test_falls_last_as_long_as_falls_do(kind: str, seed: int) -> None:
+    truth = performed(kind, seed).truth
+    (fall,) = truth.falls
+    assert fall.kind == kind
+    assert fall.start >= FPS
+    assert 0.7 * FPS <= fall.down - fall.start <= 1.1 * FPS
+    assert fall.rise - fall.down == 2.0 * FPS
+    assert 1.5 * FPS <= fall.end - fall.rise <= 2.6 * FPS
+    assert performed(kind, seed).clip.frame_count - fall.end >= FPS
+
+
+@pytest.mark.parametrize(("kind", "seed"), TAKES)
+def test_nothing_sinks_into_the_floor(kind: str, seed: int) -> None:
+    low, clip = lows(kind, seed), performed(kind, seed).clip
+    assert low.min() > -0.013  # a toe in the guard, whose shoe is thought to be stiff
+    (fall,) = performed(kind, seed).truth.falls
+    assert low[fall.start + 15 : fall.end - 30].min() > -0.004
+    assert clip.frame_count == len(low)
+
+
+@pytest.mark.parametrize(("kind", "seed"), TAKES)
+def test_a_body_rests_on_the_floor_while_it_lies(kind: str, seed: int) -> None:
+    low, (fall,) = lows(kind, seed), performed(kind, seed).truth.falls
+    lying = low[fall.down + 6 : fall.rise]
+    assert lying.min(axis=1).max() < 0.004
+    trunk = of([bones.HIPS, bones.SPINE, bones.SPINE1, bones.SPINE2])
+    assert lying[:, trunk].min(axis=1).max() < 0.03
+    positions = posed(kind, seed)[0]
+    assert positions[fall.down : fall.rise, : bones.NECK].max(axis=(0, 1))[1] < 0.30
+    # It breathes.
+    moved = np.ptp(positions[fall.down + 20 : fall.rise - 20, bones.NECK], axis=0)
+    assert 1e-3 < np.linalg.norm(moved) < 0.05
+
+
+@pytest.mark.parametrize(("kind", "seed"), TAKES)
+def test_hands_or_hips_meet_the_floor_before_head_and_trunk(kind: str, seed: int) -> None:
+    low, (fall,) = lows(kind, seed), performed(kind, seed).truth.falls
+
+    def met(parts: np.ndarray) -> int:
+        down = low[fall.start : fall.rise, parts].min(axis=1) < 0.012
+        return int(np.argmax(down)) if down.any() else len(down)
+
+    hands = of([*bones.HANDS, *bones.FOREARMS, bones.HIPS, *bones.LEGS, *bones.UP_LEGS])
+    first = met(hands)
+    assert first < met(of([bones.HEAD])) - 2
+    assert first <= met(of([bones.SPINE1, bones.SPINE2]))
+
+
+@pytest.mark.parametrize(("kind", "seed"), TAKES)
+def test_trunks_fall_the_way_they_are_named_for(kind: str, seed: int) -> None:
+    performance = performed(kind, seed)
+    (fall,) = performance.truth.falls
+    hips = performance.clip.root_positions
+    way = (hips[fall.down] - hips[fall.start])[[0, 2]]
+    assert np.dot(way / np.linalg.norm(way), WAYS[kind]) > np.cos(np.radians(35.0))
+
+
+@pytest.mark.parametrize(("kind", "seed"), TAKES)
+def test_falling_gains_speed_as_weight_does(kind: str, seed: int) -> None:
+    (fall,) = performed(kind, seed).truth.falls
+    height = posed(kind, seed)[0][:, bones.SPINE2, 1]
+    speed = np.gradient(height) * FPS
+    fastest = fall.start + int(np.argmin(speed[fall.start : fall.down]))
+    assert -4.0 < speed[fastest] < -1.2
+    assert fastest - fall.start > 0.3 * FPS
+
+
+@pytest.mark.parametrize(("kind", "seed"), [*TAKES, *((kind, 1) for kind in STAGGERS)])
+def test_nothing_jerks(kind: str, seed: int) -> None:
+    ratio = accelerations(performed(kind, seed).clip) / usual_accelerations()
+    assert ratio.max() < 2.0
+    assert (ratio > 1.0).mean() < 0.008
+
+
+@pytest.mark.parametrize(("kind", "seed"), TAKES)
+def test_knees_bend_the_right_way_and_feet_that_carry_stay(kind: str, seed: int) -> None:
+    clip, (fall,) = performed(kind, seed).clip, performed(kind, seed).truth.falls
+    for knee in bones.LEGS:
+        w, x, y, z = np.moveaxis(clip.rotations[:, knee], -1, 0)
+        assert (2.0 * np.arctan2(x * np.sign(w), np.abs(w))).min() > -1e-6
+        assert np.abs(np.stack([y, z])).max() < 1e-6
+    ball = posed(kind, seed)[0][fall.rise + 72 : fall.end, bones.TOES[0]]
+    assert np.linalg.norm(np.ptp(ball[:, [0, 2]], axis=0)) < 0.015
+
+
+@pytest.mark.parametrize("kind", STAGGERS)
+def test_staggers_throw_the_trunk_and_feet_catch_it(kind: str) -> None:
+    performance = performed(kind, 2)
+    (stagger,) = performance.truth.staggers
+    assert 0.6 * FPS < stagger.end - stagger.start < 1.3 * FPS
+    planted = performance.truth.contacts[stagger.start : stagger.end]
+    lifted = np.sum(np.diff(planted.astype(int), axis=0) == -1, axis=0)
+    assert lifted.sum() >= 3
+    positions = posed(kind, 2)[0]
+    lean = (positions[:, bones.NECK] - positions[:, bones.HIPS])[:, [0, 2]]
+    thrown = lean[stagger.start : stagger.end] - lean[: stagger.start].mean(axis=0)
+    way = {"stagger_back": (0.0, -1.0), "stagger_left": (1.0, 0.0), "stagger_right": (-1.0, 0.0)}[kind]
+    assert (thrown @ np.array(way)).max() > 0.18
+
+
+def test_falls_are_performed_only_when_asked_for_and_change_nothing_else() -> None:
+    without, with_falls = perform(20, 5), perform(20, 5, falls=1)
+    count = len(FALLS) + len(STAGGERS)
+    assert len(with_falls) == len(without) + count
+    for one, other in zip(without, with_falls, strict=False):
+        assert one.clip.rotations.tobytes() == other.clip.rotations.tobytes()
+        assert not one.truth.falls
+        assert not one.truth.staggers
+    again = perform(20, 5, falls=1)
+    for one, other in zip(with_falls, again, strict=True):
+        assert one.clip.name == other.clip.name
+        assert one.clip.rotations.tobytes() == other.clip.rotations.tobytes()
+    two = [one.clip.name for one in perform(20, 5, falls=2)[len(without) :]]
+    assert len(two) == len(set(two)) == 2 * count
+
+
+def test_a_southpaw_falls_to_the_other_side() -> None:
+    orthodox, southpaw = perform_solo("left", 4), perform_solo("left", 4, stance="southpaw")
+    assert southpaw.truth.falls[0].kind == "right"
+    np.testing.assert_allclose(
+        southpaw.clip.root_positions, orthodox.clip.root_positions * np.array([-1.0, 1.0, 1.0]), atol=1e-12
+    )

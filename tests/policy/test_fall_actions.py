@@ -1,0 +1,165 @@
+"""Bundles hold falls as actions behind those that states choose among."""
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from falling import falling_policy, recipe
+
+from crowdsim.errors import PolicyError
+from crowdsim.graph.features import frame_features
+from crowdsim.motion import ground
+from crowdsim.policy.bundle import load_policy, write_arrays, write_bundle
+from crowdsim.policy.flattening import flatten_policy
+from crowdsim.policy.policy import Policy, action_values
+from crowdsim.training.train import train_policy
+
+
+@cache
+def plain_policy() -> Policy:
+    return train_policy(recipe(0), "plain")[0]
+
+
+def test_falls_lie_behind_all_other_actions() -> None:
+    policy = falling_policy()
+    falls, graph, actions = policy.falls, policy.graph, policy.actions
+    assert falls is not None
+    assert len(falls.fall) == 8
+    assert len(falls.stagger) == 6
+    np.testing.assert_array_equal(falls.actions, np.arange(graph.choice_count, graph.action_count))
+    assert actions.offsets[-1] == graph.action_offsets[-1] == graph.choice_count
+    for name in ("next", "lengths", "costs"):
+        assert len(getattr(actions, name)) == graph.action_count
+    assert graph.without_falls.action_count == graph.choice_count
+    assert len(graph.action_has_transition) == len(graph.action_states) == graph.choice_count
+
+
+def test_a_fall_leads_to_lying_and_a_rise_from_there_to_a_state() -> None:
+    policy = falling_policy()
+    falls, graph, rate = policy.falls, policy.graph, policy.database.control_rate
+    assert falls is not None
+    before, last = graph.action_first - 1, graph.action_first + graph.action_lengths - 1
+    np.testing.assert_array_equal(last[falls.fall], before[falls.lie])
+    assert (last[falls.lie] <= before[falls.rise]).all()
+    assert (0.7 * rate <= graph.action_lengths[falls.fall]).all()
+    assert (graph.action_lengths[falls.fall] <= 1.3 * rate).all()
+    np.testing.assert_array_equal(graph.action_lengths[falls.lie], round(0.5 * rate))
+    np.testing.assert_array_equal(graph.action_next[falls.fall], graph.action_next[falls.rise])
+    np.testing.assert_array_equal(graph.action_next[falls.lie], graph.action_next[falls.rise])
+    heights = policy.database.pelvises[policy.database.stride * last, 1]
+    assert (heights[falls.fall] < 0.3).all()
+    assert (heights[falls.rise] > 0.7).all()
+    assert (heights[falls.stagger] > 0.7).all()
+
+
+def test_rises_end_in_the_state_whose_pose_is_nearest() -> None:
+    policy = falling_policy()
+    falls, graph = policy.falls, policy.graph
+    assert falls is not None
+    features = frame_features(policy.database, recipe().graph)
+    for action in [*falls.rise, *falls.stagger]:
+        frame = graph.action_first[action] + graph.action_lengths[action] - 1
+        costs = [float(np.linalg.norm(features[frame] - features[state])) for state in graph.state_frames]
+        assert costs[graph.action_next[action]] == pytest.approx(min(costs), rel=1e-5)
+
+
+def test_paths_of_falls_follow_the_motion_and_throw_nothing() -> None:
+    policy = falling_policy()
+    falls, actions, database = policy.falls, policy.actions, policy.database
+    assert falls is not None
+    for action in falls.actions:
+        assert actions.strike_offsets[action] == actions.strike_offsets[action + 1]
+        first, length = int(policy.graph.action_first[action]), int(actions.lengths[action])
+        stances = database.ground[database.stride * np.arange(first - 1, first + length)]
+        expected = [ground.compose(ground.inverse(stances[0]), stance) for stance in stances[1:]]
+        path = actions.paths[actions.path_offsets[action] : actions.path_offsets[action + 1]]
+        np.testing.assert_allclose(path, expected, atol=1e-5)
+    assert not actions.shifts[falls.actions].any()
+
+
+def test_directions_are_bearings_of_the_trunk_in_the_ground_frame() -> None:
+    policy = falling_policy()
+    falls, graph, database = policy.falls, policy.graph, policy.database
+    assert falls is not None
+    for action, direction in zip(falls.fall, falls.direction, strict=True):
+        frames = database.stride * np.array(
+            [graph.action_first[action] - 1, graph.action_first[action] - 1 + graph.action_lengths[action]]
+        )
+        trunks = 0.5 * (database.necks + database.pelvises)[frames].astype(float)
+        first, last = (ground.to_world(database.ground[f], trunk) for f, trunk in zip(frames, trunks, strict=True))
+        seen = ground.to_local(database.ground[frames[0]], last) - ground.to_local(database.ground[frames[0]], first)
+        assert abs(ground.wrap(np.arctan2(seen[0], seen[2]) - direction)) < 0.15
+
+
+def test_no_ordinary_action_shows_a_fall() -> None:
+    policy = falling_policy()
+    graph = policy.graph
+    fallen = policy.database.falls.mask(policy.database.frame_count)
+    for action in range(graph.choice_count):
+        first = int(graph.action_first[action])
+        assert not fallen[first - 1 : first + int(graph.action_lengths[action])][1:].any()
+    assert not fallen[graph.state_frames].any()
+    assert not fallen[graph.transition_from].any()
+    assert not fallen[graph.transition_to].any()
+
+
+def test_a_policy_without_falls_has_none() -> None:
+    policy = plain_policy()
+    assert policy.falls is None
+    assert policy.graph.choice_count == policy.graph.action_count
+    assert not [name for name in flatten_policy(policy)[1] if name.startswith("falls")]
+    assert "falls" not in policy.statistics
+    assert len(falling_policy().statistics["falls"]["directions"]) == 4
+
+
+def test_a_bundle_keeps_falls(tmp_path: Path) -> None:
+    policy = falling_policy()
+    write_bundle(tmp_path / "falling", policy, {})
+    again = load_policy(tmp_path / "falling")
+    assert again.falls is not None
+    assert policy.falls is not None
+    for name, values in vars(policy.falls).items():
+        np.testing.assert_array_equal(getattr(again.falls, name), values)
+    for name, values in vars(policy.database.falls).items():
+        np.testing.assert_array_equal(getattr(again.database.falls, name), values)
+    target, weights = (0.2, 1.5, 0.7), {"approach": 1.0, "punch": 1.0}
+    for state in (0, policy.graph.state_count - 1):
+        np.testing.assert_array_equal(
+            action_values(again, weights, state, target), action_values(policy, weights, state, target)
+        )
+
+
+def _moved(name: str) -> Callable[[dict[str, np.ndarray]], None]:
+    def change(arrays: dict[str, np.ndarray]) -> None:
+        arrays[name] = arrays[name].copy()
+        arrays[name][0] += 1
+
+    return change
+
+
+def _missing(arrays: dict[str, np.ndarray]) -> None:
+    del arrays["falls_rise"]
+
+
+def _fewer(arrays: dict[str, np.ndarray]) -> None:
+    for name in ("falls_fall", "falls_lie", "falls_rise", "falls_direction"):
+        arrays[name] = arrays[name][:-1]
+
+
+def _beyond(arrays: dict[str, np.ndarray]) -> None:
+    arrays["graph_action_next"] = arrays["graph_action_next"].copy()
+    arrays["graph_action_next"][-1] = len(arrays["graph_state_frames"])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [*(_moved(f"falls_{name}") for name in ("fall", "lie", "rise", "stagger")), _missing, _fewer, _beyond],
+)
+def test_falls_from_strangers_are_checked(tmp_path: Path, change: Callable[[dict[str, np.ndarray]], None]) -> None:
+    document, arrays = flatten_policy(falling_policy())
+    change(arrays)
+    write_arrays(tmp_path / "foreign", document, arrays, {})
+    with pytest.raises(PolicyError):
+        load_policy(tmp_path / "foreign")
