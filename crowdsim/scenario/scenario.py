@@ -17,6 +17,7 @@ from crowdsim.core.types import FileName
 from crowdsim.errors import ScenarioError, nearest
 from crowdsim.scenario.checks import name_findings, sense_findings
 from crowdsim.scenario.description import MAXIMUM_SEED, Description
+from crowdsim.scenario.fitness import CountEnd
 from crowdsim.scenario.groups import (
     SEARCHES,
     PointsPlacement,
@@ -63,7 +64,8 @@ def load_scenario(
         overrides: ``KEY=VALUE`` each, laid over the file, such as ``groups[0].count=12``.
         seed: Another seed.
         frames: Another duration [control frames]; or a length, and whether it is in seconds.
-        fraction: Share of each group's avatars to keep, above 0 and up to 1; at least one avatar of each stays.
+        fraction: Share of each group's avatars to keep, above 0 and up to 1; at least one avatar of each stays. An end
+            that waits for some to go down waits for as large a share of them.
         search: Another index for nearest opponents.
         policies: Names of the policies that there are; those that can be found by name when None.
 
@@ -72,6 +74,20 @@ def load_scenario(
     """
     file = assets.find_scenario(path)
     scenario = load_model(file, Scenario, ScenarioError, overrides, _context(file, policies))
+    scenario = _changed(scenario, file, seed, frames, fraction)
+    if search is not None:
+        if search not in SEARCHES:
+            raise ScenarioError(f"the search is {search!r}, expected {quoted(SEARCHES)}{nearest(search, SEARCHES)}")
+        scenario = with_search(scenario, search)
+    resolved = resolve_scenario(scenario, file.parent)
+    resolved._source = file
+    return resolved
+
+
+def _changed(
+    scenario: Scenario, file: Path, seed: int | None, frames: int | tuple[float, bool] | None, fraction: float | None
+) -> Scenario:
+    """Return a scenario with another seed or length, or a part of its avatars, see ``load_scenario``."""
     changes: dict[str, Any] = {}
     if seed is not None:
         if not 0 <= seed <= MAXIMUM_SEED:
@@ -90,6 +106,8 @@ def load_scenario(
         changes["groups"] = [
             {**group.model_dump(), "count": max(1, round(group.count * fraction))} for group in scenario.groups
         ]
+        if isinstance(scenario.until, CountEnd) and scenario.until.down is not None:
+            changes["until"] = {"down": max(1, int(scenario.until.down * fraction))}
     if changes:
         try:
             changed = Scenario.model_validate({**scenario.model_dump(), **changes})
@@ -98,13 +116,7 @@ def load_scenario(
             raise ScenarioError(f"{file}: with fraction {fraction}: {'; '.join(reasons)}") from None
         # A validated copy counts every key as set; types must keep which keys their file sets, to be merged.
         scenario = scenario.model_copy(update={key: getattr(changed, key) for key in changes})
-    if search is not None:
-        if search not in SEARCHES:
-            raise ScenarioError(f"the search is {search!r}, expected {quoted(SEARCHES)}{nearest(search, SEARCHES)}")
-        scenario = with_search(scenario, search)
-    resolved = resolve_scenario(scenario, file.parent)
-    resolved._source = file
-    return resolved
+    return scenario
 
 
 def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:

@@ -24,7 +24,7 @@ def summarise(statistics: Mapping[str, Any], recipe: Path) -> dict[str, Any]:
         ``motion``: clips, seconds, mirrored, control frames, those that the graph keeps. ``strikes``: how many, by
         hand, foot, kind and height, mirror images left out, and the share that the graph keeps. ``states`` and
         ``actions`` of the graph. ``reach``: distances from which strikes reach a head, and heights of fists and feet
-            [m]; None without strikes. ``falls``: directions of falls and staggers [rad]; None without falls.
+        [m]; None without strikes. ``falls``: directions of falls and staggers [rad]; None without falls.
         ``sustained_speed`` [m/s]. ``success`` of each behaviour. ``weaknesses``: what, and what to do about it.
         ``named``: whether scenarios find the policy. ``next``: a command to type.
     """

@@ -9,7 +9,7 @@ from falling import falling_policy
 from crowdsim.crowd.crowd import build_crowd
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.model import build_model, entry_actions
-from crowdsim.crowd.simulation import simulate
+from crowdsim.crowd.simulate import simulate
 from crowdsim.policy.actions import leading_actions
 from crowdsim.policy.policy import Policy
 

@@ -377,7 +377,7 @@ def test_a_manifest_of_the_wrong_shape_is_refused(place: Path, capsys, name: str
     path.write_text(signed_text({**json.loads(path.read_text()), name: value}))
     assert crowdsim("verify", "run") == 2
     assert f"run/manifest.json: is damaged: {message}" in capsys.readouterr().err
-    assert crowdsim("status", "run", "--json") == 0
+    assert crowdsim("status", "run", "--json") == 1
     assert json.loads(capsys.readouterr().out)["run"]["state"] == "damaged"
 
 
@@ -388,7 +388,7 @@ def test_a_manifest_without_what_a_command_needs_is_refused(place: Path, capsys)
     path.write_text(signed_text(document))
     assert crowdsim("inspect", "run") == 2
     assert "run/manifest.json: is damaged: lacks 'seconds'" in capsys.readouterr().err
-    assert crowdsim("status", "run", "--json") == 0
+    assert crowdsim("status", "run", "--json") == 1
     assert json.loads(capsys.readouterr().out)["run"]["why"] == "run/manifest.json: is damaged: lacks 'avatars'"
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -546,7 +547,7 @@ def test_any_damage_gives_findings_of_one_line_or_a_scenario_that_resolves(rando
         if random.random() < 0.2:
             del parent[key]
         else:
-            parent[random.choice([key, "kindd"]) if isinstance(parent, dict) else key] = random.choice(JUNK)
+            parent[random.choice([key, "kindd"]) if isinstance(parent, dict) else key] = deepcopy(random.choice(JUNK))
         if not data:
             break
     Path("s.yaml").write_text(yaml.safe_dump(data))

@@ -19,7 +19,11 @@ def motion():
     places = np.stack([distance * np.sin(bearing), draw.uniform(1.1, 1.7, 500), distance * np.cos(bearing)], axis=-1)
     heads = np.stack([np.zeros(900), draw.uniform(1.4, 1.6, 900), np.zeros(900)], axis=-1)
     return SimpleNamespace(
-        strike_frames=np.arange(500), strike_positions=places, heads=heads, body=SimpleNamespace(torso_radius=0.15)
+        strike_frames=np.arange(500),
+        strike_positions=places,
+        heads=heads,
+        head_heights=heads[:, 1],
+        body=SimpleNamespace(torso_radius=0.15),
     )
 
 
