@@ -230,8 +230,12 @@ class Passes:
         posed = list(self._before_deflection(avatars, times))
 
         def joints(some: Array) -> AllJoints:
-            parts = [(one, Posed(one.poses.roots[some], one.poses.rotations[some])) for one in posed]
-            return [(one.policy, one.which, *self._world_joints(one.window, poses)) for one, poses in parts]
+            found = []
+            for one in posed:
+                poses = Posed(one.poses.roots[some], one.poses.rotations[some])
+                freedom = one.window.free_feet(one.moments._replace(times=times[some, None]))
+                found.append((one.policy, one.which, *self._world_joints(one.window, poses), freedom))
+            return found
 
         if self._deflection.is_needed and len(avatars) == self._take.avatar_count:
             self._deflection.note(times, self.landed, joints)
@@ -257,7 +261,7 @@ class Passes:
     def _pose_all(self, avatars: Array, times: Array) -> AllJoints:
         """Joints of avatars (n,), ascending, at the same times (T,), before limbs give way."""
         return [
-            (one.policy, one.which, *self._world_joints(one.window, one.poses))
+            (one.policy, one.which, *self._world_joints(one.window, one.poses), one.window.free_feet(one.moments))
             for one in self._before_deflection(avatars, times)
         ]
 

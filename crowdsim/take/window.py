@@ -13,7 +13,7 @@ from crowdsim.policy.alignment import HARDLY, SETTLED
 from crowdsim.take.data import TakeData
 from crowdsim.take.kernels.blending import BLEND
 from crowdsim.take.kernels.columns import GAP_COLUMNS
-from crowdsim.take.kernels.foot_plants import find_foot_plants
+from crowdsim.take.kernels.foot_plants import find_foot_plants, free_feet
 from crowdsim.take.kernels.placing import find_playback
 from crowdsim.take.kernels.records import FootPlants, Moments, Playback, Rows, Steps, Transitions
 from crowdsim.take.kernels.steps import StepRules, plan_steps
@@ -161,6 +161,12 @@ class Window:
 
         share(len(self.avatars), work, threads=self.threads)
         return plants
+
+    def free_feet(self, moments: Moments) -> Array:
+        """Return how free feet are to move, from 0 to 1. Shape (T, n, 2)."""
+        freedom, plants = np.empty((len(moments.times), len(moments.columns), 2)), self.foot_plants()
+        share(len(moments.columns), free_feet, moments, plants, freedom, threads=self.threads)
+        return freedom
 
     def steps(self, transitions: Transitions, plants: FootPlants) -> Steps:
         """Return what feet do about transitions."""
