@@ -50,6 +50,7 @@ class Window:
         stop: One past the last.
         pushes: How far trunks give way at these frames [m]. Shape (R, n, 2).
         turns: How far heads turn at these frames [rad]. Shape (R, n).
+        lows: How far pelvises go down at these frames [m]. Shape (R, n).
         threads: Threads that share the work.
     """
 
@@ -62,6 +63,7 @@ class Window:
         stop: int,
         pushes: Array,
         turns: Array,
+        lows: Array,
         threads: int = 1,
     ) -> None:
         whole = len(avatars) == take.avatar_count
@@ -90,6 +92,7 @@ class Window:
             scales=np.asarray(take.cast.scales, dtype=np.float64)[avatars],
             pushes=pushes,
             turns=turns,
+            lows=lows,
             first=first,
             rate=float(take.control_rate),
         )
