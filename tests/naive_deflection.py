@@ -4,7 +4,7 @@ import numpy as np
 from naive_separation import distance_to_point
 
 MARGIN, ROUNDS, STEP, LEAST, MOST, FIST_IN, ALLOWED = 0.05, 10, 0.8, 0.3, 0.25, 0.02, 0.01
-FOOT_IN = 0.02
+FOOT_IN, LEG_MARGIN, ENOUGH = 0.02, 0.015, 0.0005
 
 
 def nearest(p, q, own, r, s, other):
@@ -56,7 +56,8 @@ def contacts_of(capsules, limbs, t, n, order):
                     r, s = capsules.starts[t, other, j], capsules.ends[t, other, j]
                     above = order_feet(p + share * (q - p) - r - part * (s - r), own, theirs, n < other)
                     own, theirs = own * (above >= 0), theirs * (above <= 0)
-                if depth > ALLOWED - MARGIN and own > 1e-3:
+                margin = MARGIN if limbs.limbs[n, i] < 2 else LEG_MARGIN
+                if depth > ALLOWED - margin and own > 1e-3:
                     fist = theirs == 0.0 and lever[0] == 0.0
                     allowed = FOOT_IN if foot else ALLOWED
                     allowed += FIST_IN * limbs.landing[t, n, limbs.limbs[n, i]] if fist else 0.0
@@ -98,7 +99,7 @@ def moves_of(capsules, limbs, t, n, order):
             way = p + share * (q - p) - r - part * (s - r)
             if above and way[1] < 0.0:
                 depth, way = depth + 2.0 * np.linalg.norm(way), -way
-            if depth > allowed:
+            if depth > allowed + ENOUGH:
                 pushed, lever = True, levers(limbs, t, n, i, share)
                 push = STEP * (depth - allowed) / max(lever @ lever, LEAST) * way / np.linalg.norm(way)
                 moves[limb] += lever[:, None] * push

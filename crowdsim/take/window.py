@@ -73,6 +73,7 @@ class Window:
             return np.ascontiguousarray(values if whole else values[:, avatars])
 
         self.motion, self.avatars, self.threads = motion, avatars, threads
+        self._plants: FootPlants | None = None
         action = read(take.action).astype(np.int64)
         speeds = np.asarray(take.cast.speeds, dtype=np.float64)[avatars]
         lengths = motion.lengths[np.maximum(action, 0)].astype(np.float64)
@@ -154,6 +155,8 @@ class Window:
 
     def foot_plants(self) -> FootPlants:
         """Return when feet are planted."""
+        if self._plants is not None:
+            return self._plants
         rows, stride = self.rows, self.motion.frames.stride
         fastest = float(rows.speeds.max(initial=1.0))
         most = (len(rows.phase) * (math.ceil(fastest * stride) + 3)) // 2 + 2
@@ -163,6 +166,7 @@ class Window:
             find_foot_plants(low, high, rows, self.motion.frames, plants)
 
         share(len(self.avatars), work, threads=self.threads)
+        self._plants = plants
         return plants
 
     def free_feet(self, moments: Moments) -> Array:

@@ -20,8 +20,10 @@ _FOOT_IN = 0.02
 """Depth at which a foot is left in what it is in [m]: it should stay where it is planted."""
 _FIST_IN = 0.02
 """How much deeper a fist may be in what it hits [m]: its middle touches."""
-_MARGIN = 0.05
-"""How far apart capsules may be that limbs might be pushed into [m]."""
+_MARGIN, _LEG_MARGIN = 0.05, 0.015
+"""How far apart capsules may be that arms, and legs, might be pushed into [m]."""
+_ENOUGH = 0.0005
+"""Depth beyond what is allowed that may be left [m]."""
 _ROUNDS, _STEP = 10, 0.8
 """Rounds in which limbs are pushed out of what they are in, and the share of the way that each goes."""
 _LEAST = 0.3
@@ -151,7 +153,7 @@ def _add_contacts(capsules, limbs, t, n, other, contacts, count):
                 capsules.starts[t, n, i], capsules.ends[t, n, i], capsules.radii[n, i],
                 capsules.starts[t, other, j], capsules.ends[t, other, j], capsules.radii[other, j],
             )  # fmt: skip
-            if depth <= ALLOWED - _MARGIN:
+            if depth <= ALLOWED - (_MARGIN if limb < 2 else _LEG_MARGIN):
                 continue
             middle, end = _leverage(limbs, t, n, i, share)
             middle_2, end_2 = _leverage(limbs, t, other, j, part)
@@ -183,6 +185,8 @@ def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
         q[k] = capsules.ends[t, n, i, k] + w[1, JOINT] * move[JOINT, k] + free * w[1, END] * move[END, k]
     r, s = capsules.starts[t, other, j], capsules.ends[t, other, j]
     depth, share, part = capsule_depth(p, q, capsules.radii[n, i], r, s, capsules.radii[other, j])
+    if depth <= contacts.allowed[contact] + _ENOUGH and not contacts.above[contact]:
+        return False
     x = p[0] + share * (q[0] - p[0]) - r[0] - part * (s[0] - r[0])
     y = p[1] + share * (q[1] - p[1]) - r[1] - part * (s[1] - r[1])
     z = p[2] + share * (q[2] - p[2]) - r[2] - part * (s[2] - r[2])
@@ -190,7 +194,7 @@ def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
     if contacts.above[contact] and y < 0.0:
         depth, x, y, z = depth + 2.0 * far, -x, -y, -z
     over = depth - contacts.allowed[contact]
-    if over <= 0.0 or far < 1e-6:
+    if over <= _ENOUGH or far < 1e-6:
         return False
     middle, end = _leverage(limbs, t, n, i, share)
     push = _STEP * over / max(middle * middle + end * end, _LEAST) / far
