@@ -1,4 +1,4 @@
-"""How far elbows, hands and knees give way to other bodies, some 60 times a second."""
+"""How far elbows, hands, knees, and feet in the air give way to other bodies, some 60 times a second."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from crowdsim.core.workers import share
 from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
 from crowdsim.take.data import TakeData
 from crowdsim.take.fallen import fallen_rows
-from crowdsim.take.kernels.deflection import END, LIMBS, MOVED, Deflections, MovingLimbs, bend_limbs, deflect_limbs
+from crowdsim.take.kernels.bending import Deflections, bend_limbs
+from crowdsim.take.kernels.deflection import END, JOINT, LIMBS, MOVED, MovingLimbs, deflect_limbs
 from crowdsim.take.kernels.records import Moments, Posed
 from crowdsim.take.landed import Landed, by_column
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.window import Window
 
-AllJoints = list[tuple[int, Array, Array, Array]]
-"""Of some avatars at some times, for each policy its number, which of them (m,), and positions (T, m, J, 3) [m] and
-rotations (T, m, J, 4) of joints in the world."""
+AllJoints = list[tuple[int, Array, Array, Array, Array]]
+"""Of some avatars at some times, for each policy its number, which of them (m,), positions (T, m, J, 3) [m] and
+rotations (T, m, J, 4) of joints in the world, and how free their feet are to move (T, m, 2)."""
 PoseAll = Callable[[Array, Array], AllJoints]
 """Poses avatars (n,), ascending, at times (T,)."""
 
@@ -34,6 +35,9 @@ _RATE = 60.0
 _SMOOTH = 1.25 * np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 """Weights of what is found at five times that follow one another; it is exaggerated, since smoothing lowers its
 peaks."""
+_PLANTED, _CREEP, _WIDE = 0.3, 0.06, 2
+"""How readily planted feet move, of feet in the air; how far at the most [m]; and how long they stay where they have to
+go, before and after [control frames]."""
 _POSES_AT_ONCE = 16_000
 _KEPT, _FEW = 64_000_000, 16
 """Numbers that are kept at the most; and frames that are kept of a crowd that is larger than that."""
@@ -102,43 +106,55 @@ class Deflection:
         low = max(int(times.min() * rate) - 1, 0)
         high = min(int(times.max() * rate) + 3, self._count)
         first, stop = max(low - around, 0), min(high + around, self._count)
-        moves = self._rows(first, stop, window.avatars, landed)
-        if not moves.any():
+        slow = self._control_frames(times)
+        frames = np.union1d(np.arange(first, stop), slow * self._fine)
+        found = self._rows(frames, window.avatars, landed)
+        if not found.any():
             return
         # Where a take begins and ends, its first and its last time stand for those beyond.
-        moves = correlate1d(moves, _SMOOTH, axis=0, mode="nearest")[low - first : high - first]
+        fast = found[np.searchsorted(frames, np.arange(first, stop))]
+        moves = correlate1d(fast, _SMOOTH, axis=0, mode="nearest")[low - first : high - first]
+        creeps = _creep(found[np.searchsorted(frames, slow * self._fine)][:, :, 2:, END])
         near = landed.around(float(times.min()), float(times.max()), columns)
         order, starts = by_column(columns[near.attackers], len(window.avatars), near.times)
-        deflections = Deflections(moves, low, rate, starts, near.times[order], near.limbs[order])
-        motion, scales = window.motion, window.rows.scales
+        control = float(self._take.control_rate)
+        deflections = Deflections(
+            moves, low, rate, creeps, int(slow[0]), control, starts, near.times[order], near.limbs[order]
+        )
+        motion, scales, plants = window.motion, window.rows.scales, window.foot_plants()
 
         def work(first: int, stop: int) -> None:
-            bend_limbs(first, stop, moments, deflections, scales, motion.arms, motion.legs, poses)
+            bend_limbs(first, stop, moments, deflections, plants, scales, motion.arms, motion.legs, poses)
 
         share(len(moments.columns), work, threads=window.threads)
 
-    def _rows(self, first: int, stop: int, avatars: Array, landed: Landed) -> Array:
-        """Moves of avatars (n,) at times of the grid. Shape (R, n, 4, 2, 3), float32."""
+    def _control_frames(self, times: Array) -> Array:
+        """Control frames that planted feet depend on at some times."""
+        rate = self._take.control_rate
+        low, high = int(times.min() * rate) - 1 - _WIDE, int(times.max() * rate) + 2 + _WIDE
+        return np.arange(max(low, 0), min(high, self._take.frame_count - 1) + 1)
+
+    def _rows(self, frames: Array, avatars: Array, landed: Landed) -> Array:
+        """Moves of avatars (n,) at times of the grid (R,). Shape (R, n, 4, 2, 3), float32."""
         everyone = np.arange(self._take.avatar_count)
         if not self._whole and len(avatars) < len(everyone):
-            return self._find(first, stop, avatars, landed)
-        found = {frame: self._kept[frame] for frame in range(first, stop) if frame in self._kept}
-        missing = [frame for frame in range(first, stop) if frame not in found]
-        if missing:
-            fresh = self._find(missing[0], missing[-1] + 1, everyone, landed)
-            for frame, moves in enumerate(fresh, missing[0]):
+            return self._find(frames, avatars, landed)
+        found = {frame: self._kept[frame] for frame in frames.tolist() if frame in self._kept}
+        missing = np.array([frame for frame in frames.tolist() if frame not in found], np.int64)
+        if len(missing):
+            for frame, moves in zip(missing.tolist(), self._find(missing, everyone, landed), strict=True):
                 found[frame] = self._kept[frame] = moves
         for frame in list(self._kept)[: max(len(self._kept) - self._frames, 0)]:
             self._kept.pop(frame, None)
-        return np.stack([found[frame][avatars] for frame in range(first, stop)])
+        return np.stack([found[frame][avatars] for frame in frames.tolist()])
 
-    def _find(self, first: int, stop: int, avatars: Array, landed: Landed) -> Array:
-        """Find moves of avatars (n,), some frames and neighbouring avatars at once."""
-        moves = np.zeros((stop - first, len(avatars), LIMBS, MOVED, 3), np.float32)
-        frames = max(1, _POSES_AT_ONCE // max(len(avatars), 1))
-        for low in range(first, stop, frames):
-            high = min(low + frames, stop)
-            rows = np.unique(np.arange(low, high) // self._fine)
+    def _find(self, frames: Array, avatars: Array, landed: Landed) -> Array:
+        """Find moves of avatars (n,) at times of the grid (R,), some of these and neighbouring avatars at once."""
+        moves = np.zeros((len(frames), len(avatars), LIMBS, MOVED, 3), np.float32)
+        at_once = max(1, _POSES_AT_ONCE // max(len(avatars), 1))
+        for first in range(0, len(frames), at_once):
+            chunk = frames[first : first + at_once]
+            rows = np.unique(chunk // self._fine)
             span = slice(int(rows[0]), int(rows[-1]) + 1)
             places = np.stack([np.asarray(values[span], dtype=float) for values in (self._take.x, self._take.z)], -1)
             places[np.asarray(self._take.action[span]) < 0] = np.nan
@@ -147,10 +163,10 @@ class Deflection:
             for at in range(0, len(some), _POSES_AT_ONCE):
                 chosen = np.sort(some[at : at + _POSES_AT_ONCE])
                 rows = np.searchsorted(avatars, chosen)
-                near, times = _around(places, chosen), np.arange(low, high) / self._rate
+                near, times = _around(places, chosen), chunk / self._rate
                 if len(near) > 1:
                     posed = self._pose_all(near, times)
-                    moves[low - first : high - first, rows] = self._deflect(times, chosen, near, posed, landed)
+                    moves[first : first + len(chunk), rows] = self._deflect(times, chosen, near, posed, landed)
         return moves
 
     def _deflect(self, times: Array, asked: Array, near: Array, joints: AllJoints, landed: Landed) -> Array:
@@ -158,7 +174,7 @@ class Deflection:
         moves = np.zeros((len(times), len(asked), LIMBS, MOVED, 3), np.float32)
         posed = [
             (index, PosedBodies(self._motions[index].body, which, self._scales[near[which]], positions, rotations))
-            for index, which, positions, rotations in joints
+            for index, which, positions, rotations, _ in joints
         ]
         capsules = place_capsules([bodies for _, bodies in posed], len(times), len(near), self._threads)
         limbs = MovingLimbs(
@@ -166,7 +182,10 @@ class Deflection:
             np.full(capsules.bounds.shape, -1, np.int64),
             np.zeros((*capsules.bounds.shape, MOVED, 2)),
             _landing(landed, near, times),
+            np.ones((len(times), len(near), LIMBS)),
         )
+        for _, which, _, _, freedom in joints:
+            limbs.freedom[:, which, 2:] = _PLANTED + (1.0 - _PLANTED) * freedom
         for index, bodies in posed:
             motion, (riding, weights) = self._motions[index], self._riding[index]
             moving = np.concatenate([motion.arms.joints, motion.legs.joints])
@@ -182,6 +201,19 @@ class Deflection:
         down = fallen_rows(self._take, self._motions, int(rows.min()), int(rows.max()) + 1)
         moves[down[rows - rows.min()][:, asked]] = 0.0
         return moves
+
+
+def _creep(moves: Array) -> Array:
+    """How far planted feet go: the longest of moves (R, n, 2, 3) in the rows around each, but not far."""
+    longest, lengths = moves.copy(), np.sum(moves**2, axis=-1)
+    most = lengths.copy()
+    for apart in range(1, min(_WIDE, len(moves) - 1) + 1):
+        for one, other in ((slice(apart, None), slice(None, -apart)), (slice(None, -apart), slice(apart, None))):
+            further = lengths[other] > most[one]
+            longest[one] = np.where(further[..., None], moves[other], longest[one])
+            most[one] = np.maximum(lengths[other], most[one])
+    far = np.maximum(np.sqrt(most), 1e-9)[..., None]
+    return np.asarray(longest * (_CREEP * np.tanh(far / _CREEP) / far))
 
 
 def _around(places: Array, avatars: Array) -> Array:
@@ -216,7 +248,7 @@ def ride_along(motion: PoseMotion) -> tuple[Array, Array]:
 
     Returns:
         For the capsules in ``capsule_order`` the limb, left and right arm, left and right leg, or -1, shape (K,); and
-        how far either end goes along with the middle and the end joint of that limb, shape (K, 2, 2). Feet stay.
+        how far either end goes along with the middle and the end joint of that limb, shape (K, 2, 2).
     """
     body, skeleton = motion.body, motion.skeleton
     order = capsule_order(body)
@@ -238,6 +270,7 @@ def ride_along(motion: PoseMotion) -> tuple[Array, Array]:
             along = float(np.clip(offset @ bone / max(float(bone @ bone), 1e-12), 0.0, 1.0))
             weights[row, end] = (along, 0.0) if part == 0 else (1.0 - along, along)
         if limb >= 2:
-            weights[row, :, END] = 0.0
+            # A knee goes half the way of its ankle, besides where the leg swivels.
+            weights[row, :, END] += 0.5 * weights[row, :, JOINT]
     limbs[(weights == 0.0).all(axis=(1, 2))] = -1
     return limbs, weights

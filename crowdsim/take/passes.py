@@ -1,8 +1,8 @@
 """The passes by which poses come about: motion and blends, foot plants, hit reactions, strikes that land, deflection.
 
 Where a fist goes depends on the pose of whom it hits, and that on blows and on fists of its own. Each further pass
-knows less of others, so that a pose before deflection depends on no more than ``REACH`` seconds around it; deflection
-adds the control frames of a spline.
+knows less of others, so that a pose before deflection depends on no more than ``REACH`` seconds and four control frames
+around it; deflection adds four more. These are the control frames of splines.
 """
 
 from __future__ import annotations
@@ -16,8 +16,6 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.motion.body import Body
-from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.motion.skeleton import Skeleton
 from crowdsim.take.data import TakeData
 from crowdsim.take.deflection import AllJoints, Deflection
 from crowdsim.take.fallen import falls_soon
@@ -31,10 +29,12 @@ from crowdsim.take.kernels.records import Moments, Playback, Posed, Transitions
 from crowdsim.take.kernels.separation import shift_roots
 from crowdsim.take.kicks import kick, split_kicks
 from crowdsim.take.landed import LEAN, Landed, find_landed
+from crowdsim.take.lowering import Lowering
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.reactions import BlowPlanner, build_trunk, give_way
 from crowdsim.take.separation import Separation
 from crowdsim.take.window import Window
+from crowdsim.take.world import world_joints
 
 Joints = tuple[Array, Body, Array, Array, Array]
 """Joints of some of the avatars asked for: which of them (n,), body, sizes (n,), positions (n, J, 3) [m] and rotations
@@ -47,15 +47,6 @@ REACH = 1.25
 _LATE, _CLOSE_BY = 0.35, 0.12
 """For the fists of those who are hit: how far back blows count, and how near in time strikes of those whom they hit in
 turn [s]."""
-
-
-def world_joints(skeleton: Skeleton, scales: Array, poses: Posed) -> tuple[Array, Array]:
-    """Return positions (T, n, J, 3) [m] and rotations (T, n, J, 4) in the world of poses of bodies of sizes (n,)."""
-    times, count, joints = poses.rotations.shape[:3]
-    flat = poses.rotations.reshape(-1, joints, 4)
-    positions, rotations = forward_kinematics(skeleton, np.zeros((len(flat), 3), np.float32), flat, threads=1)
-    positions = positions.reshape(times, count, joints, 3) * scales[:, None, None].astype(np.float32)
-    return positions + poses.roots[:, :, None], rotations.reshape(times, count, joints, 4)
 
 
 class _Undeflected(NamedTuple):
@@ -87,6 +78,7 @@ class Passes:
         size = take.frame_count, take.avatar_count
         self._pushes = KeptRows(*size, Separation(take, motions).find)
         self._turns = KeptRows(*size, HeadTurns(take, motions).find)
+        self._lowering = Lowering(take, partial(self.window, lowered=False), self.blend)
         self._gazes = [build_gaze(motion) for motion in motions]
         self._trunks = [build_trunk(motion) for motion in motions]
         self._deflection = Deflection(take, motions, self._pose_all, threads)
@@ -98,17 +90,23 @@ class Passes:
         falls = partial(falls_soon, self._take, self._motions)
         self._planner = BlowPlanner(landed, self._blended_at, self._trunks, self._take.cast.policies, falls)
 
-    def window(self, index: int, avatars: Array, times: Array) -> Window:
-        """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on."""
+    def window(self, index: int, avatars: Array, times: Array, lowered: bool = True) -> Window:
+        """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on.
+
+        Pelvises that are not ``lowered`` go down only for what is left of legs that are too short.
+        """
         rate = self._take.control_rate
         first = max(0, int(np.floor((times.min() - REACH) * rate)))
         stop = min(self._take.frame_count, int(np.ceil((times.max() + REACH) * rate)) + 2)
         # Of these only control frames at the times themselves are read, as far as splines reach.
-        pushes, turns = (np.zeros((stop - first, len(avatars), size)) for size in (2, 1))
+        pushes, turns, lows = (np.zeros((stop - first, len(avatars), size)) for size in (2, 1, 1))
         low, high = max(int(times.min() * rate) - 1, first), min(int(times.max() * rate) + 3, stop)
         pushes[low - first : high - first] = self._pushes.rows(low, high, avatars)
         turns[low - first : high - first] = self._turns.rows(low, high, avatars)
-        return Window(self._take, self._motions[index], avatars, first, stop, pushes, turns[..., 0], self._threads)
+        if lowered:
+            lows[low - first : high - first, :, 0] = self._lowering.rows(low, high, avatars)
+        rows = pushes, turns[..., 0], lows[..., 0]
+        return Window(self._take, self._motions[index], avatars, first, stop, *rows, self._threads)
 
     def blend(self, window: Window, transitions: Transitions, playback: Playback, moments: Moments) -> Posed:
         """Return captured motion with what blends add to it."""
@@ -232,8 +230,12 @@ class Passes:
         posed = list(self._before_deflection(avatars, times))
 
         def joints(some: Array) -> AllJoints:
-            parts = [(one, Posed(one.poses.roots[some], one.poses.rotations[some])) for one in posed]
-            return [(one.policy, one.which, *self._world_joints(one.window, poses)) for one, poses in parts]
+            found = []
+            for one in posed:
+                poses = Posed(one.poses.roots[some], one.poses.rotations[some])
+                freedom = one.window.free_feet(one.moments._replace(times=times[some, None]))
+                found.append((one.policy, one.which, *self._world_joints(one.window, poses), freedom))
+            return found
 
         if self._deflection.is_needed and len(avatars) == self._take.avatar_count:
             self._deflection.note(times, self.landed, joints)
@@ -259,7 +261,7 @@ class Passes:
     def _pose_all(self, avatars: Array, times: Array) -> AllJoints:
         """Joints of avatars (n,), ascending, at the same times (T,), before limbs give way."""
         return [
-            (one.policy, one.which, *self._world_joints(one.window, one.poses))
+            (one.policy, one.which, *self._world_joints(one.window, one.poses), one.window.free_feet(one.moments))
             for one in self._before_deflection(avatars, times)
         ]
 

@@ -1,6 +1,6 @@
 """Poses of a take: from what was recorded to joint rotations at any frame rate.
 
-A pose is a pure function of the take and the policies. It depends on no more than ``REACH`` seconds and three control
+A pose is a pure function of the take and the policies. It depends on no more than ``REACH`` seconds and eight control
 frames of the take before and after its time, and on what hit bodies in the two seconds before, so that any range of
 frames, posed alone, gives the same bytes as the whole.
 """
@@ -25,8 +25,9 @@ from crowdsim.take.kernels.records import Moments, Posed
 from crowdsim.take.known import with_known_actions
 from crowdsim.take.landed import find_landed
 from crowdsim.take.motion import prepare_motion
-from crowdsim.take.passes import Passes, world_joints
+from crowdsim.take.passes import Passes
 from crowdsim.take.window import Window
+from crowdsim.take.world import world_joints
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy

@@ -13,7 +13,7 @@ from crowdsim.policy.alignment import HARDLY, SETTLED
 from crowdsim.take.data import TakeData
 from crowdsim.take.kernels.blending import BLEND
 from crowdsim.take.kernels.columns import GAP_COLUMNS
-from crowdsim.take.kernels.foot_plants import find_foot_plants
+from crowdsim.take.kernels.foot_plants import find_foot_plants, free_feet
 from crowdsim.take.kernels.placing import find_playback
 from crowdsim.take.kernels.records import FootPlants, Moments, Playback, Rows, Steps, Transitions
 from crowdsim.take.kernels.steps import StepRules, plan_steps
@@ -50,6 +50,7 @@ class Window:
         stop: One past the last.
         pushes: How far trunks give way at these frames [m]. Shape (R, n, 2).
         turns: How far heads turn at these frames [rad]. Shape (R, n).
+        lows: How far pelvises go down at these frames [m]. Shape (R, n).
         threads: Threads that share the work.
     """
 
@@ -62,6 +63,7 @@ class Window:
         stop: int,
         pushes: Array,
         turns: Array,
+        lows: Array,
         threads: int = 1,
     ) -> None:
         whole = len(avatars) == take.avatar_count
@@ -71,6 +73,7 @@ class Window:
             return np.ascontiguousarray(values if whole else values[:, avatars])
 
         self.motion, self.avatars, self.threads = motion, avatars, threads
+        self._plants: FootPlants | None = None
         action = read(take.action).astype(np.int64)
         speeds = np.asarray(take.cast.speeds, dtype=np.float64)[avatars]
         lengths = motion.lengths[np.maximum(action, 0)].astype(np.float64)
@@ -90,6 +93,7 @@ class Window:
             scales=np.asarray(take.cast.scales, dtype=np.float64)[avatars],
             pushes=pushes,
             turns=turns,
+            lows=lows,
             first=first,
             rate=float(take.control_rate),
         )
@@ -151,6 +155,8 @@ class Window:
 
     def foot_plants(self) -> FootPlants:
         """Return when feet are planted."""
+        if self._plants is not None:
+            return self._plants
         rows, stride = self.rows, self.motion.frames.stride
         fastest = float(rows.speeds.max(initial=1.0))
         most = (len(rows.phase) * (math.ceil(fastest * stride) + 3)) // 2 + 2
@@ -160,7 +166,14 @@ class Window:
             find_foot_plants(low, high, rows, self.motion.frames, plants)
 
         share(len(self.avatars), work, threads=self.threads)
+        self._plants = plants
         return plants
+
+    def free_feet(self, moments: Moments) -> Array:
+        """Return how free feet are to move, from 0 to 1. Shape (T, n, 2)."""
+        freedom, plants = np.empty((len(moments.times), len(moments.columns), 2)), self.foot_plants()
+        share(len(moments.columns), free_feet, moments, plants, freedom, threads=self.threads)
+        return freedom
 
     def steps(self, transitions: Transitions, plants: FootPlants) -> Steps:
         """Return what feet do about transitions."""

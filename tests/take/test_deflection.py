@@ -10,7 +10,9 @@ from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
 from crowdsim.take.deflection import ride_along
 from crowdsim.take.kernels.capsules import Capsules
 from crowdsim.take.kernels.deflection import MovingLimbs, deflect_limbs
+from crowdsim.take.kernels.foot_plants import free_feet
 from crowdsim.take.kernels.limbs import World, pose_chain, swivel_limb
+from crowdsim.take.kernels.records import FootPlants, Moments
 from crowdsim.take.penetration import measure_penetration
 from crowdsim.take.poses import PoseSampler
 
@@ -31,15 +33,20 @@ def bodies(seed: int, times: int = 2, count: int = 4) -> tuple[Capsules, MovingL
     joints = joints.astype(np.float32)
     ends = [(pelvis, chest)]
     ends += [(joints[:, :, limb, part], joints[:, :, limb, part + 1]) for limb in (0, 2) for part in (0, 1)]
+    feet = joints[:, :, 2:4, 2].transpose(2, 0, 1, 3)
+    ends += [(foot, foot + [0.2, 0.0, 0.02] * rng.choice([-1.0, 1.0], (times, count, 1))) for foot in feet]
     starts, stops = (np.stack([pair[k] for pair in ends], axis=2).astype(np.float32) for k in range(2))
-    radii = np.repeat(rng.uniform(0.04, 0.12, (count, 5, 1)), 2, axis=2)
+    radii = np.repeat(rng.uniform(0.04, 0.12, (count, 7, 1)), 2, axis=2)
     bounds = 0.5 * np.linalg.norm(np.nan_to_num(stops - starts), axis=-1).max(axis=0) + radii[..., 0] + 1e-3
-    weights = np.zeros((count, 5, 2, 2))
+    weights = np.zeros((count, 7, 2, 2))
     weights[:, 1] = weights[:, 3] = [[0.0, 0.0], [1.0, 0.0]]
-    weights[:, 2], weights[:, 4] = [[1.0, 0.0], [0.0, 1.0]], [[1.0, 0.0], [0.0, 0.0]]
-    limbs = np.tile([-1, 0, 0, 2, 2], (count, 1))
+    weights[:, 2] = weights[:, 4] = [[1.0, 0.0], [0.0, 1.0]]
+    weights[:, 5:, :, 1] = 1.0
+    limbs = np.tile([-1, 0, 0, 2, 2, 2, 3], (count, 1))
     landing = rng.uniform(0.0, 1.0, (times, count, 4))
-    return Capsules(starts, stops, radii, bounds, np.full(count, 5)), MovingLimbs(joints, limbs, weights, landing)
+    freedom = np.concatenate([np.ones((times, count, 2)), rng.choice([0.3, 0.8, 1.0], (times, count, 2))], axis=2)
+    moving = MovingLimbs(joints, limbs, weights, landing, freedom)
+    return Capsules(starts, stops, radii, bounds, np.full(count, 7)), moving
 
 
 def deflect(capsules: Capsules, limbs: MovingLimbs, asked: np.ndarray) -> np.ndarray:
@@ -75,7 +82,7 @@ def clinch() -> tuple[object, object]:
     )
 
 
-def test_limbs_of_boxers_who_clinch_leave_the_other_over_feet_that_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_limbs_of_boxers_who_clinch_leave_the_other_over_feet_that_hardly_move(monkeypatch: pytest.MonkeyPatch) -> None:
     take, policy = clinch()
     shown = sampler(take, policy)
     after, positions = measure_penetration(shown), shown.sample(0, 110, 60)[0].joints()[0]
@@ -85,8 +92,16 @@ def test_limbs_of_boxers_who_clinch_leave_the_other_over_feet_that_stay(monkeypa
     assert before.penetration_share_with_arms > 0.3
     assert after.penetration_share_with_arms < 0.6 * before.penetration_share_with_arms
     roles = database().body.roles
-    still = [roles[name] for name in ("pelvis", "chest", "head", "left_foot", "right_foot", "left_shoulder")]
+    still = [roles[name] for name in ("pelvis", "chest", "head", "left_shoulder")]
     np.testing.assert_allclose(positions[:, :, still], captured[:, :, still], atol=1e-4)
+    window = shown.window(0, np.arange(2), np.arange(110) / 60.0)
+    freedom = window.free_feet(Moments(np.arange(2), np.arange(110)[:, None] / 60.0))
+    for side, foot in enumerate(("left_foot", "right_foot")):
+        moved = np.linalg.norm((positions - captured)[:, :, roles[foot]].astype(float), axis=-1)
+        planted = freedom[:, :, side] == 0.0
+        assert planted.any()
+        assert moved[planted].max() < 0.061
+        assert np.abs(np.diff(moved, axis=0))[planted[1:] & planted[:-1]].max() * 60.0 < 0.7
     for hand in ("left_hand", "right_hand"):
         moved = (positions - captured)[:, :, roles[hand]].astype(float)
         assert np.linalg.norm(np.diff(moved, 2, axis=0), axis=-1).max() * 3600.0 < 200.0
@@ -146,3 +161,15 @@ def test_a_limb_swivels_towards_a_goal_and_keeps_its_end(seed: int) -> None:
     assert np.linalg.norm(after.positions[middle] - after.positions[upper]) == pytest.approx(
         np.linalg.norm(before.positions[middle] - before.positions[upper]), abs=1e-6
     )
+
+
+def test_feet_are_free_in_the_air_alone() -> None:
+    """Freedom is 0 while a foot is planted, 1 far from foot plants, and eases in between."""
+    spans = np.array([[[[0.0, 0.5], [1.0, 1.5]], [[0.2, 0.4], [0.0, 0.0]]]])
+    plants, times = FootPlants(spans, np.array([[2, 1]])), np.arange(0.0, 2.0, 0.01)
+    freedom = np.full((len(times), 1, 2), np.nan)
+    free_feet(0, 1, Moments(np.zeros(1, np.int64), times[:, None]), plants, freedom)
+    for foot, count in enumerate((2, 1)):
+        gaps = [np.maximum(begin - times, times - end) for begin, end in spans[0, foot, :count]]
+        apart = np.clip(np.min(gaps, axis=0) / 0.08, 0.0, 1.0)
+        np.testing.assert_allclose(freedom[:, 0, foot], apart**3 * (10 - 15 * apart + 6 * apart**2), atol=1e-9)

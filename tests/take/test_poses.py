@@ -87,9 +87,9 @@ def test_a_pose_depends_on_a_second_of_the_take_and_no_more(seed: int, frame: in
         build_take([rng.permutation(200).tolist() for _ in range(16)], first, lengths, 75) for _ in range(2)
     )
     rows = np.arange(take.frame_count)
-    far = rows < frame - 15 if past else rows > frame + 15
+    far = rows < frame - 19 if past else rows > frame + 19
     # Where one motion follows the other an action begins, as in any take.
-    phase = take.action_frame[frame - 15] if past else other.action_frame[frame + 16]
+    phase = take.action_frame[frame - 19] if past else other.action_frame[frame + 20]
     begins = phase < 1.0
     changed = {
         name: np.where(far[:, None] & begins, getattr(other, name), getattr(take, name))

@@ -1,18 +1,14 @@
-"""Compiled deflection of limbs: elbows, hands and knees give way to other bodies."""
+"""Compiled search for how far elbows, hands, knees and feet give way to other bodies."""
 
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from crowdsim.core.easing import minimum_jerk
 from crowdsim.core.types import Array
 from crowdsim.jit import kernel
 from crowdsim.take.kernels.capsules import NEAR, are_near, capsule_depth
 from crowdsim.take.kernels.columns import LOWER, MIDDLE, UPPER
-from crowdsim.take.kernels.fists import point_arm
-from crowdsim.take.kernels.limbs import World, pose_chain, swivel_limb
-from crowdsim.take.kernels.splines import spline_weights
 
 LIMBS, MOVED = 4, 2
 """Limbs of a body: left and right arm, left and right leg; and the points of each that move, middle and end."""
@@ -20,10 +16,14 @@ JOINT, END = 0, 1
 """Which of these points: elbow or knee, and wrist or ankle."""
 ALLOWED = 0.01
 """Depth at which bodies are left alone [m]."""
+_FOOT_IN = 0.02
+"""Depth at which a foot is left in what it is in [m]: it should stay where it is planted."""
 _FIST_IN = 0.02
 """How much deeper a fist may be in what it hits [m]: its middle touches."""
-_MARGIN = 0.05
-"""How far apart capsules may be that limbs might be pushed into [m]."""
+_MARGIN, _LEG_MARGIN = 0.05, 0.015
+"""How far apart capsules may be that arms, and legs, might be pushed into [m]."""
+_ENOUGH = 0.0005
+"""Depth beyond what is allowed that may be left [m]."""
 _ROUNDS, _STEP = 10, 0.8
 """Rounds in which limbs are pushed out of what they are in, and the share of the way that each goes."""
 _LEAST = 0.3
@@ -32,8 +32,6 @@ _MOST = 0.25
 """Furthest that a point of a limb moves [m]."""
 _CONTACTS = 160
 """Most pairs of capsules that are looked at for one avatar."""
-LANDS = 0.06
-"""How long before and after a strike its fist is on its way undeflected [s], partly."""
 
 
 class MovingLimbs(NamedTuple):
@@ -44,32 +42,14 @@ class MovingLimbs(NamedTuple):
         limbs: Limb of each capsule, -1 for those of the trunk. Shape (N, K).
         weights: How far each of its ends goes along with the middle and the end of the limb. Shape (N, K, 2, 2).
         landing: How close to a strike that lands each limb is, from 0 to 1. Shape (T, N, 4).
+        freedom: How readily the end of each limb moves, 1 unless it is a planted foot. Shape (T, N, 4).
     """
 
     joints: Array
     limbs: Array
     weights: Array
     landing: Array
-
-
-class Deflections(NamedTuple):
-    """How far limbs of n avatars are deflected at the times of a grid, and when they strike.
-
-    Attributes:
-        moves: How far the middle and the end of each limb go [m]. Shape (R, n, 4, 2, 3), float32.
-        first: Number of the first row in the grid.
-        rate: Times of the grid a second.
-        starts: Strikes of column i are ``starts[i]`` up to ``starts[i + 1]``. Shape (n + 1,).
-        times: When [s]. Shape (E,).
-        limbs: Of left and right hand, left and right foot. Shape (E,).
-    """
-
-    moves: Array
-    first: int
-    rate: float
-    starts: Array
-    times: Array
-    limbs: Array
+    freedom: Array
 
 
 class _Contacts(NamedTuple):
@@ -79,23 +59,26 @@ class _Contacts(NamedTuple):
         own: Capsule of the body. Shape (C,).
         others: The other body, and its capsule. Shape (C, 2).
         allowed: Depth up to which the body's own capsule leaves it [m]. Shape (C,).
+        above: Whether the body's own capsule belongs above it. Shape (C,), bool.
         spheres: Middle and radius of a sphere around each limb of the body [m]. Shape (4, 4).
     """
 
     own: Array
     others: Array
     allowed: Array
+    above: Array
     spheres: Array
 
 
 @kernel(allocates=False)
-def _leverage(limbs, n, capsule, share):
+def _leverage(limbs, t, n, capsule, share):
     """Return how far a point of a capsule goes along with the middle and the end of its limb."""
-    if limbs.limbs[n, capsule] < 0:
+    limb = limbs.limbs[n, capsule]
+    if limb < 0:
         return 0.0, 0.0
     w = limbs.weights[n, capsule]
     middle = w[0, JOINT] + share * (w[1, JOINT] - w[0, JOINT])
-    return middle, w[0, END] + share * (w[1, END] - w[0, END])
+    return middle, limbs.freedom[t, n, limb] * (w[0, END] + share * (w[1, END] - w[0, END]))
 
 
 @kernel(allocates=False)
@@ -136,6 +119,21 @@ def _limbs_near(capsules, t, other, j, spheres):
 
 
 @kernel(allocates=False)
+def _order_feet(capsules, t, a, i, share, b, j, part, own, theirs):
+    """Return 1 where a foot goes over another one, -1 where it is the other way around, 0 where they are side by side.
+
+    The one that moves more readily goes over the other, and of two that are planted the one of the first avatar.
+    """
+    p, q, r, s = capsules.starts[t, a, i], capsules.ends[t, a, i], capsules.starts[t, b, j], capsules.ends[t, b, j]
+    x = p[0] + share * (q[0] - p[0]) - r[0] - part * (s[0] - r[0])
+    y = p[1] + share * (q[1] - p[1]) - r[1] - part * (s[1] - r[1])
+    z = p[2] + share * (q[2] - p[2]) - r[2] - part * (s[2] - r[2])
+    if y * y < x * x + z * z:
+        return 0
+    return 1 if own > theirs or (own == theirs and a < b) else -1
+
+
+@kernel(allocates=False)
 def _add_contacts(capsules, limbs, t, n, other, contacts, count):
     """Note the capsules of limbs that are in another body, or near it; return how many are noted.
 
@@ -155,17 +153,22 @@ def _add_contacts(capsules, limbs, t, n, other, contacts, count):
                 capsules.starts[t, n, i], capsules.ends[t, n, i], capsules.radii[n, i],
                 capsules.starts[t, other, j], capsules.ends[t, other, j], capsules.radii[other, j],
             )  # fmt: skip
-            if depth <= ALLOWED - _MARGIN:
+            if depth <= ALLOWED - (_MARGIN if limb < 2 else _LEG_MARGIN):
                 continue
-            middle, end = _leverage(limbs, n, i, share)
-            middle_2, end_2 = _leverage(limbs, other, j, part)
+            middle, end = _leverage(limbs, t, n, i, share)
+            middle_2, end_2 = _leverage(limbs, t, other, j, part)
             own, theirs = middle + end, middle_2 + end_2
+            above = 0
+            if middle == 0.0 and middle_2 == 0.0 and limbs.limbs[n, i] >= 2 and limbs.limbs[other, j] >= 2:
+                above = _order_feet(capsules, t, n, i, share, other, j, part, own, theirs)
+                own, theirs = own if above >= 0 else 0.0, theirs if above <= 0 else 0.0
             if own > 1e-3:
-                allowed = ALLOWED
+                allowed = _FOOT_IN if limbs.limbs[n, i] >= 2 and middle == 0.0 else ALLOWED
                 if theirs == 0.0 and middle == 0.0:
                     allowed += limbs.landing[t, n, limbs.limbs[n, i]] * _FIST_IN
                 contacts.own[count] = i
                 contacts.others[count, 0], contacts.others[count, 1] = other, j
+                contacts.above[count] = above > 0
                 contacts.allowed[count] = allowed + max(depth - allowed, 0.0) * theirs / (own + theirs)
                 count += 1
     return count
@@ -176,22 +179,24 @@ def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
     """Push a limb out of what one of its capsules is in; return whether it was in it."""
     i, other, j = contacts.own[contact], contacts.others[contact, 0], contacts.others[contact, 1]
     limb, w, p, q = limbs.limbs[n, i], limbs.weights[n, i], axis[0], axis[1]
-    move = moves[limb]
+    move, free = moves[limb], limbs.freedom[t, n, limb]
     for k in range(3):
-        p[k] = capsules.starts[t, n, i, k] + w[0, JOINT] * move[JOINT, k] + w[0, END] * move[END, k]
-        q[k] = capsules.ends[t, n, i, k] + w[1, JOINT] * move[JOINT, k] + w[1, END] * move[END, k]
+        p[k] = capsules.starts[t, n, i, k] + w[0, JOINT] * move[JOINT, k] + free * w[0, END] * move[END, k]
+        q[k] = capsules.ends[t, n, i, k] + w[1, JOINT] * move[JOINT, k] + free * w[1, END] * move[END, k]
     r, s = capsules.starts[t, other, j], capsules.ends[t, other, j]
     depth, share, part = capsule_depth(p, q, capsules.radii[n, i], r, s, capsules.radii[other, j])
-    over = depth - contacts.allowed[contact]
-    if over <= 0.0:
+    if depth <= contacts.allowed[contact] + _ENOUGH and not contacts.above[contact]:
         return False
     x = p[0] + share * (q[0] - p[0]) - r[0] - part * (s[0] - r[0])
     y = p[1] + share * (q[1] - p[1]) - r[1] - part * (s[1] - r[1])
     z = p[2] + share * (q[2] - p[2]) - r[2] - part * (s[2] - r[2])
     far = math.sqrt(x * x + y * y + z * z)
-    if far < 1e-6:
+    if contacts.above[contact] and y < 0.0:
+        depth, x, y, z = depth + 2.0 * far, -x, -y, -z
+    over = depth - contacts.allowed[contact]
+    if over <= _ENOUGH or far < 1e-6:
         return False
-    middle, end = _leverage(limbs, n, i, share)
+    middle, end = _leverage(limbs, t, n, i, share)
     push = _STEP * over / max(middle * middle + end * end, _LEAST) / far
     for point, lever in ((JOINT, middle), (END, end)):
         move[point, 0] += push * lever * x
@@ -201,8 +206,8 @@ def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
 
 
 @kernel(allocates=False)
-def _keep_bones(joints, both, moves):
-    """Bring the middle of a limb, or ``both`` that and the end, back to the lengths of its bones."""
+def _keep_bones(joints, moves):
+    """Bring the middle and the end of an arm back to the lengths of its bones."""
     upper, middle, end = joints[UPPER], joints[MIDDLE], joints[LOWER]
     a = b = c = d = 0.0
     for k in range(3):
@@ -214,14 +219,28 @@ def _keep_bones(joints, both, moves):
     size = math.sqrt(a / c)
     for k in range(3):
         moves[JOINT, k] = upper[k] + (middle[k] + moves[JOINT, k] - upper[k]) * size - middle[k]
-    if not both:
-        return
-    for k in range(3):
         d += (end[k] + moves[END, k] - middle[k] - moves[JOINT, k]) ** 2
     size = math.sqrt(b / max(d, 1e-9))
     for k in range(3):
         start = middle[k] + moves[JOINT, k]
         moves[END, k] = start + (end[k] + moves[END, k] - start) * size - end[k]
+
+
+@kernel(allocates=False)
+def _keep_leg(joints, moves):
+    """Let a knee go where its leg swivels about the line from hip to ankle, and a foot anywhere but down."""
+    upper, middle, end = joints[UPPER], joints[MIDDLE], joints[LOWER]
+    ux, uy, uz = end[0] - upper[0], end[1] - upper[1], end[2] - upper[2]
+    vx, vy, vz = middle[0] - upper[0], middle[1] - upper[1], middle[2] - upper[2]
+    # As long as the line from hip to ankle, times how far the knee is from it.
+    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    size, length = math.sqrt(x * x + y * y + z * z), math.sqrt(ux * ux + uy * uy + uz * uz)
+    knee, along = moves[JOINT], 0.0
+    if size > 1e-6 and length > 1e-6:
+        most = size / length
+        along = most * math.tanh((knee[0] * x + knee[1] * y + knee[2] * z) / size / most) / size
+    knee[0], knee[1], knee[2] = along * x, along * y, along * z
+    moves[END, 1] = max(moves[END, 1], 0.0)
 
 
 @kernel(allocates=False)
@@ -272,6 +291,7 @@ def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
         np.empty(_CONTACTS, np.int64),
         np.empty((_CONTACTS, 2), np.int64),
         np.empty(_CONTACTS, np.float64),
+        np.empty(_CONTACTS, np.bool_),
         np.empty((LIMBS, 4)),
     )
     axis, own = np.empty((2, 3), np.float32), np.empty((LIMBS, MOVED, 3))
@@ -288,85 +308,13 @@ def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
                 if not pushed:
                     break
                 for limb in range(LIMBS):
-                    _keep_bones(limbs.joints[t, n, limb], limb < 2, own[limb])
+                    if limb < 2:
+                        _keep_bones(limbs.joints[t, n, limb], own[limb])
+                    else:
+                        _keep_leg(limbs.joints[t, n, limb], own[limb])
             for limb in range(LIMBS):
+                for k in range(3):
+                    own[limb, END, k] *= limbs.freedom[t, n, limb]
                 _limit(own[limb, JOINT])
                 _limit(own[limb, END])
         moves[t, m] = own
-
-
-@kernel(allocates=False)
-def _moves_at(deflections, time, n, moves):
-    """Write how far limbs of an avatar are deflected at a time, by a B-spline; return whether they are at all."""
-    clock = time * deflections.rate - deflections.first
-    before, last = math.floor(clock), deflections.moves.shape[0] - 1
-    weights = spline_weights(clock - before)
-    moves[:] = 0.0
-    deflected = False
-    for k in range(4):
-        row = deflections.moves[min(max(before - 1 + k, 0), last), n]
-        for limb in range(LIMBS):
-            for point in range(MOVED):
-                for j in range(3):
-                    value = row[limb, point, j]
-                    if value != 0.0:
-                        deflected = True
-                        moves[limb, point, j] += weights[k] * value
-    return deflected
-
-
-@kernel(allocates=False)
-def _freedom(deflections, time, n, hand):
-    """Return how free a hand is of strikes."""
-    free = 1.0
-    for strike in range(deflections.starts[n], deflections.starts[n + 1]):
-        if deflections.limbs[strike] == hand:
-            free = min(free, 1.0 - minimum_jerk(1.0 - abs(time - deflections.times[strike]) / LANDS))
-    return free
-
-
-@kernel(allocates=False)
-def _bend_arm(arms, hand, scale, root, pose, world, moves, free):
-    """Move a wrist, and swivel the elbow, as far as they are deflected."""
-    elbow, wrist = world.positions[arms.joints[hand, MIDDLE]], world.positions[arms.joints[hand, LOWER]]
-    goal = elbow[0] + moves[JOINT, 0], elbow[1] + moves[JOINT, 1], elbow[2] + moves[JOINT, 2]
-    target = wrist[0] + free * moves[END, 0], wrist[1] + free * moves[END, 1], wrist[2] + free * moves[END, 2]
-    point_arm(arms, hand, pose, world, target)
-    pose_chain(arms, scale, root, pose, world)
-    swivel_limb(arms, hand, pose, world, goal)
-
-
-@kernel
-def bend_limbs(first, stop, moments, deflections, scales, arms, legs, poses):
-    """Deflect limbs of poses, in place.
-
-    Args:
-        first: First of the moments' avatars.
-        stop: One past the last.
-        moments: Who and when, a ``Moments``.
-        deflections: A ``Deflections``.
-        scales: Body size by column.
-        arms: A ``motion.Limbs``.
-        legs: Likewise.
-        poses: Rotations are changed, a ``Posed``.
-    """
-    joints, times = arms.parents.shape[0], moments.times
-    world, moves = World(np.empty((joints, 3)), np.empty((joints, 4))), np.empty((LIMBS, MOVED, 3))
-    shared = times.shape[1] == 1
-    for i in range(first, stop):
-        n = moments.columns[i]
-        for t in range(times.shape[0]):
-            time, root, pose = times[t, 0 if shared else i], poses.roots[t, i], poses.rotations[t, i]
-            if not math.isfinite(root[0]) or not _moves_at(deflections, time, n, moves):
-                continue
-            for hand in range(2):
-                if moves[hand].any():
-                    pose_chain(arms, scales[n], root, pose, world)
-                    free = _freedom(deflections, time, n, hand)
-                    _bend_arm(arms, hand, scales[n], root, pose, world, moves[hand], free)
-            for foot in range(2):
-                move = moves[2 + foot, JOINT]
-                if move.any():
-                    pose_chain(legs, scales[n], root, pose, world)
-                    knee = world.positions[legs.joints[foot, MIDDLE]]
-                    swivel_limb(legs, foot, pose, world, (knee[0] + move[0], knee[1] + move[1], knee[2] + move[2]))

@@ -23,14 +23,14 @@ from crowdsim.take.kernels.limbs import (
     reach_of,
     soft_ramp,
 )
-from crowdsim.take.kernels.splines import spline_at
+from crowdsim.take.kernels.splines import spline_at, spline_of
 
 WIDE = 0.97
 """How far from a transition feet move for it [s]."""
 FREE, MOST = 0.4, 0.6
 """How far feet are moved from where blends have them before they are moved less, and at the most [m]."""
-DOWN = 0.1
-"""Furthest that the pelvis goes down [m]."""
+DOWN, UP = 0.1, 0.01
+"""Furthest that the pelvis goes down, and up where a leg is longer than it has to be [m]."""
 KNEE_LEAST = math.radians(4.0)
 """Flexion that a knee keeps at the least when it is stretched to hold a foot [rad]."""
 SLACK = 0.03
@@ -159,11 +159,9 @@ def _measure_lack(legs, foot, world, asked):
 
 
 @kernel(allocates=False)
-def _reach_goals(legs, pose, world, drop, asked):
-    """Bend both legs, whose joints go down by ``drop``, so that ankles reach their goals."""
+def _reach_goals(legs, pose, world, asked):
+    """Bend both legs so that ankles reach their goals."""
     for foot in range(2):
-        for k in range(3):
-            world.positions[legs.joints[foot, k], 1] -= drop
         upper, ankle = world.positions[legs.joints[foot, UPPER]], world.positions[legs.joints[foot, LOWER]]
         goal = asked.goals[foot]
         target = goal[0], goal[1], goal[2]
@@ -177,20 +175,26 @@ def _reach_goals(legs, pose, world, drop, asked):
 
 
 @kernel(allocates=False)
-def _give_way(legs, push, root, world):
-    """Move the pelvis aside, and the legs with it."""
-    root[0] += push[0]
-    root[2] += push[1]
+def _move_pelvis(legs, x, y, z, root, world):
+    """Move the pelvis, and the legs with it."""
+    root[0] += x
+    root[1] += y
+    root[2] += z
     for foot in range(2):
         for k in range(3):
             position = world.positions[legs.joints[foot, k]]
-            position[0] += push[0]
-            position[2] += push[1]
+            position[0] += x
+            position[1] += y
+            position[2] += z
 
 
 @kernel(inline=True)
-def _plant_pose(footing, now, ground, push, legs, root, pose, world, asked):
-    """Bring the planted feet of one pose to where they belong."""
+def _plant_pose(footing, now, ground, push, low, legs, root, pose, world, asked):
+    """Bring the planted feet of one pose to where they belong.
+
+    The pelvis goes aside by ``push`` and down by ``low``, and as far as is left of a leg that is too short. Returns how
+    far that is.
+    """
     pose_chain(legs, now.scale, root, pose, world)
     lack = 0.0
     for foot in range(2):
@@ -204,16 +208,18 @@ def _plant_pose(footing, now, ground, push, legs, root, pose, world, asked):
         if asked.weights[foot] > 0.0:
             _hold_foot(footing, now, foot, (one, before, other, after, turn), ground, legs, pose, world, asked)
         _lift_sole(legs, foot, now.scale, world, asked.goals[foot])
-    _give_way(legs, push, root, world)
+    _move_pelvis(legs, push[0], -low, push[1], root, world)
     for foot in range(2):
         lack += _measure_lack(legs, foot, world, asked)
-    drop = DOWN * now.scale * math.tanh(lack / (DOWN * now.scale))
-    root[1] -= drop
-    _reach_goals(legs, pose, world, drop, asked)
+    room = max(DOWN * now.scale - low, 0.001) if lack > 0.0 else UP * now.scale
+    drop = room * math.tanh(lack / room)
+    _move_pelvis(legs, 0.0, -drop, 0.0, root, world)
+    _reach_goals(legs, pose, world, asked)
+    return drop
 
 
 @kernel
-def plant_feet(first, stop, moments, playback, rows, footing, legs, poses):
+def plant_feet(first, stop, moments, playback, rows, footing, legs, drops, poses):
     """Bring planted feet to where they belong, in place.
 
     Args:
@@ -224,6 +230,7 @@ def plant_feet(first, stop, moments, playback, rows, footing, legs, poses):
         rows: The control frames, a ``Rows``.
         footing: A ``Footing``.
         legs: A ``motion.Limbs``.
+        drops: Written: how far pelvises go down beyond what the rows have for them [m]. Shape (T, n).
         poses: Changed, a ``Posed``.
     """
     joints, times, transitions = legs.parents.shape[0], moments.times, footing.transitions
@@ -236,24 +243,23 @@ def plant_feet(first, stop, moments, playback, rows, footing, legs, poses):
     for i in range(first, stop):
         n = moments.columns[i]
         pace = rows.speeds[n] * footing.motion.rate
-        low, stop_at = transitions.starts[n], transitions.starts[n + 1]
+        begin, stop_at = transitions.starts[n], transitions.starts[n + 1]
         asked.plants[:] = 0
         for t in range(playback.frames.shape[0]):
             frame = playback.frames[t, i]
             if frame < 0:
                 continue
             time = times[t, 0 if shared else i]
-            while low < stop_at and transitions.times[low] <= time - WIDE:
-                low += 1
-            high = middle = low
+            while begin < stop_at and transitions.times[begin] <= time - WIDE:
+                begin += 1
+            high = middle = begin
             while high < stop_at and transitions.times[high] < time + WIDE:
                 high += 1
             while middle < high and (transitions.times[middle] - time) * rows.rate <= 1e-9:
                 middle += 1
             part = playback.fractions[t, i]
             following = frame + 1 if part > 0.0 else frame
-            now = Instant(n, time, frame, following, part, rows.scales[n], pace, low, middle, high)
-            push = spline_at(rows.pushes, rows, time, n)
-            _plant_pose(
-                footing, now, playback.ground[t, i], push, legs, poses.roots[t, i], poses.rotations[t, i], world, asked
-            )
+            now = Instant(n, time, frame, following, part, rows.scales[n], pace, begin, middle, high)
+            push, low = spline_at(rows.pushes, rows, time, n), spline_of(rows.lows, rows, time, n)
+            root, pose = poses.roots[t, i], poses.rotations[t, i]
+            drops[t, i] = _plant_pose(footing, now, playback.ground[t, i], push, low, legs, root, pose, world, asked)

@@ -2,12 +2,15 @@
 
 import math
 
+from crowdsim.core.easing import minimum_jerk
 from crowdsim.jit import kernel
 from crowdsim.take.kernels.columns import BEGIN, END
 from crowdsim.take.kernels.placing import SNAP
 
 SHORT = 0.11
 """Time between two foot plants with a transition between them that is too short for a swing [s]."""
+_EASE = 0.08
+"""How long after a foot has lifted off, and before it lands, it is wholly free [s]."""
 
 
 @kernel(allocates=False)
@@ -77,3 +80,44 @@ def find_foot_plants(first, stop, rows, motion, plants):
     for n in range(first, stop):
         for foot in range(2):
             plants.counts[n, foot] = _follow_foot(rows, motion, n, foot, plants.spans[n, foot])
+
+
+@kernel(allocates=False)
+def foot_freedom(plants, n, foot, at, time):
+    """Return how free a foot is to move, 0 while it is planted and 1 in the air, and the first plant that is not over.
+
+    Args:
+        plants: A ``FootPlants``.
+        n: Column of the avatar.
+        foot: 0 left, 1 right.
+        at: A plant before which all are over.
+        time: The time [s].
+    """
+    count, spans, apart = plants.counts[n, foot], plants.spans[n, foot], math.inf
+    while at < count and spans[at, END] < time:
+        at += 1
+    if at > 0:
+        apart = time - spans[at - 1, END]
+    if at < count:
+        apart = min(apart, spans[at, BEGIN] - time)
+    return minimum_jerk(apart / _EASE), at
+
+
+@kernel(allocates=False)
+def free_feet(first, stop, moments, plants, freedom):
+    """Write how free the feet of avatars are to move.
+
+    Args:
+        first: First of the moments' avatars.
+        stop: One past the last.
+        moments: Who and when, a ``Moments``.
+        plants: A ``FootPlants``.
+        freedom: Written, from 0 to 1. Shape (T, n, 2).
+    """
+    times, shared = moments.times, moments.times.shape[1] == 1
+    for i in range(first, stop):
+        for foot in range(2):
+            at = 0
+            for t in range(times.shape[0]):
+                found, at = foot_freedom(plants, moments.columns[i], foot, at, times[t, 0 if shared else i])
+                freedom[t, i, foot] = found

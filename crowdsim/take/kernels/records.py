@@ -20,6 +20,7 @@ class Rows(NamedTuple):
         scales: Size of each body. Shape (n,).
         pushes: How far its trunk gives way to others, x and z [m]. Shape (R, n, 2).
         turns: How far its head turns about the vertical [rad]. Shape (R, n).
+        lows: How far its pelvis goes down for legs that are too short [m]. Shape (R, n).
         first: Control frame of the first row.
         rate: Control frames a second.
     """
@@ -35,6 +36,7 @@ class Rows(NamedTuple):
     scales: Array
     pushes: Array
     turns: Array
+    lows: Array
     first: int
     rate: float
 
