@@ -119,7 +119,7 @@ def test_a_hit_on_who_falls_adds_nothing() -> None:
         kinds = {"frame": np.float64, "speed": np.float32, "landed": bool, "point": np.float32}
         return replace(
             take,
-            events=Events(*(np.array([row[n]], kinds.get(n, np.int32)) for n in Events.__dataclass_fields__)),
+            events=Events(**{name: np.array([value], kinds.get(name, np.int32)) for name, value in row.items()}),
         )
 
     still = posed(take, policy).rotations[:, 0]
