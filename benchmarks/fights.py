@@ -1,10 +1,17 @@
-"""Strikes landed in the shipped brawls with learned actions, beside avatars with random actions.
+"""Who wins: strikes in the shipped brawls beside random actions, bouts between fighters, and time to react.
 
     python benchmarks/fights.py [--mocap DIR] [--json] [--quick]
 
-`strict` is what runs report: at the strike's frame the fist is within 10 cm of the surface of the opponent's head or
-torso at that time. `generous` asks for less: the fist comes within 25 cm of a point 1.15 m above the opponent's
-position at the attacker's decision. Both are strikes per avatar per minute.
+Brawls with learned and with random actions: `strict` is what runs report: at the strike's frame the fist is within
+10 cm of the surface of the opponent's head or torso at that time. `generous` asks for less: the fist comes within 25 cm
+of a point 1.15 m above the opponent's position at the attacker's decision. Both are strikes per avatar per minute.
+
+Bouts (``_bouts.py``): every pair of fighters, each with itself included, 200 times. `won` and `lost` are shares of
+bouts that end by a knock-out, with the Wilson interval of 95 %. A fighter wins about half of the decided bouts with
+itself (`won_of_decided`), and the red corner about half of all (`red_of_decided`).
+
+Reactions (``_reaction_time.py``): the time from an attacker's decision to the impact, and the share of strikes whose
+victim takes a decision of its own in between, at least 0.2 s after the attacker's: what a defence could react to.
 """
 
 from __future__ import annotations
@@ -13,10 +20,13 @@ import argparse
 import json
 import os
 import sys
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import _bouts
+import _reaction_time
 import numpy as np
 from _quick import small_policies
 
@@ -25,19 +35,15 @@ from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.take import Take
 
 SCENES = ("brawl_30", "brawl_30_cmu")
-DRAWN = ["types.boxer.temperature=100", "types.boxer.candidates={margin: 100, maximum: 64}"]
+REACTION_SCENES = ("brawl_30", "duel")
+SEEDS = 5
+"""Seeds of each scene for reactions, from 1 on."""
+DRAWN = [f"types.boxer.{key}={value}" for key, value in _bouts.RANDOM.items()]
 QUICK: dict[str, Any] = {"frames": 120, "fraction": 0.2}
 """What is run of a scenario with ``--quick``."""
+QUICK_BOUTS: dict[str, Any] = {"count": 4, "seconds": 8.0}
 HEIGHT, NEAR = 1.15, 0.25
 """The point's height, and how near the fist must come [m]."""
-
-
-def decided(take: Take) -> np.ndarray:
-    """Return the frame in which the action that each avatar does was chosen. Shape (frames, N)."""
-    fresh = np.ones(take.action.shape, bool)
-    fresh[1:] = (np.diff(take.action, axis=0) != 0) | (np.diff(take.action_frame, axis=0) < 0.0)
-    frames = np.arange(len(fresh))[:, None]
-    return np.maximum.accumulate(np.where(fresh, frames, 0), axis=0)
 
 
 def judge(take: Take) -> dict[str, float]:
@@ -46,7 +52,7 @@ def judge(take: Take) -> dict[str, float]:
     minutes = take.seconds / 60.0 * take.avatar_count
     fights = events.victim >= 0
     attacker, victim = (np.asarray(who)[fights].astype(int) for who in (events.attacker, events.victim))
-    frame = decided(take)[np.floor(events.frame[fights]).astype(int), attacker]
+    frame = _reaction_time.find_decisions(take)[np.floor(events.frame[fights]).astype(int), attacker]
     positions = np.stack([take.x[frame, victim], np.full(len(frame), HEIGHT), take.z[frame, victim]], axis=-1)
     near = np.linalg.norm(events.point[fights] - positions, axis=-1) <= NEAR
     return {
@@ -56,32 +62,55 @@ def judge(take: Take) -> dict[str, float]:
     }
 
 
+def measure(mocap: Path | None, quick: bool) -> dict[str, Any]:
+    """Return the figures of brawls by scene, of bouts and of reactions."""
+    changes = QUICK if quick else {}
+    has_capture = mocap is not None or quick
+    outcome: dict[str, Any] = {}
+    for name in SCENES:
+        if name.endswith("cmu") and not has_capture:
+            print(f"{name}: left out, it needs --mocap or CROWDSIM_MOCAP", file=sys.stderr)
+            continue
+        outcome[name] = {
+            how: judge(run(load_scenario(name, overrides, **changes), mocap=mocap))
+            for how, overrides in (("learned", ()), ("random", DRAWN))
+        }
+    fighters = [name for name in _bouts.FIGHTERS if has_capture or not name.endswith("cmu")]
+    outcome["bouts"] = _bouts.measure_bouts(fighters, mocap, **(QUICK_BOUTS if quick else {}))
+    outcome["reaction"] = {
+        name: _reaction_time.measure_reactions(
+            [run(load_scenario(name, seed=seed, **changes)) for seed in range(1, 2 if quick else SEEDS + 1)]
+        )
+        for name in REACTION_SCENES
+    }
+    return outcome
+
+
+def lines(outcome: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the tables, a line each."""
+    yield f"{'per avatar per minute':<30}{'thrown':>9}{'strict':>9}{'generous':>10}"
+    for name in SCENES:
+        for how, numbers in outcome.get(name, {}).items():
+            yield f"{name + ', ' + how:<30}{numbers['thrown']:9.1f}{numbers['strict']:9.1f}{numbers['generous']:10.1f}"
+    yield ""
+    yield from _bouts.lines(outcome["bouts"])
+    yield ""
+    yield from _reaction_time.lines(outcome["reaction"])
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Do avatars fight?")
+    parser = argparse.ArgumentParser(description="Do avatars fight, and who wins?")
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder of capture")
     parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
-    parser.add_argument("--quick", action="store_true", help="seconds: six avatars, 8 s, small policies")
+    parser.add_argument(
+        "--quick", action="store_true", help="seconds: six avatars, 8 s, a few bouts of 8 s, small policies"
+    )
     options = parser.parse_args()
-    outcome: dict[str, Any] = {}
-    changes = QUICK if options.quick else {}
     with ExitStack() as stack:
         if options.quick:
             stack.enter_context(small_policies())
-        for name in SCENES:
-            if name.endswith("cmu") and options.mocap is None and not options.quick:
-                print(f"{name}: left out, it needs --mocap or CROWDSIM_MOCAP", file=sys.stderr)
-                continue
-            outcome[name] = {
-                how: judge(run(load_scenario(name, overrides, **changes), mocap=options.mocap))
-                for how, overrides in (("learned", ()), ("random", DRAWN))
-            }
-    if options.json:
-        print(json.dumps(outcome, indent=2))
-        return
-    print(f"{'per avatar per minute':<30}{'thrown':>9}{'strict':>9}{'generous':>10}")
-    for name, found in outcome.items():
-        for how, numbers in found.items():
-            print(f"{name + ', ' + how:<30}{numbers['thrown']:9.1f}{numbers['strict']:9.1f}{numbers['generous']:10.1f}")
+        outcome = measure(options.mocap, options.quick)
+    print(json.dumps(outcome, indent=2) if options.json else "\n".join(lines(outcome)))
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from _fight_tables import FIGHT_TABLES
 from _results import MISSING, NOT_MEASURED, Format, Results, cell, fixed, number, percent, scaled, short
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
@@ -97,17 +98,6 @@ def ring(results: Results) -> list[str]:
         for key, (label, shown) in RING_FIGURES.items()
     ]
     return results.table(["worst of the seeds", *RINGS.values()], rows, "scenes")
-
-
-def random_choice(results: Results) -> list[str]:
-    """Return strikes landed by the learned policies beside random actions."""
-    rows = [
-        [f"`{scene}`", *(results.cell(number, "fights", scene, how, key) for how in ("learned", "random")
-                         for key in ("thrown", "strict"))]
-        for scene in ("brawl_30", "brawl_30_cmu")
-    ]  # fmt: skip
-    header = ["per avatar per minute", "thrown", "landed", "thrown, random actions", "landed, random actions"]
-    return results.table(header, rows, "fights")
 
 
 def policies(results: Results) -> list[str]:
@@ -276,7 +266,7 @@ QUALITY_TABLES: dict[str, Callable[[Results], list[str]]] = {
     "scenes": scenes,
     "crowds": crowds,
     "ring": ring,
-    "random": random_choice,
+    **FIGHT_TABLES,
     "policies": policies,
     "transitions": transitions,
     "decisions": decisions,

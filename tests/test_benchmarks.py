@@ -39,7 +39,13 @@ KEYS = {
         f"{scene}.{key}" for scene in ("brawl_30", "brawl_30_cmu", "crowd_1m", "ring_8")
         for key in ("first_landed_seconds", "thrown_per_minute", "landed_per_minute", "overlap_share")
     ],
-    "fights": [f"{scene}.{how}.strict" for scene in ("brawl_30", "brawl_30_cmu") for how in ("learned", "random")],
+    "fights": [
+        *(f"{scene}.{how}.strict" for scene in ("brawl_30", "brawl_30_cmu") for how in ("learned", "random")),
+        *(f"bouts.{pair}.{key}" for pair in ("boxer.boxer", "boxer.boxer_cmu", "boxer.paper", "boxer.random")
+          for key in ("won.share", "won.interval", "lost", "drawn", "landed_per_minute", "blocked_share",
+                      "evaded_share", "knock_downs")),
+        *(f"reaction.{scene}.{key}" for scene in ("brawl_30", "duel") for key in ("lead_seconds", "reactable_share")),
+    ],
     "exported": [f"{scene}.inspect.strikes_landed" for scene in ("brawl_30", "brawl_30_cmu", "armies_200")],
     "motion_quality": [
         f"boxer.{group}.{kind}.auc" for group in ("made", "apart", "every")
