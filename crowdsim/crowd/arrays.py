@@ -238,7 +238,7 @@ class Scratch(NamedTuple):
             shares of the next distance and bearing. Shape (5 + 2 * behaviours, actions of a block), float64.
         gaps: How far from where it should be a target is in each control frame of a state's actions [m]. float64.
         rows: A number for each control frame of a state's actions, or for each action. float64.
-        near: Neighbours that may be in the way. Shape (most neighbours, 7), float64.
+        near: Neighbours that may be in the way. Shape (most neighbours, 8), float64.
     """
 
     situations: Array

@@ -106,7 +106,7 @@ class FightCounter:
         self._last = (chunk.x[-1].copy(), chunk.z[-1].copy(), chunk.targets[-1].copy())
         self._present += np.count_nonzero(chunk.action >= 0, axis=0).astype(np.int32)
         for k in range(-chunk.first % self._every, chunk.frames, self._every):
-            here = chunk.action[k] >= 0
+            here = (chunk.action[k] >= 0) & (chunk.opponent[k] != -1)
             self._looked += int(np.count_nonzero(here))
             inside = overlapping(chunk.x[k, here], chunk.z[k, here], self._scales[here])
             self._overlapping += int(np.count_nonzero(inside))
@@ -116,6 +116,10 @@ class FightCounter:
 
     def _add_positions(self, chunk: Chunk, rows: slice) -> None:
         dx, dz, known = opponent_offsets(chunk, rows)
+        opponent = np.asarray(chunk.opponent[rows])
+        of_opponent = np.take_along_axis(opponent, np.maximum(opponent, 0), axis=1)
+        # Whoever is down has no opponent, and nobody needs to face it.
+        known = known & ((opponent < 0) | (of_opponent != -1))
         distances = np.hypot(dx, dz)
         out = known & (distances > OUT_OF_REACH)
         heading = chunk.heading[rows]
@@ -155,6 +159,9 @@ class FightCounter:
         offsets = [self._offsets(chunk, rows, attacker, victim) for rows in (before, after)]
         # A share of zero takes nothing from a frame in which an avatar may be absent.
         offset = np.where(share > 0.0, offsets[0] * (1.0 - share) + offsets[1] * share, offsets[0])
+        # Whoever is down has no opponent.
+        avatar = np.flatnonzero(victim >= 0)
+        offset[avatar[chunk.opponent[after[avatar], victim[avatar]] == -1]] = np.nan
         return np.linalg.norm(offset, axis=1)
 
     def _offsets(self, chunk: Chunk, rows: Array, attacker: Array, victim: Array) -> Array:

@@ -43,7 +43,8 @@ from crowdsim.crowd.kernels.postures import middle_of
 from crowdsim.crowd.kernels.tables import whole_lanes
 from crowdsim.jit import kernel
 
-LYING = 1.0  # radius of the disc around the middle of a body that is down [m]
+LYING = 0.8  # radius of the disc around the middle of a body that is down [m]
+STEPS_ON = 0.66  # how much of the cost of ending in a body counts for one that is down
 BYSTANDERS = 0.66  # how much of the gap and of the cost counts for those whom an avatar does not fight
 STAGGER, STEP = 8, 0.3  # for how long a strong hit counts [control frames], and how long a step back should be [m]
 
@@ -86,7 +87,7 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
     """List in ``near`` the neighbours that an avatar may collide with; return how many there are.
 
     A row is the position seen from the avatar, the displacement to the end of the action, the distance at which bodies
-    meet, the frames that are left of the action, and what it costs to end in the middle.
+    meet, the frames that are left of the action, what it costs to end in the middle, and to pass there.
     """
     whole, real = avatars.whole, avatars.real
     x, z, scale = real[X, own], real[Z, own], real[SCALE, own]
@@ -110,7 +111,10 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
         t = min(towards / moved, 1.0) if towards > 0.0 else 0.0
         nx, nz = ax + t * wx, az + t * wz
         near[close, 0], near[close, 1], near[close, 2], near[close, 3], near[close, 4] = ax, az, wx, wz, room
-        near[close, 6] = crowding[END_COST] * space
+        # Others step over those who are down, but do not end there.
+        lies = whole[TEAM, j] < 0
+        near[close, 6] = crowding[END_COST] * (STEPS_ON if lies else space)
+        near[close, 7] = 0.0 if lies else crowding[PATH_COST]
         near[close, 5] = (model.actions[whole[ACTION, j], LENGTH] - real[PHASE, j]) / real[SPEED, j]
         close += nx * nx + nz * nz < (room + furthest) ** 2
     return close
@@ -147,7 +151,7 @@ def _find_ends(model, avatars, own, work):
 def _add_neighbour(crowding, near, m, lanes, work):
     """Raise the cost of actions that end, or pass, inside a neighbour to what that costs."""
     ends_x, ends_z, frames, worst = work[0], work[1], work[2], work[3]
-    end_cost, path_cost = near[m, 6], crowding[PATH_COST]
+    end_cost, path_cost = near[m, 6], near[m, 7]
     ax, az, wx, wz, room, left = near[m, 0], near[m, 1], near[m, 2], near[m, 3], near[m, 4], near[m, 5]
     # No branch, since it cannot be predicted which neighbours come too near.
     for k in range(lanes):
