@@ -23,7 +23,7 @@ KEYS_OF_A_RUN = (
     "least_landed_per_minute landed_share blocked_share evaded_share air_share turned_away_share distance_median "
     "penetration_share penetration_share_with_arms penetration_deepest penetrations_per_minute "
     "repeated_second_per_minute same_source_share same_strike_share stillness_share stillness_share_captured "
-    "hits_from_behind_share step_after_hit"
+    "hits_from_behind_share step_after_hit thrown_per_minute_spread landed_per_minute_spread distance_spread"
 ).split()
 
 

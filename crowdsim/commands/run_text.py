@@ -22,6 +22,7 @@ def run_lines(figures: Figures) -> list[str]:
         *section(f"Opponents, from {AFTER:g} s on", _opponents(figures)),
         *section("Motion, and the capture's in the same frames", _motion(figures)),
         *section("Variety", _variety(figures)),
+        *section(f"Avatars compared, from {AFTER:g} s on", _spreads(figures)),
     ]
 
 
@@ -114,6 +115,21 @@ def _variety(figures: Figures) -> list[Row]:
         ),
         ("stillness", None if still is None else f"{percent(still)} of the time{beside}"),
     ]
+
+
+def _spreads(figures: Figures) -> list[Row]:
+    thrown, landed, apart = (figures[f"{key}_spread"] for key in ("thrown_per_minute", "landed_per_minute", "distance"))
+    return [
+        ("strikes thrown", None if thrown is None else f"{_between([number(one) for one in thrown])} per minute"),
+        ("strikes landed", None if landed is None else f"{_between([number(one) for one in landed])} per minute"),
+        ("distance", None if apart is None else f"{_between([f'{one:.2f}' for one in apart])} m from opponents"),
+    ]
+
+
+def _between(texts: list[str]) -> str:
+    """Return three percentiles in words."""
+    low, middle, high = texts
+    return f"{low} to {high}, {middle} (median), for 8 of 10 avatars"
 
 
 def _penetration(figures: Figures) -> list[Row]:
