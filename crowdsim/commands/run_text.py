@@ -22,7 +22,7 @@ def run_lines(figures: Figures) -> list[str]:
         *section(f"Opponents, from {AFTER:g} s on", _opponents(figures)),
         *section("Motion, and the capture's in the same frames", _motion(figures)),
         *section("Variety", _variety(figures)),
-        *section(f"Avatars compared, from {AFTER:g} s on", _spreads(figures)),
+        *section(f"Avatars compared while they fight, from {AFTER:g} s on", _spreads(figures)),
     ]
 
 
@@ -118,18 +118,19 @@ def _variety(figures: Figures) -> list[Row]:
 
 
 def _spreads(figures: Figures) -> list[Row]:
-    thrown, landed, apart = (figures[f"{key}_spread"] for key in ("thrown_per_minute", "landed_per_minute", "distance"))
     return [
-        ("strikes thrown", None if thrown is None else f"{_between([number(one) for one in thrown])} per minute"),
-        ("strikes landed", None if landed is None else f"{_between([number(one) for one in landed])} per minute"),
-        ("distance", None if apart is None else f"{_between([f'{one:.2f}' for one in apart])} m from opponents"),
+        ("strikes thrown", _percentiles(figures["thrown_per_minute_spread"], "per minute")),
+        ("strikes landed", _percentiles(figures["landed_per_minute_spread"], "per minute")),
+        ("distance", _percentiles(figures["distance_spread"], "m", 3)),
     ]
 
 
-def _between(texts: list[str]) -> str:
-    """Return three percentiles in words."""
-    low, middle, high = texts
-    return f"{low} to {high}, {middle} (median), for 8 of 10 avatars"
+def _percentiles(values: list[float] | None, unit: str, digits: int = 2) -> str | None:
+    """Return the 10th, 50th and 90th percentile in words."""
+    if values is None:
+        return None
+    low, middle, high = (number(value, digits) for value in values)
+    return f"{middle} {unit} (median), {low} to {high} for 8 of 10 avatars"
 
 
 def _penetration(figures: Figures) -> list[Row]:

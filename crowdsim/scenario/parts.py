@@ -135,8 +135,7 @@ class AvatarType(StrictModel):
     range: Annotated[float, Field(ge=RANGES[0], le=RANGES[1])] | QuantitySpread = Field(
         default=0.0,
         description="How much further than others an avatar keeps from its opponent while it rests between bursts [m], "
-        f"from {RANGES[0]:g} to {RANGES[1]:g}: a number, or a distribution within these limits. One that never tires "
-        "does not rest.",
+        f"from {RANGES[0]:g} to {RANGES[1]:g}: a number, or a distribution within these limits. It needs a tempo.",
     )
     damage: Damage | None = Field(
         default=None, description="What strikes take from an avatar, and when it goes down; null: nothing hurts it."

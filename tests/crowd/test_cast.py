@@ -79,7 +79,8 @@ def test_tempo_sets_the_frames_of_recovery_after_a_strike(tmp_path, result, inte
     [
         (", aggression: 4", (1.0, 2.0, 0.0)),
         (", aggression: 0.25, range: 0.5, tempo: 10", (1.0, -2.0, 0.5)),
-        (", tempo: null, range: -0.3", (1.0, 0.0, -0.3)),
+        (", tempo: null, aggression: 0.5", (1.0, -1.0, 0.0)),
+        (", range: -0.3", (1.0, 0.0, -0.3)),
         (", tempo: {kind: normal, mean: 30, deviation: 0}, range: {kind: uniform, minimum: 0.1, maximum: 0.1}",
          (1.0, 0.0, 0.1)),
     ],

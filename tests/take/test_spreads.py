@@ -21,22 +21,24 @@ def test_medians_are_those_of_each_owner():
 
 
 def naive(take, after):
-    """Strikes thrown and landed per minute, and the median distance, of each avatar with enough counted time."""
+    """Strikes thrown and landed per minute, and the median distance, of each avatar that fights for long enough."""
     x, z, opponent, action = (np.asarray(getattr(take, name)) for name in ("x", "z", "opponent", "action"))
     rows = []
     for n in range(take.avatar_count):
-        distances = []
+        distances = {}
         for frame in range(int(np.ceil(after * RATE)), take.frame_count):
             other = opponent[frame, n]
             if action[frame, n] < 0 or other == -1 or (other >= 0 and action[frame, other] < 0):
                 continue
             place = (x[frame, other], z[frame, other]) if other >= 0 else take.targets[frame, -2 - other, [0, 2]]
-            distances.append(np.hypot(place[0] - x[frame, n], place[1] - z[frame, n]))
+            apart = np.hypot(place[0] - x[frame, n], place[1] - z[frame, n])
+            if apart <= measures.OUT_OF_REACH:
+                distances[frame] = apart
         if len(distances) >= spreads.ENOUGH * RATE:
-            own = (take.events.attacker == n) & (take.events.frame >= after * RATE)
+            own = (take.events.attacker == n) & np.isin(np.ceil(take.events.frame), list(distances))
             minutes = len(distances) / RATE / 60
             hits = np.count_nonzero(own & take.events.landed)
-            rows.append((np.count_nonzero(own) / minutes, hits / minutes, np.median(distances)))
+            rows.append((np.count_nonzero(own) / minutes, hits / minutes, np.median(list(distances.values()))))
     return np.percentile(rows, spreads.PERCENTILES, axis=0).T if rows else None
 
 
@@ -55,23 +57,27 @@ def test_spreads_match_naive_ones_whatever_the_chunks(seed, monkeypatch):
 
 def test_avatars_that_do_the_same_do_not_differ():
     events = strikes(*((200.0 + 20 * k, n, 1 - n, k % 2 == 0) for k in range(10) for n in (0, 1)))
-    result = measure_spreads(pair(1.5, frames=450, events=events))
+    result = measure_spreads(pair(1.2, frames=450, events=events))
     assert result.thrown_per_minute_spread == pytest.approx([30.0] * 3)
     assert result.landed_per_minute_spread == pytest.approx([15.0] * 3)
-    assert result.distance_spread == pytest.approx([1.5] * 3)
+    assert result.distance_spread == pytest.approx([1.2] * 3)
 
 
-def test_time_without_an_opponent_does_not_count():
-    events = strikes(*((200.0 + k, 0, 1, True) for k in range(10)))
-    take = pair(1.5, frames=450, events=events)
-    opponent = take.opponent.copy()
-    opponent[300:] = -1
-    result = measure_spreads(replace(take, opponent=opponent))
-    assert result.landed_per_minute_spread[2] == pytest.approx(0.9 * 60.0)
+def test_time_without_an_opponent_in_reach_does_not_count():
+    events = strikes(*((200.0 + 100 * k, 0, 1, True) for k in range(10)))
+    alone = pair(1.2, frames=1200, events=events)
+    opponent = alone.opponent.copy()
+    opponent[525:] = -1
+    distance = np.where(np.arange(1200) < 525, 1.2, 1.6)
+    for take in (replace(alone, opponent=opponent), pair(distance, frames=1200, events=events)):
+        result = measure_spreads(take)
+        # Of two avatars one lands four strikes in 25 s, the other none.
+        assert result.landed_per_minute_spread == pytest.approx([0.96, 4.8, 8.64])
+        assert result.distance_spread == pytest.approx([1.2] * 3)
 
 
 def test_frames_are_picked_evenly_in_large_crowds(monkeypatch):
-    distance = 1.0 + np.arange(600) / 600
+    distance = 0.5 + np.arange(600) / 800
     exact = measure_spreads(pair(distance)).distance_spread
     monkeypatch.setattr(spreads, "_SAMPLED_AVATAR_FRAMES", 100)
     sampled = measure_spreads(pair(distance)).distance_spread
@@ -82,6 +88,6 @@ def test_frames_are_picked_evenly_in_large_crowds(monkeypatch):
     assert measure_spreads(pair(distance)).distance_spread == sampled
 
 
-def test_without_opponents_nothing_is_compared():
-    result = measure_spreads(make_take([[0.0]], [[0.0]], [0.0], [-1], 600))
-    assert result == spreads.Spreads(None, None, None)
+@pytest.mark.parametrize("take", [make_take([[0.0]], [[0.0]], [0.0], [-1], 600), pair(1.0, frames=440)])
+def test_where_nobody_fights_for_long_nothing_is_compared(take):
+    assert measure_spreads(take) == spreads.Spreads(None, None, None)
