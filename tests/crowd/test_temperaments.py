@@ -8,7 +8,7 @@ from test_simulation import bytes_of, crowd, whole
 from test_tempo import EAGER
 
 from crowdsim.crowd import simulation
-from crowdsim.crowd.crowd import build_crowd
+from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.simulate import simulate
 from crowdsim.crowd.simulation import Simulation
@@ -66,6 +66,25 @@ def test_a_state_with_other_temperaments_is_refused():
     state["avatars.conditions"][3, layout.RANGE] += 0.1
     with pytest.raises(ValueError, match="holds other temperaments than those of the run"):
         Simulation(people, POLICIES).restore(state)
+
+
+def test_a_simulation_with_temperaments_goes_on_from_its_state():
+    people = crowd(interval=15.0, **of(12))
+    expected = bytes_of([Simulation(people, POLICIES).run(80)])
+    first, second = Simulation(people, POLICIES), Simulation(people, POLICIES)
+    begun = first.run(33)
+    second.restore(first.state())
+    assert bytes_of([begun, second.run(47)]) == expected
+
+
+def test_in_one_crowd_each_keeps_its_own_tempo():
+    x, z, heading = np.random.default_rng(0).uniform(0, 6, (3, 40))
+    tempo = np.random.default_rng(1).uniform(20.0, 100.0, 40)
+    temperaments = np.column_stack([60.0 / tempo, np.zeros(40), np.zeros(40)])
+    fields = of(40, temperaments=temperaments, interval=15.0)
+    _, events = whole(simulate(build_crowd(x, z, heading, crowding=Crowding.none(), **fields), [EAGER], 1500))
+    thrown = np.bincount(events["attacker"], minlength=40)
+    assert np.corrcoef(tempo, thrown)[0, 1] > 0.9
 
 
 @pytest.fixture(scope="module")
