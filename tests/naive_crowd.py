@@ -8,8 +8,9 @@ from naive_opponents import nearest, neighbours
 from naive_strikes import at, thrown, what_is_seen
 
 from crowdsim.crowd.kernels import variety
-from crowdsim.crowd.kernels.choice import BURSTS, REDRAWN, REST
+from crowdsim.crowd.kernels.choice import BOLDNESS, BURSTS, REDRAWN, REST
 from crowdsim.crowd.kernels.crowding import BYSTANDERS, STAGGER, STEP
+from crowdsim.crowd.kernels.intents import CLOSEST, SHYNESS
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
 from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REMEMBERED
 from crowdsim.crowd.model import FULL_REACH, STRONG
@@ -39,6 +40,8 @@ class Avatar:
         self.opponent = self.opponent_before = -1
         self.decisions = 0
         self.burst, self.rested = 0, 0.0
+        own = crowd.temperaments[number] if len(crowd.temperaments) else (1.0, 0.0, 0.0)
+        self.slowness, self.doublings, self.range = own
         self.first_state = sum(other.actions.state_count for other in policies[: crowd.policy[number]])
         self.shown, self.thrown, self.thrown_until = [], -1, 0
         self.hit_by, self.hit, self.hit_frame = -1, np.zeros(2), -math.inf
@@ -190,6 +193,14 @@ def decide(one, avatars, crowd, targets, frame, marks):
     elif opponent <= -2:
         target, lasts = targets[1, -2 - opponent], math.inf
         moving = (target - targets[0, -2 - opponent])[[0, 2]]
+    interval = crowd.intervals[one.cohort] * one.slowness
+    rests = interval > 0 and one.burst == 0 and frame < one.rested
+    shift = one.range - SHYNESS * one.doublings
+    if target is not None and rests and shift != 0:
+        way = (target - [mine[0], 0.0, mine[1]])[[0, 2]]
+        far = math.hypot(*way)
+        target = target.copy()
+        target[[0, 2]] = mine[:2] + way * max(far - shift, CLOSEST) / far
     if outside(crowd.arena, mine[0], mine[1]) > crowd.crowding.turn:
         target = np.array([crowd.arena[1], 1.5 * one.scale if target is None else target[1], crowd.arena[2]])
         moving = np.zeros(2)
@@ -213,14 +224,11 @@ def decide(one, avatars, crowd, targets, frame, marks):
         for k, action in enumerate(choices):
             if ahead:
                 values[k] -= crowd.varieties[one.cohort] * repetition(one, action, frame, marks, crowd.count)
-    interval = crowd.intervals[one.cohort]
-    if interval > 0 and one.burst == 0:
-        if frame >= one.rested:
-            least, most = BURSTS
-            drawn = float(uniform(crowd.seed, Purpose.BURST, one.number, one.decisions))
-            one.burst = least + int(drawn * (most - least + 1))
-        else:
-            values = values - REST * counts
+    if interval > 0 and one.burst == 0 and not rests:
+        least, most = BURSTS
+        drawn = float(uniform(crowd.seed, Purpose.BURST, one.number, one.decisions))
+        one.burst = least + int(drawn * (most - least + 1))
+    values = values + (-REST if rests else BOLDNESS * one.doublings) * counts
     place = pick(values, one, crowd)
     if opponent >= 0 and crowd.varieties[one.cohort] > 0:
         for _ in range(REDRAWN):

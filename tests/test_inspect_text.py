@@ -23,7 +23,7 @@ KEYS_OF_A_RUN = (
     "least_landed_per_minute landed_share blocked_share evaded_share air_share turned_away_share distance_median "
     "penetration_share penetration_share_with_arms penetration_deepest penetrations_per_minute "
     "repeated_second_per_minute same_source_share same_strike_share stillness_share stillness_share_captured "
-    "hits_from_behind_share step_after_hit"
+    "hits_from_behind_share step_after_hit thrown_per_minute_spread landed_per_minute_spread distance_spread"
 ).split()
 
 
@@ -100,6 +100,21 @@ def test_a_run_of_which_little_can_be_measured_is_reported_as_such() -> None:
     assert no_data("\n".join(lines))
     assert "    first landed  never" in lines
     assert "    not measured  no avatar has an opponent then, or the run ends before" in lines
+
+
+def test_avatars_are_compared_by_what_eight_of_ten_do() -> None:
+    figures = dict.fromkeys([*KEYS_OF_A_RUN, "thrown_per_minute_captured", "fists_off_share", "fist_gap_median"])
+    figures |= dict.fromkeys(["fist_gap_most", "foot_slide_median_captured", "foot_slide_95_captured"])
+    figures |= {"avatars": 9, "control_frames": 1, "seconds": 0.0, "strikes_thrown": 0, "strikes_landed": 0}
+    figures |= NO_OUTCOMES
+    assert "  Avatars compared while they fight, from 10 s on" not in run_lines(figures)
+    figures |= {"thrown_per_minute_spread": [20.0, 31.25, 44.0], "landed_per_minute_spread": [6.1, 9.0, 12.0]}
+    lines = run_lines({**figures, "distance_spread": [0.931, 1.0, 1.108]})
+    assert lines[lines.index("  Avatars compared while they fight, from 10 s on") + 1 :][:3] == [
+        "    strikes thrown  31 per minute (median), 20 to 44 for 8 of 10 avatars",
+        "    strikes landed  9.0 per minute (median), 6.1 to 12 for 8 of 10 avatars",
+        "    distance        1.00 m (median), 0.931 to 1.11 for 8 of 10 avatars",
+    ]
 
 
 def test_penetration_is_stated_with_its_depth_and_with_arms() -> None:

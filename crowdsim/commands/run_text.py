@@ -22,6 +22,7 @@ def run_lines(figures: Figures) -> list[str]:
         *section(f"Opponents, from {AFTER:g} s on", _opponents(figures)),
         *section("Motion, and the capture's in the same frames", _motion(figures)),
         *section("Variety", _variety(figures)),
+        *section(f"Avatars compared while they fight, from {AFTER:g} s on", _spreads(figures)),
     ]
 
 
@@ -114,6 +115,22 @@ def _variety(figures: Figures) -> list[Row]:
         ),
         ("stillness", None if still is None else f"{percent(still)} of the time{beside}"),
     ]
+
+
+def _spreads(figures: Figures) -> list[Row]:
+    return [
+        ("strikes thrown", _percentiles(figures["thrown_per_minute_spread"], "per minute")),
+        ("strikes landed", _percentiles(figures["landed_per_minute_spread"], "per minute")),
+        ("distance", _percentiles(figures["distance_spread"], "m", 3)),
+    ]
+
+
+def _percentiles(values: list[float] | None, unit: str, digits: int = 2) -> str | None:
+    """Return the 10th, 50th and 90th percentile in words."""
+    if values is None:
+        return None
+    low, middle, high = (number(value, digits) for value in values)
+    return f"{middle} {unit} (median), {low} to {high} for 8 of 10 avatars"
 
 
 def _penetration(figures: Figures) -> list[Row]:

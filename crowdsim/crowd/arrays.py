@@ -123,8 +123,10 @@ class Avatars(NamedTuple):
             uint16.
         conditions: What each number is told to do about its opponent (fight, watch, flee), what it does and will do;
             the distance that it keeps while it watches [m]; how it stands and will stand, its row of ``Model.falls``,
-            how often it was down, when it gets up; its health, what hits took lately, and when; its stamina. Shape
-            (N, 13), or (0, 13) where nothing of this is used, float64.
+            how often it was down, when it gets up; its health, what hits took lately, and when; its stamina; how much
+            longer than its cohort it recovers from a strike, as a factor, its aggression in doublings, and how much
+            further than others it keeps away while it rests [m]. Shape (N, 16), or (0, 16) where nothing of this is
+            used, float64.
         seen: What each number's opponent was like when it decided on its latest actions with strikes, those of
             even and of odd decisions: x, z [m], heading [rad] and playback frame, of scripted targets the height [m]
             instead of the heading; the frame is -1 where there was none. Shape (N, 8), float64.

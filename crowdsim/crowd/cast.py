@@ -11,10 +11,12 @@ import numpy as np
 from crowdsim.config.files import Finding
 from crowdsim.core.types import Array
 from crowdsim.crowd.crowd import Crowd, Crowding
+from crowdsim.crowd.distributions import draw_temperaments, is_tempered
 from crowdsim.crowd.placement import Placed
 from crowdsim.crowd.plan import attackers_of, hysteresis_of, plan_script, set_opponents, weights_of
 from crowdsim.crowd.script import Script
 from crowdsim.errors import RecipeError, nearest
+from crowdsim.scenario.distributions import middle
 from crowdsim.scenario.events import FightEvent, FleeEvent, RetargetEvent, WatchEvent, WeightsEvent
 from crowdsim.scenario.groups import Opponents
 from crowdsim.scenario.parts import Arena, AvatarType, CircleArena, RectangleArena
@@ -82,6 +84,7 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         crowding=_crowding(scenario),
         seed=scenario.seed,
         conditioned=is_conditioned(scenario),
+        temperaments=draw_temperaments(scenario, placed.type),
     )
     return crowd, plan_script(scenario, placed, policies, crowd, cohorts, owners)
 
@@ -96,7 +99,7 @@ def _preferences(scenario: Scenario, cohorts: Array, rate: float) -> dict[str, A
         "most": np.array([kind.candidates.maximum for kind in kinds], np.int32),
         "temperatures": np.array([kind.temperature for kind in kinds]),
         "hysteresis": np.array([hysteresis_of(group.opponents) for group in groups]),
-        "intervals": np.array([0.0 if kind.tempo is None else 60.0 * rate / kind.tempo for kind in kinds]),
+        "intervals": np.array([0.0 if kind.tempo is None else 60.0 * rate / middle(kind.tempo) for kind in kinds]),
         "varieties": np.array([kind.variety for kind in kinds]),
         "rules": np.array(rules, dtype=float),
     }
@@ -169,12 +172,12 @@ def unlearned_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]
 
 
 def is_conditioned(scenario: Scenario) -> bool:
-    """Return whether avatars of a scenario can be hurt, tire, watch, flee or wait."""
+    """Return whether avatars of a scenario can be hurt, tire, watch, flee or wait, or have temperaments."""
     kinds = [scenario.types[name] for name in scenario.used_types]
     opponents = [group.opponents for group in scenario.groups]
     opponents += [event.opponents for event in scenario.events if isinstance(event, RetargetEvent)]
     return (
-        any(kind.damage is not None or kind.stamina is not None for kind in kinds)
+        any(kind.damage is not None or kind.stamina is not None or is_tempered(kind) for kind in kinds)
         or any(isinstance(event, FleeEvent | WatchEvent | FightEvent) for event in scenario.events)
         or any(attackers_of(one) > 0 for one in opponents)
     )

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Model
+from crowdsim.crowd.distributions import EVEN_TEMPERED
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.variety import LATEST, NONE
 from crowdsim.crowd.model import entry_actions
@@ -88,7 +89,9 @@ class Crowd:
         crowding: How avatars keep out of one another.
         seed: Seed of every draw.
         rules: What hurts and tires avatars, see ``World.rules``; nothing where it is empty. Shape (M, 12) or (0, 12).
-        conditioned: Whether avatars can be hurt, tire, watch, flee or wait.
+        conditioned: Whether avatars can be hurt, tire, watch, flee or wait, or have temperaments.
+        temperaments: See ``distributions.draw_temperaments``; where it is empty, all are even-tempered. Shape (N, 3) or
+            (0, 3).
     """
 
     x: Array
@@ -115,6 +118,7 @@ class Crowd:
     seed: int = 0
     rules: Array = field(default_factory=lambda: np.zeros((0, layout.RULES)))
     conditioned: bool = False
+    temperaments: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def count(self) -> int:
@@ -272,4 +276,6 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
         rows[:, layout.STANDING : layout.DOWNS + 1] = layout.UP
         rows[:, layout.HEALTH] = crowd.rules[crowd.cohort[numbers], layout.FULL_HEALTH]
         rows[:, layout.HURT], rows[:, layout.HURT_FRAME], rows[:, layout.STAMINA] = 0.0, -np.inf, 1.0
+        tempered = len(crowd.temperaments) > 0
+        rows[:, layout.TEMPO : layout.RANGE + 1] = crowd.temperaments[numbers] if tempered else EVEN_TEMPERED
         avatars.conditions[numbers] = rows

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.crowd.distributions import draw
 from crowdsim.crowd.kernels.placement import Disc, Squares, first_conflict, insert_points, throw_darts
 from crowdsim.crowd.placement_points import read_points
-from crowdsim.crowd.random import Purpose, normal, stream, uniform
+from crowdsim.crowd.random import Purpose, stream, uniform
 from crowdsim.scenario.groups import (
     ArmyPlacement,
     DiscPlacement,
@@ -19,7 +20,7 @@ from crowdsim.scenario.groups import (
     PointsPlacement,
     RingPlacement,
 )
-from crowdsim.scenario.parts import Arena, CircleArena, Distribution, RectangleArena, Uniform
+from crowdsim.scenario.parts import Arena, CircleArena, RectangleArena
 from crowdsim.scenario.scenario import Scenario
 
 LEAST_DISTANCE = 0.1
@@ -85,8 +86,8 @@ def place_groups(scenario: Scenario) -> Placed:
     scale, speed = np.empty(total), np.empty(total)
     for name, t in types.items():
         own = numbers[kind == t]
-        scale[own] = _draw(scenario.seed, Purpose.SCALE, own, scenario.types[name].scale)
-        speed[own] = _draw(scenario.seed, Purpose.SPEED, own, scenario.types[name].speed)
+        scale[own] = draw(scenario.seed, Purpose.SCALE, own, scenario.types[name].scale)
+        speed[own] = draw(scenario.seed, Purpose.SPEED, own, scenario.types[name].speed)
     names = tuple(group.name or f"group{i + 1}" for i, group in enumerate(groups))
     present = np.array([not group.waits for group in groups])[index]
     return Placed(x, z, headings, index, team, kind, scale, speed, present, names, teams, tuple(types))
@@ -257,16 +258,6 @@ def _types_of(seed: int, group: Group, types: dict[str, int], avatars: Array) ->
     edges = np.cumsum([mix[name] for name in names])
     chosen = np.searchsorted(edges / edges[-1], uniform(seed, Purpose.TYPE, avatars), side="right")
     return np.array([types[name] for name in names], np.int32)[np.minimum(chosen, len(names) - 1)]
-
-
-def _draw(seed: int, purpose: Purpose, avatars: Array, distribution: Distribution) -> Array:
-    if isinstance(distribution, float | int):
-        return np.full(len(avatars), float(distribution))
-    if isinstance(distribution, Uniform):
-        width = distribution.maximum - distribution.minimum
-        return distribution.minimum + width * uniform(seed, purpose, avatars)
-    low, high = distribution.limits
-    return np.clip(distribution.mean + distribution.deviation * normal(seed, purpose, avatars), low, high)
 
 
 def _up(length: float) -> str:

@@ -35,6 +35,9 @@ class Purpose(IntEnum):
     CHOICE = 7
     TARGET = 8
     BURST = 9
+    TEMPO = 10
+    AGGRESSION = 11
+    RANGE = 12
 
 
 def stream(seed: int, purpose: int) -> np.uint64:

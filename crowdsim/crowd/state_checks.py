@@ -26,6 +26,8 @@ _CONSTANT = {
 _MAY_CHANGE = {"cohorts": (layout.TEMPERATURE, layout.HYSTERESIS), "rules": (layout.ATTACKERS,)}
 _ENDLESS = (layout.RISES, layout.HURT_FRAME)
 """Columns of conditions that are infinite for what never was or will be."""
+_TEMPERAMENT = (layout.TEMPO, layout.AGGRESSION, layout.RANGE)
+"""Columns of conditions that never change."""
 _NAMES = {
     layout.SKIP: "skip", layout.FIXED: "fixed", layout.OPPONENT: "opponent", layout.OPPONENT_BEFORE: "opponent before",
     layout.DECISIONS: "decisions", layout.ACTION: "action", layout.ACTION_BEFORE: "action before",
@@ -70,7 +72,7 @@ def check_values(simulation: Changing, now: Mapping[str, Array], state: Mapping[
             raise ValueError(f"array {name!r} is not that of the run")
     _check_whole(simulation, state)
     _check_real(simulation, state)
-    _check_conditions(simulation, state)
+    _check_conditions(simulation, now, state)
     _check_world(now, state)
     _check_rest(simulation, state)
 
@@ -118,12 +120,14 @@ def _check_real(simulation: Changing, state: Mapping[str, Array]) -> None:
     _refuse("avatars.seen, frame", frames, ((frames >= 0.0) & (frames <= len(model.bodies) - 1)) | (frames == -1.0))
 
 
-def _check_conditions(simulation: Changing, state: Mapping[str, Array]) -> None:
-    """Hold what avatars are told to do, and how well they are, against what can be."""
+def _check_conditions(simulation: Changing, now: Mapping[str, Array], state: Mapping[str, Array]) -> None:
+    """Hold what avatars are told to do, how well they are, and what they are like against what can be."""
     rows, whole = state["avatars.conditions"], state["avatars.whole"]
     team = whole[layout.TEAM]
     own = simulation.crowd.team[: len(team)]
     is_down = np.zeros(len(team), bool)
+    if not np.array_equal(now["avatars.conditions"][:, _TEMPERAMENT], rows[:, _TEMPERAMENT]):
+        raise ValueError("array 'avatars.conditions' holds other temperaments than those of the run")
     if len(rows):
         falls = simulation.model.falls
         standing = rows[:, (layout.STANDING, layout.STANDING_NEXT)]
@@ -135,7 +139,7 @@ def _check_conditions(simulation: Changing, state: Mapping[str, Array]) -> None:
         lies = np.isin(standing, (layout.FALLING, layout.LYING, layout.RISING)).any(axis=1)
         known = (fall == np.floor(fall)) & (fall >= 0) & (fall < max(len(falls), 1))
         _refuse("avatars.conditions, fall", fall, known & (~lies | (len(falls) > 0)))
-        numbers = rows[:, [column for column in range(rows.shape[1]) if column not in _ENDLESS]]
+        numbers = rows[:, [column for column in range(rows.shape[1]) if column not in (*_ENDLESS, *_TEMPERAMENT)]]
         _refuse("avatars.conditions", numbers, (numbers >= 0.0) & (numbers <= FAR))
         _refuse("avatars.conditions", rows, ~np.isnan(rows))
     _refuse("avatars.whole, team", team, np.where(is_down, team == -2 - own, team == own))

@@ -1,11 +1,13 @@
-"""What a scenario waits for in vain: conditions that cannot occur, and ends that cannot come."""
+"""What a scenario asks for in vain: conditions that cannot occur, ends that cannot come, ranges without effect."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from crowdsim.config.files import Finding
 from crowdsim.scenario.description import Description
+from crowdsim.scenario.distributions import limits
 from crowdsim.scenario.fitness import CountEnd, Damage
 from crowdsim.scenario.groups import Group
 
@@ -13,8 +15,13 @@ _NEEDS_DAMAGE = "expected 'damage' of their type"
 
 
 def fight_findings(scenario: Description) -> Iterator[Finding]:
-    """Yield ends and conditions of a valid scenario that cannot come."""
+    """Yield ends and conditions of a valid scenario that cannot come, and ranges without effect."""
     yield from _end_findings(scenario)
+    for name in sorted(scenario.used_types & set(scenario.types)):
+        kept = _setting_of(scenario, name, "range")
+        if _setting_of(scenario, name, "tempo") is None and kept is not None and limits(kept) != (0.0, 0.0):
+            what = "has no effect, since avatars whose tempo is null do not rest between bursts, expected 0 or a tempo"
+            yield Finding(("types", name, "range"), what)
     by_name = {group.name or f"group{i + 1}": group for i, group in enumerate(scenario.groups)}
     for i, event in enumerate(scenario.events):
         when = event.when
@@ -61,17 +68,18 @@ def _too_many(count: int, most: int) -> str:
 def _damages(scenario: Description, group: Group) -> list[Damage | None]:
     """Return the damage of each type that avatars of a group can have, through all that it extends."""
     names = [group.type] if group.type is not None else [name for name, share in (group.mix or {}).items() if share]
-    return [_damage_of(scenario, name) for name in names]
+    return [_setting_of(scenario, name, "damage") for name in names]
 
 
-def _damage_of(scenario: Description, name: str) -> Damage | None:
+def _setting_of(scenario: Description, name: str, key: str) -> Any:
+    """Return a setting of a type, through all that it extends."""
     seen: set[str] = set()
     at: str | None = name
     while at is not None and at in scenario.types and at not in seen:
         seen.add(at)
         kind = scenario.types[at]
-        if "damage" in kind.model_fields_set or kind.extends is None:
-            return kind.damage
+        if key in kind.model_fields_set or kind.extends is None:
+            return getattr(kind, key)
         at = kind.extends
     return None
 

@@ -7,9 +7,10 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, model_validator
 
-from crowdsim.config.files import Fault, Faults, Finding, StrictModel
+from crowdsim.config.files import Faults, Finding, StrictModel
 from crowdsim.config.schema import Expected, join
 from crowdsim.errors import nearest
+from crowdsim.scenario.distributions import Distribution, QuantitySpread, Spread, limits
 from crowdsim.scenario.fitness import Damage, Stamina
 from crowdsim.scenario.names import NAME, NAME_RULE
 from crowdsim.training.pursuit import MARGIN, MOST, TEMPERATURE
@@ -22,6 +23,9 @@ MAXIMUM_SECONDS = 1_000_000
 
 SCALES = (0.5, 2.0)
 SPEEDS = (0.25, 4.0)
+TEMPOS = (1.0, 1000.0)
+AGGRESSIONS = (0.25, 4.0)
+RANGES = (-0.3, 1.0)
 
 
 def _name(text: str) -> str:
@@ -82,47 +86,6 @@ class RectangleArena(StrictModel):
 Arena = Annotated[NoArena | CircleArena | RectangleArena, Field(discriminator="kind")]
 
 
-class Uniform(StrictModel):
-    """A factor spread evenly over a range."""
-
-    kind: Literal["uniform"] = Field(description="Spread evenly from `minimum` to `maximum`.")
-    minimum: float = Field(gt=0, description="Least factor.")
-    maximum: float = Field(gt=0, description="Greatest factor.")
-
-    @model_validator(mode="after")
-    def _check(self) -> Uniform:
-        if self.minimum > self.maximum:
-            raise Fault(f"is {self.minimum}, expected at most the maximum, {self.maximum}", "minimum")
-        return self
-
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Least and greatest factor that can be drawn."""
-        return self.minimum, self.maximum
-
-
-class Normal(StrictModel):
-    """A factor of the normal distribution, cut off at two deviations."""
-
-    kind: Literal["normal"] = Field(description="Normally distributed, cut off at two deviations.")
-    mean: float = Field(default=1.0, gt=0, description="Mean factor.")
-    deviation: float = Field(ge=0, description="Standard deviation.")
-
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Least and greatest factor that can be drawn."""
-        return self.mean - 2 * self.deviation, self.mean + 2 * self.deviation
-
-
-Spread = Annotated[Uniform | Normal, Field(discriminator="kind")]
-Distribution = float | Uniform | Normal
-
-
-def limits(distribution: Distribution) -> tuple[float, float]:
-    """Return the least and the greatest factor of a distribution; a number alone is both."""
-    return (distribution, distribution) if isinstance(distribution, float | int) else distribution.limits
-
-
 class Candidates(StrictModel):
     """Which actions an avatar draws among."""
 
@@ -158,12 +121,21 @@ class AvatarType(StrictModel):
         le=100,
         description="Randomness of the draw, in normalised values; 0 always takes the best action.",
     )
-    tempo: float | None = Field(
+    tempo: Annotated[float, Field(ge=TEMPOS[0], le=TEMPOS[1])] | QuantitySpread | None = Field(
         default=60.0,
-        ge=1,
-        le=1000,
-        description="Strikes per minute that an avatar can sustain: it strikes in bursts and rests between them; "
-        "null: it never tires.",
+        description="Strikes per minute that an avatar can sustain: it strikes in bursts and rests between them. A "
+        f"number from {TEMPOS[0]:g} to {TEMPOS[1]:g}, or a distribution within these limits; null: it never tires.",
+    )
+    aggression: Annotated[float, Field(ge=AGGRESSIONS[0], le=AGGRESSIONS[1])] | Spread = Field(
+        default=1.0,
+        description="How readily an avatar strikes while it does not rest, as a factor from "
+        f"{AGGRESSIONS[0]:g} to {AGGRESSIONS[1]:g}: a number, or a distribution within these limits. Below 1 it also "
+        "keeps further away while it rests, above 1 it presses closer.",
+    )
+    range: Annotated[float, Field(ge=RANGES[0], le=RANGES[1])] | QuantitySpread = Field(
+        default=0.0,
+        description="How much further than others an avatar keeps from its opponent while it rests between bursts [m], "
+        f"from {RANGES[0]:g} to {RANGES[1]:g}: a number, or a distribution within these limits. It needs a tempo.",
     )
     damage: Damage | None = Field(
         default=None, description="What strikes take from an avatar, and when it goes down; null: nothing hurts it."
@@ -192,12 +164,21 @@ class AvatarType(StrictModel):
 
     @model_validator(mode="after")
     def _check(self) -> AvatarType:
+        given: list[tuple[str, Distribution | None, tuple[float, float], str]] = [
+            ("tempo", self.tempo, TEMPOS, "strikes per minute"),
+            ("aggression", self.aggression, AGGRESSIONS, "factors"),
+            ("range", self.range, RANGES, "distances [m]"),
+            ("scale", self.scale, SCALES, "factors"),
+            ("speed", self.speed, SPEEDS, "factors"),
+        ]
         findings = []
-        for key, value, (least, most) in (("scale", self.scale, SCALES), ("speed", self.speed, SPEEDS)):
+        for key, value, (least, most), what in given:
+            if value is None:
+                continue
             low, high = limits(value)
             if low < least or high > most:
                 reach = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-                findings.append(Finding((key,), f"is {reach}, expected factors from {least:g} to {most:g}"))
+                findings.append(Finding((key,), f"is {reach}, expected {what} from {least:g} to {most:g}"))
         if findings:
             raise Faults(findings)
         return self

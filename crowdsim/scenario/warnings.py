@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from crowdsim.config.files import Finding
+from crowdsim.scenario.distributions import limits
 from crowdsim.scenario.groups import CircleTarget, Opponents, Target, TargetOpponents
-from crowdsim.scenario.parts import AvatarType, limits
+from crowdsim.scenario.parts import AvatarType
 
 if TYPE_CHECKING:
     from crowdsim.scenario.scenario import Scenario

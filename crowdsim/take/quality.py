@@ -19,6 +19,7 @@ from crowdsim.take.kernels.steps import STEP
 from crowdsim.take.measures import measure_fights
 from crowdsim.take.penetration import measure_penetration
 from crowdsim.take.poses import Poses, PoseSampler
+from crowdsim.take.spreads import measure_spreads
 from crowdsim.take.variety import measure_variety
 
 TOUCH = 0.02
@@ -51,7 +52,7 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads
         ``transition_jump_ratio``, accelerations of joints near transitions over those of the frames shown there;
         ``fist_gap_median``, ``fist_gap_95`` and ``fist_gap_most``, how far fists and feet are from the surface of
         the avatars that they land on [m], and ``fists_off_share``, the share of them that are further than ``TOUCH``
-        from it; the attributes of ``Penetration`` and of ``Variety``.
+        from it; the attributes of ``Penetration``, of ``Variety`` and of ``Spreads``.
         Figures of which there is nothing to measure are None.
     """
     take = sampler.take
@@ -75,6 +76,7 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads
     report.update(_of_fists(sampler))
     report.update(asdict(measure_penetration(sampler, threads, progress)))
     report.update(asdict(measure_variety(take, sampler.policies)))
+    report.update(asdict(measure_spreads(take)))
     report["opponent_changes"] = int(np.count_nonzero(there & (opponent[1:] != opponent[:-1])))
     report["thrown_per_minute_captured"] = _captured_strikes(sampler)
     report["transitions_per_second"] = _count_transitions(sampler) / (minutes * 60.0) if minutes else None

@@ -60,8 +60,39 @@ def test_an_event_leaves_weights_that_it_does_not_name_as_they_are(tmp_path):
         np.testing.assert_array_equal(script.changes[0].weights, [expected])
 
 
-@pytest.mark.parametrize(("result", "interval"), [("", 15.0), (", tempo: 30", 30.0), (", tempo: null", 0.0)])
+@pytest.mark.parametrize(
+    ("result", "interval"),
+    [
+        ("", 15.0), (", tempo: 30", 30.0), (", tempo: null", 0.0),
+        (", tempo: {kind: uniform, minimum: 20, maximum: 40}", 30.0),
+        (", tempo: {kind: normal, mean: 90, deviation: 10}", 10.0),
+    ],
+)  # fmt: skip
 def test_tempo_sets_the_frames_of_recovery_after_a_strike(tmp_path, result, interval):
     assert policy(0).database.control_rate == 15.0
     people, _ = cast(tmp_path, result=result)
     np.testing.assert_array_equal(people.intervals, [interval])
+
+
+@pytest.mark.parametrize(
+    ("result", "expected"),
+    [
+        (", aggression: 4", (1.0, 2.0, 0.0)),
+        (", aggression: 0.25, range: 0.5, tempo: 10", (1.0, -2.0, 0.5)),
+        (", tempo: null, aggression: 0.5", (1.0, -1.0, 0.0)),
+        (", range: -0.3", (1.0, 0.0, -0.3)),
+        (", tempo: {kind: normal, mean: 30, deviation: 0}, range: {kind: uniform, minimum: 0.1, maximum: 0.1}",
+         (1.0, 0.0, 0.1)),
+    ],
+)  # fmt: skip
+def test_a_type_makes_the_temperaments_of_its_avatars(tmp_path, result, expected):
+    people, _ = cast(tmp_path, result=result)
+    assert people.conditioned
+    np.testing.assert_allclose(people.temperaments, [expected] * 2)
+
+
+@pytest.mark.parametrize("result", ["", ", tempo: 20", ", tempo: null", ", aggression: 1, range: 0"])
+def test_without_a_temperament_there_is_no_row_of_conditions(tmp_path, result):
+    people, _ = cast(tmp_path, result=result)
+    assert not people.conditioned
+    assert people.temperaments.shape == (0, 3)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from crowdsim import assets
+from crowdsim.crowd.distributions import draw_temperaments
 from crowdsim.crowd.placement import place_groups
 from crowdsim.errors import ScenarioError
 from crowdsim.scenario.scenario import Scenario, load_scenario, resolve_scenario
@@ -270,6 +271,30 @@ def test_mixes_and_distributions_are_drawn_as_they_say():
     assert result.scale[a].max() <= 1.2 + 1e-12
     assert abs(result.scale[a].mean() - 1.1) < 0.003
     assert abs(result.scale[b].mean() - 0.95) < 0.002
+
+
+def test_temperaments_are_drawn_for_each_avatar_from_its_type():
+    types = {
+        "a": {"tempo": {"kind": "uniform", "minimum": 30, "maximum": 90}, "range": 0.2},
+        "b": {"aggression": {"kind": "uniform", "minimum": 0.5, "maximum": 2}, "tempo": 10,
+              "range": {"kind": "normal", "mean": 0.1, "deviation": 0.1}},
+    }  # fmt: skip
+    kinds = np.arange(20_000) % 2
+    groups = ({"count": 20, "mix": {"a": 1, "b": 1}, "placement": disc(30.0)},)
+    drawn = draw_temperaments(scenario_of(*groups, types=types), kinds)
+    a, b = drawn[kinds == 0], drawn[kinds == 1]
+    tempo = 60.0 / a[:, 0]
+    assert (tempo.min(), tempo.max()) == pytest.approx((30.0, 90.0), abs=0.1)
+    assert tempo.mean() == pytest.approx(60.0, abs=0.5)
+    assert (a[:, 1] == 0.0).all()
+    assert (a[:, 2] == 0.2).all()
+    assert (b[:, 0] == 1.0).all()
+    assert np.mean(2.0 ** b[:, 1]) == pytest.approx(1.25, abs=0.02)
+    assert (b[:, 2].mean(), b[:, 2].min(), b[:, 2].max()) == pytest.approx((0.1, -0.1, 0.3), abs=0.005)
+    assert abs(np.corrcoef(b[:, 1], b[:, 2])[0, 1]) < 0.03
+    assert draw_temperaments(scenario_of(*groups, types=types), kinds[:50]).tobytes() == drawn[:50].tobytes()
+    other = draw_temperaments(scenario_of(*groups, types=types, seed=6), kinds)
+    assert not (other[kinds == 0, 0] == a[:, 0]).any()
 
 
 def test_groups_teams_and_waiting_avatars_keep_their_order():

@@ -126,6 +126,19 @@ def test_few_attack_one_opponent_where_few_may(workplace: Path) -> None:
             {"events": [{"kind": "flee", "when": {"kind": "health_below", "group": "red", "points": 31}}]},
             ["events[0].when.points: is 31, but avatars of 'red' start with less, expected at most 30"],
         ),
+        (
+            {
+                "types": {
+                    **FIGHT["types"],
+                    "base": {"range": 0.2},
+                    "boxer": {**FIGHT["types"]["boxer"], "extends": "base", "tempo": None},
+                }
+            },
+            [
+                "types.boxer.range: has no effect, since avatars whose tempo is null do not rest between bursts, "
+                "expected 0 or a tempo"
+            ],
+        ),
     ],
 )
 def test_what_cannot_come_is_found(workplace: Path, changes: dict[str, object], expected: list[str]) -> None:

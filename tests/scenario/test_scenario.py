@@ -15,7 +15,7 @@ from crowdsim import assets
 from crowdsim.config.files import Finding, find_faults
 from crowdsim.crowd.placement import place_groups
 from crowdsim.errors import ScenarioError, nearest
-from crowdsim.scenario.parts import SCALES, SPEEDS
+from crowdsim.scenario.parts import AGGRESSIONS, RANGES, SCALES, SPEEDS, TEMPOS
 from crowdsim.scenario.reference import scenario_reference
 from crowdsim.scenario.scenario import (
     Scenario,
@@ -170,6 +170,23 @@ def test_the_reference_page_links_to_sections_that_it_has():
          "6:18: types.boxer.speed: is -3 to 5, expected factors from 0.25 to 4"),
         ("{policy: boxer}", "{scale: {kind: uniform, minimum: 1.2, maximum: 1.1}}",
          "6:43: types.boxer.scale.minimum: is 1.2, expected at most the maximum, 1.1"),
+        ("{policy: boxer}", "{tempo: {kind: uniform, minimum: -5, maximum: 60}}",
+         "6:18: types.boxer.tempo: is -5 to 60, expected strikes per minute from 1 to 1000"),
+        ("{policy: boxer}", "{tempo: {kind: normal, deviation: 10}}",
+         "6:18: types.boxer.tempo.mean: missing, expected a number"),
+        ("{policy: boxer}", "{tempo: 0}", "6:18: types.boxer.tempo: is 0, expected a number from 1.0 to 1000.0"),
+        ("{policy: boxer}", "{aggression: 9}",
+         "6:23: types.boxer.aggression: is 9, expected a number from 0.25 to 4.0"),
+        ("{policy: boxer}", "{aggression: {kind: normal, deviation: 1}}",
+         "6:23: types.boxer.aggression: is -1 to 3, expected factors from 0.25 to 4"),
+        ("{policy: boxer}", "{aggression: {kind: uniform, minimum: -1, maximum: 2}}",
+         "6:48: types.boxer.aggression.minimum: is -1, expected a number above 0"),
+        ("{policy: boxer}", "{range: {kind: uniform, minimum: 0.5, maximum: 0.1}}",
+         "6:43: types.boxer.range.minimum: is 0.5, expected at most the maximum, 0.1"),
+        ("{policy: boxer}", "{range: {kind: normal, mean: 0, deviation: -1}}",
+         "6:53: types.boxer.range.deviation: is -1, expected a number of at least 0"),
+        ("{policy: boxer}", "{range: {kind: uniform, minimum: 0, maximum: 1.0e+9}}",
+         "6:18: types.boxer.range: is 0 to 1e+09, expected distances [m] from -0.3 to 1"),
         ("{policy: boxer}", "{colour: red}",
          "6:19: types.boxer.colour: is 'red', expected a colour as '#rrggbb' in quotes, such as '#c8553d'"),
         ("{policy: boxer}", "{behaviours: {punch: -1}}",
@@ -295,14 +312,15 @@ def test_frames_of_an_output_may_be_given_in_seconds(frames):
     assert load_scenario("again.yaml") == scenario
 
 
-def test_limits_of_scale_and_speed_are_the_same_in_check_and_reference():
+def test_limits_of_distributions_are_the_same_in_check_and_reference():
     types = json.loads(scenario_schema())["$defs"]["AvatarType"]["properties"]
-    for key, (least, most) in (("scale", SCALES), ("speed", SPEEDS)):
+    given = (("scale", SCALES), ("speed", SPEEDS), ("tempo", TEMPOS), ("aggression", AGGRESSIONS), ("range", RANGES))
+    for key, (least, most) in given:
         number = types[key]["anyOf"][0]
         assert (number["minimum"], number["maximum"]) == (least, most)
         assert f"from {least:g} to {most:g}" in types[key]["description"]
         assert findings(BASE.replace("{policy: boxer}", f"{{{key}: {most}}}")) == []
-        for value in (0.9 * least, 1.1 * most):
+        for value in (least - 0.01, most + 0.01):
             for text in (f"{value}", f"{{kind: uniform, minimum: {value}, maximum: {value}}}"):
                 assert len(findings(BASE.replace("{policy: boxer}", f"{{{key}: {text}}}"))) == 1
     factors = [line for line in scenario_reference().splitlines() if "factor" in line]

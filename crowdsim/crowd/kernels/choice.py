@@ -6,8 +6,10 @@ from crowdsim.core.candidates import CandidateRules, draw_candidate
 from crowdsim.core.random import uniform
 from crowdsim.crowd.kernels.aim import aim
 from crowdsim.crowd.kernels.crowding import avoid
+from crowdsim.crowd.kernels.intents import is_resting
 from crowdsim.crowd.kernels.layout import (
     ACTION,
+    AGGRESSION,
     BURST,
     BURST_STREAM,
     CHOICE_STREAM,
@@ -25,6 +27,7 @@ from crowdsim.crowd.kernels.layout import (
     STAMINA,
     STRIKES,
     TEMPERATURE,
+    TEMPO,
 )
 from crowdsim.crowd.kernels.outcomes import note_seen
 from crowdsim.crowd.kernels.special import special_action
@@ -34,6 +37,7 @@ from crowdsim.jit import kernel
 
 BURSTS = (2, 5)  # least and most strikes of a burst
 REST = 4.0  # what a strike costs an avatar that rests, in normalised values
+BOLDNESS = 0.2  # how much more a strike is worth to an avatar for each doubling of its aggression
 WEARY = 3.0  # how much longer it takes an exhausted avatar to recover from a strike, over one that is not tired
 REDRAWN = 4  # how often an avatar thinks again that has drawn a strike which its opponent throws
 SORTED = 256  # from this many deciding avatars on, actions are evaluated in the order of states
@@ -97,33 +101,34 @@ def _draw_actions(model, avatars, world, frame, due, count, scratch, out_chosen)
 
     Strikes come in bursts. A strike takes ``INTERVAL`` frames to recover from; after a burst an avatar rests until it
     has recovered from all of them, and strikes cost it dear meanwhile, as they do while it watches or flees. Whoever is
-    exhausted takes ``WEARY`` times as long again.
+    exhausted takes ``WEARY`` times as long again; tempo and aggression are the avatar's own.
     """
     whole, real, offsets, actions, cohorts = avatars.whole, avatars.real, model.offsets, model.actions, world.cohorts
     values, chances, stream = scratch.values, scratch.rows, world.stream
     for q in range(count):
         own = due[q]
-        rests, weary = False, 1.0
+        rests, slowness, bonus = False, 1.0, 0.0
         if avatars.conditions.shape[0] > 0:
             special = special_action(model, avatars, world, frame, own)
             if special >= 0:
                 out_chosen[q] = special
                 continue
             row = avatars.conditions[whole[NUMBER, own]]
-            rests, weary = row[DOES_NEXT] != FIGHTS, 1.0 + WEARY * (1.0 - row[STAMINA])
+            rests, bonus = row[DOES_NEXT] != FIGHTS, BOLDNESS * row[AGGRESSION]
+            slowness = row[TEMPO] * (1.0 + WEARY * (1.0 - row[STAMINA]))
         state, cohort = actions[whole[ACTION, own], NEXT], whole[COHORT, own]
-        interval = cohorts[cohort, INTERVAL] * weary
-        if interval > 0.0 and whole[BURST, own] <= 0:
-            if frame >= real[RESTED, own]:
-                least, most = BURSTS
-                drawn = uniform(stream[BURST_STREAM], np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own]))
-                whole[BURST, own] = least + int(drawn * (most - least + 1))
-            else:
-                rests = True
-        if rests:
+        interval = cohorts[cohort, INTERVAL] * slowness
+        if is_resting(avatars, world, frame, own):
+            rests = True
+        elif interval > 0.0 and whole[BURST, own] <= 0:
+            least, most = BURSTS
+            drawn = uniform(stream[BURST_STREAM], np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own]))
+            whole[BURST, own] = least + int(drawn * (most - least + 1))
+        worth = -REST if rests else bonus
+        if worth != 0.0:
             for k in range(offsets[state + 1] - offsets[state]):
                 action = offsets[state] + k
-                values[q, k] -= REST * (actions[action + 1, STRIKES] - actions[action, STRIKES])
+                values[q, k] += worth * (actions[action + 1, STRIKES] - actions[action, STRIKES])
         number = uniform(stream[CHOICE_STREAM], np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own]))
         rules = CandidateRules(cohorts[cohort, MARGIN], cohorts[cohort, MOST], cohorts[cohort, TEMPERATURE])
         picked = draw_candidate(values[q], offsets[state + 1] - offsets[state], rules, number, chances)

@@ -2,22 +2,28 @@
 
 Behaviours are learned for opponents that are to be hit. Whoever watches or flees sees its opponent elsewhere: nearer
 by as much as the distance that it keeps is greater than that of a fight, or behind its own back. So it moves by what it
-has learned; strikes cost it as much as one that rests.
+has learned; strikes cost it as much as one that rests. Whoever fights does likewise between two bursts of strikes, by
+its range and aggression.
 """
 
 import math
 
 from crowdsim.crowd.kernels.layout import (
+    AGGRESSION,
     ATTACKERS,
+    BURST,
     COHORT,
     DOES,
     DOES_NEXT,
     FIGHTS,
     FLEES,
+    INTERVAL,
     KEEPS,
     MODE,
     NUMBER,
     OPPONENT,
+    RANGE,
+    RESTED,
     TEAM,
     WATCHES,
     Target,
@@ -30,6 +36,7 @@ FIGHTING = 0.9  # how far apart avatars are that fight [m]
 CLOSEST = 0.3  # how near an opponent seems at the most to one that watches [m]
 FLIGHT = 10.0  # how far away the point is that an avatar flees to [m]
 WAITING = 2.2  # how far from an opponent avatars wait that others fight already [m]
+SHYNESS = 0.1  # how much further away an avatar keeps while it rests for each halving of its aggression [m]
 ADMITTED = 0.5  # how much nearer an avatar counts that fights already, among those who would like to [m]
 
 
@@ -42,7 +49,11 @@ def see_by_intent(avatars, world, now, own, opponent, target, observed, q):
         does, keeps = WATCHES, WAITING
     row[DOES_NEXT] = does
     if does == FIGHTS:
-        return target
+        keeps = FIGHTING
+        if is_resting(avatars, world, now.frame, own):
+            keeps += row[RANGE] - SHYNESS * row[AGGRESSION]
+        if keeps == FIGHTING:
+            return target
     x, z = avatars.real[X, own], avatars.real[Z, own]
     dx, dz = target.x - x, target.z - z
     far = max(math.sqrt(dx * dx + dz * dz), 1e-9)
@@ -50,6 +61,14 @@ def see_by_intent(avatars, world, now, own, opponent, target, observed, q):
         return Target(x - FLIGHT * dx / far, target.y, z - FLIGHT * dz / far, 0.0, 0.0, target.lasts)
     part = max(far - (keeps - FIGHTING), CLOSEST) / far
     return Target(x + part * dx, target.y, z + part * dz, target.vx, target.vz, target.lasts)
+
+
+@kernel(inline=True)
+def is_resting(avatars, world, frame, own):
+    """Return whether an avatar has thrown a burst of strikes that it has not recovered from."""
+    whole = avatars.whole
+    tires = world.cohorts[whole[COHORT, own], INTERVAL] > 0.0
+    return tires and whole[BURST, own] <= 0 and frame < avatars.real[RESTED, own]
 
 
 @kernel(inline=True)

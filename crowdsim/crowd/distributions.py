@@ -1,0 +1,54 @@
+"""Numbers drawn for each avatar from the distributions of its type: size, speed, and temperament."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.crowd.random import Purpose, normal, uniform
+from crowdsim.scenario.distributions import Distribution, Uniform, middle
+from crowdsim.scenario.parts import AvatarType
+from crowdsim.scenario.scenario import Scenario
+
+EVEN_TEMPERED = (1.0, 0.0, 0.0)
+"""The temperament of an avatar that keeps its cohort's tempo, is neither bold nor shy, and keeps the usual distance."""
+
+
+def draw(seed: int, purpose: Purpose, avatars: Array, distribution: Distribution) -> Array:
+    """Return a number of a distribution for each avatar, whoever the others are. Shape as ``avatars``."""
+    if isinstance(distribution, float | int):
+        return np.full(len(avatars), float(distribution))
+    if isinstance(distribution, Uniform):
+        width = distribution.maximum - distribution.minimum
+        return distribution.minimum + width * uniform(seed, purpose, avatars)
+    low, high = distribution.limits
+    return np.clip(distribution.mean + distribution.deviation * normal(seed, purpose, avatars), low, high)
+
+
+def is_tempered(kind: AvatarType) -> bool:
+    """Return whether avatars of a type have a tempo, an aggression or a range of their own."""
+    return not isinstance(kind.tempo, float | int | None) or kind.aggression != 1.0 or kind.range != 0.0
+
+
+def draw_temperaments(scenario: Scenario, types: Array) -> Array:
+    """Return the temperament of each avatar, or none where all are even-tempered.
+
+    Args:
+        scenario: The scenario.
+        types: Index of the type of each avatar. Shape (N,).
+
+    Returns:
+        How much longer than its cohort the avatar recovers from a strike, as a factor; its aggression in doublings,
+        from -2 for 0.25 to 2 for 4; its range [m]. Shape (N, 3), or (0, 3).
+    """
+    kinds = list(scenario.types.values())
+    if not any(is_tempered(scenario.types[name]) for name in scenario.used_types):
+        return np.zeros((0, 3))
+    drawn = np.tile(EVEN_TEMPERED, (len(types), 1))
+    for index, kind in enumerate(kinds):
+        own = np.flatnonzero(types == index)
+        if kind.tempo is not None:
+            drawn[own, 0] = middle(kind.tempo) / draw(scenario.seed, Purpose.TEMPO, own, kind.tempo)
+        drawn[own, 1] = np.log2(draw(scenario.seed, Purpose.AGGRESSION, own, kind.aggression))
+        drawn[own, 2] = draw(scenario.seed, Purpose.RANGE, own, kind.range)
+    return drawn
