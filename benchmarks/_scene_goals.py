@@ -53,7 +53,7 @@ GOALS: dict[str, dict[str, Goal]] = {
     "moving_target_fast": {"within_share": Goal(0.8), "landed_per_minute": Goal(4.0)},
     "armies_200": {
         "first_landed_seconds": Goal(most=8.0),
-        "air_share": Goal(most=0.03),
+        "air_share": Goal(most=0.05),
         "out_of_reach_share": Goal(most=0.4),
     },
     "brawl_30": {

@@ -44,7 +44,7 @@ from crowdsim.crowd.kernels.tables import whole_lanes
 from crowdsim.jit import kernel
 
 LYING = 0.8  # radius of the disc around the middle of a body that is down [m]
-STEPS_ON = 0.66  # how much of the cost of ending in a body counts for one that is down
+STEPS_ON = 0.25  # how much of the cost of ending in a body counts for one that is down
 BYSTANDERS = 0.66  # how much of the gap and of the cost counts for those whom an avatar does not fight
 STAGGER, STEP = 8, 0.3  # for how long a strong hit counts [control frames], and how long a step back should be [m]
 
