@@ -27,13 +27,14 @@ def plot_graph(database: MotionDatabase, graph: MotionGraph, settings: GraphSett
 
     Args:
         database: The motion that the graph was built from.
-        graph: The graph.
+        graph: The graph; falls are left out.
         settings: What it was built with.
         folder: Where to write; made where it is missing.
 
     Raises:
         OutputError: The folder or a file cannot be written.
     """
+    graph = graph.without_falls
     figures = {
         "distances.png": distance_figure(database, graph, settings),
         "degrees.png": degree_figure(graph),

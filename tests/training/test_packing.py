@@ -62,6 +62,13 @@ def unsymmetric(tmp_path_factory):
     return train_recipe(folder / "small.yaml", threads=2)[0]
 
 
+@pytest.fixture(scope="module")
+def falling(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("falling")
+    (folder / "falling.yaml").write_text(UNSYMMETRIC.replace("seed: 3", "seed: 3, falls: 1"))
+    return train_recipe(folder / "falling.yaml", threads=2)[0]
+
+
 @pytest.fixture
 def installed(tiny_policy, tmp_path, monkeypatch):
     """A folder of recipes as a wheel has it, with the policy ``tiny`` packed; the user's cache is beside it."""
@@ -84,7 +91,7 @@ def stages_of(call):
     return result, list(dict.fromkeys(stages))
 
 
-@pytest.mark.parametrize("name", ["tiny_policy", "unsymmetric"])
+@pytest.mark.parametrize("name", ["tiny_policy", "unsymmetric", "falling"])
 def test_what_is_unpacked_is_what_was_packed_byte_for_byte(request, name, tmp_path):
     trained = request.getfixturevalue(name)
     pack_policy(trained, tmp_path / "packed")
