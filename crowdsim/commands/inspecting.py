@@ -80,7 +80,8 @@ def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
     sampler = PoseSampler(take, policies, CORES)
     with Bars() as bars, watch_compilation(bars.note):
         result = measure_take(sampler, bars, CORES)
-    seconds = read_manifest(folder, ("seconds",))["seconds"] if (folder / NAME).exists() else {}
+    manifest = read_manifest(folder, ("seconds",)) if (folder / NAME).exists() else {"seconds": {}}
+    seconds, result["outcome"] = manifest["seconds"], manifest.get("outcome")
     result["control_seconds"], result["wall_seconds"] = seconds.get("control"), seconds.get("total")
     if plots is not None:
         from crowdsim.take.plots import plot_take

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from crowdsim.commands.figures_text import Row, count, length, number, percent, rating, section, speed, time
+from crowdsim.runs.ending import outcome_text
 from crowdsim.take.measures import AFTER, AIR, OUT_OF_REACH, STUCK
 from crowdsim.take.penetration import DEEP
 from crowdsim.take.quality import TOUCH
@@ -27,11 +28,15 @@ def run_lines(figures: Figures) -> list[str]:
 
 
 def _run(figures: Figures) -> list[Row]:
-    control, wall = figures.get("control_seconds"), figures.get("wall_seconds")
-    seconds = number(figures["seconds"], 3)
+    control, wall, outcome = (figures.get(key) for key in ("control_seconds", "wall_seconds", "outcome"))
+    seconds, rate = number(figures["seconds"], 3), figures["control_frames"] / max(figures["seconds"], 1e-9)
     return [
         ("avatars", f"{figures['avatars']:,}"),
         ("length", f"{count(figures['control_frames'], 'control frame')}, {seconds} s"),
+        (
+            "ended by",
+            None if outcome is None else outcome_text(outcome, figures["control_frames"] / figures["seconds"]),
+        ),
         ("control took", None if control is None else time(control)),
         ("the whole run took", None if wall is None else time(wall)),
     ]
@@ -51,6 +56,7 @@ def _strikes(figures: Figures) -> list[Row]:
     return [
         ("thrown", f"{figures['strikes_thrown']:,}{rates}"),
         ("landed", f"{figures['strikes_landed']:,}{hits}"),
+        ("knocked down", count(figures["knock_downs"], "time") if figures.get("knock_downs") else None),
         ("", None if behind is None else f"{percent(behind)} of them from behind"),
         ("", None if step is None else f"victims of strong ones go back by {length(step)} within {time(YIELDING)}"),
         ("", None if least is None else f"{number(least)} per minute by the avatar that lands least"),

@@ -178,7 +178,7 @@ class _CapturedMotion:
             database.skeleton, database.root_positions, database.rotations, threads=1
         )
         self.joints = sorted(set(database.body.roles.values()))
-        self.contacts = np.asarray(database.contacts)
+        self.contacts = np.asarray(database.contacts) & ~sampler.motions[index].down[:, None]
         rate = database.playback_rate
         sizes = np.linalg.norm(np.diff(positions[:, self.joints], 2, axis=0), axis=-1).mean(axis=-1) * rate * rate
         self.accelerations = np.pad(sizes, 1, mode="edge")
