@@ -33,10 +33,7 @@ def _run(figures: Figures) -> list[Row]:
     return [
         ("avatars", f"{figures['avatars']:,}"),
         ("length", f"{count(figures['control_frames'], 'control frame')}, {seconds} s"),
-        (
-            "ended by",
-            None if outcome is None else outcome_text(outcome, figures["control_frames"] / figures["seconds"]),
-        ),
+        ("ended by", None if outcome is None else outcome_text(outcome, rate)),
         ("control took", None if control is None else time(control)),
         ("the whole run took", None if wall is None else time(wall)),
     ]
