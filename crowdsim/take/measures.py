@@ -106,7 +106,7 @@ class FightCounter:
         self._last = (chunk.x[-1].copy(), chunk.z[-1].copy(), chunk.targets[-1].copy())
         self._present += np.count_nonzero(chunk.action >= 0, axis=0).astype(np.int32)
         for k in range(-chunk.first % self._every, chunk.frames, self._every):
-            here = (chunk.action[k] >= 0) & (chunk.opponent[k] != -1)
+            here = chunk.action[k] >= 0
             self._looked += int(np.count_nonzero(here))
             inside = overlapping(chunk.x[k, here], chunk.z[k, here], self._scales[here])
             self._overlapping += int(np.count_nonzero(inside))
@@ -161,7 +161,8 @@ class FightCounter:
         offset = np.where(share > 0.0, offsets[0] * (1.0 - share) + offsets[1] * share, offsets[0])
         # Whoever is down has no opponent.
         avatar = np.flatnonzero(victim >= 0)
-        offset[avatar[chunk.opponent[after[avatar], victim[avatar]] == -1]] = np.nan
+        then = np.where(share[:, 0] > 0.0, after, before)[avatar]
+        offset[avatar[chunk.opponent[then, victim[avatar]] == -1]] = np.nan
         return np.linalg.norm(offset, axis=1)
 
     def _offsets(self, chunk: Chunk, rows: Array, attacker: Array, victim: Array) -> Array:

@@ -248,7 +248,9 @@ def naive_shares(take: Take, after: float) -> tuple[float, float, float, float, 
         stretch = 0
         for f in range(round(after * RATE), take.frame_count):
             other = int(take.opponent[f, n])
-            there = take.action[f, n] >= 0 and other != -1 and (other < 0 or take.action[f, other] >= 0)
+            there = take.action[f, n] >= 0 and other != -1
+            # Whoever has no opponent is down.
+            there = there and (other < 0 or (take.action[f, other] >= 0 and take.opponent[f, other] != -1))
             if not there:
                 stretch = 0
                 continue
@@ -261,7 +263,7 @@ def naive_shares(take: Take, after: float) -> tuple[float, float, float, float, 
                 stuck.add(n)
     for frame, n, other in zip(take.events.frame, take.events.attacker, take.events.victim, strict=True):
         low, high, share = int(np.floor(frame)), int(np.ceil(frame)), frame - np.floor(frame)
-        if other == -1:
+        if other == -1 or (other >= 0 and take.opponent[high, other] == -1):
             continue
         offset = (place(other, low) - place(n, low)) * (1 - share) + (place(other, high) - place(n, high)) * share
         if np.isfinite(offset).all():
