@@ -101,10 +101,11 @@ class Passes:
         # Of these only control frames at the times themselves are read, as far as splines reach.
         pushes, turns, lows = (np.zeros((stop - first, len(avatars), size)) for size in (2, 1, 1))
         low, high = max(int(times.min() * rate) - 1, first), min(int(times.max() * rate) + 3, stop)
-        pushes[low - first : high - first] = self._pushes.rows(low, high, avatars)
-        turns[low - first : high - first] = self._turns.rows(low, high, avatars)
-        if lowered:
-            lows[low - first : high - first, :, 0] = self._lowering.rows(low, high, avatars)
+        if low < high:
+            pushes[low - first : high - first] = self._pushes.rows(low, high, avatars)
+            turns[low - first : high - first] = self._turns.rows(low, high, avatars)
+            if lowered:
+                lows[low - first : high - first, :, 0] = self._lowering.rows(low, high, avatars)
         rows = pushes, turns[..., 0], lows[..., 0]
         return Window(self._take, self._motions[index], avatars, first, stop, *rows, self._threads)
 
