@@ -64,10 +64,11 @@ def way_rows(policies: Sequence[Policy], starts: Sequence[Array]) -> Array:
 
 
 def arm_radii(body: Body) -> tuple[float, float]:
-    """Return the radii of forearm and glove [m]."""
+    """Return the radii of forearm and glove [m], 0 of a body that is drawn without one."""
     forearms = np.isin(body.capsule_joints, [body.roles[role] for role in _ELBOWS])
     gloves = body.capsule_parts == PARTS.index("glove")
-    return float(np.mean(body.capsule_radii[forearms])), float(np.max(body.capsule_radii[gloves]))
+    radii = body.capsule_radii[forearms]
+    return float(np.mean(radii)) if len(radii) else 0.0, float(np.max(body.capsule_radii[gloves], initial=0.0))
 
 
 def _ways(database: MotionDatabase) -> Array:
