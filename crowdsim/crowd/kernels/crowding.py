@@ -101,20 +101,19 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
         if whole[NUMBER, j] != whole[NEXT_OPPONENT, own] and whole[OPPONENT, j] != whole[NUMBER, own]:
             space *= BYSTANDERS
         room = crowding[DISC] * (scale + real[SCALE, j]) + crowding[GAP] * space
+        end_cost, path_cost = crowding[END_COST] * space, crowding[PATH_COST]
         if whole[TEAM, j] < 0:
-            # It lies, or falls: nobody steps on it, from its head to its feet.
+            # It falls, lies or gets up: others may step over it, but should not end anywhere from head to feet.
             mx, mz = middle_of(model, avatars, j)
             ax, az, wx, wz = mx - x, mz - z, 0.0, 0.0
             room = crowding[DISC] * scale + LYING * real[SCALE, j]
+            end_cost, path_cost = STEPS_ON * crowding[END_COST], 0.0
         # Point of its path at which the neighbour is nearest to the position of the avatar now.
         towards, moved = -(ax * wx + az * wz), wx * wx + wz * wz
         t = min(towards / moved, 1.0) if towards > 0.0 else 0.0
         nx, nz = ax + t * wx, az + t * wz
         near[close, 0], near[close, 1], near[close, 2], near[close, 3], near[close, 4] = ax, az, wx, wz, room
-        # Others step over those who are down, but do not end there.
-        lies = whole[TEAM, j] < 0
-        near[close, 6] = crowding[END_COST] * (STEPS_ON if lies else space)
-        near[close, 7] = 0.0 if lies else crowding[PATH_COST]
+        near[close, 6], near[close, 7] = end_cost, path_cost
         near[close, 5] = (model.actions[whole[ACTION, j], LENGTH] - real[PHASE, j]) / real[SPEED, j]
         close += nx * nx + nz * nz < (room + furthest) ** 2
     return close
