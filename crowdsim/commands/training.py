@@ -49,8 +49,9 @@ def train(
     from crowdsim import assets
     from crowdsim.compilation import watch_compilation
     from crowdsim.policy.bundle import read_document, read_timings
+    from crowdsim.sparring.train import train_recipe
     from crowdsim.training.summary import summarise
-    from crowdsim.training.train import is_trained, train_recipe
+    from crowdsim.training.train import is_trained
 
     _check_options(recipe, name, behaviours)
     written = None if name is None else _write_recipe(name, mocap, behaviours)

@@ -68,6 +68,12 @@ class PosedBody(NamedTuple):
 @kernel(inline=True)
 def lands_on_posed_body(fist, body, tolerance):
     """Return whether a fist lands on a ``PosedBody``."""
+    return -tolerance <= distance_from_body(fist, body) <= tolerance
+
+
+@kernel(inline=True)
+def distance_from_body(fist, body):
+    """Return the signed distance of a fist from the surface of a ``PosedBody``, negative inside [m]."""
     head, neck, pelvis = body.head, body.neck, body.pelvis
     hx, hy, hz = fist[0] - head[0], fist[1] - head[1], fist[2] - head[2]
     distance = math.sqrt(hx * hx + hy * hy + hz * hz) - body.head_radius
@@ -78,5 +84,4 @@ def lands_on_posed_body(fist, body, tolerance):
     if square > 0.0:
         t = min(max((lx * dx + ly * dy + lz * dz) / square, 0.0), 1.0)
     lx, ly, lz = lx - t * dx, ly - t * dy, lz - t * dz
-    distance = min(distance, math.sqrt(lx * lx + ly * ly + lz * lz) - body.torso_radius)
-    return -tolerance <= distance <= tolerance
+    return min(distance, math.sqrt(lx * lx + ly * ly + lz * lz) - body.torso_radius)

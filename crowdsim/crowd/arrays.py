@@ -89,6 +89,7 @@ class Model(NamedTuple):
     twins: Array
     falls: Array
     fall_directions: Array
+    defence: Array
 
 
 class Avatars(NamedTuple):
@@ -178,7 +179,8 @@ class World(NamedTuple):
         weights: Weight of each behaviour of the policy. Shape (M, B), float64.
         cohorts: How far below the best value a candidate may lie, how many candidates there are at most, the randomness
             of the draw, how much nearer another opponent must be [m], how long it takes to recover from a strike
-            [control frames], 0 no time, and how much avatars care for variety. Shape (M, 6), float64.
+            [control frames], 0 no time, how much avatars care for variety, how much they defend themselves, and how
+            long it takes them to see what an opponent has decided [control frames]. Shape (M, 8), float64.
         rules: Health at the start (0: nothing hurts), what a strong hit to the head takes, the shares of hits to the
             body and of blocked ones; what hits must take to make an avatar stagger, and to knock it down; for how long
             it is down [control frames], and how often until it stays down; what a strike and a metre take from its

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,8 @@ from crowdsim.crowd.placement import Placed
 from crowdsim.crowd.plan import attackers_of, hysteresis_of, plan_script, set_opponents, weights_of
 from crowdsim.crowd.script import Script
 from crowdsim.errors import RecipeError, nearest
+from crowdsim.policy.checks import DEFENCE
+from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.scenario.distributions import middle
 from crowdsim.scenario.events import FightEvent, FleeEvent, RetargetEvent, WatchEvent, WeightsEvent
 from crowdsim.scenario.groups import Opponents
@@ -48,7 +51,7 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
     Raises:
         ScenarioError: A type weighs a behaviour that its policy has not learned.
     """
-    learned = {policy.name: [one.name for one in policy.behaviours] for policy in policies}
+    learned = {policy.name: policy.learned for policy in policies}
     scenario.refuse(unlearned_behaviours(scenario, learned))
     cohorts, cohort = np.unique(np.stack([placed.group, placed.type], axis=1), axis=0, return_inverse=True)
     cohort = cohort.reshape(-1)
@@ -56,12 +59,13 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
     width = max(len(policy.behaviours) for policy in policies)
     rate = float(policies[0].database.control_rate)
     kinds = list(scenario.types.values())
-    weights = np.zeros((len(cohorts), width))
+    weights, defences = np.zeros((len(cohorts), width)), np.zeros(len(cohorts))
     for row, (_, kind) in enumerate(cohorts):
         policy = policies[owners[kind]]
         named = kinds[kind].behaviours
         own = policy.weights
         weights[row] = weights_of(policy, named, width) if named else np.pad(own, (0, width - len(own)))
+        defences[row] = named.get(DEFEND, 0.0) if named else policy.defence_weight
     skip, fixed = np.empty(placed.count, np.int32), np.full(placed.count, -1, np.int32)
     for index, group in enumerate(scenario.groups):
         set_opponents(scenario, placed, placed.group == index, group.opponents, skip, fixed)
@@ -79,6 +83,7 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         fixed=fixed,
         present=placed.present,
         weights=weights,
+        defences=defences,
         **_preferences(scenario, cohorts, rate),
         arena=pack_arena(scenario.arena),
         crowding=_crowding(scenario),
@@ -101,6 +106,7 @@ def _preferences(scenario: Scenario, cohorts: Array, rate: float) -> dict[str, A
         "hysteresis": np.array([hysteresis_of(group.opponents) for group in groups]),
         "intervals": np.array([0.0 if kind.tempo is None else 60.0 * rate / middle(kind.tempo) for kind in kinds]),
         "varieties": np.array([kind.variety for kind in kinds]),
+        "reactions": np.array([math.ceil(round(kind.reaction * rate, 6)) for kind in kinds]),
         "rules": np.array(rules, dtype=float),
     }
 
@@ -113,7 +119,10 @@ def learned_behaviours(policy: str) -> list[str]:
         PolicyError: There is no such policy, or its bundle is damaged.
     """
     recipe, document = _recipe_or_bundle(policy)
-    return list(recipe.behaviours) if recipe else [str(behaviour["name"]) for behaviour in document["behaviours"]]
+    if recipe:
+        return [*recipe.behaviours, *([DEFEND] if recipe.defend is not None else [])]
+    named = [str(behaviour["name"]) for behaviour in document["behaviours"]]
+    return [*named, *([DEFEND] if f"{DEFENCE}.npy" in document["files"] else [])]
 
 
 def control_rate_of(policy: str) -> float:

@@ -85,6 +85,8 @@ class Crowd:
         hysteresis: How much nearer another opponent must be [m]. Shape (M,).
         intervals: How long it takes to recover from a strike [control frames]; 0 no time. Shape (M,).
         varieties: How much avatars care for variety. Shape (M,).
+        defences: Weight of the behaviour ``defend``; 0 for none where it is empty. Shape (M,) or (0,).
+        reactions: Time that it takes to see what an opponent has decided [control frames]. Shape (M,) or (0,).
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]. Shape (5,).
         crowding: How avatars keep out of one another.
         seed: Seed of every draw.
@@ -113,6 +115,8 @@ class Crowd:
     hysteresis: Array
     intervals: Array
     varieties: Array
+    defences: Array = field(default_factory=lambda: np.zeros(0))
+    reactions: Array = field(default_factory=lambda: np.zeros(0))
     arena: Array = field(default_factory=lambda: np.zeros(5))
     crowding: Crowding = field(default_factory=Crowding)
     seed: int = 0
@@ -124,6 +128,21 @@ class Crowd:
     def count(self) -> int:
         """Number of avatars N."""
         return len(self.x)
+
+
+def cohort_columns(crowd: Crowd) -> list[Array]:
+    """Return the columns of ``World.cohorts``. Shapes (M,)."""
+    none = np.zeros(len(crowd.margins))
+    return [
+        crowd.margins,
+        crowd.most,
+        crowd.temperatures,
+        crowd.hysteresis,
+        crowd.intervals,
+        crowd.varieties,
+        crowd.defences if len(crowd.defences) else none,
+        crowd.reactions if len(crowd.reactions) else none,
+    ]
 
 
 class Cohort(NamedTuple):

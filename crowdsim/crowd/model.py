@@ -30,6 +30,7 @@ from crowdsim.crowd.model_tables import (
     twin_states,
 )
 from crowdsim.errors import PolicyError, RunError
+from crowdsim.policy.defence import join_defences
 from crowdsim.policy.environment import HALFWAY, LEAD
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, Term, TransitionTerm, supported, term_name
 
@@ -115,6 +116,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
         twins=twin_states(policies, starts),
         falls=falls,
         fall_directions=directions,
+        defence=join_defences([policy.defence for policy in policies], [len(action.next) for action in actions]),
     )
 
 

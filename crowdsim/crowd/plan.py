@@ -13,6 +13,7 @@ from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, WATCHES
 from crowdsim.crowd.placement import Placed
 from crowdsim.crowd.script import Change, CirclePath, End, LinePath, Script, TargetPath
 from crowdsim.crowd.triggers import AtFrame, Downs, HealthBelow, Landed, LandedOn, Near, Trigger
+from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.scenario.events import (
     AddEvent,
     Condition,
@@ -157,7 +158,8 @@ def _change(
             policy = policies[owners[cohorts[row, 1]]]
             weights[row] = weights_of(policy, event.behaviours, crowd.weights.shape[1], np.nan)
         heat = np.where(rows, np.nan if event.temperature is None else event.temperature, np.nan)
-        return Change(when, weights=weights, temperatures=heat)
+        defences = np.where(rows, event.behaviours.get(DEFEND, np.nan), np.nan)
+        return Change(when, weights=weights, temperatures=heat, defences=defences)
     if isinstance(event, RetargetEvent):
         skip, fixed = crowd.skip.copy(), crowd.fixed.copy()
         set_opponents(scenario, placed, who, event.opponents, skip, fixed)

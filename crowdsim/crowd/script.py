@@ -83,6 +83,7 @@ class Change:
         when: What it waits for.
         weights: New weights of behaviours; NaN leaves one as it is. Shape (M, B).
         temperatures: New temperatures, likewise. Shape (M,).
+        defences: New weights of the behaviour ``defend``, likewise. Shape (M,).
         hysteresis: New hysteresis [m], likewise. Shape (M,).
         attackers: How many may attack one avatar from now on, likewise. Shape (M,).
         who: Avatars that what follows concerns. Shape (N,), bool.
@@ -96,6 +97,7 @@ class Change:
     when: Trigger
     weights: Array | None = None
     temperatures: Array | None = None
+    defences: Array | None = None
     hysteresis: Array | None = None
     attackers: Array | None = None
     who: Array | None = None

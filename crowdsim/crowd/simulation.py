@@ -16,7 +16,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World
 from crowdsim.crowd.buffers import empty_record, empty_scratch, empty_strikes
 from crowdsim.crowd.chunk import STAGES, Chunk, events_of
-from crowdsim.crowd.crowd import Crowd, build_avatars, enter
+from crowdsim.crowd.crowd import Crowd, build_avatars, cohort_columns, enter
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.layout import Now
 from crowdsim.crowd.kernels.loop import run_frames
@@ -92,9 +92,7 @@ class Simulation:
         self._scratch = empty_scratch(self.model, crowd.crowding.most, min(SMALL, max(crowd.count, 1)))
         self._world = World(
             weights=np.array(crowd.weights, dtype=float),
-            cohorts=np.column_stack(
-                [crowd.margins, crowd.most, crowd.temperatures, crowd.hysteresis, crowd.intervals, crowd.varieties]
-            ).astype(float),
+            cohorts=np.column_stack(cohort_columns(crowd)).astype(float),
             rules=np.array(crowd.rules, dtype=float)
             if len(crowd.rules)
             else np.zeros((len(crowd.weights), layout.RULES)),
@@ -244,6 +242,7 @@ class Simulation:
             (self._world.weights, change.weights),
             (self._world.cohorts[:, layout.TEMPERATURE], change.temperatures),
             (self._world.cohorts[:, layout.HYSTERESIS], change.hysteresis),
+            (self._world.cohorts[:, layout.DEFENCE], change.defences),
             (self._world.rules[:, layout.ATTACKERS], change.attackers),
         ):
             if new is not None:

@@ -72,8 +72,23 @@ def _find(
         progress=progress,
         leading=database.captured_frames,
     )
-    fallen = database.falls.mask(database.frame_count)
-    return found.chosen(~fallen[found.sources] & ~fallen[found.targets]) if fallen.any() else found
+    fallen, winding = database.falls.mask(database.frame_count), _before_strikes(database, settings.windup)
+    # A transition is decided on in the frame before the one that it leads to.
+    barred = fallen[found.sources] | fallen[found.targets] | winding[found.sources] | winding[found.targets - 1]
+    return found.chosen(~barred) if barred.any() else found
+
+
+def _before_strikes(database: MotionDatabase, seconds: float) -> Array:
+    """Return the frames that strikes follow within some time, in which nobody can decide. Shape (F,), bool."""
+    barred = np.zeros(database.frame_count, bool)
+    frames = round(seconds * database.control_rate)
+    strikes = np.asarray(database.strike_frames, np.int64)
+    segments = np.searchsorted(np.asarray(database.segment_starts) * database.stride, strikes, side="right") - 1
+    first = np.asarray(database.segment_starts, np.int64)[segments]
+    for before in range(frames):
+        at = (strikes - 1) // database.stride - before
+        barred[at[at >= first]] = True
+    return barred
 
 
 def _graph_at(

@@ -79,6 +79,12 @@ class GraphSettings(StrictModel):
         default=0.3,
         description="Frames of one clip that lie closer in time than this are no transitions [s].",
     )
+    windup: NotNegative = Field(
+        default=0.0,
+        le=2.0,
+        description="Least time from a decision to a strike: avatars are committed to a strike for so long, and others "
+        "can see it coming [s]; 0: strikes begin at any time.",
+    )
     joint_weights: JointWeights = Field(
         default_factory=JointWeights, description="How much each kind of joint counts when frames are compared."
     )

@@ -28,9 +28,13 @@ from crowdsim.array_checks import (
 from crowdsim.core.types import Array
 from crowdsim.motion.body import PARTS
 from crowdsim.motion.strikes import LIMBS
+from crowdsim.policy.defence import CELLS
 
 STATE_VALUES = "state_values"
 """Name of the array of ``Behaviour.state_values``, one after another."""
+
+DEFENCE = "defence"
+"""Name of the array of ``Policy.defence``."""
 
 FALLS = ("falls_fall", "falls_lie", "falls_rise", "falls_stagger")
 OF_FALLS = (*FALLS, "falls_direction", "falls_stagger_direction")
@@ -124,6 +128,7 @@ TABLE: Mapping[str, Column] = {
     "falls_direction": _singles(("H",), _FAR),
     "falls_stagger": _ints(("G",), Index("A")),
     "falls_stagger_direction": _singles(("G",), _FAR),
+    DEFENCE: _singles(("Q", CELLS), Within(0.0, NEAR)),
     "values": Column("float32 float16 uint8 uint16", ("V",)),
     STATE_VALUES: Column("float32 float16 uint8 uint16", ("W",)),
 }

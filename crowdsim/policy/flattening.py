@@ -18,7 +18,7 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.checks import FALLS, OF_FALLS, STATE_VALUES, check_arrays
+from crowdsim.policy.checks import DEFENCE, FALLS, OF_FALLS, STATE_VALUES, check_arrays
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.falls import flatten_falls, read_falls, spans_of
 from crowdsim.policy.policy import Behaviour, Policy
@@ -48,6 +48,8 @@ def flatten_policy(policy: Policy) -> tuple[dict[str, Any], dict[str, Array]]:
     for name, array in zip(policy.actions._fields, policy.actions, strict=True):
         arrays[f"actions_{name}"] = array
     arrays |= flatten_falls(policy.falls)
+    if policy.defence is not None:
+        arrays[DEFENCE] = policy.defence
     half = policy.recipe["precision"] == "float16"
     tables = [behaviour.table.astype(np.float16) if half else behaviour.table for behaviour in policy.behaviours]
     arrays["values"] = np.concatenate(tables)
@@ -143,7 +145,7 @@ def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) ->
         "V": sum(report["entries"] for report in behaviours),
         "W": states * sum(count for report, count in zip(behaviours, cells, strict=True) if "state_values" in report),
     }
-    check_arrays(arrays, sizes, stride, (STATE_VALUES, *OF_FALLS))
+    check_arrays(arrays, sizes, stride, (STATE_VALUES, DEFENCE, *OF_FALLS))
     longest = int(arrays["actions_lengths"].max()) + 1
     if len(behaviours) * longest**2 > _MOST_POWERS:
         what = f"are up to {longest - 1} control frames for {len(behaviours)} behaviours"
@@ -194,4 +196,5 @@ def assemble_policy(document: Mapping[str, Any], arrays: Mapping[str, Array]) ->
         fingerprint=document["fingerprint"],
         fingerprints=document["fingerprints"],
         falls=falls,
+        defence=arrays.get(DEFENCE),
     )

@@ -15,6 +15,7 @@ from crowdsim.errors import PolicyError, nearest
 from crowdsim.motion import ground
 from crowdsim.policy.action_rewards import action_reward
 from crowdsim.policy.actions import Actions
+from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.policy.environment import AXIS_WIDTH, HALFWAY, LEAD, Grid, corners, fade_factor
 from crowdsim.policy.falls import Falls
 from crowdsim.policy.rewards import TERM_WIDTH, TargetBody, Term, TransitionTerm, pack_terms
@@ -127,6 +128,8 @@ class Policy:
         fingerprints: The same for each of the three alone.
         falls: Which actions knock an avatar down; None where the motion has no falls. Actions of the graph behind
             those that states choose among are these.
+        defence: Hits that follow each action of the states, by what is seen coming (``defence``); None where it was not
+            learned. Shape (choice_count, defence.CELLS), float32.
     """
 
     name: str
@@ -141,6 +144,7 @@ class Policy:
     fingerprint: str
     fingerprints: Mapping[str, str]
     falls: Falls | None = None
+    defence: Array | None = None
 
     def behaviour(self, name: str) -> Behaviour:
         """Return the behaviour called ``name``.
@@ -161,6 +165,17 @@ class Policy:
         """Weight of each behaviour where a scenario names none, from the recipe; 1 each by default. Shape (B,)."""
         given: Mapping[str, float] = self.recipe.get("weights") or {}
         return np.array([given.get(one.name, 0.0 if given else 1.0) for one in self.behaviours], dtype=np.float64)
+
+    @property
+    def defence_weight(self) -> float:
+        """Weight of the behaviour ``defend`` where a scenario names none, from the recipe; 0 where it was not learned."""
+        given: Mapping[str, float] = self.recipe.get("weights") or {}
+        return 0.0 if self.defence is None else float(given.get(DEFEND, 0.0 if given else 1.0))
+
+    @property
+    def learned(self) -> list[str]:
+        """Names of all behaviours, ``defend`` behind the others where it was learned."""
+        return [one.name for one in self.behaviours] + ([] if self.defence is None else [DEFEND])
 
     def lookup_tables(self) -> LookupTables:
         """Return the policy as flat arrays for compiled code; the values are not copied."""

@@ -71,7 +71,7 @@ def load_policies(
         RecipeError: A recipe is invalid.
         PolicyError: A bundle is foreign or damaged, or capture for it is missing.
     """
-    from crowdsim.training.train import ready_policy
+    from crowdsim.sparring.train import ready_policy
 
     # A bundle goes by the name that the scenario calls it, wherever it was trained.
     return [replace(ready_policy(name, mocap, threads, progress), name=name) for name in policy_names(scenario)]

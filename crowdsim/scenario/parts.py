@@ -121,6 +121,12 @@ class AvatarType(StrictModel):
         le=100,
         description="Randomness of the draw, in normalised values; 0 always takes the best action.",
     )
+    reaction: float = Field(
+        default=0.2,
+        ge=0,
+        le=2,
+        description="Time that it takes an avatar that defends itself to see what an opponent has decided [s].",
+    )
     tempo: Annotated[float, Field(ge=TEMPOS[0], le=TEMPOS[1])] | QuantitySpread | None = Field(
         default=60.0,
         description="Strikes per minute that an avatar can sustain: it strikes in bursts and rests between them. A "

@@ -16,6 +16,8 @@ from crowdsim.training.recipe import Recipe, plain
 
 SOURCES = ("core", "motion", "bvh", "capture", "performer", "graph", "policy", "training")
 """Folders of the package whose code decides what a bundle holds."""
+FIGHTS = ("crowd", "sparring")
+"""Those that decide it too where avatars learn in fights."""
 
 _SHOWN = 4
 
@@ -90,7 +92,7 @@ def fingerprints_of(recipe: Recipe, files: Sequence[Path] | None) -> dict[str, s
 
     Without ``files`` that of the capture is left out.
     """
-    prints = {"recipe": _hash(canonical(plain(recipe))), "sources": sources_hash()}
+    prints = {"recipe": _hash(canonical(plain(recipe))), "sources": sources_hash(SOURCES if recipe.defend is None else SOURCES + FIGHTS)}
     if files is not None:
         prints["capture"] = _hash(canonical([[path.name, file_hash(path)] for path in files]))
     return prints
@@ -101,11 +103,11 @@ def combine(prints: Mapping[str, str]) -> str:
     return _hash(canonical(dict(prints)))
 
 
-def sources_hash() -> str:
-    """Return the fingerprint of the package's code for motion, graph and policy."""
+def sources_hash(folders: Sequence[str] = SOURCES) -> str:
+    """Return the fingerprint of the code in some folders of the package."""
     package = Path(__file__).resolve().parent.parent
     digest = hashlib.sha256()
-    for name in SOURCES:
+    for name in folders:
         for path in sorted((package / name).rglob("*.py")):
             digest.update(f"{path.relative_to(package).as_posix()}\n".encode())
             digest.update(path.read_bytes().replace(b"\r\n", b"\n"))

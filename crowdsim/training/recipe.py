@@ -14,6 +14,7 @@ from crowdsim.core.types import FileName
 from crowdsim.errors import RecipeError, nearest
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.motion.settings import StrikeSettings
+from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.policy.environment import AXIS_KINDS
 from crowdsim.policy.rewards import AnyTerm, ProximityTerm, StrikeTerm
 from crowdsim.training.motion_source import MAXIMUM_SEED, Motion
@@ -176,6 +177,20 @@ class BehaviourSpec(StrictModel):
         return self
 
 
+class DefenceSpec(StrictModel):
+    """How the behaviour ``defend`` is learned: in fights of pairs of avatars with the recipe's other behaviours."""
+
+    rounds: int = Field(
+        default=3, ge=1, le=100, description="Rounds of fights; from the second one on, one of each pair defends itself."
+    )
+    pairs: int = Field(default=192, ge=1, le=200, description="Pairs that fight at a time.")
+    seconds: float = Field(default=600.0, ge=10.0, le=100_000.0, description="How long each round lasts [s].")
+    temperature: float = Field(
+        default=0.5, ge=0.0, le=100.0, description="Randomness of the draw of those that learn, see the type's key."
+    )
+    seed: int = Field(default=0, ge=0, le=MAXIMUM_SEED, description="Seed of the fights.")
+
+
 class PruningSpec(StrictModel):
     """Which transitions of a wide graph are kept: those that are worth most to the behaviours (``pruning.py``)."""
 
@@ -214,6 +229,9 @@ class Recipe(StrictModel):
         default=None, description="Which transitions of the graph are kept, by their value; null: all."
     )
     behaviours: dict[Name, BehaviourSpec] = Field(min_length=1, max_length=100, description="What is learned, by name.")
+    defend: DefenceSpec | None = Field(
+        default=None, description="How avatars learn to defend themselves; null: they do not."
+    )
     weights: dict[Name, Annotated[float, Field(ge=0.0, le=1000.0)]] | None = Field(
         default=None,
         description="Weights of the behaviours that avatars use where their scenario names none; null: 1 each.",
@@ -224,9 +242,12 @@ class Recipe(StrictModel):
 
     @model_validator(mode="after")
     def _weighs_what_is_learned(self) -> Recipe:
+        learned = [*self.behaviours, *([DEFEND] if self.defend is not None else [])]
+        if DEFEND in self.behaviours:
+            raise Fault("is learned in fights, expected the section 'defend' of the recipe", "behaviours", DEFEND)
         for name in self.weights or {}:
-            if name not in self.behaviours:
-                raise Fault(f"is no behaviour of the recipe{nearest(name, self.behaviours)}", "weights", name)
+            if name not in learned:
+                raise Fault(f"is no behaviour of the recipe{nearest(name, learned)}", "weights", name)
         return self
 
     @model_validator(mode="after")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +18,7 @@ from crowdsim.errors import PolicyError, RecipeError, VersionError, under_way
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
 from crowdsim.policy.actions import build_actions
+from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.policy.falls import add_falls
 from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.rewards import target_body
@@ -25,8 +26,11 @@ from crowdsim.training.behaviours import train_behaviour
 from crowdsim.training.contexts import alone, naming
 from crowdsim.training.fingerprint import capture_files, combine, fingerprints_of
 from crowdsim.training.packing import read_packed, unpack_policy
-from crowdsim.training.recipe import Recipe, load_recipe, plain
+from crowdsim.training.recipe import DefenceSpec, Recipe, load_recipe, plain
 from crowdsim.training.solution import Solution
+
+Sparring = Callable[[Policy, DefenceSpec, float, Progress | None], Array]
+"""Returns what avatars of a policy learn about defence, by a section of its recipe and the behaviour's weight."""
 
 
 def train_recipe(
@@ -35,6 +39,7 @@ def train_recipe(
     threads: int = 1,
     force: bool = False,
     progress: Progress | None = None,
+    spar: Sparring | None = None,
 ) -> tuple[Path, bool]:
     """Train a recipe into its bundle, unless that is up to date; return its folder, and whether it was trained.
 
@@ -46,6 +51,7 @@ def train_recipe(
         threads: Threads to use; the bundle has the same bytes for any number.
         force: Train even when the bundle is up to date.
         progress: Called with (stage, done, total).
+        spar: Learns the behaviour ``defend``, for recipes that ask for it (``sparring``).
 
     Raises:
         RecipeError: The recipe is invalid.
@@ -70,14 +76,18 @@ def train_recipe(
                 with limited(threads), under_way():
                     unpack_policy(packed, folder, progress)
                 return folder, False
-            policy, timings = train_policy(recipe, path.stem, mocap, threads, progress)
+            policy, timings = train_policy(recipe, path.stem, mocap, threads, progress, spar)
             with under_way():
                 bundle.write_bundle(folder, policy, timings)
     return folder, True
 
 
 def ready_policy(
-    name: FileName, mocap: FileName | None = None, threads: int = 1, progress: Progress | None = None
+    name: FileName,
+    mocap: FileName | None = None,
+    threads: int = 1,
+    progress: Progress | None = None,
+    spar: Sparring | None = None,
 ) -> Policy:
     """Return the trained policy of a recipe or a bundle by path or name; trained first when it is missing or stale.
 
@@ -96,7 +106,7 @@ def ready_policy(
         assets.find_recipe(name)
     except RecipeError:
         return bundle.load_policy(assets.find_bundle(name))
-    folder, _ = train_recipe(name, mocap, threads, False, progress)
+    folder, _ = train_recipe(name, mocap, threads, False, progress, spar)
     return bundle.load_policy(folder)
 
 
@@ -181,6 +191,7 @@ def train_policy(
     mocap: FileName | None = None,
     threads: int = 1,
     progress: Progress | None = None,
+    spar: Sparring | None = None,
 ) -> tuple[Policy, dict[str, Any]]:
     """Return a policy trained by a recipe, and what training took: seconds by stage and by behaviour.
 
@@ -234,7 +245,16 @@ def train_policy(
         )
         statistics = policy_statistics(policy, solutions)
         graph, actions, falls = add_falls(database, graph, actions, recipe.graph)
-    return replace(policy, statistics=statistics, graph=graph, actions=actions, falls=falls), timings
+        policy = replace(policy, statistics=statistics, graph=graph, actions=actions, falls=falls)
+        if recipe.defend is None:
+            return policy, timings
+        if spar is None:
+            raise PolicyError("defend: is learned in fights, expected training by crowdsim.train_recipe")
+        begun = time.perf_counter()
+        weight = (recipe.weights or {}).get(DEFEND, 0.0 if recipe.weights else 1.0)
+        policy = replace(policy, defence=spar(policy, recipe.defend, weight, progress))
+        timings["defend"] = time.perf_counter() - begun
+    return policy, timings
 
 
 def _timing(solution: Solution, seconds: float) -> dict[str, float]:

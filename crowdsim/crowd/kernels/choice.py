@@ -6,6 +6,7 @@ from crowdsim.core.candidates import CandidateRules, draw_candidate
 from crowdsim.core.random import uniform
 from crowdsim.crowd.kernels.aim import aim
 from crowdsim.crowd.kernels.crowding import avoid
+from crowdsim.crowd.kernels.defence import defend
 from crowdsim.crowd.kernels.intents import is_resting
 from crowdsim.crowd.kernels.layout import (
     ACTION,
@@ -61,6 +62,7 @@ def choose(model, avatars, world, now, due, count, observed, scratch, out_chosen
     _keep_running(model, avatars, due, count, scratch)
     avoid(model, avatars, world, now.frame, due, count, observed, scratch)
     charge_repetition(model, avatars, world, now, due, count, scratch)
+    defend(model, avatars, world, now, due, count, observed, scratch)
     lost = _draw_actions(model, avatars, world, now.frame, due, count, scratch, out_chosen)
     if lost < 0:
         note_seen(model, avatars, world, now, due, count, out_chosen)

@@ -5,13 +5,13 @@ from typing import Any, NamedTuple
 # Rows of ``Avatars.whole`` and ``Avatars.real``, a column for each slot, and how many there are.
 (
     NUMBER, POLICY, COHORT, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE, PENDING,
-    BURST, NEXT_OPPONENT, HIT_BY, THROWN, THROWN_UNTIL,
-) = range(17)  # fmt: skip
+    BURST, NEXT_OPPONENT, HIT_BY, THROWN, THROWN_UNTIL, THREAT,
+) = range(18)  # fmt: skip
 (
     SCALE, SPEED, PHASE, PHASE_BEFORE, BASE_X, BASE_Z, BASE_COS, BASE_SIN, BASE_TURN, X, Z, HEADING, END_X, END_Z,
     RESTED, HIT_X, HIT_Z, HIT_FRAME,
 ) = range(18)  # fmt: skip
-WHOLE_ROWS, REAL_ROWS = 17, 18
+WHOLE_ROWS, REAL_ROWS = 18, 18
 SEEN_X, SEEN_Z, SEEN_TURN, SEEN_FRAME = range(4)  # columns of each half of ``Avatars.seen``
 
 # Columns of the tables of ``Model``: actions, moves, paths (rows), strikes, bodies, arms, sizes, policies, behaviours,
@@ -57,7 +57,7 @@ FALLS, LIES, STANDS_UP, STUMBLES = range(4)
 RULES = 12
 
 # Columns of ``World.cohorts``, the numbers of ``World.crowding`` and of ``World.arena``, and rows of ``World.stream``.
-MARGIN, MOST, TEMPERATURE, HYSTERESIS, INTERVAL, VARIETY = range(6)
+MARGIN, MOST, TEMPERATURE, HYSTERESIS, INTERVAL, VARIETY, DEFENCE, REACTION = range(8)
 END_COST, PATH_COST, DISC, GAP, OUTSIDE_COST, TURN_BACK, SIGHT, BACK = range(8)
 ARENA, CENTRE_X, CENTRE_Z, HALF_X, HALF_Z = range(5)
 CHOICE_STREAM, BURST_STREAM = range(2)

@@ -1,0 +1,186 @@
+"""Defence: what actions cost in hits, from strikes that an avatar sees coming and from those that it expects.
+
+What an opponent has decided is seen after the avatar's reaction time, and nothing before. A strike that is seen ends at
+a known place and time: each action, and where it is too short each one behind it, is held against that exactly. Where
+none is seen, a learned table tells how many hits follow an action (``policy.defence``).
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crowdsim.core.angles import cos_sin
+from crowdsim.core.bodies import distance_from_body
+from crowdsim.crowd.kernels.interpolation import between, ground_at
+from crowdsim.crowd.kernels.layout import (
+    ACTION,
+    COHORT,
+    DEFENCE,
+    FIST_X,
+    FIST_Y,
+    FIST_Z,
+    HEADING,
+    LENGTH,
+    NECK,
+    NEXT,
+    NEXT_OPPONENT,
+    NUMBER,
+    OPPONENT,
+    ORIGIN,
+    PHASE,
+    POLICY,
+    REACTION,
+    SCALE,
+    SPEED,
+    STRIDE,
+    STRIKES,
+    THREAT,
+    TIME,
+    TOLERANCE,
+    X,
+    Z,
+)
+from crowdsim.crowd.kernels.motion import over_ground
+from crowdsim.crowd.kernels.postures import Standing, posed_body
+from crowdsim.jit import kernel
+from crowdsim.policy.defence import ASIDE, DISTANCES, SEEN_CELLS, SIDES, SOON
+
+HIT = 20.0  # what a hit costs, in normalised values
+NEAR = 0.8  # over the ground, how near an avatar a strike ends that may be for it [m]
+MARGIN = 0.04  # how far beyond where it lands a strike still counts in part [m]
+
+
+class Threat(NamedTuple):
+    """What an avatar sees coming.
+
+    Attributes:
+        cell: The cell of the defence's grid.
+        frames: Control frames until the strike reaches furthest; infinite where none is seen.
+        point: Where it does [m].
+    """
+
+    cell: int
+    frames: float
+    point: Any
+
+
+@kernel(inline=True)
+def defend(model, avatars, world, now, due, count, observed, scratch):
+    """Lower the values of actions by the hits that they cost, for avatars ``due[:count]`` that defend themselves."""
+    if model.defence.shape[0] == 0:
+        return
+    whole, defence = avatars.whole, model.defence
+    for q in range(count):
+        own = due[q]
+        cost = HIT * world.cohorts[whole[COHORT, own], DEFENCE]
+        whole[THREAT, own] = -1
+        state = scratch.states[q]
+        if cost <= 0.0 or state < 0:
+            continue
+        threat = see_threat(model, avatars, world.cohorts, now, own, observed, q)
+        whole[THREAT, own] = threat.cell
+        for k in range(model.offsets[state + 1] - model.offsets[state]):
+            action = model.offsets[state] + k
+            if threat.cell < SEEN_CELLS:
+                scratch.values[q, k] -= cost * _endured(model, avatars, own, action, threat)
+            else:
+                scratch.values[q, k] -= cost * defence[action, threat.cell]
+
+
+@kernel(inline=True)
+def see_threat(model, avatars, cohorts, now, own, observed, q):
+    """Return the next strike that an avatar sees coming, from its opponent and from those whose opponent it is.
+
+    An opponent that has decided within the reaction time is seen where its action began, and what it does is not seen.
+    """
+    whole, real, strikes = avatars.whole, avatars.real, model.strikes
+    x, z, size = real[X, own], real[Z, own], real[SCALE, own]
+    opponent, reaction = whole[NEXT_OPPONENT, own], cohorts[whole[COHORT, own], REACTION]
+    nearest, soonest = np.inf, np.inf
+    fx, fy, fz = 0.0, 0.0, 0.0
+    for m in range(-1, observed.counts[q]):
+        j = np.int64(avatars.slot_of[opponent]) if m < 0 and opponent >= 0 else np.int64(now.present)
+        if m >= 0 and whole[OPPONENT, observed.neighbours[q, m]] == whole[NUMBER, own]:
+            j = np.int64(observed.neighbours[q, m])
+        if j >= now.present:
+            continue
+        action, phase, speed = whole[ACTION, j], real[PHASE, j], real[SPEED, j]
+        hidden = math.ceil(phase / speed) - 1.0 < reaction
+        ox, oz = real[X, j], real[Z, j]
+        if hidden:
+            ox, oz = over_ground(model, avatars, j, action, False, 0.0, 0.0)
+        nearest = min(nearest, (ox - x) ** 2 + (oz - z) ** 2)
+        if hidden:
+            continue
+        for k in range(model.actions[action, STRIKES], model.actions[action + 1, STRIKES]):
+            frames = (strikes[k, TIME] - phase) / speed
+            if frames <= 0.0 or frames >= soonest:
+                continue
+            sx, sz = over_ground(model, avatars, j, action, False, strikes[k, FIST_X], strikes[k, FIST_Z])
+            if (sx - x) ** 2 + (sz - z) ** 2 <= NEAR * NEAR * size * size:
+                soonest, fx, fy, fz = frames, sx, strikes[k, FIST_Y] * real[SCALE, j], sz
+    if soonest == np.inf:
+        far, cell = math.sqrt(nearest) / size, SEEN_CELLS
+        for limit in DISTANCES:
+            cell += far >= limit
+        return Threat(cell, np.inf, (fx, fy, fz))
+    return Threat(_cell_of(model, avatars, own, soonest, fx, fy, fz), soonest, (fx, fy, fz))
+
+
+@kernel(inline=True)
+def _cell_of(model, avatars, own, frames, x, y, z):
+    """Return the cell of a strike in progress, by its time, height and side."""
+    whole, real = avatars.whole, avatars.real
+    cos, sin = cos_sin(real[HEADING, own])
+    aside = ((x - real[X, own]) * cos - (z - real[Z, own]) * sin) / real[SCALE, own]
+    action = whole[ACTION, own]
+    end = model.actions[action, ORIGIN] + model.actions[action, LENGTH] * model.policies[whole[POLICY, own], STRIDE]
+    cell = 0
+    for limit in SOON:
+        cell += frames > limit
+    cell = 2 * cell + (y > between(model.bodies, np.float64(end), NECK + 1) * real[SCALE, own])
+    return SIDES * cell + (aside >= -ASIDE) + (aside >= ASIDE)
+
+
+@kernel(inline=True)
+def _endured(model, avatars, own, action, threat):
+    """Return whether a strike that is seen would land in an action, or in the best one behind it: from 0 to 1."""
+    real = avatars.real
+    speed = real[SPEED, own]
+    x, z, heading, size = real[X, own], real[Z, own], real[HEADING, own], real[SCALE, own]
+    policy, length = avatars.whole[POLICY, own], np.float64(model.actions[action, LENGTH])
+    frames = threat.frames * speed
+    if frames <= length:
+        return _lands(model, action, policy, x, z, heading, size, frames, threat.point)
+    x, z, heading = _place(model, action, policy, x, z, heading, size, length)
+    state, least = model.actions[action, NEXT], 1.0
+    for after in range(model.offsets[state], model.offsets[state + 1]):
+        done = min(frames - length, np.float64(model.actions[after, LENGTH]))
+        least = min(least, _lands(model, after, policy, x, z, heading, size, done, threat.point))
+    return least
+
+
+@kernel(inline=True)
+def _place(model, action, policy, x, z, heading, size, frames):
+    """Return where an action that starts at a place leads in some frames of motion: x, z [m] and heading [rad]."""
+    starts = model.starts
+    stride = model.policies[policy, STRIDE]
+    gx, gz, turned = ground_at(model.ground, model.actions[action, ORIGIN] + frames * stride)
+    cos, sin = cos_sin(heading - starts[action, 2])
+    dx, dz = (gx - starts[action, 0]) * size, (gz - starts[action, 1]) * size
+    return x + dx * cos + dz * sin, z - dx * sin + dz * cos, heading + turned - starts[action, 2]
+
+
+@kernel(inline=True)
+def _lands(model, action, policy, x, z, heading, size, frames, point):
+    """Return whether a strike lands on an avatar that has done some frames of an action: from 0 to 1.
+
+    One that would end inside the body counts as well: nobody defends itself by walking into a fist.
+    """
+    bx, bz, turn = _place(model, action, policy, x, z, heading, size, frames)
+    cos, sin = cos_sin(turn)
+    frame = model.actions[action, ORIGIN] + frames * model.policies[policy, STRIDE]
+    body = posed_body(model, Standing(frame, bx, bz, size, cos * size, sin * size, policy))
+    tolerance = model.sizes[policy, TOLERANCE] * size
+    return min(max((tolerance + MARGIN - distance_from_body(point, body)) / MARGIN, 0.0), 1.0)

@@ -1,0 +1,86 @@
+"""Tables that are learned in fights: the behaviour ``defend``, and the best response to a policy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from crowdsim.core.types import Array, Progress
+from crowdsim.crowd.model import build_model
+from crowdsim.policy.defence import CELLS
+from crowdsim.policy.policy import Policy
+from crowdsim.sparring.fights import Side, Tally, start_fights, watch_fights
+from crowdsim.training.pursuit import TEMPERATURE
+from crowdsim.training.recipe import DefenceSpec
+
+UNNOTICED = 1e-9
+"""Weight with which a table that is still empty is observed."""
+KEPT = 0.6
+"""What a decision of a round before counts in the next one."""
+COMMON, CELLWISE = 30.0, 60.0
+"""Decisions that an action's own hits must outweigh, those in all cells, and those in one."""
+
+
+def learn_defence(policy: Policy, spec: DefenceSpec, weight: float = 1.0, progress: Progress | None = None) -> Array:
+    """Return the hits that follow each action of a policy, learned in fights of its avatars.
+
+    Who learns defends itself by what the rounds before have found, against opponents that do not.
+
+    Args:
+        policy: The policy, without or with a table, which is not used.
+        spec: The section of the recipe.
+        weight: Weight of the behaviour.
+        progress: Called with (stage, done, total).
+
+    Returns:
+        Shape (choice_count, CELLS), float32.
+    """
+    model = build_model([replace(policy, defence=None)])
+    table = np.zeros((policy.actions.action_count, CELLS), np.float32)
+    tally = Tally.empty(len(table))
+    frames = round(spec.seconds * policy.database.control_rate)
+    learners = np.arange(2 * spec.pairs) < spec.pairs
+    for turn in range(spec.rounds):
+        learner = Side(spec.temperature, weight if turn else UNNOTICED)
+        tally.fade(KEPT)
+        fights = start_fights(
+            policy, model._replace(defence=table), spec.pairs, learner, Side(TEMPERATURE), spec.seed + turn
+        )
+        try:
+            watch_fights(fights, frames, learners, tally, _reporter(progress, turn, spec.rounds))
+        finally:
+            fights.close()
+        table = expected_hits(tally.taken, tally.count)
+    return np.ascontiguousarray(table[: policy.actions.choice_count])
+
+
+def expected_hits(hits: Array, count: Array) -> Array:
+    """Return the hits that are expected after each action in each cell, from sums over few decisions.
+
+    An action that was seldom chosen in a cell is judged by how it does in all cells, over what is usual in them; and
+    one that was seldom chosen at all by what is usual.
+
+    Args:
+        hits: Sums of hits. Shape (A, CELLS).
+        count: Decisions. Shape (A, CELLS).
+
+    Returns:
+        Shape (A, CELLS), float32.
+    """
+    usual = hits.sum(axis=0) / np.maximum(count.sum(axis=0), 1.0)
+    prior = COMMON * float(usual.mean())
+    share = (hits.sum(axis=1) + prior) / np.maximum(count @ usual + prior, 1e-12)
+    table: Array = ((hits + CELLWISE * share[:, None] * usual) / (count + CELLWISE)).astype(np.float32)
+    return table
+
+
+def _reporter(progress: Progress | None, turn: int, rounds: int) -> Callable[[int, int], None]:
+    """Return progress over all rounds."""
+
+    def report(done: int, frames: int) -> None:
+        if progress is not None:
+            progress("defend: fights", turn * frames + done, rounds * frames)
+
+    return report
