@@ -3,6 +3,7 @@
 import math
 from types import SimpleNamespace
 
+import naive_defence
 import numpy as np
 from naive_opponents import nearest, neighbours
 from naive_strikes import at, thrown, what_is_seen
@@ -224,6 +225,8 @@ def decide(one, avatars, crowd, targets, frame, marks):
         for k, action in enumerate(choices):
             if ahead:
                 values[k] -= crowd.varieties[one.cohort] * repetition(one, action, frame, marks, crowd.count)
+    if target is not None and len(crowd.defences) and crowd.defences[one.cohort] > 0:
+        values = values - naive_defence.costs(one, opponent, avatars, near, crowd)
     if interval > 0 and one.burst == 0 and not rests:
         least, most = BURSTS
         drawn = float(uniform(crowd.seed, Purpose.BURST, one.number, one.decisions))

@@ -128,7 +128,7 @@ TABLE: Mapping[str, Column] = {
     "falls_direction": _singles(("H",), _FAR),
     "falls_stagger": _ints(("G",), Index("A")),
     "falls_stagger_direction": _singles(("G",), _FAR),
-    DEFENCE: _singles(("Q", CELLS), Within(0.0, NEAR)),
+    DEFENCE: _singles(("Q", CELLS), _NEAR),
     "values": Column("float32 float16 uint8 uint16", ("V",)),
     STATE_VALUES: Column("float32 float16 uint8 uint16", ("W",)),
 }

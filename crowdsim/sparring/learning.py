@@ -53,6 +53,7 @@ def learn_defence(policy: Policy, spec: DefenceSpec, weight: float = 1.0, progre
         finally:
             fights.close()
         table = expected_hits(tally.taken, tally.count)
+        table -= np.float32(spec.counter) * expected_hits(tally.landed, tally.count)
     return np.ascontiguousarray(table[: policy.actions.choice_count])
 
 

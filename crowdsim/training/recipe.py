@@ -181,12 +181,15 @@ class DefenceSpec(StrictModel):
     """How the behaviour ``defend`` is learned: in fights of pairs of avatars with the recipe's other behaviours."""
 
     rounds: int = Field(
-        default=3, ge=1, le=100, description="Rounds of fights; from the second one on, one of each pair defends itself."
+        default=4, ge=1, le=100, description="Rounds of fights; from the second one on, one of each pair defends itself."
     )
     pairs: int = Field(default=192, ge=1, le=200, description="Pairs that fight at a time.")
-    seconds: float = Field(default=600.0, ge=10.0, le=100_000.0, description="How long each round lasts [s].")
+    seconds: float = Field(default=900.0, ge=10.0, le=100_000.0, description="How long each round lasts [s].")
     temperature: float = Field(
         default=0.5, ge=0.0, le=100.0, description="Randomness of the draw of those that learn, see the type's key."
+    )
+    counter: float = Field(
+        default=0.1, ge=0.0, le=10.0, description="What a hit is worth that an avatar lands, over one that it takes."
     )
     seed: int = Field(default=0, ge=0, le=MAXIMUM_SEED, description="Seed of the fights.")
 

@@ -46,7 +46,7 @@ from crowdsim.crowd.kernels.postures import Standing, posed_body
 from crowdsim.jit import kernel
 from crowdsim.policy.defence import ASIDE, DISTANCES, SEEN_CELLS, SIDES, SOON
 
-HIT = 20.0  # what a hit costs, in normalised values
+HIT = 100.0  # what a hit costs, in normalised values
 NEAR = 0.8  # over the ground, how near an avatar a strike ends that may be for it [m]
 MARGIN = 0.04  # how far beyond where it lands a strike still counts in part [m]
 

@@ -1,0 +1,182 @@
+"""Defence: strikes are seen after the reaction time and not before, and weighed as the naive twin does."""
+
+from dataclasses import replace
+
+import naive_crowd
+import naive_defence
+import numpy as np
+import pytest
+from synthetic_policy import policy
+
+from crowdsim.crowd.crowd import build_crowd
+from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.defence import see_threat
+from crowdsim.crowd.kernels.layout import Now, Observed
+from crowdsim.crowd.model import build_model
+from crowdsim.crowd.script import Change, Script
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.triggers import AtFrame
+from crowdsim.policy.defence import CELLS, SEEN_CELLS, join_defences
+
+
+def defender(seed=0, **other):
+    one = policy(seed, **other)
+    table = np.random.default_rng(seed).uniform(0, 0.05, (one.actions.choice_count, CELLS)).astype(np.float32)
+    return replace(one, defence=table)
+
+
+POLICIES = [defender(0, name="one"), policy(1, "q", frames=50, stride=2, name="two")]
+
+
+def crowd(count=12, seed=0, weight=1.0, reaction=3, **other):
+    rng = np.random.default_rng(seed)
+    z, x = np.divmod(np.arange(count), 4)
+    fields = {
+        "policy": rng.integers(0, 2, count),
+        "scale": rng.uniform(0.9, 1.1, count),
+        "speed": rng.uniform(0.8, 1.4, count),
+        "seed": seed,
+        "variety": 1.0,
+        "defences": np.array([weight]),
+        "reactions": np.array([reaction]),
+        **other,
+    }
+    jitter = rng.normal(0, 0.1, (2, count))
+    return build_crowd(x * 0.7 + jitter[0], z * 0.7 + jitter[1], rng.uniform(-3, 3, count), **fields)
+
+
+@pytest.mark.parametrize("reaction", [0, 2, 3])
+@pytest.mark.parametrize("team", [None, np.arange(12) % 2])
+def test_defence_is_that_of_the_naive_twin(reaction, team, monkeypatch):
+    people, seen = crowd(reaction=reaction, team=team), []
+    sees = naive_defence.sees
+
+    def noted(*words):
+        found = sees(*words)
+        seen.append(found[0] is not None)
+        return found
+
+    monkeypatch.setattr(naive_defence, "sees", noted)
+    naive = naive_crowd.run(people, POLICIES, 60)
+    record = Simulation(people, POLICIES).run(60)
+    assert np.array_equal(record.action, naive.action)
+    assert np.array_equal(record.opponent, naive.opponent)
+    assert sum(seen) > 5
+    assert len(seen) - sum(seen) > 5
+    plain = Simulation(replace(people, defences=np.zeros(1)), POLICIES).run(60)
+    assert not np.array_equal(plain.action, record.action)
+
+
+def threats(one, reaction):
+    """What every avatar of a simulation would see coming now from its opponent."""
+    model, avatars, present = one.model, one.avatars, one.present
+    avatars.whole[layout.NEXT_OPPONENT] = avatars.whole[layout.OPPONENT]
+    cohorts = one._world.cohorts.copy()
+    cohorts[:, layout.REACTION] = reaction
+    none = Observed(np.zeros(present, np.int32), np.zeros(present, np.int32), np.zeros((present, 1), np.int32))
+    return [see_threat(model, avatars, cohorts, Now(one.frame, 1, present), i, none, i) for i in range(present)]
+
+
+def ages(one):
+    """Control frames since every avatar has decided."""
+    return np.ceil(one.avatars.real[layout.PHASE] / one.avatars.real[layout.SPEED]) - 1
+
+
+def swap(one, j, action):
+    """Let an avatar do another action instead of its own, from where that one began."""
+    whole, real, starts = one.avatars.whole, one.avatars.real, one.model.starts
+    sin, cos, turn = np.sin, np.cos, real[layout.BASE_TURN, j]
+    gx, gz, gh = starts[whole[layout.ACTION, j]]
+    scale, start = real[layout.SCALE, j], turn + gh
+    x = real[layout.BASE_X, j] + scale * (gx * cos(turn) + gz * sin(turn))
+    z = real[layout.BASE_Z, j] + scale * (gz * cos(turn) - gx * sin(turn))
+    gx, gz, gh = starts[action]
+    turn = start - gh
+    real[layout.BASE_TURN, j], real[layout.BASE_COS, j], real[layout.BASE_SIN, j] = (
+        turn, scale * cos(turn), scale * sin(turn),
+    )  # fmt: skip
+    real[layout.BASE_X, j] = x - scale * (gx * cos(turn) + gz * sin(turn))
+    real[layout.BASE_Z, j] = z - scale * (gz * cos(turn) - gx * sin(turn))
+    whole[layout.ACTION, j] = action
+
+
+def same(threat, other):
+    """Whether two threats are the same but for rounding."""
+    return threat.cell == other.cell and np.allclose([threat.frames, *threat.point], [other.frames, *other.point])
+
+
+def test_nothing_decided_within_the_reaction_time_is_reacted_to():
+    reaction, compared, differed = 3, 0, 0
+    one = Simulation(crowd(count=12, speed=1.0, policy=0), POLICIES)
+    one.run(20)
+    for _ in range(40):
+        one.run(1)
+        before, whole = threats(one, reaction), one.avatars.whole.copy()
+        fresh = np.flatnonzero(ages(one) < reaction)
+        for j in fresh:
+            # Had it decided otherwise, by another action from the same state and place, nothing else would be seen.
+            action, offsets = whole[layout.ACTION, j], one.model.offsets
+            state = np.searchsorted(offsets, action, side="right") - 1
+            for other in range(offsets[state], offsets[state + 1]):
+                if one.model.actions[other, layout.LENGTH] <= one.avatars.real[layout.PHASE, j] or other == action:
+                    continue
+                real = one.avatars.real.copy()
+                swap(one, j, other)
+                victims = np.flatnonzero(whole[layout.OPPONENT] == one.avatars.number[j])
+                now, unhidden = threats(one, reaction), threats(one, 0)
+                compared += len(victims)
+                differed += sum(not same(unhidden[v], before[v]) for v in victims)
+                assert all(same(now[v], before[v]) for v in victims)
+                one.avatars.whole[layout.ACTION, j] = action
+                one.avatars.real[:] = real
+    assert compared > 0
+    assert differed > 0
+
+
+def test_what_was_decided_long_enough_ago_is_seen_where_and_when_it_lands():
+    one, found = Simulation(crowd(count=12, speed=1.0, scale=1.0, policy=0), POLICIES), 0
+    expected = []
+    for _ in range(60):
+        chunk = one.run(1)
+        strikes = chunk.events
+        for frame, attacker, point in expected:
+            thrown = (strikes.attacker == attacker) & (np.abs(strikes.frame - frame) < 1e-3)
+            if thrown.any() and strikes.outcome[thrown][0] != layout.BLOCKED:
+                np.testing.assert_allclose(strikes.point[thrown][0], point, atol=1e-4)
+                found += 1
+        for i, threat in enumerate(threats(one, 1)):
+            if threat.cell < SEEN_CELLS:
+                opponent = one.avatars.whole[layout.OPPONENT, i]
+                assert ages(one)[one.avatars.slot_of[opponent]] >= 1
+                expected.append((one.frame - 1 + threat.frames, opponent, threat.point))
+    assert found > 3
+
+
+def test_a_policy_without_defence_among_others_costs_nothing():
+    table = POLICIES[0].defence
+    joined = join_defences([None, table], [3, len(table) + 2])
+    assert not joined[:3].any()
+    assert np.array_equal(joined[3 : 3 + len(table)], table)
+    assert not joined[3 + len(table) :].any()
+    assert join_defences([None], [3]).shape == (0, CELLS)
+    assert build_model([POLICIES[1]]).defence.shape == (0, CELLS)
+
+
+def test_an_event_changes_how_much_avatars_defend_themselves():
+    people = crowd(weight=0.0)
+    change = Change(AtFrame(20), defences=np.array([1.0]))
+    plain, changed = Simulation(people, POLICIES).run(60), Simulation(people, POLICIES, Script((), (change,))).run(60)
+    assert np.array_equal(plain.action[:20], changed.action[:20])
+    assert not np.array_equal(plain.action, changed.action)
+
+
+def test_threads_order_and_chunks_give_the_same_bytes():
+    people = crowd(count=40)
+    whole = Simulation(people, POLICIES).run(60)
+    order = np.random.default_rng(3).permutation(40)
+    parts = Simulation(people, POLICIES, search="kd_tree", threads=2, order=order)
+    chunks = [parts.run(25), parts.run(35)]
+    for name in ("action", "x", "z", "heading", "opponent"):
+        joined = np.concatenate([getattr(chunk, name) for chunk in chunks])
+        assert getattr(whole, name).tobytes() == joined.tobytes()
+    parts.close()
