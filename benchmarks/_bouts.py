@@ -33,6 +33,8 @@ FIGHTERS: dict[str, dict[str, Any]] = {
     "boxer_cmu": {"policy": "boxer_cmu"},
     "paper": {"policy": "boxer_paper"},
     "random": {"policy": "boxer", **RANDOM},
+    "undefended": {"policy": "boxer_defender", "behaviours": {"fight": 1}},
+    "defender": {"policy": "boxer_defender"},
 }
 """What the type of each fighter sets."""
 DAMAGE: dict[str, float] = {

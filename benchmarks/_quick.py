@@ -28,6 +28,7 @@ def smaller(recipe: dict[str, Any], seconds: float) -> dict[str, Any]:
         behaviours[name] = {**spec, "axes": axes, "solver": solver, "finer": 1}
     return {
         **recipe,
+        **({"defend": {"rounds": 2, "seconds": 10, "pairs": 8}} if "defend" in recipe else {}),
         "motion": {"performer": {"seconds": seconds, "seed": 2}},
         "graph": {"threshold": 0.3, "spacing": 0.3, "branching": 6},
         "behaviours": behaviours,

@@ -10,6 +10,9 @@ Bouts (``_bouts.py``): every pair of fighters, each with itself included, 200 ti
 bouts that end by a knock-out, with the Wilson interval of 95 %. A fighter wins about half of the decided bouts with
 itself (`won_of_decided`), and the red corner about half of all (`red_of_decided`).
 
+Defence (``_defence.py``): what lands on a defender, beside the same boxer without defence, and what the best response
+that could be found gains against policies.
+
 Reactions (``_reaction_time.py``): the time from an attacker's decision to the impact, and the share of strikes whose
 victim takes a decision of its own in between, at least 0.2 s after the attacker's: what a defence could react to.
 """
@@ -26,6 +29,7 @@ from pathlib import Path
 from typing import Any
 
 import _bouts
+import _defence
 import _reaction_time
 import numpy as np
 from _quick import small_policies
@@ -77,6 +81,9 @@ def measure(mocap: Path | None, quick: bool) -> dict[str, Any]:
         }
     fighters = [name for name in _bouts.FIGHTERS if has_capture or not name.endswith("cmu")]
     outcome["bouts"] = _bouts.measure_bouts(fighters, mocap, **(QUICK_BOUTS if quick else {}))
+    outcome["defence"] = _defence.measure_defence(outcome["bouts"])
+    spec = _defence.SHORT if quick else _defence.LONG
+    outcome["exploitability"] = _defence.measure_exploitability(spec=spec)
     outcome["reaction"] = {
         name: _reaction_time.measure_reactions(
             [run(load_scenario(name, seed=seed, **changes)) for seed in range(1, 2 if quick else SEEDS + 1)]
@@ -94,6 +101,8 @@ def lines(outcome: Mapping[str, Any]) -> Iterator[str]:
             yield f"{name + ', ' + how:<30}{numbers['thrown']:9.1f}{numbers['strict']:9.1f}{numbers['generous']:10.1f}"
     yield ""
     yield from _bouts.lines(outcome["bouts"])
+    yield ""
+    yield from _defence.lines(outcome["defence"], outcome["exploitability"])
     yield ""
     yield from _reaction_time.lines(outcome["reaction"])
 

@@ -168,7 +168,7 @@ class Policy:
 
     @property
     def defence_weight(self) -> float:
-        """Weight of the behaviour ``defend`` where a scenario names none, from the recipe; 0 where it was not learned."""
+        """Weight of ``defend`` where a scenario names none, from the recipe; 0 where it was not learned."""
         given: Mapping[str, float] = self.recipe.get("weights") or {}
         return 0.0 if self.defence is None else float(given.get(DEFEND, 0.0 if given else 1.0))
 

@@ -8,7 +8,7 @@ values (Sutton and Barto, "Reinforcement Learning", 2nd ed., section 5.3).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -77,13 +77,13 @@ class Tally:
 
 
 def start_fights(
-    policy: Policy, model: Model, pairs: int, first: Side, other: Side, seed: int
+    policies: Sequence[Policy], model: Model, pairs: int, first: Side, other: Side, seed: int
 ) -> Simulation:
     """Return fights of pairs; avatars ``k`` and ``pairs + k`` are a pair, ``k`` the first of it.
 
     Args:
-        policy: What all of them have learned.
-        model: Its arrays, with the table that is learned.
+        policies: What the first of each pair has learned, then the other; one policy for both.
+        model: Their arrays, with the table that is learned.
         pairs: Number of pairs, at most 200.
         first: How the first of each pair chooses.
         other: How the other one does.
@@ -94,16 +94,16 @@ def start_fights(
     row = math.ceil(math.sqrt(pairs))
     turned = 2.0 * math.pi * uniform(seed, Purpose.FACING, number)
     away = (sides - 0.5) * APART
-    rate = policy.database.control_rate
+    rate = policies[0].database.control_rate
     both = (first, other)
-    weights = policy.weights
     crowd = build_crowd(
         SPACED * (number % row) + away * np.sin(turned),
         SPACED * (number // row) + away * np.cos(turned),
         turned + math.pi * sides,
         team=sides,
         cohort=sides.astype(np.int16),
-        weights=np.stack([weights, weights]),
+        policy=sides * (len(policies) - 1),
+        weights=np.stack([policies[0].weights, policies[-1].weights]),
         margins=np.full(2, MARGIN),
         temperatures=np.array([side.temperature for side in both]),
         intervals=np.full(2, 60.0 * rate / TEMPO),
@@ -113,7 +113,7 @@ def start_fights(
         seed=seed,
     )
     crowd = replace(crowd, hysteresis=np.zeros(2), most=np.full(2, MOST, np.int32))
-    return Simulation(crowd, [policy], model=model)
+    return Simulation(crowd, policies, model=model)
 
 
 def watch_fights(

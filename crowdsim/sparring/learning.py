@@ -46,7 +46,7 @@ def learn_defence(policy: Policy, spec: DefenceSpec, weight: float = 1.0, progre
         learner = Side(spec.temperature, weight if turn else UNNOTICED)
         tally.fade(KEPT)
         fights = start_fights(
-            policy, model._replace(defence=table), spec.pairs, learner, Side(TEMPERATURE), spec.seed + turn
+            [policy], model._replace(defence=table), spec.pairs, learner, Side(TEMPERATURE), spec.seed + turn
         )
         try:
             watch_fights(fights, frames, learners, tally, _reporter(progress, turn, spec.rounds))
@@ -71,7 +71,7 @@ def expected_hits(hits: Array, count: Array) -> Array:
         Shape (A, CELLS), float32.
     """
     usual = hits.sum(axis=0) / np.maximum(count.sum(axis=0), 1.0)
-    prior = COMMON * float(usual.mean())
+    prior = COMMON * float(hits.sum() / max(count.sum(), 1.0))
     share = (hits.sum(axis=1) + prior) / np.maximum(count @ usual + prior, 1e-12)
     table: Array = ((hits + CELLWISE * share[:, None] * usual) / (count + CELLWISE)).astype(np.float32)
     return table

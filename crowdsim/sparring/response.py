@@ -1,0 +1,87 @@
+"""The best response to a policy that can be found by fighting it: how much it gains says how exploitable the policy is.
+
+The response has the policy's own motion and behaviours, and learns by the hits that follow its actions, those that it
+takes less those that it lands, against avatars that do not learn. What it finds is a lower bound of what can be gained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crowdsim.core.types import Array, Progress
+from crowdsim.crowd.arrays import Model
+from crowdsim.crowd.model import build_model
+from crowdsim.policy.defence import CELLS, join_defences
+from crowdsim.policy.policy import Policy
+from crowdsim.sparring.fights import Side, Tally, start_fights, watch_fights
+from crowdsim.sparring.learning import KEPT, UNNOTICED, expected_hits
+from crowdsim.training.recipe import DefenceSpec
+
+WEIGHTS = (0.15, 0.5, 1.0)
+"""Weights of what is learned, of which the best one counts."""
+
+
+def best_response(
+    policy: Policy,
+    temperature: float,
+    spec: DefenceSpec,
+    weights: Sequence[float] = WEIGHTS,
+    progress: Progress | None = None,
+) -> dict[str, float]:
+    """Return what the best response to a policy gains in a fight of two.
+
+    Args:
+        policy: The policy, with its weights, and its defence where it has learned that.
+        temperature: Randomness of the policy's draws, see the type's key.
+        spec: How long is fought.
+        weights: Weights of what the response learns; the best one counts.
+        progress: Called with (stage, done, total).
+
+    Returns:
+        ``gain``: hits per minute that the response lands more than it takes, over the policy itself in its place;
+        ``landed`` and ``taken``: its hits per minute; ``weight``: the one that is best.
+    """
+    model = build_model([policy, policy])
+    policies, defence = [policy, policy], Side(temperature, policy.defence_weight)
+    own = _net(policies, _with(model, policy, policy.defence), defence, defence, spec)
+    found: list[dict[str, float]] = []
+    for number, weight in enumerate(weights):
+        tally = Tally.empty(policy.actions.action_count)
+        table: Array = np.zeros((policy.actions.action_count, CELLS), np.float32)
+        frames = round(spec.seconds * policy.database.control_rate)
+        for turn in range(spec.rounds):
+            tally.fade(KEPT)
+            first = Side(spec.temperature, weight if turn else UNNOTICED)
+            fights = start_fights(policies, _with(model, policy, table), spec.pairs, first, defence, spec.seed + turn)
+            try:
+                watch_fights(fights, frames, np.arange(2 * spec.pairs) < spec.pairs, tally)
+            finally:
+                fights.close()
+            table = expected_hits(tally.taken, tally.count) - expected_hits(tally.landed, tally.count)
+            if progress is not None:
+                progress("best response", number * spec.rounds + turn + 1, len(weights) * spec.rounds)
+        landed, taken = _net(policies, _with(model, policy, table), Side(temperature, weight), defence, spec)
+        gain = landed - taken - (own[0] - own[1])
+        found.append({"gain": gain, "landed": landed, "taken": taken, "weight": weight})
+    return max(found, key=lambda one: one["gain"])
+
+
+def _with(model: Model, policy: Policy, table: Array | None) -> Model:
+    """Return a model in which the first of two avatars of a policy has another table."""
+    count = policy.actions.action_count
+    joined = join_defences([np.zeros((0, CELLS), np.float32) if table is None else table, policy.defence], [count] * 2)
+    return model._replace(defence=joined)
+
+
+def _net(policies: Sequence[Policy], model: Model, first: Side, other: Side, spec: DefenceSpec) -> tuple[float, float]:
+    """Return hits per minute that the first of each pair lands and takes, in fights of another seed."""
+    fights = start_fights(policies, model, spec.pairs, first, other, spec.seed + 1000)
+    try:
+        events = fights.run(round(60.0 * fights.rate)).events
+    finally:
+        fights.close()
+    hits = events.landed & (events.victim >= 0)
+    ours = int((hits & (events.attacker < spec.pairs)).sum())
+    return ours / spec.pairs, (int(hits.sum()) - ours) / spec.pairs
