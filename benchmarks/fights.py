@@ -39,7 +39,12 @@ from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.take import Take
 
 SCENES = ("brawl_30", "brawl_30_cmu")
-REACTION_SCENES = ("brawl_30", "duel")
+REACTION_SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "brawl_30": ("brawl_30", ()),
+    "duel": ("duel", ()),
+    "duel, boxer_defender": ("duel", ("types.boxer.policy=boxer_defender",)),
+}
+"""Scenarios for reactions, and what is changed in them."""
 SEEDS = 5
 """Seeds of each scene for reactions, from 1 on."""
 DRAWN = [f"types.boxer.{key}={value}" for key, value in _bouts.RANDOM.items()]
@@ -86,9 +91,9 @@ def measure(mocap: Path | None, quick: bool) -> dict[str, Any]:
     outcome["exploitability"] = _defence.measure_exploitability(spec=spec)
     outcome["reaction"] = {
         name: _reaction_time.measure_reactions(
-            [run(load_scenario(name, seed=seed, **changes)) for seed in range(1, 2 if quick else SEEDS + 1)]
+            [run(load_scenario(scene, how, seed=seed, **changes)) for seed in range(1, 2 if quick else SEEDS + 1)]
         )
-        for name in REACTION_SCENES
+        for name, (scene, how) in REACTION_SCENES.items()
     }
     return outcome
 

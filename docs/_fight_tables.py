@@ -7,7 +7,7 @@ from itertools import combinations_with_replacement
 
 from _results import Format, Results, fixed, number, percent
 
-FIGHTERS = ("boxer", "boxer_crowd", "boxer_cmu", "paper", "random")
+FIGHTERS = ("boxer", "boxer_crowd", "boxer_cmu", "paper", "random", "undefended", "defender")
 BOTH: dict[str, tuple[str, Format]] = {
     "landed_per_minute": ("landed per minute", number),
     "landed_share": ("land", percent),
@@ -63,10 +63,37 @@ def _with_interval(results: Results, *keys: str) -> str:
     return f"{found} ({low} to {high})"
 
 
+def defence(results: Results) -> list[str]:
+    """Return what lands on the boxer that defends itself, beside the same one that does not."""
+    keys = ("landed_on_undefended", "landed_on_defender")
+    shares = [results.cell(percent, "fights", "defence", key) for key in keys]
+    ratios = [results.cell(fixed, "fights", "defence", key) for key in ("share", "own")]
+    header = [
+        "land on the boxer without defence",
+        "on the defender",
+        "share of that",
+        "its own hits, over those without",
+    ]
+    return results.table(header, [[*shares, *ratios]], "fights")
+
+
+def exploitability(results: Results) -> list[str]:
+    """Return what the best response gains against policies, by temperature."""
+    rows = []
+    for policy in ("boxer", "boxer_defender"):
+        for heat in ("0.05", "0.2", "1"):
+            keys = ("fights", "exploitability", policy, heat)
+            rows.append(
+                [f"`{policy}`", heat, *(results.cell(number, *keys, key) for key in ("gain", "landed", "taken"))]
+            )
+    header = ["policy", "temperature", "gain [hits per minute]", "landed per minute", "taken per minute"]
+    return results.table(header, rows, "fights")
+
+
 def reactions(results: Results) -> list[str]:
     """Return how long strikes are on their way, and how many of them a victim could react to."""
     rows = []
-    for scene in ("brawl_30", "duel"):
+    for scene in ("brawl_30", "duel", "duel, boxer_defender"):
         keys = ("fights", "reaction", scene)
         leads = (results.cell(fixed, *keys, "lead_seconds", place) for place in "012")
         rows.append([f"`{scene}`", *leads, results.cell(percent, *keys, "reactable_share")])
@@ -77,5 +104,7 @@ def reactions(results: Results) -> list[str]:
 FIGHT_TABLES: dict[str, Callable[[Results], list[str]]] = {
     "random": random_choice,
     "bouts": bouts,
+    "defence": defence,
+    "exploitability": exploitability,
     "reactions": reactions,
 }

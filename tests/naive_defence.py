@@ -5,10 +5,10 @@ import math
 import numpy as np
 from naive_strikes import gap_to, trunk
 
+from crowdsim.core.threats import ASIDE, DISTANCES, HEIGHTS, SEEN_CELLS, SIDES, SOON
 from crowdsim.crowd.kernels.defence import HIT, MARGIN, NEAR
 from crowdsim.crowd.model import TOLERANCE
 from crowdsim.motion import ground
-from crowdsim.policy.defence import ASIDE, DISTANCES, HEIGHTS, SEEN_CELLS, SIDES, SOON
 
 
 def costs(one, opponent, avatars, near, crowd):

@@ -34,6 +34,7 @@ def _policy(figures: Figures) -> list[Row]:
     return [
         ("name", figures["name"]),
         ("fingerprint", figures["fingerprint"][:16]),
+        ("defence", "learned in fights with itself" if figures.get("defends") else None),
         ("follows targets", None if speed is None else f"that flee at up to {number(speed)} m/s"),
         *((("warning", warning)) for warning in figures.get("warnings", [])),
     ]

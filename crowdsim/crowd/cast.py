@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from crowdsim.training.recipe import Recipe
 
 
+_TRAIN_DEFENCE = "; expected a policy whose recipe has a section 'defend', such as boxer_defender"
+_USUAL_REACTION = AvatarType.model_fields["reaction"].default
+
+
 def policies_of_types(scenario: Scenario, policies: Sequence[Policy]) -> Array:
     """Return the policy of each type, by index; 0 for a type that no avatar has. Shape (types,), int16."""
     names = [policy.name for policy in policies]
@@ -163,10 +167,14 @@ def unlearned_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]
             names = learned.get(policy, given)
             if name not in names and name not in passed:
                 what = f"policy {policy!r} has no such behaviour{nearest(name, names)}; it has {', '.join(names)}"
+                what += _TRAIN_DEFENCE if name == DEFEND else ""
                 findings.append(Finding((*key, name), what))
 
     for name, kind in scenario.types.items():
         check(("types", name, "behaviours"), kind.behaviours, kind.policy, scenario.inherited_behaviours(name))
+        if kind.reaction != _USUAL_REACTION and DEFEND not in learned.get(kind.policy, [DEFEND]):
+            what = f"has no effect, policy {kind.policy!r} has not learned to defend itself"
+            findings.append(Finding(("types", name, "reaction"), what + _TRAIN_DEFENCE))
     for index, event in enumerate(scenario.events):
         if isinstance(event, WeightsEvent):
             concerned = {

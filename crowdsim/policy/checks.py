@@ -25,10 +25,10 @@ from crowdsim.array_checks import (
     true_or_false,
     unit_quaternions,
 )
+from crowdsim.core.threats import CELLS
 from crowdsim.core.types import Array
 from crowdsim.motion.body import PARTS
 from crowdsim.motion.strikes import LIMBS
-from crowdsim.policy.defence import CELLS
 
 STATE_VALUES = "state_values"
 """Name of the array of ``Behaviour.state_values``, one after another."""

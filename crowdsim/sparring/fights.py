@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from crowdsim.core.threats import CELLS
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.crowd import build_crowd
@@ -20,7 +21,6 @@ from crowdsim.crowd.events import Events
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.crowd.simulation import Simulation
-from crowdsim.policy.defence import CELLS
 from crowdsim.policy.policy import Policy
 from crowdsim.training.pursuit import MARGIN, MOST
 
@@ -53,7 +53,7 @@ class Side:
 
 @dataclass
 class Tally:
-    """What followed actions, in sums over decisions, by action and cell (``policy.defence``); A actions.
+    """What followed actions, in sums over decisions, by action and cell (``core.threats``); A actions.
 
     Attributes:
         taken: Hits that those who chose the action took. Shape (A, CELLS).

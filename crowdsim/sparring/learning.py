@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from crowdsim.core.threats import CELLS
 from crowdsim.core.types import Array, Progress
 from crowdsim.crowd.model import build_model
-from crowdsim.policy.defence import CELLS
 from crowdsim.policy.policy import Policy
 from crowdsim.sparring.fights import Side, Tally, start_fights, watch_fights
 from crowdsim.training.pursuit import TEMPERATURE

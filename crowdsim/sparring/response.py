@@ -10,10 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from crowdsim.core.threats import CELLS
 from crowdsim.core.types import Array, Progress
 from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.model import build_model
-from crowdsim.policy.defence import CELLS, join_defences
+from crowdsim.policy.defence import join_defences
 from crowdsim.policy.policy import Policy
 from crowdsim.sparring.fights import Side, Tally, start_fights, watch_fights
 from crowdsim.sparring.learning import KEPT, UNNOTICED, expected_hits

@@ -92,10 +92,8 @@ def fingerprints_of(recipe: Recipe, files: Sequence[Path] | None) -> dict[str, s
 
     Without ``files`` that of the capture is left out.
     """
-    prints = {
-        "recipe": _hash(canonical(plain(recipe))),
-        "sources": sources_hash(SOURCES if recipe.defend is None else SOURCES + FIGHTS),
-    }
+    folders = SOURCES if recipe.defend is None else SOURCES + FIGHTS
+    prints = {"recipe": _hash(canonical(plain(recipe))), "sources": sources_hash(folders)}
     if files is not None:
         prints["capture"] = _hash(canonical([[path.name, file_hash(path)] for path in files]))
     return prints

@@ -184,7 +184,7 @@ class DefenceSpec(StrictModel):
         default=4,
         ge=1,
         le=100,
-        description="Rounds of fights; from the second one on, one of each pair defends itself.",
+        description="Rounds of fights; in all but the first, one of each pair defends itself.",
     )
     pairs: int = Field(default=192, ge=1, le=200, description="Pairs that fight at a time.")
     seconds: float = Field(default=900.0, ge=10.0, le=100_000.0, description="How long each round lasts [s].")

@@ -124,5 +124,6 @@ def inspect_bundle(policy: Policy, timings: Mapping[str, Any] | None = None) -> 
     }
     report["weaknesses"] = [asdict(weakness) for weakness in find_weaknesses(policy.statistics)]
     report["fingerprints"] = dict(policy.fingerprints)
+    report["defends"] = policy.defence is not None
     report["timings"] = dict(timings or {})
     return report

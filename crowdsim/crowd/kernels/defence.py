@@ -2,7 +2,7 @@
 
 What an opponent has decided is seen after the avatar's reaction time, and nothing before. A strike that is seen ends at
 a known place and time: each action, and where it is too short each one behind it, is held against that exactly. Where
-none is seen, a learned table tells how many hits follow an action (``policy.defence``).
+none is seen, a learned table tells how many hits follow an action (``core.threats``).
 """
 
 import math
@@ -12,6 +12,7 @@ import numpy as np
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.bodies import distance_from_body
+from crowdsim.core.threats import ASIDE, DISTANCES, SEEN_CELLS, SIDES, SOON
 from crowdsim.crowd.kernels.interpolation import between, ground_at
 from crowdsim.crowd.kernels.layout import (
     ACTION,
@@ -44,7 +45,6 @@ from crowdsim.crowd.kernels.layout import (
 from crowdsim.crowd.kernels.motion import over_ground
 from crowdsim.crowd.kernels.postures import Standing, posed_body
 from crowdsim.jit import kernel
-from crowdsim.policy.defence import ASIDE, DISTANCES, SEEN_CELLS, SIDES, SOON
 
 HIT = 100.0  # what a hit costs, in normalised values
 NEAR = 0.8  # over the ground, how near an avatar a strike ends that may be for it [m]

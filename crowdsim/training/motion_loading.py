@@ -1,0 +1,52 @@
+"""The motion that a recipe asks for: capture that is read, or the embedded boxer's performance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from crowdsim.core.types import Progress
+from crowdsim.motion.database import MotionDatabase
+from crowdsim.training.recipe import Recipe
+
+
+def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None = None) -> MotionDatabase:
+    """Return the motion database that a recipe asks for, from the given files or from the embedded boxer.
+
+    Raises:
+        MotionError: A file cannot be used: which, and why; or there are no strikes, and a behaviour needs them.
+        BvhError: A file is no BVH.
+    """
+    from crowdsim.capture.loading import Capture, load_capture, usable_clip
+    from crowdsim.motion.database import build_database
+    from crowdsim.motion.measuring import MeasuredClip, measure_clips
+    from crowdsim.performer.session import perform
+    from crowdsim.training.strikeless import require_no_strikes
+
+    performer, source = recipe.motion.performer, recipe.motion.capture
+    captures: list[Capture] = []
+    clips: list[MeasuredClip] = []
+    if performer is not None:
+        performed = perform(
+            performer.seconds, performer.seed, recipe.playback_rate, performer.stance, progress, performer.falls
+        )
+        clips = measure_clips([performance.clip for performance in performed])
+    else:
+        assert source is not None
+        for done, path in enumerate(files, start=1):
+            captures.append(load_capture(path, source.unit, source.up_axis))
+            clips.append(usable_clip(captures[-1], source.strict))
+            if progress is not None:
+                progress("read capture", done, len(files))
+    database = build_database(
+        clips,
+        recipe.control_rate,
+        recipe.playback_rate,
+        mirror=recipe.motion.mirror,
+        trim=recipe.motion.trim,
+        progress=progress,
+        limbs=recipe.strikes.numbers(),
+    )
+    if not len(database.strike_frames):
+        require_no_strikes(recipe, captures)
+    return database
