@@ -128,8 +128,8 @@ class Policy:
         fingerprints: The same for each of the three alone.
         falls: Which actions knock an avatar down; None where the motion has no falls. Actions of the graph behind
             those that states choose among are these.
-        defence: Hits that follow each action of the states, by what is seen coming (``core.threats``); None where it was
-            not learned. Shape (choice_count, threats.CELLS), float32.
+        defence: Hits that follow each action of the states, by what is seen coming (``core.threats``); None where it
+            was not learned. Shape (choice_count, threats.CELLS), float32.
     """
 
     name: str

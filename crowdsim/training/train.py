@@ -15,8 +15,10 @@ from crowdsim import assets
 from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.core.workers import limited
 from crowdsim.errors import PolicyError, RecipeError, VersionError, under_way
+from crowdsim.graph.motion_graph import MotionGraph
+from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
-from crowdsim.policy.actions import build_actions
+from crowdsim.policy.actions import Actions, build_actions
 from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.policy.falls import add_falls
 from crowdsim.policy.policy import Behaviour, Policy
@@ -200,7 +202,6 @@ def train_policy(
         MotionError: The motion cannot be used, or holds no strikes where behaviours need them.
     """
     from crowdsim.graph.motion_graph import build_graph
-    from crowdsim.training.mirroring import solved_states
     from crowdsim.training.pruning import prune_graph
     from crowdsim.training.statistics import policy_statistics
 
@@ -222,13 +223,7 @@ def train_policy(
             "prune": time.perf_counter() - built,
             "behaviours": {},
         }
-        trained, solutions = [], {}
-        for label, spec in recipe.behaviours.items():
-            begun = time.perf_counter()
-            n = solved_states(database, graph, [spec])
-            one, solutions[label] = train_behaviour(label, spec, database, actions, body, recipe.precision, progress, n)
-            trained.append(one)
-            timings["behaviours"][label] = _timing(solutions[label], time.perf_counter() - begun)
+        trained, solutions = _train_behaviours(recipe, database, graph, actions, timings, progress)
         behaviours, values = _join_tables(trained)
         policy = Policy(
             name=name,
@@ -248,6 +243,28 @@ def train_policy(
         policy = replace(policy, statistics=statistics, graph=graph, actions=actions, falls=falls)
         policy = _with_defence(policy, recipe, spar, timings, progress)
     return policy, timings
+
+
+def _train_behaviours(
+    recipe: Recipe,
+    database: MotionDatabase,
+    graph: MotionGraph,
+    actions: Actions,
+    timings: dict[str, Any],
+    progress: Progress | None,
+) -> tuple[list[Behaviour], dict[str, Solution]]:
+    """Return the behaviours of a recipe and what their solvers found, by name; note how long each took."""
+    from crowdsim.training.mirroring import solved_states
+
+    body = target_body(database)
+    trained, solutions = [], {}
+    for label, spec in recipe.behaviours.items():
+        begun = time.perf_counter()
+        n = solved_states(database, graph, [spec])
+        one, solutions[label] = train_behaviour(label, spec, database, actions, body, recipe.precision, progress, n)
+        trained.append(one)
+        timings["behaviours"][label] = _timing(solutions[label], time.perf_counter() - begun)
+    return trained, solutions
 
 
 def _with_defence(
