@@ -15,6 +15,7 @@ from crowdsim.crowd.distributions import draw_temperaments, is_tempered
 from crowdsim.crowd.placement import Placed
 from crowdsim.crowd.plan import attackers_of, hysteresis_of, plan_script, set_opponents, weights_of
 from crowdsim.crowd.script import Script
+from crowdsim.crowd.stances import draw_stances, stance_findings
 from crowdsim.errors import RecipeError, nearest
 from crowdsim.scenario.distributions import middle
 from crowdsim.scenario.events import FightEvent, FleeEvent, RetargetEvent, WatchEvent, WeightsEvent
@@ -46,10 +47,12 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         policies: The policies that its types use.
 
     Raises:
-        ScenarioError: A type weighs a behaviour that its policy has not learned.
+        ScenarioError: A type weighs a behaviour that its policy has not learned, or asks for a stance in which it has
+            too little motion.
     """
     learned = {policy.name: [one.name for one in policy.behaviours] for policy in policies}
     scenario.refuse(unlearned_behaviours(scenario, learned))
+    scenario.refuse(stance_findings(scenario, {policy.name: policy for policy in policies}))
     cohorts, cohort = np.unique(np.stack([placed.group, placed.type], axis=1), axis=0, return_inverse=True)
     cohort = cohort.reshape(-1)
     owners = policies_of_types(scenario, policies)
@@ -85,6 +88,7 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         seed=scenario.seed,
         conditioned=is_conditioned(scenario),
         temperaments=draw_temperaments(scenario, placed.type),
+        stances=draw_stances(scenario, placed.type),
     )
     return crowd, plan_script(scenario, placed, policies, crowd, cohorts, owners)
 
@@ -172,12 +176,15 @@ def unlearned_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]
 
 
 def is_conditioned(scenario: Scenario) -> bool:
-    """Return whether avatars of a scenario can be hurt, tire, watch, flee or wait, or have temperaments."""
+    """Return whether avatars of a scenario can be hurt, tire, watch, flee or wait, or have temperaments or stances."""
     kinds = [scenario.types[name] for name in scenario.used_types]
     opponents = [group.opponents for group in scenario.groups]
     opponents += [event.opponents for event in scenario.events if isinstance(event, RetargetEvent)]
     return (
-        any(kind.damage is not None or kind.stamina is not None or is_tempered(kind) for kind in kinds)
+        any(
+            kind.damage is not None or kind.stamina is not None or is_tempered(kind) or kind.stance is not None
+            for kind in kinds
+        )
         or any(isinstance(event, FleeEvent | WatchEvent | FightEvent) for event in scenario.events)
         or any(attackers_of(one) > 0 for one in opponents)
     )

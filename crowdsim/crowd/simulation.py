@@ -74,7 +74,7 @@ class Simulation:
         if search not in SEARCHES:
             raise ValueError(f"search is {search!r}, expected one of {', '.join(SEARCHES)}{nearest(search, SEARCHES)}")
         self.crowd = crowd
-        self.model = build_model(policies) if model is None else model
+        self.model = build_model(policies, len(crowd.stances) > 0) if model is None else model
         self.avatars: Avatars = build_avatars(crowd, self.model, order)
         self.present = int(np.count_nonzero(crowd.present))
         self.frame = 0

@@ -26,6 +26,8 @@ SPEEDS = (0.25, 4.0)
 TEMPOS = (1.0, 1000.0)
 AGGRESSIONS = (0.25, 4.0)
 RANGES = (-0.3, 1.0)
+STANCES = ("orthodox", "southpaw")
+"""Stances: the left foot leads, or the right one."""
 
 
 def _name(text: str) -> str:
@@ -100,6 +102,12 @@ class Candidates(StrictModel):
     )
 
 
+class StanceShare(StrictModel):
+    """How many avatars of a type fight in which stance."""
+
+    southpaw: float = Field(ge=0, le=1, description="Share of southpaws; all others are orthodox.")
+
+
 class AvatarType(StrictModel):
     """What avatars of one type have in common."""
 
@@ -136,6 +144,12 @@ class AvatarType(StrictModel):
         default=0.0,
         description="How much further than others an avatar keeps from its opponent while it rests between bursts [m], "
         f"from {RANGES[0]:g} to {RANGES[1]:g}: a number, or a distribution within these limits. It needs a tempo.",
+    )
+    stance: Literal["orthodox", "southpaw"] | StanceShare | None = Field(
+        default=None,
+        description="Which foot leads: `orthodox` (the left one), `southpaw` (the right one), or a mapping with the "
+        "share of `southpaw`; null: whichever its motion leads to. Its policy needs motion of that stance, such as "
+        "`mirror: true` in its recipe gives.",
     )
     damage: Damage | None = Field(
         default=None, description="What strikes take from an avatar, and when it goes down; null: nothing hurts it."
