@@ -27,6 +27,7 @@ class Avatar:
     def __init__(self, number, crowd, policies):
         self.number, self.policy = number, policies[crowd.policy[number]]
         self.scale, self.speed = float(crowd.scale[number]), float(crowd.speed[number])
+        self.width = self.scale * float(crowd.girth[number])
         self.team, self.skip, self.fixed = int(crowd.team[number]), int(crowd.skip[number]), int(crowd.fixed[number])
         self.cohort = int(crowd.cohort[number])
         actions, graph = self.policy.actions, self.policy.graph
@@ -282,7 +283,7 @@ def crowding(one, action, mine, near, positions, crowd, opponent):
         space = 0.5 * (space_of(one.policy) + space_of(other.policy))
         if opponent != other.number and other.opponent != one.number:
             space *= BYSTANDERS
-        room = rules.radius * (one.scale + other.scale) + rules.gap * space
+        room = rules.radius * (one.width + other.width) + rules.gap * space
         before, after = (now - mine)[:2], (then - end)[:2]
         worst = max(worst, rules.end * space * (1 - float(np.hypot(*after)) / room))
         passing, t = nearest_approach(before, after)

@@ -114,11 +114,11 @@ class Avatars(NamedTuple):
     before, in the action before; base, on which the ground transforms of playback frames are set (x, z, cosine and
     sine times scale, turn); x, z [m] and heading [rad] of its ground frame; x and z where its action ends; the
     frame in which it has recovered from all strikes that it threw; the last hit, along x and z away from whoever hit,
-    as long as it was strong (``strikes.note_hits``), and its frame.
+    as long as it was strong (``strikes.note_hits``), and its frame; how thick the body is, its scale times its girth.
 
     Attributes:
         whole: Shape (17, N), int32.
-        real: Shape (18, N), float64.
+        real: Shape (19, N), float64.
         slot_of: Slot of each number. Shape (N,), int32.
         shown: States in which the latest actions of each number end, a ring by decisions; ``variety.NONE`` for none.
             Shape (N, 16), uint16.

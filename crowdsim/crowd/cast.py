@@ -77,6 +77,7 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         group=placed.group.astype(np.int32),
         cohort=cohort.astype(np.int16),
         scale=placed.scale.astype(np.float32),
+        girth=placed.girth.astype(np.float32),
         speed=placed.speed.astype(np.float32),
         skip=skip,
         fixed=fixed,

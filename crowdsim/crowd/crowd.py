@@ -74,6 +74,7 @@ class Crowd:
         group: Shape (N,).
         cohort: Row of ``weights`` and the like. Shape (N,).
         scale: Size of the body over its skeleton's. Shape (N,).
+        girth: Thickness of trunk and limbs for their length. Shape (N,).
         speed: Frames of motion in a control frame. Shape (N,).
         skip: Team that an avatar does not fight, ``ANYONE`` or ``SCRIPTED``. Shape (N,).
         fixed: With ``SCRIPTED``: an avatar, -2 - k for target k, or -1 for none. Shape (N,).
@@ -103,6 +104,7 @@ class Crowd:
     group: Array
     cohort: Array
     scale: Array
+    girth: Array
     speed: Array
     skip: Array
     fixed: Array
@@ -148,6 +150,7 @@ def build_crowd(
     team: ArrayLike | None = None,
     scale: ArrayLike = 1.0,
     speed: ArrayLike = 1.0,
+    girth: ArrayLike = 1.0,
     **other: Any,
 ) -> Crowd:
     """Return a crowd of one cohort; without teams everyone fights anyone.
@@ -170,6 +173,7 @@ def build_crowd(
         "group": np.zeros(len(xs), np.int32),
         "cohort": np.zeros(len(xs), np.int16),
         "scale": each(scale, np.float32),
+        "girth": each(girth, np.float32),
         "speed": each(speed, np.float32),
         "skip": each(ANYONE, np.int32) if team is None else teams,
         "fixed": each(-1, np.int32),
@@ -222,6 +226,7 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
     ):
         whole[row] = np.asarray(values)[numbers]
     real[layout.SCALE], real[layout.SPEED] = crowd.scale[numbers], crowd.speed[numbers]
+    real[layout.WIDTH] = real[layout.SCALE] * crowd.girth[numbers]
     enter(avatars, crowd, model, np.arange(count))
     return avatars
 

@@ -21,7 +21,7 @@ FAR = 1e9
 _SEARCHES = {"direct", "kd_tree", "scipy"}
 _CONSTANT = {
     "avatars.whole": (layout.NUMBER, layout.POLICY, layout.COHORT),
-    "avatars.real": (layout.SCALE, layout.SPEED),
+    "avatars.real": (layout.SCALE, layout.SPEED, layout.WIDTH),
 }
 _MAY_CHANGE = {"cohorts": (layout.TEMPERATURE, layout.HYSTERESIS), "rules": (layout.ATTACKERS,)}
 _ENDLESS = (layout.RISES, layout.HURT_FRAME)

@@ -26,6 +26,7 @@ SPEEDS = (0.25, 4.0)
 TEMPOS = (1.0, 1000.0)
 AGGRESSIONS = (0.25, 4.0)
 RANGES = (-0.3, 1.0)
+GIRTHS = (0.85, 1.25)
 STANCES = ("orthodox", "southpaw")
 """Stances: the left foot leads, or the right one."""
 
@@ -167,6 +168,11 @@ class AvatarType(StrictModel):
         description=f"Size of the body, as a factor from {SCALES[0]:g} to {SCALES[1]:g}: a number, or a distribution "
         "within these limits.",
     )
+    girth: Annotated[float, Field(ge=GIRTHS[0], le=GIRTHS[1])] | Spread = Field(
+        default=1.0,
+        description=f"Thickness of trunk and limbs for their length, as a factor from {GIRTHS[0]:g} to {GIRTHS[1]:g}: "
+        "a number, or a distribution within these limits. Head, hands and feet keep their size.",
+    )
     speed: Annotated[float, Field(ge=SPEEDS[0], le=SPEEDS[1])] | Spread = Field(
         default=1.0,
         description=f"Speed of the motion, as a factor from {SPEEDS[0]:g} to {SPEEDS[1]:g}: a number, or a "
@@ -183,6 +189,7 @@ class AvatarType(StrictModel):
             ("aggression", self.aggression, AGGRESSIONS, "factors"),
             ("range", self.range, RANGES, "distances [m]"),
             ("scale", self.scale, SCALES, "factors"),
+            ("girth", self.girth, GIRTHS, "factors"),
             ("speed", self.speed, SPEEDS, "factors"),
         ]
         findings = []
