@@ -39,7 +39,7 @@ from crowdsim.jit import kernel
 BURSTS = (2, 5)  # least and most strikes of a burst
 REST = 4.0  # what a strike costs an avatar that rests, in normalised values
 BOLDNESS = 0.2  # how much more a strike is worth to an avatar for each doubling of its aggression
-ASTRAY = 1.2  # what it costs an avatar to be an action further from its stance, in normalised values
+ASTRAY = 1.0  # what it costs an avatar to be an action further from its stance, in normalised values
 WEARY = 3.0  # how much longer it takes an exhausted avatar to recover from a strike, over one that is not tired
 REDRAWN = 4  # how often an avatar thinks again that has drawn a strike which its opponent throws
 SORTED = 256  # from this many deciding avatars on, actions are evaluated in the order of states

@@ -33,7 +33,7 @@ from crowdsim.crowd.kernels.layout import (
 from crowdsim.jit import kernel
 
 OTHERS, LATELY = 0.5, 30  # what motion costs that others showed lately, in normalised values; frames that this means
-ONE_STANCE = 0.7  # how much that counts for avatars with a stance, for whom there is half as much motion
+ONE_STANCE = 0.5  # how much that counts for avatars with a stance, for whom there is half as much motion
 OWN, LATEST = 0.15, 16  # what motion costs that is among the avatar's own latest actions; how many these are
 CELL = 16.0  # side of a cell [m]
 AHEAD, NEAR = 0.6, 1.2  # where opponents are while variety counts: cosine of the bearing, distance [m]
