@@ -167,4 +167,5 @@ def test_southpaws_lead_with_the_right_foot_and_strike_with_the_other_hand(tiny_
     assert min(share for share, _, _, _ in shown.values()) > 0.6
     assert max(share for _, share, _, _ in shown.values()) < 0.4
     assert min(landed for *_, landed in shown.values()) > 50
-    assert shown["orthodox"][2] > shown["southpaw"][2] + 0.05
+    # What is mirrored strikes with the other hand.
+    assert shown["orthodox"][2] == pytest.approx(1.0 - shown["southpaw"][2], abs=0.1)
