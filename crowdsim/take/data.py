@@ -77,9 +77,8 @@ class Cast:
 
     @property
     def widths(self) -> Array:
-        """How thick bodies are: sizes times girths. Shape (N,), float32."""
-        result: Array = self.scales * self.girths
-        return result
+        """How thick bodies are: sizes times girths. Shape (N,), float64."""
+        return np.asarray(np.asarray(self.scales, float) * self.girths)
 
 
 @dataclass(frozen=True)
