@@ -54,8 +54,8 @@ class Posed:
         positions = quaternion.rotate(turns, clip.root_positions[rows]) + np.arange(AVATARS)[:, None] * [1.0, 0.0, 0.3]
         scales = np.linspace(0.94, 1.06, AVATARS).astype(np.float32)
         whole = np.arange(AVATARS)
-        self._poses = Poses(0, whole, skeleton, scales, positions.astype(np.float32), rotations.astype(np.float32),
-                            np.zeros((frames, AVATARS, 3)))  # fmt: skip
+        self._poses = Poses(0, whole, skeleton, scales, np.ones_like(scales), positions.astype(np.float32),
+                            rotations.astype(np.float32), np.zeros((frames, AVATARS, 3)))  # fmt: skip
         self._frames = frames
         self.policies = (SimpleNamespace(database=SimpleNamespace(skeleton=skeleton, body=build_body(skeleton))),)
         self.take = SimpleNamespace(
@@ -76,8 +76,8 @@ class Posed:
     def sample(self, start: int, stop: int, fps: float, avatars: Sequence[int] | None = None) -> list[Poses]:
         """Return a slice of the poses."""
         whole, here = self._poses, slice(start, stop)
-        return [Poses(0, whole.avatars, whole.skeleton, whole.scales, whole.root_positions[here],
-                      whole.rotations[here], whole.ground[here])]  # fmt: skip
+        return [Poses(0, whole.avatars, whole.skeleton, whole.scales, whole.girths,
+                      whole.root_positions[here], whole.rotations[here], whole.ground[here])]  # fmt: skip
 
     def rows(self, avatar: int) -> NDArray[Any]:
         """Return the rows of an avatar's BVH file."""

@@ -9,7 +9,7 @@ from naive_opponents import nearest, neighbours
 from naive_strikes import at, thrown, what_is_seen
 
 from crowdsim.crowd.kernels import variety
-from crowdsim.crowd.kernels.choice import BOLDNESS, BURSTS, REDRAWN, REST
+from crowdsim.crowd.kernels.choice import ASTRAY, BOLDNESS, BURSTS, REDRAWN, REST
 from crowdsim.crowd.kernels.crowding import BYSTANDERS, STAGGER, STEP
 from crowdsim.crowd.kernels.intents import CLOSEST, SHYNESS
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
@@ -17,6 +17,7 @@ from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REME
 from crowdsim.crowd.model import FULL_REACH, STRONG
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.crowd.script import target_positions
+from crowdsim.crowd.stances import stance_actions
 from crowdsim.motion import ground
 from crowdsim.policy.policy import action_values
 
@@ -27,10 +28,13 @@ class Avatar:
     def __init__(self, number, crowd, policies):
         self.number, self.policy = number, policies[crowd.policy[number]]
         self.scale, self.speed = float(crowd.scale[number]), float(crowd.speed[number])
+        self.width = self.scale * float(crowd.girth[number])
         self.team, self.skip, self.fixed = int(crowd.team[number]), int(crowd.skip[number]), int(crowd.fixed[number])
         self.cohort = int(crowd.cohort[number])
         actions, graph = self.policy.actions, self.policy.graph
-        with_entry = [s for s in range(actions.state_count) if (actions.next == s).any()]
+        self.stance = int(crowd.stances[number]) if len(crowd.stances) else 0
+        self.astray = stance_actions(self.policy)[:, self.stance - 1] if self.stance else np.zeros(actions.state_count)
+        with_entry = [s for s in range(actions.state_count) if (actions.next == s).any() and self.astray[s] == 0]
         self.state = with_entry[int(float(uniform(crowd.seed, Purpose.START, number)) * len(with_entry))]
         into = [a for a in range(actions.action_count) if actions.next[a] == self.state]
         self.action = min(into, key=lambda a: (graph.action_costs[a], a))
@@ -221,10 +225,11 @@ def decide(one, avatars, crowd, targets, frame, marks):
     counts = np.diff(actions.strike_offsets)[list(choices)]
     if opponent >= 0 and crowd.varieties[one.cohort] > 0:
         far = math.hypot(seen[0], seen[2])
+        charge = crowd.varieties[one.cohort] * (variety.ONE_STANCE if one.stance else 1.0)
         ahead = seen[2] >= variety.AHEAD * far and far <= variety.NEAR
         for k, action in enumerate(choices):
             if ahead:
-                values[k] -= crowd.varieties[one.cohort] * repetition(one, action, frame, marks, crowd.count)
+                values[k] -= charge * repetition(one, action, frame, marks, crowd.count)
     if target is not None and len(crowd.defences) and crowd.defences[one.cohort] > 0:
         values = values - naive_defence.costs(one, opponent, avatars, near, crowd)
     if interval > 0 and one.burst == 0 and not rests:
@@ -232,6 +237,7 @@ def decide(one, avatars, crowd, targets, frame, marks):
         drawn = float(uniform(crowd.seed, Purpose.BURST, one.number, one.decisions))
         one.burst = least + int(drawn * (most - least + 1))
     values = values + (-REST if rests else BOLDNESS * one.doublings) * counts
+    values = values - ASTRAY * one.astray[actions.next[list(choices)]]
     place = pick(values, one, crowd)
     if opponent >= 0 and crowd.varieties[one.cohort] > 0:
         for _ in range(REDRAWN):
@@ -280,7 +286,7 @@ def crowding(one, action, mine, near, positions, crowd, opponent):
         space = 0.5 * (space_of(one.policy) + space_of(other.policy))
         if opponent != other.number and other.opponent != one.number:
             space *= BYSTANDERS
-        room = rules.radius * (one.scale + other.scale) + rules.gap * space
+        room = rules.radius * (one.width + other.width) + rules.gap * space
         before, after = (now - mine)[:2], (then - end)[:2]
         worst = max(worst, rules.end * space * (1 - float(np.hypot(*after)) / room))
         passing, t = nearest_approach(before, after)

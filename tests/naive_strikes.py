@@ -106,7 +106,7 @@ def upright(one, head):
 def trunk(other, action, phase, start):
     """Points and sizes of head and torso of an avatar."""
     points = (other.body(name, action, phase, start) for name in ("heads", "necks", "pelvises"))
-    return (*points, other.policy.body.head_radius * other.scale, other.policy.body.torso_radius * other.scale)
+    return (*points, other.policy.body.head_radius * other.scale, other.policy.body.torso_radius * other.width)
 
 
 def gap_to(point, head, neck, pelvis, head_radius, torso_radius):
@@ -169,7 +169,7 @@ def meets_guard(way, other, share):
         for step in range(1, STEPS + 1):
             point = here + step / STEPS * (there - here)
             for hinge, fist in arms:
-                if from_line(point, hinge, fist) <= forearm * other.scale:
+                if from_line(point, hinge, fist) <= forearm * other.width:
                     return point
                 if np.linalg.norm(point - fist) <= glove * other.scale:
                     return point

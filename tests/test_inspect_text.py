@@ -23,7 +23,8 @@ KEYS_OF_A_RUN = (
     "least_landed_per_minute landed_share blocked_share evaded_share air_share turned_away_share distance_median "
     "penetration_share penetration_share_with_arms penetration_deepest penetrations_per_minute "
     "repeated_second_per_minute same_source_share same_strike_share stillness_share stillness_share_captured "
-    "hits_from_behind_share step_after_hit thrown_per_minute_spread landed_per_minute_spread distance_spread"
+    "hits_from_behind_share step_after_hit thrown_per_minute_spread landed_per_minute_spread distance_spread "
+    "scale_spread girth_spread tempo_spread aggression_spread range_spread orthodox southpaws stance_share"
 ).split()
 
 
@@ -100,6 +101,23 @@ def test_a_run_of_which_little_can_be_measured_is_reported_as_such() -> None:
     assert no_data("\n".join(lines))
     assert "    first landed  never" in lines
     assert "    not measured  no avatar has an opponent then, or the run ends before" in lines
+
+
+def test_avatars_are_described_by_what_differs_among_them():
+    figures = dict.fromkeys([*KEYS_OF_A_RUN, "thrown_per_minute_captured", "fists_off_share", "fist_gap_median"])
+    figures |= dict.fromkeys(["fist_gap_most", "foot_slide_median_captured", "foot_slide_95_captured"])
+    figures |= {"avatars": 30, "control_frames": 10, "seconds": 1.0, "strikes_thrown": 0, "strikes_landed": 0}
+    figures |= NO_OUTCOMES
+    alike = {f"{key}_spread": [1.0, 1.0, 1.0] for key in ("scale", "girth", "tempo", "aggression", "range")}
+    assert not any("skeleton's" in line for line in run_lines({**figures, **alike}))
+    different = {**alike, "scale_spread": [0.95, 1.0, 1.04], "girth_spread": [0.9, 1.02, 1.15], "stance_share": 0.971}
+    lines = run_lines({**figures, **different, "orthodox": 24, "southpaws": 6})
+    said = [line.strip() for line in lines]
+    assert any(line.endswith("1.00 times the skeleton's (median), 0.950 to 1.04 for 8 of 10 avatars") for line in said)
+    assert any(line.startswith("girth") and "0.900 to 1.15 for 8 of 10 avatars" in line for line in said)
+    kept = "24 orthodox, 6 southpaws; the foot of their stance leads for 97.1 % of the time in which one does"
+    assert any(line.endswith(kept) for line in said)
+    assert no_data("\n".join(lines))
 
 
 def test_avatars_are_compared_by_what_eight_of_ten_do() -> None:

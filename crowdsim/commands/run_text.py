@@ -19,6 +19,7 @@ def run_lines(figures: Figures) -> list[str]:
     """Return the figures of ``measure_take``, with the seconds that the run took, as indented lines of text."""
     return [
         *section("Run", _run(figures)),
+        *section("Avatars", _people(figures)),
         *section("Strikes", _strikes(figures)),
         *section(f"Opponents, from {AFTER:g} s on", _opponents(figures)),
         *section("Motion, and the capture's in the same frames", _motion(figures)),
@@ -37,6 +38,26 @@ def _run(figures: Figures) -> list[Row]:
         ("control took", None if control is None else time(control)),
         ("the whole run took", None if wall is None else time(wall)),
     ]
+
+
+def _people(figures: Figures) -> list[Row]:
+    """Say how avatars differ; what is the same for all of them is passed over."""
+    rows = [
+        (name, _percentiles(figures[f"{key}_spread"], unit, 3))
+        for name, key, unit in (
+            ("size", "scale", "times the skeleton's"),
+            ("girth", "girth", "times the skeleton's"),
+            ("tempo", "tempo", "strikes per minute"),
+            ("aggression", "aggression", "times the usual"),
+            ("range", "range", "m further away"),
+        )
+        if figures[f"{key}_spread"] is not None and len(set(figures[f"{key}_spread"])) > 1
+    ]
+    share = figures["stance_share"]
+    if share is not None:
+        kept = f"the foot of their stance leads for {percent(share)} of the time in which one does"
+        rows.append(("stance", f"{figures['orthodox']:,} orthodox, {figures['southpaws']:,} southpaws; {kept}"))
+    return rows
 
 
 def _strikes(figures: Figures) -> list[Row]:

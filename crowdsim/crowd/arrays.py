@@ -64,6 +64,8 @@ class Model(NamedTuple):
         twins: For each state the one of the captured motion that it is, or is the mirror image of. Shape (S,), int32.
         falls: What knocks avatars down: policy, kind (0 falls, 1 lies, 2 rises, 3 staggers), action, and the row of the
             fall that it belongs to, of a stagger its own. Shape (n, 4), int32.
+        stances: How many actions lead from each state to an orthodox and to a southpaw stance
+            (``stances.stance_actions``). Shape (S, 2), or (0, 2) where no avatar has a stance, uint8.
         fall_directions: Bearing of the trunk's way in the avatar's ground frame at the start of that fall or stagger:
             0 forward, pi / 2 to the left [rad]. Shape (n,), float64.
     """
@@ -87,6 +89,7 @@ class Model(NamedTuple):
     policies: Array
     sizes: Array
     twins: Array
+    stances: Array
     falls: Array
     fall_directions: Array
     defence: Array
@@ -112,11 +115,11 @@ class Avatars(NamedTuple):
     before, in the action before; base, on which the ground transforms of playback frames are set (x, z, cosine and
     sine times scale, turn); x, z [m] and heading [rad] of its ground frame; x and z where its action ends; the
     frame in which it has recovered from all strikes that it threw; the last hit, along x and z away from whoever hit,
-    as long as it was strong (``strikes.note_hits``), and its frame.
+    as long as it was strong (``strikes.note_hits``), and its frame; how thick the body is, its scale times its girth.
 
     Attributes:
         whole: Shape (17, N), int32.
-        real: Shape (18, N), float64.
+        real: Shape (19, N), float64.
         slot_of: Slot of each number. Shape (N,), int32.
         shown: States in which the latest actions of each number end, a ring by decisions; ``variety.NONE`` for none.
             Shape (N, 16), uint16.
@@ -126,8 +129,8 @@ class Avatars(NamedTuple):
             the distance that it keeps while it watches [m]; how it stands and will stand, its row of ``Model.falls``,
             how often it was down, when it gets up; its health, what hits took lately, and when; its stamina; how much
             longer than its cohort it recovers from a strike, as a factor, its aggression in doublings, and how much
-            further than others it keeps away while it rests [m]. Shape (N, 16), or (0, 16) where nothing of this is
-            used, float64.
+            further than others it keeps away while it rests [m]; its stance, 1 orthodox, 2 southpaw, 0 any. Shape
+            (N, 17), or (0, 17) where nothing of this is used, float64.
         seen: What each number's opponent was like when it decided on its latest actions with strikes, those of
             even and of odd decisions: x, z [m], heading [rad] and playback frame, of scripted targets the height [m]
             instead of the heading; the frame is -1 where there was none. Shape (N, 8), float64.

@@ -16,6 +16,7 @@ from crowdsim.crowd.distributions import draw_temperaments, is_tempered
 from crowdsim.crowd.placement import Placed
 from crowdsim.crowd.plan import attackers_of, hysteresis_of, plan_script, set_opponents, weights_of
 from crowdsim.crowd.script import Script
+from crowdsim.crowd.stances import draw_stances, stance_findings
 from crowdsim.errors import RecipeError, nearest
 from crowdsim.policy.checks import DEFENCE
 from crowdsim.policy.defence import NAME as DEFEND
@@ -53,10 +54,12 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         policies: The policies that its types use.
 
     Raises:
-        ScenarioError: A type weighs a behaviour that its policy has not learned.
+        ScenarioError: A type weighs a behaviour that its policy has not learned, or asks for a stance in which it has
+            too little motion.
     """
     learned = {policy.name: policy.learned for policy in policies}
     scenario.refuse(unlearned_behaviours(scenario, learned))
+    scenario.refuse(stance_findings(scenario, {policy.name: policy for policy in policies}))
     cohorts, cohort = np.unique(np.stack([placed.group, placed.type], axis=1), axis=0, return_inverse=True)
     cohort = cohort.reshape(-1)
     owners = policies_of_types(scenario, policies)
@@ -82,6 +85,7 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         group=placed.group.astype(np.int32),
         cohort=cohort.astype(np.int16),
         scale=placed.scale.astype(np.float32),
+        girth=placed.girth.astype(np.float32),
         speed=placed.speed.astype(np.float32),
         skip=skip,
         fixed=fixed,
@@ -94,6 +98,7 @@ def cast_crowd(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         seed=scenario.seed,
         conditioned=is_conditioned(scenario),
         temperaments=draw_temperaments(scenario, placed.type),
+        stances=draw_stances(scenario, placed.type),
     )
     return crowd, plan_script(scenario, placed, policies, crowd, cohorts, owners)
 
@@ -189,12 +194,15 @@ def unlearned_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]
 
 
 def is_conditioned(scenario: Scenario) -> bool:
-    """Return whether avatars of a scenario can be hurt, tire, watch, flee or wait, or have temperaments."""
+    """Return whether avatars of a scenario can be hurt, tire, watch, flee or wait, or have temperaments or stances."""
     kinds = [scenario.types[name] for name in scenario.used_types]
     opponents = [group.opponents for group in scenario.groups]
     opponents += [event.opponents for event in scenario.events if isinstance(event, RetargetEvent)]
     return (
-        any(kind.damage is not None or kind.stamina is not None or is_tempered(kind) for kind in kinds)
+        any(
+            kind.damage is not None or kind.stamina is not None or is_tempered(kind) or kind.stance is not None
+            for kind in kinds
+        )
         or any(isinstance(event, FleeEvent | WatchEvent | FightEvent) for event in scenario.events)
         or any(attackers_of(one) > 0 for one in opponents)
     )

@@ -74,6 +74,7 @@ class Crowd:
         group: Shape (N,).
         cohort: Row of ``weights`` and the like. Shape (N,).
         scale: Size of the body over its skeleton's. Shape (N,).
+        girth: Thickness of trunk and limbs for their length. Shape (N,).
         speed: Frames of motion in a control frame. Shape (N,).
         skip: Team that an avatar does not fight, ``ANYONE`` or ``SCRIPTED``. Shape (N,).
         fixed: With ``SCRIPTED``: an avatar, -2 - k for target k, or -1 for none. Shape (N,).
@@ -91,9 +92,10 @@ class Crowd:
         crowding: How avatars keep out of one another.
         seed: Seed of every draw.
         rules: What hurts and tires avatars, see ``World.rules``; nothing where it is empty. Shape (M, 12) or (0, 12).
-        conditioned: Whether avatars can be hurt, tire, watch, flee or wait, or have temperaments.
+        conditioned: Whether avatars can be hurt, tire, watch, flee or wait, or have temperaments or stances.
         temperaments: See ``distributions.draw_temperaments``; where it is empty, all are even-tempered. Shape (N, 3) or
             (0, 3).
+        stances: See ``stances.draw_stances``; where it is empty, nobody has one. Shape (N,) or (0,), uint8.
     """
 
     x: Array
@@ -104,6 +106,7 @@ class Crowd:
     group: Array
     cohort: Array
     scale: Array
+    girth: Array
     speed: Array
     skip: Array
     fixed: Array
@@ -123,26 +126,12 @@ class Crowd:
     rules: Array = field(default_factory=lambda: np.zeros((0, layout.RULES)))
     conditioned: bool = False
     temperaments: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    stances: Array = field(default_factory=lambda: np.zeros(0, np.uint8))
 
     @property
     def count(self) -> int:
         """Number of avatars N."""
         return len(self.x)
-
-
-def cohort_columns(crowd: Crowd) -> list[Array]:
-    """Return the columns of ``World.cohorts``. Shapes (M,)."""
-    none = np.zeros(len(crowd.margins))
-    return [
-        crowd.margins,
-        crowd.most,
-        crowd.temperatures,
-        crowd.hysteresis,
-        crowd.intervals,
-        crowd.varieties,
-        crowd.defences if len(crowd.defences) else none,
-        crowd.reactions if len(crowd.reactions) else none,
-    ]
 
 
 class Cohort(NamedTuple):
@@ -165,6 +154,7 @@ def build_crowd(
     team: ArrayLike | None = None,
     scale: ArrayLike = 1.0,
     speed: ArrayLike = 1.0,
+    girth: ArrayLike = 1.0,
     **other: Any,
 ) -> Crowd:
     """Return a crowd of one cohort; without teams everyone fights anyone.
@@ -187,6 +177,7 @@ def build_crowd(
         "group": np.zeros(len(xs), np.int32),
         "cohort": np.zeros(len(xs), np.int16),
         "scale": each(scale, np.float32),
+        "girth": each(girth, np.float32),
         "speed": each(speed, np.float32),
         "skip": each(ANYONE, np.int32) if team is None else teams,
         "fixed": each(-1, np.int32),
@@ -239,6 +230,7 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
     ):
         whole[row] = np.asarray(values)[numbers]
     real[layout.SCALE], real[layout.SPEED] = crowd.scale[numbers], crowd.speed[numbers]
+    real[layout.WIDTH] = real[layout.SCALE] * crowd.girth[numbers]
     enter(avatars, crowd, model, np.arange(count))
     return avatars
 
@@ -253,17 +245,9 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
         raise RunError(
             f"avatar {numbers[i]} starts at ({x[i]}, {z[i]}) with heading {heading[i]}, expected finite numbers"
         )
-    entries = entry_actions(model)
-    drawn = uniform(crowd.seed, Purpose.START, numbers)
-    action = np.empty(len(slots), np.int32)
     whole, real = avatars.whole, avatars.real
     policy, scale = whole[layout.POLICY, slots], real[layout.SCALE, slots]
-    starts = model.policies[:, layout.STATES]
-    for p in range(len(starts) - 1):
-        states = np.arange(starts[p], starts[p + 1])
-        states = states[entries[states] >= 0]
-        own = policy == p
-        action[own] = entries[states[(drawn[own] * len(states)).astype(np.int64)]]
+    action = _first_actions(crowd, model, numbers, policy)
     length = model.actions[action, layout.LENGTH]
     ground = model.ground[model.actions[action, layout.ORIGIN] + length * model.policies[policy, layout.STRIDE]]
     turn = heading - ground[:, 2]
@@ -297,4 +281,22 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
         rows[:, layout.HURT], rows[:, layout.HURT_FRAME], rows[:, layout.STAMINA] = 0.0, -np.inf, 1.0
         tempered = len(crowd.temperaments) > 0
         rows[:, layout.TEMPO : layout.RANGE + 1] = crowd.temperaments[numbers] if tempered else EVEN_TEMPERED
+        rows[:, layout.STANCE] = crowd.stances[numbers] if len(crowd.stances) else 0
         avatars.conditions[numbers] = rows
+
+
+def _first_actions(crowd: Crowd, model: Model, numbers: Array, policy: Array) -> Array:
+    """Return an action for each avatar that ends in a state drawn from its policy's, in the stance that it has."""
+    entries = entry_actions(model)
+    drawn = uniform(crowd.seed, Purpose.START, numbers)
+    stances = crowd.stances[numbers] if len(crowd.stances) else np.zeros(len(numbers), np.uint8)
+    action = np.empty(len(numbers), np.int32)
+    starts = model.policies[:, layout.STATES]
+    for p, stance in np.unique(np.stack([policy, stances], axis=1), axis=0):
+        states = np.arange(starts[p], starts[p + 1])
+        states = states[entries[states] >= 0]
+        if stance > 0:
+            states = states[model.stances[states, stance - 1] == 0]
+        own = (policy == p) & (stances == stance)
+        action[own] = entries[states[(drawn[own] * len(states)).astype(np.int64)]]
+    return action

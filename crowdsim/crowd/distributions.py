@@ -25,6 +25,26 @@ def draw(seed: int, purpose: Purpose, avatars: Array, distribution: Distribution
     return np.clip(distribution.mean + distribution.deviation * normal(seed, purpose, avatars), low, high)
 
 
+def draw_numbers(scenario: Scenario, types: Array, key: str) -> Array:
+    """Return the number of each avatar for a key of its type, such as ``scale``; NaN where the type has none.
+
+    Args:
+        scenario: The scenario.
+        types: Index of the type of each avatar. Shape (N,).
+        key: A key whose values are distributions.
+
+    Returns:
+        Shape (N,), float64.
+    """
+    drawn = np.full(len(types), np.nan)
+    for index, kind in enumerate(scenario.types.values()):
+        distribution = getattr(kind, key)
+        if distribution is not None:
+            own = np.flatnonzero(types == index)
+            drawn[own] = draw(scenario.seed, Purpose[key.upper()], own, distribution)
+    return drawn
+
+
 def is_tempered(kind: AvatarType) -> bool:
     """Return whether avatars of a type have a tempo, an aggression or a range of their own."""
     return not isinstance(kind.tempo, float | int | None) or kind.aggression != 1.0 or kind.range != 0.0
@@ -41,14 +61,10 @@ def draw_temperaments(scenario: Scenario, types: Array) -> Array:
         How much longer than its cohort the avatar recovers from a strike, as a factor; its aggression in doublings,
         from -2 for 0.25 to 2 for 4; its range [m]. Shape (N, 3), or (0, 3).
     """
-    kinds = list(scenario.types.values())
     if not any(is_tempered(scenario.types[name]) for name in scenario.used_types):
         return np.zeros((0, 3))
-    drawn = np.tile(EVEN_TEMPERED, (len(types), 1))
-    for index, kind in enumerate(kinds):
-        own = np.flatnonzero(types == index)
-        if kind.tempo is not None:
-            drawn[own, 0] = middle(kind.tempo) / draw(scenario.seed, Purpose.TEMPO, own, kind.tempo)
-        drawn[own, 1] = np.log2(draw(scenario.seed, Purpose.AGGRESSION, own, kind.aggression))
-        drawn[own, 2] = draw(scenario.seed, Purpose.RANGE, own, kind.range)
-    return drawn
+    tempo = draw_numbers(scenario, types, "tempo")
+    usual = np.array([np.nan if kind.tempo is None else middle(kind.tempo) for kind in scenario.types.values()])
+    slowness = np.where(np.isnan(tempo), 1.0, usual[types] / tempo)
+    doublings = np.log2(draw_numbers(scenario, types, "aggression"))
+    return np.stack([slowness, doublings, draw_numbers(scenario, types, "range")], axis=1)

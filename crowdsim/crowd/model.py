@@ -29,6 +29,7 @@ from crowdsim.crowd.model_tables import (
     strike_rows,
     twin_states,
 )
+from crowdsim.crowd.stances import stance_rows
 from crowdsim.errors import PolicyError, RunError
 from crowdsim.policy.defence import join_defences
 from crowdsim.policy.environment import HALFWAY, LEAD
@@ -58,8 +59,8 @@ SUPPORTED_AXES = ("distance", "bearing", "height")
 ``locate_ends`` of ``kernels/tables.py`` and in ``kernels/values.py``, which have three."""
 
 
-def build_model(policies: Sequence[Policy]) -> Model:
-    """Return all policies one after another; a single policy's table is not copied.
+def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model:
+    """Return all policies one after another, ``with_stances`` if avatars have them; a single table is not copied.
 
     Raises:
         RunError: The policies run at different control rates.
@@ -114,6 +115,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
         policies=np.column_stack([strides, *firsts]).astype(np.int32),
         sizes=np.array([_sizes(policy) for policy in policies]),
         twins=twin_states(policies, starts),
+        stances=stance_rows(policies, starts["state"]) if with_stances else np.zeros((0, 2), np.uint8),
         falls=falls,
         fall_directions=directions,
         defence=join_defences([policy.defence for policy in policies], [len(action.next) for action in actions]),

@@ -1,4 +1,4 @@
-"""Positions, headings, types, scales and speeds of avatars at the start."""
+"""Positions, headings, types, bodies and speeds of avatars at the start."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.distributions import draw
+from crowdsim.crowd.distributions import draw_numbers
 from crowdsim.crowd.kernels.placement import Disc, Squares, first_conflict, insert_points, throw_darts
 from crowdsim.crowd.placement_points import read_points
 from crowdsim.crowd.random import Purpose, stream, uniform
@@ -35,7 +35,7 @@ class Placed:
         x, z: Positions [m]. Shape (N,).
         heading: Where they look [rad], in -pi..pi. Shape (N,).
         group, team, type: Indices into ``groups``, ``teams`` and ``types``. Shape (N,), int32.
-        scale, speed: Factors of body size and of speed. Shape (N,).
+        scale, girth, speed: Factors of body size, of thickness, and of speed. Shape (N,).
         present: Whether the avatar is there from the start; others wait for an event. Shape (N,), bool.
         groups, teams, types: Names.
     """
@@ -47,6 +47,7 @@ class Placed:
     team: Array
     type: Array
     scale: Array
+    girth: Array
     speed: Array
     present: Array
     groups: tuple[str, ...]
@@ -82,15 +83,10 @@ def place_groups(scenario: Scenario) -> Placed:
     team = np.array([numbers_of[group.team] for group in groups], np.int32)[index]
     for i in range(len(groups)):
         _set_headings(scenario, i, slice(int(starts[i]), int(starts[i + 1])), team, x, z, headings)
-    numbers = np.arange(total)
-    scale, speed = np.empty(total), np.empty(total)
-    for name, t in types.items():
-        own = numbers[kind == t]
-        scale[own] = draw(scenario.seed, Purpose.SCALE, own, scenario.types[name].scale)
-        speed[own] = draw(scenario.seed, Purpose.SPEED, own, scenario.types[name].speed)
+    scale, girth, speed = (draw_numbers(scenario, kind, key) for key in ("scale", "girth", "speed"))
     names = tuple(group.name or f"group{i + 1}" for i, group in enumerate(groups))
     present = np.array([not group.waits for group in groups])[index]
-    return Placed(x, z, headings, index, team, kind, scale, speed, present, names, teams, tuple(types))
+    return Placed(x, z, headings, index, team, kind, scale, girth, speed, present, names, teams, tuple(types))
 
 
 def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: Array, heading: Array) -> None:

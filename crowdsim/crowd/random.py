@@ -38,6 +38,8 @@ class Purpose(IntEnum):
     TEMPO = 10
     AGGRESSION = 11
     RANGE = 12
+    STANCE = 13
+    GIRTH = 14
 
 
 def stream(seed: int, purpose: int) -> np.uint64:

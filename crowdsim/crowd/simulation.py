@@ -16,7 +16,8 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World
 from crowdsim.crowd.buffers import empty_record, empty_scratch, empty_strikes
 from crowdsim.crowd.chunk import STAGES, Chunk, events_of
-from crowdsim.crowd.crowd import Crowd, build_avatars, cohort_columns, enter
+from crowdsim.crowd.cohorts import cohort_columns
+from crowdsim.crowd.crowd import Crowd, build_avatars, enter
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.layout import Now
 from crowdsim.crowd.kernels.loop import run_frames
@@ -74,7 +75,7 @@ class Simulation:
         if search not in SEARCHES:
             raise ValueError(f"search is {search!r}, expected one of {', '.join(SEARCHES)}{nearest(search, SEARCHES)}")
         self.crowd = crowd
-        self.model = build_model(policies) if model is None else model
+        self.model = build_model(policies, len(crowd.stances) > 0) if model is None else model
         self.avatars: Avatars = build_avatars(crowd, self.model, order)
         self.present = int(np.count_nonzero(crowd.present))
         self.frame = 0

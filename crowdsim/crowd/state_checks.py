@@ -21,12 +21,12 @@ FAR = 1e9
 _SEARCHES = {"direct", "kd_tree", "scipy"}
 _CONSTANT = {
     "avatars.whole": (layout.NUMBER, layout.POLICY, layout.COHORT),
-    "avatars.real": (layout.SCALE, layout.SPEED),
+    "avatars.real": (layout.SCALE, layout.SPEED, layout.WIDTH),
 }
 _MAY_CHANGE = {"cohorts": (layout.TEMPERATURE, layout.HYSTERESIS), "rules": (layout.ATTACKERS,)}
 _ENDLESS = (layout.RISES, layout.HURT_FRAME)
 """Columns of conditions that are infinite for what never was or will be."""
-_TEMPERAMENT = (layout.TEMPO, layout.AGGRESSION, layout.RANGE)
+_TEMPERAMENT = (layout.TEMPO, layout.AGGRESSION, layout.RANGE, layout.STANCE)
 """Columns of conditions that never change."""
 _NAMES = {
     layout.SKIP: "skip", layout.FIXED: "fixed", layout.OPPONENT: "opponent", layout.OPPONENT_BEFORE: "opponent before",
@@ -127,7 +127,7 @@ def _check_conditions(simulation: Changing, now: Mapping[str, Array], state: Map
     own = simulation.crowd.team[: len(team)]
     is_down = np.zeros(len(team), bool)
     if not np.array_equal(now["avatars.conditions"][:, _TEMPERAMENT], rows[:, _TEMPERAMENT]):
-        raise ValueError("array 'avatars.conditions' holds other temperaments than those of the run")
+        raise ValueError("array 'avatars.conditions' holds other temperaments or stances than those of the run")
     if len(rows):
         falls = simulation.model.falls
         standing = rows[:, (layout.STANDING, layout.STANDING_NEXT)]

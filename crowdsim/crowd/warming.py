@@ -63,8 +63,8 @@ def warm_up(
 def first_avatars(crowd: Crowd, count: int) -> Crowd:
     """Return a crowd of the first avatars of another, all of them present; their opponents may differ."""
     count = min(count, crowd.count)
-    each = ["x", "z", "heading", "policy", "team", "group", "cohort", "scale", "speed", "skip", "fixed", "present"]
-    each += ["temperaments"]
+    each = ["x", "z", "heading", "policy", "team", "group", "cohort", "scale", "girth", "speed", "skip", "fixed"]
+    each += ["present", "temperaments", "stances"]
     fields = {name: getattr(crowd, name)[:count] for name in each}
     fields["fixed"] = np.where(fields["fixed"] >= count, -1, fields["fixed"]).astype(crowd.fixed.dtype)
     fields["present"] = np.ones(count, bool)

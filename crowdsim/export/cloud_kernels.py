@@ -17,11 +17,13 @@ class Riders(NamedTuple):
         joints: Joint of each point. Shape (K,).
         positions: Position in that joint's frame [m]. Shape (K, 3).
         normals: Outward normal there. Shape (K, 3).
+        swells: Where it goes for each unit of girth [m]. Shape (K, 3).
     """
 
     joints: Array
     positions: Array
     normals: Array
+    swells: Array
 
 
 class Bodies(NamedTuple):
@@ -31,11 +33,13 @@ class Bodies(NamedTuple):
         positions: NaN while absent [m]. Shape (T, n, J, 3).
         rotations: Shape (T, n, J, 4).
         scales: Body sizes. Shape (n,).
+        girths: How thick trunks and limbs are for their length. Shape (n,).
     """
 
     positions: Array
     rotations: Array
     scales: Array
+    girths: Array
 
 
 class When(NamedTuple):
@@ -117,10 +121,11 @@ def place_points(bodies, when, wanted, riders, motions, values, labels):
     row = 0
     for c in range(wanted.columns.shape[0]):
         n = wanted.columns[c]
-        scale = float(bodies.scales[n])
+        scale, more = float(bodies.scales[n]), float(bodies.girths[n]) - 1.0
         _measure_joints(bodies, when, n, motions)
         for i in range(riders.joints.shape[0]):
-            j, own, normal = riders.joints[i], riders.positions[i], riders.normals[i]
+            j, at, swell, normal = riders.joints[i], riders.positions[i], riders.swells[i], riders.normals[i]
+            own = (at[0] + more * swell[0], at[1] + more * swell[1], at[2] + more * swell[2])
             motion, position, value, label = motions[j], bodies.positions[when.frame, n, j], values[row], labels[row]
             for k in range(3):
                 x, y, z = motion[3 * k], motion[3 * k + 1], motion[3 * k + 2]

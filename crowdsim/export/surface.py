@@ -9,6 +9,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.take.capsules import swelling_capsules
 
 _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 
@@ -21,11 +22,13 @@ class Surface:
         joints: Joint of each point. Shape (K,), int32.
         positions: Position in that joint's frame [m]. Shape (K, 3).
         normals: Outward normal there. Shape (K, 3).
+        swells: Where it goes for each unit of girth: along the normal, or nowhere [m]. Shape (K, 3).
     """
 
     joints: Array
     positions: Array
     normals: Array
+    swells: Array
 
 
 def build_surface(skeleton: Skeleton, body: Body, points: int) -> Surface:
@@ -40,34 +43,36 @@ def build_surface(skeleton: Skeleton, body: Body, points: int) -> Surface:
     centres = rest[body.capsule_joints]
     wanted = points
     while True:
-        joints, positions, normals = _spread(body, wanted)
+        joints, positions, normals, swells = _spread(body, wanted)
         outside = _outside(body, centres, rest[joints] + positions)
         kept = np.flatnonzero(outside)
         if len(kept) >= points:
             # Evenly spaced picks keep the spread even.
             kept = kept[np.floor(np.arange(points) * (len(kept) / points)).astype(int)]
-            return Surface(joints[kept].astype(np.int32), positions[kept], normals[kept])
+            return Surface(joints[kept].astype(np.int32), positions[kept], normals[kept], swells[kept])
         wanted += max(1, points - len(kept))
 
 
-def _spread(body: Body, count: int) -> tuple[Array, Array, Array]:
-    """About ``count`` points over all capsules, on golden spirals."""
+def _spread(body: Body, count: int) -> tuple[Array, Array, Array, Array]:
+    """About ``count`` points over all capsules, on golden spirals: joints, positions, normals and swells."""
     lengths = np.linalg.norm(body.capsule_ends - body.capsule_starts, axis=1)
     areas = 2 * np.pi * (body.capsule_radii**2).sum(axis=1) + np.pi * body.capsule_radii.sum(axis=1) * lengths
     shares = np.maximum(1, np.round(count * areas / areas.sum()).astype(int))
-    joints, positions, normals = [], [], []
+    joints, positions, normals, swells = [], [], [], []
+    thickens = swelling_capsules(body.capsule_parts)
     for capsule, share in enumerate(shares):
-        place, normal = _on_capsule(
+        place, normal, radius = _on_capsule(
             body.capsule_starts[capsule], body.capsule_ends[capsule], body.capsule_radii[capsule], int(share)
         )
         joints.append(np.full(share, body.capsule_joints[capsule]))
         positions.append(place)
         normals.append(normal)
-    return np.concatenate(joints), np.concatenate(positions), np.concatenate(normals)
+        swells.append(normal * (radius * thickens[capsule])[:, None])
+    return np.concatenate(joints), np.concatenate(positions), np.concatenate(normals), np.concatenate(swells)
 
 
-def _on_capsule(start: Array, end: Array, radii: Array, count: int) -> tuple[Array, Array]:
-    """Points and normals on a capsule whose radius runs from one end's to the other's."""
+def _on_capsule(start: Array, end: Array, radii: Array, count: int) -> tuple[Array, Array, Array]:
+    """Points, normals and radii on a capsule whose radius runs from one end's to the other's."""
     axis = end - start
     length = float(np.linalg.norm(axis))
     axis = axis / length if length > 1e-9 else np.array([0.0, 1.0, 0.0])
@@ -86,7 +91,7 @@ def _on_capsule(start: Array, end: Array, radii: Array, count: int) -> tuple[Arr
     around = np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * other
     normals = ring[:, None] * around + along[:, None] * axis
     positions = start + (share * length)[:, None] * axis + radius[:, None] * normals
-    return positions, normals
+    return positions, normals, radius
 
 
 def _outside(body: Body, centres: Array, points: Array) -> Array:

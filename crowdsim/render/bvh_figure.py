@@ -38,6 +38,7 @@ class ClipSource:
         avatar_names: One name.
         avatar_teams: Shape (1,).
         avatar_scales: Shape (1,).
+        avatar_girths: Shape (1,).
         avatar_heights: How high the figure reaches over the clip, or how wide, where that is more [m]. Shape (1,).
         figures: One figure.
         avatar_figures: Shape (1,).
@@ -52,6 +53,7 @@ class ClipSource:
     avatar_names: Sequence[str]
     avatar_teams: Array
     avatar_scales: Array
+    avatar_girths: Array
     avatar_heights: Array
     figures: Sequence[Figure]
     avatar_figures: Array
@@ -131,6 +133,7 @@ def clip_source(clip: Clip, figure: Figure | None = None, grounds: Array | None 
         avatar_names=(clip.name,),
         avatar_teams=np.array([team]),
         avatar_scales=np.ones(1),
+        avatar_girths=np.ones(1),
         avatar_heights=np.array([height]),
         figures=(bone_capsules(clip.skeleton) if figure is None else figure,),
         avatar_figures=np.zeros(1, np.int32),

@@ -12,6 +12,7 @@ from crowdsim.render.figure import Figure, dress
 from crowdsim.render.kernels.capsules import place_capsules
 from crowdsim.render.palette import avatar_paints
 from crowdsim.render.raycast import Capsules
+from crowdsim.take.capsules import swelling_capsules
 
 _BALL, _BALL_PAINT = 0.13, (0.85, 0.50, 0.03, 0.3)
 """Radius [m] and paint of a marker."""
@@ -25,6 +26,7 @@ class Cast:
         figures: Figures, one a kind of body.
         members: Avatars of each figure, ascending. Length of ``figures``, each (n,), int32.
         scales: Size of each avatar. Shape (N,).
+        girths: How thick its trunk and limbs are for their length. Shape (N,).
         paints: Paint of every capsule, in the order of ``place``. Shape (K, 4), float32.
         owners: Avatar of every capsule. Shape (K,), int32.
     """
@@ -32,6 +34,7 @@ class Cast:
     figures: tuple[Figure, ...]
     members: tuple[Array, ...]
     scales: Array
+    girths: Array
     paints: Array
     owners: Array
 
@@ -51,10 +54,12 @@ class Cast:
                 np.ascontiguousarray(positions),
                 np.ascontiguousarray(rotations),
                 self.scales[avatars],
+                self.girths[avatars],
                 figure.capsule_joints,
                 figure.capsule_starts,
                 figure.capsule_ends,
                 figure.capsule_radii,
+                swelling_capsules(figure.capsule_parts).astype(float),
                 shapes[row : row + rows],
             )
             row += rows
@@ -72,6 +77,7 @@ def build_cast(
     teams: Sequence[int] | Array,
     scales: Array | None = None,
     colours: Array | None = None,
+    girths: Array | None = None,
 ) -> Cast:
     """Dress avatars: which figure each has, and which colours.
 
@@ -81,6 +87,7 @@ def build_cast(
         teams: Team of each avatar. Shape (N,).
         scales: Size of each avatar, 1 by default. Shape (N,).
         colours: Colour that an avatar has instead of its team's, NaN for none: red, green, blue in 0..1. Shape (N, 3).
+        girths: How thick its trunk and limbs are for their length, 1 by default. Shape (N,).
     """
     figures = [dress(figure) for figure in figures]
     avatar_figures = np.asarray(avatar_figures)
@@ -95,6 +102,7 @@ def build_cast(
         figures=tuple(figures),
         members=tuple(members),
         scales=np.ones(len(avatar_figures)) if scales is None else np.asarray(scales, float),
+        girths=np.ones(len(avatar_figures)) if girths is None else np.asarray(girths, float),
         paints=np.ascontiguousarray(np.concatenate(paints), dtype=np.float32),
         owners=np.concatenate(owners).astype(np.int32),
     )

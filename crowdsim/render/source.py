@@ -47,6 +47,10 @@ class PoseSource(Protocol):
         """Size of each avatar, by which its figure's capsules grow. Shape (N,)."""
 
     @property
+    def avatar_girths(self) -> Array:
+        """How thick each avatar's trunk and limbs are for their length. Shape (N,)."""
+
+    @property
     def avatar_heights(self) -> Array:
         """Standing height of each avatar [m]; cameras leave room for it. Shape (N,)."""
 

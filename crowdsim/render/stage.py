@@ -102,7 +102,12 @@ def build_stage(source: PoseSource, size: tuple[int, int], camera: str | Keys = 
     return Stage(
         source=source,
         cast=build_cast(
-            source.figures, source.avatar_figures, source.avatar_teams, source.avatar_scales, source.avatar_colours
+            source.figures,
+            source.avatar_figures,
+            source.avatar_teams,
+            source.avatar_scales,
+            source.avatar_colours,
+            source.avatar_girths,
         ),
         tracks=tuple(build_track(source, kind, part, crowd) for kind in kinds),
         size=size,

@@ -150,9 +150,11 @@ def prepare(scenario: Scenario, policies: Sequence[Policy], placed: Placed | Non
 def build_cast(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -> Cast:
     """Return what is constant for each avatar."""
     from crowdsim.crowd.cast import policies_of_types
+    from crowdsim.crowd.distributions import draw_numbers
+    from crowdsim.crowd.stances import draw_stances
 
     kinds = list(scenario.types.values())
-    owner = policies_of_types(scenario, policies)
+    owner, stances = policies_of_types(scenario, policies), draw_stances(scenario, placed.type)
     colours = [[np.nan] * 3 if kind.colour is None else _rgb(kind.colour) for kind in kinds]
     return Cast(
         names=np.array(scenario.avatar_names()),
@@ -165,6 +167,11 @@ def build_cast(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         team_names=tuple(placed.teams),
         policy_names=tuple(policy.name for policy in policies),
         colours=np.array(colours, float).reshape(-1, 3),
+        girths=placed.girth.astype(np.float32),
+        tempos=draw_numbers(scenario, placed.type, "tempo").astype(np.float32),
+        aggressions=draw_numbers(scenario, placed.type, "aggression").astype(np.float32),
+        ranges=draw_numbers(scenario, placed.type, "range").astype(np.float32),
+        stances=stances if len(stances) else np.zeros(placed.count, np.uint8),
     )
 
 

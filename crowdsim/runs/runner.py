@@ -227,7 +227,7 @@ def _write_take(one: Run, prepared: Prepared, origin: Origin, begun: Checkpoint 
     from crowdsim.runs.resuming import write_take
 
     path, cast = one.folder / TAKE, prepared.cast
-    counter = StatisticsCounter(prepared.policies, cast.policies, cast.scales, prepared.frames)
+    counter = StatisticsCounter(prepared.policies, cast.policies, cast.widths, prepared.frames)
     take, timings = write_take(one, prepared, origin.checksum, begun, counter)
     size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
     one.report.outputs["take"] = (path, 1, size)

@@ -54,7 +54,7 @@ def check_file(path: Path) -> tuple[list[str], list[str]]:
         scenario = load_scenario(path)
     except CrowdsimError as error:
         return str(error).splitlines(), []
-    for check in (_behaviour_findings, _time_findings):
+    for check in (_behaviour_findings, _time_findings, _stance_findings):
         try:
             lines += map(str, scenario.place(check(scenario)))
         except CrowdsimError as error:
@@ -122,6 +122,18 @@ def _behaviour_findings(scenario: Scenario) -> list[Finding]:
 
     policies = dict.fromkeys(kind.policy for kind in scenario.types.values())
     return unlearned_behaviours(scenario, {name: learned_behaviours(name) for name in policies})
+
+
+def _stance_findings(scenario: Scenario) -> list[Finding]:
+    """Return a finding for each stance of which a policy has too little motion; policies must have been trained."""
+    from crowdsim.crowd.stances import stance_findings
+    from crowdsim.policy.bundle import load_policy
+
+    policies = {}
+    for name in dict.fromkeys(kind.policy for kind in scenario.types.values() if kind.stance is not None):
+        with suppress(PolicyError):
+            policies[name] = load_policy(assets.find_bundle(name))
+    return stance_findings(scenario, policies)
 
 
 def _time_findings(scenario: Scenario) -> list[Finding]:

@@ -26,6 +26,9 @@ SPEEDS = (0.25, 4.0)
 TEMPOS = (1.0, 1000.0)
 AGGRESSIONS = (0.25, 4.0)
 RANGES = (-0.3, 1.0)
+GIRTHS = (0.85, 1.25)
+STANCES = ("orthodox", "southpaw")
+"""Stances: the left foot leads, or the right one."""
 
 
 def _name(text: str) -> str:
@@ -100,6 +103,12 @@ class Candidates(StrictModel):
     )
 
 
+class StanceShare(StrictModel):
+    """How many avatars of a type fight in which stance."""
+
+    southpaw: float = Field(ge=0, le=1, description="Share of southpaws; all others are orthodox.")
+
+
 class AvatarType(StrictModel):
     """What avatars of one type have in common."""
 
@@ -143,6 +152,12 @@ class AvatarType(StrictModel):
         description="How much further than others an avatar keeps from its opponent while it rests between bursts [m], "
         f"from {RANGES[0]:g} to {RANGES[1]:g}: a number, or a distribution within these limits. It needs a tempo.",
     )
+    stance: Literal["orthodox", "southpaw"] | StanceShare | None = Field(
+        default=None,
+        description="Which foot leads: `orthodox` (the left one), `southpaw` (the right one), or a mapping with the "
+        "share of `southpaw`; null: whichever its motion leads to. Its policy needs motion of that stance, such as "
+        "`mirror: true` in its recipe gives.",
+    )
     damage: Damage | None = Field(
         default=None, description="What strikes take from an avatar, and when it goes down; null: nothing hurts it."
     )
@@ -158,6 +173,11 @@ class AvatarType(StrictModel):
         default=1.0,
         description=f"Size of the body, as a factor from {SCALES[0]:g} to {SCALES[1]:g}: a number, or a distribution "
         "within these limits.",
+    )
+    girth: Annotated[float, Field(ge=GIRTHS[0], le=GIRTHS[1])] | Spread = Field(
+        default=1.0,
+        description=f"Thickness of trunk and limbs for their length, as a factor from {GIRTHS[0]:g} to {GIRTHS[1]:g}: "
+        "a number, or a distribution within these limits. Head, hands and feet keep their size.",
     )
     speed: Annotated[float, Field(ge=SPEEDS[0], le=SPEEDS[1])] | Spread = Field(
         default=1.0,
@@ -175,6 +195,7 @@ class AvatarType(StrictModel):
             ("aggression", self.aggression, AGGRESSIONS, "factors"),
             ("range", self.range, RANGES, "distances [m]"),
             ("scale", self.scale, SCALES, "factors"),
+            ("girth", self.girth, GIRTHS, "factors"),
             ("speed", self.speed, SPEEDS, "factors"),
         ]
         findings = []

@@ -9,8 +9,10 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
-from crowdsim.motion.body import Body
+from crowdsim.motion.body import PARTS, Body
 from crowdsim.take.kernels.capsules import Capsules, place_ends
+
+_SWELLING = [PARTS.index(part) for part in ("skin", "shirt", "trunks")]
 
 
 class PosedBodies(NamedTuple):
@@ -20,6 +22,7 @@ class PosedBodies(NamedTuple):
         body: What their skeleton is as a body.
         columns: Column of each among all avatars. Shape (n,).
         scales: Size of each. Shape (n,).
+        girths: How thick its trunk and limbs are for their length. Shape (n,).
         positions: Of joints in the world [m]. Shape (T, n, J, 3).
         rotations: Of joints in the world. Shape (T, n, J, 4).
     """
@@ -27,8 +30,14 @@ class PosedBodies(NamedTuple):
     body: Body
     columns: Array
     scales: Array
+    girths: Array
     positions: Array
     rotations: Array
+
+
+def swelling_capsules(parts: Array) -> Array:
+    """Return which capsules of these parts (K,) are thicker the greater the girth: not head, gloves and shoes."""
+    return np.isin(parts, _SWELLING)
 
 
 def capsule_order(body: Body) -> Array:
@@ -49,8 +58,10 @@ def place_capsules(bodies: Iterable[PosedBodies], times: int, count: int, thread
         offsets = np.stack([body.capsule_starts[order], body.capsule_ends[order]]).astype(float)
         share(len(columns) * times, place_ends, posed.positions, posed.rotations, np.asarray(scales, dtype=float),
               joints, offsets, columns, ends, threads=threads)  # fmt: skip
-        radii[columns[:, None], own] = body.capsule_radii[order] * scales[:, None, None]
-        halves = 0.5 * np.linalg.norm(body.capsule_ends - body.capsule_starts, axis=1) + body.capsule_radii.max(axis=1)
-        bounds[columns[:, None], own] = halves[order] * scales[:, None] * 1.001
+        swells = swelling_capsules(body.capsule_parts)[order]
+        widths = np.where(swells, posed.girths[:, None], 1.0) * scales[:, None]
+        radii[columns[:, None], own] = body.capsule_radii[order] * widths[..., None]
+        halves = 0.5 * np.linalg.norm(body.capsule_ends - body.capsule_starts, axis=1)[order] * scales[:, None]
+        bounds[columns[:, None], own] = (halves + body.capsule_radii.max(axis=1)[order] * widths) * 1.001
         counts[columns] = len(order)
     return Capsules(ends[0], ends[1], radii, bounds, counts)

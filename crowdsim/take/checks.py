@@ -14,11 +14,12 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.events import OUTCOMES
 from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED
 from crowdsim.motion.strikes import LIMBS
+from crowdsim.scenario.parts import STANCES
 
 FAR, TURNS, LATE = 1e7, 1e5, 1e6
 """Greatest positions [m], headings [rad] and control frames of an action."""
-SCALES, SPEEDS = (0.01, 100.0), (0.01, 20.0)
-"""Sizes of bodies over their skeletons', and motion frames in a control frame."""
+SCALES, GIRTHS, SPEEDS = (0.01, 100.0), (0.1, 10.0), (0.01, 20.0)
+"""Sizes of bodies over their skeletons', thickness for their length, and motion frames in a control frame."""
 
 
 def _opponents(values: Array, sizes: Sizes) -> str:
@@ -50,6 +51,11 @@ CAST: Mapping[str, Column] = {
     "policy": Column("int16", ("N",), (Index("policies"),)),
     "scale": Column("float32", ("N",), (Within(*SCALES),)),
     "speed": Column("float32", ("N",), (Within(*SPEEDS),)),
+    "girth": Column("float32", ("N",), (Within(*GIRTHS),)),
+    "tempo": Column("float32", ("N",), (Within(0.0, 1e6, absent=True),)),
+    "aggression": Column("float32", ("N",), (Within(0.0, 1e6),)),
+    "range": Column("float32", ("N",), (Within(-FAR, FAR),)),
+    "stance": Column("uint8", ("N",), (Within(0, len(STANCES)),)),
 }
 """What is constant for each avatar, but for its name."""
 

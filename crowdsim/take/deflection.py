@@ -59,6 +59,7 @@ class Deflection:
         self._take, self._pose_all, self._threads = take, pose_all, threads
         self._motions = motions
         self._scales = np.asarray(take.cast.scales, dtype=np.float64)
+        self._girths = np.asarray(take.cast.girths, dtype=np.float64)
         self._riding = [ride_along(motion) for motion in motions]
         self._kept: dict[int, Array] = {}
         self._fine = max(1, round(_RATE / take.control_rate))
@@ -169,11 +170,15 @@ class Deflection:
                     moves[first : first + len(chunk), rows] = self._deflect(times, chosen, near, posed, landed)
         return moves
 
+    def _sizes_of(self, avatars: Array) -> tuple[Array, Array]:
+        """Sizes and girths of some avatars."""
+        return self._scales[avatars], self._girths[avatars]
+
     def _deflect(self, times: Array, asked: Array, near: Array, joints: AllJoints, landed: Landed) -> Array:
         """Moves of avatars (M,) at times (T,) among those near them (n,), both ascending. Shape (T, M, 4, 2, 3)."""
         moves = np.zeros((len(times), len(asked), LIMBS, MOVED, 3), np.float32)
         posed = [
-            (index, PosedBodies(self._motions[index].body, which, self._scales[near[which]], positions, rotations))
+            (index, PosedBodies(self._motions[index].body, which, *self._sizes_of(near[which]), positions, rotations))
             for index, which, positions, rotations, _ in joints
         ]
         capsules = place_capsules([bodies for _, bodies in posed], len(times), len(near), self._threads)

@@ -202,24 +202,25 @@ def find_surfaces(
     for which, body, scales, positions, rotations in pose_at(near.victims[people], near.times[people]):
         head, neck, pelvis, _ = body_points(body, positions, rotations, scales)
         chosen = people[which]
+        widths = take.cast.widths[near.victims[chosen]]
         points[chosen] = surface_point(
             fists[chosen],
             head,
             neck,
             pelvis,
             body.head_radius * scales + _GIVES,
-            body.torso_radius * scales,
+            body.torso_radius * widths,
             shoulders[chosen],
         )
         # A fist that misses is left alone where it is in no body.
-        gaps = posed_distance(fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales)
+        gaps = posed_distance(fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * widths)
         free = chosen[near.missed[chosen] & (gaps >= 0.0)]
         points[free] = fists[free]
         stopped = near.blocked[chosen]
         points[chosen[stopped]] = guard_points(
             near.points[chosen[stopped]],
             shoulders[chosen[stopped]],
-            guard_of(body, positions[stopped], rotations[stopped], scales[stopped]),
+            guard_of(body, positions[stopped], rotations[stopped], scales[stopped], widths[stopped]),
         )
     scripted = np.flatnonzero(near.victims < -1)
     if len(scripted):

@@ -33,12 +33,12 @@ class Guard(NamedTuple):
     gloves: Array
 
 
-def guard_of(body: Body, positions: Array, rotations: Array, scales: Array) -> Guard:
-    """Return the arms of posed bodies: positions (n, J, 3) [m] and rotations (n, J, 4) of joints, sizes (n,)."""
+def guard_of(body: Body, positions: Array, rotations: Array, scales: Array, widths: Array) -> Guard:
+    """Return the arms of bodies: positions (n, J, 3) [m] and rotations (n, J, 4) of joints, sizes and widths (n,)."""
     hands, elbows = ([body.roles[f"{side}_{role}"] for side in ("left", "right")] for role in ("hand", "elbow"))
     sizes, (forearm, glove) = np.asarray(scales, dtype=float), arm_radii(body)
     fists = positions[:, hands] + sizes[:, None, None] * quaternion.rotate(rotations[:, hands], body.fist_offsets)
-    return Guard(positions[:, elbows], fists, forearm * sizes, glove * sizes)
+    return Guard(positions[:, elbows], fists, forearm * np.asarray(widths, dtype=float), glove * sizes)
 
 
 def guard_points(points: Array, origins: Array, guard: Guard) -> Array:

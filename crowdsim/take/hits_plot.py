@@ -130,7 +130,8 @@ def find_hits(sampler: PoseSampler, silhouette: Silhouette) -> Hits:
         share = np.clip(share, 0.0, 1.0)[:, None]
         from_head, from_torso = hit[which] - head, hit[which] - (neck + share * axis)
         gaps = [np.linalg.norm(way, axis=1) for way in (from_head, from_torso)]
-        nearer = gaps[0] - body.head_radius * scales <= gaps[1] - body.torso_radius * scales
+        widths = take.cast.widths[victims[which]]
+        nearer = gaps[0] - body.head_radius * scales <= gaps[1] - body.torso_radius * widths
         turned = np.zeros((len(which), 3))
         turned[:, 2] = headings[which]
         out = ground.to_local(turned, np.where(nearer[:, None], from_head, from_torso)) / scales[:, None]

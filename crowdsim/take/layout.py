@@ -1,6 +1,7 @@
 """Names, types and units of what a take holds on disk; FORMAT.md beside this file."""
 
 from crowdsim.crowd.events import OUTCOMES
+from crowdsim.scenario.parts import STANCES
 
 FORMAT = "crowdsim-take"
 VERSION = 1
@@ -18,6 +19,11 @@ LABELS = {
     "policy": ("1", "index into the attribute policy_names"),
     "scale": ("1", "body size over the size of the skeleton"),
     "speed": ("1", "motion frames in a control frame"),
+    "girth": ("1", "thickness of trunk and limbs for their length, over the skeleton's"),
+    "tempo": ("1/min", "strikes that the avatar can sustain, NaN for one that never tires"),
+    "aggression": ("1", "how readily the avatar strikes, as a factor"),
+    "range": ("m", "how much further than others the avatar keeps from its opponent while it rests"),
+    "stance": ("1", "which foot leads"),
     "name": ("1", "avatar name"),
     "target": ("m", "position of each scripted target"),
 }
@@ -34,10 +40,25 @@ EVENT_LABELS = {
     "damage": ("1", "what the strike took from the health of its victim, in points"),
     "down": ("1", "whether the strike knocked its victim down"),
 }
+CAST_FLAGS = {"stance": ("any", *STANCES)}
 EVENT_FLAGS = {"outcome": OUTCOMES}
 """Meanings of numbers, from 0 on."""
 COORDINATES = ("time", "name")
-CAST = {"type": "types", "team": "teams", "policy": "policies", "scale": "scales", "speed": "speeds", "name": "names"}
+CAST = {
+    "type": "types",
+    "team": "teams",
+    "policy": "policies",
+    "scale": "scales",
+    "speed": "speeds",
+    "girth": "girths",
+    "tempo": "tempos",
+    "aggression": "aggressions",
+    "range": "ranges",
+    "stance": "stances",
+    "name": "names",
+}
+LATER_CAST = ("girth", "tempo", "aggression", "range", "stance")
+"""What older takes do not have of each avatar."""
 EVENTS = {
     "frame": "<f4",
     "attacker": "<i4",

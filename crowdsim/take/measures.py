@@ -215,7 +215,7 @@ def measure_fights(take: TakeData, after: float = AFTER) -> FightMeasures:
         take: The take, in memory or lazily read.
         after: Time from which positions are counted [s].
     """
-    counter = FightCounter(take.cast.scales, take.control_rate, take.frame_count, after)
+    counter = FightCounter(take.cast.widths, take.control_rate, take.frame_count, after)
     for chunk in chunks_of(take):
         counter.add(chunk)
     return counter.finish()

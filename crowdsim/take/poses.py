@@ -50,6 +50,7 @@ class Poses:
         avatars: Numbers of the avatars. Shape (n,).
         skeleton: Their skeleton, unscaled.
         scales: Size of each body. Shape (n,).
+        girths: How thick its trunk and limbs are for their length. Shape (n,).
         root_positions: Position of the root in the world [m]; NaN while absent. Shape (T, n, 3), float32.
         rotations: Local joint rotations, the root's in the world; NaN while absent. Shape (T, n, J, 4), float32.
         ground: Ground transform. Shape (T, n, 3), float64.
@@ -59,6 +60,7 @@ class Poses:
     avatars: Array
     skeleton: Skeleton
     scales: Array
+    girths: Array
     root_positions: Array
     rotations: Array
     ground: Array
@@ -136,7 +138,7 @@ class PoseSampler:
         result = []
         for index, which, poses, playback in self._passes.sample(numbers, times):
             mine, skeleton = numbers[which], self.motions[index].skeleton
-            result.append(Poses(index, mine, skeleton, self.take.cast.scales[mine], *poses, playback.ground))
+            result.append(Poses(index, mine, skeleton, *self._sizes_of(mine), *poses, playback.ground))
         return result
 
     def captured(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:
@@ -157,9 +159,12 @@ class PoseSampler:
             playback = window.playback(moments)
             none = window.transitions()._replace(starts=np.zeros(len(mine) + 1, np.int64))
             poses = self._passes.blend(window, none, playback, moments)
-            scales = self.take.cast.scales[mine]
-            result.append(Poses(index, mine, motion.skeleton, scales, *poses, playback.ground))
+            result.append(Poses(index, mine, motion.skeleton, *self._sizes_of(mine), *poses, playback.ground))
         return result
+
+    def _sizes_of(self, avatars: Array) -> tuple[Array, Array]:
+        """Return sizes and girths of some avatars (n,)."""
+        return self.take.cast.scales[avatars], self.take.cast.girths[avatars]
 
     def present(self, avatar: int, start: int, stop: int, fps: float) -> int:
         """Return in how many of the output frames ``start`` to ``stop`` an avatar is there."""
@@ -191,7 +196,7 @@ class PoseSampler:
                 for local in (motion.trunks[:, 0], motion.frames.roots)
             )
             body, necks = motion.body, heads + _NECK * (pelvises - heads)
-            radii = body.head_radius * scales, body.torso_radius * scales
+            radii = body.head_radius * scales, body.torso_radius * self.take.cast.widths[victims[which]]
             gaps = posed_distance(points[which], heads, necks, pelvises, *radii)
             self._buried[some[which]] = gaps < _NEAR * scales
         return bool(self._buried[some].any())

@@ -18,6 +18,7 @@ from crowdsim.take.kernels.records import Moments, Steps, Transitions
 from crowdsim.take.kernels.steps import STEP
 from crowdsim.take.measures import measure_fights
 from crowdsim.take.penetration import measure_penetration
+from crowdsim.take.people import measure_people
 from crowdsim.take.poses import Poses, PoseSampler
 from crowdsim.take.spreads import measure_spreads
 from crowdsim.take.variety import measure_variety
@@ -77,6 +78,7 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads
     report.update(asdict(measure_penetration(sampler, threads, progress)))
     report.update(asdict(measure_variety(take, sampler.policies)))
     report.update(asdict(measure_spreads(take)))
+    report.update(asdict(measure_people(take, sampler.policies)))
     report["opponent_changes"] = int(np.count_nonzero(there & (opponent[1:] != opponent[:-1])))
     report["thrown_per_minute_captured"] = _captured_strikes(sampler)
     report["transitions_per_second"] = _count_transitions(sampler) / (minutes * 60.0) if minutes else None
@@ -151,12 +153,12 @@ def _of_fists(sampler: PoseSampler) -> dict[str, float | None]:
         np.asarray(events.attacker)[some].astype(int), times
     ):
         fists[which] = body_points(body, positions, rotations, scales)[3][np.arange(len(which)), limbs[which]]
-    for which, body, scales, positions, rotations in sampler.moments(
-        np.asarray(events.victim)[some].astype(int), times
-    ):
+    victims = np.asarray(events.victim)[some].astype(int)
+    for which, body, scales, positions, rotations in sampler.moments(victims, times):
+        widths = sampler.take.cast.widths[victims[which]]
         head, neck, pelvis, _ = body_points(body, positions, rotations, scales)
         surfaces[which] = surface_point(
-            fists[which], head, neck, pelvis, body.head_radius * scales, body.torso_radius * scales
+            fists[which], head, neck, pelvis, body.head_radius * scales, body.torso_radius * widths
         )
     gaps = np.linalg.norm(fists - surfaces, axis=1)
     gaps = gaps[np.isfinite(gaps)]

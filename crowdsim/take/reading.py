@@ -14,7 +14,7 @@ from crowdsim.core.types import Array
 from crowdsim.errors import TakeError
 from crowdsim.scenario.names import NAME, NAME_RULE, avatar_name_fault
 from crowdsim.take import checks
-from crowdsim.take.layout import CAST, EVENTS, FORMAT, VERSION
+from crowdsim.take.layout import CAST, EVENTS, FORMAT, LATER_CAST, VERSION
 from crowdsim.take.metadata import ArrayFacts, TakeAttributes, check_first_chunks, read_metadata, read_model
 from crowdsim.take.stored import StoredColumn
 from crowdsim.take.take import VARIABLES, Cast, Events, Take
@@ -38,7 +38,11 @@ def read_take(folder: Path) -> Take:
         "teams": len(attributes["team_names"]),
         "policies": len(attributes["policy_names"]),
     }
-    constant = {CAST[name]: open_column(folder / name, column, sizes)[:] for name, column in checks.CAST.items()}
+    constant = {
+        CAST[name]: open_column(folder / name, column, sizes)[:]
+        for name, column in checks.CAST.items()
+        if name not in LATER_CAST or (folder / name).is_dir()
+    }
     colours = [[np.nan if c is None else c for c in row] for row in attributes["type_colours"]]
     cast = Cast(
         names=names,

@@ -31,7 +31,7 @@ class Separation:
         for index, motion in enumerate(motions):
             mine = take.cast.policies == index
             self._radii[mine] = [motion.body.head_radius, motion.body.torso_radius]
-        self._radii *= np.asarray(take.cast.scales, dtype=float)[:, None]
+        self._radii *= np.stack([take.cast.scales, take.cast.widths], axis=1).astype(float)
 
     def find(self, first: int, stop: int) -> Array:
         """Return how far trunks of all avatars give way at control frames, x and z [m]. Shape (T, N, 2), float32."""

@@ -18,6 +18,7 @@ from crowdsim.take.data import TakeHeader
 from crowdsim.take.layout import (
     AVATARS_A_CHUNK,
     CAST,
+    CAST_FLAGS,
     CHUNKS_AT_FIRST,
     DTYPES,
     EVENT_FLAGS,
@@ -148,8 +149,8 @@ class TakeWriter:
         codec = numcodecs.Zstd(level=1)
         units, long_name = (LABELS if group is self.group else EVENT_LABELS)[name]
         attributes: dict[str, Any] = {"_ARRAY_DIMENSIONS": dimensions, "units": units, "long_name": long_name}
-        if group is not self.group and name in EVENT_FLAGS:
-            meanings = EVENT_FLAGS[name]
+        meanings = (CAST_FLAGS if group is self.group else EVENT_FLAGS).get(name)
+        if meanings is not None:
             attributes |= {"flag_values": list(range(len(meanings))), "flag_meanings": " ".join(meanings)}
         # Without a fill value: xarray reads it as the mark of missing values and would turn every 0 and False into NaN.
         facts: dict[str, Any] = {"shape": shape, "chunks": chunks, "dtype": dtype, "fill_value": None}

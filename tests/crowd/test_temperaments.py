@@ -64,7 +64,7 @@ def test_a_state_with_other_temperaments_is_refused():
     state = Simulation(people, POLICIES).state()
     np.testing.assert_array_equal(state["avatars.conditions"][:, layout.TEMPO : layout.RANGE + 1], people.temperaments)
     state["avatars.conditions"][3, layout.RANGE] += 0.1
-    with pytest.raises(ValueError, match="holds other temperaments than those of the run"):
+    with pytest.raises(ValueError, match="holds other temperaments or stances than those of the run"):
         Simulation(people, POLICIES).restore(state)
 
 

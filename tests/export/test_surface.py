@@ -8,6 +8,7 @@ from crowdsim.export.surface import build_surface
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import build_body
 from crowdsim.performer.session import perform
+from crowdsim.take.capsules import swelling_capsules
 
 
 @pytest.fixture(scope="module")
@@ -56,18 +57,21 @@ def test_points_ride_on_their_joints(clip) -> None:
     rotations = quaternion.normalise(generator.normal(size=(3, 4, clip.skeleton.joint_count, 4))).astype(np.float32)
     joints_at[0, 2] = joints_at[2, 3] = np.nan  # one avatar comes at row 1, one leaves after it
     scales = np.array([1.0, 0.5, 2.0, 1.5], np.float32)
+    girths = np.array([1.0, 1.25, 0.85, 1.1], np.float32)
     columns = np.array([0, 2, 3])
     values, labels = np.full((150, 9), np.inf, np.float32), np.full((150, 3), -1, np.int32)
-    riders = Riders(surface.joints, surface.positions, surface.normals)
+    riders = Riders(surface.joints, surface.positions, surface.normals, surface.swells)
     wanted = Wanted(columns, np.array([7, 9, 10], np.int32), np.array([0, 1, 1], np.int32))
     motions = np.full((clip.skeleton.joint_count, MOTION_COLUMNS), np.inf)
-    place_points(Bodies(joints_at, rotations, scales), When(0, 1, 2, 0.1), wanted, riders, motions, values, labels)
+    place_points(
+        Bodies(joints_at, rotations, scales, girths), When(0, 1, 2, 0.1), wanted, riders, motions, values, labels
+    )
     joints = surface.joints
     for number, avatar in enumerate(columns):
         here = slice(number * 50, 50 + number * 50)
+        places = surface.positions + (girths[avatar] - 1.0) * surface.swells
         rows = [
-            joints_at[row, avatar, joints]
-            + quaternion.rotate(rotations[row, avatar, joints], surface.positions * scales[avatar])
+            joints_at[row, avatar, joints] + quaternion.rotate(rotations[row, avatar, joints], places * scales[avatar])
             for row in range(3)
         ]
         low, high = {0: (0, 2), 2: (1, 2), 3: (0, 1)}[int(avatar)]
@@ -86,9 +90,29 @@ def test_a_single_frame_does_not_move(clip) -> None:
     rotations = np.zeros((1, 1, clip.skeleton.joint_count, 4), np.float32)
     rotations[..., 0] = 1.0
     values, labels = np.full((20, 9), np.inf, np.float32), np.full((20, 3), -1, np.int32)
-    riders = Riders(surface.joints, surface.positions, surface.normals)
-    bodies = Bodies(joints_at, rotations, np.ones(1, np.float32))
+    riders = Riders(surface.joints, surface.positions, surface.normals, surface.swells)
+    bodies = Bodies(joints_at, rotations, np.ones(1, np.float32), np.ones(1, np.float32))
     wanted = Wanted(np.array([0]), np.array([0], np.int32), np.array([0], np.int32))
     motions = np.full((clip.skeleton.joint_count, MOTION_COLUMNS), np.inf)
     place_points(bodies, When(0, 0, 0, 0.1), wanted, riders, motions, values, labels)
     assert (values[:, 6:] == 0).all()
+
+
+def test_points_lie_on_capsules_that_are_as_thick_as_the_girth_says(clip) -> None:
+    body = build_body(clip.skeleton)
+    surface = build_surface(clip.skeleton, body, 400)
+    thick = swelling_capsules(body.capsule_parts)
+    assert thick.any()
+    assert not thick.all()
+    for girth in (0.85, 1.25):
+        radii = body.capsule_radii * np.where(thick, girth, 1.0)[:, None]
+        places = surface.positions + (girth - 1.0) * surface.swells
+        for joint, place in zip(surface.joints, places, strict=True):
+            own = np.flatnonzero(body.capsule_joints == joint)
+            gaps = []
+            for capsule in own:
+                start, axis = body.capsule_starts[capsule], body.capsule_ends[capsule] - body.capsule_starts[capsule]
+                share = np.clip((place - start) @ axis / max(float(axis @ axis), 1e-12), 0.0, 1.0)
+                radius = radii[capsule, 0] * (1 - share) + radii[capsule, 1] * share
+                gaps.append(abs(np.linalg.norm(place - start - share * axis) - radius))
+            assert min(gaps) < 0.002

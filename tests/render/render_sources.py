@@ -38,6 +38,7 @@ class Walkers:
         self.avatar_names = tuple(f"walker_{i}" for i in range(count))
         self.avatar_teams = np.arange(count) % 2 if self.teams is None else self.teams
         self.avatar_scales = np.ones(count)
+        self.avatar_girths = np.ones(count)
         self.avatar_heights = np.full(count, 1.8)
         self.avatar_colours = np.full((count, 3), np.nan)
         self.figures = (DUMMY,)

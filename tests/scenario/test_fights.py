@@ -1,6 +1,7 @@
 """Scenarios in which avatars can be hurt, and fights have an end."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,10 @@ from crowdsim.errors import OutputError, ScenarioError
 from crowdsim.runs.extending import extend_run
 from crowdsim.runs.manifest import read_manifest
 from crowdsim.runs.runner import run, run_to
+from crowdsim.runs.validation import check_file
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.store import open_take
+from crowdsim.training.train import train_recipe
 
 FIGHT = {
     "version": 1,
@@ -155,3 +158,37 @@ def test_damage_is_inherited_key_by_key(workplace: Path) -> None:
     resolved = load_scenario(write(workplace, types=types)).types
     assert (resolved["heavy"].damage.health, resolved["heavy"].damage.downs) == (50, 2)
     assert resolved["ghost"].damage is None
+
+
+def test_stances_of_which_a_policy_has_no_motion_are_found(workplace: Path) -> None:
+    recipe = workplace / "policies/one_stance.yaml"
+    text = (workplace / "policies/tiny.yaml").read_text(encoding="utf-8")
+    recipe.write_text(text.replace("seed: 2}", "seed: 2}\n  mirror: false"), encoding="utf-8")
+    train_recipe(recipe, threads=2)
+    for stance in ("southpaw", {"southpaw": 0.3}):
+        path = write(workplace, types={"boxer": {"policy": "one_stance", "stance": stance}}, until=None)
+        found = [
+            f"{path}:0:0: types.boxer.stance: policy 'one_stance' cannot keep the stance 'southpaw': the right foot "
+            "leads in 0 % of its states, expected 20 % or more; 'mirror: true' in its recipe gives it as much motion "
+            "of one stance as of the other"
+        ]
+        lines, _ = check_file(path)
+        assert [re.sub(r":\d+:\d+:", ":0:0:", line) for line in lines] == found
+        with pytest.raises(ScenarioError, match="cannot keep the stance 'southpaw'"):
+            run_to(workplace / "output/fight", load_scenario(path))
+        assert not (workplace / "output/fight").exists()
+    fitting = write(workplace, types={"boxer": {"policy": "one_stance", "stance": "orthodox"}}, until=None)
+    assert check_file(fitting)[0] == []
+
+
+@pytest.mark.parametrize(
+    ("stance", "message"),
+    [
+        ("soutpaw", "types.boxer.stance: is 'soutpaw'"),
+        ({"southpaw": 1.5}, "types.boxer.stance.southpaw: is 1.5, expected a number from 0 to 1"),
+        ({"orthodox": 1}, "types.boxer.stance.orthodox"),
+    ],
+)
+def test_stances_that_there_are_not_are_findings(workplace: Path, stance: object, message: str) -> None:
+    found = findings(workplace, types={"boxer": {"policy": "tiny", "stance": stance}}, until=None)
+    assert any(message in line for line in found), found

@@ -126,7 +126,8 @@ def test_capsules_ride_along_with_their_bones() -> None:
     motion = sampler(take, policy).motions[0]
     poses = sampler(take, policy).sample(0, 1, 60, np.array([0]))[0]
     positions, rotations = poses.joints()
-    capsules = place_capsules([PosedBodies(motion.body, np.array([0]), poses.scales, positions, rotations)], 1, 1)
+    body = PosedBodies(motion.body, np.array([0]), poses.scales, poses.girths, positions, rotations)
+    capsules = place_capsules([body], 1, 1)
     limbs, weights = ride_along(motion)
     joints = np.concatenate([motion.arms.joints, motion.legs.joints])
     arms = np.isin(motion.body.capsule_joints[capsule_order(motion.body)], motion.arms.joints[:, :2])

@@ -45,7 +45,7 @@ def blocked_duel():
     poses = sampler(without(take), policy).sample(frame, frame + 1, 60)[0]
     positions, turns = (a[0] for a in poses.joints())
     fist = body_points(database().body, positions, turns, poses.scales)[3][0, int(take.events.hand[0])]
-    gloves = guard_of(database().body, positions[1:], turns[1:], poses.scales[1:]).fists[0]
+    gloves = guard_of(database().body, positions[1:], turns[1:], poses.scales[1:], poses.scales[1:]).fists[0]
     side = int(np.argmin(np.abs(gloves[:, 1] - fist[1])))
     way = fist - positions[0, database().body.roles["pelvis"]]
     goal = fist - 0.1 * way / np.linalg.norm(way)
@@ -70,7 +70,7 @@ def test_a_fist_that_is_blocked_stops_at_the_glove():
         poses = sampler(one, policy).sample(frame, frame + 1, 60)[0]
         positions, turns = (a[0] for a in poses.joints())
         fist = body_points(body, positions, turns, poses.scales)[3][0, hand]
-        guard = guard_of(body, positions[1:], turns[1:], poses.scales[1:])
+        guard = guard_of(body, positions[1:], turns[1:], poses.scales[1:], poses.scales[1:])
         arm = line_gap(fist, guard.elbows[0, side], guard.fists[0, side]) - guard.forearms[0]
         gaps.append(min(arm, float(np.linalg.norm(fist - guard.fists[0, side])) - guard.gloves[0]))
     stops = arm_radii(body)[1] - _GIVES

@@ -15,6 +15,7 @@ from crowdsim.crowd.events import OUTCOMES
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.scenario.names import avatar_name_fault
 from crowdsim.take.data import TakeHeader
+from crowdsim.take.layout import CAST as CAST_FIELDS
 from crowdsim.take.store import TakeWriter, open_take
 from crowdsim.take.take import VARIABLES, Cast, Events
 
@@ -30,6 +31,11 @@ CAST = Cast(
     team_names=("red", "blue"),
     policy_names=("boxer",),
     colours=np.full((1, 3), np.nan),
+    girths=np.linspace(0.85, 1.25, AVATARS).astype(np.float32),
+    tempos=np.array([40.0, np.nan, 60.0, 70.0, 80.0], np.float32),
+    aggressions=np.linspace(0.5, 2.0, AVATARS).astype(np.float32),
+    ranges=np.linspace(-0.2, 0.4, AVATARS).astype(np.float32),
+    stances=np.array([0, 1, 2, 1, 1], np.uint8),
 )
 NO_EVENTS = Events(*(np.zeros((0, 3) if name == "point" else 0) for name in Events.__dataclass_fields__))
 HEADER = TakeHeader(CAST, 15.0, "test", 3, ("abc",), ("ball",))
@@ -115,8 +121,7 @@ def test_xarray_reads_every_variable_as_it_was_written(tmp_path: Path) -> None:
     read = xarray.open_zarr(tmp_path / "take.zarr")
     expected = {name: getattr(take, name)[:] for name in VARIABLES}
     expected |= {"target": take.targets[:], "time": np.arange(9) / 15.0}
-    fields = {"type": "types", "team": "teams", "policy": "policies", "scale": "scales", "speed": "speeds"}
-    expected |= {name: getattr(take.cast, field) for name, field in {**fields, "name": "names"}.items()}
+    expected |= {name: getattr(take.cast, field) for name, field in CAST_FIELDS.items()}
     assert set(read.variables) == set(expected)
     read_events = xarray.open_zarr(tmp_path / "take.zarr", group="events")
     expected_events = {name: getattr(take.events, name) for name in Events.__dataclass_fields__}

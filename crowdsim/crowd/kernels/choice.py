@@ -26,6 +26,7 @@ from crowdsim.crowd.kernels.layout import (
     NUMBER,
     RESTED,
     STAMINA,
+    STANCE,
     STRIKES,
     TEMPERATURE,
     TEMPO,
@@ -39,6 +40,7 @@ from crowdsim.jit import kernel
 BURSTS = (2, 5)  # least and most strikes of a burst
 REST = 4.0  # what a strike costs an avatar that rests, in normalised values
 BOLDNESS = 0.2  # how much more a strike is worth to an avatar for each doubling of its aggression
+ASTRAY = 1.0  # what it costs an avatar to be an action further from its stance, in normalised values
 WEARY = 3.0  # how much longer it takes an exhausted avatar to recover from a strike, over one that is not tired
 REDRAWN = 4  # how often an avatar thinks again that has drawn a strike which its opponent throws
 SORTED = 256  # from this many deciding avatars on, actions are evaluated in the order of states
@@ -103,13 +105,14 @@ def _draw_actions(model, avatars, world, frame, due, count, scratch, out_chosen)
 
     Strikes come in bursts. A strike takes ``INTERVAL`` frames to recover from; after a burst an avatar rests until it
     has recovered from all of them, and strikes cost it dear meanwhile, as they do while it watches or flees. Whoever is
-    exhausted takes ``WEARY`` times as long again; tempo and aggression are the avatar's own.
+    exhausted takes ``WEARY`` times as long again; tempo and aggression are the avatar's own. Who has a stance prefers
+    actions that end in it, or nearer to it.
     """
     whole, real, offsets, actions, cohorts = avatars.whole, avatars.real, model.offsets, model.actions, world.cohorts
     values, chances, stream = scratch.values, scratch.rows, world.stream
     for q in range(count):
         own = due[q]
-        rests, slowness, bonus = False, 1.0, 0.0
+        rests, slowness, bonus, stance = False, 1.0, 0.0, 0
         if avatars.conditions.shape[0] > 0:
             special = special_action(model, avatars, world, frame, own)
             if special >= 0:
@@ -118,6 +121,7 @@ def _draw_actions(model, avatars, world, frame, due, count, scratch, out_chosen)
             row = avatars.conditions[whole[NUMBER, own]]
             rests, bonus = row[DOES_NEXT] != FIGHTS, BOLDNESS * row[AGGRESSION]
             slowness = row[TEMPO] * (1.0 + WEARY * (1.0 - row[STAMINA]))
+            stance = int(row[STANCE])
         state, cohort = actions[whole[ACTION, own], NEXT], whole[COHORT, own]
         interval = cohorts[cohort, INTERVAL] * slowness
         if is_resting(avatars, world, frame, own):
@@ -131,6 +135,9 @@ def _draw_actions(model, avatars, world, frame, due, count, scratch, out_chosen)
             for k in range(offsets[state + 1] - offsets[state]):
                 action = offsets[state] + k
                 values[q, k] += worth * (actions[action + 1, STRIKES] - actions[action, STRIKES])
+        if stance > 0:
+            for k in range(offsets[state + 1] - offsets[state]):
+                values[q, k] -= ASTRAY * model.stances[actions[offsets[state] + k, NEXT], stance - 1]
         number = uniform(stream[CHOICE_STREAM], np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own]))
         rules = CandidateRules(cohorts[cohort, MARGIN], cohorts[cohort, MOST], cohorts[cohort, TEMPERATURE])
         picked = draw_candidate(values[q], offsets[state + 1] - offsets[state], rules, number, chances)

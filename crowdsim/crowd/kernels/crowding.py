@@ -36,6 +36,7 @@ from crowdsim.crowd.kernels.layout import (
     SPACE,
     SPEED,
     TEAM,
+    WIDTH,
     X,
     Z,
 )
@@ -90,7 +91,7 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
     meet, the frames that are left of the action, what it costs to end in the middle, and to pass there.
     """
     whole, real = avatars.whole, avatars.real
-    x, z, scale = real[X, own], real[Z, own], real[SCALE, own]
+    x, z, width = real[X, own], real[Z, own], real[WIDTH, own]
     own_space = model.sizes[whole[POLICY, own], SPACE]
     close = 0
     for m in range(observed.counts[q]):
@@ -100,13 +101,13 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
         space = 0.5 * (own_space + model.sizes[whole[POLICY, j], SPACE])
         if whole[NUMBER, j] != whole[NEXT_OPPONENT, own] and whole[OPPONENT, j] != whole[NUMBER, own]:
             space *= BYSTANDERS
-        room = crowding[DISC] * (scale + real[SCALE, j]) + crowding[GAP] * space
+        room = crowding[DISC] * (width + real[WIDTH, j]) + crowding[GAP] * space
         end_cost, path_cost = crowding[END_COST] * space, crowding[PATH_COST]
         if whole[TEAM, j] < 0:
             # It falls, lies or gets up: others may step over it, but should not end anywhere from head to feet.
             mx, mz = middle_of(model, avatars, j)
             ax, az, wx, wz = mx - x, mz - z, 0.0, 0.0
-            room = crowding[DISC] * scale + LYING * real[SCALE, j]
+            room = crowding[DISC] * width + LYING * real[SCALE, j]
             end_cost, path_cost = STEPS_ON * crowding[END_COST], 0.0
         # Point of its path at which the neighbour is nearest to the position of the avatar now.
         towards, moved = -(ax * wx + az * wz), wx * wx + wz * wz

@@ -39,6 +39,7 @@ from crowdsim.crowd.kernels.layout import (
     THREAT,
     TIME,
     TOLERANCE,
+    WIDTH,
     X,
     Z,
 )
@@ -147,40 +148,40 @@ def _cell_of(model, avatars, own, frames, x, y, z):
 def _endured(model, avatars, own, action, threat):
     """Return whether a strike that is seen would land in an action, or in the best one behind it: from 0 to 1."""
     real = avatars.real
-    speed = real[SPEED, own]
-    x, z, heading, size = real[X, own], real[Z, own], real[HEADING, own], real[SCALE, own]
-    policy, length = avatars.whole[POLICY, own], np.float64(model.actions[action, LENGTH])
-    frames = threat.frames * speed
+    start = real[X, own], real[Z, own], real[HEADING, own]
+    length = np.float64(model.actions[action, LENGTH])
+    frames = threat.frames * real[SPEED, own]
     if frames <= length:
-        return _lands(model, action, policy, x, z, heading, size, frames, threat.point)
-    x, z, heading = _place(model, action, policy, x, z, heading, size, length)
+        return _lands(model, avatars, own, action, start, frames, threat.point)
+    start = _place(model, avatars, own, action, start, length)
     state, least = model.actions[action, NEXT], 1.0
     for after in range(model.offsets[state], model.offsets[state + 1]):
         done = min(frames - length, np.float64(model.actions[after, LENGTH]))
-        least = min(least, _lands(model, after, policy, x, z, heading, size, done, threat.point))
+        least = min(least, _lands(model, avatars, own, after, start, done, threat.point))
     return least
 
 
 @kernel(inline=True)
-def _place(model, action, policy, x, z, heading, size, frames):
-    """Return where an action that starts at a place leads in some frames of motion: x, z [m] and heading [rad]."""
-    starts = model.starts
-    stride = model.policies[policy, STRIDE]
+def _place(model, avatars, own, action, start, frames):
+    """Return where an action leads in some frames of motion from a ground frame: x, z [m], heading [rad]."""
+    starts, size = model.starts, avatars.real[SCALE, own]
+    stride = model.policies[avatars.whole[POLICY, own], STRIDE]
     gx, gz, turned = ground_at(model.ground, model.actions[action, ORIGIN] + frames * stride)
-    cos, sin = cos_sin(heading - starts[action, 2])
+    cos, sin = cos_sin(start[2] - starts[action, 2])
     dx, dz = (gx - starts[action, 0]) * size, (gz - starts[action, 1]) * size
-    return x + dx * cos + dz * sin, z - dx * sin + dz * cos, heading + turned - starts[action, 2]
+    return start[0] + dx * cos + dz * sin, start[1] - dx * sin + dz * cos, start[2] + turned - starts[action, 2]
 
 
 @kernel(inline=True)
-def _lands(model, action, policy, x, z, heading, size, frames, point):
+def _lands(model, avatars, own, action, start, frames, point):
     """Return whether a strike lands on an avatar that has done some frames of an action: from 0 to 1.
 
-    One that would end inside the body counts as well: nobody defends itself by walking into a fist.
+    One that would end inside the body counts as well, so that walking into a fist is no defence.
     """
-    bx, bz, turn = _place(model, action, policy, x, z, heading, size, frames)
-    cos, sin = cos_sin(turn)
+    size, policy = avatars.real[SCALE, own], avatars.whole[POLICY, own]
+    x, z, heading = _place(model, avatars, own, action, start, frames)
+    cos, sin = cos_sin(heading)
     frame = model.actions[action, ORIGIN] + frames * model.policies[policy, STRIDE]
-    body = posed_body(model, Standing(frame, bx, bz, size, cos * size, sin * size, policy))
+    stands = Standing(frame, x, z, size, cos * size, sin * size, policy, avatars.real[WIDTH, own])
     tolerance = model.sizes[policy, TOLERANCE] * size
-    return min(max((tolerance + MARGIN - distance_from_body(point, body)) / MARGIN, 0.0), 1.0)
+    return min(max((tolerance + MARGIN - distance_from_body(point, posed_body(model, stands))) / MARGIN, 0.0), 1.0)

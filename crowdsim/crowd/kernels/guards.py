@@ -22,8 +22,8 @@ def meet_guard(model, avatars, i, thrown, body, stands):
     The arms are as they are when the strike reaches furthest. It meets one where the middle of the fist or foot comes
     through the surface of forearm or glove: what only grazes them goes on. Where it meets none is where it ends.
     """
-    frame, x, z, size, cos, sin, policy = stands
-    forearm, glove = model.sizes[policy, FOREARM_RADIUS] * size, model.sizes[policy, GLOVE_RADIUS] * size
+    frame, x, z, size, cos, sin, policy, width = stands
+    forearm, glove = model.sizes[policy, FOREARM_RADIUS] * width, model.sizes[policy, GLOVE_RADIUS] * size
     left_elbow = point_at(model.arms, frame, LEFT_ELBOW, x, z, size, cos, sin)
     right_elbow = point_at(model.arms, frame, LEFT_ELBOW + 3, x, z, size, cos, sin)
     left_fist = point_at(model.arms, frame, LEFT_FIST, x, z, size, cos, sin)

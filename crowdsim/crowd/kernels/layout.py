@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 ) = range(18)  # fmt: skip
 (
     SCALE, SPEED, PHASE, PHASE_BEFORE, BASE_X, BASE_Z, BASE_COS, BASE_SIN, BASE_TURN, X, Z, HEADING, END_X, END_Z,
-    RESTED, HIT_X, HIT_Z, HIT_FRAME,
-) = range(18)  # fmt: skip
-WHOLE_ROWS, REAL_ROWS = 18, 18
+    RESTED, HIT_X, HIT_Z, HIT_FRAME, WIDTH,
+) = range(19)  # fmt: skip
+WHOLE_ROWS, REAL_ROWS = 18, 19
 SEEN_X, SEEN_Z, SEEN_TURN, SEEN_FRAME = range(4)  # columns of each half of ``Avatars.seen``
 
 # Columns of the tables of ``Model``: actions, moves, paths (rows), strikes, bodies, arms, sizes, policies, behaviours,
@@ -37,13 +37,13 @@ KIND, WEIGHT = range(2)
 ) = range(2, 13)  # fmt: skip
 NEAREST, SIGMA, BEST_FRAME, FACING, FURTHEST, ASIDE = range(2, 8)
 
-# Columns of ``Avatars.conditions``: what an avatar is told to do, what it did last and does next, how well it is, and
-# its temperament.
+# Columns of ``Avatars.conditions``: what an avatar is told to do, what it did last and does next, how well it is, its
+# temperament and its stance.
 (
     MODE, DOES, DOES_NEXT, KEEPS, STANDING, STANDING_NEXT, FALL, DOWNS, RISES, HEALTH, HURT, HURT_FRAME, STAMINA,
-    TEMPO, AGGRESSION, RANGE,
-) = range(16)  # fmt: skip
-CONDITIONS = 16
+    TEMPO, AGGRESSION, RANGE, STANCE,
+) = range(17)  # fmt: skip
+CONDITIONS = 17
 FIGHTS, WATCHES, FLEES = 0.0, 1.0, 2.0
 UP, STAGGERS, DROPS, FALLING, LYING, RISING, OUT = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
 FALL_POLICY, FALL_KIND, FALL_ACTION, FALL_ROW = range(4)

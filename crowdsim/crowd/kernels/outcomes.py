@@ -41,6 +41,7 @@ from crowdsim.crowd.kernels.layout import (
     STRIKES,
     TOLERANCE,
     TORSO_RADIUS,
+    WIDTH,
     X,
     Z,
 )
@@ -121,7 +122,8 @@ def judge(model, avatars, targets, now, i, thrown):
         return MISSED, thrown.point
     whose, size = avatars.whole[POLICY, j], real[SCALE, j]
     # As far as a body reaches, and moves in a frame: most strikes that miss are not even near.
-    far = size * sizes[whose, REACH] + tolerance
+    width = real[WIDTH, j]
+    far = max(size, width) * sizes[whose, REACH] + tolerance
     if _is_near(thrown, real[X, j], real[Z, j], far + size * real[SPEED, j] * sizes[whose, PACE]):
         stands = standing(model, avatars, j, thrown.share)
         body = posed_body(model, stands)
@@ -131,7 +133,7 @@ def judge(model, avatars, targets, now, i, thrown):
     if frame < 0.0 or not _is_near(thrown, x, z, far):
         return MISSED, thrown.point
     cos, sin = cos_sin(turn)
-    then = Standing(frame, x, z, size, cos * size, sin * size, whose)
+    then = Standing(frame, x, z, size, cos * size, sin * size, whose, width)
     return EVADED if _hits(thrown, posed_body(model, then), tolerance) else MISSED, thrown.point
 
 

@@ -25,6 +25,7 @@ from crowdsim.crowd.kernels.layout import (
     SCALE,
     STRIDE,
     TORSO_RADIUS,
+    WIDTH,
 )
 from crowdsim.crowd.kernels.motion import base_before
 from crowdsim.jit import kernel
@@ -41,6 +42,7 @@ class Standing(NamedTuple):
         cos: Cosine of the heading times the scale.
         sin: Sine likewise.
         policy: Its policy.
+        width: Scale of the body times its girth.
     """
 
     frame: float
@@ -50,6 +52,7 @@ class Standing(NamedTuple):
     cos: float
     sin: float
     policy: int
+    width: float
 
 
 @kernel(inline=True)
@@ -75,25 +78,25 @@ def standing(model, avatars, j, share):
     x, z = bx + gx * cos + gz * sin, bz - gx * sin + gz * cos
     size = real[SCALE, j]
     cos, sin = cos_sin(turn + heading)
-    return Standing(frame, x, z, size, cos * size, sin * size, whole[POLICY, j])
+    return Standing(frame, x, z, size, cos * size, sin * size, whole[POLICY, j], real[WIDTH, j])
 
 
 @kernel(inline=True)
 def posed_body(model, stands):
     """Return head and torso of an avatar."""
-    frame, x, z, size, cos, sin, policy = stands
+    frame, x, z, size, cos, sin, policy, width = stands
     return PosedBody(
         point_at(model.bodies, frame, HEAD, x, z, size, cos, sin),
         point_at(model.bodies, frame, NECK, x, z, size, cos, sin),
         point_at(model.bodies, frame, PELVIS, x, z, size, cos, sin),
         model.sizes[policy, HEAD_RADIUS] * size,
-        model.sizes[policy, TORSO_RADIUS] * size,
+        model.sizes[policy, TORSO_RADIUS] * width,
     )
 
 
 @kernel(inline=True)
 def middle_of(model, avatars, j):
     """Return over what the pelvis of an avatar is: x and z [m]."""
-    frame, x, z, size, cos, sin, _ = standing(model, avatars, j, 1.0)
+    frame, x, z, size, cos, sin, _, _ = standing(model, avatars, j, 1.0)
     middle = point_at(model.bodies, frame, PELVIS, x, z, size, cos, sin)
     return middle[0], middle[2]

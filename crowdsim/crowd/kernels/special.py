@@ -31,6 +31,7 @@ from crowdsim.crowd.kernels.layout import (
     MOST_DOWNS,
     MOVE_X,
     MOVE_Z,
+    NEXT,
     NUMBER,
     POLICY,
     REST_GAIN,
@@ -40,6 +41,7 @@ from crowdsim.crowd.kernels.layout import (
     SPEED,
     STAGGERS,
     STAMINA,
+    STANCE,
     STANDING,
     STANDING_NEXT,
     STANDS_UP,
@@ -51,6 +53,7 @@ from crowdsim.crowd.kernels.layout import (
 )
 from crowdsim.jit import kernel
 
+NOWHERE = 1 << 30  # actions from a stance, before any fall is looked at
 LIKE = 0.6  # directions of falls are alike that differ by no more from the nearest one to the blow's [rad]
 
 
@@ -104,27 +107,50 @@ def _part_of(model, fall, kind):
 
 @kernel(inline=True)
 def _pick(model, avatars, world, own, kind):
-    """Return a row of ``Model.falls`` that leads where the last blow came to, drawn among those alike; -1 for none."""
+    """Return a row of ``Model.falls`` that leads where the last blow came to, drawn among those alike; -1 for none.
+
+    Of these only those count that lead to the avatar's stance, or nearest to it.
+    """
     whole, real, falls = avatars.whole, avatars.real, model.falls
-    policy = whole[POLICY, own]
+    policy, stance = whole[POLICY, own], int(avatars.conditions[whole[NUMBER, own], STANCE])
     blow = math.atan2(real[HIT_X, own], real[HIT_Z, own]) - real[HEADING, own]
-    best = math.inf
+    best, nearest = math.inf, NOWHERE
     for row in range(falls.shape[0]):
         if falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind:
             best = min(best, _apart(model.fall_directions[row], blow))
+    for row in range(falls.shape[0]):
+        if _is_like(model, row, policy, kind, blow, best):
+            nearest = min(nearest, _astray(model, row, stance))
     alike = 0
     for row in range(falls.shape[0]):
-        of_kind = falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind
-        alike += of_kind and _apart(model.fall_directions[row], blow) <= best + LIKE
+        alike += _is_like(model, row, policy, kind, blow, best) and _astray(model, row, stance) == nearest
     number, decision = np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own])
     left = int(alike * uniform(world.stream[CHOICE_STREAM], number, decision))
     for row in range(falls.shape[0]):
-        of_kind = falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind
-        if of_kind and _apart(model.fall_directions[row], blow) <= best + LIKE:
+        if _is_like(model, row, policy, kind, blow, best) and _astray(model, row, stance) == nearest:
             if left == 0:
                 return row
             left -= 1
     return -1
+
+
+@kernel(inline=True)
+def _is_like(model, row, policy, kind, blow, best):
+    """Return whether a fall of a policy is of a kind, and leads as nearly where a blow came to as the best one."""
+    falls = model.falls
+    of_kind = falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind
+    return of_kind and _apart(model.fall_directions[row], blow) <= best + LIKE
+
+
+@kernel(inline=True)
+def _astray(model, row, stance):
+    """Return how many actions from a stance a stagger ends, or an avatar gets up after a fall; 0 for any stance."""
+    if stance == 0:
+        return 0
+    action = np.int64(model.falls[row, FALL_ACTION])
+    if model.falls[row, FALL_KIND] == FALLS:
+        action = np.int64(_part_of(model, row, STANDS_UP))
+    return np.int64(model.stances[model.actions[action, NEXT], stance - 1])
 
 
 @kernel(inline=True)

@@ -20,6 +20,7 @@ from crowdsim.crowd.kernels.layout import (
     NUMBER,
     PHASE,
     SPEED,
+    STANCE,
     STRIKES,
     TARGET_X,
     TARGET_Z,
@@ -32,6 +33,7 @@ from crowdsim.crowd.kernels.layout import (
 from crowdsim.jit import kernel
 
 OTHERS, LATELY = 0.5, 30  # what motion costs that others showed lately, in normalised values; frames that this means
+ONE_STANCE = 0.5  # how much that counts for avatars with a stance, for whom there is half as much motion
 OWN, LATEST = 0.15, 16  # what motion costs that is among the avatar's own latest actions; how many these are
 CELL = 16.0  # side of a cell [m]
 AHEAD, NEAR = 0.6, 1.2  # where opponents are while variety counts: cosine of the bearing, distance [m]
@@ -52,6 +54,8 @@ def charge_repetition(model, avatars, world, now, due, count, scratch):
         variety = world.cohorts[whole[COHORT, own], VARIETY]
         if variety <= 0.0 or scratch.states[q] < 0 or whole[NEXT_OPPONENT, own] < 0:
             continue
+        if avatars.conditions.shape[0] > 0 and avatars.conditions[whole[NUMBER, own], STANCE] > 0.0:
+            variety *= ONE_STANCE
         offset = model.offsets[scratch.states[q]]
         n = model.offsets[scratch.states[q] + 1] - offset
         values = scratch.values[q]

@@ -72,13 +72,17 @@ NEIGHBOUR_GAP = 0.15
 
 
 @kernel
-def place_capsules(positions, rotations, scales, joints, starts, ends, radii, out_shapes):
-    """Write the capsules of bodies in the world: both ends (3, 3) and both radii. Shape (n * K, 8), float32."""
+def place_capsules(positions, rotations, scales, girths, joints, starts, ends, radii, swells, out_shapes):
+    """Write the capsules of bodies in the world: both ends (3, 3) and both radii. Shape (n * K, 8), float32.
+
+    Those that swell, whose ``swells`` (K,) is 1, are as many times thicker as the girth says.
+    """
     count = joints.shape[0]
     for n in range(positions.shape[0]):
         scale = scales[n]
         for k in range(count):
             j, row = joints[k], n * count + k
+            width = scale * (1.0 + swells[k] * (girths[n] - 1.0))
             for end in range(2):
                 if end == 0:
                     a, b, c = starts[k, 0], starts[k, 1], starts[k, 2]
@@ -88,7 +92,7 @@ def place_capsules(positions, rotations, scales, joints, starts, ends, radii, ou
                 out_shapes[row, START_X + 3 * end] = positions[n, j, 0] + scale * x
                 out_shapes[row, START_Y + 3 * end] = positions[n, j, 1] + scale * y
                 out_shapes[row, START_Z + 3 * end] = positions[n, j, 2] + scale * z
-                out_shapes[row, START_RADIUS + end] = scale * radii[k, end]
+                out_shapes[row, START_RADIUS + end] = width * radii[k, end]
 
 
 @kernel

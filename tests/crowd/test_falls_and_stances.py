@@ -1,0 +1,72 @@
+"""Avatars that have a stance stagger and get up in it, where motion that leads the same way allows it."""
+
+import numpy as np
+import pytest
+from test_damage import fighters, rules
+from test_stances import BOTH, ORTHODOX, SOUTHPAW
+
+from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.model import build_model
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.stances import stance_actions
+
+COUNT = 12
+
+
+def chosen_actions(kind, actions, directions, stances):
+    """Which of some staggers, or of some falls whose rises are these actions, avatars show in each stance."""
+    model = build_model([BOTH], with_stances=True)
+    if kind == layout.STUMBLES:
+        rows = [(0, kind, action, k) for k, action in enumerate(actions)]
+    else:
+        rows = [
+            (0, part, action if part == layout.STANDS_UP else 3 * k + part, 3 * k)
+            for k, action in enumerate(actions)
+            for part in (layout.FALLS, layout.LIES, layout.STANDS_UP)
+        ]
+    turns = np.repeat(np.asarray(directions, float), len(rows) // len(actions))
+    model = model._replace(falls=np.array(rows, np.int32), fall_directions=turns)
+    hurting = rules()
+    if kind == layout.STUMBLES:
+        hurting[:, layout.DOWN_FROM] = 1000.0
+    hurting[:, layout.FULL_HEALTH] = 1e6
+    hurting[:, layout.MOST_DOWNS] = 1e6
+    one = Simulation(fighters(rules=hurting, stances=stances, interval=0.0), [BOTH], model=model)
+    found = {int(stance): set() for stance in np.unique(stances)}
+    begun = layout.STAGGERS if kind == layout.STUMBLES else layout.LYING
+    for _ in range(300):
+        before = one.avatars.conditions[:, layout.STANDING].copy()
+        one.run(1)
+        now = one.avatars.conditions[:, layout.STANDING]
+        for number in np.flatnonzero((before == begun) & (now != begun)):
+            action = int(one.avatars.whole[layout.ACTION, one.avatars.slot_of[number]])
+            if action in actions:
+                found[int(stances[number])].add(action)
+    return found
+
+
+def ends_in(column):
+    """Actions that end in a stance, and are not needed for anything else in these tests."""
+    astray = stance_actions(BOTH)[BOTH.actions.next]
+    other = astray[:, 1 - column]
+    return [int(a) for a in np.flatnonzero((astray[:, column] == 0) & (other > 0)) if a > 12]
+
+
+@pytest.mark.parametrize("kind", [layout.STUMBLES, layout.FALLS])
+def test_motion_that_leads_to_the_own_stance_is_preferred(kind):
+    left, right = ends_in(0)[:2], ends_in(1)[:2]
+    stances = (np.arange(COUNT) % 3).astype(np.uint8)
+    found = chosen_actions(kind, [*left, *right], [0.0] * 4, stances)
+    assert found[0] & set(left)
+    assert found[0] & set(right)
+    assert found[ORTHODOX] <= set(left)
+    assert found[SOUTHPAW] <= set(right)
+    assert found[ORTHODOX]
+    assert found[SOUTHPAW]
+
+
+def test_where_a_blow_leads_counts_more_than_the_stance():
+    right = ends_in(1)[:2]
+    found = chosen_actions(layout.STUMBLES, right, [0.0, 0.0], np.full(COUNT, ORTHODOX, np.uint8))
+    assert found[ORTHODOX] <= set(right)
+    assert found[ORTHODOX]

@@ -1,0 +1,51 @@
+"""What takes record of each avatar: build, temperament and stance."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+import zarr
+from take.test_store import AVATARS, CAST, write
+
+from crowdsim.errors import TakeError
+from crowdsim.take.layout import LATER_CAST
+from crowdsim.take.store import open_take
+
+
+def test_stances_have_their_meanings_in_xarray(tmp_path: Path) -> None:
+    write(tmp_path / "take.zarr", [6]).close()
+    stance = xarray.open_zarr(tmp_path / "take.zarr").stance
+    assert stance.attrs["flag_values"] == [0, 1, 2]
+    assert stance.attrs["flag_meanings"].split() == ["any", "orthodox", "southpaw"]
+    assert stance.values.tolist() == CAST.stances.tolist()
+
+
+def test_avatars_of_older_takes_are_of_the_usual_build_and_temperament(tmp_path: Path) -> None:
+    write(tmp_path / "take.zarr", [6]).close()
+    for name in LATER_CAST:
+        shutil.rmtree(tmp_path / "take.zarr" / name)
+    cast = open_take(tmp_path).cast
+    assert np.isnan(cast.tempos).all()
+    for values, usual in ((cast.girths, 1.0), (cast.aggressions, 1.0), (cast.ranges, 0.0), (cast.stances, 0)):
+        assert values.tolist() == [usual] * AVATARS
+    np.testing.assert_array_equal(cast.widths, cast.scales)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("stance", 3, r"stance: holds 3 at \[2\]"),
+        ("girth", 0.0, r"girth: holds 0\.0 at \[2\]"),
+        ("tempo", -1.0, r"tempo: holds -1\.0 at \[2\]"),
+        ("range", np.nan, r"range: holds nan at \[2\]"),
+    ],
+)
+def test_builds_and_temperaments_that_cannot_be_are_refused(
+    tmp_path: Path, name: str, value: float, message: str
+) -> None:
+    write(tmp_path / "take.zarr", [6]).close()
+    zarr.open_group(str(tmp_path / "take.zarr"), mode="r+")[name][2] = value
+    with pytest.raises(TakeError, match=message):
+        open_take(tmp_path)
