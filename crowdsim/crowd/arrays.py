@@ -66,6 +66,8 @@ class Model(NamedTuple):
             fall that it belongs to, of a stagger its own. Shape (n, 4), int32.
         fall_directions: Bearing of the trunk's way in the avatar's ground frame at the start of that fall or stagger:
             0 forward, pi / 2 to the left [rad]. Shape (n,), float64.
+        fall_axes: Where a body of size 1 lies after that fall: head x, z and feet x, z [m], seen from the fall's first
+            frame, then from its last one; 0 of staggers. Shape (n, 8), float64.
     """
 
     offsets: Array
@@ -89,6 +91,7 @@ class Model(NamedTuple):
     twins: Array
     falls: Array
     fall_directions: Array
+    fall_axes: Array
 
 
 class Avatars(NamedTuple):

@@ -88,7 +88,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
     of_terms = slice(layout.FIRST_TERM, layout.LOOKS_AHEAD)
     behaviours[:, of_terms] = kept[behaviours[:, of_terms].astype(int)]
     offsets = joined_offsets(actions, starts["action"])
-    falls, directions = fall_rows(policies, starts)
+    falls, directions, axes = fall_rows(policies, starts)
     strides = [*(database.stride for database in databases), 0]
     firsts = [starts["behaviour"], starts["action"], starts["state"]]
     origins = [action_starts(policy) for policy in policies]
@@ -115,6 +115,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
         twins=twin_states(policies, starts),
         falls=falls,
         fall_directions=directions,
+        fall_axes=axes,
     )
 
 

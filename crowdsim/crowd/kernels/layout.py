@@ -112,3 +112,12 @@ class Target(NamedTuple):
     vx: float
     vz: float
     lasts: float
+
+
+class Axis(NamedTuple):
+    """A line on the floor from (x, z) to (to_x, to_z), such as that from head to feet of a lying body [m]."""
+
+    x: float
+    z: float
+    to_x: float
+    to_z: float

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.core.angles import cos_sin
 from crowdsim.core.random import uniform
 from crowdsim.crowd.kernels.layout import (
     CHOICE_STREAM,
@@ -14,6 +15,8 @@ from crowdsim.crowd.kernels.layout import (
     DOWN_FRAMES,
     DOWNS,
     DROPS,
+    END_X,
+    END_Z,
     FALL,
     FALL_ACTION,
     FALL_KIND,
@@ -37,6 +40,7 @@ from crowdsim.crowd.kernels.layout import (
     RISES,
     RISING,
     RUN_TIRES,
+    SCALE,
     SPEED,
     STAGGERS,
     STAMINA,
@@ -48,10 +52,17 @@ from crowdsim.crowd.kernels.layout import (
     STUMBLES,
     TEAM,
     UP,
+    X,
+    Z,
 )
+from crowdsim.crowd.kernels.lying import FROM_START, axes_apart, axis_after, axis_of, from_axis, is_on_floor
 from crowdsim.jit import kernel
 
 LIKE = 0.6  # directions of falls are alike that differ by no more from the nearest one to the blow's [rad]
+FURTHEST_ASIDE = 1.3  # how much further aside a body falls at the most where there is no room [rad]
+ASIDE = 0.05  # how much a radian aside counts, beside the square of the room that lacks [m2]
+SIDE_BY_SIDE = 1.0  # how far apart the axes of bodies should be that lie [m]
+STANDS_BY = 0.5  # how far from the axis of a body others should stand [m]
 
 
 @kernel(inline=True)
@@ -71,7 +82,7 @@ def is_down(avatars, i):
 
 
 @kernel(inline=True)
-def special_action(model, avatars, world, frame, own):
+def special_action(model, avatars, world, frame, own, observed, q):
     """Return the action that an avatar has to do next because it staggers, falls or is down; -1 where it may choose.
 
     What it will be doing is noted in its row of ``conditions``; others see it when the action starts.
@@ -80,10 +91,10 @@ def special_action(model, avatars, world, frame, own):
     standing = row[STANDING]
     row[STANDING_NEXT] = UP
     if standing == STAGGERS:
-        found = _pick(model, avatars, world, own, STUMBLES)
+        found = _pick(model, avatars, world, own, STUMBLES, observed, q)
         return -1 if found < 0 else model.falls[found, FALL_ACTION]
     if standing == DROPS:
-        found = _pick(model, avatars, world, own, FALLS)
+        found = _pick(model, avatars, world, own, FALLS, observed, q)
         row[STANDING_NEXT], row[FALL] = FALLING, found
         return model.falls[found, FALL_ACTION]
     if FALLING <= standing <= LYING:
@@ -103,28 +114,57 @@ def _part_of(model, fall, kind):
 
 
 @kernel(inline=True)
-def _pick(model, avatars, world, own, kind):
-    """Return a row of ``Model.falls`` that leads where the last blow came to, drawn among those alike; -1 for none."""
+def _pick(model, avatars, world, own, kind, observed, q):
+    """Return a row of ``Model.falls`` that leads where the last blow came to, drawn among those alike; -1 for none.
+
+    A body falls where most room is, if need be further aside.
+    """
     whole, real, falls = avatars.whole, avatars.real, model.falls
     policy = whole[POLICY, own]
     blow = math.atan2(real[HIT_X, own], real[HIT_Z, own]) - real[HEADING, own]
-    best = math.inf
+    nearest, best = math.inf, math.inf
     for row in range(falls.shape[0]):
         if falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind:
-            best = min(best, _apart(model.fall_directions[row], blow))
+            nearest = min(nearest, _apart(model.fall_directions[row], blow))
+    for row in range(falls.shape[0]):
+        if falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind:
+            best = min(best, _unfit(model, avatars, own, row, blow, nearest, observed, q))
     alike = 0
     for row in range(falls.shape[0]):
-        of_kind = falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind
-        alike += of_kind and _apart(model.fall_directions[row], blow) <= best + LIKE
+        if falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind:
+            alike += _unfit(model, avatars, own, row, blow, nearest, observed, q) <= best
     number, decision = np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own])
     left = int(alike * uniform(world.stream[CHOICE_STREAM], number, decision))
     for row in range(falls.shape[0]):
         of_kind = falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind
-        if of_kind and _apart(model.fall_directions[row], blow) <= best + LIKE:
+        if of_kind and _unfit(model, avatars, own, row, blow, nearest, observed, q) <= best:
             if left == 0:
                 return row
             left -= 1
     return -1
+
+
+@kernel
+def _unfit(model, avatars, own, row, blow, nearest, observed, q):
+    """Return how unfit a fall or stagger is: how far it leads aside from a blow, and how little room there is."""
+    aside = _apart(model.fall_directions[row], blow) - nearest
+    if aside > FURTHEST_ASIDE:
+        return math.inf
+    unfit = ASIDE * max(aside - LIKE, 0.0)
+    if model.falls[row, FALL_KIND] != FALLS:
+        return unfit if aside <= LIKE else math.inf
+    whole, real, size = avatars.whole, avatars.real, avatars.real[SCALE, own]
+    cos, sin = cos_sin(real[HEADING, own])
+    axis = axis_after(model, row, FROM_START, real[X, own], real[Z, own], cos * size, sin * size)
+    for m in range(observed.counts[q]):
+        j = observed.neighbours[q, m]
+        if whole[TEAM, j] < 0 and is_on_floor(avatars, j):
+            lack = max(SIDE_BY_SIDE - axes_apart(axis, axis_of(model, avatars, j)), 0.0)
+            unfit += lack * lack
+        else:
+            lack = max(STANDS_BY - from_axis(axis, real[END_X, j], real[END_Z, j]), 0.0)
+            unfit += 0.5 * lack * lack
+    return unfit
 
 
 @kernel(inline=True)
