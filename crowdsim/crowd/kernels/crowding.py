@@ -43,9 +43,10 @@ from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
 from crowdsim.crowd.kernels.tables import whole_lanes
 from crowdsim.jit import kernel
 
-LYING = 0.75  # how far from the axis of a body on the floor others should end [m]
-ON_BODY = 1.2  # what it costs to end there, over the cost of ending in a body that stands
-STEPS_OVER = 0.3  # how much of the cost of ending there counts where an action leads over it
+LYING = 0.8  # how far from the axis of a body on the floor others should end [m]
+ON_BODY, IN_PASSING = 2.0, 0.3  # what it costs to end there, over the cost of ending in a body that stands
+STEPS_OVER = 0.05  # what it costs to be halfway there
+NEARBY = 1.2  # how near an opponent is to an avatar that is not on its way to it [m]
 ON_FLOOR = -1.0  # instead of the frames that are left of an action, of bodies on the floor
 BYSTANDERS = 0.66  # how much of the gap and of the cost counts for those whom an avatar does not fight
 STAGGER, STEP = 8, 0.3  # for how long a strong hit counts [control frames], and how long a step back should be [m]
@@ -129,7 +130,13 @@ def _list_lying(model, avatars, crowding, own, j, furthest, row):
     axis = axis_of(model, avatars, j)
     row[0], row[1], row[2], row[3] = axis.x - x, axis.z - z, axis.to_x - axis.x, axis.to_z - axis.z
     row[4], row[5] = LYING * avatars.real[SCALE, j], ON_FLOOR
-    row[6], row[7] = ON_BODY * crowding[END_COST], STEPS_OVER * crowding[END_COST]
+    opponent = avatars.whole[NEXT_OPPONENT, own]
+    share = ON_BODY
+    if opponent >= 0:
+        i = avatars.slot_of[opponent]
+        dx, dz = avatars.real[X, i] - x, avatars.real[Z, i] - z
+        share = IN_PASSING if dx * dx + dz * dz > NEARBY * NEARBY else ON_BODY
+    row[6], row[7] = share * crowding[END_COST], STEPS_OVER * crowding[END_COST]
     return from_axis(axis, x, z) < row[4] + furthest
 
 
@@ -187,16 +194,16 @@ def _add_lying(near, m, lanes, work):
     ax, az, wx, wz, room, end_cost, path_cost = (
         near[m, 0], near[m, 1], near[m, 2], near[m, 3], near[m, 4], near[m, 6], near[m, 7],
     )  # fmt: skip
-    shrink = 1.0 / max(wx * wx + wz * wz, 1e-12)
+    shrink, steep = 1.0 / max(wx * wx + wz * wz, 1e-12), 1.0 / (room * room)
     for k in range(lanes):
         dx, dz = ends_x[k] - ax, ends_z[k] - az
         t = min(max((dx * wx + dz * wz) * shrink, 0.0), 1.0)
         dx, dz = dx - t * wx, dz - t * wz
-        at_end = end_cost * (1.0 - math.sqrt(dx * dx + dz * dz) / room)
+        at_end = end_cost * (1.0 - (dx * dx + dz * dz) * steep)
         dx, dz = 0.5 * ends_x[k] - ax, 0.5 * ends_z[k] - az
         t = min(max((dx * wx + dz * wz) * shrink, 0.0), 1.0)
         dx, dz = dx - t * wx, dz - t * wz
-        worst[k] = max(max(worst[k], at_end), path_cost * (1.0 - math.sqrt(dx * dx + dz * dz) / room))
+        worst[k] = max(max(worst[k], at_end), path_cost * (1.0 - (dx * dx + dz * dz) * steep))
 
 
 @kernel(inline=True)

@@ -37,8 +37,8 @@ KIND, WEIGHT = range(2)
 ) = range(2, 13)  # fmt: skip
 NEAREST, SIGMA, BEST_FRAME, FACING, FURTHEST, ASIDE = range(2, 8)
 
-# Columns of ``Avatars.conditions``: what an avatar is told to do, what it did last and does next, how well it is, and
-# its temperament.
+# Columns of ``Avatars.conditions``: mode as set, in the present and in the next action; standing, health and stamina;
+# temperament.
 (
     MODE, DOES, DOES_NEXT, KEEPS, STANDING, STANDING_NEXT, FALL, DOWNS, RISES, HEALTH, HURT, HURT_FRAME, STAMINA,
     TEMPO, AGGRESSION, RANGE,

@@ -32,6 +32,8 @@ FROM_START, FROM_END = 0, 4  # columns of ``Model.fall_axes``: seen from the fir
 @kernel(inline=True)
 def is_on_floor(avatars, j):
     """Return whether an avatar falls, lies or gets up."""
+    if avatars.conditions.shape[0] == 0:
+        return False
     return FALLING <= avatars.conditions[avatars.whole[NUMBER, j], STANDING] <= RISING
 
 

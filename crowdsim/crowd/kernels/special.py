@@ -1,4 +1,4 @@
-"""Actions that nobody chooses: staggers, falls, lying and standing up, each when the action before it has ended."""
+"""Special actions, which follow from damage instead of a choice: staggers, falls, lying and getting up."""
 
 import math
 
@@ -59,8 +59,9 @@ from crowdsim.crowd.kernels.lying import FROM_START, axes_apart, axis_after, axi
 from crowdsim.jit import kernel
 
 LIKE = 0.6  # directions of falls are alike that differ by no more from the nearest one to the blow's [rad]
-FURTHEST_ASIDE = 1.3  # how much further aside a body falls at the most where there is no room [rad]
-ASIDE = 0.05  # how much a radian aside counts, beside the square of the room that lacks [m2]
+FURTHEST_ASIDE = 2.0  # how much further aside a body falls at the most where there is no room [rad]
+ASIDE = 0.1  # how much a radian aside counts, beside the square of the room that lacks [m2]
+PARTS = 4096.0  # parts of a square metre
 SIDE_BY_SIDE = 1.0  # how far apart the axes of bodies should be that lie [m]
 STANDS_BY = 0.5  # how far from the axis of a body others should stand [m]
 
@@ -146,7 +147,10 @@ def _pick(model, avatars, world, own, kind, observed, q):
 
 @kernel
 def _unfit(model, avatars, own, row, blow, nearest, observed, q):
-    """Return how unfit a fall or stagger is: how far it leads aside from a blow, and how little room there is."""
+    """Return how unfit a fall or stagger is: how far it leads aside from a blow, and how little room there is.
+
+    The square of the room that lacks is a whole number of parts, so that sums do not depend on the order of neighbours.
+    """
     aside = _apart(model.fall_directions[row], blow) - nearest
     if aside > FURTHEST_ASIDE:
         return math.inf
@@ -156,15 +160,16 @@ def _unfit(model, avatars, own, row, blow, nearest, observed, q):
     whole, real, size = avatars.whole, avatars.real, avatars.real[SCALE, own]
     cos, sin = cos_sin(real[HEADING, own])
     axis = axis_after(model, row, FROM_START, real[X, own], real[Z, own], cos * size, sin * size)
+    crowded = 0.0
     for m in range(observed.counts[q]):
         j = observed.neighbours[q, m]
         if whole[TEAM, j] < 0 and is_on_floor(avatars, j):
             lack = max(SIDE_BY_SIDE - axes_apart(axis, axis_of(model, avatars, j)), 0.0)
-            unfit += lack * lack
+            crowded += math.floor(PARTS * lack * lack)
         else:
             lack = max(STANDS_BY - from_axis(axis, real[END_X, j], real[END_Z, j]), 0.0)
-            unfit += 0.5 * lack * lack
-    return unfit
+            crowded += math.floor(0.5 * PARTS * lack * lack)
+    return unfit + crowded / PARTS
 
 
 @kernel(inline=True)
