@@ -119,7 +119,7 @@ MEASURES = (
     Measure("head within 45 degrees of an opponent nearer than 1.5 m", ("gaze", "facing_share"), least=0.9),
     Measure("head more than 90 degrees off it", ("gaze", "away_share")),
     Measure("hits from behind", ("gaze", "hits_from_behind_share"), most=0.04),
-    Measure("heads that turn to whoever hit from behind within 1 s", ("gaze", "turned_to_attacker_share")),
+    Measure("heads that turn to an attacker behind them within 1 s", ("gaze", "turned_to_attacker_share")),
     Measure("heads at least 3 cm along the strike 0.2 s after a hit", ("reactions", "raw", "share_of_3_cm"),
             source=("reactions", "unhit", "raw", "share_of_3_cm"), least=0.9),
     Measure("the same over what the motion does by itself", ("reactions", "over_unhit", "share_of_3_cm"),

@@ -16,8 +16,14 @@ COUNTS = {"distance": 8, "bearing": 8, "height": 2}
 """Grid points of each axis, at the most."""
 
 
-def smaller(recipe: dict[str, Any], seconds: float) -> dict[str, Any]:
-    """Return a recipe of the same behaviours that is learned in seconds; what learns from capture performs instead."""
+def smaller(recipe: dict[str, Any], seconds: float, falls: bool = False) -> dict[str, Any]:
+    """Return a recipe of the same behaviours that is learned in seconds; what learns from capture performs instead.
+
+    Where the recipe's motion has falls, so has the small one's if ``falls`` are asked for.
+    """
+    performed = {"seconds": seconds, "seed": 2}
+    if falls and recipe["motion"].get("performer", {}).get("falls"):
+        performed["falls"] = 1
     behaviours = {}
     for name, spec in recipe["behaviours"].items():
         axes = {
@@ -29,27 +35,28 @@ def smaller(recipe: dict[str, Any], seconds: float) -> dict[str, Any]:
     return {
         **recipe,
         **({"defend": {"rounds": 2, "seconds": 10, "pairs": 8}} if "defend" in recipe else {}),
-        "motion": {"performer": {"seconds": seconds, "seed": 2}},
+        "motion": {"performer": performed},
         "graph": {"threshold": 0.3, "spacing": 0.3, "branching": 6},
         "behaviours": behaviours,
     }
 
 
 @contextmanager
-def small_policies(seconds: float = 24.0) -> Iterator[None]:
+def small_policies(seconds: float = 24.0, falls: bool = False) -> Iterator[None]:
     """Work in a folder where the shipped policies are small; they are trained there on first use.
 
     The working folder is where policies are looked for first. It is removed at the end.
 
     Args:
         seconds: Length of the performance that they learn from [s].
+        falls: Whether those have falls whose recipes ask for them.
     """
     before = Path.cwd()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name).resolve()
         (folder / "policies").mkdir()
         for path in sorted((ROOT / "policies").glob("*.yaml")):
-            outcome = smaller(yaml.safe_load(path.read_text(encoding="utf-8")), seconds)
+            outcome = smaller(yaml.safe_load(path.read_text(encoding="utf-8")), seconds, falls)
             outcome.pop("prune", None)
             (folder / "policies" / path.name).write_text(yaml.safe_dump(outcome, sort_keys=False), encoding="utf-8")
         os.chdir(folder)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -61,31 +62,81 @@ def drops(heights: Array) -> Array:
     return down
 
 
-def _by_clip(shown: Shown, measure: Any, values: Array, *arguments: Any) -> Array:
+def by_clip(shown: Shown, measure: Any, values: Array, *arguments: Any) -> Array:
+    """Return what a measure gives for the capture (K, ...), clip by clip."""
     return np.concatenate([measure(values[a:b], *arguments) for a, b in shown.pieces])
+
+
+def around(shown: Shown, owners: Array, times: Array) -> Array:
+    """Return which frames are near moments (n,) of avatars. Shape (n, T), bool."""
+    count, frames = shown.positions.shape[:2]
+    reach = round(NEAR * shown.rate)
+    marks = np.zeros((count, frames + 1), np.int64)
+    low, high = np.clip(times - reach, 0, frames), np.clip(times + reach + 1, 0, frames)
+    np.add.at(marks, (owners, low), 1)
+    np.add.at(marks, (owners, high), -1)
+    return np.asarray(np.cumsum(marks, axis=1)[:, :-1] > 0)
 
 
 def near(shown: Shown) -> dict[str, Array]:
     """Return which frames are near what. Shapes (n, T), bool; of strikes by hand (n, T, 2)."""
-    count, frames = shown.positions.shape[:2]
-    reach = round(NEAR * shown.rate)
-
-    def around(owners: Array, times: Array) -> Array:
-        marks = np.zeros((count, frames + 1), np.int64)
-        low, high = np.clip(times - reach, 0, frames), np.clip(times + reach + 1, 0, frames)
-        np.add.at(marks, (owners, low), 1)
-        np.add.at(marks, (owners, high), -1)
-        return np.asarray(np.cumsum(marks, axis=1)[:, :-1] > 0)
-
     cut = shown.left != shown.entered
     hands = [shown.strikes[shown.strikes[:, 1] == hand] for hand in (0, 1)]
     struck = shown.blows[shown.blows[:, 0] >= 0]
     return {
-        "transition": around(shown.owners[cut], shown.times[cut]),
-        "left strike": around(hands[0][:, 0], hands[0][:, 2]),
-        "right strike": around(hands[1][:, 0], hands[1][:, 2]),
-        "blow": around(struck[:, 0], struck[:, 1]),
+        "transition": around(shown, shown.owners[cut], shown.times[cut]),
+        "left strike": around(shown, hands[0][:, 0], hands[0][:, 2]),
+        "right strike": around(shown, hands[1][:, 0], hands[1][:, 2]),
+        "blow": around(shown, struck[:, 0], struck[:, 1]),
     }
+
+
+def margins(shown: Shown) -> Array:
+    """Return which frames are a second or more from the ends of the run. Shape (T,), bool."""
+    inner = np.zeros(shown.positions.shape[1], bool)
+    inner[round(shown.rate) : -round(shown.rate)] = True
+    return inner
+
+
+def excesses(
+    shown: Shown, groups: Mapping[str, Array], arms: Mapping[str, Mapping[str, Array]]
+) -> dict[str, dict[str, dict[str, dict[str, float]]]]:
+    """Return how often accelerations exceed the limit of the capture [per mille].
+
+    Args:
+        shown: The motion.
+        groups: The frames of each group. Shapes (n, T), bool.
+        arms: Of some groups, frames that count for the points of the ``left`` and the ``right`` arm instead.
+
+    Returns:
+        Of each group and part of the body ``acceleration``, ``rotation`` and ``joint``, each ``shown`` and
+        ``captured``.
+    """
+    inner = margins(shown)
+    result: dict[str, Any] = {group: {part: {} for part in PARTS} for group in groups}
+    captured = dict(zip(("positions", "rotations", "local"), shown.captured[:3], strict=True))
+    for kind, name, measure in (
+        ("acceleration", "positions", accelerations),
+        ("rotation", "rotations", angular_accelerations),
+        ("joint", "local", angular_accelerations),
+    ):
+        source = by_clip(shown, measure, captured[name], shown.rate)
+        limits = np.percentile(source, SHARE, axis=0)
+        over = measure(getattr(shown, name), shown.rate) > limits
+        behind = (source > limits)[shown.frames]
+        for group, mask in groups.items():
+            for part in PARTS:
+                cells = []
+                for joint in shown.part(part):
+                    if joint >= over.shape[-1]:
+                        continue
+                    side = shown.names[joint].split("_")[0]
+                    chosen = (arms.get(group, {}).get(side, mask) if part == "arms" else mask) & inner
+                    if chosen.any():
+                        cells.append((over[..., joint][chosen].mean(), behind[..., joint][chosen].mean()))
+                own, theirs = 1000.0 * np.mean(cells, axis=0) if cells else (np.nan, np.nan)
+                result[group][part][kind] = {"shown": float(own), "captured": float(theirs)}
+    return result
 
 
 def measure_smoothness(shown: Shown) -> dict[str, Any]:
@@ -107,43 +158,20 @@ def measure_smoothness(shown: Shown) -> dict[str, Any]:
         "near_strikes": strike,
         "elsewhere": ~where["transition"] & ~strike & ~where["blow"],
     }
-    margin = np.zeros(shown.positions.shape[1], bool)
-    margin[round(shown.rate) : -round(shown.rate)] = True
-    result: dict[str, Any] = {group: {part: {} for part in PARTS} for group in groups}
-    captured = dict(zip(("positions", "rotations", "local"), shown.captured[:3], strict=True))
-    for kind, name, measure in (
-        ("acceleration", "positions", accelerations),
-        ("rotation", "rotations", angular_accelerations),
-        ("joint", "local", angular_accelerations),
-    ):
-        source = _by_clip(shown, measure, captured[name], shown.rate)
-        limits = np.percentile(source, SHARE, axis=0)
-        over = measure(getattr(shown, name), shown.rate) > limits
-        behind = (source > limits)[shown.frames]
-        for group, mask in groups.items():
-            for part in PARTS:
-                cells = []
-                for joint in shown.part(part):
-                    if joint >= over.shape[-1]:
-                        continue
-                    side = shown.names[joint].split("_")[0]
-                    chosen = where.get(f"{side} strike", mask) if (group, part) == ("near_strikes", "arms") else mask
-                    chosen = chosen & margin
-                    if chosen.any():
-                        cells.append((over[..., joint][chosen].mean(), behind[..., joint][chosen].mean()))
-                own, theirs = 1000.0 * np.mean(cells, axis=0) if cells else (np.nan, np.nan)
-                result[group][part][kind] = {"shown": float(own), "captured": float(theirs)}
-    minutes = margin.sum() * len(shown.positions) / shown.rate / 60.0
+    inner = margins(shown)
+    arms = {"near_strikes": {side: where[f"{side} strike"] for side in ("left", "right")}}
+    result: dict[str, Any] = excesses(shown, groups, arms)
+    minutes = inner.sum() * len(shown.positions) / shown.rate / 60.0
     minutes_captured = len(shown.clips) / shown.rate / 60.0
-    jumped = _by_clip(shown, jumps, shown.captured[2])
+    jumped = by_clip(shown, jumps, shown.captured[2])
     result["jumps_per_minute"] = {
-        "shown": float(jumps(shown.local)[:, margin].sum() / minutes),
+        "shown": float(jumps(shown.local)[:, inner].sum() / minutes),
         "captured": float(jumped.sum() / minutes_captured),
     }
     pelvis = shown.names.index("pelvis")
-    dropped = _by_clip(shown, drops, shown.captured[0][:, pelvis, 1])
+    dropped = by_clip(shown, drops, shown.captured[0][:, pelvis, 1])
     result["pelvis_drops_per_minute"] = {
-        "shown": float(drops(shown.positions[..., pelvis, 1])[:, margin].sum() / minutes),
+        "shown": float(drops(shown.positions[..., pelvis, 1])[:, inner].sum() / minutes),
         "captured": float(dropped.sum() / minutes_captured),
     }
     return result

@@ -1,4 +1,4 @@
-"""Who wins: strikes in the shipped brawls beside random actions, bouts between fighters, and time to react.
+"""Who wins: strikes in the shipped brawls, bouts between fighters, time to react, and bodies that are down.
 
     python benchmarks/fights.py [--mocap DIR] [--json] [--quick]
 
@@ -15,6 +15,9 @@ that could be found gains against policies.
 
 Reactions (``_reaction_time.py``): the time from an attacker's decision to the impact, and the share of strikes whose
 victim takes a decision of its own in between, at least 0.2 s after the attacker's: what a defence could react to.
+
+Bodies that are down (``_lying.py``), in `brawl_last_standing`: how far their lowest points are from the floor from the
+start of a fall to standing, how often others tread on them, and how often they lie in one another.
 """
 
 from __future__ import annotations
@@ -30,13 +33,16 @@ from typing import Any
 
 import _bouts
 import _defence
+import _lying
 import _reaction_time
 import numpy as np
 from _quick import small_policies
 
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
+from crowdsim.take.poses import PoseSampler
 from crowdsim.take.take import Take
+from crowdsim.training.train import ready_policy
 
 SCENES = ("brawl_30", "brawl_30_cmu")
 REACTION_SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -45,6 +51,8 @@ REACTION_SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "duel, boxer_defender": ("duel", ("types.boxer.policy=boxer_defender",)),
 }
 """Scenarios for reactions, and what is changed in them."""
+LYING_SCENE, LYING_SEEDS = "brawl_last_standing", 4
+"""Where bodies that are down are measured, and the number of seeds, from 1 on."""
 SEEDS = 5
 """Seeds of each scene for reactions, from 1 on."""
 DRAWN = [f"types.boxer.{key}={value}" for key, value in _bouts.RANDOM.items()]
@@ -95,6 +103,12 @@ def measure(mocap: Path | None, quick: bool) -> dict[str, Any]:
         )
         for name, (scene, how) in REACTION_SCENES.items()
     }
+    policy = ready_policy("boxer", mocap, threads=2)
+    takes = [
+        run(load_scenario(LYING_SCENE, seed=seed, **changes), [policy])
+        for seed in range(1, 2 if quick else LYING_SEEDS + 1)
+    ]
+    outcome["lying"] = _lying.measure_lying([PoseSampler(take, [policy], threads=2) for take in takes])
     return outcome
 
 
@@ -110,6 +124,8 @@ def lines(outcome: Mapping[str, Any]) -> Iterator[str]:
     yield from _defence.lines(outcome["defence"], outcome["exploitability"])
     yield ""
     yield from _reaction_time.lines(outcome["reaction"])
+    yield ""
+    yield from _lying.lines(outcome["lying"])
 
 
 def main() -> None:
@@ -122,7 +138,7 @@ def main() -> None:
     options = parser.parse_args()
     with ExitStack() as stack:
         if options.quick:
-            stack.enter_context(small_policies())
+            stack.enter_context(small_policies(falls=True))
         outcome = measure(options.mocap, options.quick)
     print(json.dumps(outcome, indent=2) if options.json else "\n".join(lines(outcome)))
 

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from _fall_detection import count_captured, detect_falls
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial import KDTree
 
@@ -269,7 +270,7 @@ def main() -> None:
     took = time.perf_counter() - began
     body = build_body(performances[0].clip.skeleton)
     performer = summarise([measure(p.clip, body) for p in performances])
-    path = find_capture(options.capture)
+    path, folder = find_capture(options.capture), os.environ.get("CROWDSIM_MOCAP")
     capture = summarise([measure_capture(path)]) if path is not None else None
     strikes = sum(len(p.truth.strikes) for p in performances)
     result = {
@@ -278,6 +279,10 @@ def main() -> None:
         "perform_seconds": took,
         "strikes_per_minute": 60.0 * strikes / options.seconds,
         "detectors": detect(performances),
+        "falls": {
+            "performer": detect_falls(range(1, 2 if options.quick else 21), 10.0 if options.quick else 120.0, FPS),
+            "capture": count_captured(Path(folder)) if folder and not options.quick else None,
+        },
         "locomotion": locomote(range(1, 2 if options.quick else 6)),
         "seconds_of": share_out(performances),
         "coverage": cover(performances, body),
@@ -291,6 +296,9 @@ def main() -> None:
         return
     print(f"{options.seconds:g} s performed in {took:.1f} s, {result['strikes_per_minute']:.0f} strikes a minute")
     print("detectors: " + ", ".join(f"{name} {value:.3f}" for name, value in result["detectors"].items()))
+    for name, found in result["falls"].items():
+        if found is not None:
+            print(f"falls, {name}: " + ", ".join(f"{key} {value:g}" for key, value in found.items()))
     print("seconds of: " + ", ".join(f"{name} {value:.0f}" for name, value in result["seconds_of"].items()))
     print(f"\n{'':24}{'top':>8}{'mean':>8}  [m/s]")
     for move, figures in result["locomotion"].items():

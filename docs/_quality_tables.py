@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from _fall_tables import FALL_TABLES
 from _fight_tables import FIGHT_TABLES
 from _results import MISSING, NOT_MEASURED, Format, Results, cell, fixed, number, percent, scaled, short
 
@@ -128,13 +129,13 @@ def transitions(results: Results) -> list[str]:
         "hard": "no blend",
         "motions alone": "no blend, the moment itself left out",
     }
-    policies = ("boxer", "boxer_cmu")
-    header = ["AUC, 0.5 is guessing", *(f"`{policy}`: {group}" for policy in policies for group in groups.values())]
+    columns = [("boxer", group) for group in (*groups, "falls")] + [("boxer_cmu", group) for group in groups]
+    labels = {**groups, "falls": "into falls and staggers and out of them"}
+    header = ["AUC, 0.5 is guessing", *(f"`{policy}`: {labels[group]}" for policy, group in columns)]
     rows = [
-        [label, *(results.cell(number, "motion_quality", policy, group, kind, "auc")
-                  for policy in policies for group in groups)]
+        [label, *(results.cell(number, "motion_quality", policy, group, kind, "auc") for policy, group in columns)]
         for kind, label in kinds.items()
-    ]  # fmt: skip
+    ]
     return results.table(header, rows, "motion_quality")
 
 
@@ -249,7 +250,11 @@ def performer(results: Results) -> list[str]:
 
 
 def detectors(results: Results) -> list[str]:
-    """Return how well contacts and strikes are found in performed motion, whose truth is known."""
+    """Return how well contacts, strikes and falls are found in performed motion, whose truth is known."""
+    kinds = [
+        (kind, *(results.cell(number, "performer", "falls", "performer", key) for key in (f"{kind}_found", kind)))
+        for kind in ("falls", "staggers")
+    ]
     rows = [
         ["foot contacts, F1", results.cell(number, "performer", "detectors", "contacts_f1")],
         ["strikes, precision", results.cell(number, "performer", "detectors", "strike_precision")],
@@ -258,6 +263,11 @@ def detectors(results: Results) -> list[str]:
          results.cell(percent, "performer", "coverage", "at_the_strike")],
         ["the same within half a second", results.cell(percent, "performer", "coverage", "half_a_second_before")],
         ["strikes per minute of motion", results.cell(number, "performer", "strikes_per_minute")],
+        *([f"{kind} found, of those performed", f"{found} of {count}"] for kind, found, count in kinds),
+        ["falls and staggers found that are none, an hour",
+         results.cell(number, "performer", "falls", "performer", "false_an_hour")],
+        ["falls and staggers found in capture of boxing and locomotion",
+         results.cell(number, "performer", "falls", "capture", "found")],
     ]  # fmt: skip
     return results.table(["", "measured"], rows, "performer")
 
@@ -267,6 +277,7 @@ QUALITY_TABLES: dict[str, Callable[[Results], list[str]]] = {
     "crowds": crowds,
     "ring": ring,
     **FIGHT_TABLES,
+    **FALL_TABLES,
     "policies": policies,
     "transitions": transitions,
     "decisions": decisions,

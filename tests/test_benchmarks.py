@@ -45,6 +45,7 @@ KEYS = {
           for key in ("won.share", "won.interval", "lost", "drawn", "landed_per_minute", "blocked_share",
                       "evaded_share", "knock_downs")),
         *(f"reaction.{scene}.{key}" for scene in ("brawl_30", "duel") for key in ("lead_seconds", "reactable_share")),
+        *(f"lying.{key}" for key in ("sunk_share", "floating_share", "trodden_share", "overlap_share")),
     ],
     "exported": [f"{scene}.inspect.strikes_landed" for scene in ("brawl_30", "brawl_30_cmu", "armies_200")],
     "motion_quality": [
@@ -53,7 +54,8 @@ KEYS = {
     ] + [
         f"boxer.smoothness.{group}.legs.rotation.{side}" for group in ("near_transitions", "near_strikes")
         for side in ("shown", "captured")
-    ] + [f"boxer.decisions.{length}_ms.{side}.auc" for length in (400, 800) for side in ("shown", "captured")],
+    ] + [f"boxer.decisions.{length}_ms.{side}.auc" for length in (400, 800) for side in ("shown", "captured")]
+    + [f"boxer.falls.{key}" for key in ("ours.auc", "motion.falls.legs.joint.shown", "motion.others.jumps.shown")],
     "kinematics": ["times_faster_than_upc_pymotion", "inverse_limbs_per_s.crowdsim, 1 thread"],
     "soak": [
         *(f"soak.{name}" for name in ("frames", "memory_growth", "not_finite", "lost_avatars", "stuck_avatars")),
@@ -69,7 +71,8 @@ MEASURED = {"commit": None, "date": "2026-01-02T03:04:05+00:00", "machine": "any
 MAY_BE_NULL = {
     "open3d.fps_30",
     *(key for key in KEYS["scenes"] if key.endswith("first_landed_seconds")),
-    *(key for key in KEYS["motion_quality"] if ".apart." in key or ".decisions." in key),
+    *(key for key in KEYS["motion_quality"] if ".apart." in key or ".decisions." in key or ".falls." in key),
+    *(key for key in KEYS["fights"] if key.startswith("lying.")),
 }
 
 

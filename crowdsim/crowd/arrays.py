@@ -68,6 +68,8 @@ class Model(NamedTuple):
             (``stances.stance_actions``). Shape (S, 2), or (0, 2) where no avatar has a stance, uint8.
         fall_directions: Bearing of the trunk's way in the avatar's ground frame at the start of that fall or stagger:
             0 forward, pi / 2 to the left [rad]. Shape (n,), float64.
+        fall_axes: Where a body of size 1 lies after that fall: head x, z and feet x, z [m], seen from the fall's first
+            frame, then from its last one; 0 of staggers. Shape (n, 8), float64.
     """
 
     offsets: Array
@@ -92,6 +94,7 @@ class Model(NamedTuple):
     stances: Array
     falls: Array
     fall_directions: Array
+    fall_axes: Array
     defence: Array
 
 
@@ -125,11 +128,13 @@ class Avatars(NamedTuple):
             Shape (N, 16), uint16.
         marks: Frames in which motion was last shown in cells of the ground (``variety``). Shape (a power of 2,),
             uint16.
-        conditions: What each number is told to do about its opponent (fight, watch, flee), what it does and will do;
-            the distance that it keeps while it watches [m]; how it stands and will stand, its row of ``Model.falls``,
-            how often it was down, when it gets up; its health, what hits took lately, and when; its stamina; how much
-            longer than its cohort it recovers from a strike, as a factor, its aggression in doublings, and how much
-            further than others it keeps away while it rests [m]; its stance, 1 orthodox, 2 southpaw, 0 any. Shape
+        conditions: The state of each number in a fight, by the columns of ``layout``: its mode towards its opponent
+            (``FIGHTS``, ``WATCHES`` or ``FLEES``) as set by groups and events, in its present action, and in its next
+            one; the distance that it keeps while it watches [m]; its standing (``UP`` to ``OUT``) now and from its next
+            action on; its row of ``Model.falls``; the number of its knock-downs; the frame in which it gets up; its
+            health; the damage of recent hits, and the frame of the last one; its stamina, 0 to 1. Then its
+            temperament: time to recover from a strike as a factor of the cohort's, aggression in doublings, and how
+            much further away than others it stays while it rests [m]; its stance, 1 orthodox, 2 southpaw, 0 any. Shape
             (N, 17), or (0, 17) where nothing of this is used, float64.
         seen: What each number's opponent was like when it decided on its latest actions with strikes, those of
             even and of odd decisions: x, z [m], heading [rad] and playback frame, of scripted targets the height [m]

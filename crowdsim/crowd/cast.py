@@ -220,8 +220,10 @@ def _rules(kind: AvatarType, opponents: Opponents | None, rate: float) -> list[f
 
 
 def _crowding(scenario: Scenario) -> Crowding:
-    """Return how avatars avoid one another; where they wait for one another, they see further."""
+    """Return how avatars avoid one another; where they wait for one another, or may lie about, they see further."""
     rules = Crowding() if scenario.collision_avoidance else Crowding.none()
+    if any(kind.damage is not None for kind in scenario.types.values()):
+        rules = replace(rules, reach=2.2, most=16)
     opponents = [group.opponents for group in scenario.groups]
     opponents += [event.opponents for event in scenario.events if isinstance(event, RetargetEvent)]
     return replace(rules, reach=3.0, most=24) if any(attackers_of(one) > 0 for one in opponents) else rules

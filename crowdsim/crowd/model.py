@@ -90,7 +90,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
     of_terms = slice(layout.FIRST_TERM, layout.LOOKS_AHEAD)
     behaviours[:, of_terms] = kept[behaviours[:, of_terms].astype(int)]
     offsets = joined_offsets(actions, starts["action"])
-    falls, directions = fall_rows(policies, starts)
+    falls, directions, axes = fall_rows(policies, starts)
     strides = [*(database.stride for database in databases), 0]
     firsts = [starts["behaviour"], starts["action"], starts["state"]]
     origins = [action_starts(policy) for policy in policies]
@@ -118,6 +118,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
         stances=stance_rows(policies, starts["state"]) if with_stances else np.zeros((0, 2), np.uint8),
         falls=falls,
         fall_directions=directions,
+        fall_axes=axes,
         defence=join_defences([policy.defence for policy in policies], [len(action.next) for action in actions]),
     )
 

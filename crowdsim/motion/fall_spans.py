@@ -12,9 +12,6 @@ from crowdsim.motion import ground
 from crowdsim.motion.analysis import ClipAnalysis
 from crowdsim.motion.falls import FallSpans, no_falls
 
-_LEAVES = 0.35
-"""Share of a fall over which the ground transform goes from the feet to the pelvis, and back again at its end."""
-
 
 def clip_spans(clips: Sequence[ClipAnalysis], stride: int) -> list[FallSpans]:
     """Return the falls and staggers of each clip in its control frames; staggers only where any clip has a fall.
@@ -57,6 +54,8 @@ def _in_control_frames(found: FallSpans, last: int, stride: int) -> FallSpans:
 def settle_ground(stances: Array, pelvises: Array, spans: FallSpans, stride: int) -> Array:
     """Return ground transforms of a clip that follow the pelvis through falls, where feet say nothing.
 
+    They rest while the body lies, so that lying can be repeated in one place.
+
     Args:
         stances: Ground transforms, playback frames. Shape (P, 3).
         pelvises: Position of the pelvis [m]. Shape (P, 3).
@@ -64,17 +63,21 @@ def settle_ground(stances: Array, pelvises: Array, spans: FallSpans, stride: int
         stride: Playback frames in a control frame.
     """
     settled = stances.copy()
-    for start, stop in zip(spans.starts.astype(int) * stride, spans.stops.astype(int) * stride, strict=True):
+    ends = (spans.starts, spans.downs, spans.rises, spans.stops)
+    for start, down, rise, stop in zip(*(frames.astype(int) * stride for frames in ends), strict=True):
         inside = np.arange(start, stop + 1)
-        gone = (inside - start) / (stop - start)
-        out, back = ease(gone / _LEAVES), ease((gone - 1.0) / _LEAVES + 1.0)
-        away = [settled[frame, :2] - pelvises[frame, [0, 2]] for frame in (start, stop)]
-        settled[inside, :2] = pelvises[inside][:, [0, 2]] + (1.0 - out)[:, None] * away[0] + back[:, None] * away[1]
+        out, back = ease((inside - start) / (down - start)), ease((inside - rise) / (stop - rise))
+        pelvis = pelvises[:, [0, 2]]
+        stirred = (pelvis[down] - pelvis[rise]) * (1.0 - back)[:, None]
+        lies, rises = ((inside >= first)[:, None] for first in (down, rise))
+        path = np.where(rises, pelvis[inside] + stirred, np.where(lies, pelvis[down], pelvis[inside]))
+        away = [settled[frame, :2] - pelvis[frame] for frame in (start, stop)]
+        settled[inside, :2] = path + (1.0 - out)[:, None] * away[0] + back[:, None] * away[1]
         # What feet that pass one another on the floor add in whole circles is not kept.
         whole = settled[stop, 2] - settled[start, 2]
         turn = float(ground.wrap(whole))
         settled[stop + 1 :, 2] += turn - whole
-        settled[inside, 2] = settled[start, 2] + turn * ease(gone)
+        settled[inside, 2] = settled[start, 2] + turn * 0.5 * (out + back)
     return settled
 
 

@@ -2,7 +2,8 @@
 
 A body is *down* while its trunk is low and slow. The fall before that begins where the pelvis began to sink from the
 height at which the body stands, and getting up ends where it is there again. A body *staggers* where its trunk is
-thrown one way while it is carried that way, and feet catch it; lunges, slips and retreats lean or travel, not both.
+thrown one way while it is swept that way, until feet catch it; lunges, slips and retreats lean or travel, not both, and
+a body that runs travels further.
 """
 
 from __future__ import annotations
@@ -33,12 +34,15 @@ _LONGEST = 6.0
 """Longest time from standing to lying, and from lying to standing [s]."""
 _SMOOTH = 0.03
 """Width of the smoothing of paths [s]."""
-THROWN = 0.14
+THROWN = 0.15
 """How far the neck is off where it is carried over the pelvis, over the standing height, when a body staggers."""
-CARRIED = 0.22
-"""How far the pelvis goes the same way around that, over the standing height."""
+CARRIED = 0.17, 0.55
+"""How far the pelvis goes the same way around that, at the least and at the most, over the standing height: a body that
+slips a strike stays where it is, one that runs goes further."""
+SWEPT = 0.46
+"""How fast the trunk moves the same way then, in standing heights a second."""
 _CATCHES = 0.45
-"""Time before and after, over which it does [s]."""
+"""Time before and after, over which the pelvis goes there [s]."""
 
 
 @dataclass(frozen=True)
@@ -175,15 +179,19 @@ def _staggers(pelvis: Array, neck: Array, stances: Array, height: float, fps: fl
         return np.zeros((0, 2), np.int32)
     lean = ground.to_local(turn, neck - pelvis)[:, [0, 2]]
     lean -= np.median(lean[~down], axis=0)
+    speed = ground.to_local(turn, np.gradient(0.6 * pelvis + 0.4 * neck, axis=0) * fps)[:, [0, 2]]
     around = round(_CATCHES * fps)
     frames = np.arange(len(pelvis))
     low, high = np.maximum(frames - around, 0), np.minimum(frames + around, len(pelvis) - 1)
     way = ground.to_local(turn, pelvis[high] - pelvis[low])[:, [0, 2]]
     far = np.linalg.norm(lean, axis=1)
-    along = np.sum(way * lean, axis=1) / np.maximum(far, 1e-9)
-    thrown = (far > THROWN * height) & (along > CARRIED * height) & ~down
+    along, swept = (np.sum(one * lean, axis=1) / np.maximum(far, 1e-9) / height for one in (way, speed))
+    thrown = (far > THROWN * height) & ~down
+    carried = (along > CARRIED[0]) & (along < CARRIED[1]) & (swept > SWEPT)
     rows: list[tuple[int, int]] = []
     for first, last in runs(thrown):
+        if not carried[first:last].any():
+            continue
         start, stop = max(first - around, 0), min(last - 1 + 2 * around, len(pelvis) - 1)
         if rows and start <= rows[-1][1]:
             start = rows.pop()[0]

@@ -207,12 +207,12 @@ def write_stagger(kind: str, rng: np.random.Generator, facing: float | None = No
     ahead, left = STAGGERS[kind]
     plan = Choreographer(rng, facing)
     start = _GUARD + float(rng.uniform(0.0, 0.15))
-    hit = float(rng.uniform(0.95, 1.1))
+    hit = float(rng.uniform(1.02, 1.12))
     end = start + 0.10
     for share in (1.0, 0.9, 0.45)[: 3 if rng.uniform() < 0.5 or left == 0.0 else 2]:
-        far = hit * share * float(rng.uniform(0.30, 0.36))
+        far = hit * share * float(rng.uniform(0.33, 0.39))
         end = plan.move(end, far * ahead, far * left, float(rng.normal(0.0, 0.05)), 1.25, quick=True)
-    peak, fall = start + 0.22, start + 0.34
+    peak, fall = start + 0.24, start + 0.36
 
     def throw(channel: Channel, size: float, late: float = 0.0) -> None:
         plan.accent(channel, hit * size, start, peak + late, fall + late, end + 0.25)
@@ -220,10 +220,10 @@ def write_stagger(kind: str, rng: np.random.Generator, facing: float | None = No
     throw(Channel.SHIFT_X, 0.03 * left)
     throw(Channel.SHIFT_Z, 0.06 * ahead)
     throw(Channel.HEIGHT, -0.05, 0.1)
-    throw(Channel.PELVIS_TILT, 0.40 * ahead)
-    throw(Channel.FLEX, 0.40 * ahead)
-    throw(Channel.PELVIS_BEND, 0.36 * left)
-    throw(Channel.BEND, 0.50 * left)
+    throw(Channel.PELVIS_TILT, 0.44 * ahead)
+    throw(Channel.FLEX, 0.44 * ahead)
+    throw(Channel.PELVIS_BEND, 0.46 * left)
+    throw(Channel.BEND, 0.66 * left)
     throw(Channel.HEAD_NOD, 0.32 * ahead, -0.06)
     throw(Channel.HEAD_BEND, 0.25 * left, -0.06)
     for side, lead in ((Channel.LEAD_HAND_X, 1.0), (Channel.REAR_HAND_X, -1.0)):

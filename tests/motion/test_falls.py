@@ -146,3 +146,11 @@ def test_segments_cut_clips_at_falls() -> None:
         assert last + 1 in starts
     whole = [name for name in motion.segment_names if name]
     assert whole == [name for name in motion.clip_names if "fall" not in name and "stagger" not in name]
+
+
+@pytest.mark.parametrize("seed", [14, 16])
+def test_staggers_of_other_sessions_are_found_and_nothing_else(seed: int) -> None:
+    for performance in perform(30, seed, falls=2):
+        found = analyse_clip(performance.clip, build_body(performance.clip.skeleton)).falls
+        assert len(found.starts) == len(performance.truth.falls)
+        assert len(found.staggers) == len(performance.truth.staggers)

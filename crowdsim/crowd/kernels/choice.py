@@ -65,7 +65,7 @@ def choose(model, avatars, world, now, due, count, observed, scratch, out_chosen
     avoid(model, avatars, world, now.frame, due, count, observed, scratch)
     charge_repetition(model, avatars, world, now, due, count, scratch)
     defend(model, avatars, world, now, due, count, observed, scratch)
-    lost = _draw_actions(model, avatars, world, now.frame, due, count, scratch, out_chosen)
+    lost = _draw_actions(model, avatars, world, now.frame, due, count, observed, scratch, out_chosen)
     if lost < 0:
         note_seen(model, avatars, world, now, due, count, out_chosen)
     return lost
@@ -100,7 +100,7 @@ def _keep_running(model, avatars, due, count, scratch):
 
 
 @kernel(inline=True)
-def _draw_actions(model, avatars, world, frame, due, count, scratch, out_chosen):
+def _draw_actions(model, avatars, world, frame, due, count, observed, scratch, out_chosen):
     """Draw the next action of avatars ``due[:count]`` by its value; return -1, or a slot without numbers.
 
     Strikes come in bursts. A strike takes ``INTERVAL`` frames to recover from; after a burst an avatar rests until it
@@ -114,7 +114,7 @@ def _draw_actions(model, avatars, world, frame, due, count, scratch, out_chosen)
         own = due[q]
         rests, slowness, bonus, stance = False, 1.0, 0.0, 0
         if avatars.conditions.shape[0] > 0:
-            special = special_action(model, avatars, world, frame, own)
+            special = special_action(model, avatars, world, frame, own, observed, q)
             if special >= 0:
                 out_chosen[q] = special
                 continue

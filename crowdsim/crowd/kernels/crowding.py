@@ -40,12 +40,15 @@ from crowdsim.crowd.kernels.layout import (
     X,
     Z,
 )
-from crowdsim.crowd.kernels.postures import middle_of
+from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
 from crowdsim.crowd.kernels.tables import whole_lanes
 from crowdsim.jit import kernel
 
-LYING = 0.8  # radius of the disc around the middle of a body that is down [m]
-STEPS_ON = 0.25  # how much of the cost of ending in a body counts for one that is down
+LYING = 0.8  # how far from the axis of a body on the floor others should end [m]
+ON_BODY, IN_PASSING = 2.0, 0.3  # what it costs to end there, over the cost of ending in a body that stands
+STEPS_OVER = 0.05  # what it costs to be halfway there
+NEARBY = 1.2  # how near an opponent is to an avatar that is not on its way to it [m]
+ON_FLOOR = -1.0  # instead of the frames that are left of an action, of bodies on the floor
 BYSTANDERS = 0.66  # how much of the gap and of the cost counts for those whom an avatar does not fight
 STAGGER, STEP = 8, 0.3  # for how long a strong hit counts [control frames], and how long a step back should be [m]
 
@@ -72,7 +75,10 @@ def avoid(model, avatars, world, frame, due, count, observed, scratch):
             continue
         lanes = _find_ends(model, avatars, own, work)
         for m in range(np.uint64(close)):
-            _add_neighbour(world.crowding, scratch.near, m, lanes, work)
+            if scratch.near[m, 5] == ON_FLOOR:
+                _add_lying(scratch.near, m, lanes, work)
+            else:
+                _add_neighbour(world.crowding, scratch.near, m, lanes, work)
         if leaves:
             x, z, cost = real[X, own], real[Z, own], world.crowding[OUTSIDE_COST]
             for k in range(lanes):
@@ -88,7 +94,8 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
     """List in ``near`` the neighbours that an avatar may collide with; return how many there are.
 
     A row is the position seen from the avatar, the displacement to the end of the action, the distance at which bodies
-    meet, the frames that are left of the action, what it costs to end in the middle, and to pass there.
+    meet, the frames that are left of the action, what it costs to end in the middle, and to pass there. Of a body on
+    the floor it is the head, the displacement to the feet, the distance from the axis, and ``ON_FLOOR``.
     """
     whole, real = avatars.whole, avatars.real
     x, z, width = real[X, own], real[Z, own], real[WIDTH, own]
@@ -103,12 +110,9 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
             space *= BYSTANDERS
         room = crowding[DISC] * (width + real[WIDTH, j]) + crowding[GAP] * space
         end_cost, path_cost = crowding[END_COST] * space, crowding[PATH_COST]
-        if whole[TEAM, j] < 0:
-            # It falls, lies or gets up: others may step over it, but should not end anywhere from head to feet.
-            mx, mz = middle_of(model, avatars, j)
-            ax, az, wx, wz = mx - x, mz - z, 0.0, 0.0
-            room = crowding[DISC] * width + LYING * real[SCALE, j]
-            end_cost, path_cost = STEPS_ON * crowding[END_COST], 0.0
+        if whole[TEAM, j] < 0 and is_on_floor(avatars, j):
+            close += _list_lying(model, avatars, crowding, own, j, furthest, near[close])
+            continue
         # Point of its path at which the neighbour is nearest to the position of the avatar now.
         towards, moved = -(ax * wx + az * wz), wx * wx + wz * wz
         t = min(towards / moved, 1.0) if towards > 0.0 else 0.0
@@ -118,6 +122,23 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
         near[close, 5] = (model.actions[whole[ACTION, j], LENGTH] - real[PHASE, j]) / real[SPEED, j]
         close += nx * nx + nz * nz < (room + furthest) ** 2
     return close
+
+
+@kernel(inline=True)
+def _list_lying(model, avatars, crowding, own, j, furthest, row):
+    """Write a body on the floor to a row of ``near``, its head and its axis; return whether an avatar may get there."""
+    x, z = avatars.real[X, own], avatars.real[Z, own]
+    axis = axis_of(model, avatars, j)
+    row[0], row[1], row[2], row[3] = axis.x - x, axis.z - z, axis.to_x - axis.x, axis.to_z - axis.z
+    row[4], row[5] = LYING * avatars.real[SCALE, j], ON_FLOOR
+    opponent = avatars.whole[NEXT_OPPONENT, own]
+    share = ON_BODY
+    if opponent >= 0:
+        i = avatars.slot_of[opponent]
+        dx, dz = avatars.real[X, i] - x, avatars.real[Z, i] - z
+        share = IN_PASSING if dx * dx + dz * dz > NEARBY * NEARBY else ON_BODY
+    row[6], row[7] = share * crowding[END_COST], STEPS_OVER * crowding[END_COST]
+    return from_axis(axis, x, z) < row[4] + furthest
 
 
 @kernel(inline=True)
@@ -165,6 +186,25 @@ def _add_neighbour(crowding, near, m, lanes, work):
         nx, nz = ax + t * dx, az + t * dz
         on_way = path_cost * (1.0 - math.sqrt(nx * nx + nz * nz) / room)
         worst[k] = max(max(worst[k], at_end), on_way if towards > 0.0 else 0.0)
+
+
+@kernel(inline=True)
+def _add_lying(near, m, lanes, work):
+    """Raise the cost of actions that end on a body on the floor, or halfway are over it, to what that costs."""
+    ends_x, ends_z, worst = work[0], work[1], work[3]
+    ax, az, wx, wz, room, end_cost, path_cost = (
+        near[m, 0], near[m, 1], near[m, 2], near[m, 3], near[m, 4], near[m, 6], near[m, 7],
+    )  # fmt: skip
+    shrink, steep = 1.0 / max(wx * wx + wz * wz, 1e-12), 1.0 / (room * room)
+    for k in range(lanes):
+        dx, dz = ends_x[k] - ax, ends_z[k] - az
+        t = min(max((dx * wx + dz * wz) * shrink, 0.0), 1.0)
+        dx, dz = dx - t * wx, dz - t * wz
+        at_end = end_cost * (1.0 - (dx * dx + dz * dz) * steep)
+        dx, dz = 0.5 * ends_x[k] - ax, 0.5 * ends_z[k] - az
+        t = min(max((dx * wx + dz * wz) * shrink, 0.0), 1.0)
+        dx, dz = dx - t * wx, dz - t * wz
+        worst[k] = max(max(worst[k], at_end), path_cost * (1.0 - (dx * dx + dz * dz) * steep))
 
 
 @kernel(inline=True)

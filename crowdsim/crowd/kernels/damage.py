@@ -1,4 +1,4 @@
-"""What strikes do to those they land on: they take health, make an avatar stagger, or knock it down.
+"""Damage: landed and blocked strikes lower the victim's health, and make it stagger or fall.
 
 Damage is a whole number of parts of a point (``GRAIN``), so that sums do not depend on the order of strikes.
 """
@@ -43,13 +43,13 @@ from crowdsim.crowd.kernels.strikes import ATTACKER, FAST, FELLED, OUTCOME, POIN
 from crowdsim.jit import kernel
 
 GRAIN = 1024.0  # parts of a point
-LATELY = 30  # hits add up to a knock-down that are no further apart [control frames]
-STRONGEST = 2.0  # what a hit counts at most, over a strong one
+LATELY = 30  # longest time between hits whose damage adds up to a knock-down [control frames]
+STRONGEST = 2.0  # greatest damage of a hit, as a multiple of that of a strong hit
 
 
 @kernel(inline=True)
 def hurt(model, avatars, world, frame, strikes, first, last):
-    """Let strikes ``first`` to ``last`` of ``frame`` hurt whom they hit; return how many are knocked down."""
+    """Apply the damage of strikes ``first`` to ``last`` of ``frame``; return how many avatars are knocked down."""
     whole, conditions, slot_of = avatars.whole, avatars.conditions, avatars.slot_of
     if conditions.shape[0] == 0:
         return 0
@@ -78,7 +78,7 @@ def hurt(model, avatars, world, frame, strikes, first, last):
 
 @kernel(inline=True)
 def _hardest(strikes, victim, first, last):
-    """Return which strike took most from an avatar, among equals that of the lowest number."""
+    """Return the strike with the greatest damage to an avatar, among equals that of the lowest attacker."""
     best, most = -1, 0.0
     for k in range(first, last):
         if strikes.whole[k, VICTIM] == victim:
@@ -91,7 +91,7 @@ def _hardest(strikes, victim, first, last):
 
 @kernel(inline=True)
 def _hurt_by(model, avatars, world, strikes, k):
-    """Return the slot of whom a strike hurts, or -1."""
+    """Return the slot of the avatar that a strike damages, or -1."""
     victim = strikes.whole[k, VICTIM]
     if victim < 0 or not (strikes.whole[k, OUTCOME] == LANDED or strikes.whole[k, OUTCOME] == BLOCKED):
         return -1
@@ -103,7 +103,7 @@ def _hurt_by(model, avatars, world, strikes, k):
 
 @kernel(inline=True)
 def _harm(model, avatars, world, strikes, k, j):
-    """Return what a strike takes from the health of an avatar: by its speed, and by where it lands."""
+    """Return the damage of a strike to an avatar, by its speed and by where it lands."""
     whole, real, actions = avatars.whole, avatars.real, model.actions
     attacker = avatars.slot_of[strikes.whole[k, ATTACKER]]
     rules = world.rules[whole[COHORT, j]]
@@ -125,9 +125,9 @@ def _harm(model, avatars, world, strikes, k, j):
 
 @kernel(inline=True)
 def _fell(model, avatars, world, j):
-    """Let an avatar that has just been hurt stagger, fall, or leave the fight; return whether it was knocked down.
+    """Let an avatar that was damaged in this frame stagger, fall or leave; return whether it is knocked down.
 
-    One whose policy has no falls leaves when it is out, and stays up until then.
+    Without falls in its policy an avatar is removed when it is out, and stays up until then.
     """
     whole = avatars.whole
     row, rules = avatars.conditions[whole[NUMBER, j]], world.rules[whole[COHORT, j]]
@@ -142,6 +142,6 @@ def _fell(model, avatars, world, j):
             row[STANDING] = STAGGERS
         return 1 if down else 0
     row[STANDING] = DROPS if falls else OUT
-    # Nobody fights it any more, and it fights nobody.
+    # Teams below 0 are no opponents of others, and have none themselves.
     whole[TEAM, j] = -2 - whole[TEAM, j]
     return 1

@@ -37,8 +37,8 @@ KIND, WEIGHT = range(2)
 ) = range(2, 13)  # fmt: skip
 NEAREST, SIGMA, BEST_FRAME, FACING, FURTHEST, ASIDE = range(2, 8)
 
-# Columns of ``Avatars.conditions``: what an avatar is told to do, what it did last and does next, how well it is, its
-# temperament and its stance.
+# Columns of ``Avatars.conditions``: mode as set, in the present and in the next action; standing, health and stamina;
+# temperament; stance.
 (
     MODE, DOES, DOES_NEXT, KEEPS, STANDING, STANDING_NEXT, FALL, DOWNS, RISES, HEALTH, HURT, HURT_FRAME, STAMINA,
     TEMPO, AGGRESSION, RANGE, STANCE,
@@ -112,3 +112,12 @@ class Target(NamedTuple):
     vx: float
     vz: float
     lasts: float
+
+
+class Axis(NamedTuple):
+    """A line on the floor from (x, z) to (to_x, to_z), such as that from head to feet of a lying body [m]."""
+
+    x: float
+    z: float
+    to_x: float
+    to_z: float

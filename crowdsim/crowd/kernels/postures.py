@@ -92,11 +92,3 @@ def posed_body(model, stands):
         model.sizes[policy, HEAD_RADIUS] * size,
         model.sizes[policy, TORSO_RADIUS] * width,
     )
-
-
-@kernel(inline=True)
-def middle_of(model, avatars, j):
-    """Return over what the pelvis of an avatar is: x and z [m]."""
-    frame, x, z, size, cos, sin, _, _ = standing(model, avatars, j, 1.0)
-    middle = point_at(model.bodies, frame, PELVIS, x, z, size, cos, sin)
-    return middle[0], middle[2]

@@ -1,9 +1,10 @@
-"""Actions that nobody chooses: staggers, falls, lying and standing up, each when the action before it has ended."""
+"""Special actions, which follow from damage instead of a choice: staggers, falls, lying and getting up."""
 
 import math
 
 import numpy as np
 
+from crowdsim.core.angles import cos_sin
 from crowdsim.core.random import uniform
 from crowdsim.crowd.kernels.layout import (
     CHOICE_STREAM,
@@ -14,6 +15,8 @@ from crowdsim.crowd.kernels.layout import (
     DOWN_FRAMES,
     DOWNS,
     DROPS,
+    END_X,
+    END_Z,
     FALL,
     FALL_ACTION,
     FALL_KIND,
@@ -38,6 +41,7 @@ from crowdsim.crowd.kernels.layout import (
     RISES,
     RISING,
     RUN_TIRES,
+    SCALE,
     SPEED,
     STAGGERS,
     STAMINA,
@@ -50,11 +54,19 @@ from crowdsim.crowd.kernels.layout import (
     STUMBLES,
     TEAM,
     UP,
+    X,
+    Z,
 )
+from crowdsim.crowd.kernels.lying import FROM_START, axes_apart, axis_after, axis_of, from_axis, is_on_floor
 from crowdsim.jit import kernel
 
 NOWHERE = 1 << 30  # actions from a stance, before any fall is looked at
 LIKE = 0.6  # directions of falls are alike that differ by no more from the nearest one to the blow's [rad]
+FURTHEST_ASIDE = 2.0  # how much further aside a body falls at the most where there is no room [rad]
+ASIDE = 0.1  # how much a radian aside counts, beside the square of the room that lacks [m2]
+PARTS = 4096.0  # parts of a square metre
+SIDE_BY_SIDE = 1.0  # how far apart the axes of bodies should be that lie [m]
+STANDS_BY = 0.5  # how far from the axis of a body others should stand [m]
 
 
 @kernel(inline=True)
@@ -74,7 +86,7 @@ def is_down(avatars, i):
 
 
 @kernel(inline=True)
-def special_action(model, avatars, world, frame, own):
+def special_action(model, avatars, world, frame, own, observed, q):
     """Return the action that an avatar has to do next because it staggers, falls or is down; -1 where it may choose.
 
     What it will be doing is noted in its row of ``conditions``; others see it when the action starts.
@@ -83,10 +95,10 @@ def special_action(model, avatars, world, frame, own):
     standing = row[STANDING]
     row[STANDING_NEXT] = UP
     if standing == STAGGERS:
-        found = _pick(model, avatars, world, own, STUMBLES)
+        found = _pick(model, avatars, world, own, STUMBLES, observed, q)
         return -1 if found < 0 else model.falls[found, FALL_ACTION]
     if standing == DROPS:
-        found = _pick(model, avatars, world, own, FALLS)
+        found = _pick(model, avatars, world, own, FALLS, observed, q)
         row[STANDING_NEXT], row[FALL] = FALLING, found
         return model.falls[found, FALL_ACTION]
     if FALLING <= standing <= LYING:
@@ -106,40 +118,69 @@ def _part_of(model, fall, kind):
 
 
 @kernel(inline=True)
-def _pick(model, avatars, world, own, kind):
+def _pick(model, avatars, world, own, kind, observed, q):
     """Return a row of ``Model.falls`` that leads where the last blow came to, drawn among those alike; -1 for none.
 
-    Of these only those count that lead to the avatar's stance, or nearest to it.
+    A body falls where most room is, if need be further aside. Of falls alike only those count that lead to the avatar's
+    stance, or nearest to it.
     """
     whole, real, falls = avatars.whole, avatars.real, model.falls
     policy, stance = whole[POLICY, own], int(avatars.conditions[whole[NUMBER, own], STANCE])
     blow = math.atan2(real[HIT_X, own], real[HIT_Z, own]) - real[HEADING, own]
-    best, nearest = math.inf, NOWHERE
+    nearest, best, least = math.inf, math.inf, NOWHERE
     for row in range(falls.shape[0]):
         if falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind:
-            best = min(best, _apart(model.fall_directions[row], blow))
+            nearest = min(nearest, _apart(model.fall_directions[row], blow))
     for row in range(falls.shape[0]):
-        if _is_like(model, row, policy, kind, blow, best):
-            nearest = min(nearest, _astray(model, row, stance))
+        if falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind:
+            best = min(best, _unfit(model, avatars, own, row, blow, nearest, observed, q))
+    for row in range(falls.shape[0]):
+        of_kind = falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind
+        if of_kind and _unfit(model, avatars, own, row, blow, nearest, observed, q) <= best:
+            least = min(least, _astray(model, row, stance))
     alike = 0
     for row in range(falls.shape[0]):
-        alike += _is_like(model, row, policy, kind, blow, best) and _astray(model, row, stance) == nearest
+        if falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind:
+            fits = _unfit(model, avatars, own, row, blow, nearest, observed, q) <= best
+            alike += fits and _astray(model, row, stance) == least
     number, decision = np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own])
     left = int(alike * uniform(world.stream[CHOICE_STREAM], number, decision))
     for row in range(falls.shape[0]):
-        if _is_like(model, row, policy, kind, blow, best) and _astray(model, row, stance) == nearest:
+        if falls[row, FALL_POLICY] != policy or falls[row, FALL_KIND] != kind:
+            continue
+        fits = _unfit(model, avatars, own, row, blow, nearest, observed, q) <= best
+        if fits and _astray(model, row, stance) == least:
             if left == 0:
                 return row
             left -= 1
     return -1
 
 
-@kernel(inline=True)
-def _is_like(model, row, policy, kind, blow, best):
-    """Return whether a fall of a policy is of a kind, and leads as nearly where a blow came to as the best one."""
-    falls = model.falls
-    of_kind = falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind
-    return of_kind and _apart(model.fall_directions[row], blow) <= best + LIKE
+@kernel
+def _unfit(model, avatars, own, row, blow, nearest, observed, q):
+    """Return how unfit a fall or stagger is: how far it leads aside from a blow, and how little room there is.
+
+    The square of the room that lacks is a whole number of parts, so that sums do not depend on the order of neighbours.
+    """
+    aside = _apart(model.fall_directions[row], blow) - nearest
+    if aside > FURTHEST_ASIDE:
+        return math.inf
+    unfit = ASIDE * max(aside - LIKE, 0.0)
+    if model.falls[row, FALL_KIND] != FALLS:
+        return unfit if aside <= LIKE else math.inf
+    whole, real, size = avatars.whole, avatars.real, avatars.real[SCALE, own]
+    cos, sin = cos_sin(real[HEADING, own])
+    axis = axis_after(model, row, FROM_START, real[X, own], real[Z, own], cos * size, sin * size)
+    crowded = 0.0
+    for m in range(observed.counts[q]):
+        j = observed.neighbours[q, m]
+        if whole[TEAM, j] < 0 and is_on_floor(avatars, j):
+            lack = max(SIDE_BY_SIDE - axes_apart(axis, axis_of(model, avatars, j)), 0.0)
+            crowded += math.floor(PARTS * lack * lack)
+        else:
+            lack = max(STANDS_BY - from_axis(axis, real[END_X, j], real[END_Z, j]), 0.0)
+            crowded += math.floor(0.5 * PARTS * lack * lack)
+    return unfit + crowded / PARTS
 
 
 @kernel(inline=True)

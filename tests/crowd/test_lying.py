@@ -1,0 +1,89 @@
+"""Where bodies lie: the axis from head to feet, how near it is to others, and which fall has room."""
+
+import numpy as np
+import pytest
+from falling import falling_policy
+from test_damage import POLICIES, fighters, with_falls
+
+from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.layout import Axis, Observed
+from crowdsim.crowd.kernels.lying import axes_apart, axis_of, from_axis
+from crowdsim.crowd.kernels.special import _unfit
+from crowdsim.crowd.model import build_model
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.motion import ground
+from crowdsim.motion.kinematics import forward_kinematics
+
+SHARES = np.linspace(0.0, 1.0, 400)
+
+
+def points(axis: Axis) -> np.ndarray:
+    ends = np.array(axis).reshape(2, 2)
+    return ends[0] + SHARES[:, None] * (ends[1] - ends[0])
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_distances_from_axes_match_naive_ones(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    one, other = (Axis(*rng.uniform(-1.0, 1.0, 4).tolist()) for _ in range(2))
+    x, z = rng.uniform(-1.5, 1.5, 2).tolist()
+    to_point, apart = from_axis(one, x, z), axes_apart(one, other)
+    assert to_point == pytest.approx(np.linalg.norm(points(one) - [x, z], axis=1).min(), abs=5e-3)
+    naive = np.linalg.norm(points(one)[:, None] - points(other), axis=-1).min()
+    assert apart == pytest.approx(naive, abs=1e-2)
+
+
+def test_bodies_lie_where_the_motion_has_their_heads_and_feet() -> None:
+    policy, model = falling_policy(), build_model([falling_policy()])
+    database, falls = policy.database, policy.falls
+    assert falls is not None
+    positions, _ = forward_kinematics(database.skeleton, database.root_positions, database.rotations, threads=1)
+    roles, stride = database.body.roles, database.stride
+    spans = database.falls
+    for number, (start, down) in enumerate(zip(spans.starts, spans.downs, strict=True)):
+        row = int(np.flatnonzero(model.falls[:, layout.FALL_ACTION] == falls.fall[number])[0])
+        posed = positions[down * stride]
+        feet = 0.5 * (posed[roles["left_foot"]] + posed[roles["right_foot"]])
+        for column, frame in ((0, start), (4, down)):
+            head_and_feet = model.fall_axes[row, column : column + 4].reshape(2, 2)
+            seen = ground.to_local(database.ground[frame * stride], np.stack([posed[roles["head"]], feet]))
+            assert np.linalg.norm(head_and_feet[0] - seen[0, [0, 2]]) < 0.15
+            np.testing.assert_allclose(head_and_feet[1], seen[1, [0, 2]], atol=1e-4)
+
+
+def test_ground_transforms_rest_while_a_body_lies() -> None:
+    database = falling_policy().database
+    for down, rise in zip(database.falls.downs, database.falls.rises, strict=True):
+        lying = database.ground[down * database.stride : rise * database.stride + 1]
+        assert np.ptp(lying, axis=0).max() < 1e-6
+
+
+def placed_beside(model, direction: float) -> tuple[Simulation, int]:
+    """Two avatars, of which the second lies beside the first, in a direction from it."""
+    one = Simulation(fighters(2), POLICIES, model=model)
+    first, second = (int(one.avatars.slot_of[number]) for number in (0, 1))
+    real = one.avatars.real
+    turn = real[layout.HEADING, first] + direction
+    for row, value in ((layout.BASE_X, np.sin(turn)), (layout.BASE_Z, np.cos(turn))):
+        start = real[layout.X if row == layout.BASE_X else layout.Z, first]
+        real[row, second] = start + value
+    one.avatars.conditions[1, [layout.STANDING, layout.FALL]] = layout.LYING, 0
+    one.avatars.whole[layout.TEAM, second] = -2
+    return one, first
+
+
+@pytest.mark.parametrize("direction", [0.0, np.pi])
+def test_a_fall_is_less_fit_where_another_lies(direction: float) -> None:
+    axes = np.zeros((6, 8))
+    # The first fall leads ahead, the second behind, a metre each.
+    axes[:3, 1], axes[3:, 1] = 1.0, -1.0
+    model = with_falls()._replace(fall_axes=axes)
+    one, own = placed_beside(model, direction)
+    slot = int(one.avatars.slot_of[1])
+    axis = axis_of(model, one.avatars, slot)
+    one.avatars.real[layout.BASE_X, slot] += one.avatars.real[layout.BASE_X, slot] - axis.x
+    one.avatars.real[layout.BASE_Z, slot] += one.avatars.real[layout.BASE_Z, slot] - axis.z
+    observed = Observed(np.array([slot], np.int32), np.array([1], np.int32), np.array([[slot]], np.int32))
+    ahead, behind = (_unfit(model, one.avatars, own, row, 0.5 * np.pi, 0.5 * np.pi, observed, 0) for row in (0, 3))
+    assert (ahead > behind) == (direction == 0.0)
+    assert max(ahead, behind) > 0.5
