@@ -21,7 +21,9 @@ class Model(NamedTuple):
         offsets: CSR: actions of state s are ``offsets[s]:offsets[s + 1]``. Behind the states of a policy each of its
             falls and staggers has a state of its own, to which no action leads, so that no avatar chooses it.
             Shape (S + 1,), int32.
-        reaches: How far the actions of each state lead at most [m]. Shape (S,), float64.
+        reaches: How far the actions of each state lead at most, and until the body can halt [m]. Shape (S,), float64.
+        halts: Where a body halts after each action at the earliest, in the frame of its start: x, z [m]. Shape (A, 2),
+            float32.
         actions: For each action the state in which it ends, its length T [control frames], the playback frame that lies
             on the avatar when it starts, and its first row in ``paths`` and in ``strikes``, which the last row closes;
             and the last whole frame before its first strike. Shape (A + 1, 6), int32.
@@ -70,6 +72,7 @@ class Model(NamedTuple):
 
     offsets: Array
     reaches: Array
+    halts: Array
     actions: Array
     moves: Array
     paths: Array
@@ -111,11 +114,11 @@ class Avatars(NamedTuple):
     before, in the action before; base, on which the ground transforms of playback frames are set (x, z, cosine and
     sine times scale, turn); x, z [m] and heading [rad] of its ground frame; x and z where its action ends; the
     frame in which it has recovered from all strikes that it threw; the last hit, along x and z away from whoever hit,
-    as long as it was strong (``strikes.note_hits``), and its frame.
+    as long as it was strong (``strikes.note_hits``), and its frame; x and z where it can halt after its action.
 
     Attributes:
         whole: Shape (17, N), int32.
-        real: Shape (18, N), float64.
+        real: Shape (20, N), float64.
         slot_of: Slot of each number. Shape (N,), int32.
         shown: States in which the latest actions of each number end, a ring by decisions; ``variety.NONE`` for none.
             Shape (N, 16), uint16.
@@ -240,7 +243,7 @@ class Scratch(NamedTuple):
             shares of the next distance and bearing. Shape (5 + 2 * behaviours, actions of a block), float64.
         gaps: How far from where it should be a target is in each control frame of a state's actions [m]. float64.
         rows: A number for each control frame of a state's actions, or for each action. float64.
-        near: Neighbours that may be in the way. Shape (most neighbours, 8), float64.
+        near: Neighbours that may be in the way. Shape (most neighbours, 10), float64.
     """
 
     situations: Array

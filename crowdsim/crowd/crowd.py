@@ -260,6 +260,8 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
         (layout.HEADING, heading),
         (layout.END_X, x),
         (layout.END_Z, z),
+        (layout.HALT_X, x),
+        (layout.HALT_Z, z),
         (layout.PHASE, length),
         (layout.PHASE_BEFORE, length),
     ):
