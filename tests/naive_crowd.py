@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 from naive_opponents import nearest, neighbours
+from naive_stances import crosses_legs
 from naive_strikes import at, thrown, what_is_seen
 
 from crowdsim.crowd.kernels import variety
@@ -13,6 +14,7 @@ from crowdsim.crowd.kernels.crowding import BYSTANDERS, STAGGER, STEP
 from crowdsim.crowd.kernels.intents import CLOSEST, SHYNESS
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
 from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REMEMBERED
+from crowdsim.crowd.kernels.stances import CROSSED
 from crowdsim.crowd.model import AT_REST, FULL_REACH, STRONG
 from crowdsim.crowd.model_tables import BRAKING
 from crowdsim.crowd.random import Purpose, uniform
@@ -255,11 +257,14 @@ def decide(one, avatars, crowd, targets, frame, marks):
         one.burst = least + int(drawn * (most - least + 1))
     values = values + (-REST if rests else BOLDNESS * one.doublings) * counts
     place = pick(values, one, crowd)
-    if opponent >= 0 and crowd.varieties[one.cohort] > 0:
-        for _ in range(REDRAWN):
-            if counts[place] > 0 and throws_too(one, avatars[opponent], choices[place], frame):
-                values[place] -= variety.TWICE
-                place = pick(values, one, crowd)
+    varied, apart = opponent >= 0 and crowd.varieties[one.cohort] > 0, crowd.crowding.end > 0
+    for _ in range(REDRAWN):
+        if varied and counts[place] > 0 and throws_too(one, avatars[opponent], choices[place], frame):
+            values[place] -= variety.TWICE
+            place = pick(values, one, crowd)
+        elif apart and crosses_legs(one, choices[place], mine, [avatars[j] for j in near]):
+            values[place] -= CROSSED
+            place = pick(values, one, crowd)
     if interval > 0:
         one.burst = max(one.burst - int(counts[place]), 0)
         one.rested = max(one.rested, frame) + interval * int(counts[place])

@@ -24,6 +24,8 @@ class Model(NamedTuple):
         reaches: How far the actions of each state lead at most, and until the body can halt [m]. Shape (S,), float64.
         halts: Where a body halts after each action at the earliest, in the frame of its start: x, z [m]. Shape (A, 2),
             float32.
+        stances: Left knee and sole, right knee and sole in each state, in the ground frame, and how far from the
+            position these are at most [m]. Shape (S, 13), float32.
         actions: For each action the state in which it ends, its length T [control frames], the playback frame that lies
             on the avatar when it starts, and its first row in ``paths`` and in ``strikes``, which the last row closes;
             and the last whole frame before its first strike. Shape (A + 1, 6), int32.
@@ -73,6 +75,7 @@ class Model(NamedTuple):
     offsets: Array
     reaches: Array
     halts: Array
+    stances: Array
     actions: Array
     moves: Array
     paths: Array

@@ -13,6 +13,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.model_arms import arm_radii, arm_rows, way_rows
+from crowdsim.crowd.model_stances import stance_rows
 from crowdsim.crowd.model_tables import (
     action_rows,
     action_starts,
@@ -102,6 +103,7 @@ def build_model(policies: Sequence[Policy]) -> Model:
         offsets=offsets,
         reaches=reach_rows(displacements, halts, offsets),
         halts=halts,
+        stances=np.concatenate([stance_rows(*one) for one in zip(policies, np.diff(starts["state"]), strict=True)]),
         actions=action_rows(policies, actions, starts),
         moves=moves,
         paths=padded([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2]), path_frames(actions)]),

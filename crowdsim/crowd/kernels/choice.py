@@ -31,6 +31,7 @@ from crowdsim.crowd.kernels.layout import (
 )
 from crowdsim.crowd.kernels.outcomes import note_seen
 from crowdsim.crowd.kernels.special import special_action
+from crowdsim.crowd.kernels.stances import CROSSED, crosses_legs
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.kernels.variety import TWICE, charge_repetition, throws_too
 from crowdsim.jit import kernel
@@ -39,7 +40,7 @@ BURSTS = (2, 5)  # least and most strikes of a burst
 REST = 4.0  # what a strike costs an avatar that rests, in normalised values
 BOLDNESS = 0.2  # how much more a strike is worth to an avatar for each doubling of its aggression
 WEARY = 3.0  # how much longer it takes an exhausted avatar to recover from a strike, over one that is not tired
-REDRAWN = 4  # how often an avatar thinks again that has drawn a strike which its opponent throws
+REDRAWN = 4  # how often an avatar thinks again that has drawn a strike which its opponent throws, or legs that cross
 SORTED = 256  # from this many deciding avatars on, actions are evaluated in the order of states
 
 
@@ -61,7 +62,7 @@ def choose(model, avatars, world, now, due, count, observed, scratch, out_chosen
     _keep_running(model, avatars, due, count, scratch)
     avoid(model, avatars, world, now.frame, due, count, observed, scratch)
     charge_repetition(model, avatars, world, now, due, count, scratch)
-    lost = _draw_actions(model, avatars, world, now.frame, due, count, scratch, out_chosen)
+    lost = _draw_actions(model, avatars, world, now.frame, due, count, observed, scratch, out_chosen)
     if lost < 0:
         note_seen(model, avatars, world, now, due, count, out_chosen)
     return lost
@@ -96,7 +97,7 @@ def _keep_running(model, avatars, due, count, scratch):
 
 
 @kernel(inline=True)
-def _draw_actions(model, avatars, world, frame, due, count, scratch, out_chosen):
+def _draw_actions(model, avatars, world, frame, due, count, observed, scratch, out_chosen):
     """Draw the next action of avatars ``due[:count]`` by its value; return -1, or a slot without numbers.
 
     Strikes come in bursts. A strike takes ``INTERVAL`` frames to recover from; after a burst an avatar rests until it
@@ -133,9 +134,14 @@ def _draw_actions(model, avatars, world, frame, due, count, scratch, out_chosen)
         rules = CandidateRules(cohorts[cohort, MARGIN], cohorts[cohort, MOST], cohorts[cohort, TEMPERATURE])
         picked = draw_candidate(values[q], offsets[state + 1] - offsets[state], rules, number, chances)
         for _ in range(REDRAWN):
-            if picked < 0 or not throws_too(model, avatars, world, frame, own, offsets[state] + picked):
+            if picked < 0:
                 break
-            values[q, picked] -= TWICE
+            if throws_too(model, avatars, world, frame, own, offsets[state] + picked):
+                values[q, picked] -= TWICE
+            elif crosses_legs(model, avatars, world.crowding, own, offsets[state] + picked, observed, q):
+                values[q, picked] -= CROSSED
+            else:
+                break
             picked = draw_candidate(values[q], offsets[state + 1] - offsets[state], rules, number, chances)
         if picked < 0:
             return own
