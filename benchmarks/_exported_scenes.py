@@ -54,10 +54,10 @@ def source_clips(bundle: Path, folder: Path, mocap: Path | None) -> list[Path]:
     if performer is not None:
         if performer["stance"] != "orthodox":
             raise ValueError(f"{bundle}: a {performer['stance']} performer is beyond this benchmark")
-        out = folder / f"performer_{performer['seed']}_{performer['seconds']:g}"
+        out = folder / f"performer_{performer['seed']}_{performer['seconds']:g}_{performer['falls']}"
         if not out.exists():
-            words = ("--seconds", str(performer["seconds"]), "--seed", str(performer["seed"]), "--out", str(out))
-            crowdsim("perform", *words)
+            given = [word for key in ("seconds", "seed", "falls") for word in (f"--{key}", str(performer[key]))]
+            crowdsim("perform", *given, "--out", str(out))
         return sorted(out.glob("*.bvh"))
     if mocap is None:
         raise ValueError(f"{bundle}: was trained on capture, expected --mocap or CROWDSIM_MOCAP")

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import naive_defence
 import numpy as np
+from naive_legs import crosses_legs
 from naive_opponents import nearest, neighbours
 from naive_strikes import at, thrown, what_is_seen
 
@@ -13,8 +14,10 @@ from crowdsim.crowd.kernels.choice import ASTRAY, BOLDNESS, BURSTS, REDRAWN, RES
 from crowdsim.crowd.kernels.crowding import BYSTANDERS, STAGGER, STEP
 from crowdsim.crowd.kernels.intents import CLOSEST, SHYNESS
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
+from crowdsim.crowd.kernels.legs import CROSSED
 from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REMEMBERED
-from crowdsim.crowd.model import FULL_REACH, STRONG
+from crowdsim.crowd.model import AT_REST, FULL_REACH, STRONG
+from crowdsim.crowd.model_tables import BRAKING
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.crowd.script import target_positions
 from crowdsim.crowd.stances import stance_actions
@@ -34,13 +37,17 @@ class Avatar:
         actions, graph = self.policy.actions, self.policy.graph
         self.stance = int(crowd.stances[number]) if len(crowd.stances) else 0
         self.astray = stance_actions(self.policy)[:, self.stance - 1] if self.stance else np.zeros(actions.state_count)
-        with_entry = [s for s in range(actions.state_count) if (actions.next == s).any() and self.astray[s] == 0]
+        self.ways = ways_to_halt(actions)
+        with_entry = [s for s in range(actions.state_count) if (actions.next == s).any()]
+        far = [float(np.hypot(*self.ways[s][:2])) for s in with_entry]
+        with_entry = [s for s, brake in zip(with_entry, far, strict=True) if brake <= max(AT_REST, min(far))]
+        with_entry = [s for s in with_entry if self.astray[s] == 0]
         self.state = with_entry[int(float(uniform(crowd.seed, Purpose.START, number)) * len(with_entry))]
         into = [a for a in range(actions.action_count) if actions.next[a] == self.state]
         self.action = min(into, key=lambda a: (graph.action_costs[a], a))
         self.phase = self.phase_before = float(actions.lengths[self.action])
         end = np.array([crowd.x[number], crowd.z[number], crowd.heading[number]])
-        self.start = self.before_start(self.action, end)
+        self.start, self.halts = self.before_start(self.action, end), end
         self.action_before, self.start_before, self.decided = None, None, False
         self.opponent = self.opponent_before = -1
         self.decisions = 0
@@ -76,6 +83,11 @@ class Avatar:
     def stands(self):
         return ground.compose(self.start, self.displacement(self.action, min(self.phase, self.length)))
 
+    def halt_of(self, action, start):
+        """Where it can halt after an action."""
+        _, way = _go_on(self.policy.actions, action, [(0.0, way) for way in self.ways])
+        return ground.compose(start, way * [self.scale, self.scale, 1.0])
+
     def meanwhile(self, share):
         """Action, phase and its start, interpolated by ``share`` to this frame."""
         shown = min(self.phase, self.length)
@@ -90,6 +102,21 @@ class Avatar:
     def body(self, name, action, phase, start):
         stands = ground.compose(start, self.displacement(action, phase))
         return ground.to_world(stands, at(getattr(self.policy.database, name), self.place(action, phase)) * self.scale)
+
+
+def ways_to_halt(actions):
+    """Ground transform, from each state, of where a body is that goes on from there as little as it can."""
+    ways = [(0.0, np.zeros(3))] * actions.state_count
+    for _ in range(BRAKING):
+        ways = [min((_go_on(actions, a, ways) for a in range(*actions.offsets[s : s + 2])), key=lambda way: way[0])
+                for s in range(actions.state_count)]  # fmt: skip
+    return [way for _, way in ways]
+
+
+def _go_on(actions, action, ways):
+    """How far an action and what comes after it lead, and where."""
+    move, (far, way) = actions.displacements[action].astype(float), ways[actions.next[action]]
+    return float(np.hypot(*move[:2])) + far, ground.compose(move, way)
 
 
 def outside(arena, x, z):
@@ -137,6 +164,7 @@ def run(crowd, policies, frames, script=None):
                 one.thrown_until = frame + int(one.policy.actions.lengths[action] / one.speed)
             marks[mark_of(one.stands(), one.shown[-1], crowd.count)] = frame
             one.action_before, one.start_before, one.start = one.action, one.start, one.stands()
+            one.halts = one.halt_of(action, one.start)
             if one.decisions == 0:  # whoever enters stands where they should
                 shift = one.policy.actions.shifts[action] * [one.scale, one.scale, 1.0]
                 one.start = ground.compose(one.start, ground.inverse(shift))
@@ -239,11 +267,14 @@ def decide(one, avatars, crowd, targets, frame, marks):
     values = values + (-REST if rests else BOLDNESS * one.doublings) * counts
     values = values - ASTRAY * one.astray[actions.next[list(choices)]]
     place = pick(values, one, crowd)
-    if opponent >= 0 and crowd.varieties[one.cohort] > 0:
-        for _ in range(REDRAWN):
-            if counts[place] > 0 and throws_too(one, avatars[opponent], choices[place], frame):
-                values[place] -= variety.TWICE
-                place = pick(values, one, crowd)
+    varied, apart = opponent >= 0 and crowd.varieties[one.cohort] > 0, crowd.crowding.end > 0
+    for _ in range(REDRAWN):
+        if varied and counts[place] > 0 and throws_too(one, avatars[opponent], choices[place], frame):
+            values[place] -= variety.TWICE
+            place = pick(values, one, crowd)
+        elif apart and crosses_legs(one, choices[place], mine, [avatars[j] for j in near]):
+            values[place] -= CROSSED
+            place = pick(values, one, crowd)
     if interval > 0:
         one.burst = max(one.burst - int(counts[place]), 0)
         one.rested = max(one.rested, frame) + interval * int(counts[place])
@@ -288,7 +319,8 @@ def crowding(one, action, mine, near, positions, crowd, opponent):
             space *= BYSTANDERS
         room = rules.radius * (one.width + other.width) + rules.gap * space
         before, after = (now - mine)[:2], (then - end)[:2]
-        worst = max(worst, rules.end * space * (1 - float(np.hypot(*after)) / room))
+        halted = (other.halts - one.halt_of(action, mine))[:2]
+        worst = max(worst, rules.end * space * (1 - nearest_approach(after, halted)[0] / room))
         passing, t = nearest_approach(before, after)
         if t > 0:
             worst = max(worst, rules.path * (1 - passing / room))

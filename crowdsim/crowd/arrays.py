@@ -21,7 +21,11 @@ class Model(NamedTuple):
         offsets: CSR: actions of state s are ``offsets[s]:offsets[s + 1]``. Behind the states of a policy each of its
             falls and staggers has a state of its own, to which no action leads, so that no avatar chooses it.
             Shape (S + 1,), int32.
-        reaches: How far the actions of each state lead at most [m]. Shape (S,), float64.
+        reaches: How far the actions of each state lead at most, and until the body can halt [m]. Shape (S,), float64.
+        halts: Where a body halts after each action at the earliest, in the frame of its start: x, z [m]. Shape (A, 2),
+            float32.
+        legs: Left knee and sole, right knee and sole in each state, in the ground frame, and how far from the
+            position these are at most [m]. Shape (S, 13), float32.
         actions: For each action the state in which it ends, its length T [control frames], the playback frame that lies
             on the avatar when it starts, and its first row in ``paths`` and in ``strikes``, which the last row closes;
             and the last whole frame before its first strike. Shape (A + 1, 6), int32.
@@ -74,6 +78,8 @@ class Model(NamedTuple):
 
     offsets: Array
     reaches: Array
+    halts: Array
+    legs: Array
     actions: Array
     moves: Array
     paths: Array
@@ -111,18 +117,19 @@ class Avatars(NamedTuple):
     action before its next strike, or -1 where the action before may still have one; burst, strikes left of the present
     burst, 0 for an avatar that rests; the opponent from the next action on, of avatars that have just decided; number
     of the avatar that hit it last, or -1; motion of its latest action with strikes (``Model.twins``), or -1, and the
-    frame in which that ends.
+    frame in which that ends; what it saw coming when it decided (``core.threats``), or -1.
 
     Rows of ``real``: scale of the body; speed [frames of motion in a control frame]; phase, frames of the action done
     (an action shows its frame ``min(phase, T)``; what goes beyond is motion that the next action starts with); phase
     before, in the action before; base, on which the ground transforms of playback frames are set (x, z, cosine and
     sine times scale, turn); x, z [m] and heading [rad] of its ground frame; x and z where its action ends; the
     frame in which it has recovered from all strikes that it threw; the last hit, along x and z away from whoever hit,
-    as long as it was strong (``strikes.note_hits``), and its frame; how thick the body is, its scale times its girth.
+    as long as it was strong (``strikes.note_hits``), and its frame; how thick the body is, its scale times its girth; x
+    and z where it can halt after its action.
 
     Attributes:
-        whole: Shape (17, N), int32.
-        real: Shape (19, N), float64.
+        whole: Shape (18, N), int32.
+        real: Shape (21, N), float64.
         slot_of: Slot of each number. Shape (N,), int32.
         shown: States in which the latest actions of each number end, a ring by decisions; ``variety.NONE`` for none.
             Shape (N, 16), uint16.
@@ -250,7 +257,7 @@ class Scratch(NamedTuple):
             shares of the next distance and bearing. Shape (5 + 2 * behaviours, actions of a block), float64.
         gaps: How far from where it should be a target is in each control frame of a state's actions [m]. float64.
         rows: A number for each control frame of a state's actions, or for each action. float64.
-        near: Neighbours that may be in the way. Shape (most neighbours, 8), float64.
+        near: Neighbours that may be in the way. Shape (most neighbours, 10), float64.
     """
 
     situations: Array

@@ -43,5 +43,5 @@ def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
         gaps=np.empty(rows),
         # Rows behind the last action are read and weighed by zero, which needs them to be finite.
         rows=np.zeros(max(rows, width)),
-        near=np.empty((max(neighbours, 1), 8)),
+        near=np.empty((max(neighbours, 1), 10)),
     )

@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Model
+from crowdsim.crowd.beginning import first_actions
 from crowdsim.crowd.distributions import EVEN_TEMPERED
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.variety import LATEST, NONE
-from crowdsim.crowd.model import entry_actions
-from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.errors import RunError
 
 ANYONE, SCRIPTED = -1, -2
@@ -247,7 +246,7 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
         )
     whole, real = avatars.whole, avatars.real
     policy, scale = whole[layout.POLICY, slots], real[layout.SCALE, slots]
-    action = _first_actions(crowd, model, numbers, policy)
+    action = first_actions(crowd.seed, crowd.stances, model, numbers, policy)
     length = model.actions[action, layout.LENGTH]
     ground = model.ground[model.actions[action, layout.ORIGIN] + length * model.policies[policy, layout.STRIDE]]
     turn = heading - ground[:, 2]
@@ -263,6 +262,8 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
         (layout.HEADING, heading),
         (layout.END_X, x),
         (layout.END_Z, z),
+        (layout.HALT_X, x),
+        (layout.HALT_Z, z),
         (layout.PHASE, length),
         (layout.PHASE_BEFORE, length),
     ):
@@ -283,20 +284,3 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
         rows[:, layout.TEMPO : layout.RANGE + 1] = crowd.temperaments[numbers] if tempered else EVEN_TEMPERED
         rows[:, layout.STANCE] = crowd.stances[numbers] if len(crowd.stances) else 0
         avatars.conditions[numbers] = rows
-
-
-def _first_actions(crowd: Crowd, model: Model, numbers: Array, policy: Array) -> Array:
-    """Return an action for each avatar that ends in a state drawn from its policy's, in the stance that it has."""
-    entries = entry_actions(model)
-    drawn = uniform(crowd.seed, Purpose.START, numbers)
-    stances = crowd.stances[numbers] if len(crowd.stances) else np.zeros(len(numbers), np.uint8)
-    action = np.empty(len(numbers), np.int32)
-    starts = model.policies[:, layout.STATES]
-    for p, stance in np.unique(np.stack([policy, stances], axis=1), axis=0):
-        states = np.arange(starts[p], starts[p + 1])
-        states = states[entries[states] >= 0]
-        if stance > 0:
-            states = states[model.stances[states, stance - 1] == 0]
-        own = (policy == p) & (stances == stance)
-        action[own] = entries[states[(drawn[own] * len(states)).astype(np.int64)]]
-    return action

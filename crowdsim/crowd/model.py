@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.model_arms import arm_radii, arm_rows, way_rows
+from crowdsim.crowd.model_legs import leg_rows
 from crowdsim.crowd.model_tables import (
     action_rows,
     action_starts,
@@ -20,12 +22,14 @@ from crowdsim.crowd.model_tables import (
     discount_rows,
     fall_rows,
     grid_rows,
+    halt_rows,
     joined,
     joined_offsets,
     move_rows,
     note_prices,
     padded,
     path_frames,
+    reach_rows,
     strike_rows,
     twin_states,
 )
@@ -46,6 +50,9 @@ TOLERANCE = 0.10
 
 STRONG = 75.0
 """Percentile of the speeds of a policy's strikes from which on they are strong."""
+
+AT_REST = 0.25
+"""How far bodies that begin a run need at most to halt [m]."""
 
 FULL_REACH = 0.8
 """Distance over the ground of half of the strikes from which on bodies keep the whole gap [m]."""
@@ -89,15 +96,16 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
     kept = np.concatenate([[0], np.cumsum(wanted)])
     of_terms = slice(layout.FIRST_TERM, layout.LOOKS_AHEAD)
     behaviours[:, of_terms] = kept[behaviours[:, of_terms].astype(int)]
-    offsets = joined_offsets(actions, starts["action"])
+    halts, offsets = np.concatenate([halt_rows(one) for one in actions]), joined_offsets(actions, starts["action"])
     falls, directions, axes = fall_rows(policies, starts)
     strides = [*(database.stride for database in databases), 0]
-    firsts = [starts["behaviour"], starts["action"], starts["state"]]
     origins = [action_starts(policy) for policy in policies]
     bodies = [np.column_stack([database.heads, database.necks, database.pelvises]) for database in databases]
     return Model(
         offsets=offsets,
-        reaches=np.maximum.reduceat(np.hypot(displacements[:, 0], displacements[:, 1]), offsets[:-1]),
+        reaches=reach_rows(displacements, halts, offsets),
+        halts=halts,
+        legs=np.concatenate([leg_rows(*one) for one in zip(policies, np.diff(starts["state"]), strict=True)]),
         actions=action_rows(policies, actions, starts),
         moves=moves,
         paths=padded([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2]), path_frames(actions)]),
@@ -112,7 +120,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
         bodies=np.concatenate(bodies).astype(np.float32),
         arms=np.concatenate([arm_rows(database) for database in databases]),
         ways=way_rows(policies, origins),
-        policies=np.column_stack([strides, *firsts]).astype(np.int32),
+        policies=np.column_stack([strides, starts["behaviour"], starts["action"], starts["state"]]).astype(np.int32),
         sizes=np.array([_sizes(policy) for policy in policies]),
         twins=twin_states(policies, starts),
         stances=stance_rows(policies, starts["state"]) if with_stances else np.zeros((0, 2), np.uint8),
@@ -148,7 +156,7 @@ def check_support(policy: Policy) -> None:
 def entry_actions(model: Model) -> Array:
     """Return the cheapest action that ends in each state, the first among equals; -1 for none. Shape (S,), int32.
 
-    Falls are none of them.
+    Falls are none of them. States in the middle of a run have none, since what is in the way there is not known yet.
     """
     chosen = np.setdiff1d(np.arange(len(model.actions) - 1), model.falls[:, _FALL_ACTION])
     ends = model.actions[chosen, layout.NEXT]
@@ -156,6 +164,10 @@ def entry_actions(model: Model) -> Array:
     entries = np.full(len(model.offsets) - 1, -1, np.int32)
     states, first = np.unique(ends[order], return_index=True)
     entries[states] = chosen[order[first]]
+    brakes = np.where(entries < 0, np.inf, np.hypot(*(model.halts - model.moves[:, :2])[entries].T))
+    for start, stop in pairwise(model.policies[:, layout.STATES]):
+        own = slice(start, stop)
+        entries[own][brakes[own] > max(AT_REST, brakes[own].min())] = -1
     return entries
 
 

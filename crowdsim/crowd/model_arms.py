@@ -34,7 +34,7 @@ def arm_rows(database: MotionDatabase) -> Array:
     roles, count = database.body.roles, len(database.ground)
     rows = np.empty((count, 12), np.float32)
     rows[:, 6:] = np.reshape(database.fists, (count, 6))
-    skeleton, joints = _chains(database.skeleton, [roles[role] for role in _ELBOWS])
+    skeleton, joints = part_of(database.skeleton, [roles[role] for role in _ELBOWS])
     elbows = [joints.index(roles[role]) for role in _ELBOWS]
     for low in range(0, count, _FRAMES_AT_ONCE):
         some = slice(low, low + _FRAMES_AT_ONCE)
@@ -90,7 +90,7 @@ def _ways(database: MotionDatabase) -> Array:
     return points
 
 
-def _chains(skeleton: Skeleton, joints: Sequence[int]) -> tuple[Skeleton, list[int]]:
+def part_of(skeleton: Skeleton, joints: Sequence[int]) -> tuple[Skeleton, list[int]]:
     """Return the part of a skeleton from the root to some joints, and the joints of that part, ascending."""
     kept: set[int] = set()
     for end in joints:

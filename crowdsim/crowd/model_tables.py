@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from crowdsim.policy.actions import Actions
     from crowdsim.policy.policy import LookupTables, Policy
 
+BRAKING = 4
+"""Actions in which a body can halt out of any motion."""
+
 _ONCE = 2  # column of a transition term: what each transition costs
 
 
@@ -168,6 +171,31 @@ def strike_rows(policies: Sequence[Policy], behaviours: Array, terms: Array, sta
         parts.append(np.column_stack(columns))
     width = -(-max(part.shape[1] for part in parts) // 8) * 8
     return np.concatenate([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts]).astype(np.float32)
+
+
+def halt_rows(actions: Actions) -> Array:
+    """Return where a body halts after each action at the earliest: see ``Model.halts``. Shape (A, 2), float32.
+
+    Out of a run it takes some steps: ``BRAKING`` actions more, of all that may follow one another those that lead the
+    least way.
+    """
+    moves, follow = actions.displacements.astype(float), actions.next
+    firsts, owners = actions.offsets[:-1], np.repeat(np.arange(actions.state_count), np.diff(actions.offsets))
+    choices = slice(0, actions.choice_count)
+    way, travel = np.zeros((actions.state_count, 3)), np.zeros(actions.state_count)
+    for _ in range(BRAKING):
+        through = np.hypot(moves[choices, 0], moves[choices, 1]) + travel[follow[choices]]
+        travel = np.minimum.reduceat(through, firsts)
+        least = np.flatnonzero(through == travel[owners])
+        best = least[np.unique(owners[least], return_index=True)[1]]
+        way = ground.compose(moves[best], way[follow[best]])
+    return ground.compose(moves, way[follow])[:, :2].astype(np.float32)
+
+
+def reach_rows(displacements: Array, halts: Array, offsets: Array) -> Array:
+    """Return how far the actions of each state lead at most, and until the body can halt. Shape (S,), float64."""
+    further = np.maximum(np.hypot(displacements[:, 0], displacements[:, 1]), np.hypot(halts[:, 0], halts[:, 1]))
+    return np.asarray(np.maximum.reduceat(further, offsets[:-1]))
 
 
 def twin_states(policies: Sequence[Policy], starts: dict[str, Array]) -> Array:

@@ -14,12 +14,13 @@ from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TransitionTerm, t
 
 
 def figure():
-    """Return a skeleton of a pelvis, arms and feet, and its body; its gloves are large."""
-    names = ("pelvis", "left_elbow", "left_hand", "right_elbow", "right_hand", "left_foot", "right_foot")
-    parents = np.array([-1, 0, 1, 0, 3, 0, 0], np.int32)
+    """Return a skeleton of a pelvis, arms, feet and knees, and its body; its gloves are large."""
+    names = ("pelvis", "left_elbow", "left_hand", "right_elbow", "right_hand", "left_foot", "right_foot",
+             "left_knee", "right_knee")  # fmt: skip
+    parents = np.array([-1, 0, 1, 0, 3, 0, 0, 0, 0], np.int32)
     offsets = np.array(
         [[0, 0, 0], [0.2, 0.2, 0.15], [-0.05, 0.2, 0.2], [-0.2, 0.2, 0.15], [0.05, 0.2, 0.2], [0.1, -0.9, 0.1],
-         [-0.1, -0.9, 0.1]], float,
+         [-0.1, -0.9, 0.1], [0.12, -0.45, 0.2], [-0.12, -0.45, 0.2]], float,
     )  # fmt: skip
     radii = np.array([[0.08, 0.06], [0.08, 0.06], [0.09, 0.12], [0.09, 0.12]])
     body = Body(
@@ -44,7 +45,9 @@ def database(rng, frames=40, stride=4):
     # Drawn on their own, so that what is drawn above does not depend on them.
     arms = np.random.default_rng(count)
     fists = arms.normal([[0.15, 1.45, 0.3], [-0.15, 1.45, 0.3]], 0.05, (count, 2, 3))
-    turns = arms.normal([1.0, 0.0, 0.0, 0.0], 0.1, (count, len(skeleton.names), 4))
+    turns = arms.normal([1.0, 0.0, 0.0, 0.0], 0.1, (count, 7, 4))
+    knees = arms.normal([1.0, 0.0, 0.0, 0.0], 0.1, (count, 2, 4))
+    turns = np.concatenate([turns, knees], axis=1)
     turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
     return MotionDatabase(
         skeleton=skeleton,

@@ -200,9 +200,9 @@ def test_a_fight_goes_on_from_its_state(stop, falls):
 @pytest.mark.parametrize("kind", ["last_standing", "last_team", "down", "landed"])
 def test_a_run_ends_when_its_end_has_come(kind):
     frail = rules()
-    frail[:, layout.FULL_HEALTH] = 20.0
-    people = fighters(6, team=np.arange(6) % 2, rules=frail, skip=np.full(6, -1))
-    count = {"down": 2, "landed": 25}.get(kind, 0)
+    frail[:, layout.FULL_HEALTH] = 10.0
+    people = fighters(6, team=np.arange(6) % 2, rules=frail, skip=np.full(6, -1), spacing=0.5, seed=4)
+    count = {"down": 2, "landed": 10}.get(kind, 0)
     one = Simulation(people, POLICIES, Script(until=End(kind, count)))
     record, events = whole([one.run(3000)])
     ended = one.outcome

@@ -31,6 +31,7 @@ from crowdsim.crowd.kernels.layout import (
     TEMPERATURE,
     TEMPO,
 )
+from crowdsim.crowd.kernels.legs import CROSSED, crosses_legs
 from crowdsim.crowd.kernels.outcomes import note_seen
 from crowdsim.crowd.kernels.special import special_action
 from crowdsim.crowd.kernels.values import value_actions
@@ -42,7 +43,7 @@ REST = 4.0  # what a strike costs an avatar that rests, in normalised values
 BOLDNESS = 0.2  # how much more a strike is worth to an avatar for each doubling of its aggression
 ASTRAY = 1.0  # what it costs an avatar to be an action further from its stance, in normalised values
 WEARY = 3.0  # how much longer it takes an exhausted avatar to recover from a strike, over one that is not tired
-REDRAWN = 4  # how often an avatar thinks again that has drawn a strike which its opponent throws
+REDRAWN = 4  # how often an avatar thinks again that has drawn a strike which its opponent throws, or legs that cross
 SORTED = 256  # from this many deciding avatars on, actions are evaluated in the order of states
 
 
@@ -142,9 +143,14 @@ def _draw_actions(model, avatars, world, frame, due, count, observed, scratch, o
         rules = CandidateRules(cohorts[cohort, MARGIN], cohorts[cohort, MOST], cohorts[cohort, TEMPERATURE])
         picked = draw_candidate(values[q], offsets[state + 1] - offsets[state], rules, number, chances)
         for _ in range(REDRAWN):
-            if picked < 0 or not throws_too(model, avatars, world, frame, own, offsets[state] + picked):
+            if picked < 0:
                 break
-            values[q, picked] -= TWICE
+            if throws_too(model, avatars, world, frame, own, offsets[state] + picked):
+                values[q, picked] -= TWICE
+            elif crosses_legs(model, avatars, world.crowding, own, offsets[state] + picked, observed, q):
+                values[q, picked] -= CROSSED
+            else:
+                break
             picked = draw_candidate(values[q], offsets[state + 1] - offsets[state], rules, number, chances)
         if picked < 0:
             return own

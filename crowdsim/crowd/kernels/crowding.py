@@ -17,6 +17,8 @@ from crowdsim.crowd.kernels.layout import (
     END_X,
     END_Z,
     GAP,
+    HALT_X,
+    HALT_Z,
     HEADING,
     HIT_FRAME,
     HIT_X,
@@ -94,8 +96,9 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
     """List in ``near`` the neighbours that an avatar may collide with; return how many there are.
 
     A row is the position seen from the avatar, the displacement to the end of the action, the distance at which bodies
-    meet, the frames that are left of the action, what it costs to end in the middle, and to pass there. Of a body on
-    the floor it is the head, the displacement to the feet, the distance from the axis, and ``ON_FLOOR``.
+    meet, the frames that are left of the action, what it costs to end in the middle, and to pass there, and where it
+    can halt, seen from the avatar. Of a body on the floor it is the head, the displacement to the feet, the distance
+    from the axis, and ``ON_FLOOR``.
     """
     whole, real = avatars.whole, avatars.real
     x, z, width = real[X, own], real[Z, own], real[WIDTH, own]
@@ -113,14 +116,17 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
         if whole[TEAM, j] < 0 and is_on_floor(avatars, j):
             close += _list_lying(model, avatars, crowding, own, j, furthest, near[close])
             continue
+        hx, hz = real[HALT_X, j] - x, real[HALT_Z, j] - z
         # Point of its path at which the neighbour is nearest to the position of the avatar now.
         towards, moved = -(ax * wx + az * wz), wx * wx + wz * wz
         t = min(towards / moved, 1.0) if towards > 0.0 else 0.0
         nx, nz = ax + t * wx, az + t * wz
         near[close, 0], near[close, 1], near[close, 2], near[close, 3], near[close, 4] = ax, az, wx, wz, room
         near[close, 6], near[close, 7] = end_cost, path_cost
+        near[close, 8], near[close, 9] = hx, hz
         near[close, 5] = (model.actions[whole[ACTION, j], LENGTH] - real[PHASE, j]) / real[SPEED, j]
-        close += nx * nx + nz * nz < (room + furthest) ** 2
+        reach = room + furthest + math.sqrt((hx - ax - wx) ** 2 + (hz - az - wz) ** 2)
+        close += nx * nx + nz * nz < reach * reach
     return close
 
 
@@ -145,10 +151,10 @@ def _list_lying(model, avatars, crowding, own, j, furthest, row):
 def _find_ends(model, avatars, own, work):
     """Write where each of an avatar's next actions ends, seen from it: x, z and frames; and 0, the cost so far.
 
-    Returns how many lanes they fill.
+    And where the body can halt after each. Returns how many lanes they fill.
     """
-    whole, real, actions, moves = avatars.whole, avatars.real, model.actions, model.moves
-    ends_x, ends_z, frames, worst = work[0], work[1], work[2], work[3]
+    whole, real, actions, moves, halts = avatars.whole, avatars.real, model.actions, model.moves, model.halts
+    ends_x, ends_z, frames, worst, halts_x, halts_z = work[0], work[1], work[2], work[3], work[4], work[5]
     scale, speed = real[SCALE, own], real[SPEED, own]
     cos, sin = cos_sin(real[HEADING, own])
     cos, sin = cos * scale, sin * scale
@@ -160,6 +166,8 @@ def _find_ends(model, avatars, own, work):
         action = np.uint64(offset) + k
         ex, ez = moves[action, MOVE_X], moves[action, MOVE_Z]
         ends_x[k], ends_z[k] = ex * cos + ez * sin, ez * cos - ex * sin
+        hx, hz = halts[action, 0], halts[action, 1]
+        halts_x[k], halts_z[k] = hx * cos + hz * sin, hz * cos - hx * sin
         frames[k] = actions[action, LENGTH]
     lanes = np.uint64(whole_lanes(n))
     for k in range(lanes):
@@ -171,15 +179,22 @@ def _find_ends(model, avatars, own, work):
 @kernel(inline=True)
 def _add_neighbour(crowding, near, m, lanes, work):
     """Raise the cost of actions that end, or pass, inside a neighbour to what that costs."""
-    ends_x, ends_z, frames, worst = work[0], work[1], work[2], work[3]
+    ends_x, ends_z, frames, worst, halts_x, halts_z = work[0], work[1], work[2], work[3], work[4], work[5]
     end_cost, path_cost = near[m, 6], near[m, 7]
     ax, az, wx, wz, room, left = near[m, 0], near[m, 1], near[m, 2], near[m, 3], near[m, 4], near[m, 5]
+    halt_x, halt_z = near[m, 8], near[m, 9]
     # No branch, since it cannot be predicted which neighbours come too near.
     for k in range(lanes):
         share = frames[k] / left if frames[k] < left else 1.0
         dx, dz = share * wx - ends_x[k], share * wz - ends_z[k]
         bx, bz = ax + dx, az + dz
-        at_end = end_cost * (1.0 - math.sqrt(bx * bx + bz * bz) / room)
+        # From the end of the action to where both have come to a halt.
+        ux, uz = halt_x - halts_x[k] - bx, halt_z - halts_z[k] - bz
+        onwards, moved = -(bx * ux + bz * uz), ux * ux + uz * uz
+        t = onwards / moved if onwards < moved else 1.0
+        t = t if onwards > 0.0 else 0.0
+        nx, nz = bx + t * ux, bz + t * uz
+        at_end = end_cost * (1.0 - math.sqrt(nx * nx + nz * nz) / room)
         # Point of their straight paths at which the two are nearest, seen from the avatar.
         towards, moved = -(ax * dx + az * dz), dx * dx + dz * dz
         t = towards / moved if towards < moved else 1.0

@@ -33,10 +33,10 @@ def meet_guard(model, avatars, i, thrown, body, stands):
     middle = _way_point(model, avatars, i, thrown, way, own, 1)
     # Most strikes that land come nowhere near an arm.
     reach = 1.0001 * max(forearm, glove) * max(forearm, glove)
-    left = _square_between(first, middle, left_elbow, left_fist) <= reach
-    left |= _square_between(middle, thrown.point, left_elbow, left_fist) <= reach
-    right = _square_between(first, middle, right_elbow, right_fist) <= reach
-    right |= _square_between(middle, thrown.point, right_elbow, right_fist) <= reach
+    left = square_between(first, middle, left_elbow, left_fist) <= reach
+    left |= square_between(middle, thrown.point, left_elbow, left_fist) <= reach
+    right = square_between(first, middle, right_elbow, right_fist) <= reach
+    right |= square_between(middle, thrown.point, right_elbow, right_fist) <= reach
     if not left and not right:
         return False, thrown.point
     for step in range(1, 2 * STEPS + 1):
@@ -94,7 +94,7 @@ def _square_from(point, start, end):
 
 
 @kernel(inline=True)
-def _square_between(start, end, first, last):
+def square_between(start, end, first, last):
     """Return the square of the least distance between two lines, each from a point to another.
 
     After Ericson, Real-Time Collision Detection (2005), section 5.1.9.

@@ -19,6 +19,8 @@ from crowdsim.crowd.kernels.layout import (
     END_Z,
     ENTERED,
     FIRST_STRIKE,
+    HALT_X,
+    HALT_Z,
     HEADING,
     LENGTH,
     NEXT_OPPONENT,
@@ -126,6 +128,10 @@ def switch(model, avatars, world, frame, due, chosen, first, last):
             whole[ACTION_BEFORE, i] == ENTERED
         ):  # what came before was not seen, so the position is exact without a shift
             gx, gz, gh = ground[origin, 0], ground[origin, 1], ground[origin, 2]
+        cos, sin = cos_sin(heading)
+        cos, sin = cos * scale, sin * scale
+        hx, hz = model.halts[new, 0], model.halts[new, 1]
+        real[HALT_X, i], real[HALT_Z, i] = x + hx * cos + hz * sin, z + hz * cos - hx * sin
         turn = heading - gh
         cos, sin = cos_sin(turn)
         cos, sin = cos * scale, sin * scale

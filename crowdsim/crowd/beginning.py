@@ -1,0 +1,28 @@
+"""The states in which avatars begin."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.crowd.arrays import Model
+from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.model import entry_actions
+from crowdsim.crowd.random import Purpose, uniform
+
+
+def first_actions(seed: int, stances: Array, model: Model, numbers: Array, policy: Array) -> Array:
+    """Return an action for each avatar that ends in a state drawn from its policy's, in the stance that it has."""
+    entries = entry_actions(model)
+    drawn = uniform(seed, Purpose.START, numbers)
+    wanted = stances[numbers] if len(stances) else np.zeros(len(numbers), np.uint8)
+    action = np.empty(len(numbers), np.int32)
+    starts = model.policies[:, layout.STATES]
+    for p, stance in np.unique(np.stack([policy, wanted], axis=1), axis=0):
+        states = np.arange(starts[p], starts[p + 1])
+        states = states[entries[states] >= 0]
+        if stance > 0:
+            states = states[model.stances[states, stance - 1] == 0]
+        own = (policy == p) & (wanted == stance)
+        action[own] = entries[states[(drawn[own] * len(states)).astype(np.int64)]]
+    return action

@@ -1,0 +1,41 @@
+"""Legs of avatars where their actions end, and whether they meet; slow and plain."""
+
+import numpy as np
+from naive_separation import distance
+
+from crowdsim.crowd.kernels.legs import APART, WITHIN
+from crowdsim.motion import ground, quaternion
+from crowdsim.motion.kinematics import forward_kinematics
+
+
+def legs(one, action, end):
+    """Knee and sole of both legs in the world [m], where an action ends. Shape (2, 2, 3)."""
+    database, body = one.policy.database, one.policy.database.body
+    frame = int(one.policy.graph.state_frames[one.policy.actions.next[action]]) * database.stride
+    positions, rotations = forward_kinematics(
+        database.skeleton, database.root_positions[frame, None], database.rotations[frame, None]
+    )
+    points = np.zeros((2, 2, 3))
+    for leg, side in enumerate(("left", "right")):
+        foot = body.roles[f"{side}_foot"]
+        points[leg, 0] = positions[0, body.roles[f"{side}_knee"]]
+        sole = body.sole_offsets[leg].mean(axis=0)
+        points[leg, 1] = positions[0, foot] + quaternion.rotate(rotations[0, foot].astype(float), sole)
+    return ground.to_world(end, ground.to_local(database.ground[frame], points) * one.scale)
+
+
+def crosses_legs(one, action, mine, near):
+    """Whether an action without strikes ends with a leg in one of a neighbour that has ended its own action."""
+    actions = one.policy.actions
+    if actions.strike_offsets[action] < actions.strike_offsets[action + 1]:
+        return False
+    end = ground.compose(mine, actions.displacements[action] * [one.scale, one.scale, 1.0])
+    for other in near:
+        its = ground.compose(other.start, other.displacement(other.action, other.length))
+        if np.hypot(*(its - end)[:2]) > WITHIN:
+            continue
+        for own in legs(one, action, end):
+            for their in legs(other, other.action, its):
+                if distance(*own, *their) < APART * 0.5 * (one.scale + other.scale):
+                    return True
+    return False
