@@ -41,7 +41,7 @@ class Avatar:
         with_entry = [s for s in range(actions.state_count) if (actions.next == s).any()]
         far = [float(np.hypot(*self.ways[s][:2])) for s in with_entry]
         with_entry = [s for s, brake in zip(with_entry, far, strict=True) if brake <= max(AT_REST, min(far))]
-        with_entry = [s for s in with_entry if self.astray[s] == 0]
+        with_entry = [s for s in with_entry if self.astray[s] == 0] or with_entry
         self.state = with_entry[int(float(uniform(crowd.seed, Purpose.START, number)) * len(with_entry))]
         into = [a for a in range(actions.action_count) if actions.next[a] == self.state]
         self.action = min(into, key=lambda a: (graph.action_costs[a], a))

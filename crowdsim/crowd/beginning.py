@@ -12,7 +12,7 @@ from crowdsim.crowd.random import Purpose, uniform
 
 
 def first_actions(seed: int, stances: Array, model: Model, numbers: Array, policy: Array) -> Array:
-    """Return an action for each avatar that ends in a state drawn from its policy's, in the stance that it has."""
+    """Return an action for each avatar that ends in a state drawn from its policy's, in its stance if one at rest is."""
     entries = entry_actions(model)
     drawn = uniform(seed, Purpose.START, numbers)
     wanted = stances[numbers] if len(stances) else np.zeros(len(numbers), np.uint8)
@@ -22,7 +22,8 @@ def first_actions(seed: int, stances: Array, model: Model, numbers: Array, polic
         states = np.arange(starts[p], starts[p + 1])
         states = states[entries[states] >= 0]
         if stance > 0:
-            states = states[model.stances[states, stance - 1] == 0]
+            own_stance = states[model.stances[states, stance - 1] == 0]
+            states = own_stance if len(own_stance) else states
         own = (policy == p) & (wanted == stance)
         action[own] = entries[states[(drawn[own] * len(states)).astype(np.int64)]]
     return action
