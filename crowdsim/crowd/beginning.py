@@ -12,7 +12,7 @@ from crowdsim.crowd.random import Purpose, uniform
 
 
 def first_actions(seed: int, stances: Array, model: Model, numbers: Array, policy: Array) -> Array:
-    """Return an action for each avatar that ends in a state drawn from its policy's, in its stance if one at rest is."""
+    """Return an action for each avatar that ends in a state drawn from its policy's, if possible in its stance."""
     entries = entry_actions(model)
     drawn = uniform(seed, Purpose.START, numbers)
     wanted = stances[numbers] if len(stances) else np.zeros(len(numbers), np.uint8)

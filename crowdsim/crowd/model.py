@@ -91,11 +91,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
     displacements = np.concatenate([action.displacements for action in actions]).astype(float)
     moves = move_rows(displacements, actions, behaviours, terms, starts)
     strikes = strike_rows(policies, behaviours, terms, starts)
-    # Costs of transitions do not depend on the target and are part of ``moves``.
-    wanted = terms[:, layout.KIND] != TransitionTerm.code
-    kept = np.concatenate([[0], np.cumsum(wanted)])
-    of_terms = slice(layout.FIRST_TERM, layout.LOOKS_AHEAD)
-    behaviours[:, of_terms] = kept[behaviours[:, of_terms].astype(int)]
+    wanted = _without_transitions(behaviours, terms)
     halts, offsets = np.concatenate([halt_rows(one) for one in actions]), joined_offsets(actions, starts["action"])
     falls, directions, axes = fall_rows(policies, starts)
     strides = [*(database.stride for database in databases), 0]
@@ -129,6 +125,18 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
         fall_axes=axes,
         defence=join_defences([policy.defence for policy in policies], [len(action.next) for action in actions]),
     )
+
+
+def _without_transitions(behaviours: Array, terms: Array) -> Array:
+    """Return which terms control evaluates, and let behaviours count those alone. Shape (terms,), bool.
+
+    Costs of transitions do not depend on the target and are part of ``moves``.
+    """
+    wanted: Array = terms[:, layout.KIND] != TransitionTerm.code
+    kept = np.concatenate([[0], np.cumsum(wanted)])
+    of_terms = slice(layout.FIRST_TERM, layout.LOOKS_AHEAD)
+    behaviours[:, of_terms] = kept[behaviours[:, of_terms].astype(int)]
+    return wanted
 
 
 def check_support(policy: Policy) -> None:

@@ -135,9 +135,9 @@ def test_whoever_is_knocked_down_falls_lies_and_rises_where_the_blow_came_to():
                 blow = math.atan2(one.avatars.real[layout.HIT_X, slot], one.avatars.real[layout.HIT_Z, slot])
                 chosen.append((math.cos(blow - one.avatars.real[layout.HEADING, slot]), int(now[layout.FALL])))
             seen[number].append(now[layout.STANDING])
-    # The first direction is ahead, the second behind; blows from the side may lead to either.
-    clear = [(ahead > 0, fall == 0) for ahead, fall in chosen if abs(ahead) > 0.5]
-    assert len(clear) > 5
+    # The first direction is ahead, the second behind; blows from the side may lead to either, where most room is.
+    clear = [(ahead > 0, fall == 0) for ahead, fall in chosen if abs(ahead) > 0.9]
+    assert len(clear) > 3
     assert all(ahead == forward for ahead, forward in clear)
     order = {layout.DROPS: {layout.FALLING}, layout.FALLING: {layout.LYING}, layout.LYING: {layout.RISING}}
     order[layout.RISING] = {layout.UP}
