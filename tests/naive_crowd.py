@@ -11,7 +11,7 @@ from naive_strikes import at, thrown, what_is_seen
 
 from crowdsim.crowd.kernels import variety
 from crowdsim.crowd.kernels.choice import ASTRAY, BOLDNESS, BURSTS, REDRAWN, REST
-from crowdsim.crowd.kernels.crowding import BYSTANDERS, STAGGER, STEP
+from crowdsim.crowd.kernels.crowding import BYSTANDERS, HALTED, STAGGER, STEP
 from crowdsim.crowd.kernels.intents import CLOSEST, SHYNESS
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
 from crowdsim.crowd.kernels.legs import CROSSED
@@ -320,7 +320,8 @@ def crowding(one, action, mine, near, positions, crowd, opponent):
         room = rules.radius * (one.width + other.width) + rules.gap * space
         before, after = (now - mine)[:2], (then - end)[:2]
         halted = (other.halts - one.halt_of(action, mine))[:2]
-        worst = max(worst, rules.end * space * (1 - nearest_approach(after, halted)[0] / room))
+        worst = max(worst, rules.end * space * (1 - float(np.hypot(*after)) / room))
+        worst = max(worst, rules.end * space * (1 - nearest_approach(after, halted)[0] / (HALTED * room)))
         passing, t = nearest_approach(before, after)
         if t > 0:
             worst = max(worst, rules.path * (1 - passing / room))

@@ -27,6 +27,7 @@ from crowdsim.policy.policy import Policy
 from crowdsim.take import checks
 from crowdsim.take.data import TakeHeader
 from crowdsim.take.known import with_known_actions
+from crowdsim.take.layout import CAST
 from crowdsim.take.memory import TakeCollector
 from crowdsim.take.metadata import TakeAttributes, read_metadata
 from crowdsim.take.poses import PoseSampler
@@ -145,7 +146,7 @@ class Base:
     def _columns(self) -> Arrays:
         take = self.take
         columns = {name: np.array(getattr(take, name)[:]) for name in VARIABLES}
-        fields = {"type": "types", "team": "teams", "policy": "policies", "scale": "scales", "speed": "speeds"}
+        fields = {name: field for name, field in CAST.items() if name != "name"}
         columns |= {name: np.array(getattr(take.cast, field)) for name, field in fields.items()}
         columns |= {f"events.{name}": np.array(getattr(take.events, name)) for name in checks.EVENTS}
         return {**columns, "target": np.array(take.targets[:])}
@@ -190,7 +191,7 @@ class Base:
         return self._take(attributes, columns, cast, events)
 
     def _take(self, attributes: dict[str, Any], columns: Arrays, cast: Arrays, events: Arrays) -> Take:
-        fields = {"type": "types", "team": "teams", "policy": "policies", "scale": "scales", "speed": "speeds"}
+        fields = {name: field for name, field in CAST.items() if name != "name"}
         names = {f"{kind}_names": tuple(attributes[f"{kind}_names"]) for kind in ("type", "team", "policy")}
         return replace(
             self.take,

@@ -46,8 +46,9 @@ from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
 from crowdsim.crowd.kernels.tables import whole_lanes
 from crowdsim.jit import kernel
 
-LYING = 0.8  # how far from the axis of a body on the floor others should end [m]
-ON_BODY, IN_PASSING = 2.0, 0.3  # what it costs to end there, over the cost of ending in a body that stands
+HALTED = 0.75  # where bodies meet while they halt, over where they do at the end of actions
+LYING = 0.75  # how far from the axis of a body on the floor others should end [m]
+ON_BODY, IN_PASSING = 2.0, 0.15  # what it costs to end there, over the cost of ending in a body that stands
 STEPS_OVER = 0.05  # what it costs to be halfway there
 NEARBY = 1.2  # how near an opponent is to an avatar that is not on its way to it [m]
 ON_FLOOR = -1.0  # instead of the frames that are left of an action, of bodies on the floor
@@ -194,7 +195,8 @@ def _add_neighbour(crowding, near, m, lanes, work):
         t = onwards / moved if onwards < moved else 1.0
         t = t if onwards > 0.0 else 0.0
         nx, nz = bx + t * ux, bz + t * uz
-        at_end = end_cost * (1.0 - math.sqrt(nx * nx + nz * nz) / room)
+        at_halt = end_cost * (1.0 - math.sqrt(nx * nx + nz * nz) / (HALTED * room))
+        at_end = max(end_cost * (1.0 - math.sqrt(bx * bx + bz * bz) / room), at_halt)
         # Point of their straight paths at which the two are nearest, seen from the avatar.
         towards, moved = -(ax * dx + az * dz), dx * dx + dz * dz
         t = towards / moved if towards < moved else 1.0
