@@ -25,7 +25,8 @@ def chosen_actions(kind, actions, directions, stances):
             for part in (layout.FALLS, layout.LIES, layout.STANDS_UP)
         ]
     turns = np.repeat(np.asarray(directions, float), len(rows) // len(actions))
-    model = model._replace(falls=np.array(rows, np.int32), fall_directions=turns)
+    places = np.zeros((len(rows), 8))
+    model = model._replace(falls=np.array(rows, np.int32), fall_directions=turns, fall_axes=places)
     hurting = rules()
     if kind == layout.STUMBLES:
         hurting[:, layout.DOWN_FROM] = 1000.0
