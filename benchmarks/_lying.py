@@ -56,7 +56,7 @@ def measure_lying(samplers: Sequence[PoseSampler]) -> dict[str, Any]:
     Returns:
         ``frames``, avatar-frames from the start of a fall to standing; ``lowest`` and ``highest``, extremes of a
         body's lowest point [m]; ``sunk_share`` and ``floating_share``, of frames in which it is further than ``CLEAR``
-        below or above the floor. ``lying_frames``; ``trodden_share``, of lying frames in which the axis of somebody's
+        below or above the floor. ``lying_frames``; ``trodden_share``, of lying frames in which the axis of another's
         foot is inside a capsule of the body; ``touched_share``, in which a foot touches one. ``lying_pairs``, frames of
         pairs of lying bodies nearer than ``NEAR``; ``overlap_share``, of these deeper than ``DEEP`` in one another,
         and ``overlap_frames_share``, of lying frames.

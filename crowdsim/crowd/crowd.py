@@ -94,7 +94,7 @@ class Crowd:
         conditioned: Whether avatars can be hurt, tire, watch, flee or wait, or have temperaments or stances.
         temperaments: See ``distributions.draw_temperaments``; where it is empty, all are even-tempered. Shape (N, 3) or
             (0, 3).
-        stances: See ``stances.draw_stances``; where it is empty, nobody has one. Shape (N,) or (0,), uint8.
+        stances: See ``stances.draw_stances``; where it is empty, no avatar has one. Shape (N,) or (0,), uint8.
     """
 
     x: Array

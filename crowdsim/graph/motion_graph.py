@@ -79,7 +79,7 @@ def _find(
 
 
 def _before_strikes(database: MotionDatabase, seconds: float) -> Array:
-    """Return the frames that strikes follow within some time, in which nobody can decide. Shape (F,), bool."""
+    """Return the frames with a strike within some time, which are no decisions. Shape (F,), bool."""
     barred = np.zeros(database.frame_count, bool)
     frames = round(seconds * database.control_rate)
     strikes = np.asarray(database.strike_frames, np.int64)

@@ -22,19 +22,21 @@ from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.policy.policy import Policy
+from crowdsim.scenario.fitness import Damage
+from crowdsim.scenario.parts import AvatarType
 from crowdsim.training.pursuit import MARGIN, MOST
 
 HORIZON = 0.8
 """How long after a decision hits count for it [s]."""
 DISCOUNT = 0.34
 """What a hit counts a second later."""
-BLOCKED = 0.1
+BLOCKED: float = Damage.model_fields["blocked"].default
 """What a blocked strike counts, of one that lands."""
 APART, SPACED = 2.4, 12.0
 """How far from one another the two of a pair begin, and pairs are [m]."""
-REACTION = 0.2
+REACTION: float = AvatarType.model_fields["reaction"].default
 """Time that it takes to see what an opponent has decided [s]."""
-TEMPO = 60.0
+TEMPO: float = AvatarType.model_fields["tempo"].default
 """Strikes per minute that avatars can sustain."""
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from crowdsim.core.threats import CELLS
 from crowdsim.core.types import Array, Progress
+from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.model import build_model
 from crowdsim.policy.policy import Policy
 from crowdsim.sparring.fights import Side, Tally, start_fights, watch_fights
@@ -38,23 +39,52 @@ def learn_defence(policy: Policy, spec: DefenceSpec, weight: float = 1.0, progre
         Shape (choice_count, CELLS), float32.
     """
     model = build_model([replace(policy, defence=None)])
-    table = np.zeros((policy.actions.action_count, CELLS), np.float32)
+
+    def with_table(table: Array) -> Model:
+        return model._replace(defence=table)
+
+    table = learn_table([policy], with_table, spec, weight, Side(TEMPERATURE), spec.counter, progress)
+    return np.ascontiguousarray(table[: policy.actions.choice_count])
+
+
+def learn_table(
+    policies: Sequence[Policy],
+    with_table: Callable[[Array], Model],
+    spec: DefenceSpec,
+    weight: float,
+    opponent: Side,
+    counter: float,
+    progress: Progress | None = None,
+) -> Array:
+    """Return the hits that follow each action of the first of some policies, taken less landed, from rounds of fights.
+
+    Args:
+        policies: What the first of each pair has learned, then the other; one policy for both.
+        with_table: Returns their model with a table (A, CELLS) of the first policy's.
+        spec: How long is fought.
+        weight: Weight of the table.
+        opponent: How the other one of each pair chooses, which learns nothing.
+        counter: What a hit is worth that the first one lands, over one that it takes.
+        progress: Called with (stage, done, total).
+
+    Returns:
+        Shape (A, CELLS), float32.
+    """
+    table: Array = np.zeros((policies[0].actions.action_count, CELLS), np.float32)
     tally = Tally.empty(len(table))
-    frames = round(spec.seconds * policy.database.control_rate)
+    frames = round(spec.seconds * policies[0].database.control_rate)
     learners = np.arange(2 * spec.pairs) < spec.pairs
     for turn in range(spec.rounds):
         learner = Side(spec.temperature, weight if turn else UNNOTICED)
         tally.fade(KEPT)
-        fights = start_fights(
-            [policy], model._replace(defence=table), spec.pairs, learner, Side(TEMPERATURE), spec.seed + turn
-        )
+        fights = start_fights(policies, with_table(table), spec.pairs, learner, opponent, spec.seed + turn)
         try:
             watch_fights(fights, frames, learners, tally, _reporter(progress, turn, spec.rounds))
         finally:
             fights.close()
         table = expected_hits(tally.taken, tally.count)
-        table -= np.float32(spec.counter) * expected_hits(tally.landed, tally.count)
-    return np.ascontiguousarray(table[: policy.actions.choice_count])
+        table -= np.float32(counter) * expected_hits(tally.landed, tally.count)
+    return table
 
 
 def expected_hits(hits: Array, count: Array) -> Array:
@@ -82,6 +112,6 @@ def _reporter(progress: Progress | None, turn: int, rounds: int) -> Callable[[in
 
     def report(done: int, frames: int) -> None:
         if progress is not None:
-            progress("defend: fights", turn * frames + done, rounds * frames)
+            progress("fights", turn * frames + done, rounds * frames)
 
     return report

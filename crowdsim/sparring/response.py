@@ -16,8 +16,8 @@ from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.model import build_model
 from crowdsim.policy.defence import join_defences
 from crowdsim.policy.policy import Policy
-from crowdsim.sparring.fights import Side, Tally, start_fights, watch_fights
-from crowdsim.sparring.learning import KEPT, UNNOTICED, expected_hits
+from crowdsim.sparring.fights import Side, start_fights
+from crowdsim.sparring.learning import learn_table
 from crowdsim.training.recipe import DefenceSpec
 
 WEIGHTS = (0.15, 0.5, 1.0)
@@ -45,38 +45,26 @@ def best_response(
         ``landed`` and ``taken``: its hits per minute; ``weight``: the one that is best.
     """
     model = build_model([policy, policy])
-    policies, defence = [policy, policy], Side(temperature, policy.defence_weight)
-    own = _net(policies, _with(model, policy, policy.defence), defence, defence, spec)
+    policies, shipped = [policy, policy], Side(temperature, policy.defence_weight)
+
+    def with_table(table: Array | None) -> Model:
+        """Return the model in which the first of each pair has another table."""
+        first = np.zeros((0, CELLS), np.float32) if table is None else table
+        return model._replace(defence=join_defences([first, policy.defence], [policy.actions.action_count] * 2))
+
+    own_landed, own_taken = _hits_per_minute(policies, with_table(policy.defence), shipped, shipped, spec)
     found: list[dict[str, float]] = []
-    for number, weight in enumerate(weights):
-        tally = Tally.empty(policy.actions.action_count)
-        table: Array = np.zeros((policy.actions.action_count, CELLS), np.float32)
-        frames = round(spec.seconds * policy.database.control_rate)
-        for turn in range(spec.rounds):
-            tally.fade(KEPT)
-            first = Side(spec.temperature, weight if turn else UNNOTICED)
-            fights = start_fights(policies, _with(model, policy, table), spec.pairs, first, defence, spec.seed + turn)
-            try:
-                watch_fights(fights, frames, np.arange(2 * spec.pairs) < spec.pairs, tally)
-            finally:
-                fights.close()
-            table = expected_hits(tally.taken, tally.count) - expected_hits(tally.landed, tally.count)
-            if progress is not None:
-                progress("best response", number * spec.rounds + turn + 1, len(weights) * spec.rounds)
-        landed, taken = _net(policies, _with(model, policy, table), Side(temperature, weight), defence, spec)
-        gain = landed - taken - (own[0] - own[1])
+    for weight in weights:
+        table = learn_table(policies, with_table, spec, weight, shipped, 1.0, progress)
+        landed, taken = _hits_per_minute(policies, with_table(table), Side(temperature, weight), shipped, spec)
+        gain = landed - taken - (own_landed - own_taken)
         found.append({"gain": gain, "landed": landed, "taken": taken, "weight": weight})
     return max(found, key=lambda one: one["gain"])
 
 
-def _with(model: Model, policy: Policy, table: Array | None) -> Model:
-    """Return a model in which the first of two avatars of a policy has another table."""
-    count = policy.actions.action_count
-    joined = join_defences([np.zeros((0, CELLS), np.float32) if table is None else table, policy.defence], [count] * 2)
-    return model._replace(defence=joined)
-
-
-def _net(policies: Sequence[Policy], model: Model, first: Side, other: Side, spec: DefenceSpec) -> tuple[float, float]:
+def _hits_per_minute(
+    policies: Sequence[Policy], model: Model, first: Side, other: Side, spec: DefenceSpec
+) -> tuple[float, float]:
     """Return hits per minute that the first of each pair lands and takes, in fights of another seed."""
     fights = start_fights(policies, model, spec.pairs, first, other, spec.seed + 1000)
     try:

@@ -35,7 +35,7 @@ class People:
         orthodox: Avatars that keep the left foot in front.
         southpaws: Avatars that keep the right foot in front.
         stance_share: Share of the time in which these do, of that in which one of their feet is in front; None where
-            nobody has a stance.
+            no avatar has a stance.
     """
 
     scale_spread: list[float] | None
