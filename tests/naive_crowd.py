@@ -10,7 +10,7 @@ from naive_opponents import nearest, neighbours
 from naive_strikes import at, thrown, what_is_seen
 
 from crowdsim.crowd.kernels import variety
-from crowdsim.crowd.kernels.choice import ASTRAY, BOLDNESS, BURSTS, REDRAWN, REST
+from crowdsim.crowd.kernels.choice import ASTRAY, AWAY, BOLDNESS, BURSTS, NEAR, REDRAWN, REST
 from crowdsim.crowd.kernels.crowding import BYSTANDERS, HALTED, STAGGER, STEP
 from crowdsim.crowd.kernels.intents import CLOSEST, SHYNESS
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
@@ -264,7 +264,12 @@ def decide(one, avatars, crowd, targets, frame, marks):
         least, most = BURSTS
         drawn = float(uniform(crowd.seed, Purpose.BURST, one.number, one.decisions))
         one.burst = least + int(drawn * (most - least + 1))
-    values = values + (-REST if rests else BOLDNESS * one.doublings) * counts
+    worth = -REST if rests else BOLDNESS * one.doublings
+    if opponent >= 0 and not rests:
+        its = avatars[opponent].stands()
+        close = math.hypot(*(its - mine)[:2]) < NEAR
+        worth -= crowd.crowding.unseen * (close and facing(its, mine) < AWAY)
+    values = values + worth * counts
     values = values - ASTRAY * one.astray[actions.next[list(choices)]]
     place = pick(values, one, crowd)
     varied, apart = opponent >= 0 and crowd.varieties[one.cohort] > 0, crowd.crowding.end > 0
@@ -285,12 +290,16 @@ def seems_far(one, other, frame):
     """Distance of an opponent, and more when it is behind, looks away or fights someone else; less after a hit."""
     mine, its = one.stands(), other.stands()
     far = math.hypot(its[0] - mine[0], its[1] - mine[1])
-    ahead = ground.to_local(mine, np.array([its[0], 0.0, its[1]]))[2] / max(far, 1e-9)
-    facing = ground.to_local(its, np.array([mine[0], 0.0, mine[1]]))[2] / max(far, 1e-9)
-    seems = far + BEHIND * 0.5 * (1.0 - ahead) + AVERTED * 0.5 * (1.0 - facing)
+    seems = far + BEHIND * 0.5 * (1.0 - facing(mine, its)) + AVERTED * 0.5 * (1.0 - facing(its, mine))
     seems += 0.0 if other.opponent == one.number else ENGAGED
     hit = one.hit_by == other.number and frame - one.hit_frame < REMEMBERED
     return seems - (HIT if hit else 0.0)
+
+
+def facing(ground_frame, other):
+    """Cosine of the angle between where one looks and where the other is."""
+    far = math.hypot(other[0] - ground_frame[0], other[1] - ground_frame[1])
+    return ground.to_local(ground_frame, np.array([other[0], 0.0, other[1]]))[2] / max(far, 1e-9)
 
 
 def within_grids(policy, target):

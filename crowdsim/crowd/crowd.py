@@ -38,6 +38,7 @@ class Crowding:
         reach: How far neighbours are seen, as opponents too [m].
         most: How many neighbours count, the nearest ones.
         back: What a metre is worth of a step back after a strong hit.
+        unseen: What a strike costs at an opponent that looks away.
     """
 
     end: float = 16.0
@@ -49,15 +50,27 @@ class Crowding:
     reach: float = 1.5
     most: int = 12
     back: float = 1.2
+    unseen: float = 1.5
 
     @classmethod
     def none(cls) -> Crowding:
         """Return rules without collision avoidance; neighbours still count as opponents, and the arena stays."""
-        return cls(end=0.0, path=0.0, back=0.0)
+        return cls(end=0.0, path=0.0, back=0.0, unseen=0.0)
 
     def numbers(self) -> Array:
-        """Return what kernels read. Shape (8,)."""
-        return np.array([self.end, self.path, self.radius, self.gap, self.outside, self.turn, self.reach, self.back])
+        """Return what kernels read. Shape (9,)."""
+        numbers = (
+            self.end,
+            self.path,
+            self.radius,
+            self.gap,
+            self.outside,
+            self.turn,
+            self.reach,
+            self.back,
+            self.unseen,
+        )
+        return np.array(numbers)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,10 @@
 """The choice of the next action: a draw among those whose values are near the best one."""
 
+import math
+
 import numpy as np
 
+from crowdsim.core.angles import cos_sin
 from crowdsim.core.candidates import CandidateRules, draw_candidate
 from crowdsim.core.random import uniform
 from crowdsim.crowd.kernels.aim import aim
@@ -17,12 +20,16 @@ from crowdsim.crowd.kernels.layout import (
     COHORT,
     COST,
     DECISIONS,
+    DOES,
     DOES_NEXT,
     FIGHTS,
+    FLEES,
+    HEADING,
     INTERVAL,
     MARGIN,
     MOST,
     NEXT,
+    NEXT_OPPONENT,
     NUMBER,
     RESTED,
     STAMINA,
@@ -30,6 +37,9 @@ from crowdsim.crowd.kernels.layout import (
     STRIKES,
     TEMPERATURE,
     TEMPO,
+    UNSEEN,
+    X,
+    Z,
 )
 from crowdsim.crowd.kernels.legs import CROSSED, crosses_legs
 from crowdsim.crowd.kernels.outcomes import note_seen
@@ -43,6 +53,7 @@ REST = 4.0  # what a strike costs an avatar that rests, in normalised values
 BOLDNESS = 0.2  # how much more a strike is worth to an avatar for each doubling of its aggression
 ASTRAY = 1.0  # what it costs an avatar to be an action further from its stance, in normalised values
 WEARY = 3.0  # how much longer it takes an exhausted avatar to recover from a strike, over one that is not tired
+AWAY, NEAR = -0.3, 2.0  # where an avatar does not see another: cosine of the bearing; and how near that one is [m]
 REDRAWN = 4  # how often an avatar thinks again that has drawn a strike which its opponent throws, or legs that cross
 SORTED = 256  # from this many deciding avatars on, actions are evaluated in the order of states
 
@@ -66,7 +77,7 @@ def choose(model, avatars, world, now, due, count, observed, scratch, out_chosen
     avoid(model, avatars, world, now.frame, due, count, observed, scratch)
     charge_repetition(model, avatars, world, now, due, count, scratch)
     defend(model, avatars, world, now, due, count, observed, scratch)
-    lost = _draw_actions(model, avatars, world, now.frame, due, count, observed, scratch, out_chosen)
+    lost = _draw_actions(model, avatars, world, now, due, count, observed, scratch, out_chosen)
     if lost < 0:
         note_seen(model, avatars, world, now, due, count, out_chosen)
     return lost
@@ -101,15 +112,16 @@ def _keep_running(model, avatars, due, count, scratch):
 
 
 @kernel(inline=True)
-def _draw_actions(model, avatars, world, frame, due, count, observed, scratch, out_chosen):
+def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out_chosen):
     """Draw the next action of avatars ``due[:count]`` by its value; return -1, or a slot without numbers.
 
     Strikes come in bursts. A strike takes ``INTERVAL`` frames to recover from; after a burst an avatar rests until it
-    has recovered from all of them, and strikes cost it dear meanwhile, as they do while it watches or flees. Whoever is
-    exhausted takes ``WEARY`` times as long again; tempo and aggression are the avatar's own. Who has a stance prefers
-    actions that end in it, or nearer to it.
+    has recovered from all of them, and strikes cost it dear meanwhile, as they do while it watches or flees; and
+    something where its opponent looks away. Whoever is exhausted takes ``WEARY`` times as long again; tempo and
+    aggression are the avatar's own. Who has a stance prefers actions that end in it, or nearer to it.
     """
     whole, real, offsets, actions, cohorts = avatars.whole, avatars.real, model.offsets, model.actions, world.cohorts
+    frame = now.frame
     values, chances, stream = scratch.values, scratch.rows, world.stream
     for q in range(count):
         own = due[q]
@@ -131,7 +143,7 @@ def _draw_actions(model, avatars, world, frame, due, count, observed, scratch, o
             least, most = BURSTS
             drawn = uniform(stream[BURST_STREAM], np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own]))
             whole[BURST, own] = least + int(drawn * (most - least + 1))
-        worth = -REST if rests else bonus
+        worth = -REST if rests else bonus - world.crowding[UNSEEN] * _is_unseen(avatars, now, own)
         if worth != 0.0:
             for k in range(offsets[state + 1] - offsets[state]):
                 action = offsets[state] + k
@@ -161,3 +173,19 @@ def _draw_actions(model, avatars, world, frame, due, count, observed, scratch, o
             whole[BURST, own] = max(whole[BURST, own] - thrown, 0)
             real[RESTED, own] = max(real[RESTED, own], np.float64(frame)) + interval * thrown
     return -1
+
+
+@kernel(inline=True)
+def _is_unseen(avatars, now, own):
+    """Return whether an avatar is close behind its opponent, unless that one flees."""
+    whole, real = avatars.whole, avatars.real
+    opponent = whole[NEXT_OPPONENT, own]
+    if opponent < 0:
+        return False
+    j = avatars.slot_of[opponent]
+    if j >= now.present or (avatars.conditions.shape[0] > 0 and avatars.conditions[opponent, DOES] == FLEES):
+        return False
+    dx, dz = real[X, own] - real[X, j], real[Z, own] - real[Z, j]
+    far = math.sqrt(dx * dx + dz * dz)
+    cos, sin = cos_sin(real[HEADING, j])
+    return far < NEAR and dx * sin + dz * cos < AWAY * far
