@@ -160,7 +160,7 @@ def test_southpaws_lead_with_the_right_foot_and_strike_with_the_other_hand(tiny_
     for stance, sign in (("orthodox", 1), ("southpaw", -1)):
         one = scenario(workplace, stance)
         people, _ = cast_crowd(one, place_groups(one), [tiny])
-        record, events = whole(simulate(people, [tiny], 600))
+        record, events = whole(simulate(people, [tiny], 2400))
         ends = leads[tiny.actions.next[record["action"]]]
         left = events["limb"][events["landed"]] == 0
         shown[stance] = np.mean(ends * sign > 0), np.mean(ends * sign < 0), np.mean(left), len(left)

@@ -5,7 +5,7 @@ import pytest
 from synthetic_policy import policy
 
 from crowdsim.crowd.arrays import Strikes
-from crowdsim.crowd.crowd import build_avatars, build_crowd
+from crowdsim.crowd.crowd import Crowding, build_avatars, build_crowd
 from crowdsim.crowd.kernels.crowding import STAGGER
 from crowdsim.crowd.kernels.layout import END_X, END_Z, HIT_BY, HIT_FRAME, HIT_X, HIT_Z, X, Z
 from crowdsim.crowd.kernels.strikes import note_hits
@@ -18,9 +18,10 @@ POLICIES = [policy(0, frames=240)]
 
 
 def run(frames=300, apart=1.0, **fields):
-    """Nine avatars on a lattice; their chunk."""
+    """Nine avatars on a lattice, who strike at those who look away too; their chunk."""
     z, x = np.divmod(np.arange(9), 3)
-    people = build_crowd(apart * x, apart * z, x - z, seed=1, temperature=0.3, margin=1.0, **fields)
+    fields = {"crowding": Crowding(unseen=0.0), "temperature": 0.3, "margin": 1.0, **fields}
+    people = build_crowd(apart * x, apart * z, x - z, seed=1, **fields)
     (chunk,) = simulate(people, POLICIES, frames, chunk=frames)
     return chunk
 
@@ -108,3 +109,20 @@ def test_a_strong_hit_costs_a_step():
 def test_a_policy_without_strikes_has_no_strong_ones():
     still = replace(POLICIES[0].database, strike_speeds=np.zeros(0, np.float32))
     assert strong_speed(replace(POLICIES[0], database=still)) == np.inf
+
+
+@pytest.mark.parametrize("looks_away", [True, False])
+def test_few_strike_from_behind(looks_away):
+    # Pairs far from one another; the second of each looks away from the first, or at it.
+    x = 10.0 * np.repeat(np.arange(100.0), 2)
+    z = np.tile([0.0, 0.9], 100)
+    heading = np.tile([0.0, 0.0 if looks_away else np.pi], 100)
+
+    def strikes(unseen):
+        crowding = replace(Crowding.none(), unseen=unseen)
+        people = build_crowd(x, z, heading, temperature=0.3, margin=1.0, crowding=crowding)
+        (chunk,) = simulate(people, POLICIES, 1, chunk=1)
+        return np.diff(POLICIES[0].actions.strike_offsets)[chunk.action[0, ::2]].sum()
+
+    assert strikes(0.0) > 20
+    assert strikes(2.0) < 0.5 * strikes(0.0) if looks_away else strikes(2.0) == strikes(0.0)

@@ -122,7 +122,7 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
     """
     whole, real, offsets, actions, cohorts = avatars.whole, avatars.real, model.offsets, model.actions, world.cohorts
     frame = now.frame
-    values, chances, stream = scratch.values, scratch.rows, world.stream
+    values, stream = scratch.values, world.stream
     for q in range(count):
         own = due[q]
         rests, slowness, bonus, stance = False, 1.0, 0.0, 0
@@ -151,19 +151,7 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
         if stance > 0:
             for k in range(offsets[state + 1] - offsets[state]):
                 values[q, k] -= ASTRAY * model.stances[actions[offsets[state] + k, NEXT], stance - 1]
-        number = uniform(stream[CHOICE_STREAM], np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own]))
-        rules = CandidateRules(cohorts[cohort, MARGIN], cohorts[cohort, MOST], cohorts[cohort, TEMPERATURE])
-        picked = draw_candidate(values[q], offsets[state + 1] - offsets[state], rules, number, chances)
-        for _ in range(REDRAWN):
-            if picked < 0:
-                break
-            if throws_too(model, avatars, world, frame, own, offsets[state] + picked):
-                values[q, picked] -= TWICE
-            elif crosses_legs(model, avatars, world.crowding, own, offsets[state] + picked, observed, q):
-                values[q, picked] -= CROSSED
-            else:
-                break
-            picked = draw_candidate(values[q], offsets[state + 1] - offsets[state], rules, number, chances)
+        picked = _draw_one(model, avatars, world, frame, own, observed, q, scratch)
         if picked < 0:
             return own
         action = offsets[state] + picked
@@ -173,6 +161,31 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
             whole[BURST, own] = max(whole[BURST, own] - thrown, 0)
             real[RESTED, own] = max(real[RESTED, own], np.float64(frame)) + interval * thrown
     return -1
+
+
+@kernel(inline=True)
+def _draw_one(model, avatars, world, frame, own, observed, q, scratch):
+    """Draw among the actions of an avatar by their values; return which of them it is, or -1 where none is a number.
+
+    It draws again where its opponent throws the same strike, or legs would cross.
+    """
+    whole, cohorts, values = avatars.whole, world.cohorts, scratch.values[q]
+    cohort, state = whole[COHORT, own], model.actions[whole[ACTION, own], NEXT]
+    offset, count = model.offsets[state], model.offsets[state + 1] - model.offsets[state]
+    number = uniform(world.stream[CHOICE_STREAM], np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own]))
+    rules = CandidateRules(cohorts[cohort, MARGIN], cohorts[cohort, MOST], cohorts[cohort, TEMPERATURE])
+    picked = draw_candidate(values, count, rules, number, scratch.rows)
+    for _ in range(REDRAWN):
+        if picked < 0:
+            break
+        if throws_too(model, avatars, world, frame, own, offset + picked):
+            values[picked] -= TWICE
+        elif crosses_legs(model, avatars, world.crowding, own, offset + picked, observed, q):
+            values[picked] -= CROSSED
+        else:
+            break
+        picked = draw_candidate(values, count, rules, number, scratch.rows)
+    return picked
 
 
 @kernel(inline=True)
