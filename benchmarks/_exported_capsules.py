@@ -78,35 +78,56 @@ def capsule_depths(p: Array, q: Array, radii: Array, r: Array, s: Array, others:
 
 def find_contacts(run: ExportedRun) -> Contacts:
     """Compare all avatars with one another in all frames."""
-    parts = run.sizes.capsule_parts()
-    lengths = np.linalg.norm(np.diff(run.sizes.capsule_ends, axis=1)[:, 0], axis=1)
-    bounds = (0.5 * lengths + run.sizes.capsule_radii.max(axis=1)) * 1.001
-    pelvises = np.stack([figure.joints[:, PELVIS][:, [0, 2]] for figure in run.figures])
+    everything = np.arange(run.count)
     found = []
     for a, b in itertools.combinations(range(len(run.figures)), 2):
-        apart = np.linalg.norm(pelvises[a] - pelvises[b], axis=1)
-        near = np.flatnonzero(apart < NEAR * max(run.scales[a], run.scales[b]))
+        near = everything[near_frames(run, a, b, everything)]
         for frames in np.array_split(near, len(near) // 1000 + 1):
             if len(frames):
-                found.append(_compare(run, a, b, frames, bounds, parts))
+                found.append(_compare(run, a, b, frames))
     columns = [np.concatenate(column) for column in zip(*found, strict=True)] if found else [np.zeros(0)] * 6
     frames, one, other, own, theirs = (column.astype(int) for column in columns[:5])
     return Contacts(frames, one, other, own, theirs, columns[5])
 
 
-def _compare(run: ExportedRun, a: int, b: int, frames: Array, bounds: Array, parts: Array) -> tuple[Array, ...]:
-    """Columns of ``Contacts`` for two avatars and some frames."""
+def touches(run: ExportedRun, avatar: int, frames: Array, room: float) -> Array:
+    """Return at which of some frames (n,) any part of an avatar is nearer than ``room`` [m] to another avatar."""
+    found = np.zeros(len(frames), bool)
+    for other in range(len(run.figures)):
+        at = np.flatnonzero(near_frames(run, avatar, other, frames) & ~found)
+        if other != avatar and len(at):
+            rows, _, _, depths = _depths(run, avatar, other, frames[at], room)
+            found[at[rows[depths > -room]]] = True
+    return found
+
+
+def near_frames(run: ExportedRun, a: int, b: int, frames: Array) -> Array:
+    """Return at which of some frames (n,) two avatars may touch. Shape (n,), bool."""
+    ways = run.figures[a].joints[frames, PELVIS] - run.figures[b].joints[frames, PELVIS]
+    return np.asarray(np.linalg.norm(ways[:, [0, 2]], axis=1) < NEAR * max(run.scales[a], run.scales[b]))
+
+
+def _depths(run: ExportedRun, a: int, b: int, frames: Array, room: float) -> tuple[Array, Array, Array, Array]:
+    """Index of the frame, capsules of both, and depth [m] of capsules of two avatars that may be within ``room``."""
+    lengths = np.linalg.norm(np.diff(run.sizes.capsule_ends, axis=1)[:, 0], axis=1)
+    radii = run.sizes.capsule_radii
+    bounds = (0.5 * lengths + radii.max(axis=1)) * 1.001
     own, theirs = run.capsules[a][frames], run.capsules[b][frames]
     middles, others = own.mean(axis=2), theirs.mean(axis=2)
-    reach = bounds[:, None] * run.scales[a] + bounds * run.scales[b]
+    reach = bounds[:, None] * run.scales[a] + bounds * run.scales[b] + room
     square = np.sum((middles[:, :, None] - others[:, None]) ** 2, axis=-1)
     at, i, j = np.nonzero(square < reach**2)
-    radii = run.sizes.capsule_radii
     depths = capsule_depths(
         own[at, i, 0].astype(float), own[at, i, 1].astype(float), radii[i] * run.scales[a],
         theirs[at, j, 0].astype(float), theirs[at, j, 1].astype(float), radii[j] * run.scales[b],
     )  # fmt: skip
-    deep = depths > SHALLOW
+    return at, i, j, depths
+
+
+def _compare(run: ExportedRun, a: int, b: int, frames: Array) -> tuple[Array, ...]:
+    """Columns of ``Contacts`` for two avatars and some frames."""
+    at, i, j, depths = _depths(run, a, b, frames, 0.0)
+    deep, parts = depths > SHALLOW, run.sizes.capsule_parts()
     at, i, j, depths = at[deep], parts[i[deep]], parts[j[deep]], depths[deep]
     # The deepest of the capsules of two parts.
     keys, rows = np.unique((at * len(PARTS) + i) * len(PARTS) + j, return_inverse=True)

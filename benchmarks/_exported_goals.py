@@ -112,6 +112,8 @@ MEASURES = (
     *_accelerations(),
     Measure("one-frame rotation jumps per avatar per minute", ("jumps", "rotation_jumps_per_minute"), "number",
             ("jumps", "rotation_jumps_per_minute_of_the_source"), of_source=1.0),
+    Measure("the same of the source as the avatars play it",
+            ("jumps", "rotation_jumps_per_minute_of_the_source_as_played"), "number"),
     Measure("steps 20 degrees beyond the source's greatest per avatar per minute",
             ("jumps", "steps_beyond_source_per_minute"), "number", most=0.0),
     Measure("sudden drops of the pelvis per avatar per minute", ("jumps", "pelvis_drops_per_minute"), "number",

@@ -1,4 +1,4 @@
-"""Feet, knees and elbows, peaks of speed, and motion that nothing disturbs, from BVH files.
+"""Feet, knees and elbows, and peaks of speed, from BVH files.
 
 Each function returns plain data; ``worst`` names avatar and frame for a closer look. Frames are output frames of the
 BVH files; the source motion is measured beside them at the same rate.
@@ -15,8 +15,6 @@ from _witness import HINGES, JOINTS, Figure, flexions, hinge_axes
 
 LOW, SINKING = 0.03, 0.15
 """A foot is in contact while its ball is lower than this [m] and rises or falls slower than this [m/s]."""
-BY = 0.8
-"""Distance of pelvises within which trunks may lean into one another [m]."""
 POINTS = (*JOINTS, "left_fist", "right_fist", "head_middle")
 
 
@@ -138,44 +136,3 @@ def peaks(run: ExportedRun) -> dict[str, Any]:
                 },
             }
     return outcome
-
-
-def undisturbed(run: ExportedRun) -> dict[str, Any]:
-    """How far joints are from the capture where nothing is done to them, in their own frame [m].
-
-    That is a second from transitions, away from strikes that the avatar throws (a fist that misses for being deep in a
-    body is carried too) or takes, and from others; and below the head, which turns to the opponent.
-    """
-    events, gaps = run.events, [np.zeros(0)]
-    pelvises = np.stack([figure.joints[:, JOINTS.index("pelvis")][:, [0, 2]] for figure in run.figures])
-    below = [k for k, name in enumerate(JOINTS) if name != "head"]
-    seconds = np.arange(len(run.figures[0].head)) / run.fps
-    for avatar, figure in enumerate(run.figures):
-        outcome, frames = run.decisions[avatar], run.frames[avatar]
-        free = np.abs(frames - np.round(frames)) < 1e-3
-        for time in outcome[outcome[:, 1] != outcome[:, 2], 0]:
-            free &= np.abs(seconds - time) > 1.0
-        landed = events["landed"].astype(bool)
-        for time in events["seconds"][events["attacker"] == avatar]:
-            free &= np.abs(seconds - time) > 0.3
-        for time in events["seconds"][landed & (events["victim"] == avatar)]:
-            free &= (seconds < time) | (seconds > time + 0.7)
-        # Trunks that lean into others give way, some control frames around that.
-        apart = np.linalg.norm(pelvises - pelvises[avatar], axis=-1)
-        apart[avatar] = np.inf
-        close = np.flatnonzero(apart.min(axis=0) < BY)
-        free &= np.abs(seconds[:, None] - seconds[close]).min(axis=1, initial=np.inf) > 0.3
-        own = _own_frame(figure.joints[free]) / run.scales[avatar]
-        captured = _own_frame(run.source.figure.joints[np.round(frames[free]).astype(int)])
-        gaps.append(np.linalg.norm(own - captured, axis=-1)[:, below].max(axis=-1, initial=0.0))
-    gap = np.concatenate(gaps)
-    return {"frames": len(gap), "greatest_gap": float(gap.max()) if len(gap) else None}
-
-
-def _own_frame(joints: Array) -> Array:
-    """Joints over the floor under their pelvis, looking ahead."""
-    across = joints[:, JOINTS.index("left_hip")] - joints[:, JOINTS.index("right_hip")]
-    angle = np.arctan2(across[:, 2], across[:, 0])[:, None]
-    seen = joints - joints[:, :1] * [1.0, 0.0, 1.0]
-    x = seen[..., 0] * np.cos(angle) + seen[..., 2] * np.sin(angle)
-    return np.stack([x, seen[..., 1], seen[..., 2] * np.cos(angle) - seen[..., 0] * np.sin(angle)], axis=-1)

@@ -52,6 +52,7 @@ def measure_jumps(run: ExportedRun) -> dict[str, Any]:
     clips = [source.figure.part(slice(first, stop, run.step)) for first, stop in bounds]
     minutes = sum(len(clip.head) for clip in clips) / run.fps / 60.0
     captured = [rotation_steps(clip) for clip in clips]
+    played = [played_jumps(run, avatar) for avatar in range(len(run.figures))]
     shown = [rotation_steps(figure) for figure in run.figures]
     most = np.max([steps.max(axis=0) for steps in captured], axis=0)
     jumps = np.stack([excesses(steps) for steps in shown])
@@ -69,6 +70,8 @@ def measure_jumps(run: ExportedRun) -> dict[str, Any]:
         "rotation_jumps_per_minute_of_the_source": per_minute(
             [excesses(one).max(axis=1) for one in captured], JUMP, minutes
         ),
+        "rotation_jumps_per_minute_of_the_source_as_played": sum(count_episodes(row, pause) for row in played)
+        / run.minutes,
         "rotation_jumps_by_joint": {
             name: per_minute([one[:, k] for one in jumps], JUMP, run.minutes) for k, name in enumerate(JOINTS)
         },
@@ -78,6 +81,26 @@ def measure_jumps(run: ExportedRun) -> dict[str, Any]:
         "rotation_moments": _moments(run, jumps.max(axis=2), [JOINTS[k] for k in jumps.argmax(axis=2).ravel()]),
         "pelvis_moments": _moments(run, np.stack(drops), None),
     }
+
+
+def played_jumps(run: ExportedRun, avatar: int) -> Array:
+    """Return between which output frames an avatar plays a jump of the source; none over transitions. Shape (F - 1,).
+
+    A jump shows as much greater as the avatar is faster.
+    """
+    source, pace, frames = run.source, float(run.speeds[avatar]), run.frames[avatar]
+    # How many of the source's steps are jumps, up to each of its frames.
+    count = np.zeros(len(source.clips) + 1, int)
+    for first, stop in zip(source.starts[:-1], source.starts[1:], strict=True):
+        for phase in range(run.step):
+            rows = np.arange(first + phase, stop, run.step)
+            jumps = excesses(rotation_steps(source.figure.part(rows))).max(axis=1, initial=0.0) * pace > JUMP
+            count[rows[:-1] + 1] += jumps
+    count = np.cumsum(count)
+    now, later = frames[:-1], frames[1:]
+    goes_on = (later > now) & (later - now < 1.5 * pace * run.step)
+    low, high = (np.floor(values + 1e-6).astype(int) for values in (now, later))
+    return np.asarray(goes_on & (count[np.where(goes_on, high, low)] > count[low]))
 
 
 def _moments(run: ExportedRun, values: Array, parts: list[str] | None) -> list[dict[str, Any]]:

@@ -14,6 +14,8 @@ from _witness import JOINTS, Figure, Sizes, pose_file, read_sizes
 from _witness_source import Source, read_source
 
 PELVIS = JOINTS.index("pelvis")
+BLOCKED = 2
+"""Number of blocked strikes among the outcomes of a take."""
 WORST = 10
 """How many moments are kept of a measure."""
 
@@ -36,7 +38,7 @@ class ExportedRun:
             went on from. Shape (n, 3) each.
         opponents: Opponent of each at each output frame, negative for no avatar. Shape (N, F).
         events: Strikes of the take by name: seconds, attacker, victim, limb (left hand, right hand, left foot, right
-            foot), landed.
+            foot), landed, blocked.
     """
 
     sizes: Sizes
@@ -217,5 +219,6 @@ def read_run(run: Path, bundle: Path, clips: list[Path]) -> ExportedRun:
             "seconds": np.asarray(strikes["frame"][:]).astype(float) / control,
             "limb": np.asarray(strikes["limb" if "limb" in strikes else "hand"][:]).astype(int),
             "landed": events["landed"].astype(bool),
+            "blocked": np.asarray(strikes["outcome"][:]) == BLOCKED,
         },
     )

@@ -44,9 +44,10 @@ def pose_rows(outcome: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
     own, feet_, bends = outcome["inspect"], outcome["feet"], outcome["hinges"]
     rows = []
     calm = outcome["undisturbed"]
-    if calm["frames"]:
-        gap = f"{1000 * calm['greatest_gap']:.2f}"
-        rows.append((f"joints off the source in {calm['frames']} calm frames [mm]", gap, "", "", ""))
+    for words, group in (("calm frames", calm), ("others where bodies touch", calm["where_bodies_touch"])):
+        if group["frames"]:
+            gap = f"{1000 * group['greatest_gap']:.2f}"
+            rows.append((f"joints off the source in {group['frames']} {words} [mm]", gap, "", "", ""))
     for key, name in (("median", "median"), ("p95", "95")):
         there = own[f"foot_slide_{name}"], own[f"foot_slide_{name}_captured"]
         inspected = " of ".join("-" if value is None else f"{value:.3f}" for value in there)

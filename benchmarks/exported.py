@@ -13,7 +13,8 @@ be present from its start to its end.
 --strips FOLDER draws the ten worst moments of each kind into FOLDER/RUN_KIND.png: strips of frames around them, from
 the side, with avatars, time and figure. The JSON document has a group for each run, with these keys:
 
-- `undisturbed`: a second or more from transitions and strikes, where the files must equal the source motion.
+- `undisturbed`: a second or more from transitions, away from strikes and from other bodies, where the files must equal
+  the source motion. See `_exported_calm.py`.
 - `feet`: a foot is in contact while its ball is lower than 3 cm and rises or falls slower than 0.15 m/s; its `slide` is
   the horizontal speed of the ball during contact.
 - `hinges`: flexion of knees and elbows towards the side to which the source bends them;
@@ -35,7 +36,8 @@ the side, with avatars, time and figure. The JSON document has a group for each 
 - `accelerations`: `linear` and `angular`, by part of the body, `near_transitions` (0.1 s), `near_landed_strikes`
   (0.2 s) and `everywhere`: frames above the source's 99.9th percentile, in per mille; `worst` of all parts.
   See `_exported_accelerations.py`.
-- `jumps`: one-frame jumps of rotations and sudden drops of the pelvis per minute. See `_exported_jumps.py`.
+- `jumps`: one-frame jumps of rotations and sudden drops of the pelvis per minute, of the files, of the whole source,
+  and of the source as the avatars play it, who strike more often. See `_exported_jumps.py`.
 - `gaze`: `facing_share` and `away_share` of frames nearer than 1.5 m in which the head is within 45 degrees of the
   opponent and more than 90 off; `hits_from_behind_share` of landed strikes from over 120 degrees off the front of the
   victim's pelvis; `turned_to_attacker_share` of these after which the head faces the attacker within 1 s.
@@ -61,10 +63,11 @@ import numpy as np
 from _exported_accelerations import measure_accelerations
 from _exported_arms import measure_strikes
 from _exported_bodies import measure_bodies
+from _exported_calm import undisturbed
 from _exported_capsules import find_contacts
 from _exported_contact import fists, overlap
 from _exported_gaze import measure_gaze
-from _exported_joints import feet, hinges, peaks, undisturbed
+from _exported_joints import feet, hinges, peaks
 from _exported_jumps import measure_jumps
 from _exported_reactions import measure_reactions
 from _exported_run import ExportedRun

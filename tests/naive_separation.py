@@ -25,15 +25,26 @@ def distance(p, q, r, s):
     return min(found)
 
 
-def pushes(points, radii, room, soft, most):
-    """How far each of N bodies gives way; points are head, neck and pelvis. Shapes (N, 3, 3), (N, 2); (N, 2)."""
+PARTS = ((0, 0, 0), (1, 2, 1), (3, 4, 2), (5, 6, 2))
+"""Head, trunk and thighs: the points at their ends, and their radius."""
+
+
+def overlap(own, other, radii, others, left):
+    """How deep two bodies are in one another: heads and trunks, and thighs but for what is ``left`` to legs."""
+    depth = -np.inf
+    for i, j in itertools.product(PARTS, repeat=2):
+        thighs = (i[2] == 2) + (j[2] == 2)
+        if thighs != 1:
+            gap = distance(own[i[0]], own[i[1]], other[j[0]], other[j[1]])
+            depth = max(depth, radii[i[2]] + others[j[2]] - gap - (left if thighs else 0.0))
+    return depth
+
+
+def pushes(points, radii, room, soft, most, left):
+    """How far each of N bodies gives way; points are head, neck, pelvis, hips and knees. (N, 7, 3), (N, 3); (N, 2)."""
     out = np.zeros((len(points), 2))
     for a, b in itertools.permutations(range(len(points)), 2):
-        depth = -np.inf
-        for i, own in enumerate(((0, 0), (1, 2))):
-            for j, other in enumerate(((0, 0), (1, 2))):
-                gap = distance(*points[a][list(own)], *points[b][list(other)])
-                depth = max(depth, radii[a, i] + radii[b, j] - gap)
+        depth = overlap(points[a], points[b], radii[a], radii[b], left)
         way = (points[a, 0] + points[a, 2] - points[b, 0] - points[b, 2])[[0, 2]]
         # A bend over twice the softness, from nothing to all.
         deep = np.interp(depth + room, [-soft, soft], [0.0, 1.0])

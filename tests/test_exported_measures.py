@@ -13,13 +13,19 @@ FPS = 60
 PELVIS, NECK, HEAD, HAND, FOOT = 0, 2, 3, 6, 9
 
 
-@pytest.fixture
-def modules(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+def benchmark_modules(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """The modules of the benchmark."""
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
-    parts = ("run", "capsules", "bodies", "arms", "accelerations", "jumps", "gaze", "reactions", "variety", "goals")
+    parts = ("run", "capsules", "bodies", "arms", "accelerations", "jumps", "gaze", "reactions", "variety", "goals",
+             "calm")  # fmt: skip
     found = {part: importlib.import_module(f"_exported_{part}") for part in parts}
     names = ("_witness", "_witness_source", "_exported_table")
     return SimpleNamespace(**found, **{name.strip("_"): importlib.import_module(name) for name in names})
+
+
+@pytest.fixture
+def modules(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    return benchmark_modules(monkeypatch)
 
 
 def figure(modules: SimpleNamespace, position: tuple[float, float], heading: float = 0.0, frames: int = 240) -> Any:
@@ -69,7 +75,8 @@ def make_run(modules: SimpleNamespace, figures: list[Any], strikes: list[tuple[A
         own[:, 1] = one.fists[:, None, 0]
         capsules.append(own.astype(np.float32))
     names = ("seconds", "attacker", "victim", "limb", "landed")
-    columns = [np.array(column) for column in zip(*strikes, strict=True)] if strikes else [np.zeros(0)] * 5
+    columns = [np.array(column) for column in zip(*strikes, strict=True)] if strikes else [np.zeros(0)] * 4
+    columns += [] if strikes else [np.zeros(0, bool)]
     source = modules.witness_source.Source(
         figure(modules, (0.0, 0.0), frames=frames), np.zeros(frames, int), np.array([0, frames]), 0.0, np.zeros(1), []
     )
@@ -78,7 +85,7 @@ def make_run(modules: SimpleNamespace, figures: list[Any], strikes: list[tuple[A
         scales=np.ones(count), speeds=np.ones(count), fps=FPS, frames=np.tile(np.arange(float(frames)), (count, 1)),
         decisions=[np.zeros((0, 3))] * count,
         opponents=np.tile(np.array([[1], [0]] + [[0]] * (count - 2))[:count], (1, frames)),
-        events=dict(zip(names, columns, strict=True)),
+        events={**dict(zip(names, columns, strict=True)), "blocked": np.zeros(len(columns[0]), bool)},
     )  # fmt: skip
     return replace(run, **changes)
 

@@ -83,6 +83,24 @@ def mix(a, b, share):
 
 
 @kernel(allocates=False)
+def mix_like(a, b, share):
+    """Return the quaternion between two of like sign, normalised: ``a`` at share 0, ``b`` at 1.
+
+    It goes the way that the signs say, even where that is the longer one: what follows two quaternions that change
+    does not jump when they come to differ by more than half a rotation.
+    """
+    rest = 1.0 - share
+    w, x, y, z = (
+        a[0] * rest + b[0] * share,
+        a[1] * rest + b[1] * share,
+        a[2] * rest + b[2] * share,
+        a[3] * rest + b[3] * share,
+    )
+    size = 1.0 / math.sqrt(max(w * w + x * x + y * y + z * z, 1e-12))
+    return w * size, x * size, y * size, z * size
+
+
+@kernel(allocates=False)
 def from_vector(x, y, z):
     """Return the quaternion of a rotation vector [rad]."""
     angle = math.sqrt(x * x + y * y + z * z)

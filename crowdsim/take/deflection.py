@@ -117,6 +117,7 @@ class Deflection:
         moves = correlate1d(fast, _SMOOTH, axis=0, mode="nearest")[low - first : high - first]
         creeps = _creep(found[np.searchsorted(frames, slow * self._fine)][:, :, 2:, END])
         near = landed.around(float(times.min()), float(times.max()), columns)
+        near = near.of(~near.missed)
         order, starts = by_column(columns[near.attackers], len(window.avatars), near.times)
         control = float(self._take.control_rate)
         deflections = Deflections(
@@ -240,6 +241,7 @@ def _landing(landed: Landed, avatars: Array, times: Array) -> Array:
     """How close to strikes that land limbs of avatars (n,) are at times (T,), from 0 to 1. Shape (T, n, 4)."""
     near = np.zeros((len(times), len(avatars), LIMBS))
     some = landed.between(times[0] - _LANDS, times[-1] + _LANDS)
+    some = some.of(~some.missed)
     column = np.minimum(np.searchsorted(avatars, some.attackers), len(avatars) - 1)
     known = np.flatnonzero(avatars[column] == some.attackers)
     close = np.clip(2.0 - 2.0 * np.abs(times[:, None] - some.times[known]) / _LANDS, 0.0, 1.0)

@@ -87,7 +87,7 @@ class Landed:
 def find_landed(take: TakeData, buried: Array | None = None) -> Landed:
     """Return a take's landed and blocked strikes and those that are ``buried`` (E,).
 
-    Of two of a limb at once it is the first.
+    Of two of a limb at once it is the first, and of two that are one the one that lands.
     """
     events = take.events
     blocked = np.asarray(events.outcome) == BLOCKED
@@ -101,7 +101,7 @@ def find_landed(take: TakeData, buried: Array | None = None) -> Landed:
     same = (np.diff(attackers[order]) == 0) & (np.diff(limbs[order]) == 0)
     gaps = np.where(same, np.diff(times[order]), np.inf)
     twice = np.concatenate([[False], gaps < 1e-6]) if len(order) else np.zeros(0, bool)
-    order = order[~twice]
+    order = order[~(twice | _beside_landed(np.asarray(events.landed, dtype=bool)[landed][order], gaps))]
     same = (np.diff(attackers[order]) == 0) & (np.diff(limbs[order]) == 0)
     gaps = np.where(same, np.diff(times[order]), np.inf)
     ends = [np.inf] if len(order) else []
@@ -125,6 +125,19 @@ def find_landed(take: TakeData, buried: Array | None = None) -> Landed:
         missed=~result[chosen],
         blocked=blocked[chosen],
     )
+
+
+def _beside_landed(lands: Array, gaps: Array) -> Array:
+    """Which strikes (E,) do not land but are one with a strike that does: a fist is not stopped and lands at once.
+
+    Args:
+        lands: Which land, those of a limb one after another. Shape (E,).
+        gaps: Time to the next one of the limb, infinite for the last one [s]. Shape (E - 1,).
+    """
+    found = np.zeros(len(lands), bool)
+    found[:-1] |= lands[1:] & (gaps <= TOGETHER)
+    found[1:] |= lands[:-1] & (gaps <= TOGETHER)
+    return found & ~lands
 
 
 def _lean_spans(attackers: Array, times: Array) -> Array:

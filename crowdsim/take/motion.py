@@ -80,6 +80,7 @@ class PoseMotion:
             frame [m]. Shape (P, 4, 3), float32.
         trunks: Centre of the head, upper and lower end of the trunk in the frame's ground frame [m]. Shape (P, 3, 3),
             float32.
+        thighs: Hip and knee of either leg there [m]. Shape (P, 2, 2, 3), float32.
         looks: Heading of the face and of the chest in the frame's ground frame [rad]. Shape (P, 2), float32.
         strikes: Playback frames at which strikes reach furthest, ascending. Shape (S,).
         origins: Playback frame that lies on the avatar when each action starts. Shape (A,).
@@ -99,6 +100,7 @@ class PoseMotion:
     gait: Gait
     strikers: Array
     trunks: Array
+    thighs: Array
     looks: Array
     strikes: Array
     origins: Array
@@ -162,6 +164,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         gait=measure_gait(contacts, holds, starts, float(database.playback_rate)),
         strikers=strikers.astype(np.float32),
         trunks=np.stack([database.heads, database.necks, database.pelvises], axis=1),
+        thighs=ground.to_local(database.ground[:, None, None], positions[:, legs.joints[:, :2]]).astype(np.float32),
         looks=np.stack([np.arctan2(look[:, 0], look[:, 2]) for look in looks], axis=1).astype(np.float32),
         strikes=np.asarray(database.strike_frames, dtype=np.int64),
         origins=(np.asarray(graph.action_first, dtype=np.int64) - 1) * stride,

@@ -1,4 +1,4 @@
-"""How far trunks and heads give way to others that lean into them, at each control frame of a take."""
+"""How far trunks, heads and thighs give way to others that lean or go into them, at each control frame of a take."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.motion import ground
+from crowdsim.motion.body import Body
 from crowdsim.take.data import TakeData
 from crowdsim.take.fallen import fallen_rows
-from crowdsim.take.kernels.separation import push_trunks
+from crowdsim.take.kernels.separation import POINTS, push_trunks
 from crowdsim.take.motion import PoseMotion
 
 
@@ -27,11 +28,11 @@ class Separation:
 
     def __init__(self, take: TakeData, motions: Sequence[PoseMotion]) -> None:
         self._take, self._motions = take, motions
-        self._radii = np.zeros((take.avatar_count, 2))
+        self._radii = np.zeros((take.avatar_count, 3))
         for index, motion in enumerate(motions):
-            mine = take.cast.policies == index
-            self._radii[mine] = [motion.body.head_radius, motion.body.torso_radius]
-        self._radii *= np.stack([take.cast.scales, take.cast.widths], axis=1).astype(float)
+            mine, body = take.cast.policies == index, motion.body
+            self._radii[mine] = [body.head_radius, body.torso_radius, thigh_radius(body)]
+        self._radii *= np.stack([take.cast.scales, take.cast.widths, take.cast.widths], axis=1).astype(float)
 
     def find(self, first: int, stop: int) -> Array:
         """Return how far trunks of all avatars give way at control frames, x and z [m]. Shape (T, N, 2), float32."""
@@ -44,19 +45,26 @@ class Separation:
         return _widest(pushes)[first - low : stop - low]
 
     def _points(self, first: int, stop: int) -> Array:
-        """Heads, necks and pelvises in the world at control frames, NaN of who is down. Shape (T, N, 3, 3)."""
+        """Heads, necks, pelvises, hips and knees in the world at control frames, NaN of who is down. (T, N, 7, 3)."""
         take = self._take
         action, done = np.asarray(take.action[first:stop]), np.asarray(take.action_frame[first:stop], dtype=float)
         place = np.stack([np.asarray(values[first:stop], dtype=float) for values in (take.x, take.z, take.heading)], -1)
-        points = np.full((*action.shape, 3, 3), np.nan)
+        points = np.full((*action.shape, POINTS, 3), np.nan)
         for index, motion in enumerate(self._motions):
             here = (action >= 0) & (take.cast.policies == index)
             some = action[here]
             frames = motion.frames_at(some, done[here])
             sizes = np.broadcast_to(take.cast.scales, action.shape)[here][:, None, None]
-            points[here] = ground.to_world(place[here][:, None], motion.trunks[frames].astype(float) * sizes)
+            local = np.concatenate([motion.trunks[frames], motion.thighs[frames].reshape(-1, 4, 3)], axis=1)
+            points[here] = ground.to_world(place[here][:, None], local.astype(float) * sizes)
         points[fallen_rows(take, self._motions, first, stop)] = np.nan
         return points
+
+
+def thigh_radius(body: Body) -> float:
+    """Return how thick a body's thighs are, on an average [m]."""
+    thighs = np.isin(body.capsule_joints, [body.roles["left_hip"], body.roles["right_hip"]])
+    return float(body.capsule_radii[thighs].mean())
 
 
 def _widest(pushes: Array) -> Array:

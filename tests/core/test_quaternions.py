@@ -86,6 +86,21 @@ def test_mixed_quaternions_match_naive(seed: int, share: float) -> None:
     assert same_rotation(quaternions.mix(a, -b, share), naive.mix(a, b, share))
 
 
+def test_quaternions_of_like_sign_mix_as_others_and_go_on_beyond_half_a_rotation() -> None:
+    """The way that the sign says is one that changes no more suddenly than what it leads to."""
+    start = (1.0, 0.0, 0.0, 0.0)
+    angles = np.radians(np.linspace(100.0, 260.0, 161))
+    ends = np.stack([np.cos(0.5 * angles), np.zeros(161), np.sin(0.5 * angles), np.zeros(161)], axis=1)
+    found = np.array([quaternions.mix_like(start, end, 0.4) for end in ends])
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, atol=1e-12)
+    for end, between in zip(ends[:80], found[:80], strict=True):
+        assert same_rotation(between, naive.mix(start, end, 0.4))
+    steps = 2.0 * np.arccos(np.minimum(np.abs(np.sum(found[1:] * found[:-1], axis=1)), 1.0))
+    assert np.degrees(steps.max()) < 2.0
+    shorter = np.array([quaternions.mix(start, end, 0.4) for end in ends])
+    assert np.degrees(2.0 * np.arccos(np.abs(np.sum(shorter[1:] * shorter[:-1], axis=1)).min())) > 90.0
+
+
 def test_the_mean_of_two_rotations_about_an_axis_is_half_the_angle() -> None:
     start, end = ((math.cos(0.5 * angle), 0.0, math.sin(0.5 * angle), 0.0) for angle in (0.2, 1.0))
     expected = (math.cos(0.3), 0.0, math.sin(0.3), 0.0)

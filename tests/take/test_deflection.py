@@ -11,10 +11,8 @@ from crowdsim.take.deflection import ride_along
 from crowdsim.take.kernels.capsules import Capsules
 from crowdsim.take.kernels.deflection import MovingLimbs, deflect_limbs
 from crowdsim.take.kernels.foot_plants import free_feet
-from crowdsim.take.kernels.limbs import World, pose_chain, swivel_limb
 from crowdsim.take.kernels.records import FootPlants, Moments
 from crowdsim.take.penetration import measure_penetration
-from crowdsim.take.poses import PoseSampler
 
 
 def bodies(seed: int, times: int = 2, count: int = 4) -> tuple[Capsules, MovingLimbs]:
@@ -139,29 +137,6 @@ def test_capsules_ride_along_with_their_bones() -> None:
             np.testing.assert_allclose(point, expected, atol=1e-4)
     assert (limbs >= 0).sum() < len(limbs)
     assert set(limbs) == {-1, 0, 1, 2, 3}
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_a_limb_swivels_towards_a_goal_and_keeps_its_end(seed: int) -> None:
-    take, policy = clinch()
-    posing: PoseSampler = sampler(take, policy)
-    arms, poses = posing.motions[0].arms, posing.sample(20 + seed, 21 + seed, 60, np.array([0]))[0]
-    pose, root = poses.rotations[0, 0].astype(float), poses.root_positions[0, 0].astype(float)
-    joints = len(arms.parents)
-    before, after = (World(np.empty((joints, 3)), np.empty((joints, 4))) for _ in range(2))
-    pose_chain(arms, 1.0, root, pose, before)
-    upper, middle, end = arms.joints[0]
-    goal = before.positions[middle] + np.random.default_rng(seed).normal(0.0, 0.1, 3)
-    swivel_limb(arms, 0, pose, before, tuple(goal))
-    pose_chain(arms, 1.0, root, pose, after)
-    np.testing.assert_allclose(after.positions[end], before.positions[end], atol=1e-6)
-    dot = abs(after.rotations[end] @ before.rotations[end])
-    assert dot == pytest.approx(1.0, abs=1e-6)
-    gaps = [np.linalg.norm(world.positions[middle] - goal) for world in (before, after)]
-    assert gaps[1] < gaps[0]
-    assert np.linalg.norm(after.positions[middle] - after.positions[upper]) == pytest.approx(
-        np.linalg.norm(before.positions[middle] - before.positions[upper]), abs=1e-6
-    )
 
 
 def test_feet_are_free_in_the_air_alone() -> None:

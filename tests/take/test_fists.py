@@ -96,7 +96,9 @@ def test_a_fist_that_misses_for_being_deep_in_a_body_stays_at_its_surface_and_is
     positions, turns = (a[0] for a in poses.joints())
     head, neck, pelvis, fists = body_points(body, positions, turns, poses.scales)
     radii = np.array([body.head_radius]), np.array([body.torso_radius])
-    assert abs(float(posed_distance(fists[:1, hand], head[1:], neck[1:], pelvis[1:], *radii)[0])) < 0.02
+    gap = float(posed_distance(fists[:1, hand], head[1:], neck[1:], pelvis[1:], *radii)[0])
+    # Nothing is hit, so the fist leaves the body, all of it.
+    assert 0.0 < gap < 0.06
     frames = take.output_frames(60)
     # Without the limbs that leave other bodies.
     take = replace(take, collision_avoidance=False)

@@ -43,9 +43,11 @@ def crowd(seed: int, times: int = 3, count: int = 12) -> tuple[np.ndarray, np.nd
     pelvises = rng.uniform(0.0, 1.2, (times, count, 3)) * [1.0, 0.1, 1.0] + [0.0, 0.9, 0.0]
     necks = pelvises + rng.normal(0.0, 0.1, pelvises.shape) + [0.0, 0.5, 0.0]
     heads = necks + rng.normal(0.0, 0.05, pelvises.shape) + [0.0, 0.15, 0.0]
-    points = np.stack([heads, necks, pelvises], axis=2)
+    hips = [pelvises + rng.normal(0.0, 0.1, pelvises.shape) for _ in range(2)]
+    knees = [hip + rng.normal(0.0, 0.15, pelvises.shape) - [0.0, 0.4, 0.0] for hip in hips]
+    points = np.stack([heads, necks, pelvises, hips[0], knees[0], hips[1], knees[1]], axis=2)
     points[1, 3] = points[2, 5:8] = np.nan
-    return points, rng.uniform(0.09, 0.17, (count, 2))
+    return points, rng.uniform(0.07, 0.17, (count, 3))
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -56,9 +58,26 @@ def test_pushes_match_naive(seed: int) -> None:
     push_trunks(points, radii, order, found)
     for time, bodies in enumerate(points):
         there = np.isfinite(bodies[:, 0, 0])
-        expected = naive.pushes(bodies[there], radii[there], separation._ROOM, separation._SOFT, separation._MOST)
+        rules = separation._ROOM, separation._SOFT, separation._MOST, separation._LEFT
+        expected = naive.pushes(bodies[there], radii[there], *rules)
         np.testing.assert_allclose(found[time, there], expected, atol=1e-6)
         assert (found[time, ~there] == 0.0).all()
+
+
+def test_thighs_that_cross_push_bodies_apart_and_those_that_touch_do_not() -> None:
+    """Knees and feet go around legs that are hardly in one another."""
+    own = np.array([[0.0, 1.6, 0.0], [0.0, 1.4, 0.0], [0.0, 0.9, 0.0]] + [[0.0, 0.85, 0.0], [0.25, 0.5, 0.0]] * 2)
+    other = own * [-1.0, 1.0, 1.0] + [0.55, 0.0, 0.05]
+    radii, order = np.array([[0.1, 0.15, 0.07]] * 2), np.array([[0, 1]])
+    pushes = []
+    for apart in (0.0, 0.08):
+        points = np.stack([own, np.add(other, [apart, 0.0, 0.0])])[None]
+        found = np.empty((1, 2, 2))
+        push_trunks(points, radii, order, found)
+        pushes.append(found[0])
+    np.testing.assert_allclose(pushes[0][0], -pushes[0][1])
+    assert pushes[0][1, 0] > 0.02
+    assert np.abs(pushes[1]).max() < 0.5 * pushes[0][1, 0]
 
 
 def test_bodies_inside_one_another_give_way_over_feet_that_stay(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,9 @@ from crowdsim.take.kernels.splines import spline_weights
 
 FIST_LANDS, FOOT_LANDS = 0.06, 0.25
 """How long before and after a strike its fist or foot is on its way undeflected [s], partly."""
+_ARM_STRAIGHT, _LEG_STRAIGHT = 0.1, 0.03
+"""Distance of elbows and knees from the straight line below which limbs hardly swivel [m]: a fist may pass a body in a
+fraction of the time that a foot takes, and the arm would roll around."""
 
 
 class Deflections(NamedTuple):
@@ -92,7 +95,7 @@ def _bend_arm(arms, hand, scale, root, pose, world, moves, free):
     target = wrist[0] + free * moves[END, 0], wrist[1] + free * moves[END, 1], wrist[2] + free * moves[END, 2]
     point_arm(arms, hand, pose, world, target)
     pose_chain(arms, scale, root, pose, world)
-    swivel_limb(arms, hand, pose, world, goal)
+    swivel_limb(arms, hand, pose, world, goal, _ARM_STRAIGHT)
 
 
 @kernel(allocates=False)
@@ -109,7 +112,7 @@ def _bend_leg(legs, foot, scale, root, pose, world, moves):
         pose_chain(legs, scale, root, pose, world)
     if moves[JOINT].any():
         goal = knee[0] + moves[JOINT, 0], knee[1] + moves[JOINT, 1], knee[2] + moves[JOINT, 2]
-        swivel_limb(legs, foot, pose, world, goal)
+        swivel_limb(legs, foot, pose, world, goal, _LEG_STRAIGHT)
 
 
 @kernel

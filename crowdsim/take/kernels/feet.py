@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.core.quaternions import mix, rotate, rotate_about_y
+from crowdsim.core.quaternions import mix, mix_like, rotate, rotate_about_y
 from crowdsim.jit import kernel
 from crowdsim.take.kernels.columns import HEADING, LOWER, MIDDLE, UPPER, X, Z
 from crowdsim.take.kernels.foot_shifts import Instant, add_shift, weigh_plants
@@ -122,7 +122,7 @@ def _hold_foot(footing, now, foot, weights, ground, legs, pose, world, asked):
     hold_x, hold_y, hold_z = hold_x + shift[0], hold_y + shift[1], hold_z + shift[2]
     for k in range(2 if toe >= 0 else 1):
         q = asked.rotations[0, k]
-        q[0], q[1], q[2], q[3] = mix(q, asked.rotations[1, k], turn)
+        q[0], q[1], q[2], q[3] = mix_like(q, asked.rotations[1, k], turn)
     turned[0], turned[1], turned[2], turned[3] = mix(turned, asked.rotations[0, 0], firm)
     if toe >= 0:
         q = pose[toe]

@@ -23,6 +23,8 @@ FOLDED = math.radians(145.0)
 """Flexion towards which elbows go at the most to bring a fist near [rad]."""
 _ROUNDS = 3
 """Steps in which the bend of an arm is found that brings its fist to its place."""
+_AWAY = 2.0
+"""How far targets go away from a shoulder, of what they are nearer than an arm's shortest reach."""
 JOINTS = 4
 """Joints that lean: lower spine, chest, left and right collar."""
 PELVIS = 4
@@ -151,6 +153,18 @@ def _note_fists(arms, scale, world, targets):
         targets[hand, 2] = world.positions[end, 2] + z
 
 
+@kernel(inline=True)
+def _away_from_shoulder(p, r, target, shortest, now):
+    """Return a target that is as it is where an arm can fold that far, and else further along its way to the wrist.
+
+    Right at the shoulder the smallest way of a target would swing the arm around.
+    """
+    more = _AWAY * (shortest - distance_between(p, target)) / max(now, 1e-6)
+    if more <= 0.0:
+        return target
+    return target[0] + more * (r[0] - p[0]), target[1] + more * (r[1] - p[1]), target[2] + more * (r[2] - p[2])
+
+
 @kernel(allocates=False)
 def point_arm(arms, hand, pose, world, target):
     """Bend an arm so that its wrist goes to a target, and less the nearer that is to its longest and shortest reach.
@@ -165,6 +179,7 @@ def point_arm(arms, hand, pose, world, target):
     wanted = distance_between(p, target)
     distance = wanted - excess(now, wanted, longest, 0.0015 * (a + b))
     distance += excess(-now, -wanted, -shortest, 0.01 * (a + b))
+    target = _away_from_shoulder(p, r, target, shortest, now)
     return bend_limb(arms, hand, pose, world, target, distance)
 
 

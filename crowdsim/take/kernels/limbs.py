@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.core.easing import minimum_jerk
 from crowdsim.core.quaternions import conjugate, multiply, rotate
 from crowdsim.jit import kernel
 from crowdsim.take.kernels.columns import LOWER, MIDDLE, UPPER
@@ -15,10 +16,10 @@ MOST = math.radians(150.0)
 _HINGED = 0.2
 """Sine of the flexion below which the hinge takes over from the plane that a limb is bent in."""
 
-_STRAIGHT = 0.03
-"""Distance of a middle joint from the straight line below which a limb hardly swivels [m]."""
 _SWIVELS = math.radians(70.0)
 """Furthest that a limb swivels [rad]."""
+_ACROSS = math.radians(90.0)
+"""Range, up to the far side of a limb, over which it swivels less: there it would have to choose a way around [rad]."""
 
 
 class World(NamedTuple):
@@ -202,7 +203,7 @@ def bend_limb(limbs, side, pose, world, target, distance):
 
 
 @kernel(allocates=False)
-def swivel_limb(limbs, side, pose, world, goal):
+def swivel_limb(limbs, side, pose, world, goal, straight):
     """Swivel a limb about the line from its upper joint to its end, so that its middle joint goes towards a goal.
 
     The nearer it is to straight the less it swivels. Local rotations of its upper joint change, and of its end joint,
@@ -214,6 +215,7 @@ def swivel_limb(limbs, side, pose, world, goal):
         pose: Local rotations. Shape (J, 4), changed.
         world: The joints in the world, a ``World``; it stays as it is.
         goal: Position towards which the middle joint goes [m], a tuple of three.
+        straight: Distance of the middle joint from that line below which the limb hardly swivels [m].
     """
     upper, middle, end = limbs.joints[side, UPPER], limbs.joints[side, MIDDLE], limbs.joints[side, LOWER]
     p, q, r = world.positions[upper], world.positions[middle], world.positions[end]
@@ -228,8 +230,8 @@ def swivel_limb(limbs, side, pose, world, goal):
     along = vx * x + vy * y + vz * z
     vx, vy, vz = vx - along * x, vy - along * y, vz - along * z
     sine = (uy * vz - uz * vy) * x + (uz * vx - ux * vz) * y + (ux * vy - uy * vx) * z
-    angle = math.atan2(sine, ux * vx + uy * vy + uz * vz + _STRAIGHT * _STRAIGHT)
-    angle = _SWIVELS * math.tanh(angle / _SWIVELS)
+    angle = math.atan2(sine, ux * vx + uy * vy + uz * vz + straight * straight)
+    angle = _SWIVELS * math.tanh(angle / _SWIVELS) * minimum_jerk((math.pi - abs(angle)) / _ACROSS)
     c, s = math.cos(0.5 * angle), math.sin(0.5 * angle)
     swivel = c, s * x, s * y, s * z
     world_rotations, parents = world.rotations, limbs.parents

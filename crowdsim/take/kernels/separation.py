@@ -1,4 +1,4 @@
-"""Compiled separation of trunks and heads that lean into one another."""
+"""Compiled separation of trunks, heads and thighs that lean or go into one another."""
 
 import math
 
@@ -12,19 +12,32 @@ _ROOM, _SOFT = 0.01, 0.02
 """Room that surfaces are given, and how far on either side of that they begin to give way [m]."""
 _MOST = 0.14
 """Furthest that a trunk gives way [m]."""
-HEAD_POINT, NECK_POINT, PELVIS_POINT = 0, 1, 2
+_LEFT = 0.03
+"""Depth of thighs in one another that is left to knees and feet, which go around [m]."""
+HEAD_POINT, NECK_POINT, PELVIS_POINT, HIP_POINT, POINTS = 0, 1, 2, 3, 7
+"""Rows of the points of a body; from ``HIP_POINT`` on hip and knee of either leg."""
+
+
+@kernel(allocates=False)
+def _overlap_of_thighs(own, other, radii, others):
+    """Return how deep thighs of two bodies are in one another [m]; negative where they are apart."""
+    nearest = math.inf
+    for i in range(HIP_POINT, POINTS, 2):
+        for j in range(HIP_POINT, POINTS, 2):
+            nearest = min(nearest, nearest_on_segments(own[i], own[i + 1], other[j], other[j + 1])[2])
+    return radii[2] + others[2] - nearest
 
 
 @kernel(allocates=False)
 def _overlap(own, other, radii, others):
-    """Return how deep heads and trunks of two bodies are in one another [m]; negative where they are apart."""
+    """Return how deep heads, trunks and thighs of two bodies are in one another [m]; negative where they are apart."""
     neck, pelvis, head = own[NECK_POINT], own[PELVIS_POINT], own[HEAD_POINT]
     neck_2, pelvis_2, head_2 = other[NECK_POINT], other[PELVIS_POINT], other[HEAD_POINT]
     trunks = radii[1] + others[1] - nearest_on_segments(neck, pelvis, neck_2, pelvis_2)[2]
     heads = radii[0] + others[0] - nearest_on_segments(head, head, head_2, head_2)[2]
     one = radii[0] + others[1] - nearest_on_segments(head, head, neck_2, pelvis_2)[2]
     two = radii[1] + others[0] - nearest_on_segments(neck, pelvis, head_2, head_2)[2]
-    return max(max(trunks, heads), max(one, two))
+    return max(max(max(trunks, heads), max(one, two)), _overlap_of_thighs(own, other, radii, others) - _LEFT)
 
 
 @kernel(allocates=False)
@@ -52,9 +65,9 @@ def push_trunks(points, radii, order, pushes):
     """Find how far bodies are pushed out of one another, at each of T times.
 
     Args:
-        points: Middle of the head, upper and lower end of the trunk of each avatar, NaN while absent [m].
-            Shape (T, N, 3, 3).
-        radii: Radius of its head and of its trunk [m]. Shape (N, 2).
+        points: Middle of the head, upper and lower end of the trunk, hip and knee of either leg of each avatar, NaN
+            while absent [m]. Shape (T, N, 7, 3).
+        radii: Radius of its head, of its trunk and of its thighs [m]. Shape (N, 3).
         order: The avatars by x of the pelvis, absent ones last. Shape (T, N).
         pushes: Written: x and z [m]. Shape (T, N, 2).
     """
