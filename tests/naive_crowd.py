@@ -16,6 +16,7 @@ from crowdsim.crowd.kernels.intents import CLOSEST, SHYNESS
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
 from crowdsim.crowd.kernels.legs import CROSSED
 from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REMEMBERED
+from crowdsim.crowd.kernels.outcomes import AIR
 from crowdsim.crowd.model import AT_REST, FULL_REACH, STRONG
 from crowdsim.crowd.model_tables import BRAKING
 from crowdsim.crowd.random import Purpose, uniform
@@ -280,6 +281,14 @@ def decide(one, avatars, crowd, targets, frame, marks):
         elif apart and crosses_legs(one, choices[place], mine, [avatars[j] for j in near]):
             values[place] -= CROSSED
             place = pick(values, one, crowd)
+        elif (
+            crowd.crowding.wasted
+            and opponent >= 0
+            and counts[place]
+            and strikes_air(one, avatars[opponent], choices[place], mine)
+        ):
+            values[place] -= crowd.crowding.wasted
+            place = pick(values, one, crowd)
     if interval > 0:
         one.burst = max(one.burst - int(counts[place]), 0)
         one.rested = max(one.rested, frame) + interval * int(counts[place])
@@ -294,6 +303,17 @@ def seems_far(one, other, frame):
     seems += 0.0 if other.opponent == one.number else ENGAGED
     hit = one.hit_by == other.number and frame - one.hit_frame < REMEMBERED
     return seems - (HIT if hit else 0.0)
+
+
+def strikes_air(one, other, action, mine):
+    """Whether the first strike of an action ends further than ``AIR`` from the way of its opponent."""
+    actions = one.policy.actions
+    fist = actions.strike_positions[actions.strike_offsets[action]].astype(float) * one.scale
+    point = ground.to_world(mine, fist)[[0, 2]]
+    begin, end = other.stands()[:2], ground.compose(other.start, other.displacement(other.action, other.length))[:2]
+    way = end - begin
+    share = np.clip((point - begin) @ way / max(way @ way, 1e-12), 0.0, 1.0)
+    return np.linalg.norm(point - begin - share * way) > AIR
 
 
 def facing(ground_frame, other):

@@ -39,6 +39,7 @@ class Crowding:
         most: How many neighbours count, the nearest ones.
         back: What a metre is worth of a step back after a strong hit.
         unseen: What a strike costs at an opponent that looks away.
+        wasted: What one costs that is drawn though it would end far from the opponent.
     """
 
     end: float = 16.0
@@ -51,26 +52,17 @@ class Crowding:
     most: int = 12
     back: float = 1.2
     unseen: float = 1.5
+    wasted: float = 2.0
 
     @classmethod
     def none(cls) -> Crowding:
         """Return rules without collision avoidance; neighbours still count as opponents, and the arena stays."""
-        return cls(end=0.0, path=0.0, back=0.0, unseen=0.0)
+        return cls(end=0.0, path=0.0, back=0.0, unseen=0.0, wasted=0.0)
 
     def numbers(self) -> Array:
-        """Return what kernels read. Shape (9,)."""
-        numbers = (
-            self.end,
-            self.path,
-            self.radius,
-            self.gap,
-            self.outside,
-            self.turn,
-            self.reach,
-            self.back,
-            self.unseen,
-        )
-        return np.array(numbers)
+        """Return what kernels read. Shape (10,)."""
+        space = self.end, self.path, self.radius, self.gap, self.outside, self.turn, self.reach
+        return np.array([*space, self.back, self.unseen, self.wasted])
 
 
 @dataclass(frozen=True)

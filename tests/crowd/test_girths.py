@@ -7,7 +7,7 @@ from synthetic_policy import policy
 from test_simulation import bytes_of, crowd, whole
 from test_tempo import EAGER
 
-from crowdsim.crowd.crowd import build_crowd
+from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.simulate import simulate
 from crowdsim.crowd.simulation import Simulation
@@ -22,7 +22,16 @@ def drawn(count, seed=0):
 @pytest.mark.parametrize("seed", range(3))
 def test_what_bodies_of_all_girths_do_is_what_the_naive_twin_says(seed):
     x, z, heading = np.random.default_rng(seed).uniform(0, 3, (3, 6))
-    people = build_crowd(x, z, heading, speed=1.2, seed=4, scale=np.linspace(0.9, 1.1, 6), girth=drawn(6, seed))
+    people = build_crowd(
+        x,
+        z,
+        heading,
+        speed=1.2,
+        seed=4,
+        crowding=Crowding(wasted=0.0),
+        scale=np.linspace(0.9, 1.1, 6),
+        girth=drawn(6, seed),
+    )
     [chunk] = simulate(people, [EAGER], 150)
     naive = naive_crowd.run(people, [EAGER], 150)
     np.testing.assert_array_equal(chunk.action, naive.action)

@@ -11,7 +11,7 @@ from test_tempo import EAGER
 
 from crowdsim.crowd import simulation
 from crowdsim.crowd.cast import cast_crowd
-from crowdsim.crowd.crowd import build_crowd
+from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.placement import place_groups
 from crowdsim.crowd.simulate import simulate
@@ -75,7 +75,9 @@ def test_actions_to_a_stance_are_those_of_the_shortest_way():
 def test_what_avatars_of_all_stances_do_is_what_the_naive_twin_says(interval):
     x, z, heading = np.random.default_rng(0).uniform(0, 3, (3, 6))
     stances = [0, 1, 2, 2, 1, 0]
-    people = build_crowd(x, z, heading, speed=1.2, interval=interval, seed=4, variety=1.0, **of(stances))
+    people = build_crowd(
+        x, z, heading, speed=1.2, interval=interval, seed=4, crowding=Crowding(wasted=0.0), variety=1.0, **of(stances)
+    )
     [chunk] = simulate(people, [BOTH], 150)
     naive = naive_crowd.run(people, [BOTH], 150)
     np.testing.assert_array_equal(chunk.action, naive.action)

@@ -33,12 +33,22 @@ def of(count, **fields):
 @pytest.mark.parametrize("interval", [0.0, 12.0, 80.0])
 def test_what_avatars_of_all_temperaments_do_is_what_the_naive_twin_says(interval):
     x, z, heading = np.random.default_rng(0).uniform(0, 3, (3, 6))
-    people = build_crowd(x, z, heading, speed=1.2, interval=interval, seed=4, variety=1.0, **of(6))
+    people = build_crowd(
+        x, z, heading, speed=1.2, interval=interval, seed=4, crowding=Crowding(wasted=0.0), variety=1.0, **of(6)
+    )
     [chunk] = simulate(people, [EAGER], 150)
     naive = naive_crowd.run(people, [EAGER], 150)
     np.testing.assert_array_equal(chunk.action, naive.action)
     assert len(chunk.events.frame) == len(naive.strikes) > 10
-    same = [*simulate(build_crowd(x, z, heading, speed=1.2, interval=interval, seed=4, variety=1.0), [EAGER], 150)]
+    same = [
+        *simulate(
+            build_crowd(
+                x, z, heading, speed=1.2, interval=interval, seed=4, crowding=Crowding(wasted=0.0), variety=1.0
+            ),
+            [EAGER],
+            150,
+        )
+    ]
     assert not np.array_equal(same[0].action, chunk.action)
 
 

@@ -98,7 +98,7 @@ def test_an_avatar_that_never_tires_chooses_as_one_that_recovers_at_once():
 @pytest.mark.parametrize("interval", [0.0, 12.0, 80.0])
 def test_bursts_and_rests_are_those_of_the_naive_twin(interval):
     x, z, heading = np.random.default_rng(0).uniform(0, 3, (3, 6))
-    people = build_crowd(x, z, heading, speed=1.2, interval=interval, seed=4)
+    people = build_crowd(x, z, heading, speed=1.2, interval=interval, seed=4, crowding=Crowding(wasted=0.0))
     [chunk] = simulate(people, [EAGER], 150)
     naive = naive_crowd.run(people, [EAGER], 150)
     np.testing.assert_array_equal(chunk.action, naive.action)

@@ -20,7 +20,7 @@ POLICIES = [policy(0, frames=240)]
 def run(frames=300, apart=1.0, **fields):
     """Nine avatars on a lattice, who strike at those who look away too; their chunk."""
     z, x = np.divmod(np.arange(9), 3)
-    fields = {"crowding": Crowding(unseen=0.0), "temperature": 0.3, "margin": 1.0, **fields}
+    fields = {"crowding": Crowding(unseen=0.0, wasted=0.0), "temperature": 0.3, "margin": 1.0, **fields}
     people = build_crowd(apart * x, apart * z, x - z, seed=1, **fields)
     (chunk,) = simulate(people, POLICIES, frames, chunk=frames)
     return chunk
@@ -92,7 +92,7 @@ def test_of_several_hits_in_a_frame_the_strongest_counts(order):
 def test_a_strong_hit_costs_a_step():
     rng = np.random.default_rng(0)
     x, z = rng.uniform(-90, 90, (2, 300))
-    people = build_crowd(x, z, rng.uniform(-3, 3, 300), temperature=0.0)
+    people = build_crowd(x, z, rng.uniform(-3, 3, 300), temperature=0.0, crowding=Crowding(wasted=0.0))
 
     def moved(strength, frame):
         simulation = Simulation(people, POLICIES)

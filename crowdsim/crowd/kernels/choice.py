@@ -38,11 +38,12 @@ from crowdsim.crowd.kernels.layout import (
     TEMPERATURE,
     TEMPO,
     UNSEEN,
+    WASTED,
     X,
     Z,
 )
 from crowdsim.crowd.kernels.legs import CROSSED, crosses_legs
-from crowdsim.crowd.kernels.outcomes import note_seen
+from crowdsim.crowd.kernels.outcomes import note_seen, strikes_air
 from crowdsim.crowd.kernels.special import special_action
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.kernels.variety import TWICE, charge_repetition, throws_too
@@ -151,7 +152,7 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
         if stance > 0:
             for k in range(offsets[state + 1] - offsets[state]):
                 values[q, k] -= ASTRAY * model.stances[actions[offsets[state] + k, NEXT], stance - 1]
-        picked = _draw_one(model, avatars, world, frame, own, observed, q, scratch)
+        picked = _draw_one(model, avatars, world, now, own, observed, q, scratch)
         if picked < 0:
             return own
         action = offsets[state] + picked
@@ -164,10 +165,10 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
 
 
 @kernel(inline=True)
-def _draw_one(model, avatars, world, frame, own, observed, q, scratch):
+def _draw_one(model, avatars, world, now, own, observed, q, scratch):
     """Draw among the actions of an avatar by their values; return which of them it is, or -1 where none is a number.
 
-    It draws again where its opponent throws the same strike, or legs would cross.
+    It draws again where its opponent throws the same strike, legs would cross, or a strike would be thrown at air.
     """
     whole, cohorts, values = avatars.whole, world.cohorts, scratch.values[q]
     cohort, state = whole[COHORT, own], model.actions[whole[ACTION, own], NEXT]
@@ -178,10 +179,12 @@ def _draw_one(model, avatars, world, frame, own, observed, q, scratch):
     for _ in range(REDRAWN):
         if picked < 0:
             break
-        if throws_too(model, avatars, world, frame, own, offset + picked):
+        if throws_too(model, avatars, world, now.frame, own, offset + picked):
             values[picked] -= TWICE
         elif crosses_legs(model, avatars, world.crowding, own, offset + picked, observed, q):
             values[picked] -= CROSSED
+        elif world.crowding[WASTED] > 0.0 and strikes_air(model, avatars, now, own, offset + picked):
+            values[picked] -= world.crowding[WASTED]
         else:
             break
         picked = draw_candidate(values, count, rules, number, scratch.rows)
