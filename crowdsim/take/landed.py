@@ -17,9 +17,9 @@ from crowdsim.take.data import TakeData
 BEFORE, AFTER = 0.16, 0.22
 """Time before and after a strike over which the limb leaves its captured path [s]."""
 
-LEAN = 0.24
+LEAN = 0.27
 """How long before and after it the trunk leans for it at the most [s]."""
-_LEAST_LEAN = 0.2
+_LEAST_LEAN = 0.24
 """How long it leans at the least [s]."""
 TOGETHER = 0.07
 """Strikes of a limb that are no further apart are one: a transition shortly after a strike showed it again [s]."""
