@@ -14,6 +14,7 @@ from crowdsim.crowd.kernels.intents import is_resting
 from crowdsim.crowd.kernels.layout import (
     ACTION,
     AGGRESSION,
+    AT_AIR,
     BURST,
     BURST_STREAM,
     CHOICE_STREAM,
@@ -38,7 +39,6 @@ from crowdsim.crowd.kernels.layout import (
     TEMPERATURE,
     TEMPO,
     UNSEEN,
-    WASTED,
     X,
     Z,
 )
@@ -183,8 +183,8 @@ def _draw_one(model, avatars, world, now, own, observed, q, scratch):
             values[picked] -= TWICE
         elif crosses_legs(model, avatars, world.crowding, own, offset + picked, observed, q):
             values[picked] -= CROSSED
-        elif world.crowding[WASTED] > 0.0 and strikes_air(model, avatars, now, own, offset + picked):
-            values[picked] -= world.crowding[WASTED]
+        elif world.crowding[AT_AIR] > 0.0 and strikes_air(model, avatars, now, own, offset + picked):
+            values[picked] -= world.crowding[AT_AIR]
         else:
             break
         picked = draw_candidate(values, count, rules, number, scratch.rows)

@@ -58,7 +58,7 @@ RULES = 12
 
 # Columns of ``World.cohorts``, the numbers of ``World.crowding`` and of ``World.arena``, and rows of ``World.stream``.
 MARGIN, MOST, TEMPERATURE, HYSTERESIS, INTERVAL, VARIETY, DEFENCE, REACTION = range(8)
-END_COST, PATH_COST, DISC, GAP, OUTSIDE_COST, TURN_BACK, SIGHT, BACK, UNSEEN, WASTED = range(10)
+END_COST, PATH_COST, DISC, GAP, OUTSIDE_COST, TURN_BACK, SIGHT, BACK, UNSEEN, AT_AIR = range(10)
 ARENA, CENTRE_X, CENTRE_Z, HALF_X, HALF_Z = range(5)
 CHOICE_STREAM, BURST_STREAM = range(2)
 CIRCLE, RECTANGLE = 1.0, 2.0
