@@ -52,6 +52,7 @@ def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None
         trim=recipe.motion.trim,
         progress=progress,
         limbs=recipe.strikes.numbers(),
+        rests=recipe.rest is not None,
     )
     if not len(database.strike_frames):
         require_no_strikes(recipe, captures)

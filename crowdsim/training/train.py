@@ -22,13 +22,15 @@ from crowdsim.policy.actions import Actions, build_actions
 from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.policy.falls import add_falls
 from crowdsim.policy.policy import Behaviour, Policy
+from crowdsim.policy.rests import add_rests
 from crowdsim.policy.rewards import target_body
 from crowdsim.training.behaviours import train_behaviour
 from crowdsim.training.contexts import alone, naming
 from crowdsim.training.fingerprint import capture_files, combine, fingerprints_of
 from crowdsim.training.motion_loading import load_motion
 from crowdsim.training.packing import read_packed, unpack_policy
-from crowdsim.training.recipe import DefenceSpec, Recipe, load_recipe, plain
+from crowdsim.training.recipe import Recipe, load_recipe, plain
+from crowdsim.training.recipe_parts import DefenceSpec
 from crowdsim.training.solution import Solution
 
 Sparring = Callable[[Policy, DefenceSpec, float, Progress | None], Array]
@@ -240,9 +242,15 @@ def train_policy(
         )
         statistics = policy_statistics(policy, solutions)
         graph, actions, falls = add_falls(database, graph, actions, recipe.graph)
-        policy = replace(policy, statistics=statistics, graph=graph, actions=actions, falls=falls)
+        graph, actions, rests = add_rests(database, graph, actions, recipe.graph, _rest_seconds(recipe))
+        policy = replace(policy, statistics=statistics, graph=graph, actions=actions, falls=falls, rests=rests)
         policy = _with_defence(policy, recipe, spar, timings, progress)
     return policy, timings
+
+
+def _rest_seconds(recipe: Recipe) -> float:
+    """Return how long a piece of a rest is [s]; where the recipe asks for no rests, the motion holds none."""
+    return 0.0 if recipe.rest is None else recipe.rest.seconds
 
 
 def _train_behaviours(
