@@ -231,7 +231,7 @@ def _join(
     starts = np.concatenate([[0], np.cumsum(lengths)])
     spans = clip_spans(clips, stride)
     rested = [_rests_of(clip, one, stride) if resting else no_rests() for clip, one in zip(clips, spans, strict=True)]
-    masks = [_apart(clip, *own, stride) for clip, *own in zip(clips, spans, rested, strict=True)]
+    masks = [_apart(clip, fell, rest, stride) for clip, fell, rest in zip(clips, spans, rested, strict=True)]
     grounds = clip_grounds(clips, spans, rested, stride) + clip_grounds(images, spans, rested, stride)
     falls = joined_spans(spans, starts // stride, np.concatenate(grounds), stride, bool(images))
     fallen = np.concatenate(masks * (2 if images else 1))

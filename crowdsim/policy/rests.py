@@ -33,6 +33,9 @@ _EARLY, _LONG = 0.25, 0.5
 _LEAVES = 0.75
 """Share of the time at ease after which the way back to the guard may begin."""
 
+HASTE = 0.03
+"""What a second counts for that it takes longer to be back in a state, beside the costs of transitions [m/s]."""
+
 
 @dataclass(frozen=True)
 class Rests:
@@ -201,15 +204,16 @@ def _ways_back(
     database: MotionDatabase, graph: MotionGraph, features: Array, poses: Array, ends: list[tuple[int, int]]
 ) -> tuple[Array, Array, Array]:
     """Return for each piece the frame that its last pose is laid on, the last frame of the way back, and its state."""
-    states = features[graph.state_frames]
+    states, haste = features[graph.state_frames], HASTE / database.control_rate
     leave_from, leave_to, arrivals = np.zeros((3, len(poses)), np.int64)
     for row, (first, last) in zip(database.rests.frames.astype(int), ends, strict=True):
         stops = np.arange(row[STOP], row[LAST] + 1)
-        gaps = np.array([np.sum((states - features[frame]) ** 2, axis=1) for frame in stops])
+        gaps = np.array([np.linalg.norm(states - features[frame], axis=1) for frame in stops])
+        gaps += haste * np.arange(len(stops))[:, None]
         stop, state = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
         late = np.arange(row[DOWN] + int(_LEAVES * (row[UP] - row[DOWN])), row[UP] + 1)
         for number in range(first, last + 1):
-            gap = np.linalg.norm(features[late] - features[poses[number]], axis=1)
+            gap = np.linalg.norm(features[late] - features[poses[number]], axis=1) + haste * (row[UP] - late)
             leave_from[number] = late[int(np.argmin(gap))]
         leave_to[first : last + 1], arrivals[first : last + 1] = stops[stop], state
     return leave_from, leave_to, arrivals

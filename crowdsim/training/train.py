@@ -205,7 +205,7 @@ def train_policy(
     """
     from crowdsim.graph.motion_graph import build_graph
     from crowdsim.training.pruning import prune_graph
-    from crowdsim.training.statistics import policy_statistics
+    from crowdsim.training.statistics import policy_statistics, with_rests
 
     with limited(threads):
         started = time.perf_counter()
@@ -242,15 +242,14 @@ def train_policy(
         )
         statistics = policy_statistics(policy, solutions)
         graph, actions, falls = add_falls(database, graph, actions, recipe.graph)
-        graph, actions, rests = add_rests(database, graph, actions, recipe.graph, _rest_seconds(recipe))
+        if recipe.rest is not None:
+            graph, actions, rests = add_rests(database, graph, actions, recipe.graph, recipe.rest.seconds)
+            statistics = with_rests(statistics, graph, rests)
+        else:
+            rests = None
         policy = replace(policy, statistics=statistics, graph=graph, actions=actions, falls=falls, rests=rests)
         policy = _with_defence(policy, recipe, spar, timings, progress)
     return policy, timings
-
-
-def _rest_seconds(recipe: Recipe) -> float:
-    """Return how long a piece of a rest is [s]; where the recipe asks for no rests, the motion holds none."""
-    return 0.0 if recipe.rest is None else recipe.rest.seconds
 
 
 def _train_behaviours(

@@ -24,6 +24,7 @@ from crowdsim.crowd.kernels.layout import (
     MOST,
     NEXT,
     NUMBER,
+    PIECE,
     RESTED,
     STAMINA,
     STANCE,
@@ -33,6 +34,7 @@ from crowdsim.crowd.kernels.layout import (
 )
 from crowdsim.crowd.kernels.legs import CROSSED, crosses_legs
 from crowdsim.crowd.kernels.outcomes import note_seen
+from crowdsim.crowd.kernels.resting import favour_rest, resting_action
 from crowdsim.crowd.kernels.special import special_action
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.kernels.variety import TWICE, charge_repetition, throws_too
@@ -116,10 +118,16 @@ def _draw_actions(model, avatars, world, frame, due, count, observed, scratch, o
         rests, slowness, bonus, stance = False, 1.0, 0.0, 0
         if avatars.conditions.shape[0] > 0:
             special = special_action(model, avatars, world, frame, own, observed, q)
+            row = avatars.conditions[whole[NUMBER, own]]
+            if special >= 0:
+                row[PIECE] = 0.0
+            elif model.ways_to_rest.shape[0] > 0:
+                special = resting_action(model, avatars, own)
+                if special < 0:
+                    favour_rest(model, avatars, own, values[q])
             if special >= 0:
                 out_chosen[q] = special
                 continue
-            row = avatars.conditions[whole[NUMBER, own]]
             rests, bonus = row[DOES_NEXT] != FIGHTS, BOLDNESS * row[AGGRESSION]
             slowness = row[TEMPO] * (1.0 + WEARY * (1.0 - row[STAMINA]))
             stance = int(row[STANCE])
