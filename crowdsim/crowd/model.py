@@ -75,12 +75,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
         PolicyError: A behaviour has an axis that control does not measure, or looks ahead by a reward term that it does
             not evaluate.
     """
-    for policy in policies:
-        check_support(policy)
-    rates = {policy.database.control_rate for policy in policies}
-    if len(rates) > 1:
-        names = ", ".join(f"{policy.name} at {policy.database.control_rate:g} Hz" for policy in policies)
-        raise RunError(f"policies of one run decide at different rates: {names}; expected one control rate")
+    _check_together(policies)
     tables = [policy.lookup_tables() for policy in policies]
     actions = [table.actions for table in tables]
     databases = [policy.database for policy in policies]
@@ -129,6 +124,16 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
         ways_to_rest=ways_to_rest,
         defence=join_defences([policy.defence for policy in policies], [len(action.next) for action in actions]),
     )
+
+
+def _check_together(policies: Sequence[Policy]) -> None:
+    """See to it that control has kernels for all of some policies, and that they have one control rate."""
+    for policy in policies:
+        check_support(policy)
+    rates = {policy.database.control_rate for policy in policies}
+    if len(rates) > 1:
+        names = ", ".join(f"{policy.name} at {policy.database.control_rate:g} Hz" for policy in policies)
+        raise RunError(f"policies of one run decide at different rates: {names}; expected one control rate")
 
 
 def _without_transitions(behaviours: Array, terms: Array) -> Array:

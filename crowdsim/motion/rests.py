@@ -61,8 +61,8 @@ def no_rests() -> RestSpans:
 def find_rests(tracks: Tracks, fallen: Array, height: float, fps: float) -> RestSpans:
     """Find rests from guard to guard.
 
-    A body whose hands already hang when the motion begins, or still do when it ends, or that only walks so, does not
-    rest.
+    A body whose hands already hang when the motion begins, or still do when it ends, or that walks with hanging hands
+    before it stands, does not rest.
 
     Args:
         tracks: Paths of the body's points over its floor.

@@ -83,7 +83,7 @@ class _Piece:
 
 
 def add_rests(
-    database: MotionDatabase, graph: MotionGraph, actions: Actions, settings: GraphSettings, seconds: float
+    database: MotionDatabase, graph: MotionGraph, actions: Actions, settings: GraphSettings, seconds: float | None
 ) -> tuple[MotionGraph, Actions, Rests | None]:
     """Return a graph and its actions with the rests of the motion behind them, and which these are.
 
@@ -94,9 +94,9 @@ def add_rests(
         graph: The graph.
         actions: Its actions.
         settings: How poses are compared.
-        seconds: About how long a piece of standing at ease is [s].
+        seconds: About how long a piece of standing at ease is [s]; None for no rests.
     """
-    if not len(database.rests.frames):
+    if seconds is None or not len(database.rests.frames):
         return graph, actions, None
     features = frame_features(database, settings).astype(np.float64)
     pieces, ends, begins = _all_pieces(features, database, seconds)

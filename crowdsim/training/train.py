@@ -219,12 +219,8 @@ def train_policy(
         if recipe.prune is not None:
             graph = prune_graph(database, graph, recipe.behaviours, body, recipe.prune, progress)
         actions = build_actions(database, graph)
-        timings: dict[str, Any] = {
-            "motion": moved - started,
-            "graph": built - moved,
-            "prune": time.perf_counter() - built,
-            "behaviours": {},
-        }
+        timings: dict[str, Any] = {"motion": moved - started, "graph": built - moved, "behaviours": {}}
+        timings["prune"] = time.perf_counter() - built
         trained, solutions = _train_behaviours(recipe, database, graph, actions, timings, progress)
         behaviours, values = _join_tables(trained)
         policy = Policy(
@@ -242,11 +238,9 @@ def train_policy(
         )
         statistics = policy_statistics(policy, solutions)
         graph, actions, falls = add_falls(database, graph, actions, recipe.graph)
-        if recipe.rest is not None:
-            graph, actions, rests = add_rests(database, graph, actions, recipe.graph, recipe.rest.seconds)
-            statistics = with_rests(statistics, graph, rests)
-        else:
-            rests = None
+        seconds = None if recipe.rest is None else recipe.rest.seconds
+        graph, actions, rests = add_rests(database, graph, actions, recipe.graph, seconds)
+        statistics = statistics if seconds is None else with_rests(statistics, graph, rests)
         policy = replace(policy, statistics=statistics, graph=graph, actions=actions, falls=falls, rests=rests)
         policy = _with_defence(policy, recipe, spar, timings, progress)
     return policy, timings

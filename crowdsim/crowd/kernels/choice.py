@@ -103,6 +103,22 @@ def _keep_running(model, avatars, due, count, scratch):
 
 
 @kernel(inline=True)
+def _without_choice(model, avatars, world, frame, own, observed, q, values):
+    """Return the action of an avatar that falls, is down or rests; -1 where it may choose.
+
+    Where it is to rest, but may choose, that is added to the values of its actions.
+    """
+    special = special_action(model, avatars, world, frame, own, observed, q)
+    if special >= 0:
+        avatars.conditions[avatars.whole[NUMBER, own], PIECE] = 0.0
+    elif model.ways_to_rest.shape[0] > 0:
+        special = resting_action(model, avatars, own)
+        if special < 0:
+            favour_rest(model, avatars, own, values)
+    return special
+
+
+@kernel(inline=True)
 def _draw_actions(model, avatars, world, frame, due, count, observed, scratch, out_chosen):
     """Draw the next action of avatars ``due[:count]`` by its value; return -1, or a slot without numbers.
 
@@ -117,17 +133,11 @@ def _draw_actions(model, avatars, world, frame, due, count, observed, scratch, o
         own = due[q]
         rests, slowness, bonus, stance = False, 1.0, 0.0, 0
         if avatars.conditions.shape[0] > 0:
-            special = special_action(model, avatars, world, frame, own, observed, q)
-            row = avatars.conditions[whole[NUMBER, own]]
-            if special >= 0:
-                row[PIECE] = 0.0
-            elif model.ways_to_rest.shape[0] > 0:
-                special = resting_action(model, avatars, own)
-                if special < 0:
-                    favour_rest(model, avatars, own, values[q])
+            special = _without_choice(model, avatars, world, frame, own, observed, q, values[q])
             if special >= 0:
                 out_chosen[q] = special
                 continue
+            row = avatars.conditions[whole[NUMBER, own]]
             rests, bonus = row[DOES_NEXT] != FIGHTS, BOLDNESS * row[AGGRESSION]
             slowness = row[TEMPO] * (1.0 + WEARY * (1.0 - row[STAMINA]))
             stance = int(row[STANCE])
