@@ -42,15 +42,27 @@ def measure_fall_motion(shown: Shown, database: MotionDatabase) -> dict[str, Any
         ``shown``, and ``captured`` in the frames of the capture behind them.
     """
     falls, stride = database.falls, database.stride
-    cut = shown.left != shown.entered
-    of_fall = cut & of_falls(database, shown.left, shown.entered)
     lain = np.zeros(len(shown.clips), bool)
     for down, rise in zip(falls.downs * stride, falls.rises * stride, strict=True):
         lain[down : rise + 1] = True
+    return measure_motion_near(shown, "falls", of_falls(database, shown.left, shown.entered), lain)
+
+
+def measure_motion_near(shown: Shown, name: str, chosen: Array, lain: Array) -> dict[str, Any]:
+    """Compare motion within 0.25 s of some transitions with motion near others, as ``measure_fall_motion`` does.
+
+    Args:
+        shown: The motion.
+        name: What the chosen transitions are called in the result.
+        chosen: Which decisions count, if they are transitions. Shape (n,), bool.
+        lain: Which playback frames of the database others are not near to. Shape (P,), bool.
+    """
+    cut = shown.left != shown.entered
+    of_fall = cut & chosen
     other = cut & ~of_fall & ~lain[shown.entered] & ~lain[shown.left]
     near_falls = around(shown, shown.owners[of_fall], shown.times[of_fall])
     groups = {
-        "falls": near_falls,
+        name: near_falls,
         "others": around(shown, shown.owners[other], shown.times[other]) & ~near_falls & ~lain[shown.frames],
     }
     result: dict[str, Any] = excesses(shown, groups, {})
@@ -61,7 +73,7 @@ def measure_fall_motion(shown: Shown, database: MotionDatabase) -> dict[str, Any
     own = by_clip(shown, _ground_speeds, points, shown.rate)[shown.frames]
     jumped = np.any(jumps(shown.local), axis=-1)
     behind = by_clip(shown, lambda rotations: np.any(jumps(rotations), axis=-1), shown.captured[2])[shown.frames]
-    for group, count in (("falls", of_fall), ("others", other)):
+    for group, count in ((name, of_fall), ("others", other)):
         here = groups[group] & inner
         number = max(int(count.sum()), 1)
         result[group]["transitions"] = int(count.sum())
@@ -70,8 +82,8 @@ def measure_fall_motion(shown: Shown, database: MotionDatabase) -> dict[str, Any
             "captured": 1000.0 * float(behind[here].sum()) / number,
         }
         floored = [here[..., None] & low for low in (heights < ON_FLOOR, (points[..., 1] < ON_FLOOR)[shown.frames])]
-        for name, share in (("slide_median", 50), ("slide_95", 95)):
-            result[group][name] = {
+        for figure, share in (("slide_median", 50), ("slide_95", 95)):
+            result[group][figure] = {
                 side: float(np.percentile(speeds[where], share)) if where.any() else float("nan")
                 for side, speeds, where in zip(("shown", "captured"), (slides, own), floored, strict=True)
             }

@@ -16,7 +16,7 @@ def lines_of_policy(name: str, outcome: Mapping[str, Any]) -> Iterator[str]:
     each = ", ".join(f"{area:.3f}" for area in outcome["made_in_each"])
     rate = outcome["transitions_per_second"]
     yield f"{name}: {rate:.2f} transitions per avatar per second; AUC of ours in each brawl: {each}"
-    for group in ("made", "apart", "every", "falls"):
+    for group in ("made", "apart", "every", "falls", "rests"):
         if outcome[group] is not None:
             yield from _methods(group, outcome[group])
     yield from _decisions(outcome["decisions"])
@@ -24,9 +24,11 @@ def lines_of_policy(name: str, outcome: Mapping[str, Any]) -> Iterator[str]:
     yield from _excesses("", smooth, ("near_transitions", "near_strikes", "elsewhere"))
     for figure in ("jumps_per_minute", "pelvis_drops_per_minute"):
         yield f"    {figure}: {_shown_and_captured(smooth[figure])}"
-    if outcome["falls"] is not None:
-        motion = outcome["falls"]["motion"]
-        yield from _excesses(" near transitions into and out of falls, and others", motion, tuple(motion))
+    for kind in ("falls", "rests"):
+        if outcome[kind] is None:
+            continue
+        motion = outcome[kind]["motion"]
+        yield from _excesses(f" near transitions into and out of {kind}, and others", motion, tuple(motion))
         for group, figures in motion.items():
             cells = [f"{name} {_shown_and_captured(figures[name])}" for name in ("jumps", "slide_median", "slide_95")]
             yield f"    {group:17} {figures['transitions']:.0f} transitions  {'  '.join(cells)}"

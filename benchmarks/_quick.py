@@ -19,11 +19,11 @@ COUNTS = {"distance": 8, "bearing": 8, "height": 2}
 def smaller(recipe: dict[str, Any], seconds: float, falls: bool = False) -> dict[str, Any]:
     """Return a recipe of the same behaviours that is learned in seconds; what learns from capture performs instead.
 
-    Where the recipe's motion has falls, so has the small one's if ``falls`` are asked for.
+    Where the recipe's motion has falls, the small one's has falls and rests if ``falls`` are asked for.
     """
     performed = {"seconds": seconds, "seed": 2}
     if falls and recipe["motion"].get("performer", {}).get("falls"):
-        performed["falls"] = 1
+        performed |= {"falls": 1, "rests": 1}
     behaviours = {}
     for name, spec in recipe["behaviours"].items():
         axes = {

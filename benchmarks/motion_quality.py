@@ -46,6 +46,7 @@ from _decisions import judge_decisions
 from _fall_motion import measure_falls
 from _motion_quality_text import lines_of_policy
 from _quick import small_policies
+from _rest_motion import measure_rests
 from _shown_motion import Shown, read_shown
 from _smoothness import measure_smoothness
 from _transition_judge import NOISE, judge, mean_of
@@ -114,6 +115,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
             "made_in_each": [brawl["made"]["ours"]["auc"] for brawl in brawls],
             "every": judge(database, *every, alone(database, *every, half), noise=noise),
             "falls": measure_falls(policy, options.brawls, half, options.windows, noise, options.quick),
+            "rests": measure_rests(policy, options.brawls, half, options.windows, noise, options.quick),
         }
     return result
 

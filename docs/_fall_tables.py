@@ -1,4 +1,4 @@
-"""Tables of falls and of bodies that lie, for ``docs/quality.md``."""
+"""Tables of falls and rests, and of bodies that lie, for ``docs/quality.md``."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Callable
 from _results import NOT_MEASURED, Results, fixed, number, percent, scaled
 
 
-def _pair(results: Results, group: str, *keys: str) -> str:
+def _pair(results: Results, kind: str, group: str, *keys: str) -> str:
     """Return a figure of shown motion and, in brackets, that of the capture behind it."""
     own, theirs = (
-        results.cell(fixed, "motion_quality", "boxer", "falls", "motion", group, *keys, side)
+        results.cell(fixed, "motion_quality", "boxer", kind, "motion", group, *keys, side)
         for side in ("shown", "captured")
     )
     return own if own == theirs == NOT_MEASURED else f"{own} ({theirs})"
@@ -18,21 +18,30 @@ def _pair(results: Results, group: str, *keys: str) -> str:
 
 def fall_motion(results: Results) -> list[str]:
     """Return how smooth motion is near transitions of falls and near all others of the same fights."""
+    return _motion(results, "falls", "into falls and staggers and out of them")
+
+
+def rest_motion(results: Results) -> list[str]:
+    """Return how smooth motion is near transitions of rests and near all others of the same fights."""
+    return _motion(results, "rests", "into rests, in them and out of them")
+
+
+def _motion(results: Results, kind: str, label: str) -> list[str]:
 
     def cells(*keys: str) -> list[str]:
-        return [_pair(results, group, *keys) for group in ("falls", "others")]
+        return [_pair(results, kind, group, *keys) for group in (kind, "others")]
 
     rows = [
-        [f"{part}, {label} [per mille]", *cells(part, kind)]
+        [f"{part}, {name} [per mille]", *cells(part, figure)]
         for part in ("legs", "trunk", "arms", "head")
-        for kind, label in (("acceleration", "positions"), ("rotation", "rotations"), ("joint", "joints"))
+        for figure, name in (("acceleration", "positions"), ("rotation", "rotations"), ("joint", "joints"))
     ]
     rows += [
         ["one-frame jumps of joints in a thousand transitions", *cells("jumps")],
         ["slide of feet on the floor, median [m/s]", *cells("slide_median")],
         ["the same, 95th percentile [m/s]", *cells("slide_95")],
     ]
-    header = ["`boxer` (of the capture behind)", "into falls and staggers and out of them", "other transitions"]
+    header = ["`boxer` (of the capture behind)", label, "other transitions"]
     return results.table(header, rows, "motion_quality")
 
 
@@ -55,4 +64,8 @@ def lying(results: Results) -> list[str]:
     return results.table(["", "`brawl_last_standing`"], rows, "fights")
 
 
-FALL_TABLES: dict[str, Callable[[Results], list[str]]] = {"fall-motion": fall_motion, "lying": lying}
+FALL_TABLES: dict[str, Callable[[Results], list[str]]] = {
+    "fall-motion": fall_motion,
+    "rest-motion": rest_motion,
+    "lying": lying,
+}

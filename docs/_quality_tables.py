@@ -129,8 +129,8 @@ def transitions(results: Results) -> list[str]:
         "hard": "no blend",
         "motions alone": "no blend, the moment itself left out",
     }
-    columns = [("boxer", group) for group in (*groups, "falls")] + [("boxer_cmu", group) for group in groups]
-    labels = {**groups, "falls": "into falls and staggers and out of them"}
+    columns = [("boxer", group) for group in (*groups, "falls", "rests")] + [("boxer_cmu", group) for group in groups]
+    labels = {**groups, "falls": "into falls and staggers and out of them", "rests": "of rests"}
     header = ["AUC, 0.5 is guessing", *(f"`{policy}`: {labels[group]}" for policy, group in columns)]
     rows = [
         [label, *(results.cell(number, "motion_quality", policy, group, kind, "auc") for policy, group in columns)]

@@ -19,6 +19,7 @@ from crowdsim.motion.body import PARTS, build_body
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.performer.defences import DEFENCES
 from crowdsim.performer.punches import PUNCHES
+from crowdsim.performer.rests import RESTS
 from crowdsim.performer.session import Performance, perform_solo
 from crowdsim.performer.solo import FOOTWORK
 from crowdsim.render.caption import draw_caption
@@ -41,7 +42,7 @@ _RED, _BLUE = (0.62, 0.03, 0.03), (0.03, 0.09, 0.55)
 def draw_performer_sheet(path: Path, seed: int = 7, threads: int = 2) -> None:
     """Draw the sheet into a PNG file of some 2,000 pixels, for ``make docs-pictures``."""
     footwork = [move for move in FOOTWORK if move not in LEFT_OUT]
-    rows = [_draw_move(move, seed, threads) for move in (*PUNCHES, *DEFENCES, *footwork)]
+    rows = [_draw_move(move, seed, threads) for move in (*PUNCHES, *DEFENCES, *footwork, *RESTS)]
     picture = Image.fromarray(np.concatenate(rows)).quantize(200, dither=Image.Dither.NONE)
     temporary = path.with_name(f".{path.name}")
     picture.save(temporary, format="PNG", optimize=True)
@@ -97,6 +98,8 @@ def _span(performance: Performance) -> tuple[int, int]:
         return round(strike.start * fps) - 9, round(strike.end * fps) + 9
     if truth.defences:
         return truth.defences[0].start, truth.defences[0].end - 1
+    if truth.rests:
+        return truth.rests[0].start - 6, truth.rests[0].end + 6
     moving = np.flatnonzero(~truth.contacts.all(axis=1))
     return int(moving[0]) - 2, int(moving[-1]) + 6
 

@@ -55,7 +55,8 @@ KEYS = {
         f"boxer.smoothness.{group}.legs.rotation.{side}" for group in ("near_transitions", "near_strikes")
         for side in ("shown", "captured")
     ] + [f"boxer.decisions.{length}_ms.{side}.auc" for length in (400, 800) for side in ("shown", "captured")]
-    + [f"boxer.falls.{key}" for key in ("ours.auc", "motion.falls.legs.joint.shown", "motion.others.jumps.shown")],
+    + [f"boxer.falls.{key}" for key in ("ours.auc", "motion.falls.legs.joint.shown", "motion.others.jumps.shown")]
+    + [f"boxer.rests.{key}" for key in ("ours.auc", "motion.rests.legs.joint.shown", "motion.others.slide_95.shown")],
     "kinematics": ["times_faster_than_upc_pymotion", "inverse_limbs_per_s.crowdsim, 1 thread"],
     "soak": [
         *(f"soak.{name}" for name in ("frames", "memory_growth", "not_finite", "lost_avatars", "stuck_avatars")),
@@ -71,7 +72,11 @@ MEASURED = {"commit": None, "date": "2026-01-02T03:04:05+00:00", "machine": "any
 MAY_BE_NULL = {
     "open3d.fps_30",
     *(key for key in KEYS["scenes"] if key.endswith("first_landed_seconds")),
-    *(key for key in KEYS["motion_quality"] if ".apart." in key or ".decisions." in key or ".falls." in key),
+    *(
+        key
+        for key in KEYS["motion_quality"]
+        if ".apart." in key or ".decisions." in key or ".falls." in key or ".rests." in key
+    ),
     *(key for key in KEYS["fights"] if key.startswith("lying.")),
 }
 

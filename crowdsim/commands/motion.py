@@ -21,6 +21,9 @@ def perform(
     falls: Annotated[
         int, typer.Option(metavar="N", min=0, max=1000, help="Takes of each kind of fall and stagger besides.")
     ] = 0,
+    rests: Annotated[
+        int, typer.Option(metavar="N", min=0, max=1000, help="Takes of each way of standing at ease besides.")
+    ] = 0,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the BVH files.")] = Path(
         "output/performer"
     ),
@@ -30,5 +33,5 @@ def perform(
 
     make_folder(out)
     with Bars() as bars, under_way():
-        paths = write_performance(out, seconds, seed, progress=bars, falls=falls)
+        paths = write_performance(out, seconds, seed, progress=bars, falls=falls, rests=rests)
     say(f"{len(paths)} clips in {out}")

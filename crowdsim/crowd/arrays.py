@@ -74,6 +74,11 @@ class Model(NamedTuple):
             0 forward, pi / 2 to the left [rad]. Shape (n,), float64.
         fall_axes: Where a body of size 1 lies after that fall: head x, z and feet x, z [m], seen from the fall's first
             frame, then from its last one; 0 of staggers. Shape (n, 8), float64.
+        rests: Pieces of standing at ease: the action that shows one, the action that leads from its end to the guard,
+            and the row that follows it. Shape (n, 3), int32.
+        ways_to_rest: For each state the action that leads from it to standing at ease, or -1; the row of ``rests`` in
+            the pose of whose end that ends; and how many actions lead to a state that has one
+            (``resting.NO_WAY``: none do). Shape (S, 3), or (0, 3) where no policy has rests, int32.
     """
 
     offsets: Array
@@ -101,6 +106,8 @@ class Model(NamedTuple):
     falls: Array
     fall_directions: Array
     fall_axes: Array
+    rests: Array
+    ways_to_rest: Array
     defence: Array
 
 
@@ -136,13 +143,14 @@ class Avatars(NamedTuple):
         marks: Frames in which motion was last shown in cells of the ground (``variety``). Shape (a power of 2,),
             uint16.
         conditions: The state of each number in a fight, by the columns of ``layout``: its mode towards its opponent
-            (``FIGHTS``, ``WATCHES`` or ``FLEES``) as set by groups and events, in its present action, and in its next
-            one; the distance that it keeps while it watches [m]; its standing (``UP`` to ``OUT``) now and from its next
-            action on; its row of ``Model.falls``; the number of its knock-downs; the frame in which it gets up; its
-            health; the damage of recent hits, and the frame of the last one; its stamina, 0 to 1. Then its
+            (``FIGHTS``, ``WATCHES``, ``FLEES`` or ``RESTS``) as set by groups and events, in its present action, and in
+            its next one; the distance that it keeps while it watches [m]; its standing (``UP`` to ``OUT``) now and from
+            its next action on; its row of ``Model.falls``; the number of its knock-downs; the frame in which it gets
+            up; its health; the damage of recent hits, and the frame of the last one; its stamina, 0 to 1. Then its
             temperament: time to recover from a strike as a factor of the cohort's, aggression in doublings, and how
-            much further away than others it stays while it rests [m]; its stance, 1 orthodox, 2 southpaw, 0 any. Shape
-            (N, 17), or (0, 17) where nothing of this is used, float64.
+            much further away than others it stays while it rests [m]; its stance, 1 orthodox, 2 southpaw, 0 any; 1 more
+            than its row of ``Model.rests`` while it stands at ease, else 0. Shape (N, 18), or (0, 18) where nothing of
+            this is used, float64.
         seen: What each number's opponent was like when it decided on its latest actions with strikes, those of
             even and of odd decisions: x, z [m], heading [rad] and playback frame, of scripted targets the height [m]
             instead of the heading; the frame is -1 where there was none. Shape (N, 8), float64.

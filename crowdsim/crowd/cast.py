@@ -21,7 +21,15 @@ from crowdsim.errors import RecipeError, nearest
 from crowdsim.policy.checks import DEFENCE
 from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.scenario.distributions import middle
-from crowdsim.scenario.events import FightEvent, FleeEvent, RetargetEvent, WatchEvent, WeightsEvent
+from crowdsim.scenario.events import (
+    FightEvent,
+    FleeEvent,
+    RemoveEvent,
+    RestEvent,
+    RetargetEvent,
+    WatchEvent,
+    WeightsEvent,
+)
 from crowdsim.scenario.groups import Opponents
 from crowdsim.scenario.parts import Arena, AvatarType, CircleArena, RectangleArena
 from crowdsim.scenario.scenario import Scenario
@@ -193,8 +201,12 @@ def unlearned_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]
     return list(dict.fromkeys(findings))
 
 
+_OF_MODES = (FleeEvent, WatchEvent, RestEvent, FightEvent, RemoveEvent)
+"""Events that set what avatars do about their opponents, or leave them without any."""
+
+
 def is_conditioned(scenario: Scenario) -> bool:
-    """Return whether avatars of a scenario can be hurt, tire, watch, flee or wait, or have temperaments or stances."""
+    """Return whether avatars of a scenario can be hurt, tire, watch, flee, wait or rest, or have a temper or stance."""
     kinds = [scenario.types[name] for name in scenario.used_types]
     opponents = [group.opponents for group in scenario.groups]
     opponents += [event.opponents for event in scenario.events if isinstance(event, RetargetEvent)]
@@ -203,7 +215,7 @@ def is_conditioned(scenario: Scenario) -> bool:
             kind.damage is not None or kind.stamina is not None or is_tempered(kind) or kind.stance is not None
             for kind in kinds
         )
-        or any(isinstance(event, FleeEvent | WatchEvent | FightEvent) for event in scenario.events)
+        or any(isinstance(event, _OF_MODES) for event in scenario.events)
         or any(attackers_of(one) > 0 for one in opponents)
     )
 

@@ -287,5 +287,6 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
         rows[:, layout.HURT], rows[:, layout.HURT_FRAME], rows[:, layout.STAMINA] = 0.0, -np.inf, 1.0
         tempered = len(crowd.temperaments) > 0
         rows[:, layout.TEMPO : layout.RANGE + 1] = crowd.temperaments[numbers] if tempered else EVEN_TEMPERED
+        rows[:, layout.PIECE] = 0.0
         rows[:, layout.STANCE] = crowd.stances[numbers] if len(crowd.stances) else 0
         avatars.conditions[numbers] = rows

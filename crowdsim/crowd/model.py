@@ -33,6 +33,7 @@ from crowdsim.crowd.model_tables import (
     strike_rows,
     twin_states,
 )
+from crowdsim.crowd.resting import rest_rows
 from crowdsim.crowd.stances import stance_rows
 from crowdsim.errors import PolicyError, RunError
 from crowdsim.policy.defence import join_defences
@@ -74,12 +75,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
         PolicyError: A behaviour has an axis that control does not measure, or looks ahead by a reward term that it does
             not evaluate.
     """
-    for policy in policies:
-        check_support(policy)
-    rates = {policy.database.control_rate for policy in policies}
-    if len(rates) > 1:
-        names = ", ".join(f"{policy.name} at {policy.database.control_rate:g} Hz" for policy in policies)
-        raise RunError(f"policies of one run decide at different rates: {names}; expected one control rate")
+    _check_together(policies)
     tables = [policy.lookup_tables() for policy in policies]
     actions = [table.actions for table in tables]
     databases = [policy.database for policy in policies]
@@ -94,6 +90,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
     wanted = _without_transitions(behaviours, terms)
     halts, offsets = np.concatenate([halt_rows(one) for one in actions]), joined_offsets(actions, starts["action"])
     falls, directions, axes = fall_rows(policies, starts)
+    rests, ways_to_rest = rest_rows(policies, starts)
     strides = [*(database.stride for database in databases), 0]
     origins = [action_starts(policy) for policy in policies]
     bodies = [np.column_stack([database.heads, database.necks, database.pelvises]) for database in databases]
@@ -123,8 +120,20 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
         falls=falls,
         fall_directions=directions,
         fall_axes=axes,
+        rests=rests,
+        ways_to_rest=ways_to_rest,
         defence=join_defences([policy.defence for policy in policies], [len(action.next) for action in actions]),
     )
+
+
+def _check_together(policies: Sequence[Policy]) -> None:
+    """See to it that control has kernels for all of some policies, and that they have one control rate."""
+    for policy in policies:
+        check_support(policy)
+    rates = {policy.database.control_rate for policy in policies}
+    if len(rates) > 1:
+        names = ", ".join(f"{policy.name} at {policy.database.control_rate:g} Hz" for policy in policies)
+        raise RunError(f"policies of one run decide at different rates: {names}; expected one control rate")
 
 
 def _without_transitions(behaviours: Array, terms: Array) -> Array:
@@ -164,9 +173,11 @@ def check_support(policy: Policy) -> None:
 def entry_actions(model: Model) -> Array:
     """Return the cheapest action that ends in each state, the first among equals; -1 for none. Shape (S,), int32.
 
-    Falls are none of them. States in the middle of a run have none, since what is in the way there is not known yet.
+    Falls and rests are none of them. States in the middle of a run have none, since what is in the way there is not
+    known yet.
     """
-    chosen = np.setdiff1d(np.arange(len(model.actions) - 1), model.falls[:, _FALL_ACTION])
+    apart = [model.falls[:, _FALL_ACTION], model.rests[:, :2].reshape(-1), model.ways_to_rest[:, 0]]
+    chosen = np.setdiff1d(np.arange(len(model.actions) - 1), np.concatenate(apart))
     ends = model.actions[chosen, layout.NEXT]
     order = np.lexsort((np.arange(len(ends)), model.moves[chosen, layout.COST], ends))
     entries = np.full(len(model.offsets) - 1, -1, np.int32)

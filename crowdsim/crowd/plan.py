@@ -9,7 +9,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.crowd import ANYONE, SCRIPTED, Crowd
-from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, WATCHES
+from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, RESTS, WATCHES
 from crowdsim.crowd.placement import Placed
 from crowdsim.crowd.script import Change, CirclePath, End, LinePath, Script, TargetPath
 from crowdsim.crowd.triggers import AtFrame, Downs, HealthBelow, Landed, LandedOn, Near, Trigger
@@ -24,6 +24,7 @@ from crowdsim.scenario.events import (
     FrameCondition,
     HealthCondition,
     LandedOnCondition,
+    RestEvent,
     RetargetEvent,
     SecondsCondition,
     StrikesCondition,
@@ -167,8 +168,9 @@ def _change(
         margin = np.where(rows, hysteresis_of(event.opponents), np.nan)
         limit = np.where(rows, float(attackers_of(event.opponents)), np.nan)
         return Change(when, who=who, skip=skip, fixed=fixed, hysteresis=margin, attackers=limit)
-    if isinstance(event, WatchEvent):
-        return Change(when, who=who, mode=WATCHES, distance=event.distance)
+    if isinstance(event, WatchEvent | RestEvent):
+        mode = WATCHES if isinstance(event, WatchEvent) else RESTS
+        return Change(when, who=who, mode=mode, distance=event.distance)
     if isinstance(event, FleeEvent | FightEvent):
         return Change(when, who=who, mode=FLEES if isinstance(event, FleeEvent) else FIGHTS)
     return Change(when, who=who, present=isinstance(event, AddEvent))

@@ -90,8 +90,8 @@ class Change:
         skip: Their new ``Crowd.skip``. Shape (N,).
         fixed: Their new ``Crowd.fixed``. Shape (N,).
         present: Whether they enter (True) or leave (False).
-        mode: What they do about their opponents: ``layout.FIGHTS``, ``WATCHES`` or ``FLEES``.
-        distance: The distance that those keep who watch [m].
+        mode: What they do about their opponents: ``layout.FIGHTS``, ``WATCHES``, ``FLEES`` or ``RESTS``.
+        distance: The distance that those keep who watch or rest [m].
     """
 
     when: Trigger

@@ -133,12 +133,15 @@ def _check_conditions(simulation: Changing, now: Mapping[str, Array], state: Map
         standing = rows[:, (layout.STANDING, layout.STANDING_NEXT)]
         _refuse("avatars.conditions, standing", standing, np.isin(standing, np.arange(layout.OUT + 1)))
         for column in (layout.MODE, layout.DOES, layout.DOES_NEXT):
-            _refuse("avatars.conditions, mode", rows[:, column], np.isin(rows[:, column], (0.0, 1.0, 2.0)))
+            _refuse("avatars.conditions, mode", rows[:, column], np.isin(rows[:, column], (0.0, 1.0, 2.0, 3.0)))
         is_down = (standing[:, 0] >= layout.DROPS) & ~(standing[:, 0] == layout.UP)
         fall = rows[:, layout.FALL]
         lies = np.isin(standing, (layout.FALLING, layout.LYING, layout.RISING)).any(axis=1)
         known = (fall == np.floor(fall)) & (fall >= 0) & (fall < max(len(falls), 1))
         _refuse("avatars.conditions, fall", fall, known & (~lies | (len(falls) > 0)))
+        piece = rows[:, layout.PIECE]
+        inside = (piece >= 0) & (piece <= len(simulation.model.rests)) & (piece == np.floor(piece))
+        _refuse("avatars.conditions, piece", piece, inside)
         numbers = rows[:, [column for column in range(rows.shape[1]) if column not in (*_ENDLESS, *_TEMPERAMENT)]]
         _refuse("avatars.conditions", numbers, (numbers >= 0.0) & (numbers <= FAR))
         _refuse("avatars.conditions", rows, ~np.isnan(rows))

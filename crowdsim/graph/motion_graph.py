@@ -22,6 +22,10 @@ from crowdsim.motion.database import MotionDatabase
 __all__ = ["MotionGraph", "build_graph"]
 
 
+_ELSEWHERE = 1e3
+"""What the features of frames lie off by that no transition leads to [m]."""
+
+
 def build_graph(
     database: MotionDatabase, settings: GraphSettings | None = None, progress: Progress | None = None
 ) -> MotionGraph:
@@ -37,6 +41,8 @@ def build_graph(
     """
     settings = settings or GraphSettings()
     features = frame_features(database, settings, progress)
+    # Guards before and after rests are not among the cheapest targets that a frame has.
+    features[database.rests.mask(database.frame_count)] += _ELSEWHERE
     transitions = _find(database, features, settings, settings.threshold, progress)
     if settings.threshold is None:
         graph = _graph_of_actions(database, transitions, settings, settings.actions or 0)
@@ -72,7 +78,7 @@ def _find(
         progress=progress,
         leading=database.captured_frames,
     )
-    fallen, winding = database.falls.mask(database.frame_count), _before_strikes(database, settings.windup)
+    fallen, winding = database.apart, _before_strikes(database, settings.windup)
     # A transition is decided on in the frame before the one that it leads to.
     barred = fallen[found.sources] | fallen[found.targets] | winding[found.sources] | winding[found.targets - 1]
     return found.chosen(~barred) if barred.any() else found

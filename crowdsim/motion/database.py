@@ -13,20 +13,16 @@ from crowdsim.core.types import Array, Progress
 from crowdsim.errors import MotionError
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.analysis import ClipAnalysis, analyse_clip
-from crowdsim.motion.body import HEIGHT, Body
-from crowdsim.motion.fall_spans import clip_spans, joined_spans, settle_ground
+from crowdsim.motion.body import Body
+from crowdsim.motion.clip_grounds import clip_grounds
+from crowdsim.motion.fall_spans import clip_spans, joined_spans
 from crowdsim.motion.falls import FallSpans, no_falls
 from crowdsim.motion.measuring import MeasuredClip
 from crowdsim.motion.mirroring import mirrored
 from crowdsim.motion.resampling import resample
+from crowdsim.motion.rests import RestSpans, find_rests, in_control_frames, joined_rests, no_rests
 from crowdsim.motion.skeleton import Clip, Skeleton
 from crowdsim.motion.strikes import HANDS
-from crowdsim.motion.tracks import speeds
-
-_STANCE_SPEED, _TRAVEL_SPEED = 0.6, 1.1
-"""Speeds of the pelvis up to which feet are a stance and from which on they are a gait's, at ``HEIGHT`` [m/s]."""
-_STRIDE = 0.2
-"""Width of the smoothing of the pelvis's path over the steps of a stride [s]."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +59,8 @@ class MotionDatabase:
             Shape (S, 3), float32.
         falls: Falls and staggers, control frames, with bearings in the ground frames at their starts. There are no
             strikes in them.
+        rests: Spans in which the body stands at ease, guards before and after included, control frames; none where
+            they were not searched for. There are no strikes in them either.
     """
 
     skeleton: Skeleton
@@ -85,6 +83,7 @@ class MotionDatabase:
     strike_speeds: Array
     strike_positions: Array
     falls: FallSpans = field(default_factory=no_falls)
+    rests: RestSpans = field(default_factory=no_rests)
 
     @property
     def stride(self) -> int:
@@ -105,8 +104,8 @@ class MotionDatabase:
 
     @property
     def segment_starts(self) -> Array:
-        """First control frame of each stretch of clips between falls, and of each fall, and F. Int32."""
-        spans = self.falls.spans
+        """First control frame of each stretch of clips between falls and rests, and of each of these, and F. Int32."""
+        spans = np.concatenate([self.falls.spans, self.rests.frames[:, [0, -1]]])
         if not len(spans):
             return self.clip_starts
         cuts = np.concatenate([self.clip_starts, spans[:, 0], spans[:, 1] + 1])
@@ -119,18 +118,24 @@ class MotionDatabase:
         return tuple(whole.get(ends, "") for ends in itertools.pairwise(self.segment_starts))
 
     def standing(self, stride: int = 1) -> Any:
-        """Return an index of the frames outside falls and staggers: all of them, as a slice, where there are none.
+        """Return an index of the frames outside falls and rests: all of them, as a slice, where there are none.
 
         Args:
             stride: Frames in a control frame: 1 for control frames, ``self.stride`` for playback frames.
         """
-        if not len(self.falls.spans):
+        if not len(self.falls.spans) and not len(self.rests.frames):
             return slice(None)
-        return np.repeat(~self.falls.mask(self.frame_count), stride)
+        return np.repeat(~self.apart, stride)
+
+    @property
+    def apart(self) -> Array:
+        """Which control frames behaviours do not choose: those of falls, staggers and rests. Shape (F,), bool."""
+        result: Array = self.falls.mask(self.frame_count) | self.rests.mask(self.frame_count)
+        return result
 
     @property
     def head_heights(self) -> Array:
-        """Heights of the head's centre in playback frames outside falls and staggers [m]. Float32."""
+        """Heights of the head's centre in playback frames outside falls and rests [m]. Float32."""
         result: Array = self.heads[self.standing(self.stride), 1]
         return result
 
@@ -149,6 +154,7 @@ def build_database(
     calibrate_floor: bool = True,
     progress: Progress | None = None,
     limbs: Sequence[int] = HANDS,
+    rests: bool = False,
 ) -> MotionDatabase:
     """Make one database of measured clips.
 
@@ -164,6 +170,7 @@ def build_database(
         calibrate_floor: Move every clip so that its planted soles are at y = 0.
         progress: Called with ("motion", clips done, clips) as the work goes on.
         limbs: Limbs whose strikes are found, numbers of ``strikes.LIMBS``; in mirror images those of the other side.
+        rests: Search for rests.
 
     Raises:
         MotionError: No clips, a clip too short, skeletons that differ, rates that do not divide, or mirror images of a
@@ -190,7 +197,7 @@ def build_database(
     if mirror:
         for analysis in found[: len(clips)]:
             add(mirrored(analysis.clip, body), False, [limb ^ 1 for limb in limbs])
-    return _join(found[: len(clips)], found[len(clips) :], control_rate, playback_rate)
+    return _join(found[: len(clips)], found[len(clips) :], control_rate, playback_rate, rests)
 
 
 def _whole_frames(measured: MeasuredClip, first: Clip, control_rate: float, playback_rate: float, trim: bool) -> Clip:
@@ -212,16 +219,22 @@ def _whole_frames(measured: MeasuredClip, first: Clip, control_rate: float, play
 
 
 def _join(
-    clips: list[ClipAnalysis], images: list[ClipAnalysis], control_rate: float, playback_rate: float
+    clips: list[ClipAnalysis],
+    images: list[ClipAnalysis],
+    control_rate: float,
+    playback_rate: float,
+    resting: bool,
 ) -> MotionDatabase:
     """Return the database of clips and, after them, their mirror images."""
     parts, stride = clips + images, round(playback_rate / control_rate)
     lengths = np.array([part.clip.frame_count for part in parts])
     starts = np.concatenate([[0], np.cumsum(lengths)])
     spans = clip_spans(clips, stride)
-    grounds = _grounds(clips, spans, stride) + _grounds(images, spans, stride)
+    rested = [_rests_of(clip, one, stride) if resting else no_rests() for clip, one in zip(clips, spans, strict=True)]
+    masks = [_apart(clip, fell, rest, stride) for clip, fell, rest in zip(clips, spans, rested, strict=True)]
+    grounds = clip_grounds(clips, spans, rested, stride) + clip_grounds(images, spans, rested, stride)
     falls = joined_spans(spans, starts // stride, np.concatenate(grounds), stride, bool(images))
-    fallen = np.repeat(falls.mask(int(starts[-1]) // stride), stride)
+    fallen = np.concatenate(masks * (2 if images else 1))
 
     def local(name: str) -> Array:
         positions = [getattr(part.tracks, name) for part in parts]
@@ -258,41 +271,18 @@ def _join(
         strike_speeds=strikes("speeds"),
         strike_positions=np.concatenate([fists, local("feet")], axis=1)[frames, numbers],
         falls=falls,
+        rests=joined_rests(rested, starts // stride, bool(images)),
     )
 
 
-def _grounds(clips: list[ClipAnalysis], spans: list[FallSpans], stride: int) -> list[Array]:
-    """Return each clip's ground transforms: its stances, with headings in the mean direction of bodies over all clips.
-
-    Feet that pass one another say nothing about where a body faces: the faster it travels, the more hips and shoulders
-    do.
-    """
-    if not clips:
-        return []
-    away = [ground.wrap(clip.tracks.ground[:, 2] - clip.tracks.stances[:, 2]) for clip in clips]
-    travel = [_travelling(clip) for clip in clips]
-    weights = 1.0 - np.concatenate(travel) + 1e-6
-    weights[np.concatenate([_fallen(clip, one, stride) for clip, one in zip(clips, spans, strict=True)])] = 0.0
-    mean = float(np.angle(np.sum(weights * np.exp(1j * np.concatenate(away)))))
-    aligned: list[Array] = []
-    for clip, gap, share, own in zip(clips, away, travel, spans, strict=True):
-        stances = clip.tracks.stances.copy()
-        stances[:, 2] += mean + share * ground.wrap(gap - mean)
-        aligned.append(settle_ground(stances, clip.tracks.pelvises, own, stride))
-    return aligned
+def _rests_of(clip: ClipAnalysis, falls: FallSpans, stride: int) -> RestSpans:
+    """Return the rests of a clip in control frames."""
+    fallen = np.repeat(falls.mask(clip.clip.frame_count // stride), stride)
+    found = find_rests(clip.tracks, fallen, clip.body.height, clip.clip.fps)
+    return in_control_frames(found, clip.clip.frame_count // stride - 1, stride)
 
 
-def _fallen(clip: ClipAnalysis, spans: FallSpans, stride: int) -> Array:
-    """Return which playback frames of a clip lie in falls and staggers. Shape (P,), bool."""
-    return np.repeat(spans.mask(clip.clip.frame_count // stride), stride)
-
-
-def _travelling(analysis: ClipAnalysis) -> Array:
-    """Return 0 where a body keeps its stance, 1 where it travels as fast as a walk, and what lies between. (F,)."""
-    from scipy.ndimage import gaussian_filter1d
-
-    fps = analysis.clip.fps
-    path = gaussian_filter1d(analysis.tracks.pelvises[:, [0, 2]], _STRIDE * fps, axis=0, mode="nearest")
-    share = (speeds(path, fps) * HEIGHT / analysis.body.height - _STANCE_SPEED) / (_TRAVEL_SPEED - _STANCE_SPEED)
-    share = np.clip(share, 0.0, 1.0)
-    return np.asarray(share * share * (3.0 - 2.0 * share))
+def _apart(clip: ClipAnalysis, falls: FallSpans, rests: RestSpans, stride: int) -> Array:
+    """Return which playback frames of a clip lie in falls, staggers and rests. Shape (P,), bool."""
+    frames = clip.clip.frame_count // stride
+    return np.repeat(falls.mask(frames) | rests.mask(frames), stride)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
 from crowdsim.motion import ground
@@ -20,6 +21,8 @@ _HEAD_CLEARANCE = 0.165
 """Least distance of the middle of a fist from the middle of the head [m]."""
 _LEAST_DEPTH, _LEAST_BESIDE = 0.20, 0.07
 """Least distance of a fist before its shoulder, straight in front of it and beside it [m]."""
+_BEHIND = 0.30
+"""How much further back an arm may swing that hangs [m]."""
 _LEAST_AWAY = 0.235
 """Least distance of a fist from its shoulder: a bent arm's flesh is in the way [m]."""
 _FULL_REACH = 0.975 * (bones.UPPER_ARM + bones.FOREARM + bones.FIST_AHEAD)
@@ -55,7 +58,7 @@ def hold_guard(score: Score, heading: Array, trunk: Trunk, channels: Array) -> t
 
 
 def lead_fists(
-    score: Score, times: Array, heading: Array, trunk: Trunk, channels: Array, shoulders: Array
+    score: Score, times: Array, heading: Array, trunk: Trunk, channels: Array, shoulders: Array, resting: Array
 ) -> tuple[Array, tuple[Reach, ...]]:
     """Take the fists out of the moving guard to their targets and back.
 
@@ -68,6 +71,7 @@ def lead_fists(
         trunk: The trunk.
         channels: Sums of the accents. Shape (F, channels).
         shoulders: Shoulder joints, lead and rear [m]. Shape (F, 2, 3).
+        resting: 1 where arms hang and swing freely, 0 in the guard. Shape (F,).
 
     Returns:
         Position of the fists [m], shape (F, 2, 3), and the reaches as they were carried out.
@@ -110,7 +114,7 @@ def lead_fists(
         arcs[part, hand] += size * arc
         done.append(reach)
     fists = centre[:, None] + quat.rotate(quat.about_y(arcs), fists - centre[:, None])
-    return keep_ahead(fists, shoulders, ahead[:, None]), tuple(done)
+    return keep_ahead(fists, shoulders, ahead[:, None], _BEHIND * resting[:, None, None]), tuple(done)
 
 
 def _bends(reach: Reach, times: Array) -> tuple[Array, Array]:
@@ -137,15 +141,16 @@ def _target(reach: Reach, hips: Array, heading: float, shoulder: Array, centre: 
     return np.asarray(shoulder + gap * (float(soft_cap(far, _FULL_REACH, 0.02)) / far))
 
 
-def keep_ahead(fists: Array, shoulders: Array, ahead: Array) -> Array:
+def keep_ahead(fists: Array, shoulders: Array, ahead: Array, behind: ArrayLike = 0.0) -> Array:
     """Return fists (..., 3) held in front of their shoulders (..., 3), as the chest faces (..., 3), and off them.
 
-    A fist beside its shoulder may be nearly level with it, so that the elbow does not go far behind the back.
+    A fist beside its shoulder may be nearly level with it, so that the elbow does not go far behind the back. Arms
+    that hang may swing behind it by as much as ``behind`` says [m].
     """
     gap = fists - shoulders
     depth = np.sum(gap * ahead, axis=-1, keepdims=True)
     aside = np.sum((gap - depth * ahead) ** 2, axis=-1, keepdims=True)
-    least = (_LEAST_DEPTH - _LEAST_BESIDE) * np.exp(-aside / 0.15**2) + _LEAST_BESIDE
+    least = (_LEAST_DEPTH - _LEAST_BESIDE) * np.exp(-aside / 0.15**2) + _LEAST_BESIDE - behind
     gap = gap + ahead * (soft_floor(depth, least, 0.03) - depth)
     return shoulders + _lengthen(gap, _LEAST_AWAY, 0.02)
 

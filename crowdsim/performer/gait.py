@@ -106,4 +106,19 @@ JOG = Gait(
     swung=_swung(0.11, 0.24, 0.07, 0.03),
 )
 
+STROLL = Gait(
+    name="stroll",
+    swing=WALK_SWING,
+    step=0.66,
+    seconds=0.52,
+    aloft=0.40,
+    width=0.07,
+    lift=0.04,
+    bob=0.026,
+    lowest=0.05,
+    posture=(),
+    swung=_swung(0.07, 0.13, 0.13, 0.012),
+)
+"""A walk at ease: what is held and how the body stands is no part of it, but the arms swing."""
+
 GAITS = {gait.name: gait for gait in (WALK, JOG)}

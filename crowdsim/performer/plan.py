@@ -15,6 +15,7 @@ from crowdsim.performer.score import (
     Defence,
     Fall,
     Reach,
+    Rest,
     Score,
     Stagger,
 )
@@ -158,7 +159,13 @@ class Choreographer(Stepper):
         times = at(part.start, False), at(part.peak, False), at(part.fall, True), at(part.end, True)
         self.accent(part.channel, size, *times)
 
-    def finish(self, seconds: float, falls: tuple[Fall, ...] = (), staggers: tuple[Stagger, ...] = ()) -> Score:
+    def finish(
+        self,
+        seconds: float,
+        falls: tuple[Fall, ...] = (),
+        staggers: tuple[Stagger, ...] = (),
+        rests: tuple[Rest, ...] = (),
+    ) -> Score:
         """Return the score of a clip of this length [s]."""
         return Score(
             seconds=seconds,
@@ -173,4 +180,5 @@ class Choreographer(Stepper):
             travels=tuple(self._travels),
             falls=falls,
             staggers=staggers,
+            rests=rests,
         )

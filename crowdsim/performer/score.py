@@ -170,15 +170,6 @@ class Pivot:
 
 
 @dataclass(frozen=True)
-class Defence:
-    """A defence of one kind between ``start`` and ``end`` [s]."""
-
-    kind: str
-    start: float
-    end: float
-
-
-@dataclass(frozen=True)
 class Pose:
     """A pose of a fall at ``time`` [s]; lengths [m] and angles [rad] in the world, feet and hands lead, rear.
 
@@ -238,24 +229,40 @@ class Stagger:
 
 
 @dataclass(frozen=True)
+class Defence:
+    """A defence of one kind between ``start`` and ``end`` [s]."""
+
+    kind: str
+    start: float
+    end: float
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A rest of a kind of ``rests.RESTS``: at ease from ``down`` to ``up``, in the guard before and after it [s]."""
+
+    kind: str
+    start: float
+    down: float
+    up: float
+    end: float
+
+
+@dataclass(frozen=True)
 class Style:
     """How one clip's boxer stands: what the accents are added to. Lengths [m], angles [rad], rates [Hz].
 
     Attributes:
-        lead_ball: Ball of the lead foot in the stance frame (x, z).
-        rear_ball: Ball of the rear foot.
+        lead_ball, rear_ball: Balls of the feet in the stance frame (x, z).
         foot_yaws: Turns of the feet against the heading, lead and rear.
         heels: Lift of the heels, lead and rear.
-        height: Height of the pelvis.
-        lean: Forward tilt of pelvis and trunk together.
+        height, lean: Height of the pelvis, and forward tilt of pelvis and trunk together.
         blade: Turn of the pelvis away from the opponent (negative, to the right).
         twist: Turn of the chest against the pelvis.
-        lead_fist: The lead fist in the guard, from the chest joint, in the stance frame (x, y, z).
-        rear_fist: The rear fist.
+        lead_fist, rear_fist: The fists in the guard, from the chest joint, in the stance frame (x, y, z).
         elbows: Swivel of the elbows away from hanging, lead and rear.
         bounce: Height and rate of the bounce.
-        sway: Size of the sway.
-        breath: Rate of breathing.
+        sway, breath: Size of the sway, and rate of breathing.
     """
 
     lead_ball: tuple[float, float]
@@ -290,3 +297,4 @@ class Score:
     travels: tuple[Travel, ...] = ()
     falls: tuple[Fall, ...] = ()
     staggers: tuple[Stagger, ...] = ()
+    rests: tuple[Rest, ...] = ()

@@ -6,6 +6,7 @@ seed. ``perform`` gives clips with their ground truth, ``write_performance`` wri
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from crowdsim.performer.defences import DEFENCES
 from crowdsim.performer.falls import FALLS, STAGGERS, write_fall, write_stagger
 from crowdsim.performer.phrases import THEMES, write_score
 from crowdsim.performer.punches import PUNCHES
+from crowdsim.performer.rests import AT_EASE, RESTS, write_rest
 from crowdsim.performer.score import Score
 from crowdsim.performer.skeleton import build_skeleton, mirror_joints
 from crowdsim.performer.solo import FOOTWORK, write_solo
@@ -27,7 +29,7 @@ from crowdsim.performer.truth import Truth, find_truth, mirror_truth
 CLIP_SECONDS = 30.0
 """About how long one clip is."""
 STANCES = ("orthodox", "southpaw")
-MOVES = (*PUNCHES, *DEFENCES, *FOOTWORK, *FALLS, *STAGGERS)
+MOVES = (*PUNCHES, *DEFENCES, *FOOTWORK, *FALLS, *STAGGERS, *RESTS)
 """What can be performed alone."""
 
 
@@ -60,16 +62,18 @@ def perform(
     stance: str = "orthodox",
     progress: Progress | None = None,
     falls: int = 0,
+    rests: int = 0,
 ) -> list[Performance]:
     """Perform a session of boxing: several clips, each from guard to guard.
 
     Args:
-        seconds: Length of all clips together but those of falls [s].
+        seconds: Length of all clips together but those of falls and rests [s].
         seed: The same seed gives the same bytes.
         fps: Frames a second.
         stance: "orthodox" (left side leads) or "southpaw", its mirror image.
         progress: Called with ("perform", clips done, clips).
         falls: How often each kind of fall and stagger is performed, in clips of their own behind the others.
+        rests: How often each kind of rest on the spot is performed, likewise.
 
     Raises:
         ValueError: A length or rate is not positive, or the stance is unknown.
@@ -86,25 +90,35 @@ def perform(
         performances.append(_perform_score(f"performer_{index:02d}", score, frames, fps, stance, life))
         if progress is not None:
             progress("perform", index + 1, len(lengths))
-    return performances + _perform_falls(falls, seed, fps, stance)
+    performances += _perform_each((*FALLS, *STAGGERS), falls, _FALLS_STREAM, seed, fps, stance)
+    return performances + _perform_each(AT_EASE, rests, _RESTS_STREAM, seed, fps, stance)
 
 
-_FALLS_STREAM = 1 << 20
-"""Which stream of a seed falls are drawn from: not one of a session's clips."""
+_FALLS_STREAM, _RESTS_STREAM = 1 << 20, 1 << 21
+"""Which streams of a seed falls and rests are drawn from: not those of a session's clips."""
 
 
-def _perform_falls(count: int, seed: int, fps: float, stance: str) -> list[Performance]:
-    """Perform each kind of fall and stagger so many times."""
+def _perform_each(
+    kinds: Sequence[str], count: int, stream: int, seed: int, fps: float, stance: str
+) -> list[Performance]:
+    """Perform each of some kinds of falls, staggers or rests so many times."""
     performances = []
-    for index, kind in enumerate((*FALLS, *STAGGERS)):
+    for index, kind in enumerate(kinds):
         for take in range(count):
-            root = np.random.SeedSequence(seed, spawn_key=(_FALLS_STREAM, index, take))
+            root = np.random.SeedSequence(seed, spawn_key=(stream, index, take))
             plan, life = (np.random.default_rng(child) for child in root.spawn(2))
-            score = write_fall(kind, plan) if kind in FALLS else write_stagger(kind, plan)
-            word = kind if kind in STAGGERS else f"fall_{kind}"
+            score = _write_alone(kind, plan, None)
+            word = f"fall_{kind}" if kind in FALLS else kind
             name, frames = f"performer_{word}_{take:02d}", round(score.seconds * fps)
             performances.append(_perform_score(name, score, frames, fps, stance, life))
     return performances
+
+
+def _write_alone(kind: str, rng: np.random.Generator, facing: float | None) -> Score:
+    """Return the score of a fall, stagger or rest."""
+    if kind in FALLS:
+        return write_fall(kind, rng, facing)
+    return write_stagger(kind, rng, facing) if kind in STAGGERS else write_rest(kind, rng, facing)
 
 
 def _check_stance(stance: str) -> None:
@@ -128,12 +142,8 @@ def perform_solo(move: str, seed: int = 1, fps: float = 60.0, stance: str = "ort
         raise ValueError(f"unknown move {move!r}; expected one of {', '.join(MOVES)}{nearest(move, MOVES)}")
     _check_stance(stance)
     plan, life = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
-    if move in FALLS:
-        score = write_fall(move, plan, 0.0)
-    elif move in STAGGERS:
-        score = write_stagger(move, plan, 0.0)
-    else:
-        score = write_solo(move, plan)
+    alone = move in (*FALLS, *STAGGERS, *RESTS)
+    score = _write_alone(move, plan, 0.0) if alone else write_solo(move, plan)
     return _perform_score(move, score, round(score.seconds * fps), fps, stance, life)
 
 
@@ -168,18 +178,19 @@ def write_performance(
     stance: str = "orthodox",
     progress: Progress | None = None,
     falls: int = 0,
+    rests: int = 0,
 ) -> list[Path]:
     """Perform a session and write its clips to ``performer_00.bvh`` and so on; return the files.
 
-    Falls and staggers go to ``performer_fall_forward_00.bvh`` and so on. The folder is made when it is missing. Ground
-    truth is not written.
+    Falls, staggers and rests go to ``performer_fall_forward_00.bvh`` and so on. The folder is made when it is missing.
+    Ground truth is not written.
     """
     from crowdsim.bvh.io import write_bvh
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    for performance in perform(seconds, seed, fps, stance, progress, falls):
+    for performance in perform(seconds, seed, fps, stance, progress, falls, rests):
         path = folder / f"{performance.clip.name}.bvh"
         write_bvh(path, performance.clip)
         paths.append(path)

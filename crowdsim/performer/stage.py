@@ -80,12 +80,20 @@ def add_accents(score: Score, times: Array) -> Array:
 
 
 def _riding(score: Score, times: Array) -> Array:
-    """Return 1 where the boxer walks or jogs, 0 elsewhere, and what lies between on the way. Shape (F,)."""
+    """Return 1 where the boxer walks, jogs or rests, 0 elsewhere, and what lies between on the way. Shape (F,)."""
     riding = np.zeros(len(times))
     for travel in score.travels:
         if travel.gait in GAITS:
             riding += pulse(times, travel.start - 0.2, travel.start + 0.2, travel.end - 0.2, travel.end + 0.2)
-    return np.minimum(riding, 1.0)
+    return np.minimum(riding + _resting(score, times), 1.0)
+
+
+def _resting(score: Score, times: Array) -> Array:
+    """Return 1 where the boxer is at ease, 0 in the guard, and what lies between on the way. Shape (F,)."""
+    resting = np.zeros(len(times))
+    for rest in score.rests:
+        resting += pulse(times, rest.start, rest.down, rest.up, rest.end)
+    return resting
 
 
 def _carry_pelvis(score: Score, times: Array, feet: Footwork, channels: Array, ankles: Array) -> tuple[Array, Array]:
@@ -159,7 +167,7 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
     _bend_legs(trunk, soles, rotations)
     head = _look(style, skeleton, feet, channels, trunk, rotations)
     collars, shoulders = _raise_shoulders(skeleton, channels, trunk, rotations)
-    reached, reaches = lead_fists(score, times, feet.heading, trunk, channels, shoulders)
+    reached, reaches = lead_fists(score, times, feet.heading, trunk, channels, shoulders, _resting(score, times))
     fists = within_reach(clear_head(reached, head), shoulders)
     for side in range(2):
         upper, forearm, hand = pose_arm(

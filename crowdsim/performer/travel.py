@@ -9,7 +9,7 @@ import numpy as np
 
 from crowdsim.motion import ground
 from crowdsim.performer.gait import GUARD_SWING, JOG, Gait
-from crowdsim.performer.score import LEAD, REAR, Channel
+from crowdsim.performer.score import LEAD, REAR, Channel, Style
 from crowdsim.performer.steps import Stepper
 
 _LEAST_STAND = 0.09
@@ -43,7 +43,14 @@ def shuffle(
     return end
 
 
-def travel(plan: Stepper, start: float, strides: Sequence[Stride], facing: float = 0.0, relaxed: float = 1.0) -> float:
+def travel(
+    plan: Stepper,
+    start: float,
+    strides: Sequence[Stride],
+    facing: float = 0.0,
+    relaxed: float = 1.0,
+    closing: Style | None = None,
+) -> float:
     """Walk or jog out of the guard and back into it; return when the last foot is down [s].
 
     Args:
@@ -52,6 +59,7 @@ def travel(plan: Stepper, start: float, strides: Sequence[Stride], facing: float
         strides: The steps; one more, into the guard, follows them.
         facing: Turn of that last step [rad].
         relaxed: How far hands go down, 1 as in the gait, 0 for hands up.
+        closing: Where the feet stand in the end; in the guard when None.
     """
     start = max(start, plan.feet_free)
     heading = float(plan.ground_frame[2]) + strides[0].turn
@@ -77,7 +85,7 @@ def travel(plan: Stepper, start: float, strides: Sequence[Stride], facing: float
         landed[foot] = down
         touchdowns.append(down)
         foot = 1 - foot
-    end = _close(plan, foot, touchdowns[-1], strides[-1].gait, heading, facing)
+    end = _close(plan, closing or plan.style, foot, touchdowns[-1], strides[-1].gait, heading, facing)
     _ride(plan, start, touchdowns, end, strides, 1 - foot, relaxed)
     _note(plan, start, touchdowns, end, strides)
     plan.feet_free = end + 0.02
@@ -109,9 +117,9 @@ def _first_foot(plan: Stepper, heading: float, turn: float) -> tuple[int, np.nda
     return foot, np.append(middle + max(along[1 - foot], 0.0) * way, heading)
 
 
-def _close(plan: Stepper, foot: int, down: float, gait: Gait, heading: float, facing: float) -> float:
-    """Step into a guard about the foot that came down last, which turns on its ball; return when that is done [s]."""
-    style, other = plan.style, 1 - foot
+def _close(plan: Stepper, style: Style, foot: int, down: float, gait: Gait, heading: float, facing: float) -> float:
+    """Step into a stance about the foot that came down last, which turns on its ball; return when that is done [s]."""
+    other = 1 - foot
     heading += facing
     ball = (style.lead_ball, style.rear_ball)[other]
     ground_frame = ground.compose([*plan.prints[other, :2], heading], [-ball[0], -ball[1], 0.0])

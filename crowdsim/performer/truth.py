@@ -81,6 +81,20 @@ class TrueStagger:
 
 
 @dataclass(frozen=True)
+class TrueRest:
+    """A rest: in the guard until frame ``start``, at ease from ``down`` to ``up``, in the guard again from ``end`` on.
+
+    ``kind`` is a word of ``rests.RESTS``, seen by an orthodox boxer.
+    """
+
+    kind: str
+    start: int
+    down: int
+    up: int
+    end: int
+
+
+@dataclass(frozen=True)
 class Truth:
     """Ground truth of one clip.
 
@@ -92,6 +106,7 @@ class Truth:
         stance: Ground transform of the stance: pelvis over the floor, heading towards the opponent. Shape (F, 3).
         falls: Falls by time.
         staggers: Staggers by time.
+        rests: Rests by time.
     """
 
     contacts: Array
@@ -101,6 +116,7 @@ class Truth:
     stance: Array
     falls: tuple[TrueFall, ...] = ()
     staggers: tuple[TrueStagger, ...] = ()
+    rests: tuple[TrueRest, ...] = ()
 
 
 def find_truth(score: Score, staged: Staged, times: Array) -> Truth:
@@ -143,7 +159,8 @@ def find_truth(score: Score, staged: Staged, times: Array) -> Truth:
     )
     falls = tuple(TrueFall(f.kind, *(round(t * fps) for t in (f.start, f.down, f.rise, f.end))) for f in score.falls)
     staggers = tuple(TrueStagger(s.kind, round(s.start * fps), round(s.end * fps)) for s in score.staggers)
-    return Truth(staged.footwork.planted.copy(), tuple(strikes), defences, travels, stance, falls, staggers)
+    rests = tuple(TrueRest(r.kind, *(round(t * fps) for t in (r.start, r.down, r.up, r.end))) for r in score.rests)
+    return Truth(staged.footwork.planted.copy(), tuple(strikes), defences, travels, stance, falls, staggers, rests)
 
 
 _OTHER_SIDE = {
@@ -153,6 +170,8 @@ _OTHER_SIDE = {
     "right": "left",
     "stagger_left": "stagger_right",
     "stagger_right": "stagger_left",
+    "walk_off_left": "walk_off_right",
+    "walk_off_right": "walk_off_left",
 }
 
 
@@ -169,4 +188,5 @@ def mirror_truth(truth: Truth) -> Truth:
         stance=truth.stance * np.array([-1.0, 1.0, -1.0]),
         falls=tuple(replace(f, kind=_OTHER_SIDE.get(f.kind, f.kind)) for f in truth.falls),
         staggers=tuple(replace(s, kind=_OTHER_SIDE.get(s.kind, s.kind)) for s in truth.staggers),
+        rests=tuple(replace(r, kind=_OTHER_SIDE.get(r.kind, r.kind)) for r in truth.rests),
     )

@@ -186,7 +186,9 @@ def stillness(database: MotionDatabase, graph: MotionGraph) -> Array:
     speeds = joint_speeds(database)
     before = graph.state_frames[graph.action_states]
     pair = np.minimum(speeds[before], speeds[np.asarray(graph.action_first, dtype=np.int64) - 1])
-    result: Array = np.minimum((float(np.median(speeds)) + QUIET) / (pair + QUIET), STILLEST)
+    result: Array = np.minimum(
+        (float(np.median(speeds[~database.rests.mask(database.frame_count)])) + QUIET) / (pair + QUIET), STILLEST
+    )
     return result
 
 

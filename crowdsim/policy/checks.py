@@ -1,7 +1,8 @@
 """What the arrays of a bundle must be, so that nothing in one can lead compiled code out of bounds.
 
 J joints, E end sites, C capsules, M clips, F control frames, P playback frames, N strikes of the database, S states,
-A actions, Q of them of states, H falls, G staggers, T transitions, L rows of paths, K strikes in actions.
+A actions, Q of them of states, H falls, G staggers, R rests, X ways into them, B pieces of
+them, T transitions, L rows of paths, K strikes in actions.
 """
 
 from __future__ import annotations
@@ -39,6 +40,10 @@ DEFENCE = "defence"
 FALLS = ("falls_fall", "falls_lie", "falls_rise", "falls_stagger")
 OF_FALLS = (*FALLS, "falls_direction", "falls_stagger_direction")
 """Names of the arrays of ``policy.falls.Falls``, all of which are there or none: numbers of actions, and all."""
+
+RESTS = ("rests_enter", "rests_hold", "rests_leave")
+OF_RESTS = (*RESTS, "rests_frames", "rests_state", "rests_row", "rests_next")
+"""Likewise of ``policy.rests.Rests``."""
 
 FAR, NEAR, TURNS = 1e6, 1e3, 1e5
 """Greatest positions in the world of a clip and in the frame of a body [m], and headings that are not wrapped [rad]."""
@@ -128,6 +133,13 @@ TABLE: Mapping[str, Column] = {
     "falls_direction": _singles(("H",), _FAR),
     "falls_stagger": _ints(("G",), Index("A")),
     "falls_stagger_direction": _singles(("G",), _FAR),
+    "rests_frames": _ints(("R", 6), Index("F")),
+    "rests_enter": _ints(("X",), Index("A")),
+    "rests_state": _ints(("X",), Index("S"), Ascending(strictly=True)),
+    "rests_hold": _ints(("B",), Index("A")),
+    "rests_leave": _ints(("B",), Index("A")),
+    "rests_row": _ints(("X",), Index("B")),
+    "rests_next": _ints(("B",), Index("B")),
     DEFENCE: _singles(("Q", CELLS), _NEAR),
     "values": Column("float32 float16 uint8 uint16", ("V",)),
     STATE_VALUES: Column("float32 float16 uint8 uint16", ("W",)),
@@ -153,10 +165,13 @@ def check_arrays(arrays: Mapping[str, Array], sizes: Mapping[str, int], stride: 
     for name in ("values", STATE_VALUES):
         if name in arrays and arrays[name].dtype.kind == "f":
             check_table({name: Column(str(arrays[name].dtype), ("V",), (_FLOATS,))}, {name: arrays[name]}, {})
-    some = [name for name in OF_FALLS if name in arrays]
-    if some and len(some) < len(OF_FALLS):
-        raise ArrayFault(some[0], "is there without the other arrays of falls, expected all of them or none")
-    check_relations(_relations(stride, found) + (_FALLS if some else ()), arrays)
+    relations = _relations(stride, found)
+    for what, names, more in (("falls", OF_FALLS, _FALLS), ("rests", OF_RESTS, _RESTS)):
+        some = [name for name in names if name in arrays]
+        if some and len(some) < len(names):
+            raise ArrayFault(some[0], f"is there without the other arrays of {what}, expected all of them or none")
+        relations += more if some else ()
+    check_relations(relations, arrays)
 
 
 def _relations(stride: int, sizes: Mapping[str, int]) -> tuple[Relation, ...]:
@@ -203,7 +218,20 @@ def _end_in_states(arrays: Mapping[str, Array]) -> Array:
 def _numbered_behind(arrays: Mapping[str, Array]) -> bool:
     three = np.stack([arrays[f"falls_{name}"] for name in ("fall", "lie", "rise")], axis=1).reshape(-1)
     numbers = np.concatenate([three, arrays["falls_stagger"]])
-    return np.array_equal(numbers, np.arange(arrays["graph_action_offsets"][-1], len(arrays["graph_action_next"])))
+    count = sum(len(arrays[name]) for name in RESTS if name in arrays)
+    last = len(arrays["graph_action_next"]) - count
+    return np.array_equal(numbers, np.arange(arrays["graph_action_offsets"][-1], last))
+
+
+def _rest_behind(arrays: Mapping[str, Array]) -> bool:
+    numbers = np.concatenate([arrays[name] for name in RESTS])
+    last = len(arrays["graph_action_next"])
+    return np.array_equal(numbers, np.arange(last - len(numbers), last))
+
+
+def _rest_in_order(arrays: Mapping[str, Array]) -> Array:
+    result: Array = np.all(np.diff(arrays["rests_frames"], axis=1) >= 0, axis=1)
+    return result
 
 
 def _lie_between(arrays: Mapping[str, Array]) -> Array:
@@ -216,6 +244,12 @@ def _lie_between(arrays: Mapping[str, Array]) -> Array:
 _FALLS = (
     Relation("falls_fall", "falls, each with its lie and rise, behind the actions of states", _numbered_behind),
     Relation("falls_lie", "lying between a fall and a rise", _lie_between),
+)
+
+
+_RESTS = (
+    Relation("rests_enter", "rests behind the actions of states and falls", _rest_behind),
+    Relation("rests_frames", "frames that ascend", _rest_in_order),
 )
 
 

@@ -89,7 +89,7 @@ def add_falls(
     three, staggers = np.split(numbers, [3 * len(spans.starts)])
     fall, lie, rise = (np.ascontiguousarray(part) for part in three.reshape(-1, 3).T)
     falls = Falls(fall, lie, rise, spans.directions, staggers, spans.stagger_directions)
-    return extended, _extended(database, actions, first, lengths, states), falls
+    return extended, actions_behind(database, actions, first, lengths, states), falls
 
 
 def _pieces(database: MotionDatabase, spans: FallSpans) -> tuple[Array, Array, Array]:
@@ -117,18 +117,37 @@ def _nearest_states(database: MotionDatabase, graph: MotionGraph, frames: Array,
     return np.array([np.argmin(np.sum((states - features[frame]) ** 2, axis=1)) for frame in frames], np.int32)
 
 
-def _extended(database: MotionDatabase, actions: Actions, first: Array, lengths: Array, states: Array) -> Actions:
-    """Return actions with more behind them, which have no strikes and cost nothing."""
+def actions_behind(
+    database: MotionDatabase,
+    actions: Actions,
+    first: Array,
+    lengths: Array,
+    states: Array,
+    shifts: Array | None = None,
+) -> Actions:
+    """Return actions with more behind them, which have no strikes and cost nothing.
+
+    Args:
+        database: The motion.
+        actions: The actions.
+        first: First frame of each further one. Shape (n,).
+        lengths: Its frames. Shape (n,).
+        states: The state in which it ends. Shape (n,).
+        shifts: How it is laid on what comes before (``alignment.Alignment``); not shifted when None. Shape (n, 3).
+    """
+    moved = np.zeros((len(first), 3), np.float32) if shifts is None else np.asarray(shifts, np.float32)
     stride, count = database.stride, len(first)
     owner = np.repeat(np.arange(count), lengths)
     ends = np.cumsum(lengths)
     frames = first.astype(np.int64)[owner] + np.arange(ends[-1]) - (ends - lengths)[owner]
     undo = ground.inverse(database.ground[stride * (first.astype(np.int64) - 1)])
+    if shifts is not None:
+        undo = ground.compose(moved, undo)
     paths = ground.compose(undo[owner], database.ground[stride * frames])
     return actions._replace(
         next=np.concatenate([actions.next, states]),
         lengths=np.concatenate([actions.lengths, lengths]),
-        shifts=np.concatenate([actions.shifts, np.zeros((count, 3), np.float32)]),
+        shifts=np.concatenate([actions.shifts, moved]),
         costs=np.concatenate([actions.costs, np.zeros(count, np.float32)]),
         path_offsets=np.concatenate([actions.path_offsets, actions.path_offsets[-1] + ends]).astype(np.int32),
         paths=np.concatenate([actions.paths, paths.astype(np.float32)]),

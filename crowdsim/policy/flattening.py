@@ -18,10 +18,11 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.checks import DEFENCE, FALLS, OF_FALLS, STATE_VALUES, check_arrays
+from crowdsim.policy.checks import DEFENCE, FALLS, OF_FALLS, OF_RESTS, RESTS, STATE_VALUES, check_arrays
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.falls import flatten_falls, read_falls, spans_of
 from crowdsim.policy.policy import Behaviour, Policy
+from crowdsim.policy.rests import flatten_rests, read_rests, rests_of
 from crowdsim.policy.rewards import AnyTerm, TargetBody
 
 __all__ = ["STATE_VALUES", "assemble_motion", "assemble_policy", "check_flattened", "flatten_policy"]
@@ -47,7 +48,7 @@ def flatten_policy(policy: Policy) -> tuple[dict[str, Any], dict[str, Array]]:
     }
     for name, array in zip(policy.actions._fields, policy.actions, strict=True):
         arrays[f"actions_{name}"] = array
-    arrays |= flatten_falls(policy.falls)
+    arrays |= flatten_falls(policy.falls) | flatten_rests(policy.rests)
     if policy.defence is not None:
         arrays[DEFENCE] = policy.defence
     half = policy.recipe["precision"] == "float16"
@@ -114,7 +115,8 @@ def assemble_motion(
     database = _join(MotionDatabase, "database", document["database"], arrays, skeleton=skeleton, body=body)
     graph = _join(MotionGraph, "graph", document["graph"], arrays)
     actions = Actions(*(arrays[f"actions_{name}"] for name in Actions._fields))
-    return replace(database, falls=spans_of(read_falls(arrays), graph)), graph, actions
+    found = replace(database, falls=spans_of(read_falls(arrays), graph), rests=rests_of(read_rests(arrays)))
+    return found, graph, actions
 
 
 def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) -> None:
@@ -130,7 +132,7 @@ def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) ->
     wanted = STORED[document["recipe"]["precision"]]
     if arrays["values"].dtype != wanted:
         raise ArrayFault("values", f"holds {arrays['values'].dtype}, expected {wanted} for the precision of the recipe")
-    falls = sum(arrays[name].size for name in FALLS if name in arrays)
+    falls = sum(arrays[name].size for name in (*FALLS, *RESTS) if name in arrays)
     states, actions = arrays["graph_state_frames"].size, arrays["graph_action_next"].size - falls
     cells = [math.prod(axis["count"] for axis in report["axes"]) for report in behaviours]
     for report, count in zip(behaviours, cells, strict=True):
@@ -145,7 +147,7 @@ def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) ->
         "V": sum(report["entries"] for report in behaviours),
         "W": states * sum(count for report, count in zip(behaviours, cells, strict=True) if "state_values" in report),
     }
-    check_arrays(arrays, sizes, stride, (STATE_VALUES, DEFENCE, *OF_FALLS))
+    check_arrays(arrays, sizes, stride, (STATE_VALUES, DEFENCE, *OF_FALLS, *OF_RESTS))
     longest = int(arrays["actions_lengths"].max()) + 1
     if len(behaviours) * longest**2 > _MOST_POWERS:
         what = f"are up to {longest - 1} control frames for {len(behaviours)} behaviours"
@@ -196,5 +198,6 @@ def assemble_policy(document: Mapping[str, Any], arrays: Mapping[str, Array]) ->
         fingerprint=document["fingerprint"],
         fingerprints=document["fingerprints"],
         falls=falls,
+        rests=read_rests(arrays),
         defence=arrays.get(DEFENCE),
     )

@@ -18,6 +18,7 @@ from crowdsim.policy.actions import Actions
 from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.policy.environment import AXIS_WIDTH, HALFWAY, LEAD, Grid, corners, fade_factor
 from crowdsim.policy.falls import Falls
+from crowdsim.policy.rests import Rests
 from crowdsim.policy.rewards import TERM_WIDTH, TargetBody, Term, TransitionTerm, pack_terms
 
 if TYPE_CHECKING:
@@ -127,7 +128,8 @@ class Policy:
         fingerprint: SHA-256 over recipe, capture and sources, in hexadecimal.
         fingerprints: The same for each of the three alone.
         falls: Which actions knock an avatar down; None where the motion has no falls. Actions of the graph behind
-            those that states choose among are these.
+            those that states choose among are these, and those of rests behind them.
+        rests: Which actions let an avatar stand at ease; None where the motion has no rests, or none were wanted.
         defence: Hits that follow each action of the states, by what is seen coming (``core.threats``); None where it
             was not learned. Shape (choice_count, threats.CELLS), float32.
     """
@@ -144,6 +146,7 @@ class Policy:
     fingerprint: str
     fingerprints: Mapping[str, str]
     falls: Falls | None = None
+    rests: Rests | None = None
     defence: Array | None = None
 
     def behaviour(self, name: str) -> Behaviour:

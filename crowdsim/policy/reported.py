@@ -90,6 +90,15 @@ class FallFigures(OpenModel):
     stagger_directions: list[Number]
 
 
+class RestFigures(OpenModel):
+    """What is reported of rests: how many there are, from how many states they begin, and at what cost [m]."""
+
+    count: Count
+    states: Count
+    cost_mean: Number
+    cost_most: Number
+
+
 class Statistics(OpenModel):
     """What is reported of a policy, see ``training.statistics.policy_statistics``."""
 
@@ -100,6 +109,7 @@ class Statistics(OpenModel):
     behaviours: dict[str, BehaviourFigures]
     strikes: StrikeFigures | None = None
     falls: FallFigures | None = None
+    rests: RestFigures | None = None
 
     @model_validator(mode="after")
     def _strikes_are_there(self) -> Statistics:

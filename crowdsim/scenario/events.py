@@ -140,15 +140,26 @@ class WatchEvent(StrictModel):
     distance: float = Field(default=2.5, ge=1, le=20, description="The distance [m].")
 
 
+class RestEvent(StrictModel):
+    """A group stands at ease."""
+
+    kind: Literal["rest"] = Field(
+        description="Lets avatars come to a distance from their opponents, drop their guard, and stand at ease."
+    )
+    when: Condition = Field(description="When it happens.")
+    group: Name | None = Field(default=None, description="Group that it concerns; without it everyone.")
+    distance: float = Field(default=2.5, ge=1, le=20, description="The distance [m].")
+
+
 class FightEvent(StrictModel):
     """A group fights again."""
 
-    kind: Literal["fight"] = Field(description="Lets avatars fight again that flee or watch.")
+    kind: Literal["fight"] = Field(description="Lets avatars fight again that flee, watch or rest.")
     when: Condition = Field(description="When it happens.")
     group: Name | None = Field(default=None, description="Group that it concerns; without it everyone.")
 
 
 Event = Annotated[
-    WeightsEvent | RetargetEvent | AddEvent | RemoveEvent | FleeEvent | WatchEvent | FightEvent,
+    WeightsEvent | RetargetEvent | AddEvent | RemoveEvent | FleeEvent | WatchEvent | RestEvent | FightEvent,
     Field(discriminator="kind"),
 ]

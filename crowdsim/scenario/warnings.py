@@ -10,7 +10,7 @@ import numpy as np
 
 from crowdsim.config.files import Finding
 from crowdsim.scenario.distributions import limits
-from crowdsim.scenario.groups import CircleTarget, Opponents, Target, TargetOpponents
+from crowdsim.scenario.groups import CircleTarget, Group, Opponents, Target, TargetOpponents
 from crowdsim.scenario.parts import AvatarType
 
 if TYPE_CHECKING:
@@ -24,7 +24,35 @@ def policy_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, An
         scenario: The scenario, resolved.
         statistics: Statistics of each policy by its name; types of other policies are passed over.
     """
-    return [*speed_warnings(scenario, statistics), *fall_warnings(scenario, statistics)]
+    return [
+        *speed_warnings(scenario, statistics),
+        *fall_warnings(scenario, statistics),
+        *rest_warnings(scenario, statistics),
+    ]
+
+
+def rest_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
+    """Return a finding for each event that lets avatars rest whose policy has no rests."""
+    findings = []
+    for number, event in enumerate(scenario.events):
+        if event.kind != "rest":
+            continue
+        groups = [group for group in scenario.groups if event.group in (None, group.name)]
+        policies = {scenario.types[name].policy for group in groups for name in _types_of(group)}
+        for policy in sorted(policies & set(statistics)):
+            if statistics[policy].get("rests"):
+                continue
+            what = (
+                f"policy {policy!r} has no rests: its avatars keep the distance in their guard; expected a recipe with "
+                "'rest: {}', and 'motion.performer.rests' or capture of people who stand at ease"
+            )
+            findings.append(Finding(("events", number, "kind"), what))
+    return findings
+
+
+def _types_of(group: Group) -> list[str]:
+    """Return the types that avatars of a group have."""
+    return [group.type] if group.type is not None else [name for name, share in (group.mix or {}).items() if share]
 
 
 def fall_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
@@ -77,8 +105,7 @@ def _followers(scenario: Scenario, target: str) -> list[str]:
         given: list[Opponents] = [group.opponents or scenario.opponents]
         given += [e.opponents for e in scenario.events if e.kind == "retarget" and e.group in (None, group.name)]
         if any(isinstance(one, TargetOpponents) and one.target == target for one in given):
-            names = [group.type] if group.type is not None else [name for name, w in (group.mix or {}).items() if w]
-            found.update(dict.fromkeys(names))
+            found.update(dict.fromkeys(_types_of(group)))
     return list(found)
 
 

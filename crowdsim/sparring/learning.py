@@ -14,7 +14,7 @@ from crowdsim.crowd.model import build_model
 from crowdsim.policy.policy import Policy
 from crowdsim.sparring.fights import Side, Tally, start_fights, watch_fights
 from crowdsim.training.pursuit import TEMPERATURE
-from crowdsim.training.recipe import DefenceSpec
+from crowdsim.training.recipe_parts import DefenceSpec
 
 UNNOTICED = 1e-9
 """Weight with which a table that is still empty is observed."""

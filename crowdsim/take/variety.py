@@ -85,13 +85,18 @@ def _starts(policies: Sequence[Policy]) -> Array:
 
 
 def _places(take: TakeData, policies: Sequence[Policy], action: Array, done: Array, avatars: Array) -> Array:
-    """Place in the captured motion of all policies that avatars show in actions [control frames], NaN in falls."""
+    """Place in the captured motion of all policies that avatars show in actions [control frames].
+
+    NaN in falls and rests.
+    """
     places = np.full(np.shape(action), np.nan)
     whose = np.broadcast_to(take.cast.policies[avatars], np.shape(action))
     for index, (policy, start) in enumerate(zip(policies, _starts(policies), strict=False)):
         own = (whose == index) & (action >= 0)
         if policy.falls is not None:
             own &= ~np.isin(action, policy.falls.actions)
+        if policy.rests is not None:
+            own &= ~np.isin(action, policy.rests.actions)
         places[own] = start + np.asarray(policy.graph.action_first)[action[own]] - 1.0 + done[own]
     return places
 

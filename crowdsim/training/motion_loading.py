@@ -28,7 +28,13 @@ def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None
     clips: list[MeasuredClip] = []
     if performer is not None:
         performed = perform(
-            performer.seconds, performer.seed, recipe.playback_rate, performer.stance, progress, performer.falls
+            performer.seconds,
+            performer.seed,
+            recipe.playback_rate,
+            performer.stance,
+            progress,
+            performer.falls,
+            performer.rests,
         )
         clips = measure_clips([performance.clip for performance in performed])
     else:
@@ -46,6 +52,7 @@ def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None
         trim=recipe.motion.trim,
         progress=progress,
         limbs=recipe.strikes.numbers(),
+        rests=recipe.rest is not None,
     )
     if not len(database.strike_frames):
         require_no_strikes(recipe, captures)

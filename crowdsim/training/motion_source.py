@@ -46,6 +46,12 @@ class PerformerSource(StrictModel):
         description="How often each kind of fall and stagger is performed besides; 0: not at all, and who is knocked "
         "down staggers and leaves.",
     )
+    rests: int = Field(
+        default=0,
+        ge=0,
+        le=1000,
+        description="How often each way of standing at ease is performed besides; 0: not at all.",
+    )
 
 
 class CaptureSource(StrictModel):

@@ -15,7 +15,7 @@ from crowdsim.array_checks import ArrayFault
 from crowdsim.config.documents import DocumentModel, document_fault
 from crowdsim.core.types import Array
 from crowdsim.errors import PolicyError
-from crowdsim.policy.checks import DEFENCE, OF_FALLS, TABLE
+from crowdsim.policy.checks import DEFENCE, OF_FALLS, OF_RESTS, TABLE
 from crowdsim.policy.document import PolicyDocument
 from crowdsim.policy.document_parts import Hash
 from crowdsim.policy.flattening import STATE_VALUES, STORED, check_flattened
@@ -79,9 +79,14 @@ def check_packed(path: Path, packed: Mapping[str, Any]) -> None:
     if len(set(names)) < len(names):
         raise PolicyError(f"{path}: parts: two arrays have one name, expected each once")
     kept = {f"{_KEPT}{behaviour['name']}" for behaviour in packed["policy"]["behaviours"]}
-    optional = set(OF_FALLS) if set(names) & set(OF_FALLS) else set()
+    groups = (set(OF_FALLS), set(OF_RESTS))
+    optional = {name for group in groups if group & set(names) for name in group}
     optional |= {DEFENCE} & set(names)
-    wanted = {name for name in TABLE if name not in ("values", STATE_VALUES, DEFENCE, *OF_FALLS)} | kept | optional
+    wanted = (
+        {name for name in TABLE if name not in ("values", STATE_VALUES, DEFENCE, *OF_FALLS, *OF_RESTS)}
+        | kept
+        | optional
+    )
     if set(names) != wanted:
         odd = sorted(set(names) ^ wanted)[0]
         what = "lack" if odd in wanted else "hold"

@@ -18,6 +18,7 @@ from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.policy.environment import AXIS_KINDS
 from crowdsim.policy.rewards import AnyTerm, ProximityTerm, StrikeTerm
 from crowdsim.training.motion_source import MAXIMUM_SEED, Motion
+from crowdsim.training.recipe_parts import DefenceSpec, RestSpec
 
 FORMAT = 1
 _MOST_CELLS = 1_000_000
@@ -177,26 +178,6 @@ class BehaviourSpec(StrictModel):
         return self
 
 
-class DefenceSpec(StrictModel):
-    """How the behaviour ``defend`` is learned: in fights of pairs of avatars with the recipe's other behaviours."""
-
-    rounds: int = Field(
-        default=4,
-        ge=1,
-        le=100,
-        description="Rounds of fights; in all but the first, one of each pair defends itself.",
-    )
-    pairs: int = Field(default=192, ge=1, le=200, description="Pairs that fight at a time.")
-    seconds: float = Field(default=900.0, ge=10.0, le=100_000.0, description="How long each round lasts [s].")
-    temperature: float = Field(
-        default=0.5, ge=0.0, le=100.0, description="Randomness of the draw of those that learn, see the type's key."
-    )
-    counter: float = Field(
-        default=0.1, ge=0.0, le=10.0, description="What a hit is worth that an avatar lands, over one that it takes."
-    )
-    seed: int = Field(default=0, ge=0, le=MAXIMUM_SEED, description="Seed of the fights.")
-
-
 class PruningSpec(StrictModel):
     """Which transitions of a wide graph are kept: those that are worth most to the behaviours (``pruning.py``)."""
 
@@ -237,6 +218,10 @@ class Recipe(StrictModel):
     behaviours: dict[Name, BehaviourSpec] = Field(min_length=1, max_length=100, description="What is learned, by name.")
     defend: DefenceSpec | None = Field(
         default=None, description="How avatars learn to defend themselves; null: they do not."
+    )
+    rest: RestSpec | None = Field(
+        default=None,
+        description="How avatars stand at ease; null: they do not, and motion with hanging hands is fought with.",
     )
     weights: dict[Name, Annotated[float, Field(ge=0.0, le=1000.0)]] | None = Field(
         default=None,

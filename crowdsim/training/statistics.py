@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.graph.states import MotionGraph
 from crowdsim.graph.statistics import frames_kept_by_clip, graph_statistics
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.falls import FallSpans
 from crowdsim.motion.strike_kinds import HEIGHTS, KINDS, strike_heights, strike_kinds
 from crowdsim.motion.strikes import HANDS, SIDES
 from crowdsim.policy.policy import Policy
+from crowdsim.policy.rests import Rests
 from crowdsim.training.pursuit import sustained_speed
 from crowdsim.training.ranges import strike_reach, striking_range
 from crowdsim.training.solution import Solution
@@ -31,7 +33,7 @@ def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict
     mirrored = np.array([name.endswith("~mirror") for name in database.clip_names])
     own = ~mirrored if mirrored.any() else np.ones(len(mirrored), bool)
     clip_of = np.searchsorted(database.clip_starts * database.stride, database.strike_frames, side="right") - 1
-    shown = replace(graph, frames_kept=graph.frames_kept | database.falls.mask(database.frame_count))
+    shown = replace(graph, frames_kept=graph.frames_kept | database.apart)
     kept = frames_kept_by_clip(shown, database.clip_starts)
     frames = np.diff(database.clip_starts)
     report: dict[str, Any] = {
@@ -96,6 +98,24 @@ def _count_strikes(database: MotionDatabase, own: Array) -> dict[str, Any]:
         "by_kind": count(KINDS[: -1 if punches.all() else None], strike_kinds(database)),
         "by_height": count(HEIGHTS, strike_heights(database)),
     }
+
+
+def with_rests(statistics: dict[str, Any], graph: MotionGraph, rests: Rests | None) -> dict[str, Any]:
+    """Return statistics of a policy whose recipe asks for rests, with what has been found of them."""
+    if rests is None:
+        what = (
+            "no rests: the recipe asks for them, but nobody in its motion drops the guard, stands at ease for a second "
+            "and comes back to a guard like those of the fights; avatars stay in their guard"
+        )
+        return {**statistics, "warnings": [*statistics["warnings"], what]}
+    costs = np.asarray(graph.action_costs, float)[rests.enter]
+    figures = {
+        "count": len(rests.frames),
+        "states": len(rests.state),
+        "cost_mean": float(costs.mean()),
+        "cost_most": float(costs.max()),
+    }
+    return {**statistics, "rests": figures}
 
 
 def _count_falls(falls: FallSpans, mirrored: bool) -> dict[str, list[float]]:

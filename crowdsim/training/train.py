@@ -22,13 +22,15 @@ from crowdsim.policy.actions import Actions, build_actions
 from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.policy.falls import add_falls
 from crowdsim.policy.policy import Behaviour, Policy
+from crowdsim.policy.rests import add_rests
 from crowdsim.policy.rewards import target_body
 from crowdsim.training.behaviours import train_behaviour
 from crowdsim.training.contexts import alone, naming
 from crowdsim.training.fingerprint import capture_files, combine, fingerprints_of
 from crowdsim.training.motion_loading import load_motion
 from crowdsim.training.packing import read_packed, unpack_policy
-from crowdsim.training.recipe import DefenceSpec, Recipe, load_recipe, plain
+from crowdsim.training.recipe import Recipe, load_recipe, plain
+from crowdsim.training.recipe_parts import DefenceSpec
 from crowdsim.training.solution import Solution
 
 Sparring = Callable[[Policy, DefenceSpec, float, Progress | None], Array]
@@ -203,7 +205,7 @@ def train_policy(
     """
     from crowdsim.graph.motion_graph import build_graph
     from crowdsim.training.pruning import prune_graph
-    from crowdsim.training.statistics import policy_statistics
+    from crowdsim.training.statistics import policy_statistics, with_rests
 
     with limited(threads):
         started = time.perf_counter()
@@ -217,12 +219,8 @@ def train_policy(
         if recipe.prune is not None:
             graph = prune_graph(database, graph, recipe.behaviours, body, recipe.prune, progress)
         actions = build_actions(database, graph)
-        timings: dict[str, Any] = {
-            "motion": moved - started,
-            "graph": built - moved,
-            "prune": time.perf_counter() - built,
-            "behaviours": {},
-        }
+        timings: dict[str, Any] = {"motion": moved - started, "graph": built - moved, "behaviours": {}}
+        timings["prune"] = time.perf_counter() - built
         trained, solutions = _train_behaviours(recipe, database, graph, actions, timings, progress)
         behaviours, values = _join_tables(trained)
         policy = Policy(
@@ -240,7 +238,10 @@ def train_policy(
         )
         statistics = policy_statistics(policy, solutions)
         graph, actions, falls = add_falls(database, graph, actions, recipe.graph)
-        policy = replace(policy, statistics=statistics, graph=graph, actions=actions, falls=falls)
+        seconds = None if recipe.rest is None else recipe.rest.seconds
+        graph, actions, rests = add_rests(database, graph, actions, recipe.graph, seconds)
+        statistics = statistics if seconds is None else with_rests(statistics, graph, rests)
+        policy = replace(policy, statistics=statistics, graph=graph, actions=actions, falls=falls, rests=rests)
         policy = _with_defence(policy, recipe, spar, timings, progress)
     return policy, timings
 

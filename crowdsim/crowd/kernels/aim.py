@@ -74,7 +74,8 @@ def aim(model, avatars, world, now, due, count, observed, scratch):
             if down:
                 whole[NEXT_OPPONENT, own], seen = -1, False
             else:
-                target = see_by_intent(avatars, world, now, own, opponent, target, observed, q)
+                other = opponent if seen else -1
+                target = see_by_intent(model, avatars, world, now, own, other, target, observed, q)
         if not down and arena[ARENA] != 0.0 and outside(arena, real[X, own], real[Z, own]) > world.crowding[TURN_BACK]:
             # The middle counts until the avatar is inside again.
             target, seen = Target(arena[CENTRE_X], target.y, arena[CENTRE_Z], 0.0, 0.0, target.lasts), True

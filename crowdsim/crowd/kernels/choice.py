@@ -32,6 +32,7 @@ from crowdsim.crowd.kernels.layout import (
     NEXT,
     NEXT_OPPONENT,
     NUMBER,
+    PIECE,
     RESTED,
     STAMINA,
     STANCE,
@@ -44,6 +45,7 @@ from crowdsim.crowd.kernels.layout import (
 )
 from crowdsim.crowd.kernels.legs import CROSSED, crosses_legs
 from crowdsim.crowd.kernels.outcomes import note_seen, strikes_air
+from crowdsim.crowd.kernels.resting import favour_rest, resting_action
 from crowdsim.crowd.kernels.special import special_action
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.kernels.variety import TWICE, charge_repetition, throws_too
@@ -113,6 +115,22 @@ def _keep_running(model, avatars, due, count, scratch):
 
 
 @kernel(inline=True)
+def _without_choice(model, avatars, world, frame, own, observed, q, values):
+    """Return the action of an avatar that falls, is down or rests; -1 where it may choose.
+
+    Where it is to rest, but may choose, that is added to the values of its actions.
+    """
+    special = special_action(model, avatars, world, frame, own, observed, q)
+    if special >= 0:
+        avatars.conditions[avatars.whole[NUMBER, own], PIECE] = 0.0
+    elif model.ways_to_rest.shape[0] > 0:
+        special = resting_action(model, avatars, own)
+        if special < 0:
+            favour_rest(model, avatars, own, values)
+    return special
+
+
+@kernel(inline=True)
 def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out_chosen):
     """Draw the next action of avatars ``due[:count]`` by its value; return -1, or a slot without numbers.
 
@@ -128,7 +146,7 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
         own = due[q]
         rests, slowness, bonus, stance = False, 1.0, 0.0, 0
         if avatars.conditions.shape[0] > 0:
-            special = special_action(model, avatars, world, frame, own, observed, q)
+            special = _without_choice(model, avatars, world, frame, own, observed, q, values[q])
             if special >= 0:
                 out_chosen[q] = special
                 continue

@@ -8,6 +8,7 @@ its range and aggression.
 
 import math
 
+from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.layout import (
     AGGRESSION,
     ATTACKERS,
@@ -17,19 +18,23 @@ from crowdsim.crowd.kernels.layout import (
     DOES_NEXT,
     FIGHTS,
     FLEES,
+    HEADING,
     INTERVAL,
     KEEPS,
     MODE,
     NUMBER,
     OPPONENT,
+    PIECE,
     RANGE,
     RESTED,
+    RESTS,
     TEAM,
     WATCHES,
     Target,
     X,
     Z,
 )
+from crowdsim.crowd.kernels.resting import may_get_opponent
 from crowdsim.jit import kernel
 
 FIGHTING = 0.9  # how far apart avatars are that fight [m]
@@ -37,14 +42,25 @@ CLOSEST = 0.3  # how near an opponent seems at the most to one that watches [m]
 FLIGHT = 10.0  # how far away the point is that an avatar flees to [m]
 WAITING = 2.2  # how far from an opponent avatars wait that others fight already [m]
 SHYNESS = 0.1  # how much further away an avatar keeps while it rests for each halving of its aggression [m]
+FACING = 0.7  # cosine of the greatest bearing of an opponent at which an avatar begins to rest
+NEARLY = 0.5  # how much nearer than its distance an avatar may be that turns to its opponent before it rests [m]
+TOO_NEAR = 0.5  # share of its distance at which it goes away again
 ADMITTED = 0.5  # how much nearer an avatar counts that fights already, among those who would like to [m]
 
 
 @kernel(inline=True)
-def see_by_intent(avatars, world, now, own, opponent, target, observed, q):
-    """Decide what an avatar does next about its opponent; return where it sees the target therefore."""
+def see_by_intent(model, avatars, world, now, own, opponent, target, observed, q):
+    """Decide what an avatar does next about its opponent; return where it sees the target therefore.
+
+    One that has no opponent, and can get none again, rests where its policy has rests.
+    """
     row = avatars.conditions[avatars.whole[NUMBER, own]]
     does, keeps = row[MODE], row[KEEPS]
+    if opponent == -1 and does != RESTS and model.ways_to_rest.shape[0] > 0:
+        if row[PIECE] > 0.0 or not may_get_opponent(avatars, now, own):
+            does = RESTS
+    elif does == RESTS and opponent != -1 and row[PIECE] == 0.0:
+        does = _before_rest(avatars, own, target, keeps)
     if does == FIGHTS and opponent >= 0 and _has_to_wait(avatars, world, now, own, opponent, observed, q):
         does, keeps = WATCHES, WAITING
     row[DOES_NEXT] = does
@@ -57,10 +73,28 @@ def see_by_intent(avatars, world, now, own, opponent, target, observed, q):
     x, z = avatars.real[X, own], avatars.real[Z, own]
     dx, dz = target.x - x, target.z - z
     far = max(math.sqrt(dx * dx + dz * dz), 1e-9)
+    if opponent == -1:
+        return target
     if does == FLEES:
         return Target(x - FLIGHT * dx / far, target.y, z - FLIGHT * dz / far, 0.0, 0.0, target.lasts)
     part = max(far - (keeps - FIGHTING), CLOSEST) / far
     return Target(x + part * dx, target.y, z + part * dz, target.vx, target.vz, target.lasts)
+
+
+@kernel(inline=True)
+def _before_rest(avatars, own, target, keeps):
+    """Return what an avatar does that is to rest: it goes away to its distance, faces its opponent, and rests."""
+    real = avatars.real
+    dx, dz = target.x - real[X, own], target.z - real[Z, own]
+    square = dx * dx + dz * dz
+    did = avatars.conditions[avatars.whole[NUMBER, own], DOES]
+    goes = did in (FIGHTS, FLEES)
+    near = keeps - NEARLY if goes else TOO_NEAR * keeps
+    if square < near * near:
+        return FLEES
+    cos, sin = cos_sin(real[HEADING, own])
+    ahead = dx * sin + dz * cos
+    return RESTS if ahead > 0.0 and ahead * ahead > FACING * FACING * square else WATCHES
 
 
 @kernel(inline=True)

@@ -38,16 +38,18 @@ KIND, WEIGHT = range(2)
 NEAREST, SIGMA, BEST_FRAME, FACING, FURTHEST, ASIDE = range(2, 8)
 
 # Columns of ``Avatars.conditions``: mode as set, in the present and in the next action; standing, health and stamina;
-# temperament; stance.
+# temperament; stance; the piece of a rest.
 (
     MODE, DOES, DOES_NEXT, KEEPS, STANDING, STANDING_NEXT, FALL, DOWNS, RISES, HEALTH, HURT, HURT_FRAME, STAMINA,
-    TEMPO, AGGRESSION, RANGE, STANCE,
-) = range(17)  # fmt: skip
-CONDITIONS = 17
-FIGHTS, WATCHES, FLEES = 0.0, 1.0, 2.0
+    TEMPO, AGGRESSION, RANGE, STANCE, PIECE,
+) = range(18)  # fmt: skip
+CONDITIONS = 18
+FIGHTS, WATCHES, FLEES, RESTS = 0.0, 1.0, 2.0, 3.0
 UP, STAGGERS, DROPS, FALLING, LYING, RISING, OUT = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
 FALL_POLICY, FALL_KIND, FALL_ACTION, FALL_ROW = range(4)
 FALLS, LIES, STANDS_UP, STUMBLES = range(4)
+ENTER, ROW, UNTIL = range(3)  # columns of ``Model.ways_to_rest``
+HOLD, LEAVE, FOLLOWS = range(3)  # columns of ``Model.rests``
 
 # Columns of ``World.rules``.
 (

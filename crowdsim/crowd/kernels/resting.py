@@ -1,0 +1,80 @@
+"""Rests: an avatar that need not fight stands at ease, piece after piece, until it has to fight again."""
+
+import math
+
+from crowdsim.crowd.kernels.layout import (
+    ACTION,
+    DOES_NEXT,
+    DROPS,
+    ENTER,
+    FIXED,
+    FOLLOWS,
+    HOLD,
+    LEAVE,
+    NEXT,
+    NUMBER,
+    PIECE,
+    RESTS,
+    RISES,
+    RISING,
+    ROW,
+    SKIP,
+    STANDING,
+    TEAM,
+    UNTIL,
+)
+from crowdsim.jit import kernel
+
+NO_WAY = 255  # instead of the number of actions until a rest can be entered, where the policy has no rests
+TOWARDS = 1.0  # what it costs an avatar to be an action further from where a rest begins, in normalised values
+
+
+@kernel(inline=True)
+def resting_action(model, avatars, own):
+    """Return the action by which an avatar enters a rest, goes on with it, or leaves it; -1 where it may choose."""
+    row = avatars.conditions[avatars.whole[NUMBER, own]]
+    rests = row[DOES_NEXT] == RESTS
+    if row[PIECE] > 0.0:
+        piece = int(row[PIECE]) - 1
+        if not rests:
+            row[PIECE] = 0.0
+            return model.rests[piece, LEAVE]
+        following = model.rests[piece, FOLLOWS]
+        row[PIECE] = following + 1.0
+        return model.rests[following, HOLD]
+    way = model.ways_to_rest[model.actions[avatars.whole[ACTION, own], NEXT]]
+    if not rests or way[ENTER] < 0:
+        return -1
+    row[PIECE] = way[ROW] + 1.0
+    return way[ENTER]
+
+
+@kernel(inline=True)
+def favour_rest(model, avatars, own, values):
+    """Where an avatar is to rest, add to the values of its actions what they are worth on the way there."""
+    if avatars.conditions[avatars.whole[NUMBER, own], DOES_NEXT] != RESTS:
+        return
+    state = model.actions[avatars.whole[ACTION, own], NEXT]
+    for k in range(model.offsets[state + 1] - model.offsets[state]):
+        until = model.ways_to_rest[model.actions[model.offsets[state] + k, NEXT], UNTIL]
+        values[k] -= TOWARDS * until
+
+
+@kernel(inline=True)
+def may_get_opponent(avatars, now, own):
+    """Return whether an avatar that has no opponent may get one again: one that is down, but not out."""
+    whole = avatars.whole
+    skip, fixed = whole[SKIP, own], whole[FIXED, own]
+    if skip == -2:
+        return fixed >= 0 and avatars.slot_of[fixed] < now.present and comes_back(avatars, avatars.slot_of[fixed])
+    for j in range(now.present):
+        if j != own and whole[TEAM, j] < 0 and -2 - whole[TEAM, j] != skip and comes_back(avatars, j):
+            return True
+    return False
+
+
+@kernel(inline=True)
+def comes_back(avatars, j):
+    """Return whether an avatar that is down will get up again, or may."""
+    row = avatars.conditions[avatars.whole[NUMBER, j]]
+    return row[STANDING] == DROPS or (row[STANDING] <= RISING and row[RISES] < math.inf)

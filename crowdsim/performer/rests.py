@@ -1,0 +1,219 @@
+"""Rests of the embedded boxer: out of the guard to stand at ease, or to walk off and stand at ease, and back again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.motion import ground
+from crowdsim.performer.gait import GUARD_SWING, STROLL
+from crowdsim.performer.plan import Choreographer
+from crowdsim.performer.score import LEAD, REAR, Channel, Rest, Score, Style
+from crowdsim.performer.travel import Stride, travel
+
+_GUARD, _AFTER = 1.15, 1.15
+"""Time in the guard before a rest, and after it [s]."""
+_LOWERS, _RAISES = 1.15, 0.95
+"""Time in which the guard is lowered, and in which it is raised again [s]."""
+_HALF_WIDTH, _TOE_OUT = 0.125, (0.14, -0.16)
+"""Distance of each foot from the middle of a body at ease [m], and headings of the feet, lead and rear [rad]."""
+_EASE = (
+    (Channel.HEIGHT, 0.052),
+    (Channel.SHIFT_Z, -0.045),
+    (Channel.PELVIS_TURN, 0.52),
+    (Channel.PELVIS_TILT, -0.12),
+    (Channel.TWIST, 0.06),
+    (Channel.FLEX, -0.13),
+    (Channel.HEAD_NOD, -0.13),
+    (Channel.LEAD_HEEL, -0.20),
+    (Channel.REAR_HEEL, -0.40),
+    (Channel.LEAD_RAISE, -0.05),
+    (Channel.REAR_RAISE, -0.05),
+    (Channel.LEAD_FORTH, -0.10),
+    (Channel.REAR_FORTH, -0.10),
+)
+"""What takes the body from the guard to standing at ease, but for the hands."""
+_HANGING = (0.225, -0.465, 0.085)
+"""A hanging fist from the chest joint, outwards, up and ahead [m]."""
+_HANDS = (
+    (Channel.LEAD_HAND_X, Channel.LEAD_HAND_Y, Channel.LEAD_HAND_Z),
+    (Channel.REAR_HAND_X, Channel.REAR_HAND_Y, Channel.REAR_HAND_Z),
+)
+
+
+def _lower_hands(plan: Choreographer, start: float, down: float, up: float, end: float) -> None:
+    """Lower the fists from the guard, let them hang from ``down`` to ``up``, and raise them again [s]."""
+    style = plan.style
+    for side, fist in enumerate((style.lead_fist, style.rear_fist)):
+        out, high, ahead = _HANGING
+        wanted = (out if side == LEAD else -out, high, ahead)
+        late = float(plan.rng.uniform(0.0, 0.08))
+        for channel, here, there in zip(_HANDS[side], fist, wanted, strict=True):
+            plan.accent(channel, plan.about(there - here, 0.03), start + late, down, up, end - late)
+
+
+def _stand_easy(plan: Choreographer, start: float, down: float, up: float, end: float) -> None:
+    """Bring the whole body to ease from ``start`` to ``down``, and back from ``up`` to ``end`` [s]."""
+    for channel, size in _EASE:
+        plan.accent(channel, plan.about(size, 0.05), start, down, up, end)
+    _lower_hands(plan, start, down, up, end)
+
+
+def _shift_weight(plan: Choreographer, start: float, end: float) -> None:
+    """Shift the weight from one leg to the other, and look aside."""
+    side = float(plan.rng.choice([-1.0, 1.0]))
+    middle = 0.5 * (start + end)
+    for sign, first, last in ((side, start, middle), (-side, middle - 0.2, end)):
+        parts = ((Channel.SHIFT_X, 0.045), (Channel.PELVIS_BEND, -0.07), (Channel.BEND, 0.09), (Channel.TWIST, 0.08))
+        for channel, size in parts:
+            plan.accent(channel, plan.about(size * sign, 0.1), first, first + 0.8, last - 0.8, last)
+        turn = plan.about(0.35 * sign, 0.2)
+        plan.accent(Channel.HEAD_TURN, turn, first + 0.2, first + 0.8, last - 0.7, last)
+
+
+def _look_about(plan: Choreographer, start: float, end: float) -> None:
+    """Look over one shoulder, then over the other."""
+    side = float(plan.rng.choice([-1.0, 1.0]))
+    middle = 0.5 * (start + end)
+    for sign, first, last in ((side, start, middle), (-side, middle, end)):
+        parts = ((Channel.HEAD_TURN, 0.85), (Channel.TWIST, 0.22), (Channel.PELVIS_TURN, 0.07), (Channel.SHIFT_X, 0.02))
+        for number, (channel, size) in enumerate(parts):
+            late = 0.07 * number
+            plan.accent(channel, plan.about(size * sign, 0.1), first + late, first + 0.75, last - 0.75, last - late)
+
+
+def _shake_arms(plan: Choreographer, start: float, end: float) -> None:
+    """Shake the hanging arms loose, one after the other."""
+    rng = plan.rng
+    for side, first in ((LEAD, start), (REAR, start + 0.45 * (end - start))):
+        beat = float(rng.uniform(0.21, 0.25))
+        sign = 1.0 if side == LEAD else -1.0
+        for number in range(int(0.5 * (end - start) / beat)):
+            now = first + number * beat
+            size = (0.6, 1.0)[number > 0] * (1.0 if number % 2 == 0 else -1.0)
+            times = (now, now + 0.5 * beat, now + 0.5 * beat, now + beat)
+            plan.accent(Channel(Channel.LEAD_ROLL + side), 0.5 * size, *times)
+            plan.accent(_HANDS[side][0], 0.022 * size * sign, *times)
+            plan.accent(Channel(Channel.LEAD_RAISE + side), 0.03 * size, *times)
+        plan.accent(_HANDS[side][1], 0.05, first - 0.2, first + 0.2, first + 0.5 * (end - start), end + 0.2)
+        plan.accent(Channel.BEND, -0.06 * sign, first - 0.2, first + 0.3, first + 0.4 * (end - start), end)
+        plan.accent(Channel.HEAD_NOD, 0.12, first - 0.1, first + 0.4, first + 0.4 * (end - start), end)
+
+
+def _roll_shoulders(plan: Choreographer, start: float, end: float) -> None:
+    """Roll the shoulders backwards, twice, and the neck after them."""
+    lasts = (end - start) / 2.6
+    for number in range(2):
+        now = start + number * lasts
+        for side in (LEAD, REAR):
+            plan.accent(
+                Channel(Channel.LEAD_RAISE + side), 0.34, now, now + 0.42 * lasts, now + 0.5 * lasts, now + lasts
+            )
+            plan.accent(
+                Channel(Channel.LEAD_FORTH + side),
+                0.16,
+                now - 0.1,
+                now + 0.2 * lasts,
+                now + 0.25 * lasts,
+                now + 0.6 * lasts,
+            )
+            plan.accent(
+                Channel(Channel.LEAD_FORTH + side),
+                -0.22,
+                now + 0.3 * lasts,
+                now + 0.65 * lasts,
+                now + 0.7 * lasts,
+                now + lasts,
+            )
+    now = start + 2.0 * lasts
+    for sign, first in ((1.0, now - 0.2), (-1.0, now + 0.35 * lasts)):
+        plan.accent(
+            Channel.HEAD_BEND, 0.32 * sign, first, first + 0.3 * lasts, first + 0.32 * lasts, first + 0.7 * lasts
+        )
+
+
+_IDLE: dict[str, Callable[[Choreographer, float, float], None]] = {
+    "at_ease": _shift_weight,
+    "look_about": _look_about,
+    "shake_arms": _shake_arms,
+    "roll_shoulders": _roll_shoulders,
+}
+_WALKS = {"walk_off_left": 1.0, "walk_off_right": -1.0}
+AT_EASE = tuple(_IDLE)
+"""Kinds of rests on the spot."""
+RESTS = (*AT_EASE, *_WALKS)
+"""Kinds of rests: on the spot, and walking off by a turn to either side."""
+
+
+def write_rest(kind: str, rng: np.random.Generator, facing: float | None = None) -> Score:
+    """Plan a clip of one rest: a second in the guard, the rest, and a second in the guard.
+
+    Args:
+        kind: A word of ``RESTS``.
+        rng: Where every number is drawn from.
+        facing: Heading of the stance at the start [rad]; drawn when None.
+    """
+    plan = Choreographer(rng, facing)
+    start = _GUARD + float(rng.uniform(0.0, 0.15))
+    down = start + plan.about(_LOWERS, 0.06)
+    if kind in _WALKS:
+        stands = _walk_off(plan, start + 0.1, _WALKS[kind])
+        up = stands + float(rng.uniform(2.6, 3.2))
+    else:
+        prints = plan.prints.copy()
+        stands = _stand_square(plan, start + 0.15)
+        up = max(down, stands) + float(rng.uniform(4.6, 5.6))
+        _IDLE[kind](plan, max(down, stands) + 0.2, up - 0.3)
+        _step_back(plan, up + 0.15, prints)
+    if kind in _WALKS:
+        _step_back(plan, up + 0.15, _guard_about(plan, LEAD))
+    end = up + plan.about(_RAISES, 0.05)
+    _stand_easy(plan, start, down, up, end)
+    return plan.finish(end + _AFTER, rests=(Rest(kind, start, down, up, end),))
+
+
+def _square(plan: Choreographer) -> Style:
+    """Return how the boxer stands at ease: feet side by side."""
+    return replace(
+        plan.style, lead_ball=(_HALF_WIDTH, 0.0), rear_ball=(-_HALF_WIDTH, 0.0), foot_yaws=_TOE_OUT, blade=0.0
+    )
+
+
+def _stand_square(plan: Choreographer, start: float) -> float:
+    """Step up beside the lead foot with the rear one; return when both stand side by side [s]."""
+    lead = plan.prints[LEAD]
+    heading = float(plan.ground_frame[2])
+    middle = ground.compose([lead[0], lead[1], heading], [-_HALF_WIDTH, 0.0, 0.0])
+    landing = ground.compose(middle, [-_HALF_WIDTH, float(plan.rng.uniform(-0.02, 0.02)), _TOE_OUT[REAR]])
+    end = start + plan.about(0.52, 0.06)
+    plan.plant(REAR, start, end, landing, plan.about(0.05, 0.1), GUARD_SWING)
+    plan.twist_foot(LEAD, end - 0.12, end + 0.3, heading + _TOE_OUT[LEAD] - float(lead[2]))
+    return end + 0.3
+
+
+def _guard_about(plan: Choreographer, foot: int) -> Array:
+    """Return the footprints of a guard that keeps one foot where it is, and looks where the body does. Shape (2, 3)."""
+    style, heading = plan.style, float(plan.ground_frame[2])
+    balls = (style.lead_ball, style.rear_ball)
+    guard = ground.compose([*plan.prints[foot, :2], heading], [-balls[foot][0], -balls[foot][1], 0.0])
+    plan.ground_frame = guard
+    return np.asarray(ground.compose(guard, np.column_stack([balls, style.foot_yaws])))
+
+
+def _step_back(plan: Choreographer, start: float, prints: Array) -> float:
+    """Step back into a guard with the rear foot, whose prints are given; return when it stands [s]."""
+    end = start + plan.about(0.42, 0.06)
+    plan.plant(REAR, start, end, prints[REAR], plan.about(0.045, 0.1), GUARD_SWING)
+    plan.twist_foot(LEAD, start + 0.1, end + 0.1, float(prints[LEAD, 2] - plan.prints[LEAD, 2]))
+    return end + 0.1
+
+
+def _walk_off(plan: Choreographer, start: float, side: float) -> float:
+    """Turn away, walk some metres and stop, feet side by side; return when both stand [s]."""
+    turn, count = side * float(plan.rng.uniform(2.2, 2.8)), 4
+    around = [Stride(STROLL, 0.42, turn / count)] * count
+    straight = [Stride(STROLL, float(share)) for share in plan.rng.uniform(0.95, 1.05, 5)]
+    return travel(plan, start, [*around, *straight, Stride(STROLL, 0.8)], closing=_square(plan))

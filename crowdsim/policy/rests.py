@@ -1,0 +1,237 @@
+"""Rests as actions behind all those that states choose among, for avatars that need not fight.
+
+A rest is entered from a state whose pose is like one of the guard before it, no less than poses are between which the
+graph has transitions. Standing at ease is cut into short pieces that can be repeated without end; out of each of them
+an action leads back to the guard, and to a state.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.graph.features import frame_features
+from crowdsim.motion.rests import DOWN, FIRST, LAST, START, STOP, UP, RestSpans, no_rests
+from crowdsim.policy.actions import Actions
+from crowdsim.policy.alignment import align_transitions
+from crowdsim.policy.falls import actions_behind
+
+if TYPE_CHECKING:
+    from crowdsim.graph.motion_graph import MotionGraph
+    from crowdsim.graph.settings import GraphSettings
+    from crowdsim.motion.database import MotionDatabase
+
+ENTRIES = 256
+"""Most states from which rests are entered; those of the cheapest transitions."""
+_EARLY, _LONG = 0.25, 0.5
+"""Share of the time at ease in which repetition begins, and least share that is repeated."""
+_LEAVES = 0.75
+"""Share of the time at ease after which the way back to the guard may begin."""
+
+HASTE = 0.03
+"""What a second counts for that it takes longer to be back in a state, beside the costs of transitions [m/s]."""
+
+
+@dataclass(frozen=True)
+class Rests:
+    """The rests of a policy: E ways into them, B pieces of standing at ease.
+
+    Attributes:
+        frames: Where they are in the motion, see ``RestSpans``. Shape (K, 6), int32.
+        enter: Actions from the guard to standing at ease. Shape (E,), int32.
+        state: The state that each begins in, ascending. Shape (E,), int32.
+        row: The piece, by its number, in the pose of whose end it ends. Shape (E,), int32.
+        hold: Actions that stand at ease for a while. Shape (B,), int32.
+        leave: Actions from the end of each of these to a state. Shape (B,), int32.
+        next: The piece that follows each. Shape (B,), int32.
+    """
+
+    frames: Array
+    enter: Array
+    state: Array
+    row: Array
+    hold: Array
+    leave: Array
+    next: Array
+
+    @property
+    def actions(self) -> Array:
+        """All of these actions. Shape (E + 2 B,), int32."""
+        return np.concatenate([self.enter, self.hold, self.leave])
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A piece of a rest: what it shows, and what follows.
+
+    Attributes:
+        before: Frame in whose pose it begins.
+        first: First frame that it shows.
+        last: Its last frame.
+        next: Number of the piece that follows.
+    """
+
+    before: int
+    first: int
+    last: int
+    next: int
+
+
+def add_rests(
+    database: MotionDatabase, graph: MotionGraph, actions: Actions, settings: GraphSettings, seconds: float | None
+) -> tuple[MotionGraph, Actions, Rests | None]:
+    """Return a graph and its actions with the rests of the motion behind them, and which these are.
+
+    None and nothing new where the motion has no rests, or no state is like the guard before any.
+
+    Args:
+        database: The motion.
+        graph: The graph.
+        actions: Its actions.
+        settings: How poses are compared.
+        seconds: About how long a piece of standing at ease is [s]; None for no rests.
+    """
+    if seconds is None or not len(database.rests.frames):
+        return graph, actions, None
+    features = frame_features(database, settings).astype(np.float64)
+    pieces, ends, begins = _all_pieces(features, database, seconds)
+    state, frame, rest, costs = _entries(database, graph, features, begins)
+    if not len(state):
+        return graph, actions, None
+    count = len(pieces)
+    poses = np.array([piece.last for piece in pieces])
+    poses[[first for first, _ in ends]] = begins
+    leave_from, leave_to, arrivals = _ways_back(database, graph, features, poses, ends)
+    begin = np.array([begins[k] for k in rest], np.int64)
+    before = np.concatenate([graph.state_frames[state], [p.before for p in pieces], poses])
+    first = np.concatenate([frame + 1, [p.first for p in pieces], leave_from + 1]).astype(np.int32)
+    last = np.concatenate([begin, [p.last for p in pieces], leave_to])
+    row = np.array([ends[k][0] for k in rest], np.int32)
+    following = np.concatenate([arrivals[row], arrivals, arrivals]).astype(np.int32)
+    lengths = (last - first + 1).astype(np.int32)
+    shifts = align_transitions(
+        database, before * database.stride, (first.astype(np.int64) - 1) * database.stride
+    ).shifts
+    shifts[before == first - 1] = 0.0
+    numbers = np.arange(graph.action_count, graph.action_count + len(first), dtype=np.int32)
+    enter, hold, leave = np.split(numbers, [len(state), len(state) + count])
+    back = np.linalg.norm(features[before] - features[first - 1], axis=1).astype(np.float32)
+    back[: len(state)] = costs
+    extended = replace(
+        graph,
+        action_next=np.concatenate([graph.action_next, following]),
+        action_first=np.concatenate([graph.action_first, first]),
+        action_lengths=np.concatenate([graph.action_lengths, lengths]),
+        action_costs=np.concatenate([graph.action_costs, back]),
+    )
+    rests = Rests(
+        frames=database.rests.frames,
+        enter=enter,
+        state=state.astype(np.int32),
+        row=row,
+        hold=hold,
+        leave=leave,
+        next=np.array([p.next for p in pieces], np.int32),
+    )
+    return extended, actions_behind(database, actions, first, lengths, following, shifts), rests
+
+
+def _all_pieces(
+    features: Array, database: MotionDatabase, seconds: float
+) -> tuple[list[_Piece], list[tuple[int, int]], list[int]]:
+    """Return the pieces of all rests, the first and last number of each rest's, and where each begins to repeat.
+
+    The first piece of a rest is never performed: it stands for the pose in which the rest has been entered.
+    """
+    pieces: list[_Piece] = []
+    ends, begins = [], []
+    for row in database.rests.frames.astype(int):
+        start, stop = _loop(features, row)
+        count = max(1, round((stop - start) / (seconds * database.control_rate)))
+        cuts = np.linspace(start, stop, count + 1).round().astype(int)
+        own = len(pieces)
+        pieces.append(_Piece(start, start + 1, int(cuts[1]), own + 1))
+        for number, (one, other) in enumerate(itertools.pairwise(cuts)):
+            pieces.append(_Piece(int(one), int(one) + 1, int(other), own + 2 + number))
+        # Behind the last piece the first one comes again, out of the last one's pose.
+        again = own + 1 + count
+        pieces.append(_Piece(stop, start + 1, int(cuts[1]), own + 2 if count > 1 else again))
+        ends.append((own, again))
+        begins.append(start)
+    return pieces, ends, begins
+
+
+def _loop(features: Array, row: Array) -> tuple[int, int]:
+    """Return the frames of a rest between which motion repeats best: the first early, the second late enough."""
+    down, up = int(row[DOWN]), int(row[UP])
+    span = up - down
+    starts = np.arange(down, down + max(int(_EARLY * span), 1))
+    stops = np.arange(min(down + max(int((_EARLY + _LONG) * span), 2), up), up + 1)
+    gaps = np.linalg.norm(features[starts][:, None] - features[stops][None], axis=-1)
+    best = int(np.argmin(gaps))
+    return int(starts[best // len(stops)]), int(stops[best % len(stops)])
+
+
+def _entries(
+    database: MotionDatabase, graph: MotionGraph, features: Array, begins: list[int]
+) -> tuple[Array, Array, Array, Array]:
+    """Return states from which rests are entered, the frame each is like, its rest, and what that costs [m].
+
+    None costs more than nine in ten of the graph's transitions.
+    """
+    own = np.asarray(graph.action_costs)[: graph.choice_count][graph.action_has_transition]
+    limit = float(np.percentile(own, 90))
+    states, contacts = features[graph.state_frames], database.contacts[:: database.stride]
+    best = np.full(graph.state_count, np.inf)
+    frames, rests = np.zeros((2, graph.state_count), np.int64)
+    for number, row in enumerate(database.rests.frames.astype(int)):
+        for frame in range(row[FIRST] + 1, row[START] + 1):
+            cost = np.linalg.norm(states - features[frame], axis=1)
+            cost[np.any(contacts[graph.state_frames] != contacts[frame], axis=1)] = np.inf
+            better = cost < best
+            best[better], frames[better], rests[better] = cost[better], frame, number
+    most = np.sort(best)[min(ENTRIES, len(best)) - 1]
+    chosen = np.flatnonzero(best <= min(limit, most))
+    return chosen, frames[chosen], rests[chosen], best[chosen].astype(np.float32)
+
+
+def _ways_back(
+    database: MotionDatabase, graph: MotionGraph, features: Array, poses: Array, ends: list[tuple[int, int]]
+) -> tuple[Array, Array, Array]:
+    """Return for each piece the frame that its last pose is laid on, the last frame of the way back, and its state."""
+    states, haste = features[graph.state_frames], HASTE / database.control_rate
+    leave_from, leave_to, arrivals = np.zeros((3, len(poses)), np.int64)
+    for row, (first, last) in zip(database.rests.frames.astype(int), ends, strict=True):
+        stops = np.arange(row[STOP], row[LAST] + 1)
+        gaps = np.array([np.linalg.norm(states - features[frame], axis=1) for frame in stops])
+        gaps += haste * np.arange(len(stops))[:, None]
+        stop, state = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
+        late = np.arange(row[DOWN] + int(_LEAVES * (row[UP] - row[DOWN])), row[UP] + 1)
+        for number in range(first, last + 1):
+            gap = np.linalg.norm(features[late] - features[poses[number]], axis=1) + haste * (row[UP] - late)
+            leave_from[number] = late[int(np.argmin(gap))]
+        leave_to[first : last + 1], arrivals[first : last + 1] = stops[stop], state
+    return leave_from, leave_to, arrivals
+
+
+def flatten_rests(rests: Rests | None) -> dict[str, Array]:
+    """Return the arrays of rests by the names that they have in a bundle; none where there are no rests."""
+    return {} if rests is None else {f"rests_{field.name}": getattr(rests, field.name) for field in fields(rests)}
+
+
+def read_rests(arrays: Mapping[str, Array]) -> Rests | None:
+    """Return the rests in the arrays of a bundle."""
+    names = [field.name for field in fields(Rests)]
+    if f"rests_{names[0]}" not in arrays:
+        return None
+    return Rests(*(arrays[f"rests_{name}"] for name in names))
+
+
+def rests_of(rests: Rests | None) -> RestSpans:
+    """Return where the rests of a policy are in its motion."""
+    return no_rests() if rests is None else RestSpans(np.asarray(rests.frames))

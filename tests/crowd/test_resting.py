@@ -1,0 +1,186 @@
+"""Avatars stand at ease when they are told to, and where nobody is left to fight."""
+
+import math
+
+import numpy as np
+import pytest
+from resting import resting_policy, restless_policy
+
+from crowdsim.crowd.crowd import build_crowd
+from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.intents import NEARLY
+from crowdsim.crowd.kernels.resting import NO_WAY
+from crowdsim.crowd.model import build_model, entry_actions
+from crowdsim.crowd.resting import actions_until, rest_rows
+from crowdsim.crowd.script import Change, Script
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.triggers import AtFrame
+
+RULES = np.array([[60.0, 6.0, 0.5, 0.1, 5.0, 9.0, 12.0, 3.0, 0.0, 0.0, 0.0, 0.0]])
+ENTER, HOLD, LEAVE = 1, 2, 3
+
+
+def people(count=2, **other):
+    number = np.arange(count)
+    fields = {"conditioned": True, "rules": 0.0 * RULES, "seed": 4, "spacing": 0.8, **other}
+    spacing = fields.pop("spacing")
+    heading = np.where(number % 2 == 0, np.pi / 2, -np.pi / 2)
+    return build_crowd(spacing * (number % 6), 1.5 * (number // 6), heading, **fields)
+
+
+def modes(count, *given, distance=2.0):
+    """A script in which all avatars get modes at frames."""
+    who = np.ones(count, bool)
+    return Script(changes=tuple(Change(AtFrame(f), who=who, mode=mode, distance=distance) for f, mode in given))
+
+
+def kinds(action):
+    """What of a rest actions are: 0 nothing."""
+    rests = resting_policy().rests
+    found = np.zeros(np.shape(action), int)
+    for kind, actions in ((ENTER, rests.enter), (HOLD, rests.hold), (LEAVE, rests.leave)):
+        found[np.isin(action, actions)] = kind
+    return found
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_rows_of_rests_are_those_of_each_policy(count):
+    policies, rests = [resting_policy(), restless_policy()][:count] * 2, resting_policy().rests
+    model = build_model(policies)
+    assert model.ways_to_rest.shape == (len(model.offsets) - 1, 3)
+    assert len(model.rests) == 2 * len(rests.hold)
+    for number, policy in enumerate(policies):
+        first, state = model.policies[number, [layout.ACTIONS, layout.STATES]]
+        own = model.ways_to_rest[state : model.policies[number + 1, layout.STATES]]
+        if policy.rests is None:
+            assert (own[:, 0] == -1).all()
+            assert (own[:, 2] == NO_WAY).all()
+            continue
+        np.testing.assert_array_equal(own[rests.state, 0], first + rests.enter)
+        for entry, row in own[rests.state, :2]:
+            assert entry - first in rests.enter
+            assert model.rests[row, 0] - first in rests.hold
+            assert model.rests[row, 1] - first in rests.leave
+            assert model.rests[model.rests[row, 2], 0] - first in rests.hold
+    entries = entry_actions(model)
+    apart = np.concatenate([model.rests[:, :2].ravel(), model.ways_to_rest[:, 0]])
+    assert not np.isin(entries[entries >= 0], apart).any()
+
+
+def test_policies_without_rests_have_no_rows():
+    rows, ways = rest_rows([restless_policy()], {"state": np.zeros(2), "action": np.zeros(2)})
+    assert rows.shape == ways.shape == (0, 3)
+
+
+def test_actions_until_a_rest_match_a_search_state_by_state():
+    policy = resting_policy()
+    found = actions_until(policy.actions, policy.rests.state)
+    for state in range(0, policy.graph.state_count, 7):
+        reached, far = {state}, 0
+        while not reached & set(policy.rests.state.tolist()):
+            actions = np.concatenate([np.arange(*policy.actions.offsets[[s, s + 1]]) for s in sorted(reached)])
+            reached, far = reached | set(policy.actions.next[actions].tolist()), far + 1
+        assert found[state] == far
+
+
+def test_avatars_go_to_their_distance_stand_at_ease_and_fight_again():
+    one = Simulation(people(), [resting_policy()], modes(2, (60, layout.RESTS), (360, layout.FIGHTS)))
+    chunk = one.run(480)
+    found = kinds(chunk.action)
+    assert not found[:60].any()
+    apart = np.hypot(chunk.x[:, 0] - chunk.x[:, 1], chunk.z[:, 0] - chunk.z[:, 1])
+    for avatar in range(2):
+        entered = int(np.flatnonzero(found[:, avatar] == ENTER)[0])
+        assert entered < 60 + 12 * 15
+        assert apart[entered] > 0.5 * 2.0 - NEARLY
+        assert (found[300:360, avatar] == HOLD).all()
+        assert not found[420:, avatar].any()
+        left = found[360:420, avatar]
+        assert (left == LEAVE).any()
+    assert apart[-1] < apart[359]
+    ease = np.ptp(np.stack([chunk.x, chunk.z])[:, 300:360], axis=1)
+    assert ease.max() < 0.1
+
+
+def test_rests_follow_the_rows_of_the_model_one_after_another():
+    one = Simulation(people(spacing=3.0), [resting_policy()], modes(2, (0, layout.RESTS)))
+    rests = resting_policy().rests
+    piece, before = np.zeros(2, int), np.full(2, -1)
+    for _ in range(400):
+        (actions,) = one.run(1).action
+        for avatar, action in enumerate(actions):
+            if action == before[avatar]:
+                continue
+            if action in rests.enter:
+                piece[avatar] = rests.row[np.flatnonzero(rests.enter == action)[0]]
+            elif before[avatar] in (*rests.enter, *rests.hold):
+                piece[avatar] = rests.next[piece[avatar]]
+                assert action == rests.hold[piece[avatar]]
+        before = actions.copy()
+    assert np.isin(before, rests.hold).all()
+
+
+def test_an_avatar_whose_opponent_has_left_stands_at_ease():
+    gone = Change(AtFrame(40), who=np.array([False, True]), present=False)
+    chunk = Simulation(people(), [resting_policy()], Script(changes=(gone,))).run(240)
+    assert not kinds(chunk.action[:40]).any()
+    assert (kinds(chunk.action[200:, 0]) == HOLD).all()
+
+
+def test_an_avatar_waits_in_its_guard_for_one_that_will_get_up_again():
+    one = Simulation(people(), [resting_policy()])
+    one.run(20)
+    row, slot = one.avatars.conditions[1], one.avatars.slot_of[1]
+    for rises, kind in ((1e6, 0), (math.inf, HOLD)):
+        row[layout.STANDING], row[layout.RISES] = layout.LYING, rises
+        row[layout.FALL] = 0.0
+        one.avatars.whole[layout.TEAM, slot] = -2
+        assert kinds(one.run(150).action[-1, 0]) == kind
+
+
+def test_a_knock_down_ends_a_rest():
+    one = Simulation(people(rules=RULES), [resting_policy()], modes(2, (0, layout.RESTS)))
+    one.run(240)
+    assert (one.avatars.conditions[:, layout.PIECE] > 0.0).all()
+    one.avatars.conditions[0, layout.STANDING] = layout.DROPS
+    one.avatars.whole[layout.TEAM, one.avatars.slot_of[0]] = -2
+    action = one.run(30).action[-1, 0]
+    assert action in resting_policy().falls.actions
+    assert one.avatars.conditions[0, layout.PIECE] == 0.0
+
+
+def bytes_of(chunk):
+    return [np.asarray(values).tobytes() for values in (chunk.action, chunk.x, chunk.z, chunk.heading)]
+
+
+def test_rests_have_the_same_bytes_for_any_threads_and_after_a_resume():
+    count = 12
+    script = modes(count, (30, layout.RESTS), (200, layout.FIGHTS))
+    small = Simulation(people(count, rules=RULES), [resting_policy()], script).run(260)
+    assert kinds(small.action).any(axis=0).sum() > count // 2
+    for threads in (1, 2):
+        staged = Simulation(people(count, rules=RULES), [resting_policy()], script, threads=threads, search="kd_tree")
+        assert bytes_of(staged.run(260)) == bytes_of(small)
+        staged.close()
+    first = Simulation(people(count, rules=RULES), [resting_policy()], script)
+    first.run(150)
+    again = Simulation(people(count, rules=RULES), [resting_policy()], script)
+    again.restore(first.state())
+    assert bytes_of(first.run(110)) == bytes_of(again.run(110))
+
+
+def test_a_piece_that_no_rest_has_is_refused():
+    one = Simulation(people(), [resting_policy()])
+    state = one.state()
+    state["avatars.conditions"] = state["avatars.conditions"].copy()
+    state["avatars.conditions"][0, layout.PIECE] = len(one.model.rests) + 1.0
+    with pytest.raises(ValueError, match="piece"):
+        one.restore(state)
+
+
+def test_without_rests_nothing_of_a_fight_changes():
+    # The restless policy decides by the same tables; what is told to rest keeps its distance in its guard.
+    script = modes(2, (30, layout.RESTS))
+    chunk = Simulation(people(), [restless_policy()], script).run(200)
+    count = restless_policy().graph.choice_count
+    assert (chunk.action < count).all()
