@@ -60,6 +60,7 @@ class TakeSource:
         self.avatar_teams = np.asarray(cast.teams, int)
         self.avatar_scales = np.asarray(cast.scales, float)
         self.avatar_girths = np.asarray(cast.girths, float)
+        self.avatar_stretches = cast.stretches
         # Samples come for the policies that have avatars, in their order.
         present = [index for index in range(len(policies)) if (cast.policies == index).any()]
         self.figures: tuple[Figure, ...] = tuple(policies[index].database.body for index in present)
@@ -137,7 +138,7 @@ def _digest(take: Take) -> str:
     )
     cast, events = take.cast, take.events
     of_cast = (cast.types, cast.teams, cast.policies, cast.scales, cast.girths, cast.speeds, cast.colours)
-    for array in (*of_cast, events.point, events.outcome):
+    for array in (*of_cast, cast.stretches, events.point, events.outcome):
         digest.update(np.ascontiguousarray(array).tobytes())
     for frame in np.unique(np.linspace(0, take.frame_count - 1, 8).astype(int)):
         for variable in (take.action, take.action_frame, take.x, take.z, take.heading):

@@ -53,8 +53,11 @@ class Separation:
             here = (action >= 0) & (take.cast.policies == index)
             some = action[here]
             frames = motion.frames_at(some, done[here])
-            sizes = np.broadcast_to(take.cast.scales, action.shape)[here][:, None, None]
-            points[here] = ground.to_world(place[here][:, None], motion.trunks[frames].astype(float) * sizes)
+            sizes = np.broadcast_to(take.cast.scales, action.shape)[here]
+            found = motion.trunks[frames].astype(float) * sizes[:, None, None]
+            longer = np.broadcast_to(take.cast.legs.astype(float) - 1.0, action.shape)[here]
+            found[:, :, 1] += (sizes * longer * motion.frames.reaches[frames])[:, None]
+            points[here] = ground.to_world(place[here][:, None], found)
         points[fallen_rows(take, self._motions, first, stop)] = np.nan
         return points
 
