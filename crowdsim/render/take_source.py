@@ -65,8 +65,9 @@ class TakeSource:
         present = [index for index in range(len(policies)) if (cast.policies == index).any()]
         self.figures: tuple[Figure, ...] = tuple(policies[index].database.body for index in present)
         self.avatar_figures = np.searchsorted(present, cast.policies).astype(np.int32)
-        heights = np.array([policy.database.body.height for policy in policies])
-        self.avatar_heights = heights[cast.policies] * self.avatar_scales
+        heights, legs = np.array([_heights(policy) for policy in policies]).T
+        longer = legs[cast.policies] * (cast.legs.astype(float) - 1.0)
+        self.avatar_heights = (heights[cast.policies] + longer) * self.avatar_scales
         self.avatar_colours = np.asarray(cast.colours, float)[cast.types]
         self.fingerprint = _digest(take)
         joints = max(policy.database.skeleton.joint_count for policy in policies)
@@ -129,6 +130,14 @@ class TakeSource:
         before = int(control + 1e-9)
         rows = np.asarray(self.take.targets[before : before + 2], float)
         return np.asarray(rows[0] + max(control - before, 0.0) * (rows[-1] - rows[0]))
+
+
+def _heights(policy: Policy) -> tuple[float, float]:
+    """How tall the body of a policy is, and how long its leg [m]."""
+    skeleton, body = policy.database.skeleton, policy.database.body
+    rest, roles = skeleton.rest_positions(), body.roles
+    leg = rest[[roles["left_hip"], roles["left_knee"], roles["left_foot"]]]
+    return body.height, float(np.linalg.norm(np.diff(leg, axis=0), axis=1).sum())
 
 
 def _digest(take: Take) -> str:
