@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from crowdsim.core.easing import ease
 from crowdsim.core.types import Array
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import Body
@@ -30,6 +31,8 @@ _SETTLES = 2
 _SAMPLE = 4096
 _EVEN = 0.03
 """Difference of heights over which one leg takes over from the other [m]."""
+_LIES, _STANDS = 0.15, 0.5
+"""Share of its length up to which a leg that reaches down does not carry the body, and from which on it does."""
 
 
 class Frames(NamedTuple):
@@ -144,7 +147,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     frames = Frames(
         rotations=rotations,
         roots=ground.to_local(database.ground, database.root_positions).astype(np.float32),
-        reaches=leg_reaches(positions[:, legs.joints, 1]),
+        reaches=leg_reaches(positions[:, legs.joints, 1], _length(legs)),
         ground=np.array(database.ground, dtype=np.float64),
         contacts=contacts,
         holds=ground.to_local(database.ground[:, None], holds).astype(np.float32),
@@ -181,20 +184,32 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     )
 
 
-def leg_reaches(heights: Array) -> Array:
+def leg_reaches(heights: Array, length: float) -> Array:
     """Return how far below its hip the ankle of the leg is that a body rests on, 0 where it rests on none [m].
 
     It is the greatest of both legs' and 0, rounded over ``_EVEN``, so that bodies do not jerk where they shift their
-    weight.
+    weight; less where legs hardly carry the body, since it kneels or sits, and 0 where it lies.
 
     Args:
         heights: Heights of hips, knees and ankles [m]. Shape (P, 2, 3).
+        length: Length of a leg [m].
 
     Returns:
         Shape (P,), float32.
     """
     down = (heights[:, :, UPPER] - heights[:, :, LOWER]).astype(float) / _EVEN
-    return (_EVEN * np.logaddexp(0.0, np.logaddexp(down[:, 0], down[:, 1]))).astype(np.float32)
+    reaches = _EVEN * np.logaddexp(0.0, np.logaddexp(down[:, 0], down[:, 1]))
+    carried = ease((reaches / length - _LIES) / (_STANDS - _LIES))
+    return np.asarray(reaches * carried, np.float32)
+
+
+def _length(limbs: Limbs) -> float:
+    """The length of the first of two limbs [m]."""
+    found, at = 0.0, int(limbs.joints[0, LOWER])
+    while at != limbs.joints[0, UPPER]:
+        found += float(np.linalg.norm(limbs.offsets[at]))
+        at = int(limbs.parents[at])
+    return found
 
 
 def fallen_frames(database: MotionDatabase) -> Array:

@@ -96,11 +96,15 @@ def test_only_thighs_shanks_and_arms_are_longer() -> None:
 def test_reaches_of_legs_are_those_of_a_plain_loop() -> None:
     rng = np.random.default_rng(3)
     heights = rng.uniform(0.0, 1.0, (300, 2, 3))
-    found = leg_reaches(heights)
+    found = leg_reaches(heights, 0.8)
     for row, reach in zip(heights, found, strict=True):
         downs = [0.0] + [row[leg][0] - row[leg][2] for leg in range(2)]
-        assert reach == pytest.approx(0.03 * math.log(sum(math.exp(down / 0.03) for down in downs)), abs=1e-6)
-        assert max(downs) <= reach + 1e-6 <= max(downs) + 0.034
+        greatest = 0.03 * math.log(sum(math.exp(down / 0.03) for down in downs))
+        assert max(downs) <= greatest <= max(downs) + 0.034
+        s = min(max((greatest / 0.8 - 0.15) / 0.35, 0.0), 1.0)
+        assert reach == pytest.approx(greatest * s**3 * (10.0 - 15.0 * s + 6.0 * s * s), abs=1e-6)
+    assert (found == 0.0).any()
+    assert (found > 0.5).any()
 
 
 def test_pelvises_are_as_much_higher_as_legs_are_longer() -> None:
