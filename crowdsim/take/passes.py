@@ -22,6 +22,7 @@ from crowdsim.take.fallen import falls_soon
 from crowdsim.take.feet import hold_feet
 from crowdsim.take.fists import PoseAt, plan_landings, reach_out
 from crowdsim.take.gaze import HeadTurns, build_gaze, look
+from crowdsim.take.hands import hold_hands
 from crowdsim.take.kept_rows import KeptRows
 from crowdsim.take.kernels.blending import blend_poses
 from crowdsim.take.kernels.reactions import LENGTH
@@ -127,6 +128,7 @@ class Passes:
         transitions = window.transitions()
         poses = self.blend(window, transitions, playback, moments)
         hold_feet(window, transitions, playback, moments, poses)
+        hold_hands(window, moments, poses)
         look(window, self._gazes[index], moments, poses)
         if self._reactions:
             self._give_way(window, index, moments, poses)
