@@ -127,7 +127,7 @@ def _stretches(sampler: PoseSampler) -> Iterator[_Stretch]:
         (poses,) = sampler.sample(start, stop, FPS)
         times = (np.arange(start, stop) / FPS)[:, None]
         shown = sampler.window(0, np.arange(count), times).playback(Moments(np.arange(count), times)).frames
-        posed = PosedBodies(motion.body, poses.avatars, poses.scales, poses.girths, *poses.joints())
+        posed = PosedBodies(motion.body, poses.avatars, poses.scales, poses.girths, poses.stretches, *poses.joints())
         capsules = place_capsules([posed], stop - start, count, 2)
         ends = np.stack([capsules.starts, capsules.ends])
         low = np.minimum(*(one[..., 1] - capsules.radii[..., k] for k, one in enumerate(ends)))

@@ -34,6 +34,7 @@ from crowdsim.export.pointcloud import CloudSink, export_clouds
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import build_body
 from crowdsim.performer.session import perform
+from crowdsim.take.builds import joint_segments
 from crowdsim.take.poses import Poses
 
 AVATARS = 30
@@ -53,11 +54,14 @@ class Posed:
         rotations[:, :, 0] = quaternion.multiply(turns, rotations[:, :, 0])
         positions = quaternion.rotate(turns, clip.root_positions[rows]) + np.arange(AVATARS)[:, None] * [1.0, 0.0, 0.3]
         scales = np.linspace(0.94, 1.06, AVATARS).astype(np.float32)
-        whole = np.arange(AVATARS)
-        self._poses = Poses(0, whole, skeleton, scales, np.ones_like(scales), positions.astype(np.float32),
-                            rotations.astype(np.float32), np.zeros((frames, AVATARS, 3)))  # fmt: skip
+        whole, body, stretches = np.arange(AVATARS), build_body(skeleton), np.ones((AVATARS, 3))
+        segments = joint_segments(skeleton, body)
+        self._poses = Poses(0, whole, skeleton, scales, np.ones_like(scales), stretches, segments,
+                            positions.astype(np.float32), rotations.astype(np.float32),
+                            np.zeros((frames, AVATARS, 3)))  # fmt: skip
         self._frames = frames
-        self.policies = (SimpleNamespace(database=SimpleNamespace(skeleton=skeleton, body=build_body(skeleton))),)
+        self.policies = (SimpleNamespace(database=SimpleNamespace(skeleton=skeleton, body=body)),)
+        self.motions = (SimpleNamespace(skeleton=skeleton, segments=segments),)
         self.take = SimpleNamespace(
             avatar_count=AVATARS,
             output_frames=lambda fps: frames,
@@ -65,6 +69,7 @@ class Posed:
                 names=[f"boxer_{number:02d}" for number in whole],
                 policies=np.zeros(AVATARS, np.int16),
                 scales=scales,
+                stretches=stretches,
                 teams=(whole % 2).astype(np.int16),
             ),
         )
@@ -76,8 +81,9 @@ class Posed:
     def sample(self, start: int, stop: int, fps: float, avatars: Sequence[int] | None = None) -> list[Poses]:
         """Return a slice of the poses."""
         whole, here = self._poses, slice(start, stop)
-        return [Poses(0, whole.avatars, whole.skeleton, whole.scales, whole.girths,
-                      whole.root_positions[here], whole.rotations[here], whole.ground[here])]  # fmt: skip
+        bodies = whole.scales, whole.girths, whole.stretches, whole.segments
+        return [Poses(0, whole.avatars, whole.skeleton, *bodies, whole.root_positions[here], whole.rotations[here],
+                      whole.ground[here])]  # fmt: skip
 
     def rows(self, avatar: int) -> NDArray[Any]:
         """Return the rows of an avatar's BVH file."""

@@ -79,7 +79,7 @@ def measure(poses: int, repeats: int) -> dict[str, dict[str, float]]:
     none: Any = None
     hinge = np.array([1.0, 0.0, 0.0])
     arms = Limbs(
-        body.parents, body.offsets, none, np.array([ARM] * 2), np.stack([hinge, hinge]), none, none, none, none
+        body.parents, body.offsets, none, none, np.array([ARM] * 2), np.stack([hinge, hinge]), none, none, none, none
     )
     world, turns = forward_kinematics(body, wide_roots, wide_rotations, threads=1)
     reach = float(np.linalg.norm(body.offsets[ARM[1]]))

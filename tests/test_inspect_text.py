@@ -24,7 +24,8 @@ KEYS_OF_A_RUN = (
     "penetration_share penetration_share_with_arms penetration_deepest penetrations_per_minute "
     "repeated_second_per_minute same_source_share same_strike_share stillness_share stillness_share_captured "
     "hits_from_behind_share step_after_hit thrown_per_minute_spread landed_per_minute_spread distance_spread "
-    "scale_spread girth_spread tempo_spread aggression_spread range_spread orthodox southpaws stance_share"
+    "scale_spread girth_spread legs_spread arms_spread tempo_spread aggression_spread range_spread orthodox southpaws "
+    "stance_share"
 ).split()
 
 
@@ -108,12 +109,16 @@ def test_avatars_are_described_by_what_differs_among_them():
     figures |= dict.fromkeys(["fist_gap_most", "foot_slide_median_captured", "foot_slide_95_captured"])
     figures |= {"avatars": 30, "control_frames": 10, "seconds": 1.0, "strikes_thrown": 0, "strikes_landed": 0}
     figures |= NO_OUTCOMES
-    alike = {f"{key}_spread": [1.0, 1.0, 1.0] for key in ("scale", "girth", "tempo", "aggression", "range")}
+    keys = ("scale", "girth", "legs", "arms", "tempo", "aggression", "range")
+    alike = {f"{key}_spread": [1.0, 1.0, 1.0] for key in keys}
     assert not any("skeleton's" in line for line in run_lines({**figures, **alike}))
-    different = {**alike, "scale_spread": [0.95, 1.0, 1.04], "girth_spread": [0.9, 1.02, 1.15], "stance_share": 0.971}
+    different = {**alike, "scale_spread": [0.95, 1.0, 1.04], "girth_spread": [0.9, 1.02, 1.15]}
+    different |= {"arms_spread": [0.97, 1.0, 1.03], "stance_share": 0.971}
     lines = run_lines({**figures, **different, "orthodox": 24, "southpaws": 6})
     said = [line.strip() for line in lines]
     assert any(line.endswith("1.00 times the skeleton's (median), 0.950 to 1.04 for 8 of 10 avatars") for line in said)
+    assert any(line.startswith("arms") and "0.970 to 1.03" in line for line in said)
+    assert not any(line.startswith("legs") for line in said)
     assert any(line.startswith("girth") and "0.900 to 1.15 for 8 of 10 avatars" in line for line in said)
     kept = "24 orthodox, 6 southpaws; the foot of their stance leads for 97.1 % of the time in which one does"
     assert any(line.endswith(kept) for line in said)

@@ -47,6 +47,8 @@ def _people(figures: Figures) -> list[Row]:
         for name, key, unit in (
             ("size", "scale", "times the skeleton's"),
             ("girth", "girth", "times the skeleton's"),
+            ("legs", "legs", "times the skeleton's for their size"),
+            ("arms", "arms", "times the skeleton's for their size"),
             ("tempo", "tempo", "strikes per minute"),
             ("aggression", "aggression", "times the usual"),
             ("range", "range", "m further away"),

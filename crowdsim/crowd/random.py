@@ -40,6 +40,8 @@ class Purpose(IntEnum):
     RANGE = 12
     STANCE = 13
     GIRTH = 14
+    LEGS = 15
+    ARMS = 16
 
 
 def stream(seed: int, purpose: int) -> np.uint64:

@@ -12,6 +12,7 @@ from crowdsim.bvh.io import BvhWriter
 from crowdsim.core.types import Array, Progress
 from crowdsim.export.stream import Block, run_all, stream_poses
 from crowdsim.files import make_folder
+from crowdsim.take.builds import build_skeleton
 from crowdsim.take.poses import Poses, PoseSampler
 
 _DECIMALS = 5
@@ -100,13 +101,15 @@ class BvhSink:
     def _open(self) -> dict[int, BvhWriter]:
         """Writers of the avatars that are there at some time."""
         sampler, writers = self._sampler, {}
+        cast = sampler.take.cast
         for number in map(int, self.avatars):
             present = sampler.present(number, self.start, self.stop, self._fps)
             if present:
-                skeleton = sampler.policies[int(sampler.take.cast.policies[number])].database.skeleton
-                scaled = skeleton.scaled(float(sampler.take.cast.scales[number]))
-                path = self._folder / bvh_name(sampler.take.cast.names[number])
-                writers[number] = BvhWriter(path, scaled, self._fps, present, decimals=_DECIMALS)
+                motion = sampler.motions[int(cast.policies[number])]
+                sizes = float(cast.scales[number]) * cast.stretches[number]
+                skeleton = build_skeleton(motion.skeleton, motion.segments, sizes)
+                path = self._folder / bvh_name(cast.names[number])
+                writers[number] = BvhWriter(path, skeleton, self._fps, present, decimals=_DECIMALS)
         return writers
 
 

@@ -18,12 +18,16 @@ class Riders(NamedTuple):
         positions: Position in that joint's frame [m]. Shape (K, 3).
         normals: Outward normal there. Shape (K, 3).
         swells: Where it goes for each unit of girth [m]. Shape (K, 3).
+        cores: Where it goes for each unit of length of its bone [m]. Shape (K, 3).
+        segments: Which bone that is. Shape (K,).
     """
 
     joints: Array
     positions: Array
     normals: Array
     swells: Array
+    cores: Array
+    segments: Array
 
 
 class Bodies(NamedTuple):
@@ -34,12 +38,14 @@ class Bodies(NamedTuple):
         rotations: Shape (T, n, J, 4).
         scales: Body sizes. Shape (n,).
         girths: How thick trunks and limbs are for their length. Shape (n,).
+        stretches: How long bones of trunks, legs and arms are for the size of the body. Shape (n, 3).
     """
 
     positions: Array
     rotations: Array
     scales: Array
     girths: Array
+    stretches: Array
 
 
 class When(NamedTuple):
@@ -125,7 +131,12 @@ def place_points(bodies, when, wanted, riders, motions, values, labels):
         _measure_joints(bodies, when, n, motions)
         for i in range(riders.joints.shape[0]):
             j, at, swell, normal = riders.joints[i], riders.positions[i], riders.swells[i], riders.normals[i]
-            own = (at[0] + more * swell[0], at[1] + more * swell[1], at[2] + more * swell[2])
+            core, long = riders.cores[i], float(bodies.stretches[n, riders.segments[i]]) - 1.0
+            own = (
+                at[0] + more * swell[0] + long * core[0],
+                at[1] + more * swell[1] + long * core[1],
+                at[2] + more * swell[2] + long * core[2],
+            )
             motion, position, value, label = motions[j], bodies.positions[when.frame, n, j], values[row], labels[row]
             for k in range(3):
                 x, y, z = motion[3 * k], motion[3 * k + 1], motion[3 * k + 2]

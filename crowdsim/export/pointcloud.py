@@ -122,11 +122,12 @@ class CloudSink:
         cloud = Cloud.empty(self._points * sum(map(len, here)))
         teams, first = self._sampler.take.cast.teams, 0
         for poses, (joints, rotations), surface, columns in zip(blocks, all_joints, surfaces, here, strict=True):
-            bodies = Bodies(joints, rotations, poses.scales.astype(np.float32), poses.girths.astype(np.float32))
+            build = poses.scales, poses.girths, poses.stretches
+            bodies = Bodies(joints, rotations, *(values.astype(np.float32) for values in build))
             when = When(max(row - 1, 0), row, min(row + 1, len(joints) - 1), 1.0 / self._fps)
             numbers = poses.avatars[columns]
             wanted = Wanted(columns, numbers.astype(np.int32), teams[numbers].astype(np.int32))
-            riders = Riders(surface.joints, surface.positions, surface.normals, surface.swells)
+            riders = Riders(*(getattr(surface, name) for name in Riders._fields))
             motions = np.empty((joints.shape[2], MOTION_COLUMNS))
             stop = first + self._points * len(columns)
             place_points(bodies, when, wanted, riders, motions, cloud.values[first:stop], cloud.labels[first:stop])

@@ -9,6 +9,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.take.builds import capsule_segments
 from crowdsim.take.capsules import swelling_capsules
 
 _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
@@ -23,12 +24,16 @@ class Surface:
         positions: Position in that joint's frame [m]. Shape (K, 3).
         normals: Outward normal there. Shape (K, 3).
         swells: Where it goes for each unit of girth: along the normal, or nowhere [m]. Shape (K, 3).
+        cores: Point of the bone under it, which goes along with the length of that bone [m]. Shape (K, 3).
+        segments: Which bone that is, see ``builds.capsule_segments``. Shape (K,), int64.
     """
 
     joints: Array
     positions: Array
     normals: Array
     swells: Array
+    cores: Array
+    segments: Array
 
 
 def build_surface(skeleton: Skeleton, body: Body, points: int) -> Surface:
@@ -43,32 +48,32 @@ def build_surface(skeleton: Skeleton, body: Body, points: int) -> Surface:
     centres = rest[body.capsule_joints]
     wanted = points
     while True:
-        joints, positions, normals, swells = _spread(body, wanted)
-        outside = _outside(body, centres, rest[joints] + positions)
+        capsules, spread = _spread(body, wanted)
+        joints = body.capsule_joints[capsules]
+        outside = _outside(body, centres, rest[joints] + spread[0])
         kept = np.flatnonzero(outside)
         if len(kept) >= points:
             # Evenly spaced picks keep the spread even.
             kept = kept[np.floor(np.arange(points) * (len(kept) / points)).astype(int)]
-            return Surface(joints[kept].astype(np.int32), positions[kept], normals[kept], swells[kept])
+            segments = capsule_segments(body)[capsules[kept]]
+            positions, normals, swells, cores = (values[kept] for values in spread)
+            return Surface(joints[kept].astype(np.int32), positions, normals, swells, cores, segments)
         wanted += max(1, points - len(kept))
 
 
-def _spread(body: Body, count: int) -> tuple[Array, Array, Array, Array]:
-    """About ``count`` points over all capsules, on golden spirals: joints, positions, normals and swells."""
+def _spread(body: Body, count: int) -> tuple[Array, list[Array]]:
+    """About ``count`` points over all capsules, on golden spirals: capsules; positions, normals, swells and cores."""
     lengths = np.linalg.norm(body.capsule_ends - body.capsule_starts, axis=1)
     areas = 2 * np.pi * (body.capsule_radii**2).sum(axis=1) + np.pi * body.capsule_radii.sum(axis=1) * lengths
     shares = np.maximum(1, np.round(count * areas / areas.sum()).astype(int))
-    joints, positions, normals, swells = [], [], [], []
+    found = []
     thickens = swelling_capsules(body.capsule_parts)
     for capsule, share in enumerate(shares):
         place, normal, radius = _on_capsule(
             body.capsule_starts[capsule], body.capsule_ends[capsule], body.capsule_radii[capsule], int(share)
         )
-        joints.append(np.full(share, body.capsule_joints[capsule]))
-        positions.append(place)
-        normals.append(normal)
-        swells.append(normal * (radius * thickens[capsule])[:, None])
-    return np.concatenate(joints), np.concatenate(positions), np.concatenate(normals), np.concatenate(swells)
+        found.append((place, normal, normal * (radius * thickens[capsule])[:, None], place - radius[:, None] * normal))
+    return np.repeat(np.arange(len(shares)), shares), [np.concatenate(values) for values in zip(*found, strict=True)]
 
 
 def _on_capsule(start: Array, end: Array, radii: Array, count: int) -> tuple[Array, Array, Array]:

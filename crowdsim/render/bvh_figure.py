@@ -39,6 +39,7 @@ class ClipSource:
         avatar_teams: Shape (1,).
         avatar_scales: Shape (1,).
         avatar_girths: Shape (1,).
+        avatar_stretches: Shape (1, 3).
         avatar_heights: How high the figure reaches over the clip, or how wide, where that is more [m]. Shape (1,).
         figures: One figure.
         avatar_figures: Shape (1,).
@@ -54,6 +55,7 @@ class ClipSource:
     avatar_teams: Array
     avatar_scales: Array
     avatar_girths: Array
+    avatar_stretches: Array
     avatar_heights: Array
     figures: Sequence[Figure]
     avatar_figures: Array
@@ -134,6 +136,7 @@ def clip_source(clip: Clip, figure: Figure | None = None, grounds: Array | None 
         avatar_teams=np.array([team]),
         avatar_scales=np.ones(1),
         avatar_girths=np.ones(1),
+        avatar_stretches=np.ones((1, 3)),
         avatar_heights=np.array([height]),
         figures=(bone_capsules(clip.skeleton) if figure is None else figure,),
         avatar_figures=np.zeros(1, np.int32),

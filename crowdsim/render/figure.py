@@ -11,7 +11,9 @@ from crowdsim.core.types import Array
 from crowdsim.motion.body import PARTS, Body
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.render.palette import EYES
+from crowdsim.take.builds import capsule_segments
 from crowdsim.take.facing import face_direction
+from crowdsim.take.kernels.columns import TRUNK
 
 _WAIST = 0.05
 """How far trunks reach up from the pelvis, as a share of the body's height."""
@@ -129,6 +131,14 @@ def dress(figure: Figure) -> Figure:
         capsule_radii=np.concatenate([figure.capsule_radii, np.repeat(radii, 2).reshape(-1, 2)]),
         capsule_parts=np.append(figure.capsule_parts, parts).astype(np.uint8),
     )
+
+
+def figure_segments(figure: Figure) -> Array:
+    """Return which bones the capsules of a figure lie on once it is dressed, see ``builds.capsule_segments``."""
+    found = np.full(len(dress(figure).capsule_joints), TRUNK, np.int64)
+    if isinstance(figure, Body):
+        found[: len(figure.capsule_joints)] = capsule_segments(figure)
+    return found
 
 
 def _unit(v: Array) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.render.figure import Figure, dress
+from crowdsim.render.figure import Figure, dress, figure_segments
 from crowdsim.render.kernels.capsules import place_capsules
 from crowdsim.render.palette import avatar_paints
 from crowdsim.render.raycast import Capsules
@@ -27,6 +27,8 @@ class Cast:
         members: Avatars of each figure, ascending. Length of ``figures``, each (n,), int32.
         scales: Size of each avatar. Shape (N,).
         girths: How thick its trunk and limbs are for their length. Shape (N,).
+        stretches: How long the bones of its trunk, legs and arms are for its size. Shape (N, 3).
+        segments: Which of these bones each capsule of each figure lies on. Length of ``figures``, each (k,), int64.
         paints: Paint of every capsule, in the order of ``place``. Shape (K, 4), float32.
         owners: Avatar of every capsule. Shape (K,), int32.
     """
@@ -35,6 +37,8 @@ class Cast:
     members: tuple[Array, ...]
     scales: Array
     girths: Array
+    stretches: Array
+    segments: tuple[Array, ...]
     paints: Array
     owners: Array
 
@@ -48,16 +52,17 @@ class Cast:
         balls = 0 if markers is None else len(markers)
         shapes = np.empty((len(self.owners) + balls, 8), np.float32)
         row = 0
-        for figure, avatars, (positions, rotations) in zip(self.figures, self.members, poses, strict=True):
+        kinds = zip(self.figures, self.segments, self.members, poses, strict=True)
+        for figure, segments, avatars, (positions, rotations) in kinds:
             rows = len(avatars) * len(figure.capsule_joints)
             place_capsules(
                 np.ascontiguousarray(positions),
                 np.ascontiguousarray(rotations),
-                self.scales[avatars],
+                self.scales[avatars, None] * self.stretches[avatars],
                 self.girths[avatars],
                 figure.capsule_joints,
-                figure.capsule_starts,
-                figure.capsule_ends,
+                segments,
+                np.stack([figure.capsule_starts, figure.capsule_ends]),
                 figure.capsule_radii,
                 swelling_capsules(figure.capsule_parts).astype(float),
                 shapes[row : row + rows],
@@ -78,6 +83,7 @@ def build_cast(
     scales: Array | None = None,
     colours: Array | None = None,
     girths: Array | None = None,
+    stretches: Array | None = None,
 ) -> Cast:
     """Dress avatars: which figure each has, and which colours.
 
@@ -88,7 +94,9 @@ def build_cast(
         scales: Size of each avatar, 1 by default. Shape (N,).
         colours: Colour that an avatar has instead of its team's, NaN for none: red, green, blue in 0..1. Shape (N, 3).
         girths: How thick its trunk and limbs are for their length, 1 by default. Shape (N,).
+        stretches: How long the bones of its trunk, legs and arms are for its size, 1 by default. Shape (N, 3).
     """
+    segments = tuple(figure_segments(figure) for figure in figures)
     figures = [dress(figure) for figure in figures]
     avatar_figures = np.asarray(avatar_figures)
     by_part = avatar_paints(teams, colours)
@@ -103,6 +111,8 @@ def build_cast(
         members=tuple(members),
         scales=np.ones(len(avatar_figures)) if scales is None else np.asarray(scales, float),
         girths=np.ones(len(avatar_figures)) if girths is None else np.asarray(girths, float),
+        stretches=np.ones((len(avatar_figures), 3)) if stretches is None else np.asarray(stretches, float),
+        segments=segments,
         paints=np.ascontiguousarray(np.concatenate(paints), dtype=np.float32),
         owners=np.concatenate(owners).astype(np.int32),
     )

@@ -51,6 +51,10 @@ class PoseSource(Protocol):
         """How thick each avatar's trunk and limbs are for their length. Shape (N,)."""
 
     @property
+    def avatar_stretches(self) -> Array:
+        """How long the bones of each avatar's trunk, legs and arms are for its size. Shape (N, 3)."""
+
+    @property
     def avatar_heights(self) -> Array:
         """Standing height of each avatar [m]; cameras leave room for it. Shape (N,)."""
 

@@ -108,6 +108,7 @@ def build_stage(source: PoseSource, size: tuple[int, int], camera: str | Keys = 
             source.avatar_scales,
             source.avatar_colours,
             source.avatar_girths,
+            source.avatar_stretches,
         ),
         tracks=tuple(build_track(source, kind, part, crowd) for kind in kinds),
         size=size,

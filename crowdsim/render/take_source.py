@@ -60,12 +60,14 @@ class TakeSource:
         self.avatar_teams = np.asarray(cast.teams, int)
         self.avatar_scales = np.asarray(cast.scales, float)
         self.avatar_girths = np.asarray(cast.girths, float)
+        self.avatar_stretches = cast.stretches
         # Samples come for the policies that have avatars, in their order.
         present = [index for index in range(len(policies)) if (cast.policies == index).any()]
         self.figures: tuple[Figure, ...] = tuple(policies[index].database.body for index in present)
         self.avatar_figures = np.searchsorted(present, cast.policies).astype(np.int32)
-        heights = np.array([policy.database.body.height for policy in policies])
-        self.avatar_heights = heights[cast.policies] * self.avatar_scales
+        heights, legs = np.array([_heights(policy) for policy in policies]).T
+        longer = legs[cast.policies] * (cast.legs.astype(float) - 1.0)
+        self.avatar_heights = (heights[cast.policies] + longer) * self.avatar_scales
         self.avatar_colours = np.asarray(cast.colours, float)[cast.types]
         self.fingerprint = _digest(take)
         joints = max(policy.database.skeleton.joint_count for policy in policies)
@@ -130,6 +132,14 @@ class TakeSource:
         return np.asarray(rows[0] + max(control - before, 0.0) * (rows[-1] - rows[0]))
 
 
+def _heights(policy: Policy) -> tuple[float, float]:
+    """How tall the body of a policy is, and how long its leg [m]."""
+    skeleton, body = policy.database.skeleton, policy.database.body
+    rest, roles = skeleton.rest_positions(), body.roles
+    leg = rest[[roles["left_hip"], roles["left_knee"], roles["left_foot"]]]
+    return body.height, float(np.linalg.norm(np.diff(leg, axis=0), axis=1).sum())
+
+
 def _digest(take: Take) -> str:
     """A text that differs between takes: of the settings, of a few frames and of all strikes."""
     digest = hashlib.sha256(
@@ -137,7 +147,7 @@ def _digest(take: Take) -> str:
     )
     cast, events = take.cast, take.events
     of_cast = (cast.types, cast.teams, cast.policies, cast.scales, cast.girths, cast.speeds, cast.colours)
-    for array in (*of_cast, events.point, events.outcome):
+    for array in (*of_cast, cast.stretches, events.point, events.outcome):
         digest.update(np.ascontiguousarray(array).tobytes())
     for frame in np.unique(np.linspace(0, take.frame_count - 1, 8).astype(int)):
         for variable in (take.action, take.action_frame, take.x, take.z, take.heading):

@@ -168,6 +168,8 @@ def build_cast(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -
         policy_names=tuple(policy.name for policy in policies),
         colours=np.array(colours, float).reshape(-1, 3),
         girths=placed.girth.astype(np.float32),
+        legs=draw_numbers(scenario, placed.type, "legs").astype(np.float32),
+        arms=draw_numbers(scenario, placed.type, "arms").astype(np.float32),
         tempos=draw_numbers(scenario, placed.type, "tempo").astype(np.float32),
         aggressions=draw_numbers(scenario, placed.type, "aggression").astype(np.float32),
         ranges=draw_numbers(scenario, placed.type, "range").astype(np.float32),

@@ -27,6 +27,7 @@ TEMPOS = (1.0, 1000.0)
 AGGRESSIONS = (0.25, 4.0)
 RANGES = (-0.3, 1.0)
 GIRTHS = (0.85, 1.25)
+LENGTHS = (0.9, 1.1)
 STANCES = ("orthodox", "southpaw")
 """Stances: the left foot leads, or the right one."""
 
@@ -179,6 +180,16 @@ class AvatarType(StrictModel):
         description=f"Thickness of trunk and limbs for their length, as a factor from {GIRTHS[0]:g} to {GIRTHS[1]:g}: "
         "a number, or a distribution within these limits. Head, hands and feet keep their size.",
     )
+    legs: Annotated[float, Field(ge=LENGTHS[0], le=LENGTHS[1])] | Spread = Field(
+        default=1.0,
+        description=f"Length of thighs and shanks for the size of the body, as a factor from {LENGTHS[0]:g} to "
+        f"{LENGTHS[1]:g}: a number, or a distribution within these limits. It shows, and changes no decision.",
+    )
+    arms: Annotated[float, Field(ge=LENGTHS[0], le=LENGTHS[1])] | Spread = Field(
+        default=1.0,
+        description=f"Length of upper arms and forearms for the size of the body, as a factor from {LENGTHS[0]:g} to "
+        f"{LENGTHS[1]:g}: a number, or a distribution within these limits. It shows, and changes no decision.",
+    )
     speed: Annotated[float, Field(ge=SPEEDS[0], le=SPEEDS[1])] | Spread = Field(
         default=1.0,
         description=f"Speed of the motion, as a factor from {SPEEDS[0]:g} to {SPEEDS[1]:g}: a number, or a "
@@ -196,6 +207,8 @@ class AvatarType(StrictModel):
             ("range", self.range, RANGES, "distances [m]"),
             ("scale", self.scale, SCALES, "factors"),
             ("girth", self.girth, GIRTHS, "factors"),
+            ("legs", self.legs, LENGTHS, "factors"),
+            ("arms", self.arms, LENGTHS, "factors"),
             ("speed", self.speed, SPEEDS, "factors"),
         ]
         findings = []

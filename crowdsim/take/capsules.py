@@ -10,6 +10,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.motion.body import PARTS, Body
+from crowdsim.take.builds import capsule_segments
 from crowdsim.take.kernels.capsules import Capsules, place_ends
 
 _SWELLING = [PARTS.index(part) for part in ("skin", "shirt", "trunks")]
@@ -23,6 +24,7 @@ class PosedBodies(NamedTuple):
         columns: Column of each among all avatars. Shape (n,).
         scales: Size of each. Shape (n,).
         girths: How thick its trunk and limbs are for their length. Shape (n,).
+        stretches: How long the bones of its trunk, legs and arms are for its size. Shape (n, 3).
         positions: Of joints in the world [m]. Shape (T, n, J, 3).
         rotations: Of joints in the world. Shape (T, n, J, 4).
     """
@@ -31,6 +33,7 @@ class PosedBodies(NamedTuple):
     columns: Array
     scales: Array
     girths: Array
+    stretches: Array
     positions: Array
     rotations: Array
 
@@ -53,15 +56,17 @@ def place_capsules(bodies: Iterable[PosedBodies], times: int, count: int, thread
     radii, bounds, counts = np.zeros((count, most, 2)), np.zeros((count, most)), np.zeros(count, np.int64)
     for posed in bodies:
         body, columns, scales = posed.body, posed.columns, posed.scales
+        sizes = np.asarray(scales, dtype=float)[:, None] * posed.stretches
         order = capsule_order(body)
-        joints, own = body.capsule_joints[order], np.arange(len(order))
+        joints, own, segments = body.capsule_joints[order], np.arange(len(order)), capsule_segments(body)[order]
         offsets = np.stack([body.capsule_starts[order], body.capsule_ends[order]]).astype(float)
-        share(len(columns) * times, place_ends, posed.positions, posed.rotations, np.asarray(scales, dtype=float),
-              joints, offsets, columns, ends, threads=threads)  # fmt: skip
+        share(len(columns) * times, place_ends, posed.positions, posed.rotations, sizes, joints, segments, offsets,
+              columns, ends, threads=threads)  # fmt: skip
         swells = swelling_capsules(body.capsule_parts)[order]
         widths = np.where(swells, posed.girths[:, None], 1.0) * scales[:, None]
         radii[columns[:, None], own] = body.capsule_radii[order] * widths[..., None]
-        halves = 0.5 * np.linalg.norm(body.capsule_ends - body.capsule_starts, axis=1)[order] * scales[:, None]
+        halves = 0.5 * np.linalg.norm(body.capsule_ends - body.capsule_starts, axis=1)[order]
+        halves = halves * np.asarray(scales)[:, None] * posed.stretches[:, segments].astype(scales.dtype)
         bounds[columns[:, None], own] = (halves + body.capsule_radii.max(axis=1)[order] * widths) * 1.001
         counts[columns] = len(order)
     return Capsules(ends[0], ends[1], radii, bounds, counts)

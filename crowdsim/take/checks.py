@@ -18,7 +18,7 @@ from crowdsim.scenario.parts import STANCES
 
 FAR, TURNS, LATE = 1e7, 1e5, 1e6
 """Greatest positions [m], headings [rad] and control frames of an action."""
-SCALES, GIRTHS, SPEEDS = (0.01, 100.0), (0.1, 10.0), (0.01, 20.0)
+SCALES, GIRTHS, LENGTHS, SPEEDS = (0.01, 100.0), (0.1, 10.0), (0.1, 10.0), (0.01, 20.0)
 """Sizes of bodies over their skeletons', thickness for their length, and motion frames in a control frame."""
 
 
@@ -52,6 +52,8 @@ CAST: Mapping[str, Column] = {
     "scale": Column("float32", ("N",), (Within(*SCALES),)),
     "speed": Column("float32", ("N",), (Within(*SPEEDS),)),
     "girth": Column("float32", ("N",), (Within(*GIRTHS),)),
+    "legs": Column("float32", ("N",), (Within(*LENGTHS),)),
+    "arms": Column("float32", ("N",), (Within(*LENGTHS),)),
     "tempo": Column("float32", ("N",), (Within(0.0, 1e6, absent=True),)),
     "aggression": Column("float32", ("N",), (Within(0.0, 1e6),)),
     "range": Column("float32", ("N",), (Within(-FAR, FAR),)),

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 _USUAL: dict[str, tuple[float, Any]] = {
     "girths": (1.0, np.float32),
+    "legs": (1.0, np.float32),
+    "arms": (1.0, np.float32),
     "tempos": (math.nan, np.float32),
     "aggressions": (1.0, np.float32),
     "ranges": (0.0, np.float32),
@@ -47,6 +49,8 @@ class Cast:
         policy_names: Names of the policies.
         colours: Colour of each type, red, green, blue in 0..1; NaN where the scenario gives none. Shape (types, 3).
         girths: How thick trunk and limbs are for their length. Shape (N,), float32.
+        legs: How long thighs and shanks are for the size of the body. Shape (N,), float32.
+        arms: How long upper arms and forearms are for it. Shape (N,), float32.
         tempos: Strikes a minute that the avatar can sustain, NaN for one that never tires. Shape (N,), float32.
         aggressions: How readily it strikes, as a factor. Shape (N,), float32.
         ranges: How much further than others it keeps from its opponent while it rests [m]. Shape (N,), float32.
@@ -64,6 +68,8 @@ class Cast:
     policy_names: tuple[str, ...]
     colours: Array
     girths: Array = field(default_factory=_unknown)
+    legs: Array = field(default_factory=_unknown)
+    arms: Array = field(default_factory=_unknown)
     tempos: Array = field(default_factory=_unknown)
     aggressions: Array = field(default_factory=_unknown)
     ranges: Array = field(default_factory=_unknown)
@@ -79,6 +85,11 @@ class Cast:
     def widths(self) -> Array:
         """How thick bodies are: sizes times girths. Shape (N,), float64."""
         return np.asarray(np.asarray(self.scales, float) * self.girths)
+
+    @property
+    def stretches(self) -> Array:
+        """How long bones of trunks, legs and arms are for the size of the body. Shape (N, 3), float64."""
+        return np.stack([np.ones(len(self.legs)), self.legs, self.arms], axis=1).astype(float)
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,7 @@ class Deflection:
         self._motions = motions
         self._scales = np.asarray(take.cast.scales, dtype=np.float64)
         self._girths = np.asarray(take.cast.girths, dtype=np.float64)
+        self._stretches = take.cast.stretches
         self._riding = [ride_along(motion) for motion in motions]
         self._kept: dict[int, Array] = {}
         self._fine = max(1, round(_RATE / take.control_rate))
@@ -123,10 +124,10 @@ class Deflection:
         deflections = Deflections(
             moves, low, rate, creeps, int(slow[0]), control, starts, near.times[order], near.limbs[order]
         )
-        motion, scales, plants = window.motion, window.rows.scales, window.foot_plants()
+        motion, sizes, plants = window.motion, window.rows.sizes, window.foot_plants()
 
         def work(first: int, stop: int) -> None:
-            bend_limbs(first, stop, moments, deflections, plants, scales, motion.arms, motion.legs, poses)
+            bend_limbs(first, stop, moments, deflections, plants, sizes, motion.arms, motion.legs, poses)
 
         share(len(moments.columns), work, threads=window.threads)
 
@@ -171,15 +172,15 @@ class Deflection:
                     moves[first : first + len(chunk), rows] = self._deflect(times, chosen, near, posed, landed)
         return moves
 
-    def _sizes_of(self, avatars: Array) -> tuple[Array, Array]:
-        """Sizes and girths of some avatars."""
-        return self._scales[avatars], self._girths[avatars]
+    def _build_of(self, avatars: Array) -> tuple[Array, Array, Array]:
+        """Sizes, girths and stretches of some avatars."""
+        return self._scales[avatars], self._girths[avatars], self._stretches[avatars]
 
     def _deflect(self, times: Array, asked: Array, near: Array, joints: AllJoints, landed: Landed) -> Array:
         """Moves of avatars (M,) at times (T,) among those near them (n,), both ascending. Shape (T, M, 4, 2, 3)."""
         moves = np.zeros((len(times), len(asked), LIMBS, MOVED, 3), np.float32)
         posed = [
-            (index, PosedBodies(self._motions[index].body, which, *self._sizes_of(near[which]), positions, rotations))
+            (index, PosedBodies(self._motions[index].body, which, *self._build_of(near[which]), positions, rotations))
             for index, which, positions, rotations, _ in joints
         ]
         capsules = place_capsules([bodies for _, bodies in posed], len(times), len(near), self._threads)

@@ -137,7 +137,13 @@ def plan_landings(
     leans, moves = np.zeros((len(near.times), JOINTS, 3)), np.zeros((len(near.times), 3))
     for which, _, _, positions, rotations in posed:
         leans[which], moves[which] = plan_leans(
-            arms, ELBOW_LEAST, near.hands[which], shifts[which], positions, rotations
+            arms,
+            ELBOW_LEAST,
+            near.hands[which],
+            shifts[which],
+            take.cast.arms[near.attackers[which]],
+            positions,
+            rotations,
         )
     order, starts = by_column(columns[near.attackers], count, near.times)
     for values in (leans, moves):
@@ -173,11 +179,11 @@ def reach_out(window: Window, landings: Landings, moments: Moments, poses: Posed
     """
     if not len(landings.times):
         return
-    arms, legs, scales = window.motion.arms, window.motion.legs, window.rows.scales
+    arms, legs, sizes = window.motion.arms, window.motion.legs, window.rows.sizes
     leaning = leaning_joints(arms)
 
     def work(low: int, high: int) -> None:
-        carry_fists(low, high, moments, landings, scales, arms, legs, leaning, within, poses)
+        carry_fists(low, high, moments, landings, sizes, arms, legs, leaning, within, poses)
 
     share(len(moments.columns), work, threads=window.threads)
 

@@ -64,10 +64,10 @@ def kick(
     if not len(near.times):
         return
     kicks = plan_kicks(take, near, columns, pose_at, struck_at, window)
-    legs, scales = window.motion.legs, window.rows.scales
+    legs, sizes = window.motion.legs, window.rows.sizes
 
     def work(low: int, high: int) -> None:
-        carry_feet(low, high, moments, kicks, scales, legs, within, poses)
+        carry_feet(low, high, moments, kicks, sizes, legs, within, poses)
 
     share(len(moments.columns), work, threads=window.threads)
 

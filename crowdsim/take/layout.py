@@ -20,6 +20,8 @@ LABELS = {
     "scale": ("1", "body size over the size of the skeleton"),
     "speed": ("1", "motion frames in a control frame"),
     "girth": ("1", "thickness of trunk and limbs for their length, over the skeleton's"),
+    "legs": ("1", "length of thighs and shanks for the size of the body, over the skeleton's"),
+    "arms": ("1", "length of upper arms and forearms for the size of the body, over the skeleton's"),
     "tempo": ("1/min", "strikes that the avatar can sustain, NaN for one that never tires"),
     "aggression": ("1", "how readily the avatar strikes, as a factor"),
     "range": ("m", "how much further than others the avatar keeps from its opponent while it rests"),
@@ -51,13 +53,15 @@ CAST = {
     "scale": "scales",
     "speed": "speeds",
     "girth": "girths",
+    "legs": "legs",
+    "arms": "arms",
     "tempo": "tempos",
     "aggression": "aggressions",
     "range": "ranges",
     "stance": "stances",
     "name": "names",
 }
-LATER_CAST = ("girth", "tempo", "aggression", "range", "stance")
+LATER_CAST = ("girth", "legs", "arms", "tempo", "aggression", "range", "stance")
 """What older takes do not have of each avatar."""
 EVENTS = {
     "frame": "<f4",

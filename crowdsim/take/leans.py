@@ -56,7 +56,7 @@ def leaning_joints(arms: Limbs) -> Array:
 
 
 def plan_leans(
-    arms: Limbs, least: float, hands: Array, shifts: Array, positions: Array, world_rotations: Array
+    arms: Limbs, least: float, hands: Array, shifts: Array, stretches: Array, positions: Array, world_rotations: Array
 ) -> Leans:
     """Find what trunks have to give for fists that are to be carried.
 
@@ -65,11 +65,11 @@ def plan_leans(
         least: Least flexion of an elbow [rad].
         hands: Which hand of each strikes. Shape (E,).
         shifts: How far its fist is to go [m]. Shape (E, 3).
+        stretches: How long the bones of its arms are for the size of its body. Shape (E,).
         positions: Positions of joints at the strikes [m]. Shape (E, J, 3).
         world_rotations: Their rotations in the world. Shape (E, J, 4).
     """
-    rows, count = np.arange(len(hands)), len(hands)
-    joints = leaning_joints(arms)
+    rows, count, joints = np.arange(len(hands)), len(hands), leaning_joints(arms)
     mine = np.stack([np.full(count, joints[0]), np.full(count, joints[1]), joints[2 + hands]], axis=1)
     upper, middle, end = (positions[rows, arms.joints[hands, k]].astype(float) for k in range(3))
     # What hangs on each joint up to the next one, from the root to the shoulder; a joint that is missing holds still.
@@ -78,7 +78,7 @@ def plan_leans(
     levers = np.diff(np.concatenate([corners, upper[:, None]], axis=1), axis=1)
     fists = quaternion.rotate(world_rotations[rows, arms.joints[hands, 2]].astype(float), arms.points[hands, 0])
     size = np.linalg.norm(end - middle, axis=1) / np.linalg.norm(arms.offsets[arms.joints[hands, 2]], axis=1)
-    fists *= size[:, None]
+    fists *= (size / stretches)[:, None]
     a, b = np.linalg.norm(middle - upper, axis=1), np.linalg.norm(end - middle, axis=1)
     longest = np.sqrt(a * a + b * b + 2.0 * a * b * math.cos(least)) - _MARGIN * (a + b)
     now = np.linalg.norm(end - upper, axis=1)

@@ -11,6 +11,7 @@ from crowdsim.core.types import Array
 from crowdsim.motion.body import Body
 from crowdsim.motion.limbs import flexion, hinge_axis
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.take.builds import joint_segments
 
 _FREE, _MORE = np.deg2rad(130.0), np.deg2rad(8.0)
 """Flexion that blends may always give, and what they may give beyond that or the capture's own [rad]."""
@@ -23,6 +24,7 @@ class Limbs(NamedTuple):
     Attributes:
         parents: Parent of each joint of the skeleton. Shape (J,).
         offsets: Position of each joint in its parent's frame [m]. Shape (J, 3).
+        segments: What each joint carries, see ``builds.joint_segments``. Shape (J,).
         chain: Joints from the root to the ends, parents first.
         joints: Upper, middle and end joint. Shape (2, 3).
         hinges: Axis of flexion in the upper joint's frame. Shape (2, 3).
@@ -36,6 +38,7 @@ class Limbs(NamedTuple):
 
     parents: Array
     offsets: Array
+    segments: Array
     chain: Array
     joints: Array
     hinges: Array
@@ -94,6 +97,7 @@ def measure_limbs(
     return Limbs(
         parents=np.asarray(skeleton.parents, dtype=np.int64),
         offsets=np.asarray(skeleton.offsets, dtype=np.float64),
+        segments=joint_segments(skeleton, body),
         chain=chain_of(skeleton, [*joints[:, 2], *bends]),
         joints=joints,
         hinges=np.stack(hinges),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from crowdsim.core.easing import ease
 from crowdsim.core.types import Array
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import Body
@@ -16,6 +17,7 @@ from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.take.facing import chest_direction, face_direction
 from crowdsim.take.gait import Gait, measure_gait
+from crowdsim.take.kernels.columns import LOWER, UPPER
 from crowdsim.take.limbs import Hinges, Limbs, measure_hinges, measure_limbs
 
 if TYPE_CHECKING:
@@ -27,6 +29,10 @@ if TYPE_CHECKING:
 _SETTLES = 2
 """Frames at the ends of a foot plant in which the foot still comes to rest, or begins to lift."""
 _SAMPLE = 4096
+_EVEN = 0.03
+"""Difference of heights over which one leg takes over from the other [m]."""
+_LIES, _STANDS = 0.15, 0.5
+"""Share of its length up to which a leg that reaches down does not carry the body, and from which on it does."""
 
 
 class Frames(NamedTuple):
@@ -36,6 +42,8 @@ class Frames(NamedTuple):
         rotations: Local rotations, the root's without the heading, continuous in sign in a clip. Shape (P, J, 4),
             float32.
         roots: Position of the root in the frame's ground frame [m]. Shape (P, 3), float32.
+        reaches: How far below its hip the ankle of the leg is that the body rests on, 0 where it rests on none [m].
+            Shape (P,), float32.
         ground: Ground transform in the clip's world. Shape (P, 3), float64.
         contacts: Whether each foot is planted. Shape (P, 2), bool.
         holds: Point of each foot about which it rotates while it is planted, in the frame's ground frame [m].
@@ -52,6 +60,7 @@ class Frames(NamedTuple):
 
     rotations: Array
     roots: Array
+    reaches: Array
     ground: Array
     contacts: Array
     holds: Array
@@ -70,6 +79,7 @@ class PoseMotion:
     Attributes:
         skeleton: The skeleton.
         body: What it is as a body.
+        segments: What each of its joints carries, see ``builds.joint_segments``. Shape (J,).
         target: The body of scripted targets that it strikes.
         frames: The frames.
         legs: The legs.
@@ -92,6 +102,7 @@ class PoseMotion:
 
     skeleton: Skeleton
     body: Body
+    segments: Array
     target: TargetBody
     frames: Frames
     legs: Limbs
@@ -138,6 +149,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     frames = Frames(
         rotations=rotations,
         roots=ground.to_local(database.ground, database.root_positions).astype(np.float32),
+        reaches=leg_reaches(positions[:, legs.joints, 1], _length(legs)),
         ground=np.array(database.ground, dtype=np.float64),
         contacts=contacts,
         holds=ground.to_local(database.ground[:, None], holds).astype(np.float32),
@@ -156,6 +168,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     return PoseMotion(
         skeleton=skeleton,
         body=body,
+        segments=legs.segments,
         target=policy.body,
         frames=frames,
         legs=legs,
@@ -172,6 +185,34 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         shifts=np.asarray(policy.actions.shifts, dtype=np.float64),
         down=down,
     )
+
+
+def leg_reaches(heights: Array, length: float) -> Array:
+    """Return how far below its hip the ankle of the leg is that a body rests on, 0 where it rests on none [m].
+
+    It is the greatest of both legs' and 0, rounded over ``_EVEN``, so that bodies do not jerk where they shift their
+    weight; less where legs hardly carry the body, since it kneels or sits, and 0 where it lies.
+
+    Args:
+        heights: Heights of hips, knees and ankles [m]. Shape (P, 2, 3).
+        length: Length of a leg [m].
+
+    Returns:
+        Shape (P,), float32.
+    """
+    down = (heights[:, :, UPPER] - heights[:, :, LOWER]).astype(float) / _EVEN
+    reaches = _EVEN * np.logaddexp(0.0, np.logaddexp(down[:, 0], down[:, 1]))
+    carried = ease((reaches / length - _LIES) / (_STANDS - _LIES))
+    return np.asarray(reaches * carried, np.float32)
+
+
+def _length(limbs: Limbs) -> float:
+    """The length of the first of two limbs [m]."""
+    found, at = 0.0, int(limbs.joints[0, LOWER])
+    while at != limbs.joints[0, UPPER]:
+        found += float(np.linalg.norm(limbs.offsets[at]))
+        at = int(limbs.parents[at])
+    return found
 
 
 def fallen_frames(database: MotionDatabase) -> Array:

@@ -22,6 +22,7 @@ from crowdsim.take.fallen import falls_soon
 from crowdsim.take.feet import hold_feet
 from crowdsim.take.fists import PoseAt, plan_landings, reach_out
 from crowdsim.take.gaze import HeadTurns, build_gaze, look
+from crowdsim.take.hands import hold_hands
 from crowdsim.take.kept_rows import KeptRows
 from crowdsim.take.kernels.blending import blend_poses
 from crowdsim.take.kernels.reactions import LENGTH
@@ -34,7 +35,6 @@ from crowdsim.take.motion import PoseMotion
 from crowdsim.take.reactions import BlowPlanner, build_trunk, give_way
 from crowdsim.take.separation import Separation
 from crowdsim.take.window import Window
-from crowdsim.take.world import world_joints
 
 Joints = tuple[Array, Body, Array, Array, Array]
 """Joints of some of the avatars asked for: which of them (n,), body, sizes (n,), positions (n, J, 3) [m] and rotations
@@ -128,15 +128,16 @@ class Passes:
         transitions = window.transitions()
         poses = self.blend(window, transitions, playback, moments)
         hold_feet(window, transitions, playback, moments, poses)
+        hold_hands(window, moments, poses)
         look(window, self._gazes[index], moments, poses)
         if self._reactions:
             self._give_way(window, index, moments, poses)
         return poses, playback
 
     def place_at(self, avatars: Array, times: Array) -> list[tuple[Array, PoseMotion, Array, Playback]]:
-        """Return where avatars (E,) are at times (E,)."""
+        """Return where avatars (E,) are at times (E,): which of them, their motion, sizes of bones and playback."""
         return [
-            (which, window.motion, window.rows.scales[moments.columns], window.playback(moments))
+            (which, window.motion, window.rows.sizes[moments.columns], window.playback(moments))
             for which, _, window, moments in self._moments(avatars, times)
         ]
 
@@ -211,9 +212,9 @@ class Passes:
         """Joints of avatars (E,) at times (E,), each at its own, by one of the passes."""
         found = []
         for which, index, window, moments in self._moments(avatars, times):
-            motion, scales = window.motion, window.rows.scales[moments.columns]
-            positions, rotations = world_joints(motion.skeleton, scales, pose(window, index, moments))
-            found.append((which, motion.body, scales, positions[0], rotations[0]))
+            scales, poses = window.rows.scales[moments.columns], pose(window, index, moments)
+            positions, rotations = window.world_joints(poses, moments.columns)
+            found.append((which, window.motion.body, scales, positions[0], rotations[0]))
         return found
 
     def _columns_of(self, window: Window) -> Array:
@@ -235,7 +236,7 @@ class Passes:
             for one in posed:
                 poses = Posed(one.poses.roots[some], one.poses.rotations[some])
                 freedom = one.window.free_feet(one.moments._replace(times=times[some, None]))
-                found.append((one.policy, one.which, *self._world_joints(one.window, poses), freedom))
+                found.append((one.policy, one.which, *one.window.world_joints(poses), freedom))
             return found
 
         if self._deflection.is_needed and len(avatars) == self._take.avatar_count:
@@ -256,13 +257,10 @@ class Passes:
             self._carry(window, moments, poses)
             yield _Undeflected(int(index), which, window, moments, poses, playback)
 
-    def _world_joints(self, window: Window, poses: Posed) -> tuple[Array, Array]:
-        return world_joints(window.motion.skeleton, window.rows.scales, poses)
-
     def _pose_all(self, avatars: Array, times: Array) -> AllJoints:
         """Joints of avatars (n,), ascending, at the same times (T,), before limbs give way."""
         return [
-            (one.policy, one.which, *self._world_joints(one.window, one.poses), one.window.free_feet(one.moments))
+            (one.policy, one.which, *one.window.world_joints(one.poses), one.window.free_feet(one.moments))
             for one in self._before_deflection(avatars, times)
         ]
 

@@ -82,7 +82,7 @@ def _depths(sampler: PoseSampler, groups: Sequence[Poses], threads: int) -> Arra
     times, count = len(groups[0].rotations), sampler.take.avatar_count
     motions = [sampler.motions[group.policy] for group in groups]
     bodies = [
-        PosedBodies(motion.body, group.avatars, group.scales, group.girths, *group.joints())
+        PosedBodies(motion.body, group.avatars, group.scales, group.girths, group.stretches, *group.joints())
         for group, motion in zip(groups, motions, strict=True)
     ]
     capsules = place_capsules(bodies, times, count, threads)

@@ -29,6 +29,8 @@ class People:
     Attributes:
         scale_spread: Size of the body over its skeleton's.
         girth_spread: Thickness of trunk and limbs for their length.
+        legs_spread: Length of thighs and shanks for the size of the body.
+        arms_spread: Length of upper arms and forearms for it.
         tempo_spread: Strikes a minute that an avatar can sustain; None where the take says it of none, or none tires.
         aggression_spread: How readily it strikes, as a factor.
         range_spread: How much further than others it keeps from its opponent while it rests [m].
@@ -40,6 +42,8 @@ class People:
 
     scale_spread: list[float] | None
     girth_spread: list[float] | None
+    legs_spread: list[float] | None
+    arms_spread: list[float] | None
     tempo_spread: list[float] | None
     aggression_spread: list[float] | None
     range_spread: list[float] | None
@@ -60,6 +64,8 @@ def measure_people(take: TakeData, policies: Sequence[Policy]) -> People:
     return People(
         scale_spread=_spread(cast.scales),
         girth_spread=_spread(cast.girths),
+        legs_spread=_spread(cast.legs),
+        arms_spread=_spread(cast.arms),
         tempo_spread=_spread(cast.tempos),
         aggression_spread=_spread(cast.aggressions),
         range_spread=_spread(cast.ranges),

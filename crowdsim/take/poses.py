@@ -21,7 +21,8 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.policy.rewards import posed_distance
 from crowdsim.take.data import TakeData
-from crowdsim.take.kernels.records import Moments, Posed
+from crowdsim.take.kernels.columns import TRUNK
+from crowdsim.take.kernels.records import Moments, Playback, Posed
 from crowdsim.take.known import with_known_actions
 from crowdsim.take.landed import find_landed
 from crowdsim.take.motion import prepare_motion
@@ -37,6 +38,8 @@ _BLOCK, _AROUND = 8.0, 3.0
 _NECK, _NEAR = 0.3, 0.05
 """Where necks are between head and pelvis, and how near fists that miss may be to be looked at closely [m]."""
 
+_LONG = 0.9
+"""How much nearer a fist may be for each doubling of a limb [m]."""
 _READ, _IN_MEMORY = ("action", "action_frame", "x", "z", "heading", "opponent", "targets"), 4_000_000
 """What poses read of a take; one of no more avatar-frames than this is read at once, not stretch by stretch."""
 
@@ -51,6 +54,8 @@ class Poses:
         skeleton: Their skeleton, unscaled.
         scales: Size of each body. Shape (n,).
         girths: How thick its trunk and limbs are for their length. Shape (n,).
+        stretches: How long the bones of its trunk, legs and arms are for its size. Shape (n, 3).
+        segments: Which of these hangs on each joint, see ``builds.joint_segments``. Shape (J,).
         root_positions: Position of the root in the world [m]; NaN while absent. Shape (T, n, 3), float32.
         rotations: Local joint rotations, the root's in the world; NaN while absent. Shape (T, n, J, 4), float32.
         ground: Ground transform. Shape (T, n, 3), float64.
@@ -61,6 +66,8 @@ class Poses:
     skeleton: Skeleton
     scales: Array
     girths: Array
+    stretches: Array
+    segments: Array
     root_positions: Array
     rotations: Array
     ground: Array
@@ -77,7 +84,8 @@ class Poses:
 
     def joints(self) -> tuple[Array, Array]:
         """Return positions (T, n, J, 3) [m] and rotations (T, n, J, 4) of all joints in the world."""
-        return world_joints(self.skeleton, self.scales, Posed(self.root_positions, self.rotations))
+        poses = Posed(self.root_positions, self.rotations)
+        return world_joints(self.skeleton, self.segments, self.scales, self.stretches, poses)
 
 
 class PoseSampler:
@@ -137,8 +145,7 @@ class PoseSampler:
             self._look_for_buried(float(times[0]), float(times[-1]))
         result = []
         for index, which, poses, playback in self._passes.sample(numbers, times):
-            mine, skeleton = numbers[which], self.motions[index].skeleton
-            result.append(Poses(index, mine, skeleton, *self._sizes_of(mine), *poses, playback.ground))
+            result.append(self._named(index, numbers[which], poses, playback))
         return result
 
     def captured(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:
@@ -150,7 +157,7 @@ class PoseSampler:
         owners = self.take.cast.policies[numbers]
         times = (np.arange(start, stop) / fps)[:, None]
         result = []
-        for index, motion in enumerate(self.motions):
+        for index in range(len(self.motions)):
             mine = numbers[owners == index]
             if not len(mine):
                 continue
@@ -159,12 +166,14 @@ class PoseSampler:
             playback = window.playback(moments)
             none = window.transitions()._replace(starts=np.zeros(len(mine) + 1, np.int64))
             poses = self._passes.blend(window, none, playback, moments)
-            result.append(Poses(index, mine, motion.skeleton, *self._sizes_of(mine), *poses, playback.ground))
+            result.append(self._named(index, mine, poses, playback))
         return result
 
-    def _sizes_of(self, avatars: Array) -> tuple[Array, Array]:
-        """Return sizes and girths of some avatars (n,)."""
-        return self.take.cast.scales[avatars], self.take.cast.girths[avatars]
+    def _named(self, index: int, avatars: Array, poses: Posed, playback: Playback) -> Poses:
+        """Return poses of avatars (n,) of a policy with what there is to know of their bodies."""
+        cast, motion = self.take.cast, self.motions[index]
+        build = cast.scales[avatars], cast.girths[avatars], cast.stretches[avatars], motion.segments
+        return Poses(index, avatars, motion.skeleton, *build, *poses, playback.ground)
 
     def present(self, avatar: int, start: int, stop: int, fps: float) -> int:
         """Return in how many of the output frames ``start`` to ``stop`` an avatar is there."""
@@ -189,16 +198,19 @@ class PoseSampler:
         some = np.flatnonzero(missed & (times >= first) & (times < last))
         points = np.asarray(events.point, dtype=np.float64).reshape(-1, 3)[some]
         victims = np.asarray(events.victim)[some].astype(np.int64)
-        for which, motion, scales, playback in self._passes.place_at(victims, times[some]):
-            frames, size = np.maximum(playback.frames[0], 0), scales[:, None]
+        cast, attackers = self.take.cast, np.asarray(events.attacker)[some].astype(np.int64)
+        for which, motion, sizes, playback in self._passes.place_at(victims, times[some]):
+            frames, scales = np.maximum(playback.frames[0], 0), sizes[:, TRUNK]
             heads, pelvises = (
-                ground.to_world(playback.ground[0], local[frames].astype(float) * size)
+                ground.to_world(playback.ground[0], local[frames].astype(float) * scales[:, None])
                 for local in (motion.trunks[:, 0], motion.frames.roots)
             )
             body, necks = motion.body, heads + _NECK * (pelvises - heads)
             radii = body.head_radius * scales, body.torso_radius * self.take.cast.widths[victims[which]]
             gaps = posed_distance(points[which], heads, necks, pelvises, *radii)
-            self._buried[some[which]] = gaps < _NEAR * scales
+            # The record knows nothing of legs and arms.
+            unlike = np.abs(cast.stretches[[victims[which], attackers[which]]] - 1.0).sum(axis=(0, 2))
+            self._buried[some[which]] = gaps < (_NEAR + _LONG * unlike) * scales
         return bool(self._buried[some].any())
 
     def window(self, index: int, avatars: Array, times: Array) -> Window:

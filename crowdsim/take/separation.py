@@ -14,6 +14,9 @@ from crowdsim.take.fallen import fallen_rows
 from crowdsim.take.kernels.separation import POINTS, push_trunks
 from crowdsim.take.motion import PoseMotion
 
+_RISING = np.array([1.0, 1.0, 1.0, 1.0, 0.5, 1.0, 0.5])
+"""How far points rise with the pelvis where legs are longer: head, neck, pelvis, and hip and knee of either leg."""
+
 
 class Separation:
     """How far trunks give way.
@@ -54,9 +57,12 @@ class Separation:
             here = (action >= 0) & (take.cast.policies == index)
             some = action[here]
             frames = motion.frames_at(some, done[here])
-            sizes = np.broadcast_to(take.cast.scales, action.shape)[here][:, None, None]
+            sizes = np.broadcast_to(take.cast.scales, action.shape)[here]
+            longer = np.broadcast_to(take.cast.legs.astype(float) - 1.0, action.shape)[here]
             local = np.concatenate([motion.trunks[frames], motion.thighs[frames].reshape(-1, 4, 3)], axis=1)
-            points[here] = ground.to_world(place[here][:, None], local.astype(float) * sizes)
+            found = local.astype(float) * sizes[:, None, None]
+            found[:, :, 1] += (sizes * longer * motion.frames.reaches[frames])[:, None] * _RISING
+            points[here] = ground.to_world(place[here][:, None], found)
         points[fallen_rows(take, self._motions, first, stop)] = np.nan
         return points
 

@@ -15,10 +15,11 @@ from crowdsim.take.kernels.blending import BLEND
 from crowdsim.take.kernels.columns import GAP_COLUMNS
 from crowdsim.take.kernels.foot_plants import find_foot_plants, free_feet
 from crowdsim.take.kernels.placing import find_playback
-from crowdsim.take.kernels.records import FootPlants, Moments, Playback, Rows, Steps, Transitions
+from crowdsim.take.kernels.records import FootPlants, Moments, Playback, Posed, Rows, Steps, Transitions
 from crowdsim.take.kernels.steps import StepRules, plan_steps
 from crowdsim.take.kernels.transitions import measure_transitions
 from crowdsim.take.motion import PoseMotion
+from crowdsim.take.world import world_joints
 
 LEAST_BLEND = 0.2
 """Least time that a blend lasts before a transition, and after it [s]."""
@@ -77,6 +78,8 @@ class Window:
         action = read(take.action).astype(np.int64)
         speeds = np.asarray(take.cast.speeds, dtype=np.float64)[avatars]
         lengths = motion.lengths[np.maximum(action, 0)].astype(np.float64)
+        scales = np.asarray(take.cast.scales, dtype=np.float64)[avatars]
+        self._stretches = take.cast.stretches[avatars]
         phase = np.minimum(read(take.action_frame).astype(np.float64), lengths)
         fresh = np.ones(action.shape, bool)
         # An action that starts again need not be another one; otherwise its phase advances by the speed.
@@ -90,7 +93,8 @@ class Window:
             ground=np.stack([read(take.x), read(take.z), read(take.heading)], axis=-1).astype(np.float64),
             fresh=fresh,
             speeds=speeds,
-            scales=np.asarray(take.cast.scales, dtype=np.float64)[avatars],
+            scales=scales,
+            sizes=scales[:, None] * self._stretches,
             pushes=pushes,
             turns=turns,
             lows=lows,
@@ -112,6 +116,17 @@ class Window:
 
         share(len(moments.columns), work, threads=self.threads)
         return playback
+
+    def world_joints(self, poses: Posed, columns: Array | None = None) -> tuple[Array, Array]:
+        """Return positions (T, n, J, 3) [m] and rotations (T, n, J, 4) of joints of poses.
+
+        Args:
+            poses: Poses of avatars of the window.
+            columns: Their columns, all of them when None. Shape (n,).
+        """
+        some = slice(None) if columns is None else columns
+        scales, stretches = self.rows.scales[some], self._stretches[some]
+        return world_joints(self.motion.skeleton, self.motion.segments, scales, stretches, poses)
 
     def transitions(self) -> Transitions:
         """Return the transitions, measured."""

@@ -27,7 +27,7 @@ COMING = {
         {"name": "late", "team": "blue", "type": "large", "count": 1, "waits": True,
          "placement": {"kind": "grid", "centre": [0, -1]}},
     ],
-    "types": {"boxer": {"policy": "tiny"}, "large": {"policy": "tiny", "scale": 1.2}},
+    "types": {"boxer": {"policy": "tiny"}, "large": {"policy": "tiny", "scale": 1.2, "legs": 1.1, "arms": 0.9}},
     "opponents": {"kind": "anyone"},
     "events": [
         {"kind": "add", "when": {"kind": "frame", "frame": 10}, "group": "late"},
@@ -56,6 +56,7 @@ def joints_of(sampler: PoseSampler, avatar: int) -> tuple[np.ndarray, np.ndarray
     from crowdsim.motion import quaternion
 
     skeleton = poses.skeleton
+    # End sites hang on heads, hands and feet.
     ends = skeleton.end_offsets * float(poses.scales[avatar])
     tips = positions[:, skeleton.end_parents] + quaternion.rotate(rotations[:, skeleton.end_parents], ends)
     return positions, tips
@@ -256,9 +257,12 @@ def test_the_command_exports_what_is_asked_for(workplace: Path, capsys) -> None:
     assert capsys.readouterr().err == f"{workplace}: no take here; expected take.zarr\n"
 
 
-def test_scaled_avatars_have_scaled_skeletons(sampler: PoseSampler, tmp_path: Path) -> None:
+def test_avatars_of_other_builds_have_skeletons_of_these_builds(sampler: PoseSampler, tmp_path: Path) -> None:
     from crowdsim.bvh.io import read_bvh
 
     small, large = (read_bvh(path) for path in export_bvh(sampler, tmp_path, FPS, avatars=[0, 2]))
-    np.testing.assert_allclose(large.offsets[1:], small.offsets[1:] * 1.2, rtol=1e-5, atol=1e-6)
+    roles, sizes = sampler.policies[0].database.body.roles, np.full((small.joint_count, 1), 1.2)
+    for role, factor in {"knee": 1.1, "foot": 1.1, "elbow": 0.9, "hand": 0.9}.items():
+        sizes[[roles["left_" + role], roles["right_" + role]]] *= factor
+    np.testing.assert_allclose(large.offsets[1:], (small.offsets * sizes)[1:], rtol=1e-5, atol=1e-6)
     assert replace(small, path="").joint_count == large.joint_count

@@ -58,18 +58,21 @@ def test_points_ride_on_their_joints(clip) -> None:
     joints_at[0, 2] = joints_at[2, 3] = np.nan  # one avatar comes at row 1, one leaves after it
     scales = np.array([1.0, 0.5, 2.0, 1.5], np.float32)
     girths = np.array([1.0, 1.25, 0.85, 1.1], np.float32)
+    stretches = np.array([[1.0, 1.0, 1.0], [1.0, 1.1, 0.9], [1.0, 0.9, 1.1], [1.0, 1.05, 0.95]], np.float32)
     columns = np.array([0, 2, 3])
     values, labels = np.full((150, 9), np.inf, np.float32), np.full((150, 3), -1, np.int32)
-    riders = Riders(surface.joints, surface.positions, surface.normals, surface.swells)
+    riders = Riders(*(getattr(surface, name) for name in Riders._fields))
     wanted = Wanted(columns, np.array([7, 9, 10], np.int32), np.array([0, 1, 1], np.int32))
     motions = np.full((clip.skeleton.joint_count, MOTION_COLUMNS), np.inf)
     place_points(
-        Bodies(joints_at, rotations, scales, girths), When(0, 1, 2, 0.1), wanted, riders, motions, values, labels
-    )
+        Bodies(joints_at, rotations, scales, girths, stretches), When(0, 1, 2, 0.1), wanted, riders, motions, values,
+        labels,
+    )  # fmt: skip
     joints = surface.joints
     for number, avatar in enumerate(columns):
         here = slice(number * 50, 50 + number * 50)
         places = surface.positions + (girths[avatar] - 1.0) * surface.swells
+        places += (stretches[avatar, surface.segments] - 1.0)[:, None] * surface.cores
         rows = [
             joints_at[row, avatar, joints] + quaternion.rotate(rotations[row, avatar, joints], places * scales[avatar])
             for row in range(3)
@@ -90,8 +93,8 @@ def test_a_single_frame_does_not_move(clip) -> None:
     rotations = np.zeros((1, 1, clip.skeleton.joint_count, 4), np.float32)
     rotations[..., 0] = 1.0
     values, labels = np.full((20, 9), np.inf, np.float32), np.full((20, 3), -1, np.int32)
-    riders = Riders(surface.joints, surface.positions, surface.normals, surface.swells)
-    bodies = Bodies(joints_at, rotations, np.ones(1, np.float32), np.ones(1, np.float32))
+    riders = Riders(*(getattr(surface, name) for name in Riders._fields))
+    bodies = Bodies(joints_at, rotations, *np.ones((2, 1), np.float32), np.ones((1, 3), np.float32))
     wanted = Wanted(np.array([0]), np.array([0], np.int32), np.array([0], np.int32))
     motions = np.full((clip.skeleton.joint_count, MOTION_COLUMNS), np.inf)
     place_points(bodies, When(0, 0, 0, 0.1), wanted, riders, motions, values, labels)

@@ -39,6 +39,7 @@ class Walkers:
         self.avatar_teams = np.arange(count) % 2 if self.teams is None else self.teams
         self.avatar_scales = np.ones(count)
         self.avatar_girths = np.ones(count)
+        self.avatar_stretches = np.ones((count, 3))
         self.avatar_heights = np.full(count, 1.8)
         self.avatar_colours = np.full((count, 3), np.nan)
         self.figures = (DUMMY,)

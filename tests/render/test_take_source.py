@@ -1,5 +1,6 @@
 """A recorded run becomes pictures; each frame the same, whichever was asked for before."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -133,3 +134,15 @@ def test_a_foreign_policy_is_refused(policy):
     other = SimpleNamespace(**{**vars(policy), "fingerprint": "xyz"})
     with pytest.raises(TakeError, match="is not the one that the take was recorded with"):
         TakeSource(wander(policy), [other], 30.0)
+
+
+def test_cameras_leave_room_for_longer_legs_and_pictures_depend_on_them(policy):
+    take = wander(policy)
+    legs = np.array([1.0, 0.9, 1.1, 1.0], np.float32)
+    cast = replace(take.cast, legs=legs, scales=np.array([1.0, 1.0, 1.2, 1.2], np.float32))
+    plain, source = (TakeSource(one, [policy], 30.0) for one in (take, replace(take, cast=cast)))
+    tall, short = plain.avatar_heights[0], source.avatar_heights[1]
+    assert 0.06 < tall - short < 0.1
+    np.testing.assert_allclose(source.avatar_heights / tall, [1.0, short / tall, 1.2 * (2 - short / tall), 1.2])
+    assert source.fingerprint != plain.fingerprint
+    assert source.avatar_stretches[:, 1].tolist() == legs.tolist()

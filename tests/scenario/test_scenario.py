@@ -15,7 +15,7 @@ from crowdsim import assets
 from crowdsim.config.files import Finding, find_faults
 from crowdsim.crowd.placement import place_groups
 from crowdsim.errors import ScenarioError, nearest
-from crowdsim.scenario.parts import AGGRESSIONS, RANGES, SCALES, SPEEDS, TEMPOS
+from crowdsim.scenario.parts import AGGRESSIONS, GIRTHS, LENGTHS, RANGES, SCALES, SPEEDS, TEMPOS
 from crowdsim.scenario.reference import scenario_reference
 from crowdsim.scenario.scenario import (
     Scenario,
@@ -162,6 +162,10 @@ def test_the_reference_page_links_to_sections_that_it_has():
          "6:20: types.boxer.extends: is 'boxed', expected a type of this scenario: boxer (did you mean 'boxer'?)"),
         ("{policy: boxer}", "{extends: boxer}", "6:20: types.boxer.extends: goes round in a circle: boxer -> boxer"),
         ("{policy: boxer}", "{scale: 3}", "6:18: types.boxer.scale: is 3, expected a number from 0.5 to 2.0"),
+        ("{policy: boxer}", "{legs: 0}", "6:17: types.boxer.legs: is 0, expected a number from 0.9 to 1.1"),
+        ("{policy: boxer}", "{arms: 2}", "6:17: types.boxer.arms: is 2, expected a number from 0.9 to 1.1"),
+        ("{policy: boxer}", "{arms: long}", "6:17: types.boxer.arms: is 'long', expected a number from 0.9 to 1.1 or a "
+         "mapping with kind: 'uniform' or 'normal'"),
         ("{policy: boxer}", "{scale: {kind: uniform, minimum: 1, maximum: 3}}",
          "6:18: types.boxer.scale: is 1 to 3, expected factors from 0.5 to 2"),
         ("{policy: boxer}", "{scale: {knd: uniform, minimum: 1, maximum: 2}}",
@@ -314,7 +318,8 @@ def test_frames_of_an_output_may_be_given_in_seconds(frames):
 
 def test_limits_of_distributions_are_the_same_in_check_and_reference():
     types = json.loads(scenario_schema())["$defs"]["AvatarType"]["properties"]
-    given = (("scale", SCALES), ("speed", SPEEDS), ("tempo", TEMPOS), ("aggression", AGGRESSIONS), ("range", RANGES))
+    given = (("scale", SCALES), ("speed", SPEEDS), ("tempo", TEMPOS), ("aggression", AGGRESSIONS), ("range", RANGES),
+             ("girth", GIRTHS), ("legs", LENGTHS), ("arms", LENGTHS))  # fmt: skip
     for key, (least, most) in given:
         number = types[key]["anyOf"][0]
         assert (number["minimum"], number["maximum"]) == (least, most)

@@ -1,4 +1,4 @@
-"""Bodies of different girth: capsules, what fists that land touch, and what is measured of avatars."""
+"""Bodies of different build: capsules, what fists that land touch, and what is measured of avatars."""
 
 from dataclasses import replace
 
@@ -10,6 +10,7 @@ import crowdsim
 from crowdsim.crowd.stances import leading_feet
 from crowdsim.motion.body import PARTS
 from crowdsim.scenario.scenario import load_scenario
+from crowdsim.take.builds import capsule_segments
 from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
 from crowdsim.take.people import measure_people
 from crowdsim.take.poses import PoseSampler
@@ -28,6 +29,8 @@ SCENARIO = {
             "aggression": {"kind": "uniform", "minimum": 0.5, "maximum": 2},
             "scale": {"kind": "uniform", "minimum": 0.9, "maximum": 1.1},
             "girth": {"kind": "uniform", "minimum": 0.85, "maximum": 1.25},
+            "legs": {"kind": "uniform", "minimum": 0.9, "maximum": 1.1},
+            "arms": {"kind": "uniform", "minimum": 0.9, "maximum": 1.1},
         },
         "calm": {"policy": "tiny", "tempo": None},
     },
@@ -48,11 +51,13 @@ def take(workplace):
 def test_takes_hold_what_was_drawn_for_each_avatar(take):
     cast = take.cast
     for values, low, high in (
-        (cast.girths, 0.85, 1.25), (cast.scales, 0.9, 1.1), (cast.tempos, 40.0, 80.0), (cast.aggressions, 0.5, 2.0)
+        (cast.girths, 0.85, 1.25), (cast.scales, 0.9, 1.1), (cast.tempos, 40.0, 80.0), (cast.aggressions, 0.5, 2.0),
+        (cast.legs, 0.9, 1.1), (cast.arms, 0.9, 1.1),
     ):  # fmt: skip
         assert len(np.unique(values[:8])) == 8
         assert low <= values[:8].min() < values[:8].max() <= high
     assert set(cast.stances[:8]) == {1, 2}
+    assert (cast.legs[8], cast.arms[8]) == (1.0, 1.0)
     assert (cast.girths[8], cast.aggressions[8], cast.ranges[8], cast.stances[8]) == (1.0, 1.0, 0.0, 0)
     assert np.isnan(cast.tempos[8])
 
@@ -61,7 +66,7 @@ def test_capsules_of_trunk_and_limbs_are_as_thick_as_the_girth_says(take):
     [poses] = take.sampler.sample(0, 1, 60)
     body, numbers = take.policies[0].database.body, np.arange(len(poses.scales))
     capsules = place_capsules(
-        [PosedBodies(body, numbers, poses.scales, poses.girths, *poses.joints())], 1, len(numbers)
+        [PosedBodies(body, numbers, poses.scales, poses.girths, poses.stretches, *poses.joints())], 1, len(numbers)
     )
     soft = [PARTS.index(part) for part in ("skin", "shirt", "trunks")]
     for n in numbers:
@@ -70,10 +75,11 @@ def test_capsules_of_trunk_and_limbs_are_as_thick_as_the_girth_says(take):
             radii = body.capsule_radii[capsule] * take.cast.scales[n] * girth
             np.testing.assert_allclose(capsules.radii[n, k], radii, rtol=1e-6)
             half = 0.5 * np.linalg.norm(body.capsule_ends[capsule] - body.capsule_starts[capsule])
+            half *= poses.stretches[n, capsule_segments(body)[capsule]]
             assert capsules.bounds[n, k] >= half * take.cast.scales[n] + radii.max()
 
 
-def test_fists_stop_at_the_surface_of_thick_and_thin_bodies(take):
+def test_fists_stop_at_the_surface_of_bodies_of_all_builds(take):
     assert np.count_nonzero(take.events.landed) > 30
     found = measure_take(take.sampler)
     assert found["fist_gap_median"] < 0.01

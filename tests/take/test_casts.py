@@ -28,9 +28,11 @@ def test_avatars_of_older_takes_are_of_the_usual_build_and_temperament(tmp_path:
         shutil.rmtree(tmp_path / "take.zarr" / name)
     cast = open_take(tmp_path).cast
     assert np.isnan(cast.tempos).all()
-    for values, usual in ((cast.girths, 1.0), (cast.aggressions, 1.0), (cast.ranges, 0.0), (cast.stances, 0)):
+    ones = (cast.girths, cast.legs, cast.arms, cast.aggressions)
+    for values, usual in (*((values, 1.0) for values in ones), (cast.ranges, 0.0), (cast.stances, 0)):
         assert values.tolist() == [usual] * AVATARS
     np.testing.assert_array_equal(cast.widths, cast.scales)
+    assert (cast.stretches == 1.0).all()
 
 
 @pytest.mark.parametrize(
@@ -38,6 +40,8 @@ def test_avatars_of_older_takes_are_of_the_usual_build_and_temperament(tmp_path:
     [
         ("stance", 3, r"stance: holds 3 at \[2\]"),
         ("girth", 0.0, r"girth: holds 0\.0 at \[2\]"),
+        ("legs", 0.0, r"legs: holds 0\.0 at \[2\]"),
+        ("arms", 20.0, r"arms: holds 20\.0 at \[2\]"),
         ("tempo", -1.0, r"tempo: holds -1\.0 at \[2\]"),
         ("range", np.nan, r"range: holds nan at \[2\]"),
     ],

@@ -124,7 +124,7 @@ def test_capsules_ride_along_with_their_bones() -> None:
     motion = sampler(take, policy).motions[0]
     poses = sampler(take, policy).sample(0, 1, 60, np.array([0]))[0]
     positions, rotations = poses.joints()
-    body = PosedBodies(motion.body, np.array([0]), poses.scales, poses.girths, positions, rotations)
+    body = PosedBodies(motion.body, np.array([0]), poses.scales, poses.girths, poses.stretches, positions, rotations)
     capsules = place_capsules([body], 1, 1)
     limbs, weights = ride_along(motion)
     joints = np.concatenate([motion.arms.joints, motion.legs.joints])

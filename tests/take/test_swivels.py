@@ -41,11 +41,11 @@ def test_a_limb_swivels_towards_a_goal_and_keeps_its_end(seed: int) -> None:
     pose, root = poses.rotations[0, 0].astype(float), poses.root_positions[0, 0].astype(float)
     joints = len(arms.parents)
     before, after = (World(np.empty((joints, 3)), np.empty((joints, 4))) for _ in range(2))
-    pose_chain(arms, 1.0, root, pose, before)
+    pose_chain(arms, np.ones(3), root, pose, before)
     upper, middle, end = arms.joints[0]
     goal = before.positions[middle] + np.random.default_rng(seed).normal(0.0, 0.1, 3)
     swivel_limb(arms, 0, pose, before, tuple(goal), 0.1)
-    pose_chain(arms, 1.0, root, pose, after)
+    pose_chain(arms, np.ones(3), root, pose, after)
     np.testing.assert_allclose(after.positions[end], before.positions[end], atol=1e-6)
     dot = abs(after.rotations[end] @ before.rotations[end])
     assert dot == pytest.approx(1.0, abs=1e-6)

@@ -66,32 +66,33 @@ from crowdsim.render.kernels.columns import (
     V_X,
     WIDEST,
 )
+from crowdsim.take.kernels.columns import TRUNK
 
 CLOSEST = 0.05
 NEIGHBOUR_GAP = 0.15
 
 
 @kernel
-def place_capsules(positions, rotations, scales, girths, joints, starts, ends, radii, swells, out_shapes):
+def place_capsules(positions, rotations, sizes, girths, joints, segments, offsets, radii, swells, out_shapes):
     """Write the capsules of bodies in the world: both ends (3, 3) and both radii. Shape (n * K, 8), float32.
 
-    Those that swell, whose ``swells`` (K,) is 1, are as many times thicker as the girth says.
+    Those that swell, whose ``swells`` (K,) is 1, are as many times thicker as the girth says. ``sizes`` (n, 3) are
+    those of the bones of trunk, legs and arms, one of which each capsule lies on, by ``segments`` (K,); ``offsets``
+    (2, K, 3) are its ends in its joint's frame.
     """
     count = joints.shape[0]
     for n in range(positions.shape[0]):
-        scale = scales[n]
+        scale = sizes[n, TRUNK]
         for k in range(count):
             j, row = joints[k], n * count + k
+            size = sizes[n, segments[k]]
             width = scale * (1.0 + swells[k] * (girths[n] - 1.0))
             for end in range(2):
-                if end == 0:
-                    a, b, c = starts[k, 0], starts[k, 1], starts[k, 2]
-                else:
-                    a, b, c = ends[k, 0], ends[k, 1], ends[k, 2]
-                x, y, z = rotate(rotations[n, j], a, b, c)
-                out_shapes[row, START_X + 3 * end] = positions[n, j, 0] + scale * x
-                out_shapes[row, START_Y + 3 * end] = positions[n, j, 1] + scale * y
-                out_shapes[row, START_Z + 3 * end] = positions[n, j, 2] + scale * z
+                o = offsets[end, k]
+                x, y, z = rotate(rotations[n, j], o[0], o[1], o[2])
+                out_shapes[row, START_X + 3 * end] = positions[n, j, 0] + size * x
+                out_shapes[row, START_Y + 3 * end] = positions[n, j, 1] + size * y
+                out_shapes[row, START_Z + 3 * end] = positions[n, j, 2] + size * z
                 out_shapes[row, START_RADIUS + end] = width * radii[k, end]
 
 

@@ -88,18 +88,18 @@ def _freedom(deflections, time, n, limb):
 
 
 @kernel(allocates=False)
-def _bend_arm(arms, hand, scale, root, pose, world, moves, free):
+def _bend_arm(arms, hand, sizes, root, pose, world, moves, free):
     """Move a wrist, and swivel the elbow, as far as they are deflected."""
     elbow, wrist = world.positions[arms.joints[hand, MIDDLE]], world.positions[arms.joints[hand, LOWER]]
     goal = elbow[0] + moves[JOINT, 0], elbow[1] + moves[JOINT, 1], elbow[2] + moves[JOINT, 2]
     target = wrist[0] + free * moves[END, 0], wrist[1] + free * moves[END, 1], wrist[2] + free * moves[END, 2]
     point_arm(arms, hand, pose, world, target)
-    pose_chain(arms, scale, root, pose, world)
+    pose_chain(arms, sizes, root, pose, world)
     swivel_limb(arms, hand, pose, world, goal, _ARM_STRAIGHT)
 
 
 @kernel(allocates=False)
-def _bend_leg(legs, foot, scale, root, pose, world, moves):
+def _bend_leg(legs, foot, sizes, root, pose, world, moves):
     """Move an ankle as far as its leg reaches, and swivel the knee, as far as they are deflected."""
     hip, knee = world.positions[legs.joints[foot, UPPER]], world.positions[legs.joints[foot, MIDDLE]]
     ankle = world.positions[legs.joints[foot, LOWER]]
@@ -109,14 +109,14 @@ def _bend_leg(legs, foot, scale, root, pose, world, moves):
         over = excess(distance_between(hip, ankle), wanted, reach_of(a, b, KNEE_LEAST), 0.002 * (a + b))
         # Where the leg is stretched already it still comes as close as it is asked to.
         bend_limb(legs, foot, pose, world, target, wanted - max(over, 0.0))
-        pose_chain(legs, scale, root, pose, world)
+        pose_chain(legs, sizes, root, pose, world)
     if moves[JOINT].any():
         goal = knee[0] + moves[JOINT, 0], knee[1] + moves[JOINT, 1], knee[2] + moves[JOINT, 2]
         swivel_limb(legs, foot, pose, world, goal, _LEG_STRAIGHT)
 
 
 @kernel
-def bend_limbs(first, stop, moments, deflections, plants, scales, arms, legs, poses):
+def bend_limbs(first, stop, moments, deflections, plants, sizes, arms, legs, poses):
     """Deflect limbs of poses, in place.
 
     Args:
@@ -125,7 +125,7 @@ def bend_limbs(first, stop, moments, deflections, plants, scales, arms, legs, po
         moments: Who and when, a ``Moments``.
         deflections: A ``Deflections``.
         plants: When feet are planted, a ``FootPlants``.
-        scales: Body size by column.
+        sizes: Sizes of bones by column, see ``Rows``. Shape (n, 3).
         arms: A ``motion.Limbs``.
         legs: Likewise.
         poses: Rotations are changed, a ``Posed``.
@@ -142,9 +142,9 @@ def bend_limbs(first, stop, moments, deflections, plants, scales, arms, legs, po
             _moves_at(deflections, time, n, moves)
             for hand in range(2):
                 if moves[hand].any():
-                    pose_chain(arms, scales[n], root, pose, world)
+                    pose_chain(arms, sizes[n], root, pose, world)
                     free = _freedom(deflections, time, n, hand)
-                    _bend_arm(arms, hand, scales[n], root, pose, world, moves[hand], free)
+                    _bend_arm(arms, hand, sizes[n], root, pose, world, moves[hand], free)
             for foot in range(2):
                 move, kicks = moves[2 + foot, END], _freedom(deflections, time, n, 2 + foot)
                 free, _ = foot_freedom(plants, n, foot, 0, time)
@@ -152,5 +152,5 @@ def bend_limbs(first, stop, moments, deflections, plants, scales, arms, legs, po
                 for k in range(3):
                     move[k] *= kicks
                 if moves[2 + foot].any():
-                    pose_chain(legs, scales[n], root, pose, world)
-                    _bend_leg(legs, foot, scales[n], root, pose, world, moves[2 + foot])
+                    pose_chain(legs, sizes[n], root, pose, world)
+                    _bend_leg(legs, foot, sizes[n], root, pose, world, moves[2 + foot])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from crowdsim.core.easing import minimum_jerk
 from crowdsim.core.quaternions import multiply, rotate, rotate_about_y
 from crowdsim.jit import kernel
-from crowdsim.take.kernels.columns import AFTER, BEFORE, COS, HEADING, SIN, X, Z
+from crowdsim.take.kernels.columns import AFTER, BEFORE, COS, HEADING, LEG, SIN, TRUNK, X, Z
 
 BLEND = 0.8
 """Length of a blend, half before its transition and half after it where no strike is near [s]; no side is longer."""
@@ -73,6 +73,12 @@ def _travel(motion, start, low, part, scale, direction, out):
     out[HEADING] = here[HEADING] * rest + there[HEADING] * part - old[HEADING]
 
 
+@kernel(inline=True)
+def _reach_at(motion, low, high, part):
+    """Return how far down the leg that a body rests on reaches between two frames [m], see ``motion.Frames``."""
+    return motion.reaches[low] + (motion.reaches[high] - motion.reaches[low]) * part
+
+
 @kernel(allocates=False)
 def _remaining(transitions, k, time):
     """Return how much is left of the motion before a transition: 1 before the blend, 0 after it."""
@@ -81,9 +87,9 @@ def _remaining(transitions, k, time):
 
 
 @kernel(allocates=False, fastmath={"contract", "reassoc", "nsz"})
-def _add_transition(k, past, share, time, motion, transitions, speed, scale, offsets):
+def _add_transition(k, past, share, time, motion, transitions, speed, sizes, offsets):
     """Add a share of what differs at a transition."""
-    apart = time - transitions.times[k]
+    apart, scale, lift = time - transitions.times[k], sizes[TRUNK], sizes[LEG] - sizes[TRUNK]
     if share == 0.0:
         return
     steps = apart * speed * motion.rate
@@ -94,6 +100,8 @@ def _add_transition(k, past, share, time, motion, transitions, speed, scale, off
         there = motion.roots[old, c] + (motion.roots[old + 1, c] - motion.roots[old, c]) * on
         here = motion.roots[new, c] + (motion.roots[new + 1, c] - motion.roots[new, c]) * off
         root[c] += share * scale * (there - here)
+    if lift != 0.0:
+        root[1] += share * lift * (_reach_at(motion, old, old + 1, on) - _reach_at(motion, new, new + 1, off))
     shift = transitions.shifts[k]
     left = transitions.ground[k, HEADING] - shift[HEADING]
     cos, sin = math.cos(left) * scale, math.sin(left) * scale
@@ -182,22 +190,26 @@ def _add_transitions(low, last, time, motion, transitions, rows, n, remaining, o
     middle = low
     while middle < high and (transitions.times[middle] - time) * rows.rate <= 1e-9:
         middle += 1
-    speed, scale = rows.speeds[n], rows.scales[n]
+    speed, sizes = rows.speeds[n], rows.sizes[n]
     offsets.signs[:] = 1.0
     for k in range(middle - 1, low - 1, -1):
-        _add_transition(k, True, remaining[k - low], time, motion, transitions, speed, scale, offsets)
+        _add_transition(k, True, remaining[k - low], time, motion, transitions, speed, sizes, offsets)
         _flip_signs(transitions.signs[k], offsets)
     offsets.signs[:] = 1.0
     for k in range(middle, high):
-        _add_transition(k, False, remaining[k - low] - 1.0, time, motion, transitions, speed, scale, offsets)
+        _add_transition(k, False, remaining[k - low] - 1.0, time, motion, transitions, speed, sizes, offsets)
         _flip_signs(transitions.signs[k], offsets)
 
 
 @kernel(inline=True)
-def _write_root(motion, frame, fraction, scale, ground, offsets, pose, root):
-    """Write the position of the root in the world, and turn its rotation into the world."""
-    rest = 1.0 - fraction
-    low, high = motion.roots[frame], motion.roots[frame + 1 if fraction > 0.0 else frame]
+def _write_root(motion, frame, fraction, sizes, ground, offsets, pose, root):
+    """Write the position of the root in the world, and turn its rotation into the world.
+
+    It is as much higher as the leg that the body rests on is longer than captured.
+    """
+    rest, scale, lift = 1.0 - fraction, sizes[TRUNK], sizes[LEG] - sizes[TRUNK]
+    following = frame + 1 if fraction > 0.0 else frame
+    low, high = motion.roots[frame], motion.roots[following]
     shift, drift = offsets.root, offsets.ground
     x = (low[0] * rest + high[0] * fraction) * scale + shift[0]
     y = (low[1] * rest + high[1] * fraction) * scale + shift[1]
@@ -205,7 +217,7 @@ def _write_root(motion, frame, fraction, scale, ground, offsets, pose, root):
     heading = ground[HEADING] + drift[HEADING]
     cos, sin = math.cos(heading), math.sin(heading)
     root[0] = ground[X] + drift[X] + x * cos + z * sin
-    root[1] = y
+    root[1] = y + lift * _reach_at(motion, frame, following, fraction) if lift != 0.0 else y
     root[2] = ground[Z] + drift[Z] - x * sin + z * cos
     c, s = math.cos(0.5 * heading), math.sin(0.5 * heading)
     q = pose[0]
@@ -254,6 +266,4 @@ def blend_poses(first, stop, moments, playback, rows, motion, transitions, hinge
             if blended:
                 for k in range(hinges.joints.shape[0]):
                     _unfold(hinges.bones[k], hinges.limits[k, 0], hinges.limits[k, 1], pose[hinges.joints[k]])
-            _write_root(
-                motion, frame, fraction, rows.scales[n], playback.ground[t, i], offsets, pose, poses.roots[t, i]
-            )
+            _write_root(motion, frame, fraction, rows.sizes[n], playback.ground[t, i], offsets, pose, poses.roots[t, i])

@@ -60,7 +60,7 @@ def capsule_depth(p, q, own, r, s, other):
 
 
 @kernel(allocates=False)
-def place_ends(first, stop, positions, rotations, scales, joints, offsets, columns, ends):
+def place_ends(first, stop, positions, rotations, sizes, joints, segments, offsets, columns, ends):
     """Write where ends of capsules of bodies of one kind lie.
 
     Args:
@@ -68,8 +68,9 @@ def place_ends(first, stop, positions, rotations, scales, joints, offsets, colum
         stop: One past the last.
         positions: Of joints in the world [m]. Shape (T, n, J, 3).
         rotations: Likewise. Shape (T, n, J, 4).
-        scales: Size of each body. Shape (n,).
+        sizes: Size of the bones of each body's trunk, legs and arms. Shape (n, 3).
         joints: Joint that each capsule hangs on. Shape (K,).
+        segments: Which of the bones it lies on. Shape (K,).
         offsets: Both ends of each in the joint's frame [m]. Shape (2, K, 3).
         columns: Column of each body. Shape (n,).
         ends: Written [m]. Shape (2, T, N, K or more, 3).
@@ -77,9 +78,9 @@ def place_ends(first, stop, positions, rotations, scales, joints, offsets, colum
     count = columns.shape[0]
     for index in range(first, stop):
         t, n = index // count, index % count
-        size, column = scales[n], columns[n]
+        column = columns[n]
         for k in range(joints.shape[0]):
-            p, q = positions[t, n, joints[k]], rotations[t, n, joints[k]]
+            p, q, size = positions[t, n, joints[k]], rotations[t, n, joints[k]], sizes[n, segments[k]]
             for end in range(2):
                 o = offsets[end, k]
                 x, y, z = rotate(q, o[0] * size, o[1] * size, o[2] * size)

@@ -25,3 +25,5 @@ UPPER, MIDDLE, LOWER = 0, 1, 2
 
 HEAD, TORSO = 0, 1
 """Parts of a body that are hit."""
+TRUNK, LEG, ARM = 0, 1, 2
+"""Segments of a body: trunk with head, hands and feet; thighs and shanks; upper arms and forearms."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from crowdsim.core.quaternions import mix, mix_like, rotate, rotate_about_y
 from crowdsim.jit import kernel
-from crowdsim.take.kernels.columns import HEADING, LOWER, MIDDLE, UPPER, X, Z
+from crowdsim.take.kernels.columns import HEADING, LEG, LOWER, MIDDLE, UPPER, X, Z
 from crowdsim.take.kernels.foot_shifts import Instant, add_shift, weigh_plants
 from crowdsim.take.kernels.limbs import (
     World,
@@ -195,14 +195,14 @@ def _plant_pose(footing, now, ground, push, low, legs, root, pose, world, asked)
     The pelvis goes aside by ``push`` and down by ``low``, and as far as is left of a leg that is too short. Returns how
     far that is.
     """
-    pose_chain(legs, now.scale, root, pose, world)
-    lack = 0.0
+    pose_chain(legs, now.sizes, root, pose, world)
+    lack, moves = 0.0, now.last > now.first or now.sizes[LEG] != now.scale
     for foot in range(2):
         one, before, other, after, turn, asked.plants[foot] = weigh_plants(
             footing.plants, now.column, foot, asked.plants[foot], now.time
         )
-        # Away from transitions feet are where they are captured.
-        asked.weights[foot] = before + after if now.last > now.first else 0.0
+        # Away from transitions feet are where they are captured, if legs are as long as that.
+        asked.weights[foot] = before + after if moves else 0.0
         for k in range(3):
             asked.goals[foot, k] = world.positions[legs.joints[foot, LOWER], k]
         if asked.weights[foot] > 0.0:
@@ -259,7 +259,7 @@ def plant_feet(first, stop, moments, playback, rows, footing, legs, drops, poses
                 middle += 1
             part = playback.fractions[t, i]
             following = frame + 1 if part > 0.0 else frame
-            now = Instant(n, time, frame, following, part, rows.scales[n], pace, begin, middle, high)
+            now = Instant(n, time, frame, following, part, rows.scales[n], rows.sizes[n], pace, begin, middle, high)
             push, low = spline_at(rows.pushes, rows, time, n), spline_of(rows.lows, rows, time, n)
             root, pose = poses.roots[t, i], poses.rotations[t, i]
             drops[t, i] = _plant_pose(footing, now, playback.ground[t, i], push, low, legs, root, pose, world, asked)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from crowdsim.core.easing import minimum_jerk
 from crowdsim.core.quaternions import rotate, rotate_by_vector
 from crowdsim.jit import kernel
-from crowdsim.take.kernels.columns import AFTER, BEFORE, LOWER, MIDDLE, UPPER
+from crowdsim.take.kernels.columns import AFTER, BEFORE, LOWER, MIDDLE, TRUNK, UPPER
 from crowdsim.take.kernels.feet import KNEE_LEAST
 from crowdsim.take.kernels.limbs import World, bend_limb, distance_between, excess, pose_chain, reach_of
 
@@ -120,9 +120,9 @@ def _lean_at(landings, n, time, within, lean):
 
 
 @kernel(allocates=False)
-def _move_pelvis(legs, scale, root, pose, world, asked):
+def _move_pelvis(legs, sizes, root, pose, world, asked):
     """Move the root as the trunk leans, over feet that stay where they are."""
-    pose_chain(legs, scale, root, pose, world)
+    pose_chain(legs, sizes, root, pose, world)
     positions, move = world.positions, asked.lean[PELVIS]
     for foot in range(2):
         for k in range(3):
@@ -208,21 +208,21 @@ def _carry_fist(arms, hand, scale, weight, pose, world, asked):
 
 
 @kernel(allocates=False)
-def _carry_pose(arms, legs, leaning, leans, scale, root, pose, world, asked):
+def _carry_pose(arms, legs, leaning, leans, sizes, root, pose, world, asked):
     """Lean the trunk of one pose, and carry its fists."""
-    weights, lean = asked.weights, asked.lean
+    weights, lean, scale = asked.weights, asked.lean, sizes[TRUNK]
     strikes = weights[0] > 0.0 or weights[1] > 0.0
     if strikes:
-        pose_chain(arms, scale, root, pose, world)
+        pose_chain(arms, sizes, root, pose, world)
         _note_fists(arms, scale, world, asked.targets)
     if leans:
         if lean[PELVIS, 0] != 0.0 or lean[PELVIS, 1] != 0.0 or lean[PELVIS, 2] != 0.0:
-            _move_pelvis(legs, scale, root, pose, world, asked)
+            _move_pelvis(legs, sizes, root, pose, world, asked)
         for k in range(JOINTS):
             if leaning[k] >= 0:
                 rotate_by_vector(pose[leaning[k]], lean[k, 0], lean[k, 1], lean[k, 2])
     if strikes:
-        pose_chain(arms, scale, root, pose, world)
+        pose_chain(arms, sizes, root, pose, world)
         for hand in range(2):
             weight = min(weights[hand], 1.0)
             if weight > 0.0:
@@ -230,7 +230,7 @@ def _carry_pose(arms, legs, leaning, leans, scale, root, pose, world, asked):
 
 
 @kernel
-def carry_fists(first, stop, moments, landings, scales, arms, legs, leaning, within, poses):
+def carry_fists(first, stop, moments, landings, sizes, arms, legs, leaning, within, poses):
     """Carry fists onto what they hit, in place.
 
     Args:
@@ -238,7 +238,7 @@ def carry_fists(first, stop, moments, landings, scales, arms, legs, leaning, wit
         stop: One past the last.
         moments: Who and when, a ``Moments``.
         landings: A ``Landings``.
-        scales: Body size by column.
+        sizes: Sizes of bones by column, see ``Rows``. Shape (n, 3).
         arms: A ``motion.Limbs``.
         legs: Likewise.
         leaning: Joints that lean, see ``leans.leaning_joints``. Shape (4,).
@@ -257,4 +257,4 @@ def carry_fists(first, stop, moments, landings, scales, arms, legs, leaning, wit
                 continue
             _weigh_strikes(landings, n, time, asked)
             leans = _lean_at(landings, n, time, within, asked.lean)
-            _carry_pose(arms, legs, leaning, leans, scales[n], poses.roots[t, i], poses.rotations[t, i], world, asked)
+            _carry_pose(arms, legs, leaning, leans, sizes[n], poses.roots[t, i], poses.rotations[t, i], world, asked)

@@ -12,6 +12,9 @@ there is hardly time for that, it begins to move a little before it lifts off, a
 import math
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from crowdsim.core.easing import minimum_jerk
 from crowdsim.core.quaternions import conjugate, from_vector, multiply, relative, rotate, rotate_about_y
 from crowdsim.jit import kernel
@@ -58,6 +61,7 @@ class Instant(NamedTuple):
         following: The next one, the same where the time lies on a frame.
         part: Fraction to the next.
         scale: Size of the body.
+        sizes: Size of the bones of its trunk, legs and arms. Shape (3,).
         pace: Playback frames a second.
         first: First transition that feet move for.
         middle: First one that is not past.
@@ -70,6 +74,7 @@ class Instant(NamedTuple):
     following: int
     part: float
     scale: float
+    sizes: NDArray[np.float64]
     pace: float
     first: int
     middle: int

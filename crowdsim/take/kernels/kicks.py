@@ -70,9 +70,9 @@ def _weigh_kicks(kicks, n, time, within, asked):
 
 
 @kernel(allocates=False)
-def _carry_pose(legs, scale, root, pose, world, asked):
+def _carry_pose(legs, sizes, root, pose, world, asked):
     """Move the pelvis of one pose, and bend its legs so that ankles are where they were, or are carried to."""
-    pose_chain(legs, scale, root, pose, world)
+    pose_chain(legs, sizes, root, pose, world)
     positions = world.positions
     for foot in range(2):
         for k in range(3):
@@ -94,7 +94,7 @@ def _carry_pose(legs, scale, root, pose, world, asked):
 
 
 @kernel
-def carry_feet(first, stop, moments, kicks, scales, legs, within, poses):
+def carry_feet(first, stop, moments, kicks, sizes, legs, within, poses):
     """Carry feet onto what they kick, in place.
 
     Args:
@@ -102,7 +102,7 @@ def carry_feet(first, stop, moments, kicks, scales, legs, within, poses):
         stop: One past the last.
         moments: Who and when, a ``Moments``.
         kicks: A ``Kicks``.
-        scales: Body size by column.
+        sizes: Sizes of bones by column, see ``Rows``. Shape (n, 3).
         legs: A ``motion.Limbs``.
         within: Time beyond which kicks are left out [s].
         poses: Changed, a ``Posed``.
@@ -116,4 +116,4 @@ def carry_feet(first, stop, moments, kicks, scales, legs, within, poses):
         for t in range(times.shape[0]):
             time = times[t, 0 if shared else i]
             if math.isfinite(poses.roots[t, i, 0]) and _weigh_kicks(kicks, n, time, within, asked):
-                _carry_pose(legs, scales[n], poses.roots[t, i], poses.rotations[t, i], world, asked)
+                _carry_pose(legs, sizes[n], poses.roots[t, i], poses.rotations[t, i], world, asked)

@@ -35,8 +35,8 @@ class World(NamedTuple):
 
 
 @kernel(allocates=False)
-def pose_chain(limbs, scale, root, pose, world):
-    """Write positions and rotations in the world of the joints of a chain."""
+def pose_chain(limbs, sizes, root, pose, world):
+    """Write positions and rotations in the world of the joints of a chain; ``sizes`` (3,) are as of ``Rows``."""
     positions, rotations = world.positions, world.rotations
     for at in range(limbs.chain.shape[0]):
         j = limbs.chain[at]
@@ -47,8 +47,8 @@ def pose_chain(limbs, scale, root, pose, world):
             for k in range(4):
                 rotations[j, k] = pose[j, k]
         else:
-            o, q = limbs.offsets[j], rotations[j]
-            x, y, z = rotate(rotations[p], o[0] * scale, o[1] * scale, o[2] * scale)
+            o, q, size = limbs.offsets[j], rotations[j], sizes[limbs.segments[p]]
+            x, y, z = rotate(rotations[p], o[0] * size, o[1] * size, o[2] * size)
             positions[j, 0] = positions[p, 0] + x
             positions[j, 1] = positions[p, 1] + y
             positions[j, 2] = positions[p, 2] + z

@@ -18,6 +18,8 @@ class Rows(NamedTuple):
         fresh: Whether its action began on the way to this row. Shape (R, n), bool.
         speeds: Motion frames in a control frame. Shape (n,).
         scales: Size of each body. Shape (n,).
+        sizes: Size of the bones of its trunk, legs and arms, by ``segments`` of joints; that of the trunk, head, hands
+            and feet is its scale. Shape (n, 3).
         pushes: How far its trunk gives way to others, x and z [m]. Shape (R, n, 2).
         turns: How far its head turns about the vertical [rad]. Shape (R, n).
         lows: How far its pelvis goes down for legs that are too short [m]. Shape (R, n).
@@ -34,6 +36,7 @@ class Rows(NamedTuple):
     fresh: Array
     speeds: Array
     scales: Array
+    sizes: Array
     pushes: Array
     turns: Array
     lows: Array
