@@ -85,7 +85,9 @@ def build_take(
     graph = SimpleNamespace(action_first=np.asarray(first), action_lengths=np.asarray(lengths))
     actions = SimpleNamespace(shifts=shifts)
     body = target_body(motion)
-    return take, SimpleNamespace(database=motion, graph=graph, actions=actions, body=body, falls=None, fingerprint="")
+    return take, SimpleNamespace(
+        database=motion, graph=graph, actions=actions, body=body, falls=None, rests=None, fingerprint=""
+    )
 
 
 def sampler(take: Take, policy: Any, **more: Any) -> PoseSampler:
