@@ -73,12 +73,6 @@ def _travel(motion, start, low, part, scale, direction, out):
     out[HEADING] = here[HEADING] * rest + there[HEADING] * part - old[HEADING]
 
 
-@kernel(inline=True)
-def _reach_at(motion, low, high, part):
-    """Return how far down the leg that a body rests on reaches between two frames [m], see ``motion.Frames``."""
-    return motion.reaches[low] + (motion.reaches[high] - motion.reaches[low]) * part
-
-
 @kernel(allocates=False)
 def _remaining(transitions, k, time):
     """Return how much is left of the motion before a transition: 1 before the blend, 0 after it."""
@@ -101,7 +95,9 @@ def _add_transition(k, past, share, time, motion, transitions, speed, sizes, off
         here = motion.roots[new, c] + (motion.roots[new + 1, c] - motion.roots[new, c]) * off
         root[c] += share * scale * (there - here)
     if lift != 0.0:
-        root[1] += share * lift * (_reach_at(motion, old, old + 1, on) - _reach_at(motion, new, new + 1, off))
+        there = motion.reaches[old] + (motion.reaches[old + 1] - motion.reaches[old]) * on
+        here = motion.reaches[new] + (motion.reaches[new + 1] - motion.reaches[new]) * off
+        root[1] += share * lift * (there - here)
     shift = transitions.shifts[k]
     left = transitions.ground[k, HEADING] - shift[HEADING]
     cos, sin = math.cos(left) * scale, math.sin(left) * scale
@@ -214,10 +210,12 @@ def _write_root(motion, frame, fraction, sizes, ground, offsets, pose, root):
     x = (low[0] * rest + high[0] * fraction) * scale + shift[0]
     y = (low[1] * rest + high[1] * fraction) * scale + shift[1]
     z = (low[2] * rest + high[2] * fraction) * scale + shift[2]
+    if lift != 0.0:
+        y += lift * (motion.reaches[frame] * rest + motion.reaches[following] * fraction)
     heading = ground[HEADING] + drift[HEADING]
     cos, sin = math.cos(heading), math.sin(heading)
     root[0] = ground[X] + drift[X] + x * cos + z * sin
-    root[1] = y + lift * _reach_at(motion, frame, following, fraction) if lift != 0.0 else y
+    root[1] = y
     root[2] = ground[Z] + drift[Z] - x * sin + z * cos
     c, s = math.cos(0.5 * heading), math.sin(0.5 * heading)
     q = pose[0]
