@@ -87,9 +87,9 @@ def test_events_let_groups_flee_and_watch(workplace: Path) -> None:
         events = [
             {"kind": kind, "group": group, "when": {"kind": "frame", "frame": 30}, **more} for group in ("red", "blue")
         ]
-        path = write(workplace, events=events, until=None, duration=200, types={"boxer": {"policy": "tiny"}})
+        path = write(workplace, events=events, until=None, duration=400, types={"boxer": {"policy": "tiny"}})
         take = run(load_scenario(path))
-        here = [np.stack([take.x[120:, group], take.z[120:, group]]) for group in (slice(0, 3), slice(3, 6))]
+        here = [np.stack([take.x[300:, group], take.z[300:, group]]) for group in (slice(0, 3), slice(3, 6))]
         gaps = np.linalg.norm(here[0][..., :, None] - here[1][..., None, :], axis=0)
         far[kind] = float(np.median(gaps.min(axis=(1, 2))))
     assert far["fight"] < 1.3
