@@ -54,9 +54,10 @@ def source_clips(bundle: Path, folder: Path, mocap: Path | None) -> list[Path]:
     if performer is not None:
         if performer["stance"] != "orthodox":
             raise ValueError(f"{bundle}: a {performer['stance']} performer is beyond this benchmark")
-        out = folder / f"performer_{performer['seed']}_{performer['seconds']:g}_{performer['falls']}"
+        session = {key: str(performer[key]) for key in ("seconds", "seed", "falls", "rests")}
+        out = folder / "_".join(["performer", *session.values()])
         if not out.exists():
-            given = [word for key in ("seconds", "seed", "falls") for word in (f"--{key}", str(performer[key]))]
+            given = [word for key, value in session.items() for word in (f"--{key}", value)]
             crowdsim("perform", *given, "--out", str(out))
         return sorted(out.glob("*.bvh"))
     if mocap is None:
