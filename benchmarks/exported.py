@@ -80,7 +80,7 @@ from _transition_classifier import classify_transitions
 
 SCENES = {"brawl_30": 60, "brawl_30_cmu": 60, "armies_200": 30}
 """What is run without a RUN, and frames a second of its files."""
-QUICK, FEW = 150, 8
+QUICK, FEW = 210, 10
 """Control frames and avatars of a quick run."""
 
 
