@@ -29,8 +29,10 @@ from _quick import ROOT, small_policies
 
 from crowdsim.jit.signatures import Listed, encode, listed, write
 
-USES = ("training", "few", "many", "bvh", "clouds", "pictures")
-RECIPES = ("boxer", "boxer_crowd")
+POLICIES = {"uint16": "boxer", "uint8": "boxer_crowd", "float32": "boxer_float32"}
+"""Policies whose tables control reads as these types; the last is the first, stored otherwise."""
+CROWDS = [f"{size} {kind}" for size in ("few", "many") for kind in POLICIES]
+USES = ("training", *CROWDS, "bvh", "clouds", "pictures")
 
 
 def watch() -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -74,14 +76,19 @@ def watch() -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
 
 def commands(use: str, folder: Path) -> list[list[str]]:
     """Return the commands that a use stands for; on one thread, so that no other process compiles."""
-    few, none = folder / "few", ["--set", "outputs={}"]
+    if use in CROWDS:
+        size, kind = use.split()
+        scene = (
+            ["brawl_30", "--frames", "120"] if size == "few" else ["crowd_10k", "--frames", "30", "--fraction", "0.1"]
+        )
+        chosen = ["--set", "outputs={}", "--set", f"types.boxer={{policy: {POLICIES[kind]}}}"]
+        return [["run", *scene, "--out", str(folder / use), *chosen]]
+    run = str(folder / CROWDS[0])
     return {
-        "training": [["train", name, "--force"] for name in RECIPES],
-        "few": [["run", "brawl_30", "--frames", "60", "--out", str(few), *none]],
-        "many": [["run", "crowd_10k", "--frames", "30", "--fraction", "0.1", "--out", str(folder / "many"), *none]],
-        "bvh": [["export", str(few), "--bvh", "--out", str(folder)]],
-        "clouds": [["export", str(few), "--ply", "--out", str(folder)]],
-        "pictures": [["render", str(few), "--out", str(folder / "pictures"), "--frames", "0:2"]],
+        "training": [["train", name, "--force"] for name in POLICIES.values()],
+        "bvh": [["export", run, "--bvh", "--out", str(folder)]],
+        "clouds": [["export", run, "--ply", "--out", str(folder)]],
+        "pictures": [["render", run, "--out", str(folder / "pictures"), "--frames", "80:82"]],
     }[use]
 
 
@@ -102,12 +109,14 @@ def work(use: str, folder: Path) -> None:
 
 @contextmanager
 def recipes() -> Iterator[None]:
-    """Work in a folder with the shipped recipes of the embedded boxer, shortened."""
+    """Work in a folder with the shipped recipes of the embedded boxer, shortened, and one of float32."""
     with small_policies():
-        for name in RECIPES:
-            path = Path("policies") / f"{name}.yaml"
+        for name in POLICIES.values():
+            path = Path("policies") / f"{name.removesuffix('_float32')}.yaml"
             recipe = yaml.safe_load(path.read_text(encoding="utf-8"))
             shipped = yaml.safe_load((ROOT / path).read_text(encoding="utf-8"))
+            if name.endswith("float32"):
+                path, recipe["precision"] = path.with_stem(name), "float32"
             recipe["motion"] = {**shipped["motion"], "performer": {**shipped["motion"]["performer"], "seconds": 60}}
             recipe["graph"], recipe["prune"] = {**shipped["graph"], "branching": 8}, shipped["prune"]
             for label, behaviour in recipe["behaviours"].items():

@@ -13,7 +13,6 @@ from crowdsim.batch.resolving import Resolved
 from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import OutputError
 from crowdsim.files import make_folder
-from crowdsim.scenario.outputs import Outputs
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -76,18 +75,14 @@ def _link(source: str, target: str) -> None:
         shutil.copyfile(source, target)
 
 
-def used_kernels(runs: Iterable[tuple[int, Outputs]]) -> list[str]:
-    """Return what runs need kernels for: of each its avatars, and its outputs."""
-    from crowdsim.crowd.simulation import SMALL
+def used_kernels(runs: Iterable[Resolved]) -> list[str]:
+    """Return what runs need kernels for; a picture is made of each."""
+    from crowdsim.runs.preparation import kernel_uses
 
-    found: dict[str, None] = {}
-    for avatars, outputs in runs:
-        found["few" if avatars <= SMALL else "many"] = None
-        found["pictures"] = None
-        if outputs.bvh is not None:
-            found["bvh"] = None
-        if outputs.ply is not None or outputs.pcd is not None:
-            found["clouds"] = None
+    found = {"pictures": None}
+    for one in runs:
+        whole = one.scenario.model_copy(update={"outputs": one.outputs})
+        found.update(dict.fromkeys(kernel_uses(whole)))
     return list(found)
 
 

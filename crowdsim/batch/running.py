@@ -79,7 +79,7 @@ def run_batch(
     since = perf_counter()
     policies = train_policies(runs.values(), options.mocap, options.threads, train, notify)
     plan = _with_policies(folder, plan, {name: policy.fingerprint for name, policy in policies.items()})
-    uses = used_kernels((run.avatars, run.outputs) for run in plan.runs.values())
+    uses = used_kernels(runs.values())
     compile_kernels(uses, options.threads, notify)
     with ExitStack() as stack:
         client = stack.enter_context(connect(options.scheduler, options.jobs, options.memory))

@@ -20,6 +20,7 @@ from crowdsim.crowd.stances import draw_stances, stance_findings
 from crowdsim.errors import RecipeError, nearest
 from crowdsim.policy.checks import DEFENCE
 from crowdsim.policy.defence import NAME as DEFEND
+from crowdsim.policy.flattening import STORED
 from crowdsim.scenario.distributions import middle
 from crowdsim.scenario.events import (
     FightEvent,
@@ -151,6 +152,21 @@ def control_rate_of(policy: str) -> float:
     """
     recipe, document = _recipe_or_bundle(policy)
     return float(recipe.control_rate if recipe else document["database"]["control_rate"])
+
+
+def table_type_of(policies: Sequence[str]) -> str:
+    """Return the type of the tables that control reads in a run of some policies, by their names, trained or not.
+
+    Raises:
+        RecipeError: A recipe is invalid.
+        PolicyError: There is no such policy, or its bundle is damaged.
+    """
+    found = set()
+    for policy in policies:
+        recipe, document = _recipe_or_bundle(policy)
+        found.add(STORED[recipe.precision if recipe else document["recipe"]["precision"]])
+    # float16 is read as float32, and so are tables of several types.
+    return found.pop() if found in ({"uint8"}, {"uint16"}) else "float32"
 
 
 def _recipe_or_bundle(policy: str) -> tuple[Recipe | None, Mapping[str, Any]]:

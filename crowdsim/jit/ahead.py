@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from crowdsim.jit.signatures import Listed, listed, resolve
+from crowdsim.jit.signatures import Listed, digest, listed, resolve
 
 PACKAGE = Path(__file__).resolve().parent.parent
 SECONDS = 2.5
@@ -59,14 +59,13 @@ def compile_ahead(uses: Collection[str], workers: int) -> Iterator[str]:
 
 
 def _is_compiled(entry: Listed) -> bool:
-    """Return whether a kernel has been compiled for Python; for which arguments is not looked at."""
+    """Return whether a kernel has been compiled for Python and these arguments, on whatever processor."""
     from crowdsim.jit.cache import Folder
 
     source = PACKAGE.parent.joinpath(*entry.module.split(".")).with_suffix(".py")
     if not source.is_file():
         return True
-    names = Folder(source).path.glob(f"{entry.name}.*.nbc")
-    return any(".part." not in path.name for path in names)
+    return any(Folder(source).path.glob(f"{entry.name}.{digest(entry.arguments)}.*.nbc"))
 
 
 def _start(uses: Collection[str]) -> subprocess.Popen[bytes]:

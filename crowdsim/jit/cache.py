@@ -18,6 +18,7 @@ from filelock import FileLock, Timeout
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 
 from crowdsim.jit.compilers import pack_part, unpack_part
+from crowdsim.jit.signatures import digest, encode
 
 PACKAGE = Path(__file__).resolve().parent.parent
 _IMPORT = re.compile(rf"^(?:from|import)\s+({PACKAGE.name}(?:\.\w+)*)", re.MULTILINE)
@@ -60,8 +61,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     def _index_key(self, sig: Any, codegen: Any) -> str:
         versions = (numba.__version__, sys.implementation.cache_tag)
         text = repr((versions, [_describe(kind) for kind in sig], codegen.magic_tuple()))
-        kind = ".part" if self._part else ""
-        return f"{self._py_func.__qualname__}{kind}.{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+        kind = "part" if self._part else _arguments_digest(sig)
+        return f"{self._py_func.__qualname__}.{kind}.{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
     def path(self, signature: tuple[Any, ...], codegen: Any) -> Path:
         """Return the file of a signature, whether it is there or not."""
@@ -107,6 +108,14 @@ def _describe(kind: Any) -> str:
     if not hasattr(kind, "types"):
         return str(kind)
     return f"{kind}[{' '.join(getattr(kind, 'fields', ()))}]({', '.join(map(_describe, kind.types))})"
+
+
+def _arguments_digest(signature: tuple[Any, ...]) -> str:
+    """Return the digest by which files can be found without numba; another where arguments cannot be listed."""
+    try:
+        return digest([encode(kind) for kind in signature])
+    except (AttributeError, TypeError):
+        return digest([_describe(kind) for kind in signature])
 
 
 class Folder:

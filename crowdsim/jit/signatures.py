@@ -7,6 +7,7 @@ there, or called otherwise, is compiled when it is called.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Collection, Iterator
 from importlib import import_module
@@ -63,6 +64,11 @@ def encode(kind: Any) -> Any:
     if decode(str(kind)) != kind:
         raise TypeError(f"{kind} is no type of an argument from Python")
     return str(kind)
+
+
+def digest(arguments: list[Any]) -> str:
+    """Return a digest of the types of a kernel's arguments, as ``Listed`` has them."""
+    return hashlib.sha256(json.dumps(arguments).encode()).hexdigest()[:12]
 
 
 def decode(text: Any) -> Any:

@@ -107,14 +107,19 @@ def kernel_uses(scenario: Scenario, untrained: Sequence[str] = ()) -> list[str]:
     Args:
         scenario: The scenario, resolved.
         untrained: Policies that have to be trained first.
+
+    Raises:
+        RecipeError: A recipe is invalid.
+        PolicyError: A policy is missing, or its bundle is damaged.
     """
+    from crowdsim.crowd.cast import table_type_of
     from crowdsim.crowd.simulation import SMALL
 
     outputs = scenario.outputs
+    size = "few" if scenario.avatar_count <= SMALL else "many"
     needed = {
         "training": bool(untrained),
-        "few": scenario.avatar_count <= SMALL,
-        "many": scenario.avatar_count > SMALL,
+        f"{size} {table_type_of(policy_names(scenario))}": True,
         "bvh": outputs.bvh is not None,
         "clouds": outputs.ply is not None or outputs.pcd is not None,
         "pictures": outputs.render is not None,

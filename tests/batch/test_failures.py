@@ -101,7 +101,7 @@ def test_ten_forced_failures_of_four_kinds_affect_no_other_run(
     seeds = [*bad[:3], *good[:7], *bad[3:6], *good[7:], *bad[6:]]
     write_batch(workplace, axes=[{"seed": seeds}])
     monkeypatch.setenv("DASK_DISTRIBUTED__WORKER__PRELOAD", str(Path(__file__).with_name("faults.py")))
-    options = ["--jobs", "2", "--retries", "0", "--timeout", "45s", "--memory", "900M"]
+    options = ["--jobs", "2", "--retries", "0", "--timeout", "20s", "--memory", "900M"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run(
         [sys.executable, "-m", "crowdsim.cli", "batch", "trial.yaml", "--out", "all", *options],

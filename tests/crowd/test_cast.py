@@ -1,12 +1,14 @@
 """What a scenario makes of avatars: weights of behaviours, tempo, and what events change of them."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from synthetic_policy import policy
 
-from crowdsim.crowd.cast import cast_crowd
+from crowdsim import assets
+from crowdsim.crowd.cast import cast_crowd, table_type_of
 from crowdsim.crowd.placement import place_groups
 from crowdsim.scenario.scenario import load_scenario
 
@@ -96,3 +98,26 @@ def test_without_a_temperament_there_is_no_row_of_conditions(tmp_path, result):
     people, _ = cast(tmp_path, result=result)
     assert not people.conditioned
     assert people.temperaments.shape == (0, 3)
+
+
+@pytest.mark.parametrize(
+    ("precisions", "expected"),
+    [
+        (["int8"], "uint8"),
+        (["int16"], "uint16"),
+        (["float16"], "float32"),
+        (["int8", "int8"], "uint8"),
+        (["int8", "int16"], "float32"),
+        (["float16", "float32"], "float32"),
+    ],
+)
+def test_the_type_of_tables_follows_from_the_recipes_of_a_run(tmp_path, monkeypatch, precisions, expected):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "policies").mkdir()
+    shipped = assets.find_recipe("boxer").read_text(encoding="utf-8")
+    names = [f"own_{number}" for number in range(len(precisions))]
+    for name, precision in zip(names, precisions, strict=True):
+        changed = re.sub(r"(?m)^precision: .*$", f"precision: {precision}", shipped)
+        assert changed != shipped or precision == "int16"
+        (tmp_path / "policies" / f"{name}.yaml").write_text(changed, encoding="utf-8")
+    assert table_type_of(names) == expected

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from crowdsim import jit
-from crowdsim.jit.signatures import decode, encode, listed, resolve
+from crowdsim.jit.signatures import decode, digest, encode, listed, resolve
 
 SLOW = """from twig.jit import kernel
 
@@ -167,9 +167,29 @@ def test_the_list_names_kernels_and_types_that_there_are():
     for (kernel, signature), entry in zip(resolve(entries), entries, strict=True):
         assert kernel.py_func.__qualname__ == entry.name
         assert [encode(kind) for kind in signature] == entry.arguments
-    assert {use for entry in entries for use in entry.uses} == {
-        "training", "few", "many", "bvh", "clouds", "pictures",
-    }  # fmt: skip
+    crowds = {f"{size} {table}" for size in ("few", "many") for table in ("float32", "uint16", "uint8")}
+    assert {use for entry in entries for use in entry.uses} == {"training", "bvh", "clouds", "pictures", *crowds}
+
+
+def test_each_type_of_a_table_has_kernels_of_its_own():
+    loops = {use: entry for entry in listed() if entry.name == "run_frames" for use in entry.uses}
+    assert set(loops) == {"few float32", "few uint16", "few uint8"}
+    assert len({digest(entry.arguments) for entry in loops.values()}) == 3
+
+
+def test_a_kernel_compiled_for_other_arguments_is_compiled_ahead(twig):
+    folder, start = twig
+    assert finish(start(CALL))[1]
+    path = folder / "jit" / "signatures.json"
+    entries = json.loads(path.read_text())
+    path.write_text(json.dumps([{**entries[0], "arguments": ["float32 1C", ["int64", "int64"]]}, *entries]))
+    count = "from twig.jit.ahead import _is_compiled; from twig.jit.signatures import listed\n"
+    program = count + "print([_is_compiled(one) for one in listed()].count(False))"
+    assert finish(start(program)) == 1
+    work = (
+        "import sys; sys.argv = ['', str(__import__('os').getppid()), 'few']\nfrom twig.jit.ahead import work; work()\n"
+    )
+    assert finish(start(work + program)) == 0
 
 
 def test_types_of_arguments_come_back_from_their_text():
