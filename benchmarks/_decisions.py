@@ -1,8 +1,9 @@
 """Transitions against decisions without one: three classifiers on windows of shown motion, and on the capture behind.
 
-Both are moments at which an avatar chose, so they differ by the transition alone. Features are velocities,
-accelerations and jerks of points in the ground frame of the window's middle, and their sizes. Clips are split in
-halves: a classifier learns from decisions that leave and enter clips of one half, and is tested on those of the other.
+Both are moments at which an avatar chose. Each transition is paired with a decision whose captured motion moves alike
+(``_matched_moments.py``), so that the two differ by the transition alone; ``unmatched`` are any of both kinds. Features
+are velocities, accelerations and jerks of points in the ground frame of the window's middle, and their sizes. Clips are
+split in halves: a classifier learns from decisions that leave and enter clips of one half, and is tested on the others.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from _matched_moments import match_moments, speeds_around
 from _shown_motion import PARTS, Shown, seen
 
 from crowdsim.core.types import Array
@@ -22,30 +24,60 @@ KINDS = ("velocity", "acceleration", "jerk")
 WINDOWS = (0.4, 0.8)
 """Lengths of windows [s]."""
 SPLITS = 3
+MATCHED = 3
+"""How many times more transitions are looked at for pairs than are classified."""
 LEAST = 30
 """Fewest decisions of either kind that are classified."""
 
 
-def select(shown: Shown, seconds: float, most: int, rng: np.random.Generator) -> Array:
-    """Return some decisions, as many with a transition as without, and no more than ``most`` of either."""
-    half, apart = round(0.5 * seconds * shown.rate) + 2, round(APART * shown.rate)
-    count, frames = shown.positions.shape[:2]
+def eligible(shown: Shown, seconds: float) -> tuple[Array, Array]:
+    """Return the transitions, and the other decisions, that have captured motion around them for a window.
+
+    No further transition lies in windows of either kind, and none within ``APART`` of other decisions.
+    """
+    half, frames = round(0.5 * seconds * shown.rate) + 2, shown.positions.shape[1]
     cut = shown.left != shown.entered
-    marks = np.zeros((count, frames + 1), np.int64)
-    times = shown.times[cut]
-    np.add.at(marks, (shown.owners[cut], np.clip(times - apart, 0, frames)), 1)
-    np.add.at(marks, (shown.owners[cut], np.clip(times + apart + 1, 0, frames)), -1)
-    near = np.cumsum(marks, axis=1)[:, :-1] > 0
     margin = half + round(shown.rate)
     fits = (shown.times >= margin) & (shown.times < frames - margin)
-    fits &= cut | ~near[shown.owners, np.minimum(shown.times, frames - 1)]
+    alone, apart = (_transitions_within(shown, cut, reach) for reach in (half, round(APART * shown.rate)))
+    fits &= np.where(cut, alone == 1, apart == 0)
     piece = np.searchsorted(shown.pieces[:, 0], np.arange(len(shown.clips)), side="right") - 1
     for frame in (shown.left - 1, shown.entered):
         low, high = frame - half, frame + half
         fits &= (low >= 0) & (high < len(piece))
         fits &= piece[np.clip(low, 0, len(piece) - 1)] == piece[np.clip(high, 0, len(piece) - 1)]
-    kinds = [rng.permutation(np.flatnonzero(fits & kind)) for kind in (cut, ~cut)]
-    return np.concatenate([kind[: min(most, *(len(other) for other in kinds))] for kind in kinds])
+    return np.flatnonzero(fits & cut), np.flatnonzero(fits & ~cut)
+
+
+def _transitions_within(shown: Shown, cut: Array, reach: int) -> Array:
+    """Return how many transitions lie within so many frames of each decision. Shape (D,)."""
+    count, frames = shown.positions.shape[:2]
+    marks, times = np.zeros((count, frames + 1), np.int64), shown.times[cut]
+    np.add.at(marks, (shown.owners[cut], np.clip(times - reach, 0, frames)), 1)
+    np.add.at(marks, (shown.owners[cut], np.clip(times + reach + 1, 0, frames)), -1)
+    return np.cumsum(marks, axis=1)[shown.owners, np.minimum(shown.times, frames - 1)]
+
+
+def select(shown: Shown, seconds: float, most: int, rng: np.random.Generator) -> Array:
+    """Return some decisions, as many with a transition as without, and no more than ``most`` of either."""
+    kinds = [rng.permutation(kind) for kind in eligible(shown, seconds)]
+    count = min(most, *(len(kind) for kind in kinds))
+    return np.concatenate([kind[:count] for kind in kinds])
+
+
+def select_alike(shown: Shown, seconds: float, most: int, rng: np.random.Generator) -> Array:
+    """Return decisions with a transition and as many without whose captured motion moves alike."""
+    some, others = eligible(shown, seconds)
+    some = rng.permutation(some)[: MATCHED * most]
+    around = np.arange(round(0.5 * seconds * shown.rate) + 1)
+    captured = shown.captured[0]
+
+    def describe(rows: Array) -> Array:
+        left, entered = shown.left[rows, None] - 1, shown.entered[rows, None]
+        return speeds_around(captured[left - around[::-1]], captured[entered + around], shown.rate)
+
+    one, other = match_moments(describe(some), describe(others))
+    return np.concatenate([some[one[:most]], others[other[:most]]])
 
 
 def windows(shown: Shown, chosen: Array, seconds: float, noise: float) -> tuple[Array, Array]:
@@ -126,34 +158,39 @@ def judge_decisions(runs: list[Shown], most: int, noise: float) -> dict[str, Any
         For each length of windows, ``400_ms`` and ``800_ms``: ``transitions`` and ``others``, how many were
         classified; ``shown`` and ``captured``, areas under the ROC curve of each classifier and of the best, on what
         is shown and on the capture behind it; ``parts`` the same by part of the body and kind of feature, of logistic
-        regression and trees, for the shorter windows.
+        regression and trees, for the shorter windows; ``unmatched``, the same but for ``parts``.
     """
     result: dict[str, Any] = {}
     rng = np.random.default_rng(0)
     for seconds in WINDOWS:
-        chosen = [select(shown, seconds, most, rng) for shown in runs]
-        labels = np.concatenate([(s.left != s.entered)[c] for s, c in zip(runs, chosen, strict=True)])
-        entry: dict[str, Any] = {"transitions": int(labels.sum()), "others": int((~labels).sum())}
+        entry = _judge(runs, [select_alike(shown, seconds, most, rng) for shown in runs], seconds, noise, parts=True)
+        any_of_both = [select(shown, seconds, most, rng) for shown in runs]
+        entry["unmatched"] = _judge(runs, any_of_both, seconds, noise, parts=False)
         result[f"{round(1000 * seconds)}_ms"] = entry
-        pairs = [windows(shown, some, seconds, noise) for shown, some in zip(runs, chosen, strict=True)]
-        clips = np.concatenate(
-            [
-                np.stack([s.clips[s.left[c] - 1], s.clips[s.entered[c]]], axis=1)
-                for s, c in zip(runs, chosen, strict=True)
-            ]
-        )
-        few = min(entry["transitions"], entry["others"]) < LEAST
-        points = [name for name in runs[0].names if name.split("_")[-1] in POINTS]
-        rate, step = runs[0].rate, round(seconds / WINDOWS[0])
-        entry["parts"] = {}
-        for side, name in enumerate(("shown", "captured")):
-            moments = np.concatenate([pair[side] for pair in pairs])
-            every: tuple[str, ...] = () if few else ("logistic", "trees", "boosting")
-            entry[name] = areas(features(moments, rate, step=step), labels, clips, every)
-            for part, words in PARTS.items() if step == 1 else ():
-                kept = [k for k, point in enumerate(points) if point.split("_")[-1] in words]
-                for kind in KINDS:
-                    values = features(moments[:, :, kept], rate, (kind,))
-                    cell = entry["parts"].setdefault(part, {}).setdefault(kind, {})
-                    cell[name] = areas(values, labels, clips, every[:2])["auc"]
     return result
+
+
+def _judge(runs: list[Shown], chosen: list[Array], seconds: float, noise: float, parts: bool) -> dict[str, Any]:
+    """Classify the chosen decisions of each run; ``parts`` by part of the body too, where windows are short."""
+    some = list(zip(runs, chosen, strict=True))
+    labels = np.concatenate([(shown.left != shown.entered)[rows] for shown, rows in some])
+    entry: dict[str, Any] = {"transitions": int(labels.sum()), "others": int((~labels).sum())}
+    pairs = [windows(shown, rows, seconds, noise) for shown, rows in some]
+    clips = np.concatenate(
+        [np.stack([s.clips[s.left[rows] - 1], s.clips[s.entered[rows]]], axis=1) for s, rows in some]
+    )
+    few = min(entry["transitions"], entry["others"]) < LEAST
+    points = [name for name in runs[0].names if name.split("_")[-1] in POINTS]
+    rate, step = runs[0].rate, round(seconds / WINDOWS[0])
+    every: tuple[str, ...] = () if few else ("logistic", "trees", "boosting")
+    by_part: dict[str, Any] = {}
+    for side, name in enumerate(("shown", "captured")):
+        moments = np.concatenate([pair[side] for pair in pairs])
+        entry[name] = areas(features(moments, rate, step=step), labels, clips, every)
+        for part, words in PARTS.items() if parts and step == 1 else ():
+            kept = [k for k, point in enumerate(points) if point.split("_")[-1] in words]
+            for kind in KINDS:
+                values = features(moments[:, :, kept], rate, (kind,))
+                cell = by_part.setdefault(part, {}).setdefault(kind, {})
+                cell[name] = areas(values, labels, clips, every[:2])["auc"]
+    return {**entry, "parts": by_part} if parts else entry

@@ -2,7 +2,9 @@
 
 A frame exceeds the source where the acceleration of a part is above the 99.9th percentile of that part's in the source:
 1 per mille of the source's frames do. ``source_there`` is the share of frames that exceed it among the source's frames
-that are played near the same events, which tells what belongs to the motion itself.
+that are played near the same events, which tells what belongs to the motion itself: strikes accelerate more than other
+motion. ``beyond_source_there`` is the share of frames above the 99.9th percentile of those frames of the source, of
+which 1 per mille is expected.
 """
 
 from __future__ import annotations
@@ -101,20 +103,27 @@ def measure_accelerations(run: ExportedRun) -> dict[str, Any]:
                 "everywhere": np.ones(own.shape, bool),
             }  # fmt: skip
             outcome[name][part] = {"limit": limit, **{
-                event: {"files": _per_mille(own[near] > limit), "source_there": _per_mille(there[near] > limit)}
+                event: {
+                    "files": _per_mille(own[near] > limit),
+                    "source_there": _per_mille(there[near] > limit),
+                    "beyond_source_there": _per_mille(own[near] > np.percentile(there[near], QUANTILE))
+                    if near.any()
+                    else None,
+                }
                 for event, near in events.items()
             }}  # fmt: skip
             for event, near in events.items():
                 if (part, event) in (("foot", "near_transitions"), ("hand", "near_landed_strikes")):
                     outcome[name][part]["moments"] = _moments(run, np.where(near, own / max(limit, 1e-9), 0.0), joints)
     for parts in outcome.values():
-        parts["worst"] = {event: _worst(parts, event) for event in events}
+        parts["worst"] = {event: _worst(parts, event, "files") for event in events}
+        parts["worst_beyond_source_there"] = {event: _worst(parts, event, "beyond_source_there") for event in events}
     return outcome
 
 
-def _worst(parts: dict[str, Any], event: str) -> dict[str, Any]:
+def _worst(parts: dict[str, Any], event: str, share: str) -> dict[str, Any]:
     """Return the part of the body that exceeds its limit in most frames; None where there is none."""
-    found = {name: one[event]["files"] for name, one in parts.items() if name in GROUPS}
+    found = {name: one[event][share] for name, one in parts.items() if name in GROUPS}
     part = max(found, key=lambda name: found[name] or 0.0)
     return {"part": part, **parts[part][event]}
 

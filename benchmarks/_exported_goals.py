@@ -81,9 +81,9 @@ EVENTS = {
 def _accelerations() -> list[Measure]:
     rows = []
     beyond = "above the source's 99.9 %, per mille"
-    parts = (("foot", "feet", "near_transitions"), ("hand", "hands", "near_landed_strikes"))
+    limbs = (("foot", "feet", "near_transitions"), ("hand", "hands", "near_landed_strikes"))
     for kind, words in (("linear", "acceleration"), ("angular", "angular acceleration")):
-        for part, name, event in parts:
+        for part, name, event in limbs:
             keys = ("accelerations", kind, part, event)
             label = f"{words} of {name} {EVENTS[event]} {beyond}"
             rows.append(Measure(label, (*keys, "files"), "number", (*keys, "source_there"), most=3.0))
@@ -91,6 +91,9 @@ def _accelerations() -> list[Measure]:
             label = f"{words} of the part of the body that exceeds it most, {where}, per mille"
             keys = ("accelerations", kind, "worst", event)
             rows.append(Measure(label, (*keys, "files"), "number", (*keys, "source_there"), most=3.0))
+        label = f"the same above the 99.9 % of the source near strikes, {words}, per mille"
+        parts = ("worst_beyond_source_there", "near_landed_strikes", "beyond_source_there")
+        rows.append(Measure(label, ("accelerations", kind, *parts), "number", most=3.0))
     return rows
 
 
@@ -110,6 +113,9 @@ MEASURES = (
     Measure("the same, 95th percentile", ("strikes", "landed_stay", "p95"), "seconds"),
     Measure("the same, longest", ("strikes", "landed_stay", "longest"), "seconds"),
     *_accelerations(),
+    Measure("transitions against other decisions whose captured motion is alike, AUC",
+            ("transition_classifier", "matched", "auc"), "number",
+            ("transition_classifier", "matched", "auc_of_content"), most=0.65),
     Measure("one-frame rotation jumps per avatar per minute", ("jumps", "rotation_jumps_per_minute"), "number",
             ("jumps", "rotation_jumps_per_minute_of_the_source"), of_source=1.0),
     Measure("the same of the source as the avatars play it",

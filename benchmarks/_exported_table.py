@@ -88,8 +88,9 @@ def pose_rows(outcome: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
     rows.append(("  heads", f"{bodies['heads']:.3%}", "", "", ""))
     rows.append(("transitions per avatar per second", f"{outcome['transitions_per_second']:.2f}", "",
                  f"{own['transitions_per_second']:.2f}", ""))  # fmt: skip
-    if apart["auc"] is not None and apart["auc_of_content"] is not None:
-        against = f"{apart['transitions']} transitions against {apart['others']} others"
-        rows.append((f"AUC of {against}", f"{apart['auc']:.3f}",
-                     f"{apart['auc_of_content']:.3f}", "", ""))  # fmt: skip
+    for words, group in (("", apart), (" whose motion is alike", apart["matched"])):
+        if group["auc"] is not None and group["auc_of_content"] is not None:
+            against = f"{group['transitions']} transitions against {group['others']} others{words}"
+            rows.append((f"AUC of {against}", f"{group['auc']:.3f}",
+                         f"{group['auc_of_content']:.3f}", "", ""))  # fmt: skip
     return rows

@@ -58,6 +58,7 @@ def _decisions(outcome: Mapping[str, Any]) -> Iterator[str]:
             if name != "auc"
         )
         yield f"    {length}, {entry['transitions']} and {entry['others']}: {best}; {each}"
+        yield f"      of any transitions and decisions, not matched: {_shown_and_captured(entry['unmatched'])}"
         for part, kinds in entry["parts"].items():
             yield f"      {part:8} " + "  ".join(f"{kind} {_shown_and_captured(kinds[kind])}" for kind in KINDS)
 

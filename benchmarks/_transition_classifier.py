@@ -1,9 +1,10 @@
 """A classifier of exported motion: windows around transitions against windows around decisions without one.
 
-Both are moments at which an avatar chose, so they differ by the transition alone. The capture is split in halves, by
-pieces of some seconds; the classifier learns from one half and is tested on the other. ``content`` is the same with
-windows of the captured motion, around the frames that transitions leave and enter and around those of the other
-moments: what the choice of moments reveals, whatever the blends do.
+Both are moments at which an avatar chose. The capture is split in halves, by pieces of some seconds; the classifier
+learns from one half and is tested on the other. ``content`` is the same with windows of the captured motion, around the
+frames that transitions leave and enter and around those of the other moments: what the choice of moments reveals,
+whatever the blends do. ``matched`` are pairs of both kinds whose captured motion moves alike (``_matched_moments.py``),
+which differ by the transition alone.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from _exported_run import ExportedRun
+from _matched_moments import match_moments, speeds_around
 from _plain_bvh import Array
 from _witness import JOINTS
 
@@ -20,6 +22,8 @@ CLEAR = 0.3
 PIECE = 5.0
 """Length of the pieces of a clip that go to one half or the other [s]."""
 MOST = 1500
+LEAST = 50
+"""Fewest moments of either kind that are classified."""
 SPLITS = 4
 
 
@@ -62,6 +66,37 @@ def _area(features: Array, labels: Array, halves: list[Array]) -> float | None:
     return float(np.mean(outcome, axis=0).max()) if outcome else None
 
 
+def _moments(run: ExportedRun, half: int, seconds: float) -> Array:
+    """Return avatar, frame, frames of the source left and entered, and whether it is a transition, of each decision.
+
+    Others with a transition near are left out, and those without captured motion around. Shape (n, 6); the last column
+    says whether no further transition is in the window.
+    """
+    count, rows = run.count, []
+    for avatar, outcome in enumerate(run.decisions):
+        times, left, entered = outcome[:, 0], outcome[:, 1].astype(int), outcome[:, 2].astype(int)
+        transition = left != entered
+        for k, time in enumerate(times):
+            frame = round(time * run.fps)
+            if not half + run.fps <= frame < count - half - run.fps:
+                continue
+            apart = np.abs(times - time)
+            if transition[k] or not transition[apart < 0.5 * seconds + CLEAR].any():
+                alone = np.count_nonzero(transition[apart * run.fps <= half]) <= 1
+                rows.append((avatar, frame, left[k], entered[k], transition[k], alone))
+    found = np.array(rows, dtype=int).reshape(-1, 6)
+    source, reach = run.source, half * run.step
+    clip = np.searchsorted(source.starts, np.arange(len(source.clips)), side="right") - 1
+    inside = np.ones(len(found), bool)
+    for frames in (found[:, 2] - 1, found[:, 3]):
+        low, high = frames - reach, frames + reach
+        inside &= (low >= 0) & (high < len(clip))
+        ends = (np.clip(one, 0, len(clip) - 1) for one in (low, frames, high))
+        first, middle, last = (clip[one] for one in ends)
+        inside &= (first == middle) & (middle == last)
+    return found[inside]
+
+
 def classify_transitions(run: ExportedRun, seconds: float) -> dict[str, Any]:
     """Return the area under the ROC curve of the better of two classifiers; 0.5 is guessing.
 
@@ -70,52 +105,51 @@ def classify_transitions(run: ExportedRun, seconds: float) -> dict[str, Any]:
         seconds: Length of a window [s].
     """
     half = round(0.5 * seconds * run.fps) + 1
-    count = len(run.figures[0].head)
-    rows: list[tuple[int, int, int, int, bool]] = []
-    for avatar, outcome in enumerate(run.decisions):
-        times, left, entered = outcome[:, 0], outcome[:, 1].astype(int), outcome[:, 2].astype(int)
-        transition = left != entered
-        for k, time in enumerate(times):
-            frame = round(time * run.fps)
-            if not half + run.fps <= frame < count - half - run.fps:
-                continue
-            near = np.abs(times - time) < 0.5 * seconds + CLEAR
-            if transition[k] or not (transition & near).any():
-                rows.append((avatar, frame, left[k], entered[k], bool(transition[k])))
-    source, step, reach = run.source, run.step, half * run.step
-    clip = np.searchsorted(source.starts, np.arange(len(source.clips)), side="right") - 1
-
-    def inside(frame: int) -> bool:
-        low, high = frame - reach, frame + reach
-        return low >= 0 and high < len(clip) and clip[low] == clip[frame] == clip[high]
-
-    rows = [row for row in rows if inside(row[2] - 1) and inside(row[3])]
+    rows = _moments(run, half, seconds)
     rng = np.random.default_rng(0)
-    chosen = []
-    for kind in (True, False):
-        own = [row for row in rows if row[4] is kind]
-        chosen += [own[k] for k in np.sort(rng.permutation(len(own))[:MOST])]
-    labels = np.array([row[4] for row in chosen])
-    if min(labels.sum(), (~labels).sum()) < 50:
-        return {"transitions": int(labels.sum()), "others": int((~labels).sum()), "auc": None, "auc_of_content": None}
+    kinds = [rows[rows[:, 4] == kind] for kind in (1, 0)]
+    chosen = np.concatenate([own[np.sort(rng.permutation(len(own))[:MOST])] for own in kinds])
+    return {**_classify(run, chosen, half), "matched": _classify(run, _matched(run, kinds, half, rng), half)}
+
+
+def _matched(run: ExportedRun, kinds: list[Array], half: int, rng: np.random.Generator) -> Array:
+    """Return transitions without others in their windows, and as many other moments whose captured motion is alike."""
+    joints, around = run.source.figure.joints, np.arange(half + 1) * run.step
+    some = kinds[0][kinds[0][:, 5] == 1]
+    some = some[np.sort(rng.permutation(len(some))[: 2 * MOST])]
+    one, other = match_moments(
+        *(
+            speeds_around(joints[rows[:, 2, None] - 1 - around[::-1]], joints[rows[:, 3, None] + around], run.fps)
+            for rows in (some, kinds[1])
+        )
+    )
+    return np.concatenate([some[one], kinds[1][other]])
+
+
+def _classify(run: ExportedRun, chosen: Array, half: int) -> dict[str, Any]:
+    """Return how well some moments (n, 6) are classified by shown motion, and by the source behind it."""
+    labels, source = chosen[:, 4] == 1, run.source
+    outcome = {"transitions": int(labels.sum()), "others": int((~labels).sum())}
+    if min(outcome.values()) < LEAST:
+        return {**outcome, "auc": None, "auc_of_content": None}
     steps = np.arange(-half, half + 1)
-    windows = np.stack([run.figures[row[0]].joints[row[1] + steps] / run.scales[row[0]] for row in chosen])
+    windows = np.stack([run.figures[n].joints[frame + steps] / run.scales[n] for n, frame in chosen[:, :2]])
     # Of the capture behind a transition either side is shown in turn.
-    frames = np.array([row[2 + k % 2] if row[4] else row[3] for k, row in enumerate(chosen)])
-    content = source.figure.joints[frames[:, None] + steps * step]
+    entered = (np.arange(len(chosen)) % 2 == 1) | ~labels
+    frames = np.where(entered, chosen[:, 3], chosen[:, 2])
+    content = source.figure.joints[frames[:, None] + steps * run.step]
     # A clip and its mirror image are cut into the same pieces.
+    clip = np.searchsorted(source.starts, np.arange(len(source.clips)), side="right") - 1
     offsets = np.arange(len(clip)) - source.starts[clip]
     piece = source.clips * 10_000 + (offsets / (PIECE * run.sizes.rate)).astype(int)
-    clips = np.array([[piece[row[2] - 1], piece[row[3]]] for row in chosen])
-    halves = []
+    clips = np.stack([piece[chosen[:, 2] - 1], piece[chosen[:, 3]]], axis=1)
+    halves, names = [], np.unique(piece)
     for split in range(SPLITS):
-        names = np.unique(piece)
         first = np.random.default_rng(split).permutation(names)[: len(names) // 2]
         sides = np.isin(clips, first).sum(axis=1)
         halves.append(np.where(sides == 2, 1, np.where(sides == 0, 0, -1)))
     return {
-        "transitions": int(labels.sum()),
-        "others": int((~labels).sum()),
+        **outcome,
         "auc": _area(_features(windows, run.fps), labels, halves),
         "auc_of_content": _area(_features(content, run.fps), labels, halves),
     }

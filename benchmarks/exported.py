@@ -1,6 +1,6 @@
 """Figures of exported motion, measured from the BVH files by independent code.
 
-    python benchmarks/exported.py [RUN ...] [--mocap DIR] [--frames 450] [--seconds 0.4] [--strips FOLDER] [--quick]
+    python benchmarks/exported.py [RUN ...] [--mocap DIR] [--frames N] [--seconds 0.4] [--strips FOLDER] [--quick]
         [--json]
 
 Without a RUN, `brawl_30`, `armies_200` and, with --mocap or CROWDSIM_MOCAP, `brawl_30_cmu` are run here with BVH as
@@ -25,7 +25,8 @@ the side, with avatars, time and figure. The JSON document has a group for each 
 - `overlap`: overlap of discs of 0.2 m around pelvises, of torso capsules (pelvis to neck) and of heads, as a share of
   avatar-frames.
 - `transition_classifier`: area under the ROC curve of a classifier of windows around transitions and around other
-  decisions; `content` is the same for the source motion behind them. See `_transition_classifier.py`.
+  decisions; `content` is the same for the source motion behind them; `matched` the same for pairs whose source motion
+  is alike. See `_transition_classifier.py`.
 - `bodies`: capsules that pictures and clouds show, between all avatars. `without_arms` and `with_arms`: `share` of
   avatar-frames deeper than 6 cm, `deepest` [m], `episodes_per_minute` deeper than 8 cm. `by_parts`: share and depth by
   pair of parts. `arm_in_trunk_or_head`: frames in which an avatar's forearm or fist is deeper than 6 cm in a torso or
@@ -142,7 +143,7 @@ def main() -> None:
     parser.add_argument("runs", type=Path, nargs="*", metavar="RUN", help="folders of runs with BVH files")
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder with capture")
     parser.add_argument("--policies", type=Path, help="folder of bundles; else where runs find them")
-    parser.add_argument("--frames", type=int, default=450, help="control frames of runs that are made here")
+    parser.add_argument("--frames", type=int, help="control frames of runs that are made here, else those of scenarios")
     parser.add_argument("--seconds", type=float, default=0.4, help="length of a window around a transition, 0.2 to 1.6")
     parser.add_argument("--strips", type=Path, metavar="FOLDER", help="draw the ten worst moments of each kind there")
     parser.add_argument(

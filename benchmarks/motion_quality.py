@@ -60,7 +60,7 @@ from crowdsim.take.take import Take
 from crowdsim.training.train import ready_policy
 
 SCENE = ["groups.0.count=60", "types.boxer.scale=1", "groups.0.placement.radius=7", "fps=60", "duration=1000"]
-QUICK = ["groups.0.count=12", "groups.0.placement.radius=3", "duration=200"]
+QUICK = ["groups.0.count=12", "groups.0.placement.radius=3", "duration=600"]
 """What is other in a quick brawl."""
 
 

@@ -152,14 +152,15 @@ def _pair(results: Results, policy: str, *keys: str) -> str:
 def decisions(results: Results) -> list[str]:
     """Return how well classifiers distinguish transitions from other decisions, beside the capture behind them."""
     rows = []
-    for window, label in (("400_ms", "0.4 s"), ("800_ms", "0.8 s")):
-        for model in ("logistic", "trees", "boosting"):
-            cells = []
-            for policy in TWO:
-                keys = ("motion_quality", policy, "decisions", window)
-                own, theirs = (results.cell(fixed, *keys, side, model) for side in SIDES)
-                cells.append(own if own == theirs == NOT_MEASURED else f"{own} ({theirs})")
-            rows.append([f"{model}, windows of {label}", *cells])
+    for group, words in (((), ""), (("unmatched",), ", any decisions")):
+        for window, label in (("400_ms", "0.4 s"), ("800_ms", "0.8 s")):
+            for model in ("logistic", "trees", "boosting"):
+                cells = []
+                for policy in TWO:
+                    keys = ("motion_quality", policy, "decisions", window, *group)
+                    own, theirs = (results.cell(fixed, *keys, side, model) for side in SIDES)
+                    cells.append(own if own == theirs == NOT_MEASURED else f"{own} ({theirs})")
+                rows.append([f"{model}, windows of {label}{words}", *cells])
     for part in ("legs", "trunk", "arms", "head"):
         for kind in ("velocity", "acceleration", "jerk"):
             figures = ("decisions", "400_ms", "parts", part, kind)
