@@ -32,12 +32,14 @@ _LANDS = 0.1
 """Time around a strike that lands in which the fist may be in what it hits [s]."""
 _RATE = 60.0
 """How many times a second limbs are pushed out of bodies, nearly [Hz]: fists pass each other between control frames."""
-_SMOOTH = 1.25 * np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
-"""Weights of what is found at five times that follow one another; it is exaggerated, since smoothing lowers its
-peaks."""
-_PLANTED, _CREEP, _WIDE = 0.3, 0.06, 2
-"""How readily planted feet move, of feet in the air; how far at the most [m]; and how long they stay where they have to
-go, before and after [control frames]."""
+_ARMS = 1.3 * np.array([1.0, 8.0, 28.0, 56.0, 70.0, 56.0, 28.0, 8.0, 1.0]) / 256.0
+_LEGS = 1.4 * np.array([1.0, 6.0, 15.0, 20.0, 15.0, 6.0, 1.0]) / 64.0
+"""Weights of what is found for arms and legs at times that follow one another; it is exaggerated, since smoothing
+lowers its peaks."""
+PLANTED = 0.3, 0.0
+"""How readily planted feet move, of feet in the air, in the first round of deflection and in the second."""
+_CREEP, _WIDE = 0.06, 2
+"""How far they go at the most [m], and how long they stay where they have to go, before and after [control frames]."""
 _POSES_AT_ONCE = 16_000
 _KEPT, _FEW = 64_000_000, 16
 """Numbers that are kept at the most; and frames that are kept of a crowd that is larger than that."""
@@ -47,16 +49,20 @@ class Deflection:
     """How far limbs give way.
 
     At each time of a grid limbs are pushed out of the bodies that are around; they follow a smooth path along these.
+    What that leaves, since limbs do not follow it to the full or others do not do their part, is for another round.
 
     Args:
         take: The take.
         motions: The motion of each of its policies.
-        pose_all: Poses avatars before limbs give way.
+        pose_all: Poses avatars before limbs give way, or after the round before.
         threads: Threads that share the work.
+        planted: How readily planted feet move, of feet in the air; 0 if they do not.
     """
 
-    def __init__(self, take: TakeData, motions: Sequence[PoseMotion], pose_all: PoseAll, threads: int) -> None:
-        self._take, self._pose_all, self._threads = take, pose_all, threads
+    def __init__(
+        self, take: TakeData, motions: Sequence[PoseMotion], pose_all: PoseAll, threads: int, planted: float
+    ) -> None:
+        self._take, self._pose_all, self._threads, self._planted = take, pose_all, threads, planted
         self._motions = motions
         self._scales = np.asarray(take.cast.scales, dtype=np.float64)
         self._girths = np.asarray(take.cast.girths, dtype=np.float64)
@@ -104,7 +110,7 @@ class Deflection:
         """
         if not self.is_needed:
             return
-        rate, times, around = self._rate, moments.times, len(_SMOOTH) // 2
+        rate, times, around = self._rate, moments.times, len(_ARMS) // 2
         low = max(int(times.min() * rate) - 1, 0)
         high = min(int(times.max() * rate) + 3, self._count)
         first, stop = max(low - around, 0), min(high + around, self._count)
@@ -115,8 +121,12 @@ class Deflection:
             return
         # Where a take begins and ends, its first and its last time stand for those beyond.
         fast = found[np.searchsorted(frames, np.arange(first, stop))]
-        moves = correlate1d(fast, _SMOOTH, axis=0, mode="nearest")[low - first : high - first]
-        creeps = _creep(found[np.searchsorted(frames, slow * self._fine)][:, :, 2:, END])
+        smooth = [
+            correlate1d(fast[:, :, some], weights, axis=0, mode="nearest")[low - first : high - first]
+            for some, weights in ((slice(0, 2), _ARMS), (slice(2, None), _LEGS))
+        ]
+        moves = np.concatenate(smooth, axis=2)
+        creeps = _creep(found[np.searchsorted(frames, slow * self._fine)][:, :, 2:, END], self._planted > 0.0)
         near = landed.around(float(times.min()), float(times.max()), columns)
         near = near.of(~near.missed)
         order, starts = by_column(columns[near.attackers], len(window.avatars), near.times)
@@ -192,7 +202,7 @@ class Deflection:
             np.ones((len(times), len(near), LIMBS)),
         )
         for _, which, _, _, freedom in joints:
-            limbs.freedom[:, which, 2:] = _PLANTED + (1.0 - _PLANTED) * freedom
+            limbs.freedom[:, which, 2:] = self._planted + (1.0 - self._planted) * freedom
         for index, bodies in posed:
             motion, (riding, weights) = self._motions[index], self._riding[index]
             moving = np.concatenate([motion.arms.joints, motion.legs.joints])
@@ -210,8 +220,10 @@ class Deflection:
         return moves
 
 
-def _creep(moves: Array) -> Array:
-    """How far planted feet go: the longest of moves (R, n, 2, 3) in the rows around each, but not far."""
+def _creep(moves: Array, goes: bool) -> Array:
+    """How far planted feet go, if they do: the longest of moves (R, n, 2, 3) in the rows around each, but not far."""
+    if not goes:
+        return np.zeros_like(moves)
     longest, lengths = moves.copy(), np.sum(moves**2, axis=-1)
     most = lengths.copy()
     for apart in range(1, min(_WIDE, len(moves) - 1) + 1):

@@ -2,7 +2,7 @@
 
 Where a fist goes depends on the pose of whom it hits, and that on blows and on fists of its own. Each further pass
 knows less of others, so that a pose before deflection depends on no more than ``REACH`` seconds and four control frames
-around it; deflection adds four more. These are the control frames of splines.
+around it; deflection adds four more, and its second round another one. These are the control frames of splines.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.motion.body import Body
 from crowdsim.take.data import TakeData
-from crowdsim.take.deflection import AllJoints, Deflection
+from crowdsim.take.deflection import PLANTED, AllJoints, Deflection
 from crowdsim.take.fallen import falls_soon
 from crowdsim.take.feet import hold_feet
 from crowdsim.take.fists import PoseAt, plan_landings, reach_out
@@ -49,8 +49,8 @@ _LATE, _CLOSE_BY = 0.35, 0.12
 turn [s]."""
 
 
-class _Undeflected(NamedTuple):
-    """Poses of avatars of one policy at the same times, before limbs give way."""
+class _Posed(NamedTuple):
+    """Poses of avatars of one policy at the same times, before limbs give way, or while they do."""
 
     policy: int
     which: Array
@@ -81,7 +81,10 @@ class Passes:
         self._lowering = Lowering(take, partial(self.window, lowered=False), self.blend)
         self._gazes = [build_gaze(motion) for motion in motions]
         self._trunks = [build_trunk(motion) for motion in motions]
-        self._deflection = Deflection(take, motions, self._pose_all, threads)
+        self._deflections = [
+            Deflection(take, motions, partial(self._pose_all, rounds=rounds), threads, planted)
+            for rounds, planted in enumerate(PLANTED)
+        ]
         self.strike(find_landed(take))
 
     def strike(self, landed: Landed) -> None:
@@ -115,9 +118,7 @@ class Passes:
         poses = Posed(np.empty((*shape, 3), np.float32), np.empty((*shape, motion.skeleton.joint_count, 4), np.float32))
 
         def blend(low: int, high: int) -> None:
-            blend_poses(
-                low, high, moments, playback, window.rows, motion.frames, transitions, motion.hinges, poses
-            )  # fmt: skip
+            blend_poses(low, high, moments, playback, window.rows, motion.frames, transitions, motion.hinges, poses)
 
         share(len(moments.columns), blend, threads=self._threads)
         return poses
@@ -160,7 +161,7 @@ class Passes:
     def _shown(self, window: Window, index: int, moments: Moments) -> Posed:
         reach = partial(self._reach_out, pose_at=self.pose_at, struck_at=self.struck_at, within=LEAN)
         poses = self._reaching(self._posed, reach, window, index, moments)
-        self._deflection.bend(window, self.landed, self._columns_of(window), moments, poses)
+        self._bend(self._deflections, window, moments, poses)
         return poses
 
     def _answering_at(self, avatars: Array, times: Array) -> list[Joints]:
@@ -239,14 +240,20 @@ class Passes:
                 found.append((one.policy, one.which, *one.window.world_joints(poses), freedom))
             return found
 
-        if self._deflection.is_needed and len(avatars) == self._take.avatar_count:
-            self._deflection.note(times, self.landed, joints)
+        for deflection in self._deflections:
+            if deflection.is_needed and len(avatars) == self._take.avatar_count:
+                deflection.note(times, self.landed, joints)
+            for one in posed:
+                self._bend([deflection], one.window, one.moments, one.poses)
         for one in posed:
-            columns = self._columns_of(one.window)
-            self._deflection.bend(one.window, self.landed, columns, one.moments, one.poses)
             yield one.policy, one.which, one.poses, one.playback
 
-    def _before_deflection(self, avatars: Array, times: Array) -> Iterator[_Undeflected]:
+    def _bend(self, rounds: list[Deflection], window: Window, moments: Moments, poses: Posed) -> None:
+        """Let limbs give way in some rounds, in place."""
+        for one in rounds:
+            one.bend(window, self.landed, self._columns_of(window), moments, poses)
+
+    def _before_deflection(self, avatars: Array, times: Array) -> Iterator[_Posed]:
         """Pose avatars (n,), ascending, at the same times (T,), before limbs give way, policy by policy."""
         owners = self._take.cast.policies[avatars]
         for index in np.unique(owners):
@@ -255,21 +262,22 @@ class Passes:
             moments = Moments(np.arange(len(which)), times[:, None])
             poses, playback = self.pose(window, int(index), moments)
             self._carry(window, moments, poses)
-            yield _Undeflected(int(index), which, window, moments, poses, playback)
+            yield _Posed(int(index), which, window, moments, poses, playback)
 
-    def _pose_all(self, avatars: Array, times: Array) -> AllJoints:
-        """Joints of avatars (n,), ascending, at the same times (T,), before limbs give way."""
-        return [
-            (one.policy, one.which, *one.window.world_joints(one.poses), one.window.free_feet(one.moments))
-            for one in self._before_deflection(avatars, times)
-        ]
+    def _pose_all(self, avatars: Array, times: Array, rounds: int) -> AllJoints:
+        """Joints of avatars (n,), ascending, at the same times (T,), after the first rounds of deflection."""
+        found = []
+        for one in self._before_deflection(avatars, times):
+            self._bend(self._deflections[:rounds], one.window, one.moments, one.poses)
+            free = one.window.free_feet(one.moments)
+            found.append((one.policy, one.which, *one.window.world_joints(one.poses), free))
+        return found
 
     def _carry(self, window: Window, moments: Moments, poses: Posed) -> None:
         """Carry fists and feet to where they go, in place, for poses of all avatars of a window at the same times."""
         first, last = float(moments.times[0, 0]), float(moments.times[-1, 0])
         lookup = self._columns_of(window)
-        near, count = self.landed.around(first, last, lookup), len(window.avatars)
-        near, kicks = split_kicks(near)
+        count, (near, kicks) = len(window.avatars), split_kicks(self.landed.around(first, last, lookup))
         kick(self._take, kicks, lookup, self.pose_at, self.struck_at, window, moments, poses)
         landings = plan_landings(self._take, near, lookup, count, self.pose_at, self.struck_at, window.motion)
         reach_out(window, landings, moments, poses)
@@ -279,8 +287,7 @@ class Passes:
     ) -> None:
         """Carry fists and feet to where they go, in place, for strikes that are no further off than ``within`` [s]."""
         lookup, count = self._columns_of(window), len(window.avatars)
-        near = self.landed.around_each(window.avatars[moments.columns], moments.times[0], within)
-        near, kicks = split_kicks(near)
+        near, kicks = split_kicks(self.landed.around_each(window.avatars[moments.columns], moments.times[0], within))
         kick(self._take, kicks, lookup, pose_at, struck_at, window, moments, poses, within)
         landings = plan_landings(self._take, near, lookup, count, pose_at, struck_at, window.motion)
         reach_out(window, landings, moments, poses, within)

@@ -9,9 +9,10 @@ from crowdsim.core.types import Array
 from crowdsim.jit import kernel
 from crowdsim.take.kernels.capsules import NEAR, are_near, capsule_depth
 from crowdsim.take.kernels.columns import LOWER, MIDDLE, UPPER
+from crowdsim.take.kernels.limb_bounds import LIMBS, bound_limbs, group_of, groups_near, limbs_near
 
-LIMBS, MOVED = 4, 2
-"""Limbs of a body: left and right arm, left and right leg; and the points of each that move, middle and end."""
+MOVED = 2
+"""How many points of each limb move, its middle and its end."""
 JOINT, END = 0, 1
 """Which of these points: elbow or knee, and wrist or ankle."""
 ALLOWED = 0.01
@@ -60,7 +61,7 @@ class _Contacts(NamedTuple):
         others: The other body, and its capsule. Shape (C, 2).
         allowed: Depth up to which the body's own capsule leaves it [m]. Shape (C,).
         above: Whether the body's own capsule belongs above it. Shape (C,), bool.
-        spheres: Middle and radius of a sphere around each limb of the body [m]. Shape (4, 4).
+        spheres: Middle and radius of a sphere around each limb of each body, and around its trunk [m]. Shape (N, 5, 4).
     """
 
     own: Array
@@ -79,43 +80,6 @@ def _leverage(limbs, t, n, capsule, share):
     w = limbs.weights[n, capsule]
     middle = w[0, JOINT] + share * (w[1, JOINT] - w[0, JOINT])
     return middle, limbs.freedom[t, n, limb] * (w[0, END] + share * (w[1, END] - w[0, END]))
-
-
-@kernel(allocates=False)
-def _bound_limbs(capsules, limbs, t, n, spheres):
-    """Write spheres around the limbs of an avatar; the radius of one that has no capsules is -1."""
-    spheres[:] = 0.0
-    spheres[:, 3] = -1.0
-    for i in range(capsules.counts[n]):
-        limb = limbs.limbs[n, i]
-        if limb < 0:
-            continue
-        p, q, sphere = capsules.starts[t, n, i], capsules.ends[t, n, i], spheres[limb]
-        x, y, z = 0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), 0.5 * (p[2] + q[2])
-        if sphere[3] < 0.0:
-            sphere[0], sphere[1], sphere[2], sphere[3] = x, y, z, capsules.bounds[n, i]
-            continue
-        x, y, z = x - sphere[0], y - sphere[1], z - sphere[2]
-        far = math.sqrt(x * x + y * y + z * z)
-        more = 0.5 * (far + capsules.bounds[n, i] - sphere[3])
-        if more > 0.0:
-            part = min(more / max(far, 1e-9), 1.0)
-            sphere[0] += part * x
-            sphere[1] += part * y
-            sphere[2] += part * z
-            sphere[3] = max(sphere[3] + more, capsules.bounds[n, i]) + 1e-6
-
-
-@kernel(inline=True)
-def _limbs_near(capsules, t, other, j, spheres):
-    """Return which limbs a capsule of another body may be near, a bit for each."""
-    p, q, bound, near = capsules.starts[t, other, j], capsules.ends[t, other, j], capsules.bounds[other, j], 0
-    x, y, z = 0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), 0.5 * (p[2] + q[2])
-    for limb in range(LIMBS):
-        dx, dy, dz = x - spheres[limb, 0], y - spheres[limb, 1], z - spheres[limb, 2]
-        reach = spheres[limb, 3] + bound + _MARGIN
-        near |= np.int64(spheres[limb, 3] >= 0.0 and dx * dx + dy * dy + dz * dz <= reach * reach) << limb
-    return near
 
 
 @kernel(allocates=False)
@@ -139,8 +103,13 @@ def _add_contacts(capsules, limbs, t, n, other, contacts, count):
 
     Where both can give way, each does its part.
     """
-    for j in range(capsules.counts[other]):
-        near = _limbs_near(capsules, t, other, j, contacts.spheres)
+    spheres, close = contacts.spheres[n], groups_near(contacts.spheres[other], _MARGIN, contacts.spheres[n])
+    for j in range(capsules.counts[other] if close > 0 else 0):
+        if not (close >> group_of(limbs.limbs[other, j])) & 1:
+            continue
+        p, q = capsules.starts[t, other, j], capsules.ends[t, other, j]
+        x, y, z = 0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), 0.5 * (p[2] + q[2])
+        near = limbs_near(x, y, z, capsules.bounds[other, j], _MARGIN, spheres)
         if near == 0:
             continue
         for i in range(capsules.counts[n]):
@@ -257,7 +226,6 @@ def _limit(moves):
 def _find_contacts(capsules, limbs, t, n, order, rank, contacts):
     """Note all capsules that limbs of an avatar are in or near; return how many."""
     x, z, count = capsules.starts[t, n, 0, 0], capsules.starts[t, n, 0, 2], 0
-    _bound_limbs(capsules, limbs, t, n, contacts.spheres)
     for way in (-1, 1):
         at = rank + way
         while 0 <= at < order.shape[0]:
@@ -292,12 +260,17 @@ def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
         np.empty((_CONTACTS, 2), np.int64),
         np.empty(_CONTACTS, np.float64),
         np.empty(_CONTACTS, np.bool_),
-        np.empty((LIMBS, 4)),
+        np.empty((order.shape[1], LIMBS + 1, 4)),
     )
     axis, own = np.empty((2, 3), np.float32), np.empty((LIMBS, MOVED, 3))
+    bounded = -1
     for index in range(first, stop):
         t, m = index // asked.shape[0], index % asked.shape[0]
         n = asked[m]
+        if t != bounded:
+            bounded = t
+            for other in range(order.shape[1]):
+                bound_limbs(capsules, limbs.limbs[other], t, other, contacts.spheres[other])
         own[:] = 0.0
         if math.isfinite(capsules.starts[t, n, 0, 0]):
             count = _find_contacts(capsules, limbs, t, n, order[t], ranks[t, n], contacts)
