@@ -14,7 +14,9 @@ from crowdsim.take.capsules import PosedBodies, place_capsules
 from crowdsim.take.data import TakeData
 from crowdsim.take.fallen import fallen_rows
 from crowdsim.take.kernels.bending import Deflections, bend_limbs
-from crowdsim.take.kernels.deflection import END, LIMBS, MOVED, MovingLimbs, deflect_limbs
+from crowdsim.take.kernels.deflection import MovingLimbs, deflect_limbs
+from crowdsim.take.kernels.limb_bounds import LIMBS
+from crowdsim.take.kernels.limb_moves import END, MOVED
 from crowdsim.take.kernels.records import Moments, Posed
 from crowdsim.take.landed import Landed, by_column
 from crowdsim.take.motion import PoseMotion
@@ -33,8 +35,8 @@ _LANDS = 0.1
 """Time around a strike that lands in which the fist may be in what it hits [s]."""
 _RATE = 60.0
 """How many times a second limbs are pushed out of bodies, nearly [Hz]: fists pass each other between control frames."""
-_ARMS = 1.3 * np.array([1.0, 8.0, 28.0, 56.0, 70.0, 56.0, 28.0, 8.0, 1.0]) / 256.0
-_LEGS = 1.4 * np.array([1.0, 6.0, 15.0, 20.0, 15.0, 6.0, 1.0]) / 64.0
+_ARMS = 1.4 * np.array([1.0, 12.0, 66.0, 220.0, 495.0, 792.0, 924.0, 792.0, 495.0, 220.0, 66.0, 12.0, 1.0]) / 4096.0
+_LEGS = 1.4 * np.array([1.0, 8.0, 28.0, 56.0, 70.0, 56.0, 28.0, 8.0, 1.0]) / 256.0
 """Weights of what is found for arms and legs at times that follow one another; it is exaggerated, since smoothing
 lowers its peaks."""
 PLANTED = 0.3, 0.0

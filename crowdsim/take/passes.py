@@ -2,7 +2,7 @@
 
 Where a fist goes depends on the pose of whom it hits, and that on blows and on fists of its own. Each further pass
 knows less of others, so that a pose before deflection depends on no more than ``REACH`` seconds and four control frames
-around it; deflection adds four more, and its second round another one. These are the control frames of splines.
+around it; deflection adds four more, and its second round another three. These are the control frames of splines.
 """
 
 from __future__ import annotations

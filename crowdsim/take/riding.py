@@ -6,7 +6,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.take.capsules import capsule_order
-from crowdsim.take.kernels.deflection import END, JOINT, MOVED
+from crowdsim.take.kernels.limb_moves import END, JOINT, MOVED
 from crowdsim.take.motion import PoseMotion
 
 

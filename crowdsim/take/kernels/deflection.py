@@ -8,19 +8,17 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.jit import kernel
 from crowdsim.take.kernels.capsules import NEAR, are_near, capsule_depth
-from crowdsim.take.kernels.columns import LOWER, MIDDLE, UPPER
 from crowdsim.take.kernels.limb_bounds import LIMBS, bound_limbs, group_of, groups_near, limbs_near
+from crowdsim.take.kernels.limb_moves import END, JOINT, MOVED, keep_bones, keep_leg, limit
 
-MOVED = 2
-"""How many points of each limb move, its middle and its end."""
-JOINT, END = 0, 1
-"""Which of these points: elbow or knee, and wrist or ankle."""
 ALLOWED = 0.01
 """Depth at which bodies are left alone [m]."""
 _FOOT_IN = 0.02
 """Depth at which a foot is left in what it is in [m]: it should stay where it is planted."""
 _FIST_IN = 0.02
 """How much deeper a fist may be in what it hits [m]: its middle touches."""
+_AT_LAST = 1.001
+"""One, and how readily a limb gives way to another one while it lands a strike: that one goes, if it can."""
 _MARGIN, _LEG_MARGIN = 0.05, 0.015
 """How far apart capsules may be that arms, and legs, might be pushed into [m]."""
 _ENOUGH = 0.0005
@@ -29,8 +27,6 @@ _ROUNDS, _STEP = 10, 0.8
 """Rounds in which limbs are pushed out of what they are in, and the share of the way that each goes."""
 _LEAST = 0.3
 """Least lever by which a push is divided: one close to a shoulder would swing the arm around."""
-_MOST = 0.25
-"""Furthest that a point of a limb moves [m]."""
 _CONTACTS = 160
 """Most pairs of capsules that are looked at for one avatar."""
 
@@ -80,6 +76,19 @@ def _leverage(limbs, t, n, capsule, share):
     w = limbs.weights[n, capsule]
     middle = w[0, JOINT] + share * (w[1, JOINT] - w[0, JOINT])
     return middle, limbs.freedom[t, n, limb] * (w[0, END] + share * (w[1, END] - w[0, END]))
+
+
+@kernel(allocates=False)
+def _part_of(limbs, t, n, i, own, other, j, theirs):
+    """Return which part of what lies between them the capsule of the other body gives way, by levers of both.
+
+    A limb that lands a strike goes on, and leaves the most to the other one.
+    """
+    limb, limb_2 = limbs.limbs[n, i], limbs.limbs[other, j]
+    own *= _AT_LAST - limbs.landing[t, n, limb]
+    if limb_2 >= 0:
+        theirs *= _AT_LAST - limbs.landing[t, other, limb_2]
+    return theirs / (own + theirs)
 
 
 @kernel(allocates=False)
@@ -138,7 +147,8 @@ def _add_contacts(capsules, limbs, t, n, other, contacts, count):
                 contacts.own[count] = i
                 contacts.others[count, 0], contacts.others[count, 1] = other, j
                 contacts.above[count] = above > 0
-                contacts.allowed[count] = allowed + max(depth - allowed, 0.0) * theirs / (own + theirs)
+                theirs = _part_of(limbs, t, n, i, own, other, j, theirs)
+                contacts.allowed[count] = allowed + max(depth - allowed, 0.0) * theirs
                 count += 1
     return count
 
@@ -172,54 +182,6 @@ def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
         move[point, 1] += push * lever * y
         move[point, 2] += push * lever * z
     return True
-
-
-@kernel(allocates=False)
-def _keep_bones(joints, moves):
-    """Bring the middle and the end of an arm back to the lengths of its bones."""
-    upper, middle, end = joints[UPPER], joints[MIDDLE], joints[LOWER]
-    a = b = c = d = 0.0
-    for k in range(3):
-        a += (middle[k] - upper[k]) ** 2
-        b += (end[k] - middle[k]) ** 2
-        c += (middle[k] + moves[JOINT, k] - upper[k]) ** 2
-    if a < 1e-9 or b < 1e-9 or c < 1e-9:
-        return
-    size = math.sqrt(a / c)
-    for k in range(3):
-        moves[JOINT, k] = upper[k] + (middle[k] + moves[JOINT, k] - upper[k]) * size - middle[k]
-        d += (end[k] + moves[END, k] - middle[k] - moves[JOINT, k]) ** 2
-    size = math.sqrt(b / max(d, 1e-9))
-    for k in range(3):
-        start = middle[k] + moves[JOINT, k]
-        moves[END, k] = start + (end[k] + moves[END, k] - start) * size - end[k]
-
-
-@kernel(allocates=False)
-def _keep_leg(joints, moves):
-    """Let a knee go where its leg swivels about the line from hip to ankle, and a foot anywhere but down."""
-    upper, middle, end = joints[UPPER], joints[MIDDLE], joints[LOWER]
-    ux, uy, uz = end[0] - upper[0], end[1] - upper[1], end[2] - upper[2]
-    vx, vy, vz = middle[0] - upper[0], middle[1] - upper[1], middle[2] - upper[2]
-    # As long as the line from hip to ankle, times how far the knee is from it.
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    size, length = math.sqrt(x * x + y * y + z * z), math.sqrt(ux * ux + uy * uy + uz * uz)
-    knee, along = moves[JOINT], 0.0
-    if size > 1e-6 and length > 1e-6:
-        most = size / length
-        along = most * math.tanh((knee[0] * x + knee[1] * y + knee[2] * z) / size / most) / size
-    knee[0], knee[1], knee[2] = along * x, along * y, along * z
-    moves[END, 1] = max(moves[END, 1], 0.0)
-
-
-@kernel(allocates=False)
-def _limit(moves):
-    """Keep a move within ``_MOST``, smoothly."""
-    far = math.sqrt(moves[0] ** 2 + moves[1] ** 2 + moves[2] ** 2)
-    if far > 1e-9:
-        kept = _MOST * math.tanh(far / _MOST) / far
-        for k in range(3):
-            moves[k] *= kept
 
 
 @kernel(allocates=False)
@@ -282,12 +244,12 @@ def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
                     break
                 for limb in range(LIMBS):
                     if limb < 2:
-                        _keep_bones(limbs.joints[t, n, limb], own[limb])
+                        keep_bones(limbs.joints[t, n, limb], own[limb])
                     else:
-                        _keep_leg(limbs.joints[t, n, limb], own[limb])
+                        keep_leg(limbs.joints[t, n, limb], own[limb])
             for limb in range(LIMBS):
                 for k in range(3):
                     own[limb, END, k] *= limbs.freedom[t, n, limb]
-                _limit(own[limb, JOINT])
-                _limit(own[limb, END])
+                limit(own[limb, JOINT])
+                limit(own[limb, END])
         moves[t, m] = own
