@@ -4,7 +4,7 @@ import numpy as np
 from naive_separation import distance_to_point
 
 MARGIN, ROUNDS, STEP, LEAST, MOST, FIST_IN, ALLOWED = 0.05, 10, 0.8, 0.3, 0.25, 0.02, 0.01
-FOOT_IN, LEG_MARGIN, ENOUGH = 0.02, 0.015, 0.0005
+FOOT_IN, LEG_MARGIN, ENOUGH, AT_LAST = 0.02, 0.015, 0.0005, 1.001
 
 
 def nearest(p, q, own, r, s, other):
@@ -61,6 +61,8 @@ def contacts_of(capsules, limbs, t, n, order):
                     fist = theirs == 0.0 and lever[0] == 0.0
                     allowed = FOOT_IN if foot else ALLOWED
                     allowed += FIST_IN * limbs.landing[t, n, limbs.limbs[n, i]] if fist else 0.0
+                    own *= AT_LAST - limbs.landing[t, n, limbs.limbs[n, i]]
+                    theirs *= AT_LAST - limbs.landing[t, other, limbs.limbs[other, j]]
                     part = theirs / (own + theirs)
                     found.append((i, other, j, allowed + max(depth - allowed, 0.0) * part, above > 0))
     return found

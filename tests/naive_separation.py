@@ -40,16 +40,41 @@ def overlap(own, other, radii, others, left):
     return depth
 
 
-def pushes(points, radii, room, soft, most, left):
-    """How far each of N bodies gives way; points are head, neck, pelvis, hips and knees. (N, 7, 3), (N, 3); (N, 2)."""
-    out = np.zeros((len(points), 2))
-    for a, b in itertools.permutations(range(len(points)), 2):
-        depth = overlap(points[a], points[b], radii[a], radii[b], left)
-        way = (points[a, 0] + points[a, 2] - points[b, 0] - points[b, 2])[[0, 2]]
+def between(bodies, a, b):
+    """The way over the ground from the middle of one body to that of another, between head and pelvis."""
+    return 0.5 * (bodies[a, 0] + bodies[a, 2] - bodies[b, 0] - bodies[b, 2])[[0, 2]]
+
+
+def way_around(points, time, a, b, around):
+    """The way from b to a, of length 1, where they are nearest on straight ways between the frames around a time."""
+    nearest = None
+    for at in range(max(time - around, 0), min(time + around, len(points) - 1)):
+        start, end = between(points[at], a, b), between(points[at + 1], a, b)
+        if np.isfinite([start, end]).all():
+            share = np.clip(start @ (start - end) / ((end - start) @ (end - start)), 0.0, 1.0)
+            point = start + share * (end - start)
+            if nearest is None or np.linalg.norm(point) < np.linalg.norm(nearest):
+                nearest = point
+    way = between(points[time], a, b) if nearest is None else nearest
+    return way / np.linalg.norm(way)
+
+
+def pushes(points, time, radii, room, soft, most, left, around, steep):
+    """How far each of N bodies gives way at a time; points are head, neck, pelvis, hips and knees. (T, N, 7, 3)."""
+    bodies = points[time]
+    out = np.zeros((len(bodies), 2))
+    there = [n for n in range(len(bodies)) if np.isfinite(bodies[n]).all()]
+    for a, b in itertools.permutations(there, 2):
+        depth = overlap(bodies[a], bodies[b], radii[a], radii[b], left)
+        way, goes = between(bodies, a, b), way_around(points, time, a, b, around)
         # A bend over twice the softness, from nothing to all.
         deep = np.interp(depth + room, [-soft, soft], [0.0, 1.0])
-        push = max(depth + room, soft) if deep == 1.0 else deep**2 * soft
-        out[a] += 0.5 * push * way / np.linalg.norm(way)
+        deep = max(depth + room, soft) if deep == 1.0 else deep**2 * soft
+        # A point that is pushed along the way until it is further from the other one by the depth.
+        far = np.linalg.norm(way)
+        cosine = max(way @ goes / far, steep)
+        push = np.roots([1.0, 2.0 * far * cosine, far**2 - (far + deep) ** 2]).real.max()
+        out[a] += 0.5 * push * goes
     size = np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)
     return out * most * np.tanh(size / most) / size
 

@@ -10,21 +10,24 @@ from scipy.spatial import cKDTree
 
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
-from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
+from crowdsim.take.capsules import PosedBodies, place_capsules
 from crowdsim.take.data import TakeData
 from crowdsim.take.fallen import fallen_rows
 from crowdsim.take.kernels.bending import Deflections, bend_limbs
-from crowdsim.take.kernels.deflection import END, JOINT, LIMBS, MOVED, MovingLimbs, deflect_limbs
+from crowdsim.take.kernels.deflection import MovingLimbs, deflect_limbs
+from crowdsim.take.kernels.limb_bounds import LIMBS
+from crowdsim.take.kernels.limb_moves import END, MOVED
 from crowdsim.take.kernels.records import Moments, Posed
 from crowdsim.take.landed import Landed, by_column
 from crowdsim.take.motion import PoseMotion
+from crowdsim.take.riding import ride_along
 from crowdsim.take.window import Window
 
 AllJoints = list[tuple[int, Array, Array, Array, Array]]
 """Of some avatars at some times, for each policy its number, which of them (m,), positions (T, m, J, 3) [m] and
 rotations (T, m, J, 4) of joints in the world, and how free their feet are to move (T, m, 2)."""
-PoseAll = Callable[[Array, Array], AllJoints]
-"""Poses avatars (n,), ascending, at times (T,)."""
+PoseAll = Callable[[Array, Array, Landed], AllJoints]
+"""Poses avatars (n,), ascending, at times (T,), given the strikes that land."""
 
 _AROUND = 3.1
 """Distance on the ground beyond which no two avatars touch [m]."""
@@ -32,13 +35,16 @@ _LANDS = 0.1
 """Time around a strike that lands in which the fist may be in what it hits [s]."""
 _RATE = 60.0
 """How many times a second limbs are pushed out of bodies, nearly [Hz]: fists pass each other between control frames."""
-_SMOOTH = 1.25 * np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
-"""Weights of what is found at five times that follow one another; it is exaggerated, since smoothing lowers its
-peaks."""
-_PLANTED, _CREEP, _WIDE = 0.3, 0.06, 2
-"""How readily planted feet move, of feet in the air; how far at the most [m]; and how long they stay where they have to
-go, before and after [control frames]."""
-_POSES_AT_ONCE = 16_000
+_ARMS = 1.4 * np.array([1.0, 12.0, 66.0, 220.0, 495.0, 792.0, 924.0, 792.0, 495.0, 220.0, 66.0, 12.0, 1.0]) / 4096.0
+_LEGS = 1.4 * np.array([1.0, 8.0, 28.0, 56.0, 70.0, 56.0, 28.0, 8.0, 1.0]) / 256.0
+"""Weights of what is found for arms and legs at times that follow one another; it is exaggerated, since smoothing
+lowers its peaks."""
+PLANTED = 0.3, 0.0
+"""How readily planted feet move, of feet in the air, in the first round of deflection and in the second."""
+_CREEP, _WIDE = 0.06, 2
+"""How far they go at the most [m], and how long they stay where they have to go, before and after [control frames]."""
+POSES_AT_ONCE = 16_000
+"""Most poses that limbs are deflected in at once."""
 _KEPT, _FEW = 64_000_000, 16
 """Numbers that are kept at the most; and frames that are kept of a crowd that is larger than that."""
 
@@ -47,16 +53,20 @@ class Deflection:
     """How far limbs give way.
 
     At each time of a grid limbs are pushed out of the bodies that are around; they follow a smooth path along these.
+    What that leaves, since limbs do not follow it to the full or others do not do their part, is for another round.
 
     Args:
         take: The take.
         motions: The motion of each of its policies.
-        pose_all: Poses avatars before limbs give way.
+        pose_all: Poses avatars before limbs give way, or after the round before.
         threads: Threads that share the work.
+        planted: How readily planted feet move, of feet in the air; 0 if they do not.
     """
 
-    def __init__(self, take: TakeData, motions: Sequence[PoseMotion], pose_all: PoseAll, threads: int) -> None:
-        self._take, self._pose_all, self._threads = take, pose_all, threads
+    def __init__(
+        self, take: TakeData, motions: Sequence[PoseMotion], pose_all: PoseAll, threads: int, planted: float
+    ) -> None:
+        self._take, self._pose_all, self._threads, self._planted = take, pose_all, threads, planted
         self._motions = motions
         self._scales = np.asarray(take.cast.scales, dtype=np.float64)
         self._girths = np.asarray(take.cast.girths, dtype=np.float64)
@@ -70,10 +80,10 @@ class Deflection:
         self._whole = self._count * row <= _KEPT
         self._frames = self._count if self._whole else max(_KEPT // row, _FEW)
 
-    @property
-    def is_needed(self) -> bool:
-        """Whether limbs give way at all."""
-        return self._take.collision_avoidance and self._take.avatar_count > 1
+    def lacking(self, times: Array) -> Array:
+        """Return times of the grid that limbs depend on at some times (T,), where moves are not known yet [s]."""
+        frames = np.union1d(self._fast_frames(times), self._control_frames(times) * self._fine)
+        return np.array([frame for frame in frames.tolist() if frame not in self._kept], float) / self._rate
 
     def note(self, times: Array, landed: Landed, posed: Callable[[Array], AllJoints]) -> None:
         """Find moves at those of some times (T,), ascending, that are of the grid, from poses that are there.
@@ -87,42 +97,43 @@ class Deflection:
         some = np.flatnonzero((frames / self._rate == times) & (frames < self._count))
         some = some[[int(frame) not in self._kept for frame in frames[some]]]
         everyone = np.arange(self._take.avatar_count)
-        if not len(some) or len(some) * len(everyone) > _POSES_AT_ONCE:
+        if not len(some) or len(some) * len(everyone) > POSES_AT_ONCE:
             return
         moves = self._deflect(times[some], everyone, everyone, posed(some), landed)
         self._kept.update(zip(frames[some].tolist(), moves, strict=True))
 
-    def bend(self, window: Window, landed: Landed, columns: Array, moments: Moments, poses: Posed) -> None:
+    def bend(self, window: Window, landed: Landed, moments: Moments, poses: Posed) -> None:
         """Deflect limbs of poses, in place.
 
         Args:
             window: The stretch of the take.
             landed: Strikes that land.
-            columns: Column of every avatar of the take in the window, -1 for those outside it. Shape (N,).
             moments: Who is posed, and when.
             poses: Their poses; rotations are changed.
         """
-        if not self.is_needed:
-            return
-        rate, times, around = self._rate, moments.times, len(_SMOOTH) // 2
-        low = max(int(times.min() * rate) - 1, 0)
-        high = min(int(times.max() * rate) + 3, self._count)
-        first, stop = max(low - around, 0), min(high + around, self._count)
-        slow = self._control_frames(times)
-        frames = np.union1d(np.arange(first, stop), slow * self._fine)
+        times, columns = moments.times, window.columns()
+        low, high = self._span(times)
+        grid, slow = self._fast_frames(times), self._control_frames(times)
+        frames = np.union1d(grid, slow * self._fine)
         found = self._rows(frames, window.avatars, landed)
         if not found.any():
             return
         # Where a take begins and ends, its first and its last time stand for those beyond.
-        fast = found[np.searchsorted(frames, np.arange(first, stop))]
-        moves = correlate1d(fast, _SMOOTH, axis=0, mode="nearest")[low - first : high - first]
+        fast, first = found[np.searchsorted(frames, grid)], int(grid[0])
+        smooth = [
+            correlate1d(fast[:, :, some], weights, axis=0, mode="nearest")[low - first : high - first]
+            for some, weights in ((slice(0, 2), _ARMS), (slice(2, None), _LEGS))
+        ]
+        moves = np.concatenate(smooth, axis=2)
         creeps = _creep(found[np.searchsorted(frames, slow * self._fine)][:, :, 2:, END])
+        if not len(slow):
+            slow, creeps = np.zeros(1, np.int64), np.zeros((1, *creeps.shape[1:]), creeps.dtype)
         near = landed.around(float(times.min()), float(times.max()), columns)
         near = near.of(~near.missed)
         order, starts = by_column(columns[near.attackers], len(window.avatars), near.times)
         control = float(self._take.control_rate)
         deflections = Deflections(
-            moves, low, rate, creeps, int(slow[0]), control, starts, near.times[order], near.limbs[order]
+            moves, low, self._rate, creeps, int(slow[0]), control, starts, near.times[order], near.limbs[order]
         )
         motion, sizes, plants = window.motion, window.rows.sizes, window.foot_plants()
 
@@ -131,8 +142,19 @@ class Deflection:
 
         share(len(moments.columns), work, threads=window.threads)
 
+    def _span(self, times: Array) -> tuple[int, int]:
+        """First time of the grid that splines reach at some times, and one past the last."""
+        return max(int(times.min() * self._rate) - 1, 0), min(int(times.max() * self._rate) + 3, self._count)
+
+    def _fast_frames(self, times: Array) -> Array:
+        """Times of the grid that limbs depend on at some times."""
+        (low, high), around = self._span(times), len(_ARMS) // 2
+        return np.arange(max(low - around, 0), min(high + around, self._count))
+
     def _control_frames(self, times: Array) -> Array:
-        """Control frames that planted feet depend on at some times."""
+        """Control frames that planted feet depend on at some times, if they move."""
+        if not self._planted:
+            return np.zeros(0, np.int64)
         rate = self._take.control_rate
         low, high = int(times.min() * rate) - 1 - _WIDE, int(times.max() * rate) + 2 + _WIDE
         return np.arange(max(low, 0), min(high, self._take.frame_count - 1) + 1)
@@ -154,7 +176,7 @@ class Deflection:
     def _find(self, frames: Array, avatars: Array, landed: Landed) -> Array:
         """Find moves of avatars (n,) at times of the grid (R,), some of these and neighbouring avatars at once."""
         moves = np.zeros((len(frames), len(avatars), LIMBS, MOVED, 3), np.float32)
-        at_once = max(1, _POSES_AT_ONCE // max(len(avatars), 1))
+        at_once = max(1, POSES_AT_ONCE // max(len(avatars), 1))
         for first in range(0, len(frames), at_once):
             chunk = frames[first : first + at_once]
             rows = np.unique(chunk // self._fine)
@@ -163,12 +185,12 @@ class Deflection:
             places[np.asarray(self._take.action[span]) < 0] = np.nan
             # Neighbours by x come one after another.
             some = avatars[np.argsort(places[0, avatars, 0], kind="stable")]
-            for at in range(0, len(some), _POSES_AT_ONCE):
-                chosen = np.sort(some[at : at + _POSES_AT_ONCE])
+            for at in range(0, len(some), POSES_AT_ONCE):
+                chosen = np.sort(some[at : at + POSES_AT_ONCE])
                 rows = np.searchsorted(avatars, chosen)
                 near, times = _around(places, chosen), chunk / self._rate
                 if len(near) > 1:
-                    posed = self._pose_all(near, times)
+                    posed = self._pose_all(near, times, landed)
                     moves[first : first + len(chunk), rows] = self._deflect(times, chosen, near, posed, landed)
         return moves
 
@@ -192,7 +214,7 @@ class Deflection:
             np.ones((len(times), len(near), LIMBS)),
         )
         for _, which, _, _, freedom in joints:
-            limbs.freedom[:, which, 2:] = _PLANTED + (1.0 - _PLANTED) * freedom
+            limbs.freedom[:, which, 2:] = self._planted + (1.0 - self._planted) * freedom
         for index, bodies in posed:
             motion, (riding, weights) = self._motions[index], self._riding[index]
             moving = np.concatenate([motion.arms.joints, motion.legs.joints])
@@ -249,36 +271,3 @@ def _landing(landed: Landed, avatars: Array, times: Array) -> Array:
     rows = np.broadcast_to(np.arange(len(times))[:, None], close.shape)
     np.maximum.at(near, (rows, *(np.broadcast_to(one[known], close.shape) for one in (column, some.limbs))), close)
     return near
-
-
-def ride_along(motion: PoseMotion) -> tuple[Array, Array]:
-    """Return which limb each capsule of a body rides on, and how far its ends go along with it.
-
-    Returns:
-        For the capsules in ``capsule_order`` the limb, left and right arm, left and right leg, or -1, shape (K,); and
-        how far either end goes along with the middle and the end joint of that limb, shape (K, 2, 2).
-    """
-    body, skeleton = motion.body, motion.skeleton
-    order = capsule_order(body)
-    joints = np.concatenate([motion.arms.joints, motion.legs.joints])
-    limbs, weights = np.full(len(order), -1, np.int64), np.zeros((len(order), 2, MOVED))
-    for row, capsule in enumerate(order):
-        at = int(body.capsule_joints[capsule])
-        while at >= 0 and not (joints == at).any():
-            at = int(skeleton.parents[at])
-        if at < 0:
-            continue
-        limb, part = (int(value[0]) for value in np.nonzero(joints == at))
-        limbs[row] = limb
-        for end, offset in enumerate((body.capsule_starts[capsule], body.capsule_ends[capsule])):
-            if part == 2:
-                weights[row, end, END] = 1.0
-                continue
-            bone = np.asarray(skeleton.offsets[joints[limb, part + 1]], dtype=float)
-            along = float(np.clip(offset @ bone / max(float(bone @ bone), 1e-12), 0.0, 1.0))
-            weights[row, end] = (along, 0.0) if part == 0 else (1.0 - along, along)
-        if limb >= 2:
-            # A knee goes half the way of its ankle, besides where the leg swivels.
-            weights[row, :, END] += 0.5 * weights[row, :, JOINT]
-    limbs[(weights == 0.0).all(axis=(1, 2))] = -1
-    return limbs, weights

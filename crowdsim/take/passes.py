@@ -2,14 +2,13 @@
 
 Where a fist goes depends on the pose of whom it hits, and that on blows and on fists of its own. Each further pass
 knows less of others, so that a pose before deflection depends on no more than ``REACH`` seconds and four control frames
-around it; deflection adds four more. These are the control frames of splines.
+around it; deflection adds four more, and its second round another three. These are the control frames of splines.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.motion.body import Body
 from crowdsim.take.data import TakeData
-from crowdsim.take.deflection import AllJoints, Deflection
 from crowdsim.take.fallen import falls_soon
 from crowdsim.take.feet import hold_feet
 from crowdsim.take.fists import PoseAt, plan_landings, reach_out
@@ -33,6 +31,7 @@ from crowdsim.take.landed import LEAN, Landed, find_landed
 from crowdsim.take.lowering import Lowering
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.reactions import BlowPlanner, build_trunk, give_way
+from crowdsim.take.rounds import Rounds, WholePoses
 from crowdsim.take.separation import Separation
 from crowdsim.take.window import Window
 
@@ -47,17 +46,6 @@ REACH = 1.25
 _LATE, _CLOSE_BY = 0.35, 0.12
 """For the fists of those who are hit: how far back blows count, and how near in time strikes of those whom they hit in
 turn [s]."""
-
-
-class _Undeflected(NamedTuple):
-    """Poses of avatars of one policy at the same times, before limbs give way."""
-
-    policy: int
-    which: Array
-    window: Window
-    moments: Moments
-    poses: Posed
-    playback: Playback
 
 
 class Passes:
@@ -81,7 +69,7 @@ class Passes:
         self._lowering = Lowering(take, partial(self.window, lowered=False), self.blend)
         self._gazes = [build_gaze(motion) for motion in motions]
         self._trunks = [build_trunk(motion) for motion in motions]
-        self._deflection = Deflection(take, motions, self._pose_all, threads)
+        self._rounds = Rounds(take, motions, self._before_deflection, threads)
         self.strike(find_landed(take))
 
     def strike(self, landed: Landed) -> None:
@@ -115,9 +103,7 @@ class Passes:
         poses = Posed(np.empty((*shape, 3), np.float32), np.empty((*shape, motion.skeleton.joint_count, 4), np.float32))
 
         def blend(low: int, high: int) -> None:
-            blend_poses(
-                low, high, moments, playback, window.rows, motion.frames, transitions, motion.hinges, poses
-            )  # fmt: skip
+            blend_poses(low, high, moments, playback, window.rows, motion.frames, transitions, motion.hinges, poses)
 
         share(len(moments.columns), blend, threads=self._threads)
         return poses
@@ -160,7 +146,7 @@ class Passes:
     def _shown(self, window: Window, index: int, moments: Moments) -> Posed:
         reach = partial(self._reach_out, pose_at=self.pose_at, struck_at=self.struck_at, within=LEAN)
         poses = self._reaching(self._posed, reach, window, index, moments)
-        self._deflection.bend(window, self.landed, self._columns_of(window), moments, poses)
+        self._rounds.bend(window, moments, poses, self.landed)
         return poses
 
     def _answering_at(self, avatars: Array, times: Array) -> list[Joints]:
@@ -217,36 +203,16 @@ class Passes:
             found.append((which, window.motion.body, scales, positions[0], rotations[0]))
         return found
 
-    def _columns_of(self, window: Window) -> Array:
-        """Return each avatar's column in a window, -1 for those outside it. Shape (avatars of the take,)."""
-        columns = np.full(self._take.avatar_count, -1)
-        columns[window.avatars] = np.arange(len(window.avatars))
-        return columns
-
     def sample(self, avatars: Array, times: Array) -> Iterator[tuple[int, Array, Posed, Playback]]:
         """Pose avatars (n,), ascending, at the same times (T,) as they are shown.
 
         Yields:
             For each policy its number, which of them, their poses, and where they are.
         """
-        posed = list(self._before_deflection(avatars, times))
-
-        def joints(some: Array) -> AllJoints:
-            found = []
-            for one in posed:
-                poses = Posed(one.poses.roots[some], one.poses.rotations[some])
-                freedom = one.window.free_feet(one.moments._replace(times=times[some, None]))
-                found.append((one.policy, one.which, *one.window.world_joints(poses), freedom))
-            return found
-
-        if self._deflection.is_needed and len(avatars) == self._take.avatar_count:
-            self._deflection.note(times, self.landed, joints)
-        for one in posed:
-            columns = self._columns_of(one.window)
-            self._deflection.bend(one.window, self.landed, columns, one.moments, one.poses)
+        for one in self._rounds.sample(avatars, times, self.landed):
             yield one.policy, one.which, one.poses, one.playback
 
-    def _before_deflection(self, avatars: Array, times: Array) -> Iterator[_Undeflected]:
+    def _before_deflection(self, avatars: Array, times: Array) -> Iterator[WholePoses]:
         """Pose avatars (n,), ascending, at the same times (T,), before limbs give way, policy by policy."""
         owners = self._take.cast.policies[avatars]
         for index in np.unique(owners):
@@ -255,21 +221,13 @@ class Passes:
             moments = Moments(np.arange(len(which)), times[:, None])
             poses, playback = self.pose(window, int(index), moments)
             self._carry(window, moments, poses)
-            yield _Undeflected(int(index), which, window, moments, poses, playback)
-
-    def _pose_all(self, avatars: Array, times: Array) -> AllJoints:
-        """Joints of avatars (n,), ascending, at the same times (T,), before limbs give way."""
-        return [
-            (one.policy, one.which, *one.window.world_joints(one.poses), one.window.free_feet(one.moments))
-            for one in self._before_deflection(avatars, times)
-        ]
+            yield WholePoses(int(index), which, window, moments, poses, playback)
 
     def _carry(self, window: Window, moments: Moments, poses: Posed) -> None:
         """Carry fists and feet to where they go, in place, for poses of all avatars of a window at the same times."""
         first, last = float(moments.times[0, 0]), float(moments.times[-1, 0])
-        lookup = self._columns_of(window)
-        near, count = self.landed.around(first, last, lookup), len(window.avatars)
-        near, kicks = split_kicks(near)
+        lookup = window.columns()
+        count, (near, kicks) = len(window.avatars), split_kicks(self.landed.around(first, last, lookup))
         kick(self._take, kicks, lookup, self.pose_at, self.struck_at, window, moments, poses)
         landings = plan_landings(self._take, near, lookup, count, self.pose_at, self.struck_at, window.motion)
         reach_out(window, landings, moments, poses)
@@ -278,16 +236,15 @@ class Passes:
         self, window: Window, moments: Moments, poses: Posed, pose_at: PoseAt, struck_at: PoseAt, within: float
     ) -> None:
         """Carry fists and feet to where they go, in place, for strikes that are no further off than ``within`` [s]."""
-        lookup, count = self._columns_of(window), len(window.avatars)
-        near = self.landed.around_each(window.avatars[moments.columns], moments.times[0], within)
-        near, kicks = split_kicks(near)
+        lookup, count = window.columns(), len(window.avatars)
+        near, kicks = split_kicks(self.landed.around_each(window.avatars[moments.columns], moments.times[0], within))
         kick(self._take, kicks, lookup, pose_at, struck_at, window, moments, poses, within)
         landings = plan_landings(self._take, near, lookup, count, pose_at, struck_at, window.motion)
         reach_out(window, landings, moments, poses, within)
 
     def _give_way(self, window: Window, index: int, moments: Moments, poses: Posed, recent: float = LENGTH) -> None:
         """Add hit reactions to poses, in place; to blows that are no older than ``recent`` [s]."""
-        lookup = self._columns_of(window)
+        lookup = window.columns()
         first, last = float(moments.times.min()), float(moments.times.max())
         blows = self._planner.plan(lookup, len(window.avatars), first, last)
         give_way(window, blows, self._trunks[index], moments, poses, recent)

@@ -1,6 +1,6 @@
 """Poses of a take: from what was recorded to joint rotations at any frame rate.
 
-A pose is a pure function of the take and the policies. It depends on no more than ``REACH`` seconds and eight control
+A pose is a pure function of the take and the policies. It depends on no more than ``REACH`` seconds and nine control
 frames of the take before and after its time, and on what hit bodies in the two seconds before, so that any range of
 frames, posed alone, gives the same bytes as the whole.
 """

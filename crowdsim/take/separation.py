@@ -11,7 +11,7 @@ from crowdsim.motion import ground
 from crowdsim.motion.body import Body
 from crowdsim.take.data import TakeData
 from crowdsim.take.fallen import fallen_rows
-from crowdsim.take.kernels.separation import POINTS, push_trunks
+from crowdsim.take.kernels.separation import AROUND, POINTS, push_trunks
 from crowdsim.take.motion import PoseMotion
 
 _RISING = np.array([1.0, 1.0, 1.0, 1.0, 0.5, 1.0, 0.5])
@@ -21,8 +21,8 @@ _RISING = np.array([1.0, 1.0, 1.0, 1.0, 0.5, 1.0, 0.5])
 class Separation:
     """How far trunks give way.
 
-    It depends on where the avatars near an avatar are in their motion and on the ground, from a control frame before to
-    one after.
+    It depends on where the avatars near an avatar are in their motion and on the ground, from five control frames
+    before to five after.
 
     Args:
         take: The take.
@@ -39,7 +39,7 @@ class Separation:
 
     def find(self, first: int, stop: int) -> Array:
         """Return how far trunks of all avatars give way at control frames, x and z [m]. Shape (T, N, 2), float32."""
-        low, high = max(first - 1, 0), min(stop + 1, self._take.frame_count)
+        low, high = max(first - 1 - AROUND, 0), min(stop + 1 + AROUND, self._take.frame_count)
         pushes = np.zeros((high - low, self._take.avatar_count, 2), np.float32)
         if self._take.collision_avoidance:
             points = self._points(low, high)

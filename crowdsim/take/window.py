@@ -74,6 +74,7 @@ class Window:
             return np.ascontiguousarray(values if whole else values[:, avatars])
 
         self.motion, self.avatars, self.threads = motion, avatars, threads
+        self._count = take.avatar_count
         self._plants: FootPlants | None = None
         action = read(take.action).astype(np.int64)
         speeds = np.asarray(take.cast.speeds, dtype=np.float64)[avatars]
@@ -101,6 +102,12 @@ class Window:
             first=first,
             rate=float(take.control_rate),
         )
+
+    def columns(self) -> Array:
+        """Return each avatar's column in the window, -1 for those outside it. Shape (avatars of the take,)."""
+        columns = np.full(self._count, -1)
+        columns[self.avatars] = np.arange(len(self.avatars))
+        return columns
 
     def playback(self, moments: Moments) -> Playback:
         """Return where avatars are.

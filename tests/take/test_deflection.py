@@ -7,12 +7,12 @@ from take.synthetic_take import actions, build_take, database, sampler
 
 from crowdsim.take import deflection as module
 from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
-from crowdsim.take.deflection import ride_along
 from crowdsim.take.kernels.capsules import Capsules
 from crowdsim.take.kernels.deflection import MovingLimbs, deflect_limbs
 from crowdsim.take.kernels.foot_plants import free_feet
 from crowdsim.take.kernels.records import FootPlants, Moments
 from crowdsim.take.penetration import measure_penetration
+from crowdsim.take.riding import ride_along
 
 
 def bodies(seed: int, times: int = 2, count: int = 4) -> tuple[Capsules, MovingLimbs]:
@@ -113,7 +113,7 @@ def test_a_range_of_frames_and_a_crowd_too_large_to_keep_are_posed_as_the_whole(
     part = sampler(take, policy).sample(50, 61, 60)[0]
     assert np.array_equal(part.rotations, whole.rotations[50:61])
     monkeypatch.setattr(module, "_KEPT", 0)
-    monkeypatch.setattr(module, "_POSES_AT_ONCE", 1)
+    monkeypatch.setattr(module, "POSES_AT_ONCE", 1)
     one = sampler(take, policy).sample(50, 61, 60, np.array([1]))[0]
     assert np.array_equal(one.rotations[:, 0], whole.rotations[50:61, 1])
 

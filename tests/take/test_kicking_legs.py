@@ -38,7 +38,7 @@ def duel(kick: int, gap: float, landed: bool = True, scale: float = 1.0) -> tupl
     still = {"scales": [scale, scale], "start": [(0, 0, 0), (0, 0, 0)], "motion": motion}
     take, policy = build_take([[0], [1]], first, lengths, 27, **still)
     body, frame = motion.body, round(when * 4)
-    alone = sampler(take, policy).sample(frame, frame + 1, FPS)[0]
+    alone = sampler(replace(take, collision_avoidance=False), policy).sample(frame, frame + 1, FPS)[0]
     _, neck, pelvis, strikers = body_points(body, *(a[0] for a in alone.joints()), alone.scales)
     way = strikers[0, limb] - 0.5 * (neck[1] + pelvis[1])
     way[1] = 0.0

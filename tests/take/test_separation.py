@@ -56,12 +56,47 @@ def test_pushes_match_naive(seed: int) -> None:
     order = np.argsort(points[:, :, 2, 0], axis=1)
     found = np.full((*points.shape[:2], 2), np.inf)
     push_trunks(points, radii, order, found)
-    for time, bodies in enumerate(points):
-        there = np.isfinite(bodies[:, 0, 0])
-        rules = separation._ROOM, separation._SOFT, separation._MOST, separation._LEFT
-        expected = naive.pushes(bodies[there], radii[there], *rules)
-        np.testing.assert_allclose(found[time, there], expected, atol=1e-6)
-        assert (found[time, ~there] == 0.0).all()
+    rules = separation._ROOM, separation._SOFT, separation._MOST, separation._LEFT
+    for time in range(len(points)):
+        expected = naive.pushes(points, time, radii, *rules, separation.AROUND, separation._STEEP)
+        np.testing.assert_allclose(found[time], expected, atol=1e-6)
+
+
+def upright(middles: np.ndarray) -> np.ndarray:
+    """Bodies that stand straight over points of the ground (..., 2), legs together. Shape (..., 7, 3)."""
+    points = np.zeros((*middles.shape[:-1], 7, 3))
+    points[..., 1] = [1.6, 1.4, 0.9, 0.85, 0.5, 0.85, 0.5]
+    points[..., [0, 2]] = middles[..., None, :]
+    return points
+
+
+@pytest.mark.parametrize("beside", [0.03, 0.12, -0.12, 0.0])
+def test_who_walks_through_another_one_goes_around_it_on_one_side(beside: float) -> None:
+    """Bodies do not give way backward while they come, and forward while they go."""
+    along = np.linspace(-0.9, 0.9, 13)
+    one = np.stack([np.full(13, beside), along], axis=-1)
+    points = upright(np.stack([one, -one], axis=1) * 0.5)
+    found = np.empty((13, 2, 2))
+    push_trunks(points, np.array([[0.1, 0.15, 0.07]] * 2), np.tile([0, 1], (13, 1)), found)
+    np.testing.assert_allclose(found[:, 0], -found[:, 1], atol=1e-12)
+    aside = found[:, 0, 0] * (np.sign(beside) or 1.0)
+    assert (aside >= 0.0).all()
+    assert aside[6] > 0.07
+    assert np.abs(found[:, 0, 1]).max() < 0.02
+    gaps = np.linalg.norm(one + 2.0 * found[:, 0], axis=-1)
+    assert gaps.min() > 0.19 + abs(beside) / 3.0
+    assert np.abs(np.diff(found[:, 0], axis=0)).max() < 0.08
+
+
+def test_who_halts_in_another_one_is_pushed_back() -> None:
+    along = np.concatenate([np.linspace(1.2, 0.2, 10), np.full(10, 0.2)])
+    one = np.stack([np.zeros(20), along], axis=-1)
+    points = upright(np.stack([one, -one], axis=1) * 0.5)
+    found = np.empty((20, 2, 2))
+    push_trunks(points, np.array([[0.1, 0.15, 0.07]] * 2), np.tile([0, 1], (20, 1)), found)
+    np.testing.assert_allclose(found[:, 0, 0], 0.0, atol=1e-9)
+    assert found[-1, 0, 1] == pytest.approx(0.055, abs=0.01)
+    assert (np.diff(found[:, 0, 1]) > -1e-9).all()
 
 
 def test_thighs_that_cross_push_bodies_apart_and_those_that_touch_do_not() -> None:

@@ -9,16 +9,17 @@ from crowdsim.core.easing import minimum_jerk
 from crowdsim.core.types import Array
 from crowdsim.jit import kernel
 from crowdsim.take.kernels.columns import LOWER, MIDDLE, UPPER
-from crowdsim.take.kernels.deflection import END, JOINT, LIMBS, MOVED
 from crowdsim.take.kernels.feet import KNEE_LEAST
 from crowdsim.take.kernels.fists import point_arm
 from crowdsim.take.kernels.foot_plants import foot_freedom
+from crowdsim.take.kernels.limb_bounds import LIMBS
+from crowdsim.take.kernels.limb_moves import END, JOINT, MOVED
 from crowdsim.take.kernels.limbs import World, bend_limb, distance_between, excess, pose_chain, reach_of, swivel_limb
 from crowdsim.take.kernels.splines import spline_weights
 
-FIST_LANDS, FOOT_LANDS = 0.06, 0.25
+FIST_LANDS, FOOT_LANDS = 0.07, 0.25
 """How long before and after a strike its fist or foot is on its way undeflected [s], partly."""
-_ARM_STRAIGHT, _LEG_STRAIGHT = 0.1, 0.03
+_ARM_STRAIGHT, _LEG_STRAIGHT = 0.15, 0.08
 """Distance of elbows and knees from the straight line below which limbs hardly swivel [m]: a fist may pass a body in a
 fraction of the time that a foot takes, and the arm would roll around."""
 

@@ -8,18 +8,17 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.jit import kernel
 from crowdsim.take.kernels.capsules import NEAR, are_near, capsule_depth
-from crowdsim.take.kernels.columns import LOWER, MIDDLE, UPPER
+from crowdsim.take.kernels.limb_bounds import LIMBS, bound_limbs, group_of, groups_near, limbs_near
+from crowdsim.take.kernels.limb_moves import END, JOINT, MOVED, keep_bones, keep_leg, limit
 
-LIMBS, MOVED = 4, 2
-"""Limbs of a body: left and right arm, left and right leg; and the points of each that move, middle and end."""
-JOINT, END = 0, 1
-"""Which of these points: elbow or knee, and wrist or ankle."""
 ALLOWED = 0.01
 """Depth at which bodies are left alone [m]."""
 _FOOT_IN = 0.02
 """Depth at which a foot is left in what it is in [m]: it should stay where it is planted."""
 _FIST_IN = 0.02
 """How much deeper a fist may be in what it hits [m]: its middle touches."""
+_AT_LAST = 1.001
+"""One, and how readily a limb gives way to another one while it lands a strike: that one goes, if it can."""
 _MARGIN, _LEG_MARGIN = 0.05, 0.015
 """How far apart capsules may be that arms, and legs, might be pushed into [m]."""
 _ENOUGH = 0.0005
@@ -28,8 +27,6 @@ _ROUNDS, _STEP = 10, 0.8
 """Rounds in which limbs are pushed out of what they are in, and the share of the way that each goes."""
 _LEAST = 0.3
 """Least lever by which a push is divided: one close to a shoulder would swing the arm around."""
-_MOST = 0.25
-"""Furthest that a point of a limb moves [m]."""
 _CONTACTS = 160
 """Most pairs of capsules that are looked at for one avatar."""
 
@@ -60,7 +57,7 @@ class _Contacts(NamedTuple):
         others: The other body, and its capsule. Shape (C, 2).
         allowed: Depth up to which the body's own capsule leaves it [m]. Shape (C,).
         above: Whether the body's own capsule belongs above it. Shape (C,), bool.
-        spheres: Middle and radius of a sphere around each limb of the body [m]. Shape (4, 4).
+        spheres: Middle and radius of a sphere around each limb of each body, and around its trunk [m]. Shape (N, 5, 4).
     """
 
     own: Array
@@ -82,40 +79,16 @@ def _leverage(limbs, t, n, capsule, share):
 
 
 @kernel(allocates=False)
-def _bound_limbs(capsules, limbs, t, n, spheres):
-    """Write spheres around the limbs of an avatar; the radius of one that has no capsules is -1."""
-    spheres[:] = 0.0
-    spheres[:, 3] = -1.0
-    for i in range(capsules.counts[n]):
-        limb = limbs.limbs[n, i]
-        if limb < 0:
-            continue
-        p, q, sphere = capsules.starts[t, n, i], capsules.ends[t, n, i], spheres[limb]
-        x, y, z = 0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), 0.5 * (p[2] + q[2])
-        if sphere[3] < 0.0:
-            sphere[0], sphere[1], sphere[2], sphere[3] = x, y, z, capsules.bounds[n, i]
-            continue
-        x, y, z = x - sphere[0], y - sphere[1], z - sphere[2]
-        far = math.sqrt(x * x + y * y + z * z)
-        more = 0.5 * (far + capsules.bounds[n, i] - sphere[3])
-        if more > 0.0:
-            part = min(more / max(far, 1e-9), 1.0)
-            sphere[0] += part * x
-            sphere[1] += part * y
-            sphere[2] += part * z
-            sphere[3] = max(sphere[3] + more, capsules.bounds[n, i]) + 1e-6
+def _part_of(limbs, t, n, i, own, other, j, theirs):
+    """Return which part of what lies between them the capsule of the other body gives way, by levers of both.
 
-
-@kernel(inline=True)
-def _limbs_near(capsules, t, other, j, spheres):
-    """Return which limbs a capsule of another body may be near, a bit for each."""
-    p, q, bound, near = capsules.starts[t, other, j], capsules.ends[t, other, j], capsules.bounds[other, j], 0
-    x, y, z = 0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), 0.5 * (p[2] + q[2])
-    for limb in range(LIMBS):
-        dx, dy, dz = x - spheres[limb, 0], y - spheres[limb, 1], z - spheres[limb, 2]
-        reach = spheres[limb, 3] + bound + _MARGIN
-        near |= np.int64(spheres[limb, 3] >= 0.0 and dx * dx + dy * dy + dz * dz <= reach * reach) << limb
-    return near
+    A limb that lands a strike goes on, and leaves the most to the other one.
+    """
+    limb, limb_2 = limbs.limbs[n, i], limbs.limbs[other, j]
+    own *= _AT_LAST - limbs.landing[t, n, limb]
+    if limb_2 >= 0:
+        theirs *= _AT_LAST - limbs.landing[t, other, limb_2]
+    return theirs / (own + theirs)
 
 
 @kernel(allocates=False)
@@ -139,8 +112,13 @@ def _add_contacts(capsules, limbs, t, n, other, contacts, count):
 
     Where both can give way, each does its part.
     """
-    for j in range(capsules.counts[other]):
-        near = _limbs_near(capsules, t, other, j, contacts.spheres)
+    spheres, close = contacts.spheres[n], groups_near(contacts.spheres[other], _MARGIN, contacts.spheres[n])
+    for j in range(capsules.counts[other] if close > 0 else 0):
+        if not (close >> group_of(limbs.limbs[other, j])) & 1:
+            continue
+        p, q = capsules.starts[t, other, j], capsules.ends[t, other, j]
+        x, y, z = 0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), 0.5 * (p[2] + q[2])
+        near = limbs_near(x, y, z, capsules.bounds[other, j], _MARGIN, spheres)
         if near == 0:
             continue
         for i in range(capsules.counts[n]):
@@ -169,7 +147,8 @@ def _add_contacts(capsules, limbs, t, n, other, contacts, count):
                 contacts.own[count] = i
                 contacts.others[count, 0], contacts.others[count, 1] = other, j
                 contacts.above[count] = above > 0
-                contacts.allowed[count] = allowed + max(depth - allowed, 0.0) * theirs / (own + theirs)
+                theirs = _part_of(limbs, t, n, i, own, other, j, theirs)
+                contacts.allowed[count] = allowed + max(depth - allowed, 0.0) * theirs
                 count += 1
     return count
 
@@ -206,58 +185,9 @@ def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
 
 
 @kernel(allocates=False)
-def _keep_bones(joints, moves):
-    """Bring the middle and the end of an arm back to the lengths of its bones."""
-    upper, middle, end = joints[UPPER], joints[MIDDLE], joints[LOWER]
-    a = b = c = d = 0.0
-    for k in range(3):
-        a += (middle[k] - upper[k]) ** 2
-        b += (end[k] - middle[k]) ** 2
-        c += (middle[k] + moves[JOINT, k] - upper[k]) ** 2
-    if a < 1e-9 or b < 1e-9 or c < 1e-9:
-        return
-    size = math.sqrt(a / c)
-    for k in range(3):
-        moves[JOINT, k] = upper[k] + (middle[k] + moves[JOINT, k] - upper[k]) * size - middle[k]
-        d += (end[k] + moves[END, k] - middle[k] - moves[JOINT, k]) ** 2
-    size = math.sqrt(b / max(d, 1e-9))
-    for k in range(3):
-        start = middle[k] + moves[JOINT, k]
-        moves[END, k] = start + (end[k] + moves[END, k] - start) * size - end[k]
-
-
-@kernel(allocates=False)
-def _keep_leg(joints, moves):
-    """Let a knee go where its leg swivels about the line from hip to ankle, and a foot anywhere but down."""
-    upper, middle, end = joints[UPPER], joints[MIDDLE], joints[LOWER]
-    ux, uy, uz = end[0] - upper[0], end[1] - upper[1], end[2] - upper[2]
-    vx, vy, vz = middle[0] - upper[0], middle[1] - upper[1], middle[2] - upper[2]
-    # As long as the line from hip to ankle, times how far the knee is from it.
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    size, length = math.sqrt(x * x + y * y + z * z), math.sqrt(ux * ux + uy * uy + uz * uz)
-    knee, along = moves[JOINT], 0.0
-    if size > 1e-6 and length > 1e-6:
-        most = size / length
-        along = most * math.tanh((knee[0] * x + knee[1] * y + knee[2] * z) / size / most) / size
-    knee[0], knee[1], knee[2] = along * x, along * y, along * z
-    moves[END, 1] = max(moves[END, 1], 0.0)
-
-
-@kernel(allocates=False)
-def _limit(moves):
-    """Keep a move within ``_MOST``, smoothly."""
-    far = math.sqrt(moves[0] ** 2 + moves[1] ** 2 + moves[2] ** 2)
-    if far > 1e-9:
-        kept = _MOST * math.tanh(far / _MOST) / far
-        for k in range(3):
-            moves[k] *= kept
-
-
-@kernel(allocates=False)
 def _find_contacts(capsules, limbs, t, n, order, rank, contacts):
     """Note all capsules that limbs of an avatar are in or near; return how many."""
     x, z, count = capsules.starts[t, n, 0, 0], capsules.starts[t, n, 0, 2], 0
-    _bound_limbs(capsules, limbs, t, n, contacts.spheres)
     for way in (-1, 1):
         at = rank + way
         while 0 <= at < order.shape[0]:
@@ -292,12 +222,17 @@ def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
         np.empty((_CONTACTS, 2), np.int64),
         np.empty(_CONTACTS, np.float64),
         np.empty(_CONTACTS, np.bool_),
-        np.empty((LIMBS, 4)),
+        np.empty((order.shape[1], LIMBS + 1, 4)),
     )
     axis, own = np.empty((2, 3), np.float32), np.empty((LIMBS, MOVED, 3))
+    bounded = -1
     for index in range(first, stop):
         t, m = index // asked.shape[0], index % asked.shape[0]
         n = asked[m]
+        if t != bounded:
+            bounded = t
+            for other in range(order.shape[1]):
+                bound_limbs(capsules, limbs.limbs[other], t, other, contacts.spheres[other])
         own[:] = 0.0
         if math.isfinite(capsules.starts[t, n, 0, 0]):
             count = _find_contacts(capsules, limbs, t, n, order[t], ranks[t, n], contacts)
@@ -309,12 +244,12 @@ def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
                     break
                 for limb in range(LIMBS):
                     if limb < 2:
-                        _keep_bones(limbs.joints[t, n, limb], own[limb])
+                        keep_bones(limbs.joints[t, n, limb], own[limb])
                     else:
-                        _keep_leg(limbs.joints[t, n, limb], own[limb])
+                        keep_leg(limbs.joints[t, n, limb], own[limb])
             for limb in range(LIMBS):
                 for k in range(3):
                     own[limb, END, k] *= limbs.freedom[t, n, limb]
-                _limit(own[limb, JOINT])
-                _limit(own[limb, END])
+                limit(own[limb, JOINT])
+                limit(own[limb, END])
         moves[t, m] = own

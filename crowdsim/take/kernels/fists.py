@@ -177,7 +177,7 @@ def point_arm(arms, hand, pose, world, target):
     a, b, now = distance_between(p, q), distance_between(q, r), distance_between(p, r)
     longest, shortest = reach_of(a, b, ELBOW_LEAST), reach_of(a, b, FOLDED)
     wanted = distance_between(p, target)
-    distance = wanted - excess(now, wanted, longest, 0.0015 * (a + b))
+    distance = wanted - excess(now, wanted, longest, 0.004 * (a + b))
     distance += excess(-now, -wanted, -shortest, 0.01 * (a + b))
     target = _away_from_shoulder(p, r, target, shortest, now)
     return bend_limb(arms, hand, pose, world, target, distance)

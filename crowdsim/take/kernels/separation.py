@@ -12,6 +12,11 @@ _ROOM, _SOFT = 0.01, 0.02
 """Room that surfaces are given, and how far on either side of that they begin to give way [m]."""
 _MOST = 0.14
 """Furthest that a trunk gives way [m]."""
+AROUND = 4
+"""How many frames before and after a time bodies are looked for where they are nearest: who passes through another one
+goes around it on one side, not back and then forward."""
+_STEEP = 0.35
+"""Least cosine of the angle between that way and the way between the bodies that counts: pushes set in gently."""
 _LEFT = 0.03
 """Depth of thighs in one another that is left to knees and feet, which go around [m]."""
 HEAD_POINT, NECK_POINT, PELVIS_POINT, HIP_POINT, POINTS = 0, 1, 2, 3, 7
@@ -40,24 +45,61 @@ def _overlap(own, other, radii, others):
     return max(max(max(trunks, heads), max(one, two)), _overlap_of_thighs(own, other, radii, others) - _LEFT)
 
 
+@kernel(inline=True)
+def _between(own, other):
+    """Return the way over the ground between the middles of two bodies."""
+    return (
+        0.5 * (own[HEAD_POINT, 0] + own[PELVIS_POINT, 0] - other[HEAD_POINT, 0] - other[PELVIS_POINT, 0]),
+        0.5 * (own[HEAD_POINT, 2] + own[PELVIS_POINT, 2] - other[HEAD_POINT, 2] - other[PELVIS_POINT, 2]),
+    )
+
+
 @kernel(allocates=False)
-def _push_pair(points, radii, a, b, pushes):
+def _way_around(points, t, a, b):
+    """Return the way between two bodies, of length 1, where they are nearest within ``AROUND`` frames of a time."""
+    least, x, z = math.inf, 0.0, 0.0
+    for at in range(max(t - AROUND, 0), min(t + AROUND, points.shape[0] - 1)):
+        px, pz = _between(points[at, a], points[at, b])
+        qx, qz = _between(points[at + 1, a], points[at + 1, b])
+        ux, uz = qx - px, qz - pz
+        square = ux * ux + uz * uz
+        if not math.isfinite(square):
+            continue
+        share = min(max(-(px * ux + pz * uz) / max(square, 1e-12), 0.0), 1.0)
+        nx, nz = px + share * ux, pz + share * uz
+        far = math.sqrt(nx * nx + nz * nz)
+        if far < 1e-4:
+            # Straight through the middle they may as well go to the right.
+            nx, nz = uz, -ux
+        size = math.sqrt(nx * nx + nz * nz)
+        if far < least and size > 1e-9:
+            least, x, z = far, nx / size, nz / size
+    return x, z
+
+
+@kernel(allocates=False)
+def _push_pair(points, radii, t, a, b, pushes):
     """Add what two bodies push each other away."""
-    own, other = points[a], points[b]
+    own, other = points[t, a], points[t, b]
     depth = _overlap(own, other, radii[a], radii[b])
     if depth <= -_ROOM - _SOFT:
         return
-    x = 0.5 * (own[HEAD_POINT, 0] + own[PELVIS_POINT, 0] - other[HEAD_POINT, 0] - other[PELVIS_POINT, 0])
-    z = 0.5 * (own[HEAD_POINT, 2] + own[PELVIS_POINT, 2] - other[HEAD_POINT, 2] - other[PELVIS_POINT, 2])
+    x, z = _between(own, other)
     far = math.sqrt(x * x + z * z)
-    if far < 1e-6:
+    nx, nz = _way_around(points, t, a, b)
+    if far < 1e-6 and nx == 0.0 and nz == 0.0:
         return
+    if nx == 0.0 and nz == 0.0:
+        nx, nz = x / far, z / far
     deep = depth + _ROOM
-    push = 0.5 * (deep if deep >= _SOFT else (deep + _SOFT) ** 2 / (4.0 * _SOFT)) / far
-    pushes[a, 0] += push * x
-    pushes[a, 1] += push * z
-    pushes[b, 0] -= push * x
-    pushes[b, 1] -= push * z
+    apart = far + (deep if deep >= _SOFT else (deep + _SOFT) ** 2 / (4.0 * _SOFT))
+    # As far along that way as brings the middles so far apart as they would be without the depth.
+    along = max(x * nx + z * nz, _STEEP * far)
+    push = 0.5 * (math.sqrt(max(apart * apart - far * far + along * along, 0.0)) - along)
+    pushes[a, 0] += push * nx
+    pushes[a, 1] += push * nz
+    pushes[b, 0] -= push * nx
+    pushes[b, 1] -= push * nz
 
 
 @kernel(allocates=False)
@@ -86,7 +128,7 @@ def push_trunks(points, radii, order, pushes):
                 if not points[t, b, PELVIS_POINT, 0] - x < NEAR:
                     break
                 if abs(points[t, b, PELVIS_POINT, 2] - z) < NEAR:
-                    _push_pair(points[t], radii, a, b, pushes[t])
+                    _push_pair(points, radii, t, a, b, pushes[t])
         for n in range(count):
             far = math.sqrt(pushes[t, n, 0] ** 2 + pushes[t, n, 1] ** 2)
             if far > 0.0:
