@@ -12,7 +12,7 @@ from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
 from crowdsim.take.data import TakeData
-from crowdsim.take.fallen import fallen_rows
+from crowdsim.take.fallen import fallen_rows, near_fallen
 from crowdsim.take.kernels.bending import Deflections, bend_limbs
 from crowdsim.take.kernels.deflection import END, JOINT, LIMBS, MOVED, MovingLimbs, deflect_limbs
 from crowdsim.take.kernels.records import Moments, Posed
@@ -38,6 +38,8 @@ peaks."""
 _PLANTED, _CREEP, _WIDE = 0.3, 0.06, 2
 """How readily planted feet move, of feet in the air; how far at the most [m]; and how long they stay where they have to
 go, before and after [control frames]."""
+_ASIDE, _BESIDE = 0.15, 1.4
+"""How far planted feet move at the most that a body is near which is down; and how near that is [m]."""
 _POSES_AT_ONCE = 16_000
 _KEPT, _FEW = 64_000_000, 16
 """Numbers that are kept at the most; and frames that are kept of a crowd that is larger than that."""
@@ -113,10 +115,13 @@ class Deflection:
         found = self._rows(frames, window.avatars, landed)
         if not found.any():
             return
-        # Where a take begins and ends, its first and its last time stand for those beyond.
+        # Before and after a take its first and its last time stand.
         fast = found[np.searchsorted(frames, np.arange(first, stop))]
         moves = correlate1d(fast, _SMOOTH, axis=0, mode="nearest")[low - first : high - first]
-        creeps = _creep(found[np.searchsorted(frames, slow * self._fine)][:, :, 2:, END])
+        beside = near_fallen(self._take, self._motions, int(slow[0]), int(slow[-1]) + 1, window.avatars, _BESIDE)
+        creeps = _creep(
+            found[np.searchsorted(frames, slow * self._fine)][:, :, 2:, END], np.where(beside, _ASIDE, _CREEP)
+        )
         near = landed.around(float(times.min()), float(times.max()), columns)
         near = near.of(~near.missed)
         order, starts = by_column(columns[near.attackers], len(window.avatars), near.times)
@@ -184,12 +189,15 @@ class Deflection:
             for index, which, positions, rotations, _ in joints
         ]
         capsules = place_capsules([bodies for _, bodies in posed], len(times), len(near), self._threads)
+        rows = np.clip(np.rint(times * self._take.control_rate).astype(np.int64), 0, self._take.frame_count - 1)
+        down = fallen_rows(self._take, self._motions, int(rows.min()), int(rows.max()) + 1)
         limbs = MovingLimbs(
             np.full((len(times), len(near), LIMBS, 3, 3), np.nan, np.float32),
             np.full(capsules.bounds.shape, -1, np.int64),
             np.zeros((*capsules.bounds.shape, MOVED, 2)),
             _landing(landed, near, times),
             np.ones((len(times), len(near), LIMBS)),
+            down[rows - rows.min()][:, near],
         )
         for _, which, _, _, freedom in joints:
             limbs.freedom[:, which, 2:] = _PLANTED + (1.0 - _PLANTED) * freedom
@@ -204,14 +212,11 @@ class Deflection:
         ranks, columns = np.argsort(order, axis=1, kind="stable"), np.searchsorted(near, asked)
         share(len(times) * len(asked), deflect_limbs, capsules, limbs, order, ranks, columns, moves,
               threads=self._threads)  # fmt: skip
-        rows = np.clip(np.rint(times * self._take.control_rate).astype(np.int64), 0, self._take.frame_count - 1)
-        down = fallen_rows(self._take, self._motions, int(rows.min()), int(rows.max()) + 1)
-        moves[down[rows - rows.min()][:, asked]] = 0.0
         return moves
 
 
-def _creep(moves: Array) -> Array:
-    """How far planted feet go: the longest of moves (R, n, 2, 3) in the rows around each, but not far."""
+def _creep(moves: Array, furthest: Array) -> Array:
+    """How far planted feet go: the longest of moves (R, n, 2, 3) in the rows around each, at the most ``furthest``."""
     longest, lengths = moves.copy(), np.sum(moves**2, axis=-1)
     most = lengths.copy()
     for apart in range(1, min(_WIDE, len(moves) - 1) + 1):
@@ -220,7 +225,8 @@ def _creep(moves: Array) -> Array:
             longest[one] = np.where(further[..., None], moves[other], longest[one])
             most[one] = np.maximum(lengths[other], most[one])
     far = np.maximum(np.sqrt(most), 1e-9)[..., None]
-    return np.asarray(longest * (_CREEP * np.tanh(far / _CREEP) / far))
+    bound = furthest[:, :, None, None]
+    return np.asarray(longest * (bound * np.tanh(far / bound) / far))
 
 
 def _around(places: Array, avatars: Array) -> Array:
