@@ -34,6 +34,7 @@ from crowdsim.take.lowering import Lowering
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.reactions import BlowPlanner, build_trunk, give_way
 from crowdsim.take.separation import Separation
+from crowdsim.take.settling import Settling
 from crowdsim.take.window import Window
 
 Joints = tuple[Array, Body, Array, Array, Array]
@@ -81,6 +82,7 @@ class Passes:
         self._lowering = Lowering(take, partial(self.window, lowered=False), self.blend)
         self._gazes = [build_gaze(motion) for motion in motions]
         self._trunks = [build_trunk(motion) for motion in motions]
+        self._settlings = [Settling(motion) for motion in motions]
         self._deflection = Deflection(take, motions, self._pose_all, threads)
         self.strike(find_landed(take))
 
@@ -129,6 +131,8 @@ class Passes:
         poses = self.blend(window, transitions, playback, moments)
         hold_feet(window, transitions, playback, moments, poses)
         hold_hands(window, moments, poses)
+        girths = np.asarray(self._take.cast.girths, dtype=np.float64)[window.avatars]
+        self._settlings[index].settle(window, girths, playback, moments, poses)
         look(window, self._gazes[index], moments, poses)
         if self._reactions:
             self._give_way(window, index, moments, poses)
