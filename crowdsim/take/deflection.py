@@ -197,7 +197,7 @@ class Deflection:
             np.zeros((*capsules.bounds.shape, MOVED, 2)),
             _landing(landed, near, times),
             np.ones((len(times), len(near), LIMBS)),
-            down[rows - rows.min()][:, near],
+            np.ascontiguousarray(down[rows - rows.min()][:, near]),
         )
         for _, which, _, _, freedom in joints:
             limbs.freedom[:, which, 2:] = _PLANTED + (1.0 - _PLANTED) * freedom
@@ -225,7 +225,7 @@ def _creep(moves: Array, furthest: Array) -> Array:
             longest[one] = np.where(further[..., None], moves[other], longest[one])
             most[one] = np.maximum(lengths[other], most[one])
     far = np.maximum(np.sqrt(most), 1e-9)[..., None]
-    bound = furthest[:, :, None, None]
+    bound = furthest[:, :, None, None].astype(moves.dtype)
     return np.asarray(longest * (bound * np.tanh(far / bound) / far))
 
 
