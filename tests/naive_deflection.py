@@ -50,6 +50,7 @@ def contacts_of(capsules, limbs, t, n, order):
                     capsules.starts[t, other, j], capsules.ends[t, other, j], capsules.radii[other, j],
                 )  # fmt: skip
                 lever, theirs = levers(limbs, t, n, i, share), levers(limbs, t, other, j, part).sum()
+                theirs = 0.0 if limbs.down[t, other] else theirs
                 own, above, foot = lever.sum(), 0, is_foot(limbs, n, i)
                 if foot and is_foot(limbs, other, j):
                     p, q = capsules.starts[t, n, i], capsules.ends[t, n, i]
@@ -88,7 +89,7 @@ def keep_leg(upper, middle, end, moves):
 
 def moves_of(capsules, limbs, t, n, order):
     """How far the limbs of one avatar are deflected. Shape (4, 2, 3)."""
-    moves, contacts = np.zeros((4, 2, 3)), contacts_of(capsules, limbs, t, n, order)
+    moves, contacts = np.zeros((4, 2, 3)), [] if limbs.down[t, n] else contacts_of(capsules, limbs, t, n, order)
     for _ in range(ROUNDS):
         pushed = False
         for i, other, j, allowed, above in contacts:
@@ -101,6 +102,8 @@ def moves_of(capsules, limbs, t, n, order):
             way = p + share * (q - p) - r - part * (s - r)
             if above and way[1] < 0.0:
                 depth, way = depth + 2.0 * np.linalg.norm(way), -way
+            if limbs.down[t, other] and is_foot(limbs, n, i):
+                way[1] = max(way[1], 0.0)
             if depth > allowed + ENOUGH:
                 pushed, lever = True, levers(limbs, t, n, i, share)
                 push = STEP * (depth - allowed) / max(lever @ lever, LEAST) * way / np.linalg.norm(way)

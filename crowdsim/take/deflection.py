@@ -12,7 +12,7 @@ from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.take.capsules import PosedBodies, place_capsules
 from crowdsim.take.data import TakeData
-from crowdsim.take.fallen import fallen_rows
+from crowdsim.take.fallen import fallen_rows, near_fallen
 from crowdsim.take.kernels.bending import Deflections, bend_limbs
 from crowdsim.take.kernels.deflection import MovingLimbs, deflect_limbs
 from crowdsim.take.kernels.limb_bounds import LIMBS
@@ -43,6 +43,8 @@ PLANTED = 0.3, 0.0
 """How readily planted feet move, of feet in the air, in the first round of deflection and in the second."""
 _CREEP, _WIDE = 0.06, 2
 """How far they go at the most [m], and how long they stay where they have to go, before and after [control frames]."""
+_ASIDE, _BESIDE = 0.15, 1.4
+"""How far they move at the most that a body is near which is down; and how near that is [m]."""
 POSES_AT_ONCE = 16_000
 """Most poses that limbs are deflected in at once."""
 _KEPT, _FEW = 64_000_000, 16
@@ -125,9 +127,12 @@ class Deflection:
             for some, weights in ((slice(0, 2), _ARMS), (slice(2, None), _LEGS))
         ]
         moves = np.concatenate(smooth, axis=2)
-        creeps = _creep(found[np.searchsorted(frames, slow * self._fine)][:, :, 2:, END])
-        if not len(slow):
-            slow, creeps = np.zeros(1, np.int64), np.zeros((1, *creeps.shape[1:]), creeps.dtype)
+        if len(slow):
+            beside = near_fallen(self._take, self._motions, int(slow[0]), int(slow[-1]) + 1, window.avatars, _BESIDE)
+            feet = found[np.searchsorted(frames, slow * self._fine)][:, :, 2:, END]
+            creeps = _creep(feet, np.where(beside, _ASIDE, _CREEP))
+        else:
+            slow, creeps = np.zeros(1, np.int64), np.zeros((1, found.shape[1], 2, 3), found.dtype)
         near = landed.around(float(times.min()), float(times.max()), columns)
         near = near.of(~near.missed)
         order, starts = by_column(columns[near.attackers], len(window.avatars), near.times)
@@ -206,12 +211,15 @@ class Deflection:
             for index, which, positions, rotations, _ in joints
         ]
         capsules = place_capsules([bodies for _, bodies in posed], len(times), len(near), self._threads)
+        rows = np.clip(np.rint(times * self._take.control_rate).astype(np.int64), 0, self._take.frame_count - 1)
+        down = fallen_rows(self._take, self._motions, int(rows.min()), int(rows.max()) + 1)
         limbs = MovingLimbs(
             np.full((len(times), len(near), LIMBS, 3, 3), np.nan, np.float32),
             np.full(capsules.bounds.shape, -1, np.int64),
             np.zeros((*capsules.bounds.shape, MOVED, 2)),
             _landing(landed, near, times),
             np.ones((len(times), len(near), LIMBS)),
+            np.ascontiguousarray(down[rows - rows.min()][:, near]),
         )
         for _, which, _, _, freedom in joints:
             limbs.freedom[:, which, 2:] = self._planted + (1.0 - self._planted) * freedom
@@ -226,14 +234,11 @@ class Deflection:
         ranks, columns = np.argsort(order, axis=1, kind="stable"), np.searchsorted(near, asked)
         share(len(times) * len(asked), deflect_limbs, capsules, limbs, order, ranks, columns, moves,
               threads=self._threads)  # fmt: skip
-        rows = np.clip(np.rint(times * self._take.control_rate).astype(np.int64), 0, self._take.frame_count - 1)
-        down = fallen_rows(self._take, self._motions, int(rows.min()), int(rows.max()) + 1)
-        moves[down[rows - rows.min()][:, asked]] = 0.0
         return moves
 
 
-def _creep(moves: Array) -> Array:
-    """How far planted feet go: the longest of moves (R, n, 2, 3) in the rows around each, but not far."""
+def _creep(moves: Array, furthest: Array) -> Array:
+    """How far planted feet go: the longest of moves (R, n, 2, 3) in the rows around each, at the most ``furthest``."""
     longest, lengths = moves.copy(), np.sum(moves**2, axis=-1)
     most = lengths.copy()
     for apart in range(1, min(_WIDE, len(moves) - 1) + 1):
@@ -242,7 +247,8 @@ def _creep(moves: Array) -> Array:
             longest[one] = np.where(further[..., None], moves[other], longest[one])
             most[one] = np.maximum(lengths[other], most[one])
     far = np.maximum(np.sqrt(most), 1e-9)[..., None]
-    return np.asarray(longest * (_CREEP * np.tanh(far / _CREEP) / far))
+    bound = furthest[:, :, None, None].astype(moves.dtype)
+    return np.asarray(longest * (bound * np.tanh(far / bound) / far))
 
 
 def _around(places: Array, avatars: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from crowdsim.core.types import Array
 from crowdsim.take.data import TakeData
@@ -23,6 +24,23 @@ def fallen_rows(take: TakeData, motions: Sequence[PoseMotion], first: int, stop:
             here = (action >= 0) & (take.cast.policies == index)
             down[here] = motion.down[motion.frames_at(action[here], done[here])]
     return down
+
+
+def near_fallen(
+    take: TakeData, motions: Sequence[PoseMotion], first: int, stop: int, avatars: Array, distance: float
+) -> Array:
+    """Return whether avatars (n,) are nearer than a distance [m] to one that is down, itself among them.
+
+    At control frames ``first`` to ``stop``; positions are those on the ground. Shape (stop - first, n), bool.
+    """
+    down = fallen_rows(take, motions, first, stop)
+    near = np.zeros((len(down), len(avatars)), bool)
+    places = np.stack([np.asarray(values[first:stop], dtype=float) for values in (take.x, take.z)], axis=-1)
+    for row in np.flatnonzero(down.any(axis=1)):
+        here = np.flatnonzero(np.isfinite(places[row, avatars, 0]))
+        far, _ = cKDTree(places[row, down[row]]).query(places[row, avatars[here]])
+        near[row, here] = far < distance
+    return near
 
 
 def falls_soon(take: TakeData, motions: Sequence[PoseMotion], avatars: Array, times: Array) -> Array:

@@ -33,6 +33,7 @@ from crowdsim.take.motion import PoseMotion
 from crowdsim.take.reactions import BlowPlanner, build_trunk, give_way
 from crowdsim.take.rounds import Rounds, WholePoses
 from crowdsim.take.separation import Separation
+from crowdsim.take.settling import Settling
 from crowdsim.take.window import Window
 
 Joints = tuple[Array, Body, Array, Array, Array]
@@ -70,6 +71,7 @@ class Passes:
         self._gazes = [build_gaze(motion) for motion in motions]
         self._trunks = [build_trunk(motion) for motion in motions]
         self._rounds = Rounds(take, motions, self._before_deflection, threads)
+        self._settlings = [Settling(motion) for motion in motions]
         self.strike(find_landed(take))
 
     def strike(self, landed: Landed) -> None:
@@ -115,6 +117,8 @@ class Passes:
         poses = self.blend(window, transitions, playback, moments)
         hold_feet(window, transitions, playback, moments, poses)
         hold_hands(window, moments, poses)
+        girths = np.asarray(self._take.cast.girths, dtype=np.float64)[window.avatars]
+        self._settlings[index].settle(window, girths, playback, moments, poses)
         look(window, self._gazes[index], moments, poses)
         if self._reactions:
             self._give_way(window, index, moments, poses)

@@ -43,7 +43,8 @@ def bodies(seed: int, times: int = 2, count: int = 4) -> tuple[Capsules, MovingL
     limbs = np.tile([-1, 0, 0, 2, 2, 2, 3], (count, 1))
     landing = rng.uniform(0.0, 1.0, (times, count, 4))
     freedom = np.concatenate([np.ones((times, count, 2)), rng.choice([0.3, 0.8, 1.0], (times, count, 2))], axis=2)
-    moving = MovingLimbs(joints, limbs, weights, landing, freedom)
+    down = rng.random((times, count)) < 0.3
+    moving = MovingLimbs(joints, limbs, weights, landing, freedom, down)
     return Capsules(starts, stops, radii, bounds, np.full(count, 7)), moving
 
 
@@ -64,6 +65,18 @@ def test_moves_match_naive(seed: int) -> None:
         for n in range(4):
             expected = naive.moves_of(capsules, limbs, time, n, order) if n in order else np.zeros((4, 2, 3))
             np.testing.assert_allclose(found[time, n], expected, atol=5e-3)
+
+
+def test_bodies_that_are_down_do_not_give_way_and_others_do_the_whole() -> None:
+    capsules, limbs = bodies(3, times=12)
+    whole = deflect(capsules, limbs._replace(down=np.zeros_like(limbs.down)), np.arange(4))
+    found = deflect(capsules, limbs, np.arange(4))
+    assert limbs.down.any()
+    assert not found[limbs.down].any()
+    alone = limbs.down.sum(axis=1) == 0
+    np.testing.assert_array_equal(found[alone], whole[alone])
+    far = [np.linalg.norm(moves[:, :, 2:, 1], axis=-1)[~limbs.down].mean() for moves in (found, whole)]
+    assert far[0] > 1.05 * far[1]
 
 
 def test_moves_of_some_avatars_are_those_among_all() -> None:

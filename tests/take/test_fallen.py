@@ -10,7 +10,7 @@ from take.synthetic_take import build_take, sampler
 
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.take.fallen import fallen_rows, falls_soon
+from crowdsim.take.fallen import fallen_rows, falls_soon, near_fallen
 from crowdsim.take.gaze import HeadTurns
 from crowdsim.take.motion import prepare_motion
 from crowdsim.take.poses import Poses
@@ -65,6 +65,17 @@ def test_frames_between_standing_and_standing_are_down() -> None:
         assert not soon[: first - 4].any()
         assert not soon[last:].any()
     assert not motion.frames.contacts[motion.down].any()
+
+
+def test_those_near_a_body_that_is_down_are_found() -> None:
+    take, policy = takes()
+    motions, some = [prepare_motion(policy)], np.array([1, 4, 6])
+    down = fallen_rows(take, motions, 0, FRAMES)
+    places = np.stack([take.x, take.z], axis=-1).astype(float)
+    gaps = np.linalg.norm(places[:, some, None] - places[:, None], axis=-1)
+    expected = (np.where(down[:, None], gaps, np.inf) < 0.9).any(axis=2)
+    assert 0.1 < expected.mean() < 0.9
+    np.testing.assert_array_equal(near_fallen(take, motions, 0, FRAMES, some, 0.9), expected)
 
 
 def test_nobody_who_is_down_turns_a_head_or_gives_way() -> None:

@@ -40,6 +40,7 @@ class MovingLimbs(NamedTuple):
         weights: How far each of its ends goes along with the middle and the end of the limb. Shape (N, K, 2, 2).
         landing: How close to a strike that lands each limb is, from 0 to 1. Shape (T, N, 4).
         freedom: How readily the end of each limb moves, 1 unless it is a planted foot. Shape (T, N, 4).
+        down: Bodies that are down: their limbs do not give way, those of others do the whole. Shape (T, N), bool.
     """
 
     joints: Array
@@ -47,6 +48,7 @@ class MovingLimbs(NamedTuple):
     weights: Array
     landing: Array
     freedom: Array
+    down: Array
 
 
 class _Contacts(NamedTuple):
@@ -135,7 +137,7 @@ def _add_contacts(capsules, limbs, t, n, other, contacts, count):
                 continue
             middle, end = _leverage(limbs, t, n, i, share)
             middle_2, end_2 = _leverage(limbs, t, other, j, part)
-            own, theirs = middle + end, middle_2 + end_2
+            own, theirs = middle + end, 0.0 if limbs.down[t, other] else middle_2 + end_2
             above = 0
             if middle == 0.0 and middle_2 == 0.0 and limbs.limbs[n, i] >= 2 and limbs.limbs[other, j] >= 2:
                 above = _order_feet(capsules, t, n, i, share, other, j, part, own, theirs)
@@ -173,9 +175,12 @@ def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
     if contacts.above[contact] and y < 0.0:
         depth, x, y, z = depth + 2.0 * far, -x, -y, -z
     over = depth - contacts.allowed[contact]
+    middle, end = _leverage(limbs, t, n, i, share)
+    if limbs.down[t, other] and limb >= 2 and middle == 0.0 and y < 0.0:
+        # Feet do not go down: they go aside.
+        y, far = 0.0, math.sqrt(x * x + z * z)
     if over <= _ENOUGH or far < 1e-6:
         return False
-    middle, end = _leverage(limbs, t, n, i, share)
     push = _STEP * over / max(middle * middle + end * end, _LEAST) / far
     for point, lever in ((JOINT, middle), (END, end)):
         move[point, 0] += push * lever * x
@@ -234,7 +239,7 @@ def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
             for other in range(order.shape[1]):
                 bound_limbs(capsules, limbs.limbs[other], t, other, contacts.spheres[other])
         own[:] = 0.0
-        if math.isfinite(capsules.starts[t, n, 0, 0]):
+        if math.isfinite(capsules.starts[t, n, 0, 0]) and not limbs.down[t, n]:
             count = _find_contacts(capsules, limbs, t, n, order[t], ranks[t, n], contacts)
             for _ in range(_ROUNDS):
                 pushed = False
