@@ -1,6 +1,7 @@
 """Control, slow and plain: one avatar after another, one frame after another, straight from the definitions."""
 
 import math
+from itertools import product
 from types import SimpleNamespace
 
 import naive_defence
@@ -10,7 +11,7 @@ from naive_opponents import nearest, neighbours
 from naive_strikes import at, thrown, what_is_seen
 
 from crowdsim.crowd.kernels import variety
-from crowdsim.crowd.kernels.choice import ASTRAY, AWAY, BOLDNESS, BURSTS, NEAR, REDRAWN, REST
+from crowdsim.crowd.kernels.choice import ASTRAY, AWAY, BESIDE, BOLDNESS, BURSTS, CALM, FACING, NEAR, REDRAWN, REST
 from crowdsim.crowd.kernels.crowding import BYSTANDERS, HALTED, STAGGER, STEP
 from crowdsim.crowd.kernels.intents import CLOSEST, SHYNESS
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
@@ -18,11 +19,13 @@ from crowdsim.crowd.kernels.legs import CROSSED
 from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REMEMBERED
 from crowdsim.crowd.kernels.outcomes import AIR
 from crowdsim.crowd.model import AT_REST, FULL_REACH, STRONG
+from crowdsim.crowd.model_calm import STILL
 from crowdsim.crowd.model_tables import BRAKING
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.crowd.script import target_positions
 from crowdsim.crowd.stances import stance_actions
 from crowdsim.motion import ground
+from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.policy.policy import action_values
 
 
@@ -38,6 +41,7 @@ class Avatar:
         actions, graph = self.policy.actions, self.policy.graph
         self.stance = int(crowd.stances[number]) if len(crowd.stances) else 0
         self.astray = stance_actions(self.policy)[:, self.stance - 1] if self.stance else np.zeros(actions.state_count)
+        self.calm = calm_shares(self.policy)
         self.ways = ways_to_halt(actions)
         with_entry = [s for s in range(actions.state_count) if (actions.next == s).any()]
         far = [float(np.hypot(*self.ways[s][:2])) for s in with_entry]
@@ -105,6 +109,25 @@ class Avatar:
         return ground.to_world(stands, at(getattr(self.policy.database, name), self.place(action, phase)) * self.scale)
 
 
+def calm_shares(policy):
+    """Share of the frames of each action in which the joints are slow on the average."""
+    database, graph = policy.database, policy.graph
+    joints = sorted(set(database.body.roles.values()))
+
+    def joints_at(frame):
+        pose = database.root_positions[frame : frame + 1], database.rotations[frame : frame + 1]
+        return forward_kinematics(database.skeleton, *pose)[0][0, joints]
+
+    def still(frame):
+        after = min(frame + 1, len(database.rotations) - 1)
+        way = np.linalg.norm(joints_at(after) - joints_at(frame), axis=-1).mean()
+        return way * database.playback_rate < STILL * database.body.height
+
+    found = [still(frame * database.stride) for frame in range(database.frame_count)]
+    spans = zip(graph.action_first, graph.action_lengths, strict=True)
+    return np.array([np.mean(found[first : first + length]) for first, length in spans])
+
+
 def ways_to_halt(actions):
     """Ground transform, from each state, of where a body is that goes on from there as little as it can."""
     ways = [(0.0, np.zeros(3))] * actions.state_count
@@ -159,11 +182,12 @@ def run(crowd, policies, frames, script=None):
         for one, seen in zip(due, bodies, strict=True):
             one.seen_before, one.seen = one.seen, seen
         for one, (opponent, action) in zip(due, chosen, strict=True):
-            one.shown.append(one.first_state + int(one.policy.actions.next[action]))
+            one.shown.append(twin_of(one, action))
             if one.policy.actions.strike_offsets[action] < one.policy.actions.strike_offsets[action + 1]:
-                one.thrown = twin_of(one, action)
+                one.thrown = one.shown[-1]
                 one.thrown_until = frame + int(one.policy.actions.lengths[action] / one.speed)
-            marks[mark_of(one.stands(), one.shown[-1], crowd.count)] = frame
+            for aside, onwards in product((-0.5, 0.5), repeat=2):
+                marks[mark_of(one.stands(), one.shown[-1], crowd.count, aside, onwards)] = frame
             one.action_before, one.start_before, one.start = one.action, one.start, one.stands()
             one.halts = one.halt_of(action, one.start)
             if one.decisions == 0:  # whoever enters stands where they should
@@ -271,6 +295,8 @@ def decide(one, avatars, crowd, targets, frame, marks):
         close = math.hypot(*(its - mine)[:2]) < NEAR
         worth -= crowd.crowding.unseen * (close and facing(its, mine) < AWAY)
     values = values + worth * counts
+    if opponent >= 0 and rests and FACING * math.hypot(seen[0], seen[2]) <= min(seen[2], FACING * BESIDE):
+        values = values + CALM * one.calm[list(choices)]
     values = values - ASTRAY * one.astray[actions.next[list(choices)]]
     place = pick(values, one, crowd)
     varied, apart = opponent >= 0 and crowd.varieties[one.cohort] > 0, crowd.crowding.end > 0
@@ -357,18 +383,19 @@ def crowding(one, action, mine, near, positions, crowd, opponent):
     return worst + rules.outside * outside(crowd.arena, end[0], end[1])
 
 
-def mark_of(position, state, avatars):
-    """Place of a mark: a hash of the cell that a position is in, and the state."""
-    column, row = (math.floor(value / variety.CELL + 0.5) for value in position[:2])
+def mark_of(position, state, avatars, aside=0.0, onwards=0.0):
+    """Place of a mark: a hash of the cell that a position is in, or so many sides of a cell from it, and the state."""
+    column = math.floor(position[0] / variety.CELL + aside)
+    row = math.floor(position[1] / variety.CELL + onwards)
     size = 1 << 14
-    while size < 16 * avatars:
+    while size < 32 * avatars:
         size *= 2
     return ((column * 73856093 ^ row * 19349663) + state) % size
 
 
 def repetition(one, action, frame, marks, avatars):
-    """What an action costs whose motion was shown lately by anyone in the cell, or by the avatar itself."""
-    state = one.first_state + int(one.policy.actions.next[action])
+    """What an action costs whose motion was shown lately by anyone around, or by the avatar itself."""
+    state = twin_of(one, action)
     last = marks.get(mark_of(one.stands(), state, avatars), -math.inf)
     lately = frame - last < variety.LATELY
     return (variety.OTHERS if lately else 0.0) + variety.OWN * (state in one.shown[-variety.LATEST :])

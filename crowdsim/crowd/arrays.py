@@ -26,6 +26,7 @@ class Model(NamedTuple):
             float32.
         legs: Left knee and sole, right knee and sole in each state, in the ground frame, and how far from the
             position these are at most [m]. Shape (S, 13), float32.
+        calm: Share of the frames of each action in which the body is still. Shape (A,), float32.
         actions: For each action the state in which it ends, its length T [control frames], the playback frame that lies
             on the avatar when it starts, and its first row in ``paths`` and in ``strikes``, which the last row closes;
             and the last whole frame before its first strike. Shape (A + 1, 6), int32.
@@ -51,8 +52,7 @@ class Model(NamedTuple):
         terms: Likewise, but for transition terms. Shape (n, 13), float64.
         table: Likewise; float32 where policies of a run differ. Flat, float32, uint8 or uint16.
         ground: Ground transform of each playback frame in its clip's world. Shape (L, 3), float64.
-        starts: What lies on the avatar's ground transform, in the clip's world, when each action starts. Shape (A, 3),
-            float64.
+        starts: What lies on the avatar's ground transform as actions start, in the clip's world. Shape (A, 3), float64.
         bodies: Centre of the head, upper and lower end of the torso, in the frame's ground frame [m]. Shape (L, 9),
             float32.
         arms: Left and right elbow, left and right fist, likewise. Shape (L, 12), float32.
@@ -85,6 +85,7 @@ class Model(NamedTuple):
     reaches: Array
     halts: Array
     legs: Array
+    calm: Array
     actions: Array
     moves: Array
     paths: Array
@@ -138,9 +139,9 @@ class Avatars(NamedTuple):
         whole: Shape (18, N), int32.
         real: Shape (21, N), float64.
         slot_of: Slot of each number. Shape (N,), int32.
-        shown: States in which the latest actions of each number end, a ring by decisions; ``variety.NONE`` for none.
+        shown: Motion (``Model.twins``) of each number's latest actions, a ring by decisions; ``variety.NONE`` for none.
             Shape (N, 16), uint16.
-        marks: Frames in which motion was last shown in cells of the ground (``variety``). Shape (a power of 2,),
+        marks: Frames in which motion was last shown around cells of the ground (``variety``). Shape (a power of 2,),
             uint16.
         conditions: The state of each number in a fight, by the columns of ``layout``: its mode towards its opponent
             (``FIGHTS``, ``WATCHES``, ``FLEES`` or ``RESTS``) as set by groups and events, in its present action, and in

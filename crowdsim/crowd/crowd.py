@@ -19,7 +19,7 @@ from crowdsim.errors import RunError
 ANYONE, SCRIPTED = -1, -2
 """Values of ``Crowd.skip`` beside a team: the nearest of any team; the one in ``Crowd.fixed``."""
 
-_MARKS, _LEAST_MARKS = 16, 1 << 14
+_MARKS, _LEAST_MARKS = 32, 1 << 14
 """Marks of shown motion for each avatar, and for a crowd at the least."""
 _LONG_AGO = 1 << 15
 

@@ -13,6 +13,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.model_arms import arm_radii, arm_rows, way_rows
+from crowdsim.crowd.model_calm import calm_rows
 from crowdsim.crowd.model_legs import leg_rows
 from crowdsim.crowd.model_tables import (
     action_rows,
@@ -99,6 +100,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
         reaches=reach_rows(displacements, halts, offsets),
         halts=halts,
         legs=np.concatenate([leg_rows(*one) for one in zip(policies, np.diff(starts["state"]), strict=True)]),
+        calm=np.concatenate([calm_rows(policy) for policy in policies]),
         actions=action_rows(policies, actions, starts),
         moves=moves,
         paths=padded([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2]), path_frames(actions)]),

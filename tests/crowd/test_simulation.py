@@ -409,7 +409,7 @@ def test_a_scenario_may_let_avatars_walk_through_one_another():
 
 def test_avatars_turn_back_at_the_border():
     far = crowd(9, arena=np.zeros(5), speed=1.0, policies=1)
-    kept = crowd(9, arena=np.array([1.0, 1.5, 1.5, 3.0, 3.0]), speed=1.0, policies=1)
+    kept = crowd(9, arena=np.array([1.0, 1.5, 1.5, 2.0, 2.0]), speed=1.0, policies=1)
 
     def reach(people):
         record, _ = whole(simulate(people, POLICIES, 400))

@@ -1,4 +1,4 @@
-"""Strikes come in bursts: how many an avatar throws, and that one which never tires chooses freely."""
+"""Strikes come in bursts: how many an avatar throws, that one which never tires chooses freely, and rests are still."""
 
 from dataclasses import replace
 
@@ -9,7 +9,10 @@ from synthetic_policy import policy
 
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.kernels.choice import BURSTS
+from crowdsim.crowd.kernels.layout import RESTED
+from crowdsim.crowd.model_calm import calm_rows
 from crowdsim.crowd.simulate import simulate
+from crowdsim.crowd.simulation import Simulation
 
 FRAMES = 600
 PER_STRIKE = ("strike_times", "strike_positions", "strike_origins", "strike_speeds", "strike_ids")
@@ -30,7 +33,17 @@ def eager():
     return replace(chosen, actions=actions, behaviours=behaviours)
 
 
+def pausing(chosen):
+    """The same policy where the body halts again and again, for eight control frames each time."""
+    stretch = 8 * chosen.database.stride
+    frames = np.arange(len(chosen.database.rotations))
+    shown = np.where(frames // stretch % 2 == 0, frames - frames % stretch, frames)
+    still = {name: getattr(chosen.database, name)[shown] for name in ("root_positions", "rotations")}
+    return replace(chosen, database=replace(chosen.database, **still))
+
+
 EAGER = eager()
+PAUSING = pausing(EAGER)
 STRIKES = np.diff(EAGER.actions.strike_offsets)
 
 
@@ -95,11 +108,31 @@ def test_an_avatar_that_never_tires_chooses_as_one_that_recovers_at_once():
         assert not np.array_equal(slow, free)
 
 
+@pytest.mark.parametrize(("apart", "heading"), [(0.9, np.pi), (2.0, np.pi), (0.9, 0.0)])
+def test_an_avatar_that_rests_is_still_while_its_opponent_is_near_and_ahead(apart, heading):
+    # Pairs far from one another; the first of each looks at the second, or away from it.
+    x, z = 10.0 * np.repeat(np.arange(200.0), 2), np.tile([0.0, apart], 200)
+    fields = {"interval": 40.0, "temperature": 0.0, "crowding": Crowding.none()}
+    people = build_crowd(x, z, np.tile([np.pi - heading, 0.0], 200), **fields)
+
+    def chosen(policy):
+        simulation = Simulation(people, [policy])
+        simulation.avatars.real[RESTED] = 100.0
+        return simulation.run(1).action[0, ::2]
+
+    share = calm_rows(PAUSING)
+    assert 0.2 < share.mean() < 0.8
+    near = apart < 1.0 and heading > 0.0
+    gained = share[chosen(PAUSING)].mean() - share[chosen(EAGER)].mean()
+    assert gained > 0.1 if near else gained == 0.0
+
+
+@pytest.mark.parametrize("chosen", [EAGER, PAUSING], ids=["restless", "still"])
 @pytest.mark.parametrize("interval", [0.0, 12.0, 80.0])
-def test_bursts_and_rests_are_those_of_the_naive_twin(interval):
+def test_bursts_and_rests_are_those_of_the_naive_twin(interval, chosen):
     x, z, heading = np.random.default_rng(0).uniform(0, 3, (3, 6))
     people = build_crowd(x, z, heading, speed=1.2, interval=interval, seed=4, crowding=Crowding(wasted=0.0))
-    [chunk] = simulate(people, [EAGER], 150)
-    naive = naive_crowd.run(people, [EAGER], 150)
+    [chunk] = simulate(people, [chosen], 150)
+    naive = naive_crowd.run(people, [chosen], 150)
     np.testing.assert_array_equal(chunk.action, naive.action)
     assert len(chunk.events.frame) == len(naive.strikes) > 10

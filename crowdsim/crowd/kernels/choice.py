@@ -37,6 +37,8 @@ from crowdsim.crowd.kernels.layout import (
     STAMINA,
     STANCE,
     STRIKES,
+    TARGET_X,
+    TARGET_Z,
     TEMPERATURE,
     TEMPO,
     UNSEEN,
@@ -53,6 +55,8 @@ from crowdsim.jit import kernel
 
 BURSTS = (2, 5)  # least and most strikes of a burst
 REST = 4.0  # what a strike costs an avatar that rests, in normalised values
+CALM = 0.6  # what an action is worth in which the body is still to an avatar that rests, in normalised values
+FACING, BESIDE = 0.6, 1.2  # where its opponent is then: cosine of its bearing, distance [m]
 BOLDNESS = 0.2  # how much more a strike is worth to an avatar for each doubling of its aggression
 ASTRAY = 1.0  # what it costs an avatar to be an action further from its stance, in normalised values
 WEARY = 3.0  # how much longer it takes an exhausted avatar to recover from a strike, over one that is not tired
@@ -136,8 +140,9 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
 
     Strikes come in bursts. A strike takes ``INTERVAL`` frames to recover from; after a burst an avatar rests until it
     has recovered from all of them, and strikes cost it dear meanwhile, as they do while it watches or flees; and
-    something where its opponent looks away. Whoever is exhausted takes ``WEARY`` times as long again; tempo and
-    aggression are the avatar's own. Who has a stance prefers actions that end in it, or nearer to it.
+    something where its opponent looks away. Stillness is worth something while it rests. Whoever is exhausted takes
+    ``WEARY`` times as long again; tempo and aggression are the avatar's own. Who has a stance prefers actions that end
+    in it, or nearer to it.
     """
     whole, real, offsets, actions, cohorts = avatars.whole, avatars.real, model.offsets, model.actions, world.cohorts
     frame = now.frame
@@ -167,6 +172,8 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
             for k in range(offsets[state + 1] - offsets[state]):
                 action = offsets[state] + k
                 values[q, k] += worth * (actions[action + 1, STRIKES] - actions[action, STRIKES])
+        if rests and whole[NEXT_OPPONENT, own] >= 0:
+            _favour_stillness(model, scratch, q, offsets[state], offsets[state + 1])
         if stance > 0:
             for k in range(offsets[state + 1] - offsets[state]):
                 values[q, k] -= ASTRAY * model.stances[actions[offsets[state] + k, NEXT], stance - 1]
@@ -180,6 +187,16 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
             whole[BURST, own] = max(whole[BURST, own] - thrown, 0)
             real[RESTED, own] = max(real[RESTED, own], np.float64(frame)) + interval * thrown
     return -1
+
+
+@kernel(inline=True)
+def _favour_stillness(model, scratch, q, first, last):
+    """Raise the values of actions in which the body is still, if the opponent is near and ahead."""
+    x, z = scratch.situations[q, TARGET_X], scratch.situations[q, TARGET_Z]
+    far = math.sqrt(x * x + z * z)
+    if z >= FACING * far and far <= BESIDE:
+        for k in range(last - first):
+            scratch.values[q, k] += CALM * model.calm[first + k]
 
 
 @kernel(inline=True)

@@ -1,9 +1,10 @@
-"""Variety: what actions cost whose motion was shown lately, by the avatar itself or by others in its cell.
+"""Variety: what actions cost whose motion was shown lately, by the avatar itself or by others around.
 
-Actions that end in the same state show the same motion, so motion is known by that state. Who shows it is not noted:
-a table has a mark for each cell of the ground and each state, by a hash, with the frame in which an avatar last
-started for it. All avatars read marks before any makes one, and those of a frame are equal, so that their order does
-not matter. Frames are kept modulo 2 ** 16.
+Actions that end in the same state show the same motion, so motion is known by that state, and a mirror image by that
+of what it mirrors. Who shows it is not noted: a table has a mark for each cell of the ground and each state, by a hash,
+with the frame in which an avatar around last started for it. An avatar reads the marks of its own cell, and makes marks
+in the four cells that are nearest. All avatars read marks before any makes one, and those of a frame are equal, so that
+their order does not matter. Frames are kept modulo 2 ** 16.
 """
 
 import math
@@ -34,8 +35,8 @@ from crowdsim.jit import kernel
 
 OTHERS, LATELY = 0.5, 30  # what motion costs that others showed lately, in normalised values; frames that this means
 ONE_STANCE = 0.5  # how much that counts for avatars with a stance, for whom there is half as much motion
-OWN, LATEST = 0.15, 16  # what motion costs that is among the avatar's own latest actions; how many these are
-CELL = 16.0  # side of a cell [m]
+OWN, LATEST = 0.25, 16  # what motion costs that is among the avatar's own latest actions; how many these are
+CELL = 3.0  # side of a cell [m]
 AHEAD, NEAR = 0.6, 1.2  # where opponents are while variety counts: cosine of the bearing, distance [m]
 TWICE, TOGETHER = 4.0, 9  # what a strike costs that the opponent throws too; frames within which it does
 FRAMES, NONE = 0xFFFF, 0xFFFF  # frames and states are kept in 16 bits; instead of a state
@@ -63,10 +64,10 @@ def charge_repetition(model, avatars, world, now, due, count, scratch):
         far = math.sqrt(x * x + z * z)
         if z < AHEAD * far or far > NEAR:
             continue  # it turns and pursues by whatever motion there is
-        cell, latest = _cell_of(avatars.real, own), avatars.shown[whole[NUMBER, own]]
+        cell, latest = _cell_at(avatars.real, own, 0.0, 0.0), avatars.shown[whole[NUMBER, own]]
         others, mine = variety * OTHERS, variety * OWN
         for k in range(np.uint64(n)):
-            state = np.int64(actions[np.uint64(offset) + k, NEXT])
+            state = np.int64(model.twins[actions[np.uint64(offset) + k, NEXT]])
             age = (now.frame - np.int64(marks[np.uint64((cell + state) & mask)])) & FRAMES
             charge = others if age < LATELY else 0.0
             low, again = np.uint16(state), False
@@ -79,18 +80,21 @@ def charge_repetition(model, avatars, world, now, due, count, scratch):
 def note_shown(model, avatars, frame, i, action):
     """Note the motion of an action that an avatar starts, and its strikes."""
     whole, actions = avatars.whole, model.actions
-    state, number = np.int64(actions[action, NEXT]), whole[NUMBER, i]
-    avatars.marks[(_cell_of(avatars.real, i) + state) & (avatars.marks.shape[0] - 1)] = frame & FRAMES
+    state, number = np.int64(model.twins[actions[action, NEXT]]), whole[NUMBER, i]
+    mask = avatars.marks.shape[0] - 1
+    for corner in range(4):
+        cell = _cell_at(avatars.real, i, (corner & 1) - 0.5, (corner >> 1) - 0.5)
+        avatars.marks[(cell + state) & mask] = frame & FRAMES
     avatars.shown[number, whole[DECISIONS, i] & (LATEST - 1)] = state & FRAMES
     if actions[action + 1, STRIKES] > actions[action, STRIKES]:
-        whole[THROWN, i] = model.twins[state]
+        whole[THROWN, i] = state
         whole[THROWN_UNTIL, i] = frame + np.int64(actions[action, LENGTH] / avatars.real[SPEED, i])
 
 
 @kernel(inline=True)
-def _cell_of(real, i):
-    """Return where the marks of the cell that an avatar is in begin."""
-    column, row = math.floor(real[X, i] / CELL + 0.5), math.floor(real[Z, i] / CELL + 0.5)
+def _cell_at(real, i, aside, onwards):
+    """Return where the marks of the cell begin that an avatar is in, or that so many sides of a cell from it."""
+    column, row = math.floor(real[X, i] / CELL + aside), math.floor(real[Z, i] / CELL + onwards)
     return np.int64(column) * 73856093 ^ np.int64(row) * 19349663
 
 
