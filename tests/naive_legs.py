@@ -25,11 +25,8 @@ def legs(one, action, end):
 
 
 def crosses_legs(one, action, mine, near):
-    """Whether an action without strikes ends with a leg in one of a neighbour that has ended its own action."""
-    actions = one.policy.actions
-    if actions.strike_offsets[action] < actions.strike_offsets[action + 1]:
-        return False
-    end = ground.compose(mine, actions.displacements[action] * [one.scale, one.scale, 1.0])
+    """Whether an action ends with a leg in one of a neighbour that has ended its own action."""
+    end = ground.compose(mine, one.policy.actions.displacements[action] * [one.scale, one.scale, 1.0])
     for other in near:
         its = ground.compose(other.start, other.displacement(other.action, other.length))
         if np.hypot(*(its - end)[:2]) > WITHIN:

@@ -1,7 +1,7 @@
 """YAML text as nodes: what a parser finds, put together without recursion and within limits.
 
 The parser is libyaml where PyYAML has it, since it is thirty times faster. What it refuses is read again by PyYAML's
-own parser, whose errors say more, unless the text is long.
+own parser, whose errors say more, unless that would read far.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def compose(text: str) -> Node | None:
         return _compose(yaml.parse(text, Loader=_FAST))
     except (yaml.YAMLError, ValueError, OverflowError) as error:
         failure = error
-    if _FAST is not yaml.SafeLoader and len(text) <= _LONG:
+    if _FAST is not yaml.SafeLoader and _position(failure, text) <= _LONG:
         try:
             _compose(yaml.parse(text, Loader=yaml.SafeLoader))
         except yaml.YAMLError as error:
@@ -76,6 +76,12 @@ def compose(text: str) -> Node | None:
     if isinstance(failure, yaml.MarkedYAMLError):
         raise Refused(*explain(failure, text))
     raise Refused(1, 1, f"broken YAML: {failure}")
+
+
+def _position(failure: Exception, text: str) -> int:
+    """Return up to where a text was read before it was refused."""
+    mark = failure.problem_mark if isinstance(failure, yaml.MarkedYAMLError) else None
+    return len(text) if mark is None else int(mark.index)
 
 
 def _compose(events: Iterator[Any]) -> Node | None:

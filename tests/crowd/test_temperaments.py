@@ -102,21 +102,22 @@ def boxer(tiny_policy):
     return load_policy(tiny_policy)
 
 
-def fight(boxer, column, value, frames=1500, pairs=8):
+def fight(boxer, column, value, frames=1500, pairs=8, **more):
     """Strikes thrown, and the median distance to the opponent, where all avatars have one number of a temperament."""
     x = np.repeat(4.0 * np.arange(pairs), 2)
     z, heading = np.tile([-0.5, 0.5], pairs), np.tile([0.0, np.pi], pairs)
     temperaments = np.tile([1.0, 0.0, 0.0], (2 * pairs, 1))
     temperaments[:, column] = value
     fields = of(2 * pairs, temperaments=temperaments, interval=15.0, team=np.tile([0, 1], pairs))
-    record, events = whole(simulate(build_crowd(x, z, heading, seed=2, **fields), [boxer], frames))
+    record, events = whole(simulate(build_crowd(x, z, heading, seed=2, **fields, **more), [boxer], frames))
     other = np.maximum(record["opponent"], 0)
     apart = np.hypot(*(np.take_along_axis(record[axis], other, 1) - record[axis] for axis in "xz"))
     return len(events["frame"]), float(np.median(apart[record["opponent"] >= 0]))
 
 
 def test_a_higher_tempo_means_more_strikes():
-    thrown = [fight(EAGER, SLOWNESS, 60.0 / tempo)[0] for tempo in (10.0, 25.0, 60.0, 150.0)]
+    alone = {"crowding": Crowding.none()}
+    thrown = [fight(EAGER, SLOWNESS, 60.0 / tempo, **alone)[0] for tempo in (10.0, 25.0, 60.0, 150.0)]
     assert thrown == sorted(thrown)
     assert thrown[0] < 0.5 * thrown[2]
 

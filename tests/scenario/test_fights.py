@@ -88,13 +88,16 @@ def test_events_let_groups_flee_and_watch(workplace: Path) -> None:
             {"kind": kind, "group": group, "when": {"kind": "frame", "frame": 30}, **more} for group in ("red", "blue")
         ]
         path = write(workplace, events=events, until=None, duration=400, types={"boxer": {"policy": "tiny"}})
-        take = run(load_scenario(path))
-        here = [np.stack([take.x[300:, group], take.z[300:, group]]) for group in (slice(0, 3), slice(3, 6))]
-        gaps = np.linalg.norm(here[0][..., :, None] - here[1][..., None, :], axis=0)
-        far[kind] = float(np.median(gaps.min(axis=(1, 2))))
-    assert far["fight"] < 1.3
-    assert far["watch"] > 1.5
-    assert far["flee"] > far["watch"]
+        nearest = []
+        for seed in (1, 2, 3):
+            take = run(load_scenario(path, seed=seed))
+            here = [np.stack([take.x[300:, group], take.z[300:, group]]) for group in (slice(0, 3), slice(3, 6))]
+            gaps = np.linalg.norm(here[0][..., :, None] - here[1][..., None, :], axis=0)
+            nearest.append(np.median(gaps.min(axis=(1, 2))))
+        far[kind] = float(np.mean(nearest))
+    assert far["fight"] < 1.0
+    assert far["watch"] > 1.4
+    assert far["flee"] > 10.0
 
 
 def test_few_attack_one_opponent_where_few_may(workplace: Path) -> None:

@@ -161,7 +161,8 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
             stance = int(row[STANCE])
         state, cohort = actions[whole[ACTION, own], NEXT], whole[COHORT, own]
         interval = cohorts[cohort, INTERVAL] * slowness
-        if is_resting(avatars, world, frame, own):
+        fights, recovers = not rests, is_resting(avatars, world, frame, own)
+        if recovers:
             rests = True
         elif interval > 0.0 and whole[BURST, own] <= 0:
             least, most = BURSTS
@@ -172,7 +173,7 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
             for k in range(offsets[state + 1] - offsets[state]):
                 action = offsets[state] + k
                 values[q, k] += worth * (actions[action + 1, STRIKES] - actions[action, STRIKES])
-        if rests and whole[NEXT_OPPONENT, own] >= 0:
+        if fights and recovers and whole[NEXT_OPPONENT, own] >= 0:
             _favour_stillness(model, scratch, q, offsets[state], offsets[state + 1])
         if stance > 0:
             for k in range(offsets[state + 1] - offsets[state]):

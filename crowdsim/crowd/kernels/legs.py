@@ -19,7 +19,6 @@ from crowdsim.crowd.kernels.layout import (
     POLICY,
     SCALE,
     STRIDE,
-    STRIKES,
     TEAM,
     X,
     Z,
@@ -36,7 +35,7 @@ WIDE = 12  # column of ``Model.legs``
 def crosses_legs(model, avatars, crowding, own, action, observed, q):
     """Return whether legs meet those of a neighbour where an action ends; the neighbour is where its own one ends."""
     whole, real, moves = avatars.whole, avatars.real, model.moves
-    if crowding[END_COST] <= 0.0 or model.actions[action + 1, STRIKES] > model.actions[action, STRIKES]:
+    if crowding[END_COST] <= 0.0:
         return False
     size = real[SCALE, own]
     cos, sin = cos_sin(real[HEADING, own])
