@@ -56,7 +56,7 @@ LYING_SCENE, LYING_SEEDS = "brawl_last_standing", 4
 SEEDS = 5
 """Seeds of each scene for reactions, from 1 on."""
 DRAWN = [f"types.boxer.{key}={value}" for key, value in _bouts.RANDOM.items()]
-QUICK: dict[str, Any] = {"frames": 120, "fraction": 0.2}
+QUICK: dict[str, Any] = {"frames": 300, "fraction": 0.2}
 """What is run of a scenario with ``--quick``."""
 QUICK_BOUTS: dict[str, Any] = {"count": 4, "seconds": 8.0}
 HEIGHT, NEAR = 1.15, 0.25
@@ -133,7 +133,7 @@ def main() -> None:
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder of capture")
     parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
     parser.add_argument(
-        "--quick", action="store_true", help="seconds: six avatars, 8 s, a few bouts of 8 s, small policies"
+        "--quick", action="store_true", help="seconds: six avatars, 20 s, a few bouts of 8 s, small policies"
     )
     options = parser.parse_args()
     with ExitStack() as stack:
