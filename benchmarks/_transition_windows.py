@@ -98,7 +98,7 @@ def made(
 
 
 def take_of_transitions(database: MotionDatabase, leave: Array, enter: Array) -> PoseSampler:
-    """A take in which every avatar shows one transition, in the middle, standing on the origin."""
+    """A take in which every avatar shows one transition, in the middle, on the origin; they stand in one another."""
     count, stride = len(leave), database.stride
     steps = np.arange(-ROWS, ROWS + 1)
     past = steps[:, None] >= 0
@@ -135,6 +135,7 @@ def take_of_transitions(database: MotionDatabase, leave: Array, enter: Array) ->
         seed=0,
         fingerprints=("",),
         status="done",
+        collision_avoidance=False,
     )
     actions = SimpleNamespace(shifts=shifts)
     body = target_body(database)
