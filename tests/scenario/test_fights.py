@@ -96,8 +96,8 @@ def test_events_let_groups_flee_and_watch(workplace: Path) -> None:
             nearest.append(np.median(gaps.min(axis=(1, 2))))
         far[kind] = float(np.mean(nearest))
     assert far["fight"] < 1.0
-    assert far["watch"] > 1.4
-    assert far["flee"] > 10.0
+    assert far["watch"] > 1.5
+    assert far["flee"] > max(far["watch"], 10.0)
 
 
 def test_few_attack_one_opponent_where_few_may(workplace: Path) -> None:

@@ -184,7 +184,8 @@ def _add_neighbour(crowding, near, m, lanes, work):
     end_cost, path_cost = near[m, 6], near[m, 7]
     ax, az, wx, wz, room, left = near[m, 0], near[m, 1], near[m, 2], near[m, 3], near[m, 4], near[m, 5]
     halt_x, halt_z = near[m, 8], near[m, 9]
-    share_of_room, early = 1.0 / room, 1.0 / (HALTED * HALTED)
+    # Bodies that halt meet nearer to one another: their distance counts for so much more.
+    per_room, halted = 1.0 / room, 1.0 / (HALTED * HALTED)
     # No branch, since it cannot be predicted which neighbours come too near.
     for k in range(lanes):
         share = frames[k] / left if frames[k] < left else 1.0
@@ -196,13 +197,13 @@ def _add_neighbour(crowding, near, m, lanes, work):
         t = onwards / moved if onwards < moved else 1.0
         t = t if onwards > 0.0 else 0.0
         nx, nz = bx + t * ux, bz + t * uz
-        nearest = min(bx * bx + bz * bz, early * (nx * nx + nz * nz))
-        at_end = end_cost * (1.0 - math.sqrt(nearest) * share_of_room)
+        nearest = min(bx * bx + bz * bz, halted * (nx * nx + nz * nz))
+        at_end = end_cost * (1.0 - math.sqrt(nearest) * per_room)
         # Point of their straight paths at which the two are nearest, seen from the avatar.
         towards, moved = -(ax * dx + az * dz), dx * dx + dz * dz
         t = towards / moved if towards < moved else 1.0
         nx, nz = ax + t * dx, az + t * dz
-        on_way = path_cost * (1.0 - math.sqrt(nx * nx + nz * nz) * share_of_room)
+        on_way = path_cost * (1.0 - math.sqrt(nx * nx + nz * nz) * per_room)
         worst[k] = max(max(worst[k], at_end), on_way if towards > 0.0 else 0.0)
 
 
