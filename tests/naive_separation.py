@@ -25,18 +25,38 @@ def distance(p, q, r, s):
     return min(found)
 
 
-PARTS = ((0, 0, 0), (1, 2, 1), (3, 4, 2), (5, 6, 2))
-"""Head, trunk and thighs: the points at their ends, and their radius."""
+def nearest(p, q, r, s):
+    """Shares of the ways along the segments p q and r s at which these are nearest to one another."""
+    u, v = q - p, s - r
+
+    def along(start, way, point):
+        return float(np.clip(way @ (point - start) / (way @ way), 0.0, 1.0)) if way @ way > 0.0 else 0.0
+
+    found = [(end, along(r, v, p + end * u)) for end in (0.0, 1.0)] + [
+        (along(p, u, r + end * v), end) for end in (0.0, 1.0)
+    ]
+    ways = np.stack([u, -v], axis=1)
+    if np.linalg.matrix_rank(ways) == 2:
+        shares = np.linalg.lstsq(ways, r - p, rcond=None)[0]
+        if (shares >= 0.0).all() and (shares <= 1.0).all():
+            found.append(tuple(shares))
+    return min(found, key=lambda shares: np.linalg.norm(p + shares[0] * u - r - shares[1] * v))
+
+
+LEGS = 3
+PARTS = ((0, 0), (1, 2), (9, 10), (3, 4), (6, 7), (4, 5), (7, 8))
+"""Head, trunk, shoulders, thighs and shins: the points at their ends."""
 
 
 def overlap(own, other, radii, others, left):
-    """How deep two bodies are in one another: heads and trunks, and thighs but for what is ``left`` to legs."""
+    """How deep two bodies are in one another, but for what is ``left`` to legs."""
     depth = -np.inf
-    for i, j in itertools.product(PARTS, repeat=2):
-        thighs = (i[2] == 2) + (j[2] == 2)
-        if thighs != 1:
-            gap = distance(own[i[0]], own[i[1]], other[j[0]], other[j[1]])
-            depth = max(depth, radii[i[2]] + others[j[2]] - gap - (left if thighs else 0.0))
+    for i, j in itertools.product(range(len(PARTS)), repeat=2):
+        p, q, r, s = own[PARTS[i][0]], own[PARTS[i][1]], other[PARTS[j][0]], other[PARTS[j][1]]
+        share, part = nearest(p, q, r, s)
+        wide = np.interp(share, [0, 1], radii[i]) + np.interp(part, [0, 1], others[j])
+        gap = np.linalg.norm(p + share * (q - p) - r - part * (s - r))
+        depth = max(depth, wide - gap - (left if max(i, j) >= LEGS else 0.0))
     return depth
 
 
@@ -59,14 +79,16 @@ def way_around(points, time, a, b, around):
     return way / np.linalg.norm(way)
 
 
-def pushes(points, time, radii, room, soft, most, left, around, steep):
-    """How far each of N bodies gives way at a time; points are head, neck, pelvis, hips and knees. (T, N, 7, 3)."""
+def pushes(points, time, radii, room, soft, most, left, around, steep, furthest, rounds):
+    """How far each of N bodies gives way at a time; points are those of ``PARTS``. (T, N, 11, 3)."""
     bodies = points[time]
     out = np.zeros((len(bodies), 2))
     there = [n for n in range(len(bodies)) if np.isfinite(bodies[n]).all()]
     for a, b in itertools.permutations(there, 2):
         depth = overlap(bodies[a], bodies[b], radii[a], radii[b], left)
         way, goes = between(bodies, a, b), way_around(points, time, a, b, around)
+        if np.linalg.norm(way) > furthest or depth <= -room - soft:
+            continue
         # A bend over twice the softness, from nothing to all.
         deep = np.interp(depth + room, [-soft, soft], [0.0, 1.0])
         deep = max(depth + room, soft) if deep == 1.0 else deep**2 * soft
@@ -74,6 +96,9 @@ def pushes(points, time, radii, room, soft, most, left, around, steep):
         far = np.linalg.norm(way)
         cosine = max(way @ goes / far, steep)
         push = np.roots([1.0, 2.0 * far * cosine, far**2 - (far + deep) ** 2]).real.max()
+        for _ in range(rounds):
+            moved = bodies[b] - push * np.array([goes[0], 0.0, goes[1]])
+            push += max(overlap(bodies[a], moved, radii[a], radii[b], left) + room, 0.0)
         out[a] += 0.5 * push * goes
     size = np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)
     return out * most * np.tanh(size / most) / size

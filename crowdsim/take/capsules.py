@@ -43,6 +43,11 @@ def swelling_capsules(parts: Array) -> Array:
     return np.isin(parts, _SWELLING)
 
 
+def trunk_capsules(body: Body) -> Array:
+    """Return which capsules lie along a body's trunk, from the pelvis up; the one across its shoulders is the last."""
+    return np.flatnonzero(body.capsule_parts == PARTS.index("shirt"))
+
+
 def capsule_order(body: Body) -> Array:
     """Return the order of a body's capsules in which one of the pelvis, in the middle of the body, is the first."""
     return np.argsort(body.capsule_joints != body.roles["pelvis"], kind="stable")

@@ -15,6 +15,7 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.contacts import plant_spans
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.take.capsules import trunk_capsules
 from crowdsim.take.facing import chest_direction, face_direction
 from crowdsim.take.gait import Gait, measure_gait
 from crowdsim.take.kernels.columns import LOWER, UPPER
@@ -90,7 +91,8 @@ class PoseMotion:
             frame [m]. Shape (P, 4, 3), float32.
         trunks: Centre of the head, upper and lower end of the trunk in the frame's ground frame [m]. Shape (P, 3, 3),
             float32.
-        thighs: Hip and knee of either leg there [m]. Shape (P, 2, 2, 3), float32.
+        leg_joints: Hip, knee and ankle of either leg there [m]. Shape (P, 2, 3, 3), float32.
+        shoulders: Both ends of the capsule across the shoulders there [m]. Shape (P, 2, 3), float32.
         looks: Heading of the face and of the chest in the frame's ground frame [rad]. Shape (P, 2), float32.
         strikes: Playback frames at which strikes reach furthest, ascending. Shape (S,).
         origins: Playback frame that lies on the avatar when each action starts. Shape (A,).
@@ -111,7 +113,8 @@ class PoseMotion:
     gait: Gait
     strikers: Array
     trunks: Array
-    thighs: Array
+    leg_joints: Array
+    shoulders: Array
     looks: Array
     strikes: Array
     origins: Array
@@ -143,6 +146,9 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     holds = positions[:, feet] + quaternion.rotate(world_rotations[:, feet], legs.holds)
     kicking = positions[:, feet] + quaternion.rotate(world_rotations[:, feet], body.foot_offsets)
     strikers = np.concatenate([database.fists, ground.to_local(database.ground[:, None], kicking)], axis=1)
+    chest, across = [body.roles["chest"]] * 2, trunk_capsules(body)[-1]
+    ends = np.stack([body.capsule_starts[across], body.capsule_ends[across]])
+    shoulders = positions[:, chest] + quaternion.rotate(world_rotations[:, chest], ends)
     down = fallen_frames(database)
     contacts = np.array(database.contacts, dtype=bool) & ~down[:, None]
     clip = np.searchsorted(starts, np.arange(starts[-1]), side="right") - 1
@@ -177,7 +183,8 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         gait=measure_gait(contacts, holds, starts, float(database.playback_rate)),
         strikers=strikers.astype(np.float32),
         trunks=np.stack([database.heads, database.necks, database.pelvises], axis=1),
-        thighs=ground.to_local(database.ground[:, None, None], positions[:, legs.joints[:, :2]]).astype(np.float32),
+        leg_joints=ground.to_local(database.ground[:, None, None], positions[:, legs.joints]).astype(np.float32),
+        shoulders=ground.to_local(database.ground[:, None], shoulders).astype(np.float32),
         looks=np.stack([np.arctan2(look[:, 0], look[:, 2]) for look in looks], axis=1).astype(np.float32),
         strikes=np.asarray(database.strike_frames, dtype=np.int64),
         origins=(np.asarray(graph.action_first, dtype=np.int64) - 1) * stride,

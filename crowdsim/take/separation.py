@@ -1,4 +1,4 @@
-"""How far trunks, heads and thighs give way to others that lean or go into them, at each control frame of a take."""
+"""How far bodies give way to others that lean or go into them, at each control frame of a take."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion.body import Body
+from crowdsim.take.capsules import trunk_capsules
 from crowdsim.take.data import TakeData
 from crowdsim.take.fallen import fallen_rows
-from crowdsim.take.kernels.separation import AROUND, POINTS, push_trunks
+from crowdsim.take.kernels.separation import AROUND, PIECES, POINTS, push_trunks
 from crowdsim.take.motion import PoseMotion
 
-_RISING = np.array([1.0, 1.0, 1.0, 1.0, 0.5, 1.0, 0.5])
-"""How far points rise with the pelvis where legs are longer: head, neck, pelvis, and hip and knee of either leg."""
+_RISING = np.array([1.0, 1.0, 1.0, 1.0, 0.5, 0.0, 1.0, 0.5, 0.0, 1.0, 1.0])
+"""How far the points of a body rise with the pelvis where legs are longer."""
 
 
 class Separation:
@@ -31,11 +32,11 @@ class Separation:
 
     def __init__(self, take: TakeData, motions: Sequence[PoseMotion]) -> None:
         self._take, self._motions = take, motions
-        self._radii = np.zeros((take.avatar_count, 3))
+        self._radii = np.zeros((take.avatar_count, len(PIECES), 2))
         for index, motion in enumerate(motions):
-            mine, body = take.cast.policies == index, motion.body
-            self._radii[mine] = [body.head_radius, body.torso_radius, thigh_radius(body)]
-        self._radii *= np.stack([take.cast.scales, take.cast.widths, take.cast.widths], axis=1).astype(float)
+            self._radii[take.cast.policies == index] = piece_radii(motion.body)
+        self._radii[:, 0] *= np.asarray(take.cast.scales, float)[:, None]
+        self._radii[:, 1:] *= np.asarray(take.cast.widths, float)[:, None, None]
 
     def find(self, first: int, stop: int) -> Array:
         """Return how far trunks of all avatars give way at control frames, x and z [m]. Shape (T, N, 2), float32."""
@@ -48,7 +49,7 @@ class Separation:
         return _widest(pushes)[first - low : stop - low]
 
     def _points(self, first: int, stop: int) -> Array:
-        """Heads, necks, pelvises, hips and knees in the world at control frames, NaN of who is down. (T, N, 7, 3)."""
+        """Points of bodies in the world at control frames, NaN of who is down. (T, N, 11, 3)."""
         take = self._take
         action, done = np.asarray(take.action[first:stop]), np.asarray(take.action_frame[first:stop], dtype=float)
         place = np.stack([np.asarray(values[first:stop], dtype=float) for values in (take.x, take.z, take.heading)], -1)
@@ -59,7 +60,8 @@ class Separation:
             frames = motion.frames_at(some, done[here])
             sizes = np.broadcast_to(take.cast.scales, action.shape)[here]
             longer = np.broadcast_to(take.cast.legs.astype(float) - 1.0, action.shape)[here]
-            local = np.concatenate([motion.trunks[frames], motion.thighs[frames].reshape(-1, 4, 3)], axis=1)
+            parts = motion.trunks[frames], motion.leg_joints[frames].reshape(-1, 6, 3), motion.shoulders[frames]
+            local = np.concatenate(parts, axis=1)
             found = local.astype(float) * sizes[:, None, None]
             found[:, :, 1] += (sizes * longer * motion.frames.reaches[frames])[:, None] * _RISING
             points[here] = ground.to_world(place[here][:, None], found)
@@ -67,10 +69,13 @@ class Separation:
         return points
 
 
-def thigh_radius(body: Body) -> float:
-    """Return how thick a body's thighs are, on an average [m]."""
-    thighs = np.isin(body.capsule_joints, [body.roles["left_hip"], body.roles["right_hip"]])
-    return float(body.capsule_radii[thighs].mean())
+def piece_radii(body: Body) -> Array:
+    """Return the radii of a body's ``PIECES`` at both ends [m]. Shape (7, 2)."""
+    joints, radii = body.capsule_joints, body.capsule_radii
+    thigh, shin = (radii[joints == body.roles[joint]] for joint in ("left_hip", "left_knee"))
+    trunk = radii[trunk_capsules(body)[0], 0]
+    thigh, shin = [thigh.max(), thigh.min()], [shin.max(), shin.min()]
+    return np.array([[body.head_radius] * 2, [trunk] * 2, radii[trunk_capsules(body)[-1]], thigh, thigh, shin, shin])
 
 
 def _widest(pushes: Array) -> Array:

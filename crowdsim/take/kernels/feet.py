@@ -202,11 +202,16 @@ def _plant_pose(footing, now, ground, push, low, legs, root, pose, world, asked)
             footing.plants, now.column, foot, asked.plants[foot], now.time
         )
         # Away from transitions feet are where they are captured, if legs are as long as that.
-        asked.weights[foot] = before + after if moves else 0.0
+        held = before + after
+        asked.weights[foot] = held if moves else 0.0
         for k in range(3):
             asked.goals[foot, k] = world.positions[legs.joints[foot, LOWER], k]
         if asked.weights[foot] > 0.0:
             _hold_foot(footing, now, foot, (one, before, other, after, turn), ground, legs, pose, world, asked)
+        # Away from foot plants a foot goes along with the pelvis.
+        asked.goals[foot, 0] += (1.0 - held) * push[0]
+        asked.goals[foot, 1] -= (1.0 - held) * low
+        asked.goals[foot, 2] += (1.0 - held) * push[1]
         _lift_sole(legs, foot, now.scale, world, asked.goals[foot])
     _move_pelvis(legs, push[0], -low, push[1], root, world)
     for foot in range(2):

@@ -1,48 +1,54 @@
-"""Compiled separation of trunks, heads and thighs that lean or go into one another."""
+"""Compiled separation of bodies, arms left out, that lean or go into one another."""
 
 import math
+
+import numpy as np
 
 from crowdsim.jit import kernel
 from crowdsim.take.kernels.segments import nearest_on_segments
 from crowdsim.take.kernels.splines import spline_at
 
 NEAR = 1.6
-"""Distance on the ground beyond which no two trunks or heads meet [m]."""
+"""Distance on the ground beyond which no two bodies meet [m]."""
+_FAR = 1.3
+"""Distance on the ground of the middles of two bodies beyond which they do not meet [m]."""
 _ROOM, _SOFT = 0.01, 0.02
 """Room that surfaces are given, and how far on either side of that they begin to give way [m]."""
-_MOST = 0.14
-"""Furthest that a trunk gives way [m]."""
+_MOST = 0.3
+"""Furthest that a body gives way [m]."""
+_ROUNDS = 6
+"""How often bodies are pushed on that are still in one another."""
 AROUND = 4
 """How many frames before and after a time bodies are looked for where they are nearest: who passes through another one
 goes around it on one side, not back and then forward."""
 _STEEP = 0.35
 """Least cosine of the angle between that way and the way between the bodies that counts: pushes set in gently."""
-_LEFT = 0.03
-"""Depth of thighs in one another that is left to knees and feet, which go around [m]."""
-HEAD_POINT, NECK_POINT, PELVIS_POINT, HIP_POINT, POINTS = 0, 1, 2, 3, 7
-"""Rows of the points of a body; from ``HIP_POINT`` on hip and knee of either leg."""
+_LEFT = 0.01
+"""Depth of legs that is left to knees and feet, which go around [m]."""
+HEAD_POINT, NECK_POINT, PELVIS_POINT = 0, 1, 2
+POINTS = 11
+"""Points of a body: head, neck, pelvis, hip, knee and ankle of either leg, and both ends of the shoulders."""
+PIECES = (
+    (HEAD_POINT, HEAD_POINT), (NECK_POINT, PELVIS_POINT), (9, 10), (3, 4), (6, 7), (4, 5), (7, 8)
+)  # fmt: skip
+"""Capsules of a body, by the points at both ends: head, trunk, shoulders, both thighs and both shins."""
+_PIECES, _LEGS = np.array(PIECES), 3
+"""These, and the first one that is part of a leg."""
 
 
 @kernel(allocates=False)
-def _overlap_of_thighs(own, other, radii, others):
-    """Return how deep thighs of two bodies are in one another [m]; negative where they are apart."""
-    nearest = math.inf
-    for i in range(HIP_POINT, POINTS, 2):
-        for j in range(HIP_POINT, POINTS, 2):
-            nearest = min(nearest, nearest_on_segments(own[i], own[i + 1], other[j], other[j + 1])[2])
-    return radii[2] + others[2] - nearest
-
-
-@kernel(allocates=False)
-def _overlap(own, other, radii, others):
-    """Return how deep heads, trunks and thighs of two bodies are in one another [m]; negative where they are apart."""
-    neck, pelvis, head = own[NECK_POINT], own[PELVIS_POINT], own[HEAD_POINT]
-    neck_2, pelvis_2, head_2 = other[NECK_POINT], other[PELVIS_POINT], other[HEAD_POINT]
-    trunks = radii[1] + others[1] - nearest_on_segments(neck, pelvis, neck_2, pelvis_2)[2]
-    heads = radii[0] + others[0] - nearest_on_segments(head, head, head_2, head_2)[2]
-    one = radii[0] + others[1] - nearest_on_segments(head, head, neck_2, pelvis_2)[2]
-    two = radii[1] + others[0] - nearest_on_segments(neck, pelvis, head_2, head_2)[2]
-    return max(max(max(trunks, heads), max(one, two)), _overlap_of_thighs(own, other, radii, others) - _LEFT)
+def _overlap(own, other, radii, others, x, z):
+    """Return how deep a body is in another one that is moved over the ground [m]; negative where they are apart."""
+    deepest = -math.inf
+    for i in range(len(PIECES)):
+        p, q = own[_PIECES[i, 0]], own[_PIECES[i, 1]]
+        for j in range(len(PIECES)):
+            r, s = other[_PIECES[j, 0]], other[_PIECES[j, 1]]
+            share, part, far = nearest_on_segments(p, q, (r[0] + x, r[1], r[2] + z), (s[0] + x, s[1], s[2] + z))
+            depth = radii[i, 0] + share * (radii[i, 1] - radii[i, 0]) - far
+            depth += others[j, 0] + part * (others[j, 1] - others[j, 0])
+            deepest = max(deepest, depth - _LEFT if i >= _LEGS or j >= _LEGS else depth)
+    return deepest
 
 
 @kernel(inline=True)
@@ -81,11 +87,13 @@ def _way_around(points, t, a, b):
 def _push_pair(points, radii, t, a, b, pushes):
     """Add what two bodies push each other away."""
     own, other = points[t, a], points[t, b]
-    depth = _overlap(own, other, radii[a], radii[b])
-    if depth <= -_ROOM - _SOFT:
-        return
     x, z = _between(own, other)
     far = math.sqrt(x * x + z * z)
+    if far > _FAR:
+        return
+    depth = _overlap(own, other, radii[a], radii[b], 0.0, 0.0)
+    if depth <= -_ROOM - _SOFT:
+        return
     nx, nz = _way_around(points, t, a, b)
     if far < 1e-6 and nx == 0.0 and nz == 0.0:
         return
@@ -96,6 +104,12 @@ def _push_pair(points, radii, t, a, b, pushes):
     # As far along that way as brings the middles so far apart as they would be without the depth.
     along = max(x * nx + z * nz, _STEEP * far)
     push = 0.5 * (math.sqrt(max(apart * apart - far * far + along * along, 0.0)) - along)
+    # Of bodies that are not round this may be too little.
+    for _ in range(_ROUNDS):
+        rest = _overlap(own, other, radii[a], radii[b], -2.0 * push * nx, -2.0 * push * nz) + _ROOM
+        if rest <= 0.0:
+            break
+        push += 0.5 * rest
     pushes[a, 0] += push * nx
     pushes[a, 1] += push * nz
     pushes[b, 0] -= push * nx
@@ -107,9 +121,8 @@ def push_trunks(points, radii, order, pushes):
     """Find how far bodies are pushed out of one another, at each of T times.
 
     Args:
-        points: Middle of the head, upper and lower end of the trunk, hip and knee of either leg of each avatar, NaN
-            while absent [m]. Shape (T, N, 7, 3).
-        radii: Radius of its head, of its trunk and of its thighs [m]. Shape (N, 3).
+        points: The ``POINTS`` of each avatar, NaN while absent [m]. Shape (T, N, 11, 3).
+        radii: Radii of its ``PIECES`` at both ends [m]. Shape (N, 7, 2).
         order: The avatars by x of the pelvis, absent ones last. Shape (T, N).
         pushes: Written: x and z [m]. Shape (T, N, 2).
     """
