@@ -3,7 +3,7 @@
 import numpy as np
 from naive_separation import distance_to_point
 
-MARGIN, ROUNDS, STEP, LEAST, MOST, FIST_IN, ALLOWED = 0.05, 10, 0.8, 0.3, 0.25, 0.02, 0.01
+MARGIN, ROUNDS, STEP, LEAST, MOST, FIST_IN, ALLOWED = 0.05, 10, 0.8, 0.3, 0.25, 0.04, 0.01
 FOOT_IN, LEG_MARGIN, ENOUGH, AT_LAST = 0.02, 0.015, 0.0005, 1.001
 
 

@@ -35,10 +35,10 @@ _LANDS = 0.1
 """Time around a strike that lands in which the fist may be in what it hits [s]."""
 _RATE = 60.0
 """How many times a second limbs are pushed out of bodies, nearly [Hz]: fists pass each other between control frames."""
-_ARMS = 1.4 * np.array([1.0, 12.0, 66.0, 220.0, 495.0, 792.0, 924.0, 792.0, 495.0, 220.0, 66.0, 12.0, 1.0]) / 4096.0
-_LEGS = 1.4 * np.array([1.0, 8.0, 28.0, 56.0, 70.0, 56.0, 28.0, 8.0, 1.0]) / 256.0
-"""Weights of what is found for arms and legs at times that follow one another; it is exaggerated, since smoothing
-lowers its peaks."""
+_LIMBS = 1.4 * np.array([1.0, 12.0, 66.0, 220.0, 495.0, 792.0, 924.0, 792.0, 495.0, 220.0, 66.0, 12.0, 1.0]) / 4096.0
+_FEET = 1.4 * np.array([1.0, 8.0, 28.0, 56.0, 70.0, 56.0, 28.0, 8.0, 1.0]) / 256.0
+"""Weights of what is found for arms and knees, and for feet, at times that follow one another; it is exaggerated, since
+smoothing lowers its peaks. A knee may have to go to one side of a leg at one time, to the other side at the next."""
 PLANTED = 0.3, 0.0
 """How readily planted feet move, of feet in the air, in the first round of deflection and in the second."""
 _CREEP, _WIDE = 0.06, 2
@@ -122,11 +122,9 @@ class Deflection:
             return
         # Where a take begins and ends, its first and its last time stand for those beyond.
         fast, first = found[np.searchsorted(frames, grid)], int(grid[0])
-        smooth = [
-            correlate1d(fast[:, :, some], weights, axis=0, mode="nearest")[low - first : high - first]
-            for some, weights in ((slice(0, 2), _ARMS), (slice(2, None), _LEGS))
-        ]
-        moves = np.concatenate(smooth, axis=2)
+        moves = correlate1d(fast, _LIMBS, axis=0, mode="nearest")
+        moves[:, :, 2:, END] = correlate1d(fast[:, :, 2:, END], _FEET, axis=0, mode="nearest")
+        moves = moves[low - first : high - first]
         if len(slow):
             beside = near_fallen(self._take, self._motions, int(slow[0]), int(slow[-1]) + 1, window.avatars, _BESIDE)
             feet = found[np.searchsorted(frames, slow * self._fine)][:, :, 2:, END]
@@ -153,7 +151,7 @@ class Deflection:
 
     def _fast_frames(self, times: Array) -> Array:
         """Times of the grid that limbs depend on at some times."""
-        (low, high), around = self._span(times), len(_ARMS) // 2
+        (low, high), around = self._span(times), len(_LIMBS) // 2
         return np.arange(max(low - around, 0), min(high + around, self._count))
 
     def _control_frames(self, times: Array) -> Array:

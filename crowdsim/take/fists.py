@@ -13,13 +13,15 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.strikes import LIMBS
 from crowdsim.policy.rewards import TargetBody, posed_distance
+from crowdsim.take.capsules import PosedBodies
 from crowdsim.take.data import TakeData
 from crowdsim.take.guards import guard_of, guard_points
-from crowdsim.take.kernels.fists import ELBOW_LEAST, JOINTS, Landings, carry_fists
+from crowdsim.take.kernels.fists import ELBOW_LEAST, JOINTS, LEAN, Landings, carry_fists
 from crowdsim.take.kernels.records import Moments, Posed
-from crowdsim.take.landed import LEAN, TOGETHER, Landed, by_column
+from crowdsim.take.landed import TOGETHER, Landed, by_column
 from crowdsim.take.leans import leaning_joints, plan_leans
 from crowdsim.take.motion import PoseMotion
+from crowdsim.take.outlines import GIVES, Outline, leave_capsules
 from crowdsim.take.window import Window
 
 PoseAt = Callable[[Array, Array], list[tuple[Array, Body, Array, Array, Array]]]
@@ -29,8 +31,6 @@ MOST = 0.35
 """Furthest that a fist is carried [m]."""
 _FACING = 0.2
 """Least cosine of the angle between the outward direction of a point that is hit and the direction to the shoulder."""
-_GIVES = 0.012
-"""How far outside a head the middle of a fist stays, which is thicker than that [m]."""
 _OUT = 12
 """Times that a point goes out of head or torso."""
 
@@ -110,7 +110,14 @@ def body_points(body: Body, positions: Array, rotations: Array, scales: Array) -
 
 
 def plan_landings(
-    take: TakeData, near: Landed, columns: Array, count: int, pose_at: PoseAt, struck_at: PoseAt, motion: PoseMotion
+    take: TakeData,
+    near: Landed,
+    columns: Array,
+    count: int,
+    pose_at: PoseAt,
+    struck_at: PoseAt,
+    motion: PoseMotion,
+    shown: bool,
 ) -> Landings:
     """Find how far fists have to be carried.
 
@@ -122,6 +129,7 @@ def plan_landings(
         pose_at: Poses avatars before any of this.
         struck_at: Poses those who are hit.
         motion: The motion of those in the window.
+        shown: Whether fists stay outside of bodies as pictures show them.
     """
     arms = motion.arms
     fists, shoulders = np.full((len(near.times), 3), np.nan), np.full((len(near.times), 3), np.nan)
@@ -130,7 +138,7 @@ def plan_landings(
         rows, hands = np.arange(len(which)), near.hands[which]
         fists[which] = body_points(body, positions, rotations, scales)[3][rows, hands]
         shoulders[which] = positions[rows, arms.joints[hands, 0]]
-    shifts = find_surfaces(take, near, fists, shoulders, struck_at, motion.target) - fists
+    shifts = find_surfaces(take, near, fists, shoulders, struck_at, motion.target, shown) - fists
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
     shifts = np.where(np.isfinite(shifts), shifts, 0.0)
@@ -150,7 +158,7 @@ def plan_landings(
         # Absent avatars have no positions.
         values[~np.isfinite(values)] = 0.0
     _lean_alike(near.attackers[order], near.hands[order], near.times[order], order, leans, moves)
-    result = (near.times, near.hands, shifts, near.spans, near.lean_spans, leans, moves)
+    result = (near.times, near.hands, shifts, near.spans, fists + shifts, near.blocked, leans, moves)
     return Landings(starts, *(values[order] for values in result))
 
 
@@ -189,7 +197,7 @@ def reach_out(window: Window, landings: Landings, moments: Moments, poses: Posed
 
 
 def find_surfaces(
-    take: TakeData, near: Landed, fists: Array, shoulders: Array, pose_at: PoseAt, target: TargetBody
+    take: TakeData, near: Landed, fists: Array, shoulders: Array, pose_at: PoseAt, target: TargetBody, shown: bool
 ) -> Array:
     """Return the nearest points on what is hit, of blocked strikes those on the arm that is in the way. Shape (E, 3).
 
@@ -202,24 +210,22 @@ def find_surfaces(
         shoulders: From where it comes [m]. Shape (E, 3).
         pose_at: Poses those who are hit.
         target: The body of scripted targets.
+        shown: Whether the points lie outside of bodies as pictures show them.
     """
     points = np.full((len(near.times), 3), np.nan)
     people = np.flatnonzero(near.victims >= 0)
     for which, body, scales, positions, rotations in pose_at(near.victims[people], near.times[people]):
-        head, neck, pelvis, _ = body_points(body, positions, rotations, scales)
-        chosen = people[which]
-        widths = take.cast.widths[near.victims[chosen]]
-        points[chosen] = surface_point(
-            fists[chosen],
-            head,
-            neck,
-            pelvis,
-            body.head_radius * scales + _GIVES,
-            body.torso_radius * widths,
-            shoulders[chosen],
-        )
+        chosen, numbers = people[which], near.victims[people[which]]
+        widths, parts = take.cast.widths[numbers], body_points(body, positions, rotations, scales)[:3]
+        outline = Outline(*parts, body.head_radius * scales, body.torso_radius * widths)
+        touched = outline._replace(head_radius=outline.head_radius + GIVES)
+        points[chosen] = surface_point(fists[chosen], *touched, origin=shoulders[chosen])
+        if shown:
+            build = scales, take.cast.girths[numbers], take.cast.stretches[numbers]
+            bodies = PosedBodies(body, np.arange(len(which)), *build, positions[None], rotations[None])
+            points[chosen] = leave_capsules(points[chosen], bodies, outline)
         # A fist that misses is left alone where it is in no body.
-        gaps = posed_distance(fists[chosen], head, neck, pelvis, body.head_radius * scales, body.torso_radius * widths)
+        gaps = posed_distance(fists[chosen], *outline)
         free = chosen[near.missed[chosen] & (gaps >= 0.0)]
         points[free] = fists[free]
         stopped = near.blocked[chosen]

@@ -13,9 +13,10 @@ from crowdsim.take.data import TakeData
 from crowdsim.take.fists import PoseAt, body_points, find_surfaces
 from crowdsim.take.kernels.columns import AFTER, BEFORE, BEGIN, END
 from crowdsim.take.kernels.feet import KNEE_LEAST
+from crowdsim.take.kernels.fists import LEAN
 from crowdsim.take.kernels.kicks import Kicks, carry_feet
 from crowdsim.take.kernels.records import FootPlants, Moments, Posed
-from crowdsim.take.landed import LEAN, Landed, by_column
+from crowdsim.take.landed import Landed, by_column
 from crowdsim.take.window import Window
 
 MOST = 0.25
@@ -82,7 +83,7 @@ def plan_kicks(
         rows = np.arange(len(which))
         feet[which] = body_points(body, positions, rotations, scales)[3][rows, near.limbs[which]]
         limbs[which] = positions[rows[:, None], joints[sides[which]]]
-    shifts = find_surfaces(take, near, feet, limbs[:, 0], struck_at, window.motion.target) - feet
+    shifts = find_surfaces(take, near, feet, limbs[:, 0], struck_at, window.motion.target, shown=True) - feet
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
     # Absent avatars have no positions.
@@ -90,7 +91,7 @@ def plan_kicks(
     moves = _plan_moves(limbs, shifts)
     spans = np.minimum(near.spans, _in_the_air(near.times, columns[near.attackers], sides, window.foot_plants()))
     order, starts = by_column(columns[near.attackers], len(window.avatars), near.times)
-    values = (near.times, sides, shifts, np.maximum(spans, _LEAST), moves, near.lean_spans)
+    values = (near.times, sides, shifts, np.maximum(spans, _LEAST), moves)
     return Kicks(starts, *(value[order] for value in values))
 
 

@@ -13,14 +13,10 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels.layout import BLOCKED
 from crowdsim.take.data import TakeData
+from crowdsim.take.kernels.fists import LEAN
 
 BEFORE, AFTER = 0.16, 0.22
 """Time before and after a strike over which the limb leaves its captured path [s]."""
-
-LEAN = 0.27
-"""How long before and after it the trunk leans for it at the most [s]."""
-_LEAST_LEAN = 0.24
-"""How long it leans at the least [s]."""
 TOGETHER = 0.07
 """Strikes of a limb that are no further apart are one: a transition shortly after a strike showed it again [s]."""
 
@@ -39,8 +35,6 @@ class Landed:
         speeds: Shape (E,) [m/s].
         spans: How long before and after it the limb is on its way, no longer than to its strikes before and after
             [s]. Shape (E, 2).
-        lean_spans: How long before and after it the trunk leans for it, if it can be no longer than to strikes of
-            any limb before and after [s]. Shape (E, 2).
         again: Whether it is one with the limb's strike before. Shape (E,).
         missed: Whether it neither landed nor was blocked. Shape (E,).
         blocked: Whether a forearm or glove of the victim stopped it. Shape (E,).
@@ -54,7 +48,6 @@ class Landed:
     points: Array
     speeds: Array
     spans: Array
-    lean_spans: Array
     again: Array
     missed: Array
     blocked: Array
@@ -120,7 +113,6 @@ def find_landed(take: TakeData, buried: Array | None = None) -> Landed:
         points=np.asarray(events.point, dtype=np.float64)[chosen].reshape(-1, 3),
         speeds=np.asarray(events.speed)[chosen].astype(np.float64),
         spans=spans,
-        lean_spans=_lean_spans(attackers[order], times[order]),
         again=again,
         missed=~result[chosen],
         blocked=blocked[chosen],
@@ -138,21 +130,6 @@ def _beside_landed(lands: Array, gaps: Array) -> Array:
     found[:-1] |= lands[1:] & (gaps <= TOGETHER)
     found[1:] |= lands[:-1] & (gaps <= TOGETHER)
     return found & ~lands
-
-
-def _lean_spans(attackers: Array, times: Array) -> Array:
-    """How long trunks lean before and after strikes in order of time (E,). Shape (E, 2)."""
-    order = np.lexsort((times, attackers))
-    who, when = attackers[order], times[order]
-    found = np.full((len(order), 2), LEAN)
-    for away in range(1, 6):
-        gaps = np.where(who[away:] == who[:-away], when[away:] - when[:-away], np.inf)
-        gaps = np.where(gaps > TOGETHER, np.maximum(gaps, _LEAST_LEAN), np.inf)
-        found[away:, 0] = np.minimum(found[away:, 0], gaps)
-        found[:-away, 1] = np.minimum(found[:-away, 1], gaps)
-    out = np.empty_like(found)
-    out[order] = found
-    return out
 
 
 def by_column(columns: Array, count: int, times: Array) -> tuple[Array, Array]:

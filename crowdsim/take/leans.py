@@ -31,7 +31,7 @@ _MARGIN = 0.006
 """Share of an arm's length that it keeps in hand at its strike."""
 _FOLDED = math.radians(140.0)
 """Flexion beyond which no elbow is bent for it [rad]."""
-_BACK = 0.5
+_BACK = 0.3
 """Share of what a straight arm has to get shorter that the trunk gives by going back."""
 
 

@@ -23,11 +23,12 @@ from crowdsim.take.gaze import HeadTurns, build_gaze, look
 from crowdsim.take.hands import hold_hands
 from crowdsim.take.kept_rows import KeptRows
 from crowdsim.take.kernels.blending import blend_poses
+from crowdsim.take.kernels.fists import LEAN
 from crowdsim.take.kernels.reactions import LENGTH
 from crowdsim.take.kernels.records import Moments, Playback, Posed, Transitions
 from crowdsim.take.kernels.separation import shift_roots
 from crowdsim.take.kicks import kick, split_kicks
-from crowdsim.take.landed import LEAN, Landed, find_landed
+from crowdsim.take.landed import Landed, find_landed
 from crowdsim.take.lowering import Lowering
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.reactions import BlowPlanner, build_trunk, give_way
@@ -148,7 +149,7 @@ class Passes:
         return self._joints_at(avatars, times, self._shown)
 
     def _shown(self, window: Window, index: int, moments: Moments) -> Posed:
-        reach = partial(self._reach_out, pose_at=self.pose_at, struck_at=self.struck_at, within=LEAN)
+        reach = partial(self._reach_out, pose_at=self.pose_at, struck_at=self.struck_at, within=LEAN, shown=True)
         poses = self._reaching(self._posed, reach, window, index, moments)
         self._rounds.bend(window, moments, poses, self.landed)
         return poses
@@ -233,17 +234,26 @@ class Passes:
         lookup = window.columns()
         count, (near, kicks) = len(window.avatars), split_kicks(self.landed.around(first, last, lookup))
         kick(self._take, kicks, lookup, self.pose_at, self.struck_at, window, moments, poses)
-        landings = plan_landings(self._take, near, lookup, count, self.pose_at, self.struck_at, window.motion)
+        landings = plan_landings(
+            self._take, near, lookup, count, self.pose_at, self.struck_at, window.motion, shown=True
+        )
         reach_out(window, landings, moments, poses)
 
     def _reach_out(
-        self, window: Window, moments: Moments, poses: Posed, pose_at: PoseAt, struck_at: PoseAt, within: float
+        self,
+        window: Window,
+        moments: Moments,
+        poses: Posed,
+        pose_at: PoseAt,
+        struck_at: PoseAt,
+        within: float,
+        shown: bool = False,
     ) -> None:
         """Carry fists and feet to where they go, in place, for strikes that are no further off than ``within`` [s]."""
         lookup, count = window.columns(), len(window.avatars)
         near, kicks = split_kicks(self.landed.around_each(window.avatars[moments.columns], moments.times[0], within))
         kick(self._take, kicks, lookup, pose_at, struck_at, window, moments, poses, within)
-        landings = plan_landings(self._take, near, lookup, count, pose_at, struck_at, window.motion)
+        landings = plan_landings(self._take, near, lookup, count, pose_at, struck_at, window.motion, shown)
         reach_out(window, landings, moments, poses, within)
 
     def _give_way(self, window: Window, index: int, moments: Moments, poses: Posed, recent: float = LENGTH) -> None:

@@ -95,3 +95,19 @@ def test_the_plot_of_hits_shows_blocked_strikes_apart():
     one = sampler(take, policy)
     hits = find_hits(one, build_silhouette(one.policies[0].database))
     assert (hits.count, len(hits.points), len(hits.blocked)) == (0, 0, 1)
+
+
+def test_a_fist_that_is_blocked_is_on_its_captured_path_until_it_is_close_to_the_glove():
+    take, policy, frame, _ = blocked_duel()
+    body, hand = database().body, int(take.events.hand[0])
+    paths = []
+    for one in (take, without(take)):
+        poses = sampler(one, policy).sample(frame - 12, frame + 1, 60)[0]
+        paths.append(body_points(body, *(a[:, 0] for a in poses.joints()), np.ones(13))[3][:, hand])
+    shift = paths[0][-1] - paths[1][-1]
+    length = float(np.linalg.norm(shift))
+    before = (paths[1] - paths[0][-1]) @ (shift / length)
+    moved = np.linalg.norm(paths[0] - paths[1], axis=1)
+    assert length > 0.08
+    assert np.count_nonzero(before > 0.1) > 3
+    assert moved[before > 0.1].max() < 0.06

@@ -17,7 +17,7 @@ from crowdsim.take.kernels.limb_moves import END, JOINT, MOVED
 from crowdsim.take.kernels.limbs import World, bend_limb, distance_between, excess, pose_chain, reach_of, swivel_limb
 from crowdsim.take.kernels.splines import spline_weights
 
-FIST_LANDS, FOOT_LANDS = 0.07, 0.25
+FIST_LANDS, FOOT_LANDS = 0.06, 0.25
 """How long before and after a strike its fist or foot is on its way undeflected [s], partly."""
 _ARM_STRAIGHT, _LEG_STRAIGHT = 0.15, 0.08
 """Distance of elbows and knees from the straight line below which limbs hardly swivel [m]: a fist may pass a body in a

@@ -15,7 +15,7 @@ ALLOWED = 0.01
 """Depth at which bodies are left alone [m]."""
 _FOOT_IN = 0.02
 """Depth at which a foot is left in what it is in [m]: it should stay where it is planted."""
-_FIST_IN = 0.02
+_FIST_IN = 0.04
 """How much deeper a fist may be in what it hits [m]: its middle touches."""
 _AT_LAST = 1.001
 """One, and how readily a limb gives way to another one while it lands a strike: that one goes, if it can."""

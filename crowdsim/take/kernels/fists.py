@@ -23,8 +23,12 @@ FOLDED = math.radians(145.0)
 """Flexion towards which elbows go at the most to bring a fist near [rad]."""
 _ROUNDS = 3
 """Steps in which the bend of an arm is found that brings its fist to its place."""
+_SLOWS = 0.1
+"""How far before the arm that stops it a fist begins to be carried back [m]."""
 _AWAY = 2.0
 """How far targets go away from a shoulder, of what they are nearer than an arm's shortest reach."""
+LEAN = 0.34
+"""How long before and after a strike the trunk leans for it [s]."""
 JOINTS = 4
 """Joints that lean: lower spine, chest, left and right collar."""
 PELVIS = 4
@@ -40,7 +44,8 @@ class Landings(NamedTuple):
         hands: 0 left, 1 right. Shape (E,).
         shifts: How far the fist has to be carried then [m]. Shape (E, 3).
         spans: How long before and after it [s]. Shape (E, 2).
-        lean_spans: How long before and after it the trunk leans for it [s]. Shape (E, 2).
+        goals: Where that brings the fist [m]. Shape (E, 3).
+        stopped: Whether an arm of the victim stops it. Shape (E,), bool.
         rotations: Rotation vectors of the joints that lean then, see ``leans.Leans``. Shape (E, 4, 3).
         moves: How far the pelvis goes then [m]. Shape (E, 3).
     """
@@ -50,7 +55,8 @@ class Landings(NamedTuple):
     hands: NDArray[Any]
     shifts: NDArray[Any]
     spans: NDArray[Any]
-    lean_spans: NDArray[Any]
+    goals: NDArray[Any]
+    stopped: NDArray[Any]
     rotations: NDArray[Any]
     moves: NDArray[Any]
 
@@ -73,18 +79,46 @@ class Arms(NamedTuple):
     lean: NDArray[np.float64]
 
 
+@kernel(inline=True)
+def _weight(landings, strike, time):
+    """Return the weight of a strike at a time."""
+    apart = time - landings.times[strike]
+    span = landings.spans[strike, BEFORE] if apart < 0.0 else landings.spans[strike, AFTER]
+    return minimum_jerk(1.0 - abs(apart) / span)
+
+
 @kernel(allocates=False)
-def _weigh_strikes(landings, n, time, asked):
-    """Write how far fists are carried at a time, and the weight of that."""
-    asked.weights[:] = 0.0
+def _weigh_strikes(landings, n, time, weights):
+    """Write the weight of the strikes of both hands at a time; return whether there are any."""
+    weights[:] = 0.0
+    for strike in range(landings.starts[n], landings.starts[n + 1]):
+        weights[landings.hands[strike]] += _weight(landings, strike, time)
+    return weights[0] > 0.0 or weights[1] > 0.0
+
+
+@kernel(allocates=False)
+def _share_of_stop(fist, goal, shift):
+    """Return which share of its shift a fist goes that an arm stops: the less the further it is from that arm.
+
+    Carried back as far as when it is furthest beyond, it would go through its own shoulder on the way there.
+    """
+    size = math.sqrt(shift[0] ** 2 + shift[1] ** 2 + shift[2] ** 2)
+    beyond = 0.0
+    for k in range(3):
+        beyond += (goal[k] - fist[k]) * shift[k]
+    share = min(max((beyond / max(size, 1e-9) + _SLOWS) / (size + _SLOWS), 0.0), 1.0)
+    return share * share * (2.0 - share)
+
+
+@kernel(allocates=False)
+def _sum_shifts(landings, n, time, asked):
+    """Write how far both fists are carried at a time, from where they are."""
     asked.shifts[:] = 0.0
     for strike in range(landings.starts[n], landings.starts[n + 1]):
-        apart = time - landings.times[strike]
-        span = landings.spans[strike, BEFORE] if apart < 0.0 else landings.spans[strike, AFTER]
-        weight = minimum_jerk(1.0 - abs(apart) / span)
+        weight, hand = _weight(landings, strike, time), landings.hands[strike]
         if weight > 0.0:
-            hand = landings.hands[strike]
-            asked.weights[hand] += weight
+            if landings.stopped[strike]:
+                weight *= _share_of_stop(asked.targets[hand], landings.goals[strike], landings.shifts[strike])
             for k in range(3):
                 asked.shifts[hand, k] += weight * landings.shifts[strike, k]
 
@@ -98,10 +132,9 @@ def _lean_at(landings, n, time, within, lean):
     lean[:] = 0.0
     rest, whole = 1.0, 0.0
     for strike in range(landings.starts[n], landings.starts[n + 1]):
-        apart = time - landings.times[strike]
-        span = landings.lean_spans[strike, BEFORE] if apart < 0.0 else landings.lean_spans[strike, AFTER]
-        weight = minimum_jerk(1.0 - abs(apart) / span)
-        if weight > 0.0 and abs(apart) <= within:
+        apart = abs(time - landings.times[strike])
+        weight = minimum_jerk(1.0 - apart / LEAN)
+        if weight > 0.0 and apart <= within:
             rest *= 1.0 - weight
             square = weight * weight
             whole += square
@@ -208,25 +241,24 @@ def _carry_fist(arms, hand, scale, weight, pose, world, asked):
 
 
 @kernel(allocates=False)
-def _carry_pose(arms, legs, leaning, leans, sizes, root, pose, world, asked):
-    """Lean the trunk of one pose, and carry its fists."""
-    weights, lean, scale = asked.weights, asked.lean, sizes[TRUNK]
-    strikes = weights[0] > 0.0 or weights[1] > 0.0
-    if strikes:
-        pose_chain(arms, sizes, root, pose, world)
-        _note_fists(arms, scale, world, asked.targets)
-    if leans:
-        if lean[PELVIS, 0] != 0.0 or lean[PELVIS, 1] != 0.0 or lean[PELVIS, 2] != 0.0:
-            _move_pelvis(legs, sizes, root, pose, world, asked)
-        for k in range(JOINTS):
-            if leaning[k] >= 0:
-                rotate_by_vector(pose[leaning[k]], lean[k, 0], lean[k, 1], lean[k, 2])
-    if strikes:
-        pose_chain(arms, sizes, root, pose, world)
-        for hand in range(2):
-            weight = min(weights[hand], 1.0)
-            if weight > 0.0:
-                _carry_fist(arms, hand, scale, weight, pose, world, asked)
+def _lean_pose(legs, leaning, sizes, root, pose, world, asked):
+    """Lean the trunk of one pose."""
+    lean = asked.lean
+    if lean[PELVIS, 0] != 0.0 or lean[PELVIS, 1] != 0.0 or lean[PELVIS, 2] != 0.0:
+        _move_pelvis(legs, sizes, root, pose, world, asked)
+    for k in range(JOINTS):
+        if leaning[k] >= 0:
+            rotate_by_vector(pose[leaning[k]], lean[k, 0], lean[k, 1], lean[k, 2])
+
+
+@kernel(allocates=False)
+def _carry_both(arms, sizes, root, pose, world, asked):
+    """Carry the fists of one pose."""
+    pose_chain(arms, sizes, root, pose, world)
+    for hand in range(2):
+        weight = min(asked.weights[hand], 1.0)
+        if weight > 0.0:
+            _carry_fist(arms, hand, sizes[TRUNK], weight, pose, world, asked)
 
 
 @kernel
@@ -255,6 +287,14 @@ def carry_fists(first, stop, moments, landings, sizes, arms, legs, leaning, with
             time = times[t, 0 if shared else i]
             if not math.isfinite(poses.roots[t, i, 0]):
                 continue
-            _weigh_strikes(landings, n, time, asked)
+            root, pose = poses.roots[t, i], poses.rotations[t, i]
             leans = _lean_at(landings, n, time, within, asked.lean)
-            _carry_pose(arms, legs, leaning, leans, sizes[n], poses.roots[t, i], poses.rotations[t, i], world, asked)
+            strikes = _weigh_strikes(landings, n, time, asked.weights)
+            if strikes:
+                pose_chain(arms, sizes[n], root, pose, world)
+                _note_fists(arms, sizes[n, TRUNK], world, asked.targets)
+                _sum_shifts(landings, n, time, asked)
+            if leans:
+                _lean_pose(legs, leaning, sizes[n], root, pose, world, asked)
+            if strikes:
+                _carry_both(arms, sizes[n], root, pose, world, asked)

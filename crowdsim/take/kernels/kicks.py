@@ -10,6 +10,7 @@ from crowdsim.core.easing import minimum_jerk
 from crowdsim.jit import kernel
 from crowdsim.take.kernels.columns import AFTER, BEFORE, LOWER, MIDDLE, UPPER
 from crowdsim.take.kernels.feet import KNEE_LEAST
+from crowdsim.take.kernels.fists import LEAN
 from crowdsim.take.kernels.limbs import World, bend_limb, distance_between, excess, pose_chain, reach_of
 
 
@@ -23,7 +24,6 @@ class Kicks(NamedTuple):
         shifts: How far the foot has to be carried then [m]. Shape (E, 3).
         spans: How long before and after it [s]. Shape (E, 2).
         moves: How far the pelvis goes then [m]. Shape (E, 3).
-        move_spans: How long before and after it [s]. Shape (E, 2).
     """
 
     starts: NDArray[Any]
@@ -32,7 +32,6 @@ class Kicks(NamedTuple):
     shifts: NDArray[Any]
     spans: NDArray[Any]
     moves: NDArray[Any]
-    move_spans: NDArray[Any]
 
 
 class Asked(NamedTuple):
@@ -61,7 +60,7 @@ def _weigh_kicks(kicks, n, time, within, asked):
             continue
         side = BEFORE if apart < 0.0 else AFTER
         shift = minimum_jerk(1.0 - abs(apart) / kicks.spans[k, side])
-        move = minimum_jerk(1.0 - abs(apart) / kicks.move_spans[k, side])
+        move = minimum_jerk(1.0 - abs(apart) / LEAN)
         carried = carried or shift > 0.0 or move > 0.0
         for j in range(3):
             asked.shifts[kicks.feet[k], j] += shift * kicks.shifts[k, j]
