@@ -84,7 +84,7 @@ def test_a_body_slides_away_from_one_that_lies_where_it_falls(direction: float) 
     assert not real[[layout.SLIDE_X, layout.SLIDE_Z], own].any()
     axis = axis_of(model, one.avatars, other)
     away = np.array([real[layout.X, own] - axis.x, real[layout.Z, own] - axis.z])
-    real[[layout.BASE_X, layout.BASE_Z], other] += 0.4 * away
+    real[[layout.BASE_X, layout.BASE_Z], other] += (1.0 - 0.5 / np.linalg.norm(away)) * away
     _slide(model, one.avatars, own, 0, seen(other), 0)
     slide = real[[layout.SLIDE_X, layout.SLIDE_Z], own]
     assert np.linalg.norm(slide) == pytest.approx(SLIDES)

@@ -69,7 +69,7 @@ ASIDE = 0.1  # how much a radian aside counts, beside the square of the room tha
 PARTS = 4096.0  # parts of a square metre
 SIDE_BY_SIDE = 1.0  # how far apart the axes of bodies should be that lie [m]
 STAGGERS_BY = 0.7  # how far from the axis of a body others stagger [m]
-SLIDES, WAYS = 0.25, 8  # how far a body slides that falls beside others [m], and in how many directions it may
+SLIDES, WAYS = 0.4, 8  # how far a body slides at the most that falls beside others [m], and in how many directions
 STANDS_BY = 0.5  # how far from the axis of a body others should stand [m]
 
 
@@ -203,11 +203,13 @@ def _slide(model, avatars, own, row, observed, q):
     real = avatars.real
     real[SLIDE_X, own], real[SLIDE_Z, own] = 0.0, 0.0
     least = _crowded(model, avatars, own, row, 0.0, 0.0, observed, q)
-    for way in range(WAYS):
+    for way in range(2 * WAYS):
+        # Half as far first, all around, then the whole.
+        far = SLIDES if way >= WAYS else 0.5 * SLIDES
         cos, sin = cos_sin(2.0 * math.pi * way / WAYS)
-        crowded = _crowded(model, avatars, own, row, SLIDES * sin, SLIDES * cos, observed, q)
+        crowded = _crowded(model, avatars, own, row, far * sin, far * cos, observed, q)
         if crowded < least:
-            least, real[SLIDE_X, own], real[SLIDE_Z, own] = crowded, SLIDES * sin, SLIDES * cos
+            least, real[SLIDE_X, own], real[SLIDE_Z, own] = crowded, far * sin, far * cos
 
 
 @kernel(inline=True)
