@@ -24,6 +24,8 @@ from crowdsim.crowd.kernels.layout import (
     HIT_X,
     HIT_Z,
     LENGTH,
+    MOVE_COS,
+    MOVE_SIN,
     MOVE_X,
     MOVE_Z,
     NEXT,
@@ -39,6 +41,7 @@ from crowdsim.crowd.kernels.layout import (
     SPEED,
     TEAM,
     WIDTH,
+    Axis,
     X,
     Z,
 )
@@ -50,6 +53,7 @@ HALTED = 0.75  # where bodies meet while they halt, over where they do at the en
 LYING = 0.75  # how far from the axis of a body on the floor others should end [m]
 ON_BODY, IN_PASSING = 2.0, 0.15  # what it costs to end there, over the cost of ending in a body that stands
 STEPS_OVER = 0.05  # what it costs to be halfway there
+SOLES, TREADS = 0.53, 0.125  # how near its axis soles tread on it, over ``LYING``, and what that costs
 NEARBY = 1.2  # how near an opponent is to an avatar that is not on its way to it [m]
 ON_FLOOR = -1.0  # instead of the frames that are left of an action, of bodies on the floor
 BYSTANDERS = 0.66  # how much of the gap and of the cost counts for those whom an avatar does not fight
@@ -79,7 +83,7 @@ def avoid(model, avatars, world, frame, due, count, observed, scratch):
         lanes = _find_ends(model, avatars, own, work)
         for m in range(np.uint64(close)):
             if scratch.near[m, 5] == ON_FLOOR:
-                _add_lying(scratch.near, m, lanes, work)
+                _add_lying(model, avatars, own, scratch.near, m, work)
             else:
                 _add_neighbour(world.crowding, scratch.near, m, lanes, work)
         if leaves:
@@ -99,7 +103,7 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
     A row is the position seen from the avatar, the displacement to the end of the action, the distance at which bodies
     meet, the frames that are left of the action, what it costs to end in the middle, and to pass there, and where it
     can halt, seen from the avatar. Of a body on the floor it is the head, the displacement to the feet, the distance
-    from the axis, and ``ON_FLOOR``.
+    from the axis, ``ON_FLOOR``, and what it costs to end there, to be there halfway, and that a sole ends there.
     """
     whole, real = avatars.whole, avatars.real
     x, z, width = real[X, own], real[Z, own], real[WIDTH, own]
@@ -144,7 +148,8 @@ def _list_lying(model, avatars, crowding, own, j, furthest, row):
         i = avatars.slot_of[opponent]
         dx, dz = avatars.real[X, i] - x, avatars.real[Z, i] - z
         share = IN_PASSING if dx * dx + dz * dz > NEARBY * NEARBY else ON_BODY
-    row[6], row[7] = share * crowding[END_COST], STEPS_OVER * crowding[END_COST]
+    cost = crowding[END_COST]
+    row[6], row[7], row[8] = share * cost, STEPS_OVER * cost, TREADS * cost
     return from_axis(axis, x, z) < row[4] + furthest
 
 
@@ -208,22 +213,39 @@ def _add_neighbour(crowding, near, m, lanes, work):
 
 
 @kernel(inline=True)
-def _add_lying(near, m, lanes, work):
-    """Raise the cost of actions that end on a body on the floor, or halfway are over it, to what that costs."""
+def _add_lying(model, avatars, own, near, m, work):
+    """Raise the cost of actions that end on a body on the floor, or halfway are over it, to what that costs.
+
+    Soles that end on it cost more, each.
+    """
     ends_x, ends_z, worst = work[0], work[1], work[3]
-    ax, az, wx, wz, room, end_cost, path_cost = (
-        near[m, 0], near[m, 1], near[m, 2], near[m, 3], near[m, 4], near[m, 6], near[m, 7],
-    )  # fmt: skip
-    shrink, steep = 1.0 / max(wx * wx + wz * wz, 1e-12), 1.0 / (room * room)
-    for k in range(lanes):
-        dx, dz = ends_x[k] - ax, ends_z[k] - az
-        t = min(max((dx * wx + dz * wz) * shrink, 0.0), 1.0)
-        dx, dz = dx - t * wx, dz - t * wz
-        at_end = end_cost * (1.0 - (dx * dx + dz * dz) * steep)
-        dx, dz = 0.5 * ends_x[k] - ax, 0.5 * ends_z[k] - az
-        t = min(max((dx * wx + dz * wz) * shrink, 0.0), 1.0)
-        dx, dz = dx - t * wx, dz - t * wz
-        worst[k] = max(max(worst[k], at_end), path_cost * (1.0 - (dx * dx + dz * dz) * steep))
+    room, end_cost, path_cost = near[m, 4], near[m, 6], near[m, 7]
+    state, size = model.actions[avatars.whole[ACTION, own], NEXT], avatars.real[SCALE, own]
+    cos, sin = cos_sin(avatars.real[HEADING, own])
+    cos, sin = cos * size, sin * size
+    offset = model.offsets[state]
+    for k in range(np.uint64(model.offsets[state + 1] - offset)):
+        action = np.uint64(offset) + k
+        x, z = ends_x[k], ends_z[k]
+        at_end = end_cost * (1.0 - _share_of(near, m, x, z, room) ** 2)
+        on_way = path_cost * (1.0 - _share_of(near, m, 0.5 * x, 0.5 * z, room) ** 2)
+        cost = max(max(at_end, on_way), 0.0)
+        turned, aside = model.moves[action, MOVE_COS], model.moves[action, MOVE_SIN]
+        then_cos, then_sin = cos * turned - sin * aside, sin * turned + cos * aside
+        legs = model.legs[model.actions[action, NEXT]]
+        for sole in (3, 9):
+            px, pz = legs[sole], legs[sole + 2]
+            dx, dz = px * then_cos + pz * then_sin, pz * then_cos - px * then_sin
+            share = _share_of(near, m, x + dx, z + dz, SOLES * room)
+            cost += max(near[m, 8] * (1.0 - share), 0.0)
+        worst[k] = max(worst[k], cost)
+
+
+@kernel(inline=True)
+def _share_of(near, m, x, z, room):
+    """Return how far a point is from the axis of a body on the floor, over ``room``."""
+    ax, az, wx, wz = near[m, 0], near[m, 1], near[m, 2], near[m, 3]
+    return from_axis(Axis(ax, az, ax + wx, az + wz), x, z) / room
 
 
 @kernel(inline=True)

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 ) = range(18)  # fmt: skip
 (
     SCALE, SPEED, PHASE, PHASE_BEFORE, BASE_X, BASE_Z, BASE_COS, BASE_SIN, BASE_TURN, X, Z, HEADING, END_X, END_Z,
-    RESTED, HIT_X, HIT_Z, HIT_FRAME, WIDTH, HALT_X, HALT_Z,
-) = range(21)  # fmt: skip
-WHOLE_ROWS, REAL_ROWS = 18, 21
+    RESTED, HIT_X, HIT_Z, HIT_FRAME, WIDTH, HALT_X, HALT_Z, SLIDE_X, SLIDE_Z,
+) = range(23)  # fmt: skip
+WHOLE_ROWS, REAL_ROWS = 18, 23
 SEEN_X, SEEN_Z, SEEN_TURN, SEEN_FRAME = range(4)  # columns of each half of ``Avatars.seen``
 
 # Columns of the tables of ``Model``: actions, moves, paths (rows), strikes, bodies, arms, sizes, policies, behaviours,

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from crowdsim.core.angles import cos_sin
+from crowdsim.core.easing import minimum_jerk
 from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.layout import (
     ACTION,
@@ -33,6 +34,8 @@ from crowdsim.crowd.kernels.layout import (
     PHASE_BEFORE,
     POLICY,
     SCALE,
+    SLIDE_X,
+    SLIDE_Z,
     SPEED,
     STRIDE,
     STRIKES,
@@ -65,7 +68,7 @@ def advance(model, avatars, first, last, due, few):
     """
     whole, real = avatars.whole, avatars.real
     actions, ground, policies = model.actions, model.ground, model.policies
-    held = first
+    held, slides = first, avatars.conditions.shape[0] > 0
     for i in range(first, last):
         action = whole[ACTION, i]
         length, before = actions[action, LENGTH], real[PHASE, i]
@@ -75,6 +78,10 @@ def advance(model, avatars, first, last, due, few):
         real[PHASE_BEFORE, i] = min(before, length)
         real[PHASE, i] = phase
         whole[ACTION_BEFORE, i] = -1
+        if slides and (real[SLIDE_X, i] != 0.0 or real[SLIDE_Z, i] != 0.0):
+            share = minimum_jerk(phase / length) - minimum_jerk(before / length)
+            real[BASE_X, i] += share * real[SLIDE_X, i]
+            real[BASE_Z, i] += share * real[SLIDE_Z, i]
         stride = policies[whole[POLICY, i], STRIDE]
         shown = actions[action, ORIGIN] + min(phase, length) * stride
         if few:

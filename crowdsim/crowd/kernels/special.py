@@ -42,6 +42,8 @@ from crowdsim.crowd.kernels.layout import (
     RISING,
     RUN_TIRES,
     SCALE,
+    SLIDE_X,
+    SLIDE_Z,
     SPEED,
     STAGGERS,
     STAMINA,
@@ -66,6 +68,8 @@ FURTHEST_ASIDE = 2.0  # how much further aside a body falls at the most where th
 ASIDE = 0.1  # how much a radian aside counts, beside the square of the room that lacks [m2]
 PARTS = 4096.0  # parts of a square metre
 SIDE_BY_SIDE = 1.0  # how far apart the axes of bodies should be that lie [m]
+STAGGERS_BY = 0.7  # how far from the axis of a body others stagger [m]
+SLIDES, WAYS = 0.4, 8  # how far a body slides at the most that falls beside others [m], and in how many directions
 STANDS_BY = 0.5  # how far from the axis of a body others should stand [m]
 
 
@@ -100,8 +104,10 @@ def special_action(model, avatars, world, frame, own, observed, q):
     if standing == DROPS:
         found = _pick(model, avatars, world, own, FALLS, observed, q)
         row[STANDING_NEXT], row[FALL] = FALLING, found
+        _slide(model, avatars, own, found, observed, q)
         return model.falls[found, FALL_ACTION]
     if FALLING <= standing <= LYING:
+        avatars.real[SLIDE_X, own], avatars.real[SLIDE_Z, own] = 0.0, 0.0
         rises = standing == LYING and frame >= row[RISES]
         row[STANDING_NEXT] = RISING if rises else LYING
         return _part_of(model, np.int64(row[FALL]), STANDS_UP if rises else LIES)
@@ -121,8 +127,8 @@ def _part_of(model, fall, kind):
 def _pick(model, avatars, world, own, kind, observed, q):
     """Return a row of ``Model.falls`` that leads where the last blow came to, drawn among those alike; -1 for none.
 
-    A body falls where most room is, if need be further aside. Of falls alike only those count that lead to the avatar's
-    stance, or nearest to it.
+    A body falls where most room is, if need be further aside, and staggers nowhere onto others. Of falls alike only
+    those count that lead to the avatar's stance, or nearest to it.
     """
     whole, real, falls = avatars.whole, avatars.real, model.falls
     policy, stance = whole[POLICY, own], int(avatars.conditions[whole[NUMBER, own], STANCE])
@@ -134,6 +140,8 @@ def _pick(model, avatars, world, own, kind, observed, q):
     for row in range(falls.shape[0]):
         if falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind:
             best = min(best, _unfit(model, avatars, own, row, blow, nearest, observed, q))
+    if best == math.inf:
+        return -1
     for row in range(falls.shape[0]):
         of_kind = falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind
         if of_kind and _unfit(model, avatars, own, row, blow, nearest, observed, q) <= best:
@@ -158,19 +166,25 @@ def _pick(model, avatars, world, own, kind, observed, q):
 
 @kernel
 def _unfit(model, avatars, own, row, blow, nearest, observed, q):
-    """Return how unfit a fall or stagger is: how far it leads aside from a blow, and how little room there is.
-
-    The square of the room that lacks is a whole number of parts, so that sums do not depend on the order of neighbours.
-    """
+    """Return how unfit a fall or stagger is: how far it leads aside from a blow, and how little room there is."""
     aside = _apart(model.fall_directions[row], blow) - nearest
     if aside > FURTHEST_ASIDE:
         return math.inf
     unfit = ASIDE * max(aside - LIKE, 0.0)
     if model.falls[row, FALL_KIND] != FALLS:
-        return unfit if aside <= LIKE else math.inf
+        return math.inf if aside > LIKE or _ends_on_body(model, avatars, own, row, observed, q) else unfit
+    return unfit + _crowded(model, avatars, own, row, 0.0, 0.0, observed, q)
+
+
+@kernel
+def _crowded(model, avatars, own, row, dx, dz, observed, q):
+    """Return how little room there is after a fall that ends further on by (dx, dz) [m].
+
+    The square of the room that lacks is a whole number of parts, so that sums do not depend on the order of neighbours.
+    """
     whole, real, size = avatars.whole, avatars.real, avatars.real[SCALE, own]
     cos, sin = cos_sin(real[HEADING, own])
-    axis = axis_after(model, row, FROM_START, real[X, own], real[Z, own], cos * size, sin * size)
+    axis = axis_after(model, row, FROM_START, real[X, own] + dx, real[Z, own] + dz, cos * size, sin * size)
     crowded = 0.0
     for m in range(observed.counts[q]):
         j = observed.neighbours[q, m]
@@ -180,7 +194,40 @@ def _unfit(model, avatars, own, row, blow, nearest, observed, q):
         else:
             lack = max(STANDS_BY - from_axis(axis, real[END_X, j], real[END_Z, j]), 0.0)
             crowded += math.floor(0.5 * PARTS * lack * lack)
-    return unfit + crowded / PARTS
+    return crowded / PARTS
+
+
+@kernel
+def _slide(model, avatars, own, row, observed, q):
+    """Note where a body slides while it falls: to where it has most room, none of it if there is no more there."""
+    real = avatars.real
+    real[SLIDE_X, own], real[SLIDE_Z, own] = 0.0, 0.0
+    least = _crowded(model, avatars, own, row, 0.0, 0.0, observed, q)
+    for way in range(2 * WAYS):
+        # Half as far first, all around, then the whole.
+        far = SLIDES if way >= WAYS else 0.5 * SLIDES
+        cos, sin = cos_sin(2.0 * math.pi * way / WAYS)
+        crowded = _crowded(model, avatars, own, row, far * sin, far * cos, observed, q)
+        if crowded < least:
+            least, real[SLIDE_X, own], real[SLIDE_Z, own] = crowded, far * sin, far * cos
+
+
+@kernel(inline=True)
+def _ends_on_body(model, avatars, own, row, observed, q):
+    """Return whether a stagger leads onto a body on the floor, nearer to its middle than the avatar is."""
+    real, action = avatars.real, model.falls[row, FALL_ACTION]
+    x, z, size = real[X, own], real[Z, own], real[SCALE, own]
+    cos, sin = cos_sin(real[HEADING, own])
+    ex, ez = model.moves[action, MOVE_X] * size, model.moves[action, MOVE_Z] * size
+    dx, dz = ex * cos + ez * sin, ez * cos - ex * sin
+    found = False
+    for m in range(observed.counts[q]):
+        j = observed.neighbours[q, m]
+        if avatars.whole[TEAM, j] < 0 and is_on_floor(avatars, j):
+            axis = axis_of(model, avatars, j)
+            near = min(from_axis(axis, x + 0.5 * dx, z + 0.5 * dz), from_axis(axis, x + dx, z + dz))
+            found |= near < min(STAGGERS_BY, from_axis(axis, x, z))
+    return found
 
 
 @kernel(inline=True)
