@@ -68,6 +68,11 @@ def main() -> None:
     talk.quiet = talk.verbose = False
     try:
         app(standalone_mode=True)
+    except RuntimeError as error:
+        # Up to Python 3.11 this wraps what a signal raises while a class is made, as in imports.
+        if isinstance(error.__cause__, SystemExit):
+            sys.exit(error.__cause__.code)
+        raise
     except CrowdsimError as error:
         if talk.verbose:
             traceback.print_exc()

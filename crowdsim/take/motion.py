@@ -146,9 +146,6 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     holds = positions[:, feet] + quaternion.rotate(world_rotations[:, feet], legs.holds)
     kicking = positions[:, feet] + quaternion.rotate(world_rotations[:, feet], body.foot_offsets)
     strikers = np.concatenate([database.fists, ground.to_local(database.ground[:, None], kicking)], axis=1)
-    chest, across = [body.roles["chest"]] * 2, trunk_capsules(body)[-1]
-    ends = np.stack([body.capsule_starts[across], body.capsule_ends[across]])
-    shoulders = positions[:, chest] + quaternion.rotate(world_rotations[:, chest], ends)
     down = fallen_frames(database)
     contacts = np.array(database.contacts, dtype=bool) & ~down[:, None]
     clip = np.searchsorted(starts, np.arange(starts[-1]), side="right") - 1
@@ -166,10 +163,6 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         stride=stride,
         rate=float(database.playback_rate),
     )
-    looks = [
-        quaternion.rotate(quaternion.multiply(headings, world_rotations[:, body.roles[role]]), ahead)
-        for role, ahead in (("head", face_direction(body)), ("chest", chest_direction(body, skeleton)))
-    ]
     fists = np.repeat(body.fist_offsets[:, None], 2, axis=1)
     return PoseMotion(
         skeleton=skeleton,
@@ -184,14 +177,30 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         strikers=strikers.astype(np.float32),
         trunks=np.stack([database.heads, database.necks, database.pelvises], axis=1),
         leg_joints=ground.to_local(database.ground[:, None, None], positions[:, legs.joints]).astype(np.float32),
-        shoulders=ground.to_local(database.ground[:, None], shoulders).astype(np.float32),
-        looks=np.stack([np.arctan2(look[:, 0], look[:, 2]) for look in looks], axis=1).astype(np.float32),
+        shoulders=ground.to_local(database.ground[:, None], _shoulders(body, positions, world_rotations)),
+        looks=_looks(body, skeleton, headings, world_rotations),
         strikes=np.asarray(database.strike_frames, dtype=np.int64),
         origins=(np.asarray(graph.action_first, dtype=np.int64) - 1) * stride,
         lengths=np.asarray(graph.action_lengths, dtype=np.int64),
         shifts=np.asarray(policy.actions.shifts, dtype=np.float64),
         down=down,
     )
+
+
+def _looks(body: Body, skeleton: Skeleton, headings: Array, world_rotations: Array) -> Array:
+    """Headings of face and chest (P, 2) [rad], turned by ``headings`` (P, 4), for joints with rotations (P, J, 4)."""
+    found = [
+        quaternion.rotate(quaternion.multiply(headings, world_rotations[:, body.roles[role]]), ahead)
+        for role, ahead in (("head", face_direction(body)), ("chest", chest_direction(body, skeleton)))
+    ]
+    return np.stack([np.arctan2(look[:, 0], look[:, 2]) for look in found], axis=1).astype(np.float32)
+
+
+def _shoulders(body: Body, positions: Array, world_rotations: Array) -> Array:
+    """Both ends of the capsule across the shoulders (P, 2, 3) [m], for joints (P, J, 3) with rotations (P, J, 4)."""
+    chest, across = [body.roles["chest"]] * 2, trunk_capsules(body)[-1]
+    ends = np.stack([body.capsule_starts[across], body.capsule_ends[across]])
+    return np.asarray(positions[:, chest] + quaternion.rotate(world_rotations[:, chest], ends), np.float32)
 
 
 def leg_reaches(heights: Array, length: float) -> Array:

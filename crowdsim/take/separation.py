@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,7 +13,9 @@ from crowdsim.motion.body import Body
 from crowdsim.take.capsules import trunk_capsules
 from crowdsim.take.data import TakeData
 from crowdsim.take.fallen import fallen_rows
-from crowdsim.take.kernels.separation import AROUND, PIECES, POINTS, push_trunks
+from crowdsim.take.kernels.bending import FOOT_LANDS
+from crowdsim.take.kernels.separation import AROUND, LEG_POINT, PIECES, POINTS, push_trunks
+from crowdsim.take.landed import find_landed
 from crowdsim.take.motion import PoseMotion
 
 _RISING = np.array([1.0, 1.0, 1.0, 1.0, 0.5, 0.0, 1.0, 0.5, 0.0, 1.0, 1.0])
@@ -35,6 +38,8 @@ class Separation:
         self._radii = np.zeros((take.avatar_count, len(PIECES), 2))
         for index, motion in enumerate(motions):
             self._radii[take.cast.policies == index] = piece_radii(motion.body)
+        landed = find_landed(take)
+        self._kicks = landed.of(~landed.missed & (landed.limbs >= 2))
         self._radii[:, 0] *= np.asarray(take.cast.scales, float)[:, None]
         self._radii[:, 1:] *= np.asarray(take.cast.widths, float)[:, None, None]
 
@@ -66,7 +71,19 @@ class Separation:
             found[:, :, 1] += (sizes * longer * motion.frames.reaches[frames])[:, None] * _RISING
             points[here] = ground.to_world(place[here][:, None], found)
         points[fallen_rows(take, self._motions, first, stop)] = np.nan
+        self._fold_kicking_legs(first, stop, points)
         return points
+
+    def _fold_kicking_legs(self, first: int, stop: int, points: Array) -> None:
+        """Draw legs that are about to land a kick, or just have, to their hips: whom they hit does not give way."""
+        rate = self._take.control_rate
+        kicks = self._kicks.between(first / rate - FOOT_LANDS, stop / rate + FOOT_LANDS)
+        for time, attacker, limb in zip(kicks.times, kicks.attackers, kicks.limbs, strict=True):
+            low = max(math.ceil((time - FOOT_LANDS) * rate), first) - first
+            high = min(math.floor((time + FOOT_LANDS) * rate) + 1, stop) - first
+            hip = LEG_POINT + 3 * (limb - 2)
+            leg = points[low : max(high, low), attacker, hip : hip + 3]
+            leg[:, 1:] = leg[:, :1]
 
 
 def piece_radii(body: Body) -> Array:

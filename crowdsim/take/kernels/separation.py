@@ -25,8 +25,7 @@ _STEEP = 0.35
 """Least cosine of the angle between that way and the way between the bodies that counts: pushes set in gently."""
 _LEFT = 0.01
 """Depth of legs that is left to knees and feet, which go around [m]."""
-HEAD_POINT, NECK_POINT, PELVIS_POINT = 0, 1, 2
-POINTS = 11
+HEAD_POINT, NECK_POINT, PELVIS_POINT, LEG_POINT, POINTS = 0, 1, 2, 3, 11
 """Points of a body: head, neck, pelvis, hip, knee and ankle of either leg, and both ends of the shoulders."""
 PIECES = (
     (HEAD_POINT, HEAD_POINT), (NECK_POINT, PELVIS_POINT), (9, 10), (3, 4), (6, 7), (4, 5), (7, 8)
