@@ -182,6 +182,7 @@ def _relations(stride: int, sizes: Mapping[str, int]) -> tuple[Relation, ...]:
         Relation(
             "database_root_positions", f"{sizes['F']} control frames of {stride} playback frames", lambda _: whole
         ),
+        Relation("body_capsule_parts", "a capsule of the trunk among them", _have_trunk),
         *(_equal(f"actions_{own}", f"graph_{other}") for own, other in _SAME.items()),
         Relation("actions_path_offsets", "a row of paths for each frame of an action", _have_paths),
         Relation("graph_action_first", "actions that end in the frame of their next state", _end_in_states),
@@ -197,6 +198,10 @@ _SAME = {"offsets": "action_offsets", "next": "action_next", "lengths": "action_
 
 def _equal(name: str, other: str) -> Relation:
     return Relation(name, f"the same as in {other}", lambda arrays: arrays[name] == arrays[other])
+
+
+def _have_trunk(arrays: Mapping[str, Array]) -> bool:
+    return bool(np.isin(PARTS.index("shirt"), arrays["body_capsule_parts"]))
 
 
 def _have_paths(arrays: Mapping[str, Array]) -> bool:

@@ -44,6 +44,8 @@ def leave_capsules(points: Array, bodies: PosedBodies, outline: Outline) -> Arra
         outline: What of them counts as hit.
     """
     starts, axes, radii = _trunk_capsules(bodies)
+    if not starts.shape[1]:
+        return points
     squares, rows, found = np.maximum(np.sum(axes * axes, axis=-1), 1e-12), np.arange(len(points)), points
     for _ in range(_ROUNDS):
         along = np.clip(np.sum((found[:, None] - starts) * axes, axis=-1) / squares, 0.0, 1.0)

@@ -89,9 +89,11 @@ class Separation:
 def piece_radii(body: Body) -> Array:
     """Return the radii of a body's ``PIECES`` at both ends [m]. Shape (7, 2)."""
     joints, radii = body.capsule_joints, body.capsule_radii
-    thigh, shin = (radii[joints == body.roles[joint]] for joint in ("left_hip", "left_knee"))
-    trunk = radii[trunk_capsules(body)[0], 0]
-    thigh, shin = [thigh.max(), thigh.min()], [shin.max(), shin.min()]
+    trunk, legs = radii[trunk_capsules(body)[0], 0], []
+    for joint in ("left_hip", "left_knee"):
+        wide = radii[joints == body.roles[joint]].max(initial=0.0)
+        legs.append([wide, radii[joints == body.roles[joint]].min(initial=wide)])
+    thigh, shin = legs
     return np.array([[body.head_radius] * 2, [trunk] * 2, radii[trunk_capsules(body)[-1]], thigh, thigh, shin, shin])
 
 
