@@ -67,12 +67,7 @@ def main() -> None:
     atexit.register(gc.freeze)
     talk.quiet = talk.verbose = False
     try:
-        app(standalone_mode=True)
-    except RuntimeError as error:
-        # Up to Python 3.11 this wraps what a signal raises while a class is made, as in imports.
-        if isinstance(error.__cause__, SystemExit):
-            sys.exit(error.__cause__.code)
-        raise
+        _run_command()
     except CrowdsimError as error:
         if talk.verbose:
             traceback.print_exc()
@@ -89,6 +84,16 @@ def main() -> None:
         # Errors of the system that no check foresees, such as a disk that fills up between two checks.
         print(f"{error.filename or 'crowdsim'}: {error.strerror or error}", file=sys.stderr)
         sys.exit(1)
+
+
+def _run_command() -> None:
+    try:
+        app(standalone_mode=True)
+    except RuntimeError as error:
+        # Up to Python 3.11 this wraps what a signal raises while a class is made, as in imports.
+        if isinstance(error.__cause__, (SystemExit, KeyboardInterrupt)):
+            raise error.__cause__ from None
+        raise
 
 
 def _terminate(number: int, frame: Any) -> None:

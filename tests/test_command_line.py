@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 from scenes import crowdsim, write_scene
 
+from crowdsim import cli
+
 COMMANDS = [
     "perform",
     "inspect",
@@ -163,6 +165,20 @@ def test_an_interrupted_command_exits_130_and_a_terminated_one_143(workplace: Pa
         assert process.returncode == code, error
         assert "Traceback" not in error
         (workplace / "clips").rmdir()
+
+
+@pytest.mark.parametrize(("raised", "code"), [(SystemExit(143), 143), (KeyboardInterrupt(), 130)])
+def test_a_signal_that_comes_while_a_class_is_made_sets_the_exit_code(
+    monkeypatch: pytest.MonkeyPatch, raised: BaseException, code: int
+) -> None:
+    def interrupted(**_: object) -> None:
+        raise RuntimeError("Error calling __set_name__") from raised
+
+    monkeypatch.setattr(cli, "app", interrupted)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    with pytest.raises(SystemExit) as found:
+        cli.main()
+    assert found.value.code == code
 
 
 def test_progress_of_a_run_is_a_line_a_stage_without_a_terminal(workplace: Path) -> None:

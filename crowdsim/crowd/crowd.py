@@ -280,6 +280,7 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
     for row in (layout.OPPONENT, layout.OPPONENT_BEFORE, layout.NEXT_OPPONENT, layout.HIT_BY, layout.THROWN):
         whole[row, slots] = -1
     real[layout.HIT_FRAME, slots] = -np.inf
+    real[layout.SLIDE_X, slots] = real[layout.SLIDE_Z, slots] = 0.0
     if len(avatars.conditions):
         rows = avatars.conditions[numbers]
         rows[:, layout.STANDING : layout.DOWNS + 1] = layout.UP

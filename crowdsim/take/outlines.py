@@ -34,16 +34,16 @@ class Outline(NamedTuple):
 
 
 def leave_capsules(points: Array, bodies: PosedBodies, outline: Outline) -> Array:
-    """Return points that are ``GIVES`` outside the capsules of trunk and head, as far as they are no further from them.
+    """Return points that are moved out of the capsules of trunk and head, to ``GIVES`` outside of them.
 
-    What counts as hit is no further away than ``GIVES`` either: where both are not to be had, that is.
+    None ends further than ``GIVES`` from what counts as hit, even if that leaves it inside a capsule.
 
     Args:
         points: Points on what counts as hit, one for each body [m]. Shape (n, 3).
         bodies: The bodies at one time.
         outline: What of them counts as hit.
     """
-    starts, axes, radii = _trunk_capsules(bodies)
+    starts, axes, radii = _upper_capsules(bodies)
     if not starts.shape[1]:
         return points
     squares, rows, found = np.maximum(np.sum(axes * axes, axis=-1), 1e-12), np.arange(len(points)), points
@@ -58,7 +58,7 @@ def leave_capsules(points: Array, bodies: PosedBodies, outline: Outline) -> Arra
     return found
 
 
-def _trunk_capsules(bodies: PosedBodies) -> tuple[Array, Array, Array]:
+def _upper_capsules(bodies: PosedBodies) -> tuple[Array, Array, Array]:
     """Return starts (n, K, 3), axes (n, K, 3) and radii (n, K, 2) of the capsules of trunks and heads [m]."""
     body, count = bodies.body, len(bodies.columns)
     limbs = [joint for role, joint in body.roles.items() if role.startswith(("left", "right"))]

@@ -66,14 +66,15 @@ class Passes:
     def __init__(self, take: TakeData, motions: Sequence[PoseMotion], threads: int, reactions: bool) -> None:
         self._take, self._motions, self._threads, self._reactions = take, motions, threads, reactions
         size = take.frame_count, take.avatar_count
-        self._pushes = KeptRows(*size, Separation(take, motions).find)
+        landed = find_landed(take)
+        self._pushes = KeptRows(*size, Separation(take, motions, landed).find)
         self._turns = KeptRows(*size, HeadTurns(take, motions).find)
         self._lowering = Lowering(take, partial(self.window, lowered=False), self.blend)
         self._gazes = [build_gaze(motion) for motion in motions]
         self._trunks = [build_trunk(motion) for motion in motions]
         self._rounds = Rounds(take, motions, self._before_deflection, threads)
         self._settlings = [Settling(motion) for motion in motions]
-        self.strike(find_landed(take))
+        self.strike(landed)
 
     def strike(self, landed: Landed) -> None:
         """Take these strikes for those that land."""

@@ -15,7 +15,7 @@ from crowdsim.take.data import TakeData
 from crowdsim.take.fallen import fallen_rows
 from crowdsim.take.kernels.bending import FOOT_LANDS
 from crowdsim.take.kernels.separation import AROUND, LEG_POINT, PIECES, POINTS, push_trunks
-from crowdsim.take.landed import find_landed
+from crowdsim.take.landed import Landed
 from crowdsim.take.motion import PoseMotion
 
 _RISING = np.array([1.0, 1.0, 1.0, 1.0, 0.5, 0.0, 1.0, 0.5, 0.0, 1.0, 1.0])
@@ -23,7 +23,7 @@ _RISING = np.array([1.0, 1.0, 1.0, 1.0, 0.5, 0.0, 1.0, 0.5, 0.0, 1.0, 1.0])
 
 
 class Separation:
-    """How far trunks give way.
+    """How far bodies give way.
 
     It depends on where the avatars near an avatar are in their motion and on the ground, from five control frames
     before to five after.
@@ -31,20 +31,20 @@ class Separation:
     Args:
         take: The take.
         motions: The motion of each of its policies.
+        landed: Its strikes that land.
     """
 
-    def __init__(self, take: TakeData, motions: Sequence[PoseMotion]) -> None:
+    def __init__(self, take: TakeData, motions: Sequence[PoseMotion], landed: Landed) -> None:
         self._take, self._motions = take, motions
         self._radii = np.zeros((take.avatar_count, len(PIECES), 2))
         for index, motion in enumerate(motions):
             self._radii[take.cast.policies == index] = piece_radii(motion.body)
-        landed = find_landed(take)
         self._kicks = landed.of(~landed.missed & (landed.limbs >= 2))
         self._radii[:, 0] *= np.asarray(take.cast.scales, float)[:, None]
         self._radii[:, 1:] *= np.asarray(take.cast.widths, float)[:, None, None]
 
     def find(self, first: int, stop: int) -> Array:
-        """Return how far trunks of all avatars give way at control frames, x and z [m]. Shape (T, N, 2), float32."""
+        """Return how far all avatars give way at control frames, x and z [m]. Shape (T, N, 2), float32."""
         low, high = max(first - 1 - AROUND, 0), min(stop + 1 + AROUND, self._take.frame_count)
         pushes = np.zeros((high - low, self._take.avatar_count, 2), np.float32)
         if self._take.collision_avoidance:
@@ -75,7 +75,7 @@ class Separation:
         return points
 
     def _fold_kicking_legs(self, first: int, stop: int, points: Array) -> None:
-        """Draw legs that are about to land a kick, or just have, to their hips: whom they hit does not give way."""
+        """Shrink legs to their hips around the kicks that they land, so that they do not push away whom they hit."""
         rate = self._take.control_rate
         kicks = self._kicks.between(first / rate - FOOT_LANDS, stop / rate + FOOT_LANDS)
         for time, attacker, limb in zip(kicks.times, kicks.attackers, kicks.limbs, strict=True):
@@ -89,12 +89,16 @@ class Separation:
 def piece_radii(body: Body) -> Array:
     """Return the radii of a body's ``PIECES`` at both ends [m]. Shape (7, 2)."""
     joints, radii = body.capsule_joints, body.capsule_radii
-    trunk, legs = radii[trunk_capsules(body)[0], 0], []
-    for joint in ("left_hip", "left_knee"):
-        wide = radii[joints == body.roles[joint]].max(initial=0.0)
-        legs.append([wide, radii[joints == body.roles[joint]].min(initial=wide)])
-    thigh, shin = legs
-    return np.array([[body.head_radius] * 2, [trunk] * 2, radii[trunk_capsules(body)[-1]], thigh, thigh, shin, shin])
+    trunk = trunk_capsules(body)
+    thigh, shin = (_taper(radii[joints == body.roles[joint]]) for joint in ("left_hip", "left_knee"))
+    upright, across = [radii[trunk[0], 0]] * 2, radii[trunk[-1]]
+    return np.array([[body.head_radius] * 2, upright, across, thigh, thigh, shin, shin])
+
+
+def _taper(radii: Array) -> list[float]:
+    """Radii of a bone with such capsules at its upper and its lower end, 0 where it has none."""
+    widest = float(radii.max(initial=0.0))
+    return [widest, float(radii.min(initial=widest))]
 
 
 def _widest(pushes: Array) -> Array:

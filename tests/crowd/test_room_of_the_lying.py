@@ -5,6 +5,7 @@ import pytest
 from test_damage import POLICIES, fighters, with_falls
 from test_lying import placed_beside
 
+from crowdsim.crowd.crowd import enter
 from crowdsim.crowd.kernels import crowding, layout
 from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.kernels.lying import axis_of
@@ -108,3 +109,12 @@ def test_a_body_slides_smoothly_over_the_action_in_which_it_falls() -> None:
         moved = np.subtract(*(each.avatars.real[[layout.X, layout.Z], slot] for each in (one, other)))
         np.testing.assert_allclose(moved, share * np.array([0.3, -0.1]), atol=1e-12)
     assert share > 0.5
+
+
+def test_who_left_while_it_slid_does_not_slide_when_it_enters_again() -> None:
+    crowd, model = fighters(3), with_falls()
+    avatars = Simulation(crowd, POLICIES, model=model).avatars
+    avatars.real[[layout.SLIDE_X, layout.SLIDE_Z]] = 0.3
+    enter(avatars, crowd, model, np.array([1]))
+    assert avatars.real[[layout.SLIDE_X, layout.SLIDE_Z], 1].tolist() == [0.0, 0.0]
+    assert (avatars.real[layout.SLIDE_X, [0, 2]] == 0.3).all()

@@ -12,6 +12,7 @@ from crowdsim.motion import ground, quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.take.fallen import fallen_rows, falls_soon, near_fallen
 from crowdsim.take.gaze import HeadTurns
+from crowdsim.take.landed import find_landed
 from crowdsim.take.motion import prepare_motion
 from crowdsim.take.poses import Poses
 from crowdsim.take.separation import Separation
@@ -86,7 +87,7 @@ def test_nobody_who_is_down_turns_a_head_or_gives_way() -> None:
     turns = HeadTurns(take, motions).find(0, FRAMES)[..., 0]
     assert np.abs(turns[quiet]).max() < 1e-9
     assert np.abs(turns[:10]).max() > 0.05
-    pushes = Separation(take, motions).find(0, FRAMES)
+    pushes = Separation(take, motions, find_landed(take)).find(0, FRAMES)
     quiet = np.array([down[max(f - 1, 0) : f + 2].all(axis=0) for f in range(FRAMES)])
     assert not pushes[quiet].any()
 

@@ -14,6 +14,7 @@ from crowdsim.take.kept_rows import KeptRows
 from crowdsim.take.kernels import separation
 from crowdsim.take.kernels.segments import nearest_on_segments
 from crowdsim.take.kernels.separation import push_trunks
+from crowdsim.take.landed import find_landed
 from crowdsim.take.separation import Separation
 
 
@@ -173,7 +174,7 @@ def test_rows_of_a_long_take_are_those_of_a_short_one(monkeypatch: pytest.Monkey
     first, lengths = actions(90)
     queues = [list(range(start, start + 30)) for start in (0, 30, 60)]
     take, policy = build_take(queues, first, lengths, 30, start=[(0.0, 0.0, 0.0), (0.3, 0.1, 3.0), (0.1, 0.4, 1.0)])
-    separation = Separation(take, sampler(take, policy).motions)
+    separation = Separation(take, sampler(take, policy).motions, find_landed(take))
     whole = KeptRows(30, 3, separation.find).rows(0, 30, np.arange(3))
     assert np.abs(whole).max() > 0.01
     monkeypatch.setattr("crowdsim.take.kept_rows._WHOLE", 0)

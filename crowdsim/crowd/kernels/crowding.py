@@ -214,9 +214,9 @@ def _add_neighbour(crowding, near, m, lanes, work):
 
 @kernel(inline=True)
 def _add_lying(model, avatars, own, near, m, work):
-    """Raise the cost of actions that end on a body on the floor, or halfway are over it, to what that costs.
+    """Raise the cost of actions that end on a body on the floor, or are over it halfway, to what that costs.
 
-    Soles that end on it cost more, each.
+    Each sole that ends on it adds to that.
     """
     ends_x, ends_z, worst = work[0], work[1], work[3]
     room, end_cost, path_cost = near[m, 4], near[m, 6], near[m, 7]

@@ -199,12 +199,12 @@ def _crowded(model, avatars, own, row, dx, dz, observed, q):
 
 @kernel
 def _slide(model, avatars, own, row, observed, q):
-    """Note where a body slides while it falls: to where it has most room, none of it if there is no more there."""
+    """Choose how far a body slides while it falls: to the place with the most room, or nowhere if none has more."""
     real = avatars.real
     real[SLIDE_X, own], real[SLIDE_Z, own] = 0.0, 0.0
     least = _crowded(model, avatars, own, row, 0.0, 0.0, observed, q)
     for way in range(2 * WAYS):
-        # Half as far first, all around, then the whole.
+        # Half the distance in every direction first, then the whole: among equals the shorter slide counts.
         far = SLIDES if way >= WAYS else 0.5 * SLIDES
         cos, sin = cos_sin(2.0 * math.pi * way / WAYS)
         crowded = _crowded(model, avatars, own, row, far * sin, far * cos, observed, q)
@@ -214,7 +214,7 @@ def _slide(model, avatars, own, row, observed, q):
 
 @kernel(inline=True)
 def _ends_on_body(model, avatars, own, row, observed, q):
-    """Return whether a stagger leads onto a body on the floor, nearer to its middle than the avatar is."""
+    """Return whether a stagger leads onto a body on the floor: close to its axis, and closer than the avatar is."""
     real, action = avatars.real, model.falls[row, FALL_ACTION]
     x, z, size = real[X, own], real[Z, own], real[SCALE, own]
     cos, sin = cos_sin(real[HEADING, own])

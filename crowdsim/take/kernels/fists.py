@@ -98,9 +98,9 @@ def _weigh_strikes(landings, n, time, weights):
 
 @kernel(allocates=False)
 def _share_of_stop(fist, goal, shift):
-    """Return which share of its shift a fist goes that an arm stops: the less the further it is from that arm.
+    """Return the share of its shift by which a fist that an arm stops is carried back: less, the further it is from it.
 
-    Carried back as far as when it is furthest beyond, it would go through its own shoulder on the way there.
+    The whole shift, which is what it takes at the strike, would push a fist that sets out through its own shoulder.
     """
     size = math.sqrt(shift[0] ** 2 + shift[1] ** 2 + shift[2] ** 2)
     beyond = 0.0
