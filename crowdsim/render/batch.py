@@ -13,7 +13,7 @@ from crowdsim.errors import OutputError, under_way
 from crowdsim.files import make_folder
 from crowdsim.render.contact_sheet import sheet_frames, write_sheet
 from crowdsim.render.options import RenderOptions
-from crowdsim.render.parts import is_parts, make_parts, remove_parts
+from crowdsim.render.parts import is_parts, make_parts, mark_first, remove_parts
 from crowdsim.render.segments import Work, divide, draw_segment, segment_files, share
 from crowdsim.render.source import PoseSource
 from crowdsim.render.stage import Stage
@@ -117,6 +117,8 @@ def draw_apart(source: PoseSource, out: Path, options: RenderOptions, progress: 
 def adopt_frames(out: Path, apart: Iterable[Path]) -> None:
     """Move frames and segments of a video, drawn into other folders on the same disk, into the folder of a rendering.
 
+    What is interrupted is finished when it is done again.
+
     Raises:
         OutputError: One cannot be moved.
     """
@@ -124,7 +126,7 @@ def adopt_frames(out: Path, apart: Iterable[Path]) -> None:
         for folder in apart:
             for place in [folder / "frames", *folder.glob(".video-*")]:
                 target = out / place.name
-                for path in sorted(place.iterdir()) if place.is_dir() else ():
+                for path in mark_first(place.iterdir()) if place.is_dir() else ():
                     target.mkdir(exist_ok=True)
                     os.replace(path, target / path.name)
     except OSError as error:
