@@ -279,7 +279,7 @@ def decide(one, avatars, crowd, targets, frame, marks):
     if opponent >= 0 and crowd.varieties[one.cohort] > 0:
         far = math.hypot(seen[0], seen[2])
         charge = crowd.varieties[one.cohort] * (variety.ONE_STANCE if one.stance else 1.0)
-        ahead = seen[2] >= variety.AHEAD * far and far <= variety.NEAR
+        ahead = seen[2] >= variety.FACING * far and far <= variety.NEAR
         for k, action in enumerate(choices):
             if ahead:
                 values[k] -= charge * repetition(one, action, frame, marks, crowd.count)

@@ -19,12 +19,14 @@ from crowdsim.crowd.kernels.layout import (
     HEAD,
     HEADING,
     HIT_BY,
+    HIT_FRAME,
     LASTS,
     LENGTH,
     MOVING_X,
     MOVING_Z,
     NEXT,
     NEXT_OPPONENT,
+    NUMBER,
     OPPONENT,
     ORIGIN,
     PHASE,
@@ -36,15 +38,22 @@ from crowdsim.crowd.kernels.layout import (
     TARGET_X,
     TARGET_Y,
     TARGET_Z,
+    TEAM,
     TURN_BACK,
     Target,
     X,
     Z,
 )
 from crowdsim.crowd.kernels.opponents import change_opponent
-from crowdsim.crowd.kernels.prefetch import ask_for
+from crowdsim.crowd.kernels.prefetch import ask_for, ask_for_rows
 from crowdsim.crowd.kernels.special import is_down
 from crowdsim.jit import kernel
+
+# Rows of ``Avatars.whole`` and ``Avatars.real`` that ``aim`` reads of an avatar, and of its opponent.
+_OWN = (OPPONENT, SKIP, ACTION, COHORT, POLICY, HIT_BY, NUMBER, NEXT_OPPONENT)
+_OWN_REAL = (X, Z, SCALE, HEADING, SPEED, HIT_FRAME)
+_OTHERS = (OPPONENT, ACTION, POLICY, TEAM, NUMBER)
+_OTHERS_REAL = (X, Z, SCALE, HEADING, PHASE, SPEED, END_X, END_Z, BASE_TURN)
 
 
 @kernel(inline=True)
@@ -55,9 +64,8 @@ def aim(model, avatars, world, now, due, count, observed, scratch):
     actions start (``motion.switch``), so that all avatars see the opponents that the others had when the frame began.
     """
     whole, real, slot_of, arena = avatars.whole, avatars.real, avatars.slot_of, world.arena
-    nearest = observed.opponents
     for q in range(count):
-        _ask_for_targets(model, avatars, due, count, nearest, q)
+        _ask_for_targets(model, avatars, due, count, observed, q)
         own = due[q]
         opponent = change_opponent(avatars, world.cohorts, now, own, observed, q)
         whole[NEXT_OPPONENT, own] = opponent
@@ -89,26 +97,26 @@ def aim(model, avatars, world, now, due, count, observed, scratch):
 
 
 @kernel(inline=True)
-def _ask_for_targets(model, avatars, due, count, nearest, q):
+def _ask_for_targets(model, avatars, due, count, observed, q):
     """Ask memory for what some avatars after the ``q``-th one will read of themselves and of their opponents."""
     whole, real = avatars.whole, avatars.real
-    width = whole.shape[1]
+    if q + 3 * AHEAD < count:
+        own, nearest = due[q + 3 * AHEAD], max(observed.opponents[q + 3 * AHEAD], 0)
+        ask_for_rows(whole, _OWN, own)
+        ask_for_rows(real, _OWN_REAL, own)
+        ask_for_rows(whole, _OTHERS, nearest)
+        ask_for_rows(real, _OTHERS_REAL, nearest)
     if q + 2 * AHEAD < count:
-        own, j = due[q + 2 * AHEAD], max(nearest[q + 2 * AHEAD], 0)
-        for row in (OPPONENT, SKIP, ACTION, COHORT, POLICY, HIT_BY):
-            ask_for(whole, row * width + own)
-        ask_for(whole, OPPONENT * width + j)
-        for row in (X, Z, SCALE, HEADING):
-            ask_for(real, row * width + own)
-            ask_for(real, row * width + j)
-        ask_for(real, PHASE * width + j)
-        ask_for(whole, ACTION * width + j)
-        ask_for(whole, POLICY * width + j)
+        ask_for(avatars.slot_of, max(whole[OPPONENT, due[q + 2 * AHEAD]], 0))
     if q + AHEAD < count:
-        j = max(nearest[q + AHEAD], 0)
-        frame = model.actions[whole[ACTION, j], ORIGIN]
-        frame += int(real[PHASE, j]) * model.policies[whole[POLICY, j], STRIDE]
-        ask_for(model.bodies, 9 * frame)
+        old, nearest = avatars.slot_of[max(whole[OPPONENT, due[q + AHEAD]], 0)], max(observed.opponents[q + AHEAD], 0)
+        ask_for_rows(whole, _OTHERS, old)
+        ask_for_rows(real, _OTHERS_REAL, old)
+        action, stride = whole[ACTION, nearest], model.policies[whole[POLICY, nearest], STRIDE]
+        first, end = model.actions[action, ORIGIN], model.actions[action, LENGTH] * stride
+        ask_for(model.bodies, 9 * (first + int(real[PHASE, nearest]) * stride))
+        ask_for(model.bodies, 9 * (first + end))
+        ask_for(model.ground, 3 * (first + end))
 
 
 @kernel(inline=True)

@@ -14,6 +14,7 @@ from crowdsim.crowd.kernels.intents import is_resting
 from crowdsim.crowd.kernels.layout import (
     ACTION,
     AGGRESSION,
+    AHEAD,
     AT_AIR,
     BURST,
     BURST_STREAM,
@@ -23,6 +24,8 @@ from crowdsim.crowd.kernels.layout import (
     DECISIONS,
     DOES,
     DOES_NEXT,
+    END_X,
+    END_Z,
     FIGHTS,
     FLEES,
     HEADING,
@@ -32,6 +35,7 @@ from crowdsim.crowd.kernels.layout import (
     NEXT,
     NEXT_OPPONENT,
     NUMBER,
+    PHASE,
     PIECE,
     RESTED,
     STAMINA,
@@ -41,12 +45,15 @@ from crowdsim.crowd.kernels.layout import (
     TARGET_Z,
     TEMPERATURE,
     TEMPO,
+    THROWN,
+    THROWN_UNTIL,
     UNSEEN,
     X,
     Z,
 )
 from crowdsim.crowd.kernels.legs import CROSSED, crosses_legs
 from crowdsim.crowd.kernels.outcomes import note_seen, strikes_air
+from crowdsim.crowd.kernels.prefetch import ask_for, ask_for_rows
 from crowdsim.crowd.kernels.resting import favour_rest, resting_action
 from crowdsim.crowd.kernels.special import special_action
 from crowdsim.crowd.kernels.values import value_actions
@@ -148,6 +155,7 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
     frame = now.frame
     values, stream = scratch.values, world.stream
     for q in range(count):
+        _ask_for_drawing(avatars, due, count, q)
         own = due[q]
         rests, slowness, bonus, stance = False, 1.0, 0.0, 0
         if avatars.conditions.shape[0] > 0:
@@ -188,6 +196,22 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
             whole[BURST, own] = max(whole[BURST, own] - thrown, 0)
             real[RESTED, own] = max(real[RESTED, own], np.float64(frame)) + interval * thrown
     return -1
+
+
+@kernel(inline=True)
+def _ask_for_drawing(avatars, due, count, q):
+    """Ask memory for what avatars soon after the ``q``-th one will read of themselves and of their opponents."""
+    whole, real = avatars.whole, avatars.real
+    if q + 3 * AHEAD < count:
+        own = due[q + 3 * AHEAD]
+        ask_for_rows(whole, (NUMBER, COHORT, DECISIONS, BURST, NEXT_OPPONENT), own)
+        ask_for_rows(real, (RESTED,), own)
+    if q + 2 * AHEAD < count:
+        ask_for(avatars.slot_of, max(whole[NEXT_OPPONENT, due[q + 2 * AHEAD]], 0))
+    if q + AHEAD < count:
+        j = avatars.slot_of[max(whole[NEXT_OPPONENT, due[q + AHEAD]], 0)]
+        ask_for_rows(whole, (ACTION, THROWN, THROWN_UNTIL), j)
+        ask_for_rows(real, (X, Z, HEADING, PHASE, END_X, END_Z), j)
 
 
 @kernel(inline=True)

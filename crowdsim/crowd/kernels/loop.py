@@ -6,7 +6,7 @@ from crowdsim.crowd.kernels.choice import choose
 from crowdsim.crowd.kernels.clock import note_time
 from crowdsim.crowd.kernels.damage import hurt
 from crowdsim.crowd.kernels.layout import SIGHT, Now, Observed
-from crowdsim.crowd.kernels.motion import advance, ask_for_starts, switch
+from crowdsim.crowd.kernels.motion import advance, switch
 from crowdsim.crowd.kernels.opponents import observe_all
 from crowdsim.crowd.kernels.record import write_record
 from crowdsim.crowd.kernels.strikes import note_hits, strike
@@ -44,7 +44,6 @@ def run_frames(model, avatars, world, now, count, fresh, scratch, record, strike
         if lost >= 0:
             return k, held, lost
         note_time(timings, clock, 3)
-        ask_for_starts(model, avatars, due, chosen, dues)
         switch(model, avatars, world, then.frame, due, chosen, 0, dues)
         note_time(timings, clock, 4)
         before = held

@@ -10,6 +10,7 @@ from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.layout import (
     ACTION,
     ACTION_BEFORE,
+    AHEAD,
     BASE_COS,
     BASE_SIN,
     BASE_TURN,
@@ -26,6 +27,7 @@ from crowdsim.crowd.kernels.layout import (
     LENGTH,
     NEXT_OPPONENT,
     NO_STRIKE,
+    NUMBER,
     OPPONENT,
     OPPONENT_BEFORE,
     ORIGIN,
@@ -39,14 +41,20 @@ from crowdsim.crowd.kernels.layout import (
     SPEED,
     STRIDE,
     STRIKES,
+    THROWN,
+    THROWN_UNTIL,
     TIME,
     X,
     Z,
 )
-from crowdsim.crowd.kernels.prefetch import ask_for
+from crowdsim.crowd.kernels.prefetch import ask_for, ask_for_rows
 from crowdsim.crowd.kernels.special import note_condition
-from crowdsim.crowd.kernels.variety import note_shown
+from crowdsim.crowd.kernels.variety import ask_for_marks, note_shown
 from crowdsim.jit import kernel
+
+# Rows of ``Avatars.whole`` and ``Avatars.real`` that ``switch`` reads or writes.
+_SWITCHED = (NUMBER, ACTION, DECISIONS, PENDING, OPPONENT, NEXT_OPPONENT, THROWN, THROWN_UNTIL)
+_MOVED = (X, Z, HEADING, PHASE, BASE_X, BASE_Z, BASE_COS, BASE_SIN, BASE_TURN, END_X, END_Z, HALT_X, HALT_Z)
 
 
 @kernel(inline=True)
@@ -102,13 +110,14 @@ def advance(model, avatars, first, last, due, few):
 
 
 @kernel(inline=True)
-def ask_for_starts(model, avatars, due, chosen, count):
-    """Ask memory for what ``switch`` will read of the chosen actions."""
-    for q in range(count):
-        origin, length = model.actions[chosen[q], ORIGIN], model.actions[chosen[q], LENGTH]
-        ask_for(model.ground, 3 * origin)
-        ask_for(model.starts, 3 * chosen[q])
-        ask_for(model.ground, 3 * (origin + length * model.policies[avatars.whole[POLICY, due[q]], STRIDE]))
+def _ask_for_start(model, avatars, i, action):
+    """Ask memory for what ``switch`` will read and write where avatar ``i`` starts an action."""
+    origin, length = model.actions[action, ORIGIN], model.actions[action, LENGTH]
+    ask_for(model.ground, 3 * origin)
+    ask_for(model.ground, 3 * (origin + length * model.policies[avatars.whole[POLICY, i], STRIDE]))
+    ask_for(model.starts, 3 * action)
+    ask_for(model.halts, 2 * action)
+    ask_for_marks(model, avatars, i, action)
 
 
 @kernel(inline=True)
@@ -120,6 +129,11 @@ def switch(model, avatars, world, frame, due, chosen, first, last):
     whole, real = avatars.whole, avatars.real
     actions, ground, starts, policies = model.actions, model.ground, model.starts, model.policies
     for q in range(first, last):
+        if q + 2 * AHEAD < last:
+            ask_for_rows(whole, _SWITCHED, due[q + 2 * AHEAD])
+            ask_for_rows(real, _MOVED, due[q + 2 * AHEAD])
+        if q + AHEAD < last:
+            _ask_for_start(model, avatars, due[q + AHEAD], chosen[q + AHEAD])
         i = due[q]
         old, new = whole[ACTION, i], chosen[q]
         note_shown(model, avatars, frame, i, new)

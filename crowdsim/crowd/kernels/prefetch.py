@@ -1,6 +1,6 @@
 """Prefetching: memory is requested some time before it is read."""
 
-from numba import types
+from numba import literal_unroll, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
@@ -27,3 +27,10 @@ def _request(typing, array, index):
 def ask_for(array, index):
     """Ask memory for an entry, counted from the first one, of an array that will be read soon; any index will do."""
     _request(array, index)  # type: ignore[call-arg]
+
+
+@kernel(inline=True)
+def ask_for_rows(array, rows, column):
+    """Ask memory for a column of some rows of an array."""
+    for row in literal_unroll(rows):
+        _request(array, row * array.shape[1] + column)  # type: ignore[call-arg]

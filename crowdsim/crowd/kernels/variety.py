@@ -13,6 +13,7 @@ import numpy as np
 
 from crowdsim.crowd.kernels.layout import (
     ACTION,
+    AHEAD,
     COHORT,
     DECISIONS,
     LENGTH,
@@ -31,13 +32,14 @@ from crowdsim.crowd.kernels.layout import (
     X,
     Z,
 )
+from crowdsim.crowd.kernels.prefetch import ask_for
 from crowdsim.jit import kernel
 
 OTHERS, LATELY = 0.5, 30  # what motion costs that others showed lately, in normalised values; frames that this means
 ONE_STANCE = 0.5  # how much that counts for avatars with a stance, for whom there is half as much motion
 OWN, LATEST = 0.25, 16  # what motion costs that is among the avatar's own latest actions; how many these are
 CELL = 3.0  # side of a cell [m]
-AHEAD, NEAR = 0.6, 1.2  # where opponents are while variety counts: cosine of the bearing, distance [m]
+FACING, NEAR = 0.6, 1.2  # where opponents are while variety counts: cosine of the bearing, distance [m]
 TWICE, TOGETHER = 4.0, 9  # what a strike costs that the opponent throws too; frames within which it does
 FRAMES, NONE = 0xFFFF, 0xFFFF  # frames and states are kept in 16 bits; instead of a state
 
@@ -51,6 +53,8 @@ def charge_repetition(model, avatars, world, now, due, count, scratch):
     whole, actions, marks = avatars.whole, model.actions, avatars.marks
     mask = marks.shape[0] - 1
     for q in range(count):
+        if q + AHEAD < count:
+            _ask_for_charges(model, avatars, due[q + AHEAD], scratch.states[q + AHEAD])
         own = due[q]
         variety = world.cohorts[whole[COHORT, own], VARIETY]
         if variety <= 0.0 or scratch.states[q] < 0 or whole[NEXT_OPPONENT, own] < 0:
@@ -62,7 +66,7 @@ def charge_repetition(model, avatars, world, now, due, count, scratch):
         values = scratch.values[q]
         x, z = scratch.situations[q, TARGET_X], scratch.situations[q, TARGET_Z]
         far = math.sqrt(x * x + z * z)
-        if z < AHEAD * far or far > NEAR:
+        if z < FACING * far or far > NEAR:
             continue  # it turns and pursues by whatever motion there is
         cell, latest = _cell_at(avatars.real, own, 0.0, 0.0), avatars.shown[whole[NUMBER, own]]
         others, mine = variety * OTHERS, variety * OWN
@@ -74,6 +78,17 @@ def charge_repetition(model, avatars, world, now, due, count, scratch):
             for m in range(np.uint64(LATEST)):
                 again |= latest[m] == low
             values[k] -= charge + (mine if again else 0.0)
+
+
+@kernel(inline=True)
+def _ask_for_charges(model, avatars, own, state):
+    """Ask memory for what the actions of a state will be charged by."""
+    if state < 0:
+        return
+    number, cell = avatars.whole[NUMBER, own], _cell_at(avatars.real, own, 0.0, 0.0)
+    ask_for(avatars.shown, LATEST * np.int64(number))
+    for action in range(model.offsets[state], model.offsets[state + 1]):
+        ask_for(avatars.marks, (cell + model.twins[model.actions[action, NEXT]]) & (avatars.marks.shape[0] - 1))
 
 
 @kernel(inline=True)
@@ -89,6 +104,16 @@ def note_shown(model, avatars, frame, i, action):
     if actions[action + 1, STRIKES] > actions[action, STRIKES]:
         whole[THROWN, i] = state
         whole[THROWN_UNTIL, i] = frame + np.int64(actions[action, LENGTH] / avatars.real[SPEED, i])
+
+
+@kernel(inline=True)
+def ask_for_marks(model, avatars, i, action):
+    """Ask memory for where ``note_shown`` will write."""
+    state, number = np.int64(model.twins[model.actions[action, NEXT]]), np.int64(avatars.whole[NUMBER, i])
+    ask_for(avatars.shown, LATEST * number + (avatars.whole[DECISIONS, i] & (LATEST - 1)))
+    for corner in range(4):
+        cell = _cell_at(avatars.real, i, (corner & 1) - 0.5, (corner >> 1) - 0.5)
+        ask_for(avatars.marks, (cell + state) & (avatars.marks.shape[0] - 1))
 
 
 @kernel(inline=True)
