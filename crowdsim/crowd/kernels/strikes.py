@@ -8,7 +8,13 @@ from crowdsim.crowd.kernels.layout import (
     ACTION,
     ACTION_BEFORE,
     AHEAD,
+    BASE_COS,
+    BASE_SIN,
+    BASE_TURN,
+    BASE_X,
+    BASE_Z,
     BLOCKED,
+    DECISIONS,
     FIST_SPEED,
     FIST_X,
     FIST_Y,
@@ -36,13 +42,17 @@ from crowdsim.crowd.kernels.layout import (
     STRIKES,
     STRONG,
     TIME,
+    WIDTH,
     X,
     Z,
 )
 from crowdsim.crowd.kernels.motion import over_ground
 from crowdsim.crowd.kernels.outcomes import Strike, judge
-from crowdsim.crowd.kernels.prefetch import ask_for
+from crowdsim.crowd.kernels.prefetch import ask_for, ask_for_rows
 from crowdsim.jit import kernel
+
+# Rows of ``Avatars.real`` that place strikes and bodies.
+_MOVES = (SCALE, SPEED, PHASE, PHASE_BEFORE, BASE_X, BASE_Z, BASE_COS, BASE_SIN, BASE_TURN, X, Z, WIDTH)
 
 ATTACKER, VICTIM, STRIKER, OUTCOME, FELLED = range(5)
 WHEN, POINT_X, POINT_Y, POINT_Z, FAST, TAKEN = range(6)
@@ -82,8 +92,7 @@ def strike(model, avatars, world, now, first, last, who, strikes, held):
         who[listed] = i
         listed += real[PHASE, i] > whole[PENDING, i]
     for k in range(first, listed):
-        if k + AHEAD < listed:
-            _ask_for_strike(model, avatars, who[k + AHEAD])
+        _ask_for_strikes(model, avatars, who, k, listed)
         i = np.int64(who[k])
         if whole[ACTION_BEFORE, i] >= 0:
             held = _list_strikes(model, avatars, world.targets, now, i, True, strikes, held)
@@ -119,19 +128,29 @@ def note_hits(model, avatars, frame, strikes, first, last):
 
 
 @kernel(inline=True)
-def _ask_for_strike(model, avatars, i):
-    """Ask memory for the strikes of an avatar, what it has seen, and the body of its opponent."""
-    whole, actions = avatars.whole, model.actions
-    ask_for(avatars.seen, 8 * whole[NUMBER, i])
-    ask_for(model.strikes, model.strikes.shape[1] * actions[whole[ACTION, i], STRIKES])
-    ask_for(model.ways, 6 * actions[whole[ACTION, i], STRIKES])
-    ask_for(model.starts, 3 * whole[ACTION, i])
-    j = avatars.slot_of[max(whole[OPPONENT, i], 0)]
-    frame = int(avatars.real[PHASE, j]) * model.policies[whole[POLICY, j], STRIDE]
-    frame += actions[whole[ACTION, j], ORIGIN]
-    ask_for(model.bodies, 9 * frame)
-    ask_for(model.arms, 12 * frame)
-    ask_for(model.ground, 3 * frame)
+def _ask_for_strikes(model, avatars, who, k, listed):
+    """Ask memory for strikes of avatars soon after the ``k``-th one, what these have seen, and their opponents."""
+    whole, real = avatars.whole, avatars.real
+    if k + 3 * AHEAD < listed:
+        ask_for_rows(whole, (NUMBER, POLICY, ACTION, OPPONENT, OPPONENT_BEFORE, DECISIONS), who[k + 3 * AHEAD])
+        ask_for_rows(real, _MOVES, who[k + 3 * AHEAD])
+    if k + 2 * AHEAD < listed:
+        i = who[k + 2 * AHEAD]
+        ask_for(avatars.slot_of, max(whole[OPPONENT, i], 0))
+        ask_for(avatars.seen, 8 * whole[NUMBER, i])
+        ask_for(model.strikes, model.strikes.shape[1] * model.actions[whole[ACTION, i], STRIKES])
+        ask_for(model.ways, 6 * model.actions[whole[ACTION, i], STRIKES])
+        ask_for(model.starts, 3 * whole[ACTION, i])
+    if k + AHEAD < listed:
+        j = avatars.slot_of[max(whole[OPPONENT, who[k + AHEAD]], 0)]
+        ask_for_rows(whole, (POLICY, ACTION, ACTION_BEFORE), j)
+        ask_for_rows(real, _MOVES, j)
+    if k + AHEAD // 2 < listed:
+        j = avatars.slot_of[max(whole[OPPONENT, who[k + AHEAD // 2]], 0)]
+        frame = model.actions[whole[ACTION, j], ORIGIN] + int(real[PHASE, j]) * model.policies[whole[POLICY, j], STRIDE]
+        ask_for(model.bodies, 9 * frame)
+        ask_for(model.arms, 12 * frame)
+        ask_for(model.ground, 3 * frame)
 
 
 @kernel(inline=True)
