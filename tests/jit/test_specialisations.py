@@ -20,6 +20,8 @@ SEVERAL = {
     "take.kernels.transitions._doubles": "a row of an array, or a column",
 }
 """Why some kernels have more than one, at most six; by the beginning of their names."""
+INLINED = "crowd.kernels.prefetch."
+"""Requests for memory, of arrays of any kind and any number of rows: an instruction each, without code of their own."""
 
 
 @pytest.mark.slow
@@ -33,5 +35,5 @@ def test_kernels_have_one_signature_each_that_is_listed() -> None:
     assert report["signatures"] == 0, "run: python benchmarks/compilation.py --write"
     unexplained = [name for name in report["several"] if not name.startswith(tuple(SEVERAL))]
     assert not unexplained
-    assert max(report["several"].values()) <= 6
+    assert max(several for name, several in report["several"].items() if not name.startswith(INLINED)) <= 6
     assert all(any(name.startswith(one) for name in report["several"]) for one in SEVERAL), "a reason that has gone"
