@@ -29,7 +29,7 @@ PoseAt = Callable[[Array, Array], list[tuple[Array, Body, Array, Array, Array]]]
 
 MOST = 0.35
 """Furthest that a fist is carried [m]."""
-_FACING = 0.2
+_FACING = 0.4
 """Least cosine of the angle between the outward direction of a point that is hit and the direction to the shoulder."""
 _OUT = 12
 """Times that a point goes out of head or torso."""

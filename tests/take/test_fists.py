@@ -36,7 +36,7 @@ def test_a_point_that_is_hit_lies_on_the_surface_and_not_behind_the_body(seed: i
     found = surface_point(fist, head, neck, pelvis, np.array([0.11]), np.array([0.15]), origin)
     out = (found - middle) * ([1.0, 1.0, 1.0] if height > 1.5 else [1.0, 0.0, 1.0])
     assert np.linalg.norm(out) == pytest.approx(radius, abs=1e-3)
-    assert float(np.sum(out * origin)) > 0.1 * 0.6 * radius
+    assert float(np.sum(out * origin)) > 0.3 * 0.6 * radius
     there = surface_point(found, head, neck, pelvis, np.array([0.11]), np.array([0.15]), origin)
     assert np.linalg.norm(there - found) < 1e-3
 
