@@ -74,8 +74,12 @@ class Model(NamedTuple):
             0 forward, pi / 2 to the left [rad]. Shape (n,), float64.
         fall_axes: Where a body of size 1 lies after that fall: head x, z and feet x, z [m], seen from the fall's first
             frame, then from its last one; 0 of staggers. Shape (n, 8), float64.
-        rests: Pieces of standing at ease: the action that shows one, the action that leads from its end to the guard,
-            and the row that follows it. Shape (n, 3), int32.
+        rests: Pieces of standing at ease, and parts of walks: the action that shows one, the action that leads from its
+            end to the guard or -1 for none, the row that follows it, and the first row in ``walks`` of those that begin
+            at its end, and one past the last. Shape (n, 5), int32.
+        walks: For each walk the action that shows its first part, the row of ``rests`` in the pose of whose end that
+            ends, how far it leads at most [m], and the points x, z about half a metre apart to its end, seen from where
+            it begins [m]. Shape (n, 3 + two for each point), float64.
         ways_to_rest: For each state the action that leads from it to standing at ease, or -1; the row of ``rests`` in
             the pose of whose end that ends; and how many actions lead to a state that has one
             (``resting.NO_WAY``: none do). Shape (S, 3), or (0, 3) where no policy has rests, int32.
@@ -108,6 +112,7 @@ class Model(NamedTuple):
     fall_directions: Array
     fall_axes: Array
     rests: Array
+    walks: Array
     ways_to_rest: Array
     defence: Array
 
