@@ -77,8 +77,7 @@ def _find(
         ceiling=ceiling,
         progress=progress,
         leading=database.captured_frames,
-        # With walks or without, sums are rounded in the same way.
-        telling=~database.rests.chosen(database.rests.walked).mask(database.frame_count),
+        telling=database.telling,
     )
     fallen, winding = database.apart, _before_strikes(database, settings.windup)
     # A transition is decided on in the frame before the one that it leads to.
