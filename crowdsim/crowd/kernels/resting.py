@@ -31,7 +31,7 @@ from crowdsim.crowd.kernels.layout import (
     TEAM,
     UNTIL,
 )
-from crowdsim.crowd.kernels.walking import walk_off
+from crowdsim.crowd.kernels.walking import free_walk, sets_off
 from crowdsim.jit import kernel
 
 NO_WAY = 255  # instead of the number of actions until a rest can be entered, where the policy has no rests
@@ -52,8 +52,9 @@ def resting_action(model, avatars, world, now, own):
             row[PIECE] = 0.0
             return np.int64(model.rests[piece, LEAVE])
         walk = -1
-        if rests and row[MODE] != RESTS and not may_get_opponent(avatars, now, own):
-            walk = walk_off(model, avatars, world, now, own, piece)
+        alone = rests and row[MODE] != RESTS
+        if alone and sets_off(model, avatars, world, own, piece) and not may_get_opponent(avatars, now, own):
+            walk = free_walk(model, avatars, world, now, own, piece)
         if walk >= 0:
             row[PIECE] = model.walks[walk, ONTO] + 1.0
             return np.int64(model.walks[walk, TAKES])

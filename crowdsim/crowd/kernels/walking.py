@@ -36,17 +36,20 @@ CLEAR = 0.8  # how far a walk keeps from other avatars, and from bodies that lie
 
 
 @kernel(inline=True)
-def walk_off(model, avatars, world, now, own, piece):
-    """Return the row of ``Model.walks`` by which an avatar walks off from a piece of its rest; -1 where it stays.
+def sets_off(model, avatars, world, own, piece):
+    """Return whether walks begin at the end of a piece, and the avatar draws that it takes one."""
+    return model.rests[piece, FIRST_WALK] < model.rests[piece, LAST_WALK] and _drawn(avatars, world, own) < SETS_OFF
 
-    Of several ways that are free it takes the first one from a drawn one on.
+
+@kernel(inline=True)
+def free_walk(model, avatars, world, now, own, piece):
+    """Return the row of ``Model.walks`` by which an avatar walks off from a piece of its rest; -1 where none is free.
+
+    Of several that are free it is the first one from a drawn one on.
     """
     first, last = model.rests[piece, FIRST_WALK], model.rests[piece, LAST_WALK]
-    drawn = _drawn(avatars, world, own)
-    if first == last or drawn >= SETS_OFF:
-        return -1
     count = last - first
-    start = int(drawn / SETS_OFF * count)
+    start = int(_drawn(avatars, world, own) / SETS_OFF * count)
     for k in range(count):
         walk = first + (start + k) % count
         if _is_free(model, avatars, world, now, own, walk):
