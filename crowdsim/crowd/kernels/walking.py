@@ -52,7 +52,7 @@ def free_walk(model, avatars, world, now, own, piece):
     start = int(_drawn(avatars, world, own) / SETS_OFF * count)
     for k in range(count):
         walk = first + (start + k) % count
-        if _is_free(model, avatars, world, now, own, walk):
+        if is_free(model, avatars, world, now, own, walk):
             return walk
     return -1
 
@@ -64,7 +64,7 @@ def _drawn(avatars, world, i):
 
 
 @kernel
-def _is_free(model, avatars, world, now, own, walk):
+def is_free(model, avatars, world, now, own, walk):
     """Return whether a walk stays in the arena, and keeps clear of all others: where they are, will be, and halt.
 
     Where an avatar of a lower number that is near may set off in the same frame, no way is free.
