@@ -1,5 +1,7 @@
 """Walks of avatars at ease that have nobody left to fight: whether one sets off, and where the way is free."""
 
+import numpy as np
+
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.random import uniform
 from crowdsim.crowd.kernels.arena import outside
@@ -60,7 +62,8 @@ def free_walk(model, avatars, world, now, own, piece):
 @kernel(inline=True)
 def _drawn(avatars, world, i):
     """Return an avatar's draw of this decision."""
-    return uniform(world.stream[CHOICE_STREAM], avatars.whole[NUMBER, i], avatars.whole[DECISIONS, i])
+    whole = avatars.whole
+    return uniform(world.stream[CHOICE_STREAM], np.int64(whole[NUMBER, i]), np.int64(whole[DECISIONS, i]))
 
 
 @kernel
