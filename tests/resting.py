@@ -2,9 +2,11 @@
 
 from functools import cache
 from pathlib import Path
+from unittest.mock import patch
 
 import yaml
 
+from crowdsim.performer.rests import AT_EASE
 from crowdsim.policy.policy import Policy
 from crowdsim.training.recipe import Recipe
 from crowdsim.training.train import train_policy
@@ -21,8 +23,15 @@ def recipe(rests: int = 1) -> Recipe:
 
 @cache
 def resting_policy() -> Policy:
-    """A small policy with a take of every fall, stagger and rest on the spot, and their mirror images."""
+    """A small policy with a take of every fall, stagger and rest, walks among them, and their mirror images."""
     return train_policy(recipe(), "resting")[0]
+
+
+@cache
+def staying_policy() -> Policy:
+    """The same policy whose motion has rests on the spot alone."""
+    with patch("crowdsim.performer.session.RESTS", AT_EASE):
+        return train_policy(recipe(), "staying")[0]
 
 
 @cache

@@ -22,7 +22,10 @@ def perform(
         int, typer.Option(metavar="N", min=0, max=1000, help="Takes of each kind of fall and stagger besides.")
     ] = 0,
     rests: Annotated[
-        int, typer.Option(metavar="N", min=0, max=1000, help="Takes of each way of standing at ease besides.")
+        int,
+        typer.Option(
+            metavar="N", min=0, max=1000, help="Takes of each way of standing at ease, or walking off, besides."
+        ),
     ] = 0,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the BVH files.")] = Path(
         "output/performer"

@@ -19,11 +19,9 @@ class Model(NamedTuple):
 
     Attributes:
         offsets: CSR: actions of state s are ``offsets[s]:offsets[s + 1]``. Behind the states of a policy each of its
-            falls and staggers has a state of its own, to which no action leads, so that no avatar chooses it.
-            Shape (S + 1,), int32.
+            falls and staggers has a state of its own, to which no action leads: no avatar chooses it. (S + 1,), int32.
         reaches: How far the actions of each state lead at most, and until the body can halt [m]. Shape (S,), float64.
-        halts: Where a body halts after each action at the earliest, in the frame of its start: x, z [m]. Shape (A, 2),
-            float32.
+        halts: Where a body halts after each action at the earliest, seen from its start: x, z [m]. (A, 2), float32.
         legs: Left knee and sole, right knee and sole in each state, in the ground frame, and how far from the
             position these are at most [m]. Shape (S, 13), float32.
         calm: Share of the frames of each action in which the body is still. Shape (A,), float32.
@@ -32,8 +30,7 @@ class Model(NamedTuple):
             and the last whole frame before its first strike. Shape (A + 1, 6), int32.
         moves: Where each action ends, seen from its start: x, z [m], cosine and sine of the turn; the cost of the
             transition into it (``policy.Actions.costs``), and what it takes from each behaviour of the policy as its
-            transition terms say; then room, so that no more lines of memory are read than must be.
-            Shape (A, 8 or more), float32.
+            transition terms say; then room, so that few lines of memory are read. Shape (A, 8 or more), float32.
         paths: Where each action leads in control frames 1 to T: x, z [m], cosine and sine of the turn, and the frame;
             then room to read beyond the last one. Shape (5, .), float32.
         strikes: For each strike its time [control frames from the state], the position of fist or foot seen from the
@@ -47,14 +44,12 @@ class Model(NamedTuple):
         grids: For each behaviour its axes of distance, bearing and height: the first grid point, grid points in a unit
             (both squeezed, see ``environment.Axis``), how many there are, whether the axis wraps, how far apart they
             lie in a table, over how much the behaviour fades beyond them (0 not at all), the least and the greatest
-            grid point, and the rate of squeezing. One that it does not have is a single point. Shape (B, 3, 9),
-            float64.
+            grid point, and the rate of squeezing. One that it does not have is a single point. (B, 3, 9), float64.
         terms: Likewise, but for transition terms. Shape (n, 13), float64.
         table: Likewise; float32 where policies of a run differ. Flat, float32, uint8 or uint16.
         ground: Ground transform of each playback frame in its clip's world. Shape (L, 3), float64.
         starts: What lies on the avatar's ground transform as actions start, in the clip's world. Shape (A, 3), float64.
-        bodies: Centre of the head, upper and lower end of the torso, in the frame's ground frame [m]. Shape (L, 9),
-            float32.
+        bodies: Centre of the head, upper and lower end of the torso, in the frame's ground frame [m]. (L, 9), float32.
         arms: Left and right elbow, left and right fist, likewise. Shape (L, 12), float32.
         ways: Where fist or foot is 0.1 s and 0.05 s before each strike, seen from the action's start [m]. Shape (K, 6),
             float32.
@@ -74,8 +69,12 @@ class Model(NamedTuple):
             0 forward, pi / 2 to the left [rad]. Shape (n,), float64.
         fall_axes: Where a body of size 1 lies after that fall: head x, z and feet x, z [m], seen from the fall's first
             frame, then from its last one; 0 of staggers. Shape (n, 8), float64.
-        rests: Pieces of standing at ease: the action that shows one, the action that leads from its end to the guard,
-            and the row that follows it. Shape (n, 3), int32.
+        rests: Pieces of standing at ease, and parts of walks: the action that shows one, the action that leads from its
+            end to the guard or -1 for none, the row that follows it, and the first row in ``walks`` of those that begin
+            at its end, and one past the last. Shape (n, 5), int32.
+        walks: For each walk the action that shows its first part, the row of ``rests`` in the pose of whose end that
+            ends, how far it leads at most [m], and the points x, z about half a metre apart to its end, seen from where
+            it begins [m]. Shape (n, 3 + two for each point), float64.
         ways_to_rest: For each state the action that leads from it to standing at ease, or -1; the row of ``rests`` in
             the pose of whose end that ends; and how many actions lead to a state that has one
             (``resting.NO_WAY``: none do). Shape (S, 3), or (0, 3) where no policy has rests, int32.
@@ -108,6 +107,7 @@ class Model(NamedTuple):
     fall_directions: Array
     fall_axes: Array
     rests: Array
+    walks: Array
     ways_to_rest: Array
     defence: Array
 

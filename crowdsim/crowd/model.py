@@ -34,7 +34,7 @@ from crowdsim.crowd.model_tables import (
     strike_rows,
     twin_states,
 )
-from crowdsim.crowd.resting import rest_rows
+from crowdsim.crowd.resting import note_walks, rest_rows, walk_rows
 from crowdsim.crowd.stances import stance_rows
 from crowdsim.errors import PolicyError, RunError
 from crowdsim.policy.defence import join_defences
@@ -92,6 +92,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
     halts, offsets = np.concatenate([halt_rows(one) for one in actions]), joined_offsets(actions, starts["action"])
     falls, directions, axes = fall_rows(policies, starts)
     rests, ways_to_rest = rest_rows(policies, starts)
+    note_walks(policies, starts, halts)
     strides = [*(database.stride for database in databases), 0]
     origins = [action_starts(policy) for policy in policies]
     bodies = [np.column_stack([database.heads, database.necks, database.pelvises]) for database in databases]
@@ -123,6 +124,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
         fall_directions=directions,
         fall_axes=axes,
         rests=rests,
+        walks=walk_rows(policies, starts),
         ways_to_rest=ways_to_rest,
         defence=join_defences([policy.defence for policy in policies], [len(action.next) for action in actions]),
     )
@@ -178,7 +180,8 @@ def entry_actions(model: Model) -> Array:
     Falls and rests are none of them. States in the middle of a run have none, since what is in the way there is not
     known yet.
     """
-    apart = [model.falls[:, _FALL_ACTION], model.rests[:, :2].reshape(-1), model.ways_to_rest[:, 0]]
+    rests = [model.rests[:, :2].reshape(-1), model.ways_to_rest[:, 0], model.walks[:, layout.TAKES].astype(int)]
+    apart = [model.falls[:, _FALL_ACTION], *rests]
     chosen = np.setdiff1d(np.arange(len(model.actions) - 1), np.concatenate(apart))
     ends = model.actions[chosen, layout.NEXT]
     order = np.lexsort((np.arange(len(ends)), model.moves[chosen, layout.COST], ends))

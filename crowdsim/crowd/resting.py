@@ -1,4 +1,4 @@
-"""The rests of the policies of a run, and from which states they can be entered."""
+"""The rests of the policies of a run, from which states they can be entered, and where walks out of them lead."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.crowd.kernels.layout import POINTS_OF_WALK
 from crowdsim.crowd.kernels.resting import NO_WAY
+from crowdsim.motion import ground
 
 if TYPE_CHECKING:
     from crowdsim.policy.actions import Actions
     from crowdsim.policy.policy import Policy
+    from crowdsim.policy.rests import Rests
 
 
 def rest_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> tuple[Array, Array]:
@@ -22,10 +25,11 @@ def rest_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> tuple[Arr
         policies: The policies.
         starts: First state and first action of each in the run, and the numbers of all.
     """
-    rows = [np.zeros((0, 3), np.int64)]
+    rows = [np.zeros((0, 5), np.int64)]
     if all(policy.rests is None for policy in policies):
         return rows[0].astype(np.int32), np.zeros((0, 3), np.int32)
     ways = np.tile([-1, 0, NO_WAY], (int(starts["state"][-1]), 1))
+    walked = 0
     for number, policy in enumerate(policies):
         rests = policy.rests
         if rests is None:
@@ -34,8 +38,78 @@ def rest_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> tuple[Arr
         ways[state + rests.state, 0], ways[state + rests.state, 1] = action + rests.enter, before + rests.row
         until = actions_until(policy.actions, rests.state)
         ways[state : state + len(until), 2] = until
-        rows.append(np.column_stack([action + rests.hold, action + rests.leave, before + rests.next]).astype(np.int64))
+        walks = rests.walks
+        pieces = np.arange(len(rests.hold) + len(walks.hold))
+        first, last = (walked + np.searchsorted(walks.piece, pieces, side) for side in ("left", "right"))
+        hold, following = np.concatenate([rests.hold, walks.hold]), np.concatenate([rests.next, walks.next])
+        leave = np.concatenate([action + rests.leave, np.full(len(walks.hold), -1)])
+        rows.append(np.column_stack([action + hold, leave, before + following, first, last]).astype(np.int64))
+        walked += len(walks.take)
     return np.concatenate(rows).astype(np.int32), ways.astype(np.int32)
+
+
+SPACING = 0.5
+"""About how far apart the points of a walk are [m]."""
+
+
+def walk_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> Array:
+    """Return the walks of all policies, see ``Model``; its last point fills the columns that a walk does not need.
+
+    Args:
+        policies: The policies.
+        starts: First action of each in the run, and the number of all.
+    """
+    heads: list[tuple[int, int, float]] = []
+    lines: list[Array] = []
+    before = 0
+    for number, policy in enumerate(policies):
+        rests = policy.rests
+        if rests is None:
+            continue
+        for take, row in zip(rests.walks.take, rests.walks.row, strict=True):
+            path = _path(policy.actions, rests, int(take), int(row))
+            far = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+            marks = np.linspace(0.0, far[-1], max(1, round(float(far[-1]) / SPACING)) + 1)[1:]
+            heads.append((int(starts["action"][number]) + int(take), before + int(row), float(np.hypot(*path.T).max())))
+            lines.append(np.column_stack([np.interp(marks, far, path[:, column]) for column in range(2)]))
+        before += len(rests.hold) + len(rests.walks.hold)
+    most = max((len(line) for line in lines), default=0)
+    rows = np.zeros((len(lines), POINTS_OF_WALK + 2 * most))
+    for row, head, line in zip(rows, heads, lines, strict=True):
+        row[:POINTS_OF_WALK] = head
+        row[POINTS_OF_WALK:] = line[np.minimum(np.arange(most), len(line) - 1)].reshape(-1)
+    return rows
+
+
+def note_walks(policies: Sequence[Policy], starts: dict[str, Array], halts: Array) -> None:
+    """Write to ``halts`` (A, 2) that whoever walks off halts where the walk ends, see ``Model``."""
+    for first, policy in zip(starts["action"], policies, strict=False):
+        rests = policy.rests
+        if rests is None:
+            continue
+        count = len(rests.hold)
+        rows = np.concatenate([rests.walks.row, count + np.arange(len(rests.walks.hold))])
+        for action, row in zip(np.concatenate([rests.walks.take, rests.walks.hold]), rows, strict=True):
+            halts[int(first) + int(action)] = _path(policy.actions, rests, int(action), int(row))[-1]
+
+
+def _path(actions: Actions, rests: Rests, action: int, row: int) -> Array:
+    """Return where a walk leads in each control frame, x and z seen from the start of ``action`` [m]. Shape (n, 2).
+
+    ``row`` is the part of the walk, or the piece of the rest behind it, in the pose of whose end that action ends.
+    """
+    pieces, parts = len(rests.hold), [np.zeros(3), *_frames(actions, action)]
+    while row >= pieces:
+        row = int(rests.walks.next[row - pieces])
+        action = int(rests.hold[row] if row < pieces else rests.walks.hold[row - pieces])
+        parts += list(ground.compose(parts[-1], _frames(actions, action)))
+    return np.array(parts)[:, :2]
+
+
+def _frames(actions: Actions, action: int) -> Array:
+    """Return the path of an action. Shape (T, 3)."""
+    result: Array = actions.paths[actions.path_offsets[action] : actions.path_offsets[action + 1]].astype(float)
+    return result
 
 
 def actions_until(actions: Actions, states: Array) -> Array:

@@ -77,6 +77,7 @@ def _find(
         ceiling=ceiling,
         progress=progress,
         leading=database.captured_frames,
+        telling=database.telling,
     )
     fallen, winding = database.apart, _before_strikes(database, settings.windup)
     # A transition is decided on in the frame before the one that it leads to.

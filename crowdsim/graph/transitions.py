@@ -56,6 +56,7 @@ def find_transitions(
     ceiling: float = np.inf,
     progress: Progress | None = None,
     leading: int | None = None,
+    telling: Array | None = None,
 ) -> Transitions:
     """Return the cheapest transitions of each frame, or of the leading frames.
 
@@ -72,10 +73,11 @@ def find_transitions(
         ceiling: Largest cost [m].
         progress: Called with ('transitions', frames done, frames whose transitions are found).
         leading: Number of frames, from the first on, whose transitions are found; all when None.
+        telling: Frames that tell which features vary most, and are summed first; all when None. Shape (F,), bool.
     """
     frames = len(features)
     leading = frames if leading is None else leading
-    rows = _prepared(features)
+    rows = _prepared(features, slice(None) if telling is None else telling)
     tiles = np.ascontiguousarray(rows.reshape(-1, _TILE, rows.shape[1]).transpose(0, 2, 1))
     clips = np.repeat(np.arange(len(clip_starts) - 1, dtype=np.int32), np.diff(clip_starts))
     last = np.zeros(frames, bool)
@@ -170,13 +172,13 @@ def decision_frames(transitions: Transitions, worth: Array, clip_starts: Array, 
     return chosen
 
 
-def _prepared(features: Array) -> Array:
+def _prepared(features: Array, telling: Array | slice) -> Array:
     """Return features as the kernels take them: columns that vary most first, rows and columns padded.
 
     Distances between frames stay, and distant ones are known as such early. Frames that pad are far from all others.
     """
     frames, depth = features.shape
-    order = np.argsort(-features.var(axis=0, dtype=np.float64), kind="stable")
+    order = np.argsort(-features[telling].var(axis=0, dtype=np.float64), kind="stable")
     rows = np.zeros((-(-(frames + 1) // _TILE) * _TILE, -(-depth // 4) * 4), np.float32)
     rows[:frames, :depth] = features[:, order]
     rows[frames:] = 1e17

@@ -134,6 +134,12 @@ class MotionDatabase:
         return result
 
     @property
+    def telling(self) -> Array:
+        """Which control frames tell what bodies do: all but walks at ease, which change no fight. Shape (F,), bool."""
+        result: Array = ~self.rests.chosen(self.rests.walked).mask(self.frame_count)
+        return result
+
+    @property
     def head_heights(self) -> Array:
         """Heights of the head's centre in playback frames outside falls and rests [m]. Float32."""
         result: Array = self.heads[self.standing(self.stride), 1]

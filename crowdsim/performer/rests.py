@@ -1,4 +1,4 @@
-"""Rests of the embedded boxer: out of the guard to stand at ease, or to walk off and stand at ease, and back again."""
+"""Rests of the embedded boxer: out of the guard to stand at ease, perhaps to walk off at ease too, and back again."""
 
 from __future__ import annotations
 
@@ -159,17 +159,13 @@ def write_rest(kind: str, rng: np.random.Generator, facing: float | None = None)
     plan = Choreographer(rng, facing)
     start = _GUARD + float(rng.uniform(0.0, 0.15))
     down = start + plan.about(_LOWERS, 0.06)
+    prints = plan.prints.copy()
+    stands = max(down, _stand_square(plan, start + 0.15))
     if kind in _WALKS:
-        stands = _walk_off(plan, start + 0.1, _WALKS[kind])
-        up = stands + float(rng.uniform(2.6, 3.2))
-    else:
-        prints = plan.prints.copy()
-        stands = _stand_square(plan, start + 0.15)
-        up = max(down, stands) + float(rng.uniform(4.6, 5.6))
-        _IDLE[kind](plan, max(down, stands) + 0.2, up - 0.3)
-        _step_back(plan, up + 0.15, prints)
-    if kind in _WALKS:
-        _step_back(plan, up + 0.15, _guard_about(plan, LEAD))
+        stands = _walk_off(plan, stands + float(rng.uniform(1.2, 1.5)), _WALKS[kind])
+    up = stands + float(rng.uniform(4.6, 5.6))
+    _IDLE.get(kind, _shift_weight)(plan, stands + 0.2, up - 0.3)
+    _step_back(plan, up + 0.15, _guard_about(plan, LEAD) if kind in _WALKS else prints)
     end = up + plan.about(_RAISES, 0.05)
     _stand_easy(plan, start, down, up, end)
     return plan.finish(end + _AFTER, rests=(Rest(kind, start, down, up, end),))
@@ -212,8 +208,9 @@ def _step_back(plan: Choreographer, start: float, prints: Array) -> float:
 
 
 def _walk_off(plan: Choreographer, start: float, side: float) -> float:
-    """Turn away, walk some metres and stop, feet side by side; return when both stand [s]."""
-    turn, count = side * float(plan.rng.uniform(2.2, 2.8)), 4
+    """Look and turn away, walk some metres and stop, feet side by side; return when both stand [s]."""
+    turn, count = side * float(plan.rng.uniform(1.8, 2.8)), 4
+    plan.accent(Channel.HEAD_TURN, 0.35 * side, start - 0.45, start + 0.15, start + 0.3, start + 1.2)
     around = [Stride(STROLL, 0.42, turn / count)] * count
     straight = [Stride(STROLL, float(share)) for share in plan.rng.uniform(0.95, 1.05, 5)]
     return travel(plan, start, [*around, *straight, Stride(STROLL, 0.8)], closing=_square(plan))

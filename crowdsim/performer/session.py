@@ -19,7 +19,7 @@ from crowdsim.performer.defences import DEFENCES
 from crowdsim.performer.falls import FALLS, STAGGERS, write_fall, write_stagger
 from crowdsim.performer.phrases import THEMES, write_score
 from crowdsim.performer.punches import PUNCHES
-from crowdsim.performer.rests import AT_EASE, RESTS, write_rest
+from crowdsim.performer.rests import RESTS, write_rest
 from crowdsim.performer.score import Score
 from crowdsim.performer.skeleton import build_skeleton, mirror_joints
 from crowdsim.performer.solo import FOOTWORK, write_solo
@@ -73,7 +73,7 @@ def perform(
         stance: "orthodox" (left side leads) or "southpaw", its mirror image.
         progress: Called with ("perform", clips done, clips).
         falls: How often each kind of fall and stagger is performed, in clips of their own behind the others.
-        rests: How often each kind of rest on the spot is performed, likewise.
+        rests: How often each kind of rest is performed, likewise.
 
     Raises:
         ValueError: A length or rate is not positive, or the stance is unknown.
@@ -91,7 +91,7 @@ def perform(
         if progress is not None:
             progress("perform", index + 1, len(lengths))
     performances += _perform_each((*FALLS, *STAGGERS), falls, _FALLS_STREAM, seed, fps, stance)
-    return performances + _perform_each(AT_EASE, rests, _RESTS_STREAM, seed, fps, stance)
+    return performances + _perform_each(RESTS, rests, _RESTS_STREAM, seed, fps, stance)
 
 
 _FALLS_STREAM, _RESTS_STREAM = 1 << 20, 1 << 21

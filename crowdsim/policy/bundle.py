@@ -29,7 +29,8 @@ from crowdsim.config.documents import document_fault, parse_json
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, PolicyError, VersionError
 from crowdsim.files import open_plain, replace_folder, restore_folder, stat_plain
-from crowdsim.policy.checks import DEFENCE, OF_FALLS, OF_RESTS, STATE_VALUES, TABLE
+from crowdsim.policy.behind_checks import BEHIND
+from crowdsim.policy.checks import DEFENCE, STATE_VALUES, TABLE
 from crowdsim.policy.document import PolicyDocument
 from crowdsim.policy.flattening import assemble_policy, check_flattened, flatten_policy
 from crowdsim.policy.policy import Policy
@@ -138,7 +139,7 @@ def map_arrays(folder: Path, document: Mapping[str, Any], but: Collection[str] =
     """
     named = {name.removesuffix(".npy"): (name, facts) for name, facts in document["files"].items()}
     for name in TABLE:
-        if name not in named and name not in (STATE_VALUES, DEFENCE, *OF_FALLS, *OF_RESTS):
+        if name not in named and name not in (STATE_VALUES, DEFENCE, *BEHIND):
             raise PolicyError(f"{folder / 'policy.json'}: files: lacks {name}.npy, expected every array of a bundle")
     return {name: _map(folder, *file) for name, file in named.items() if name not in but}
 

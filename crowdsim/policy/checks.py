@@ -2,7 +2,7 @@
 
 J joints, E end sites, C capsules, M clips, F control frames, P playback frames, N strikes of the database, S states,
 A actions, Q of them of states, H falls, G staggers, R rests, X ways into them, B pieces of
-them, T transitions, L rows of paths, K strikes in actions.
+them, Y ways into walks, Z parts of them, T transitions, L rows of paths, K strikes in actions.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from crowdsim.array_checks import (
-    ArrayFault,
     Ascending,
     Check,
     Column,
@@ -30,20 +29,13 @@ from crowdsim.core.threats import CELLS
 from crowdsim.core.types import Array
 from crowdsim.motion.body import PARTS
 from crowdsim.motion.strikes import LIMBS
+from crowdsim.policy.behind_checks import frames_of, relations_behind
 
 STATE_VALUES = "state_values"
 """Name of the array of ``Behaviour.state_values``, one after another."""
 
 DEFENCE = "defence"
 """Name of the array of ``Policy.defence``."""
-
-FALLS = ("falls_fall", "falls_lie", "falls_rise", "falls_stagger")
-OF_FALLS = (*FALLS, "falls_direction", "falls_stagger_direction")
-"""Names of the arrays of ``policy.falls.Falls``, all of which are there or none: numbers of actions, and all."""
-
-RESTS = ("rests_enter", "rests_hold", "rests_leave")
-OF_RESTS = (*RESTS, "rests_frames", "rests_state", "rests_row", "rests_next")
-"""Likewise of ``policy.rests.Rests``."""
 
 FAR, NEAR, TURNS = 1e6, 1e3, 1e5
 """Greatest positions in the world of a clip and in the frame of a body [m], and headings that are not wrapped [rad]."""
@@ -140,6 +132,12 @@ TABLE: Mapping[str, Column] = {
     "rests_leave": _ints(("B",), Index("A")),
     "rests_row": _ints(("X",), Index("B")),
     "rests_next": _ints(("B",), Index("B")),
+    "walks_spans": _ints(("R", 2), Index("F")),
+    "walks_take": _ints(("Y",), Index("A")),
+    "walks_piece": _ints(("Y",), Ascending()),
+    "walks_row": _ints(("Y",)),
+    "walks_hold": _ints(("Z",), Index("A")),
+    "walks_next": _ints(("Z",)),
     DEFENCE: _singles(("Q", CELLS), _NEAR),
     "values": Column("float32 float16 uint8 uint16", ("V",)),
     STATE_VALUES: Column("float32 float16 uint8 uint16", ("W",)),
@@ -166,11 +164,7 @@ def check_arrays(arrays: Mapping[str, Array], sizes: Mapping[str, int], stride: 
         if name in arrays and arrays[name].dtype.kind == "f":
             check_table({name: Column(str(arrays[name].dtype), ("V",), (_FLOATS,))}, {name: arrays[name]}, {})
     relations = _relations(stride, found)
-    for what, names, more in (("falls", OF_FALLS, _FALLS), ("rests", OF_RESTS, _RESTS)):
-        some = [name for name in names if name in arrays]
-        if some and len(some) < len(names):
-            raise ArrayFault(some[0], f"is there without the other arrays of {what}, expected all of them or none")
-        relations += more if some else ()
+    relations += relations_behind(arrays)
     check_relations(relations, arrays)
 
 
@@ -208,59 +202,15 @@ def _have_paths(arrays: Mapping[str, Array]) -> bool:
     return np.array_equal(np.diff(arrays["actions_path_offsets"]), arrays["actions_lengths"])
 
 
-def _frames(arrays: Mapping[str, Array]) -> tuple[Array, Array]:
-    """Return the control frame on which each action is laid, and its last one. Shapes (A,), int64."""
-    first = arrays["graph_action_first"].astype(np.int64)
-    return first - 1, first + arrays["graph_action_lengths"] - 1
-
-
 def _end_in_states(arrays: Mapping[str, Array]) -> Array:
-    result: Array = _frames(arrays)[1] == arrays["graph_state_frames"][arrays["graph_action_next"]]
+    result: Array = frames_of(arrays)[1] == arrays["graph_state_frames"][arrays["graph_action_next"]]
     result[int(arrays["graph_action_offsets"][-1]) :] = True
     return result
 
 
-def _numbered_behind(arrays: Mapping[str, Array]) -> bool:
-    three = np.stack([arrays[f"falls_{name}"] for name in ("fall", "lie", "rise")], axis=1).reshape(-1)
-    numbers = np.concatenate([three, arrays["falls_stagger"]])
-    count = sum(len(arrays[name]) for name in RESTS if name in arrays)
-    last = len(arrays["graph_action_next"]) - count
-    return np.array_equal(numbers, np.arange(arrays["graph_action_offsets"][-1], last))
-
-
-def _rest_behind(arrays: Mapping[str, Array]) -> bool:
-    numbers = np.concatenate([arrays[name] for name in RESTS])
-    last = len(arrays["graph_action_next"])
-    return np.array_equal(numbers, np.arange(last - len(numbers), last))
-
-
-def _rest_in_order(arrays: Mapping[str, Array]) -> Array:
-    result: Array = np.all(np.diff(arrays["rests_frames"], axis=1) >= 0, axis=1)
-    return result
-
-
-def _lie_between(arrays: Mapping[str, Array]) -> Array:
-    before, last = _frames(arrays)
-    fall, lie, rise = (arrays[f"falls_{name}"] for name in ("fall", "lie", "rise"))
-    result: Array = (before[lie] == last[fall]) & (last[lie] <= before[rise])
-    return result
-
-
-_FALLS = (
-    Relation("falls_fall", "falls, each with its lie and rise, behind the actions of states", _numbered_behind),
-    Relation("falls_lie", "lying between a fall and a rise", _lie_between),
-)
-
-
-_RESTS = (
-    Relation("rests_enter", "rests behind the actions of states and falls", _rest_behind),
-    Relation("rests_frames", "frames that ascend", _rest_in_order),
-)
-
-
 def _stay_in_clips(arrays: Mapping[str, Array]) -> Array:
     starts = arrays["database_clip_starts"]
-    first, last = (np.searchsorted(starts, frames, side="right") for frames in _frames(arrays))
+    first, last = (np.searchsorted(starts, frames, side="right") for frames in frames_of(arrays))
     result: Array = first == last
     return result
 
@@ -268,7 +218,7 @@ def _stay_in_clips(arrays: Mapping[str, Array]) -> Array:
 def _strikes_of(arrays: Mapping[str, Array], stride: int) -> tuple[Array, Array]:
     """Return the first strike of the database in each action, and one past the last. Shapes (A,)."""
     low, high = (
-        np.searchsorted(arrays["database_strike_frames"], stride * frames, side="right") for frames in _frames(arrays)
+        np.searchsorted(arrays["database_strike_frames"], stride * frames, side="right") for frames in frames_of(arrays)
     )
     return low, high
 
@@ -287,7 +237,7 @@ def _name_strikes(arrays: Mapping[str, Array], stride: int) -> Array:
 
 
 def _time_strikes(arrays: Mapping[str, Array], stride: int) -> Array:
-    owners = np.repeat(_frames(arrays)[0], np.diff(arrays["actions_strike_offsets"]))
+    owners = np.repeat(frames_of(arrays)[0], np.diff(arrays["actions_strike_offsets"]))
     at = arrays["database_strike_frames"][arrays["actions_strike_ids"]]
     result: Array = arrays["actions_strike_times"] == (at / stride - owners).astype(np.float32)
     return result

@@ -18,7 +18,8 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.checks import DEFENCE, FALLS, OF_FALLS, OF_RESTS, RESTS, STATE_VALUES, check_arrays
+from crowdsim.policy.behind_checks import BEHIND, FALLS, RESTS, WALKS
+from crowdsim.policy.checks import DEFENCE, STATE_VALUES, check_arrays
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.falls import flatten_falls, read_falls, spans_of
 from crowdsim.policy.policy import Behaviour, Policy
@@ -132,7 +133,7 @@ def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) ->
     wanted = STORED[document["recipe"]["precision"]]
     if arrays["values"].dtype != wanted:
         raise ArrayFault("values", f"holds {arrays['values'].dtype}, expected {wanted} for the precision of the recipe")
-    falls = sum(arrays[name].size for name in (*FALLS, *RESTS) if name in arrays)
+    falls = sum(arrays[name].size for name in (*FALLS, *RESTS, *WALKS) if name in arrays)
     states, actions = arrays["graph_state_frames"].size, arrays["graph_action_next"].size - falls
     cells = [math.prod(axis["count"] for axis in report["axes"]) for report in behaviours]
     for report, count in zip(behaviours, cells, strict=True):
@@ -147,7 +148,7 @@ def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) ->
         "V": sum(report["entries"] for report in behaviours),
         "W": states * sum(count for report, count in zip(behaviours, cells, strict=True) if "state_values" in report),
     }
-    check_arrays(arrays, sizes, stride, (STATE_VALUES, DEFENCE, *OF_FALLS, *OF_RESTS))
+    check_arrays(arrays, sizes, stride, (STATE_VALUES, DEFENCE, *BEHIND))
     longest = int(arrays["actions_lengths"].max()) + 1
     if len(behaviours) * longest**2 > _MOST_POWERS:
         what = f"are up to {longest - 1} control frames for {len(behaviours)} behaviours"

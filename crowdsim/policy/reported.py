@@ -91,10 +91,11 @@ class FallFigures(OpenModel):
 
 
 class RestFigures(OpenModel):
-    """What is reported of rests: how many there are, from how many states they begin, and at what cost [m]."""
+    """What is reported of rests: how many on the spot, from how many states they begin, at what cost [m], and walks."""
 
     count: Count
     states: Count
+    walks: Count = 0
     cost_mean: Number
     cost_most: Number
 

@@ -2,24 +2,23 @@
 
 A rest is entered from a state whose pose is like one of the guard before it, no less than poses are between which the
 graph has transitions. Standing at ease is cut into short pieces that can be repeated without end; out of each of them
-an action leads back to the guard, and to a state.
+an action leads back to the guard, and to a state. Out of some a walk leads to another rest (``walks``).
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.graph.features import frame_features
-from crowdsim.motion.rests import DOWN, FIRST, LAST, START, STOP, UP, RestSpans, no_rests
+from crowdsim.motion.rests import DOWN, FIRST, LAST, START, STOP, UP, RestSpans, no_rests, rests_on_the_spot
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.alignment import align_transitions
-from crowdsim.policy.falls import actions_behind
+from crowdsim.policy.walks import Laid, Walks, add_walks, flatten_walks, laid_behind, no_walks, read_walks, walk_cuts
 
 if TYPE_CHECKING:
     from crowdsim.graph.motion_graph import MotionGraph
@@ -49,6 +48,7 @@ class Rests:
         hold: Actions that stand at ease for a while. Shape (B,), int32.
         leave: Actions from the end of each of these to a state. Shape (B,), int32.
         next: The piece that follows each. Shape (B,), int32.
+        walks: What leads from these pieces to rests that are entered from no state.
     """
 
     frames: Array
@@ -58,11 +58,12 @@ class Rests:
     hold: Array
     leave: Array
     next: Array
+    walks: Walks = field(default_factory=no_walks)
 
     @property
     def actions(self) -> Array:
-        """All of these actions. Shape (E + 2 B,), int32."""
-        return np.concatenate([self.enter, self.hold, self.leave])
+        """All of these actions, those of walks behind the others. Int32."""
+        return np.concatenate([self.enter, self.hold, self.leave, self.walks.take, self.walks.hold])
 
 
 @dataclass(frozen=True)
@@ -99,36 +100,26 @@ def add_rests(
     if seconds is None or not len(database.rests.frames):
         return graph, actions, None
     features = frame_features(database, settings).astype(np.float64)
-    pieces, ends, begins = _all_pieces(features, database, seconds)
-    state, frame, rest, costs = _entries(database, graph, features, begins)
+    length = seconds * database.control_rate
+    pieces, ends, begins = _all_pieces(features, database, length)
+    limit = float(np.percentile(graph.action_costs[: graph.choice_count][graph.action_has_transition], 90))
+    state, frame, rest, costs = _entries(database, graph, features, limit)
     if not len(state):
         return graph, actions, None
-    count = len(pieces)
     poses = np.array([piece.last for piece in pieces])
     poses[[first for first, _ in ends]] = begins
     leave_from, leave_to, arrivals = _ways_back(database, graph, features, poses, ends)
     begin = np.array([begins[k] for k in rest], np.int64)
-    before = np.concatenate([graph.state_frames[state], [p.before for p in pieces], poses])
-    first = np.concatenate([frame + 1, [p.first for p in pieces], leave_from + 1]).astype(np.int32)
-    last = np.concatenate([begin, [p.last for p in pieces], leave_to])
     row = np.array([ends[k][0] for k in rest], np.int32)
-    following = np.concatenate([arrivals[row], arrivals, arrivals]).astype(np.int32)
-    lengths = (last - first + 1).astype(np.int32)
-    shifts = align_transitions(
-        database, before * database.stride, (first.astype(np.int64) - 1) * database.stride
-    ).shifts
-    shifts[before == first - 1] = 0.0
-    numbers = np.arange(graph.action_count, graph.action_count + len(first), dtype=np.int32)
-    enter, hold, leave = np.split(numbers, [len(state), len(state) + count])
-    back = np.linalg.norm(features[before] - features[first - 1], axis=1).astype(np.float32)
-    back[: len(state)] = costs
-    extended = replace(
-        graph,
-        action_next=np.concatenate([graph.action_next, following]),
-        action_first=np.concatenate([graph.action_first, first]),
-        action_lengths=np.concatenate([graph.action_lengths, lengths]),
-        action_costs=np.concatenate([graph.action_costs, back]),
+    laid = Laid(
+        before=np.concatenate([graph.state_frames[state], [p.before for p in pieces], poses]),
+        first=np.concatenate([frame + 1, [p.first for p in pieces], leave_from + 1]),
+        last=np.concatenate([begin, [p.last for p in pieces], leave_to]),
+        states=np.concatenate([arrivals[row], arrivals, arrivals]),
     )
+    graph, actions, numbers = laid_behind(database, graph, actions, features, laid, costs)
+    graph, actions, walks = add_walks(database, graph, actions, features, poses, ends, arrivals, length, limit)
+    enter, hold, leave = np.split(numbers, [len(state), len(state) + len(pieces)])
     rests = Rests(
         frames=database.rests.frames,
         enter=enter,
@@ -137,25 +128,32 @@ def add_rests(
         hold=hold,
         leave=leave,
         next=np.array([p.next for p in pieces], np.int32),
+        walks=walks,
     )
-    return extended, actions_behind(database, actions, first, lengths, following, shifts), rests
+    return graph, actions, rests
 
 
 def _all_pieces(
-    features: Array, database: MotionDatabase, seconds: float
+    features: Array, database: MotionDatabase, length: float
 ) -> tuple[list[_Piece], list[tuple[int, int]], list[int]]:
     """Return the pieces of all rests, the first and last number of each rest's, and where each begins to repeat.
 
-    The first piece of a rest is never performed: it stands for the pose in which the rest has been entered.
+    The first piece of a rest is never performed: it stands for the pose in which the rest has been entered. Where a
+    walk leads there, it is the last part of that. Pieces are about ``length`` frames long.
     """
     pieces: list[_Piece] = []
     ends, begins = [], []
-    for row in database.rests.frames.astype(int):
+    spans = database.rests
+    for row, walk, walked in zip(spans.frames.astype(int), spans.walks, spans.walked, strict=True):
         start, stop = _loop(features, row)
-        count = max(1, round((stop - start) / (seconds * database.control_rate)))
+        count = max(1, round((stop - start) / length))
         cuts = np.linspace(start, stop, count + 1).round().astype(int)
         own = len(pieces)
-        pieces.append(_Piece(start, start + 1, int(cuts[1]), own + 1))
+        if walked:
+            before = int(walk_cuts(int(walk[1]), start, length)[-2])
+            pieces.append(_Piece(before, before + 1, start, own + 1))
+        else:
+            pieces.append(_Piece(start, start + 1, int(cuts[1]), own + 1))
         for number, (one, other) in enumerate(itertools.pairwise(cuts)):
             pieces.append(_Piece(int(one), int(one) + 1, int(other), own + 2 + number))
         # Behind the last piece the first one comes again, out of the last one's pose.
@@ -178,18 +176,18 @@ def _loop(features: Array, row: Array) -> tuple[int, int]:
 
 
 def _entries(
-    database: MotionDatabase, graph: MotionGraph, features: Array, begins: list[int]
+    database: MotionDatabase, graph: MotionGraph, features: Array, limit: float
 ) -> tuple[Array, Array, Array, Array]:
     """Return states from which rests are entered, the frame each is like, its rest, and what that costs [m].
 
-    None costs more than nine in ten of the graph's transitions.
+    None costs more than ``limit``. Rests to which a walk leads are not entered otherwise.
     """
-    own = np.asarray(graph.action_costs)[: graph.choice_count][graph.action_has_transition]
-    limit = float(np.percentile(own, 90))
     states, contacts = features[graph.state_frames], database.contacts[:: database.stride]
     best = np.full(graph.state_count, np.inf)
     frames, rests = np.zeros((2, graph.state_count), np.int64)
     for number, row in enumerate(database.rests.frames.astype(int)):
+        if database.rests.walked[number]:
+            continue
         for frame in range(row[FIRST] + 1, row[START] + 1):
             cost = np.linalg.norm(states - features[frame], axis=1)
             cost[np.any(contacts[graph.state_frames] != contacts[frame], axis=1)] = np.inf
@@ -221,17 +219,25 @@ def _ways_back(
 
 def flatten_rests(rests: Rests | None) -> dict[str, Array]:
     """Return the arrays of rests by the names that they have in a bundle; none where there are no rests."""
-    return {} if rests is None else {f"rests_{field.name}": getattr(rests, field.name) for field in fields(rests)}
+    if rests is None:
+        return {}
+    return {f"rests_{name}": getattr(rests, name) for name in _NAMES} | flatten_walks(rests.walks)
+
+
+_NAMES = tuple(item.name for item in fields(Rests) if item.name != "walks")
 
 
 def read_rests(arrays: Mapping[str, Array]) -> Rests | None:
     """Return the rests in the arrays of a bundle."""
-    names = [field.name for field in fields(Rests)]
-    if f"rests_{names[0]}" not in arrays:
+    if f"rests_{_NAMES[0]}" not in arrays:
         return None
-    return Rests(*(arrays[f"rests_{name}"] for name in names))
+    parts: dict[str, Any] = {name: arrays[f"rests_{name}"] for name in _NAMES}
+    return Rests(**parts, walks=read_walks(arrays))
 
 
 def rests_of(rests: Rests | None) -> RestSpans:
     """Return where the rests of a policy are in its motion."""
-    return no_rests() if rests is None else RestSpans(np.asarray(rests.frames))
+    if rests is None:
+        return no_rests()
+    frames = np.asarray(rests.frames)
+    return RestSpans(frames, np.asarray(rests.walks.spans)) if len(rests.walks.take) else rests_on_the_spot(frames)

@@ -138,7 +138,8 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     rotations[:, 0] = quaternion.multiply(headings, rotations[:, 0])
     _align_signs(rotations, starts)
     positions, world_rotations = forward_kinematics(skeleton, database.root_positions, database.rotations, threads=1)
-    some = slice(None, None, max(1, len(positions) // _SAMPLE))
+    telling = np.repeat(database.telling, stride)
+    some = np.flatnonzero(telling)[:: max(1, np.count_nonzero(telling) // _SAMPLE)]
     sample = positions[some], world_rotations[some]
     bends = np.array([body.roles["spine"], body.roles["chest"]])
     legs = measure_limbs(skeleton, body, ("hip", "knee", "foot"), body.sole_offsets, bends, sample)
@@ -172,8 +173,8 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         frames=frames,
         legs=legs,
         arms=measure_limbs(skeleton, body, ("shoulder", "elbow", "hand"), fists, bends, sample),
-        hinges=measure_hinges(skeleton, body, positions),
-        gait=measure_gait(contacts, holds, starts, float(database.playback_rate)),
+        hinges=measure_hinges(skeleton, body, positions[telling]),
+        gait=measure_gait(contacts[telling], holds[telling], _kept(starts, telling), float(database.playback_rate)),
         strikers=strikers.astype(np.float32),
         trunks=np.stack([database.heads, database.necks, database.pelvises], axis=1),
         leg_joints=ground.to_local(database.ground[:, None, None], positions[:, legs.joints]).astype(np.float32),
@@ -185,6 +186,12 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         shifts=np.asarray(policy.actions.shifts, dtype=np.float64),
         down=down,
     )
+
+
+def _kept(starts: Array, telling: Array) -> Array:
+    """Return where clips begin among the frames that are told, cut where others lie between, and their number."""
+    cuts = np.concatenate([starts, np.flatnonzero(np.diff(telling.astype(np.int8))) + 1])
+    return np.unique(np.concatenate([[0], np.cumsum(telling)])[cuts])
 
 
 def _looks(body: Body, skeleton: Skeleton, headings: Array, world_rotations: Array) -> Array:

@@ -50,7 +50,7 @@ class PerformerSource(StrictModel):
         default=0,
         ge=0,
         le=1000,
-        description="How often each way of standing at ease is performed besides; 0: not at all.",
+        description="How often each way of standing at ease, and of walking off, is performed besides; 0: not at all.",
     )
 
 

@@ -16,7 +16,7 @@ from crowdsim.motion.falls import FallSpans
 from crowdsim.motion.strike_kinds import HEIGHTS, KINDS, strike_heights, strike_kinds
 from crowdsim.motion.strikes import HANDS, SIDES
 from crowdsim.policy.policy import Policy
-from crowdsim.policy.rests import Rests
+from crowdsim.policy.rests import Rests, rests_of
 from crowdsim.training.pursuit import sustained_speed
 from crowdsim.training.ranges import strike_reach, striking_range
 from crowdsim.training.solution import Solution
@@ -110,8 +110,9 @@ def with_rests(statistics: dict[str, Any], graph: MotionGraph, rests: Rests | No
         return {**statistics, "warnings": [*statistics["warnings"], what]}
     costs = np.asarray(graph.action_costs, float)[rests.enter]
     figures = {
-        "count": len(rests.frames),
+        "count": int(np.count_nonzero(~rests_of(rests).walked)),
         "states": len(rests.state),
+        "walks": len({*rests.walks.row.tolist()}),
         "cost_mean": float(costs.mean()),
         "cost_most": float(costs.max()),
     }

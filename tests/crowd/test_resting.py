@@ -48,7 +48,7 @@ def test_rows_of_rests_are_those_of_each_policy(count):
     policies, rests = [resting_policy(), restless_policy()][:count] * 2, resting_policy().rests
     model = build_model(policies)
     assert model.ways_to_rest.shape == (len(model.offsets) - 1, 3)
-    assert len(model.rests) == 2 * len(rests.hold)
+    assert len(model.rests) == 2 * (len(rests.hold) + len(rests.walks.hold))
     for number, policy in enumerate(policies):
         first, state = model.policies[number, [layout.ACTIONS, layout.STATES]]
         own = model.ways_to_rest[state : model.policies[number + 1, layout.STATES]]
@@ -69,7 +69,8 @@ def test_rows_of_rests_are_those_of_each_policy(count):
 
 def test_policies_without_rests_have_no_rows():
     rows, ways = rest_rows([restless_policy()], {"state": np.zeros(2), "action": np.zeros(2)})
-    assert rows.shape == ways.shape == (0, 3)
+    assert rows.shape == (0, 5)
+    assert ways.shape == (0, 3)
 
 
 def test_actions_until_a_rest_match_a_search_state_by_state():

@@ -126,16 +126,16 @@ def _keep_running(model, avatars, due, count, scratch):
 
 
 @kernel(inline=True)
-def _without_choice(model, avatars, world, frame, own, observed, q, values):
+def _without_choice(model, avatars, world, now, own, observed, q, values):
     """Return the action of an avatar that falls, is down or rests; -1 where it may choose.
 
     Where it is to rest, but may choose, that is added to the values of its actions.
     """
-    special = special_action(model, avatars, world, frame, own, observed, q)
+    special = special_action(model, avatars, world, now.frame, own, observed, q)
     if special >= 0:
         avatars.conditions[avatars.whole[NUMBER, own], PIECE] = 0.0
     elif model.ways_to_rest.shape[0] > 0:
-        special = resting_action(model, avatars, own)
+        special = resting_action(model, avatars, world, now, own)
         if special < 0:
             favour_rest(model, avatars, own, values)
     return special
@@ -159,7 +159,7 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
         own = due[q]
         rests, slowness, bonus, stance = False, 1.0, 0.0, 0
         if avatars.conditions.shape[0] > 0:
-            special = _without_choice(model, avatars, world, frame, own, observed, q, values[q])
+            special = _without_choice(model, avatars, world, now, own, observed, q, values[q])
             if special >= 0:
                 out_chosen[q] = special
                 continue

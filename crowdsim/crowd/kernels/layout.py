@@ -49,7 +49,8 @@ UP, STAGGERS, DROPS, FALLING, LYING, RISING, OUT = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0,
 FALL_POLICY, FALL_KIND, FALL_ACTION, FALL_ROW = range(4)
 FALLS, LIES, STANDS_UP, STUMBLES = range(4)
 ENTER, ROW, UNTIL = range(3)  # columns of ``Model.ways_to_rest``
-HOLD, LEAVE, FOLLOWS = range(3)  # columns of ``Model.rests``
+HOLD, LEAVE, FOLLOWS, FIRST_WALK, LAST_WALK = range(5)  # columns of ``Model.rests``
+TAKES, ONTO, WAY, POINTS_OF_WALK = range(4)  # columns of ``Model.walks``, the last one where its points begin
 
 # Columns of ``World.rules``.
 (

@@ -1,6 +1,11 @@
-"""Rests: an avatar that need not fight stands at ease, piece after piece, until it has to fight again."""
+"""Rests: an avatar that need not fight stands at ease, piece after piece, until it has to fight again.
+
+One that has nobody left to fight may walk off once meanwhile, where the way is free.
+"""
 
 import math
+
+import numpy as np
 
 from crowdsim.crowd.kernels.layout import (
     ACTION,
@@ -11,8 +16,10 @@ from crowdsim.crowd.kernels.layout import (
     FOLLOWS,
     HOLD,
     LEAVE,
+    MODE,
     NEXT,
     NUMBER,
+    ONTO,
     PIECE,
     RESTS,
     RISES,
@@ -20,9 +27,11 @@ from crowdsim.crowd.kernels.layout import (
     ROW,
     SKIP,
     STANDING,
+    TAKES,
     TEAM,
     UNTIL,
 )
+from crowdsim.crowd.kernels.walking import free_walk, sets_off
 from crowdsim.jit import kernel
 
 NO_WAY = 255  # instead of the number of actions until a rest can be entered, where the policy has no rests
@@ -30,23 +39,33 @@ TOWARDS = 1.0  # what it costs an avatar to be an action further from where a re
 
 
 @kernel(inline=True)
-def resting_action(model, avatars, own):
-    """Return the action by which an avatar enters a rest, goes on with it, or leaves it; -1 where it may choose."""
+def resting_action(model, avatars, world, now, own):
+    """Return the action by which an avatar enters a rest, goes on with it, or leaves it; -1 where it may choose.
+
+    Whoever walks off comes to the end of that before it leaves the rest.
+    """
     row = avatars.conditions[avatars.whole[NUMBER, own]]
     rests = row[DOES_NEXT] == RESTS
     if row[PIECE] > 0.0:
         piece = int(row[PIECE]) - 1
-        if not rests:
+        if not rests and model.rests[piece, LEAVE] >= 0:
             row[PIECE] = 0.0
-            return model.rests[piece, LEAVE]
+            return np.int64(model.rests[piece, LEAVE])
+        walk = -1
+        alone = rests and row[MODE] != RESTS
+        if alone and sets_off(model, avatars, world, own, piece) and not may_get_opponent(avatars, now, own):
+            walk = free_walk(model, avatars, world, now, own, piece)
+        if walk >= 0:
+            row[PIECE] = model.walks[walk, ONTO] + 1.0
+            return np.int64(model.walks[walk, TAKES])
         following = model.rests[piece, FOLLOWS]
         row[PIECE] = following + 1.0
-        return model.rests[following, HOLD]
+        return np.int64(model.rests[following, HOLD])
     way = model.ways_to_rest[model.actions[avatars.whole[ACTION, own], NEXT]]
     if not rests or way[ENTER] < 0:
-        return -1
+        return np.int64(-1)
     row[PIECE] = way[ROW] + 1.0
-    return way[ENTER]
+    return np.int64(way[ENTER])
 
 
 @kernel(inline=True)

@@ -1,0 +1,119 @@
+"""Walks of avatars at ease that have nobody left to fight: whether one sets off, and where the way is free."""
+
+import numpy as np
+
+from crowdsim.core.angles import cos_sin
+from crowdsim.core.random import uniform
+from crowdsim.crowd.kernels.arena import outside
+from crowdsim.crowd.kernels.layout import (
+    ACTION,
+    CHOICE_STREAM,
+    DECISIONS,
+    DOES,
+    END_X,
+    END_Z,
+    FIRST_WALK,
+    HALT_X,
+    HALT_Z,
+    HEADING,
+    LAST_WALK,
+    LENGTH,
+    MODE,
+    NUMBER,
+    PHASE,
+    POINTS_OF_WALK,
+    RESTS,
+    SCALE,
+    TEAM,
+    WAY,
+    Axis,
+    X,
+    Z,
+)
+from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
+from crowdsim.jit import kernel
+
+SETS_OFF = 0.2  # share of the pieces at ease behind which an avatar walks off, where it can
+CLEAR = 0.8  # how far a walk keeps from other avatars, and from bodies that lie [m]
+
+
+@kernel(inline=True)
+def sets_off(model, avatars, world, own, piece):
+    """Return whether walks begin at the end of a piece, and the avatar draws that it takes one."""
+    return model.rests[piece, FIRST_WALK] < model.rests[piece, LAST_WALK] and _drawn(avatars, world, own) < SETS_OFF
+
+
+@kernel(inline=True)
+def free_walk(model, avatars, world, now, own, piece):
+    """Return the row of ``Model.walks`` by which an avatar walks off from a piece of its rest; -1 where none is free.
+
+    Of several that are free it is the first one from a drawn one on.
+    """
+    first, last = model.rests[piece, FIRST_WALK], model.rests[piece, LAST_WALK]
+    count = last - first
+    start = int(_drawn(avatars, world, own) / SETS_OFF * count)
+    for k in range(count):
+        walk = first + (start + k) % count
+        if is_free(model, avatars, world, now, own, walk):
+            return walk
+    return -1
+
+
+@kernel(inline=True)
+def _drawn(avatars, world, i):
+    """Return an avatar's draw of this decision."""
+    whole = avatars.whole
+    return uniform(world.stream[CHOICE_STREAM], np.int64(whole[NUMBER, i]), np.int64(whole[DECISIONS, i]))
+
+
+@kernel
+def is_free(model, avatars, world, now, own, walk):
+    """Return whether a walk stays in the arena, and keeps clear of all others: where they are, will be, and halt.
+
+    Where an avatar of a lower number that is near may set off in the same frame, no way is free.
+    """
+    whole, real, points = avatars.whole, avatars.real, model.walks[walk, POINTS_OF_WALK:]
+    x, z, size = real[X, own], real[Z, own], real[SCALE, own]
+    cos, sin = cos_sin(real[HEADING, own])
+    cos, sin = cos * size, sin * size
+    count = points.shape[0] // 2
+    for k in range(count):
+        px, pz = points[2 * k], points[2 * k + 1]
+        if outside(world.arena, x + px * cos + pz * sin, z + pz * cos - px * sin) > 0.0:
+            return False
+    reach = model.walks[walk, WAY] * size + CLEAR
+    for j in range(now.present):
+        if j == own:
+            continue
+        if whole[TEAM, j] < 0 and is_on_floor(avatars, j):
+            here = axis_of(model, avatars, j)
+            then = here
+        else:
+            here = Axis(real[X, j], real[Z, j], real[END_X, j], real[END_Z, j])
+            then = Axis(real[END_X, j], real[END_Z, j], real[HALT_X, j], real[HALT_Z, j])
+            if _may_go_first(model, avatars, world, own, j, 2.0 * reach):
+                return False
+        if min(from_axis(here, x, z), from_axis(then, x, z)) > reach:
+            continue
+        for k in range(count):
+            px, pz = points[2 * k], points[2 * k + 1]
+            wx, wz = x + px * cos + pz * sin, z + pz * cos - px * sin
+            if min(from_axis(here, wx, wz), from_axis(then, wx, wz)) < CLEAR:
+                return False
+    return True
+
+
+@kernel(inline=True)
+def _may_go_first(model, avatars, world, own, j, reach):
+    """Return whether another avatar that rests, is near and has a lower number, draws in this frame that it sets off.
+
+    What it has decided in this frame is not read: others may be deciding at the same time.
+    """
+    whole, real = avatars.whole, avatars.real
+    if whole[NUMBER, j] > whole[NUMBER, own] or real[PHASE, j] < model.actions[whole[ACTION, j], LENGTH]:
+        return False
+    row = avatars.conditions[whole[NUMBER, j]]
+    if row[DOES] != RESTS or row[MODE] == RESTS or _drawn(avatars, world, j) >= SETS_OFF:
+        return False
+    dx, dz = real[X, j] - real[X, own], real[Z, j] - real[Z, own]
+    return dx * dx + dz * dz < reach * reach

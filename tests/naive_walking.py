@@ -1,0 +1,77 @@
+"""Whether a walk at ease is free, the slow and obvious way: the twin of ``crowd.kernels.walking.is_free``."""
+
+import math
+
+import numpy as np
+
+from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.lying import axis_of
+from crowdsim.crowd.kernels.walking import CLEAR, SETS_OFF
+from crowdsim.crowd.random import Purpose, uniform
+
+
+def distance(point, one, other):
+    """The distance of a point from a line between two others."""
+    point, one, other = (np.asarray(p, float) for p in (point, one, other))
+    along = other - one
+    share = 0.0 if not along.any() else float(np.clip((point - one) @ along / (along @ along), 0.0, 1.0))
+    return float(np.linalg.norm(one + share * along - point))
+
+
+def way_of(one, slot, walk):
+    """The points of a walk on the floor, from where an avatar is."""
+    real = one.avatars.real[:, slot]
+    row = one.model.walks[walk]
+    heading, points = real[layout.HEADING], row[layout.POINTS_OF_WALK :].reshape(-1, 2) * real[layout.SCALE]
+    x = real[layout.X] + points[:, 0] * math.cos(heading) + points[:, 1] * math.sin(heading)
+    z = real[layout.Z] - points[:, 0] * math.sin(heading) + points[:, 1] * math.cos(heading)
+    return np.column_stack([x, z])
+
+
+def lines_of(one, slot):
+    """Where an avatar is, will be at the end of its action, and halts; or where its body lies."""
+    number, real = one.avatars.number[slot], one.avatars.real[:, slot]
+    row = one.avatars.conditions[number]
+    if one.avatars.whole[layout.TEAM, slot] < 0 and layout.FALLING <= row[layout.STANDING] <= layout.RISING:
+        axis = axis_of(one.model, one.avatars, slot)
+        return [((axis.x, axis.z), (axis.to_x, axis.to_z))]
+    here, end, halt = (
+        real[[layout.X, layout.Z]],
+        real[[layout.END_X, layout.END_Z]],
+        real[[layout.HALT_X, layout.HALT_Z]],
+    )
+    return [(here, end), (end, halt)]
+
+
+def draws(one, slot):
+    """What an avatar draws in its next decision."""
+    number, decision = one.avatars.number[slot], one.avatars.whole[layout.DECISIONS, slot]
+    return float(uniform(one.crowd.seed, Purpose.CHOICE, number, decision))
+
+
+def may_go_first(one, own, other, reach):
+    """Whether another avatar, of a lower number, may set off in the same frame."""
+    whole, real = one.avatars.whole, one.avatars.real
+    number = one.avatars.number[other]
+    row = one.avatars.conditions[number]
+    due = real[layout.PHASE, other] >= one.model.actions[whole[layout.ACTION, other], layout.LENGTH]
+    rests = row[layout.DOES] == layout.RESTS != row[layout.MODE]
+    near = math.hypot(*(real[[layout.X, layout.Z], other] - real[[layout.X, layout.Z], own])) < reach
+    return number < one.avatars.number[own] and due and rests and near and draws(one, other) < SETS_OFF
+
+
+def naive_is_free(one, own, walk):
+    """Whether a walk stays in the arena and clear of all others."""
+    way, arena = way_of(one, own, walk), one.crowd.arena
+    if arena[0] == layout.CIRCLE and any(math.hypot(x - arena[1], z - arena[2]) > arena[3] for x, z in way):
+        return False
+    reach = 2.0 * (one.model.walks[walk, layout.WAY] * one.avatars.real[layout.SCALE, own] + CLEAR)
+    for other in range(one.present):
+        if other == own:
+            continue
+        lines = lines_of(one, other)
+        if len(lines) > 1 and may_go_first(one, own, other, reach):
+            return False
+        if any(distance(point, *line) < CLEAR for point in way for line in lines):
+            return False
+    return True
