@@ -174,7 +174,8 @@ def test_rows_of_a_long_take_are_those_of_a_short_one(monkeypatch: pytest.Monkey
     first, lengths = actions(90)
     queues = [list(range(start, start + 30)) for start in (0, 30, 60)]
     take, policy = build_take(queues, first, lengths, 30, start=[(0.0, 0.0, 0.0), (0.3, 0.1, 3.0), (0.1, 0.4, 1.0)])
-    separation = Separation(take, sampler(take, policy).motions, find_landed(take))
+    poses = sampler(take, policy)
+    separation = Separation(take, poses.motions, find_landed(take), poses._passes._blended_joints)
     whole = KeptRows(30, 3, separation.find).rows(0, 30, np.arange(3))
     assert np.abs(whole).max() > 0.01
     monkeypatch.setattr("crowdsim.take.kept_rows._WHOLE", 0)
