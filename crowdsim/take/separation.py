@@ -76,7 +76,7 @@ class Separation:
         absent = np.asarray(take.action[first:stop]) < 0
         absent |= fallen_rows(take, self._motions, first, stop)
         absent = absent[(rows - rows[0]) // FINE] | absent[-((rows[0] - rows) // FINE)]
-        points = np.full((*absent.shape, POINTS, 3), np.nan)
+        points = np.full((*absent.shape, POINTS, 3), np.nan, np.float32)
         for index, motion in enumerate(self._motions):
             own = np.flatnonzero((take.cast.policies == index) & ~absent.all(axis=0))
             frames = max(1, _POSES_AT_ONCE // max(len(own), 1))

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from take.synthetic_take import actions, build_take, database, sampler
 
+from crowdsim.motion import quaternion
 from crowdsim.take.deflection import Deflection
 from crowdsim.take.kept_rows import KeptRows
 from crowdsim.take.kernels import separation
@@ -149,6 +150,22 @@ def test_bodies_inside_one_another_give_way_over_feet_that_stay(monkeypatch: pyt
     assert np.linalg.norm(near[:, :, feet] - through[:, :, feet], axis=-1).max() < 0.02
     moved = (near - through)[:, :, roles["pelvis"]]
     assert np.linalg.norm(np.diff(moved, 2, axis=0), axis=-1).max() * 3600.0 < 25.0
+
+
+def test_heads_give_way_that_come_into_one_another_in_blends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Deflection, "bend", lambda *_: None)
+    first, lengths = actions(240, longest=6, seed=4)
+    queues = [list(range(120)), list(range(120, 240))]
+    take, policy = build_take(queues, first, lengths, 60, start=[(0.0, 0.0, 0.0), (-0.265, -0.229, 7.0)])
+    body = database().body
+    depths = []
+    for one in (take, replace(take, collision_avoidance=False)):
+        positions, rotations = sampler(one, policy).sample(0, 232, 60)[0].joints()
+        head = body.roles["head"]
+        middles = positions[:, :, head] + quaternion.rotate(rotations[:, :, head], body.head_offset)
+        depths.append(2.0 * body.head_radius - np.linalg.norm(middles[:, 0] - middles[:, 1], axis=-1).min())
+    assert depths[1] > 0.1
+    assert depths[0] < 0.03
 
 
 def test_feet_in_the_air_go_along_with_bodies_that_give_way(monkeypatch: pytest.MonkeyPatch) -> None:
