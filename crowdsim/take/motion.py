@@ -15,7 +15,6 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.contacts import plant_spans
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
-from crowdsim.take.capsules import trunk_capsules
 from crowdsim.take.facing import chest_direction, face_direction
 from crowdsim.take.gait import Gait, measure_gait
 from crowdsim.take.kernels.columns import LOWER, UPPER
@@ -91,8 +90,6 @@ class PoseMotion:
             frame [m]. Shape (P, 4, 3), float32.
         trunks: Centre of the head, upper and lower end of the trunk in the frame's ground frame [m]. Shape (P, 3, 3),
             float32.
-        leg_joints: Hip, knee and ankle of either leg there [m]. Shape (P, 2, 3, 3), float32.
-        shoulders: Both ends of the capsule across the shoulders there [m]. Shape (P, 2, 3), float32.
         looks: Heading of the face and of the chest in the frame's ground frame [rad]. Shape (P, 2), float32.
         strikes: Playback frames at which strikes reach furthest, ascending. Shape (S,).
         origins: Playback frame that lies on the avatar when each action starts. Shape (A,).
@@ -113,8 +110,6 @@ class PoseMotion:
     gait: Gait
     strikers: Array
     trunks: Array
-    leg_joints: Array
-    shoulders: Array
     looks: Array
     strikes: Array
     origins: Array
@@ -177,8 +172,6 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         gait=measure_gait(contacts[telling], holds[telling], _kept(starts, telling), float(database.playback_rate)),
         strikers=strikers.astype(np.float32),
         trunks=np.stack([database.heads, database.necks, database.pelvises], axis=1),
-        leg_joints=ground.to_local(database.ground[:, None, None], positions[:, legs.joints]).astype(np.float32),
-        shoulders=ground.to_local(database.ground[:, None], _shoulders(body, positions, world_rotations)),
         looks=_looks(body, skeleton, headings, world_rotations),
         strikes=np.asarray(database.strike_frames, dtype=np.int64),
         origins=(np.asarray(graph.action_first, dtype=np.int64) - 1) * stride,
@@ -201,13 +194,6 @@ def _looks(body: Body, skeleton: Skeleton, headings: Array, world_rotations: Arr
         for role, ahead in (("head", face_direction(body)), ("chest", chest_direction(body, skeleton)))
     ]
     return np.stack([np.arctan2(look[:, 0], look[:, 2]) for look in found], axis=1).astype(np.float32)
-
-
-def _shoulders(body: Body, positions: Array, world_rotations: Array) -> Array:
-    """Both ends of the capsule across the shoulders (P, 2, 3) [m], for joints (P, J, 3) with rotations (P, J, 4)."""
-    chest, across = [body.roles["chest"]] * 2, trunk_capsules(body)[-1]
-    ends = np.stack([body.capsule_starts[across], body.capsule_ends[across]])
-    return np.asarray(positions[:, chest] + quaternion.rotate(world_rotations[:, chest], ends), np.float32)
 
 
 def leg_reaches(heights: Array, length: float) -> Array:

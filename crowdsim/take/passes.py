@@ -67,7 +67,7 @@ class Passes:
         self._take, self._motions, self._threads, self._reactions = take, motions, threads, reactions
         size = take.frame_count, take.avatar_count
         landed = find_landed(take)
-        self._pushes = KeptRows(*size, Separation(take, motions, landed).find)
+        self._pushes = KeptRows(*size, Separation(take, motions, landed, self._blended_joints).find)
         self._turns = KeptRows(*size, HeadTurns(take, motions).find)
         self._lowering = Lowering(take, partial(self.window, lowered=False), self.blend)
         self._gazes = [build_gaze(motion) for motion in motions]
@@ -82,10 +82,11 @@ class Passes:
         falls = partial(falls_soon, self._take, self._motions)
         self._planner = BlowPlanner(landed, self._blended_at, self._trunks, self._take.cast.policies, falls)
 
-    def window(self, index: int, avatars: Array, times: Array, lowered: bool = True) -> Window:
+    def window(self, index: int, avatars: Array, times: Array, lowered: bool = True, separated: bool = True) -> Window:
         """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on.
 
-        Pelvises that are not ``lowered`` go down only for what is left of legs that are too short.
+        Pelvises that are not ``lowered`` go down only for what is left of legs that are too short. Bodies that are not
+        ``separated`` do not give way, and heads do not turn.
         """
         rate = self._take.control_rate
         first = max(0, int(np.floor((times.min() - REACH) * rate)))
@@ -93,7 +94,7 @@ class Passes:
         # Of these only control frames at the times themselves are read, as far as splines reach.
         pushes, turns, lows = (np.zeros((stop - first, len(avatars), size)) for size in (2, 1, 1))
         low, high = max(int(times.min() * rate) - 1, first), min(int(times.max() * rate) + 3, stop)
-        if low < high:
+        if low < high and separated:
             pushes[low - first : high - first] = self._pushes.rows(low, high, avatars)
             turns[low - first : high - first] = self._turns.rows(low, high, avatars)
             if lowered:
@@ -111,6 +112,13 @@ class Passes:
 
         share(len(moments.columns), blend, threads=self._threads)
         return poses
+
+    def _blended_joints(self, index: int, avatars: Array, times: Array) -> tuple[Array, Array]:
+        """Joints of a policy's avatars (n,), ascending, at times (T,) [s], with blends alone. (T, n, J, 3 and 4)."""
+        window = self.window(index, avatars, times, separated=False)
+        moments = Moments(np.arange(len(avatars)), times[:, None])
+        poses = self.blend(window, window.transitions(), window.playback(moments), moments)
+        return window.world_joints(poses)
 
     def pose(self, window: Window, index: int, moments: Moments) -> tuple[Posed, Playback]:
         """Return poses before fists are carried, and where the avatars are."""

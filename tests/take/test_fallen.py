@@ -87,7 +87,8 @@ def test_nobody_who_is_down_turns_a_head_or_gives_way() -> None:
     turns = HeadTurns(take, motions).find(0, FRAMES)[..., 0]
     assert np.abs(turns[quiet]).max() < 1e-9
     assert np.abs(turns[:10]).max() > 0.05
-    pushes = Separation(take, motions, find_landed(take)).find(0, FRAMES)
+    joints_at = sampler(take, policy)._passes._blended_joints
+    pushes = Separation(take, motions, find_landed(take), joints_at).find(0, FRAMES)
     quiet = np.array([down[max(f - 1, 0) : f + 2].all(axis=0) for f in range(FRAMES)])
     assert not pushes[quiet].any()
 

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from take.synthetic_take import actions, build_take, database, sampler
 
+from crowdsim.motion import quaternion
 from crowdsim.take.deflection import Deflection
 from crowdsim.take.kept_rows import KeptRows
 from crowdsim.take.kernels import separation
@@ -151,6 +152,22 @@ def test_bodies_inside_one_another_give_way_over_feet_that_stay(monkeypatch: pyt
     assert np.linalg.norm(np.diff(moved, 2, axis=0), axis=-1).max() * 3600.0 < 25.0
 
 
+def test_heads_give_way_that_come_into_one_another_in_blends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Deflection, "bend", lambda *_: None)
+    first, lengths = actions(240, longest=6, seed=4)
+    queues = [list(range(120)), list(range(120, 240))]
+    take, policy = build_take(queues, first, lengths, 60, start=[(0.0, 0.0, 0.0), (-0.265, -0.229, 7.0)])
+    body = database().body
+    depths = []
+    for one in (take, replace(take, collision_avoidance=False)):
+        positions, rotations = sampler(one, policy).sample(0, 232, 60)[0].joints()
+        head = body.roles["head"]
+        middles = positions[:, :, head] + quaternion.rotate(rotations[:, :, head], body.head_offset)
+        depths.append(2.0 * body.head_radius - np.linalg.norm(middles[:, 0] - middles[:, 1], axis=-1).min())
+    assert depths[1] > 0.1
+    assert depths[0] < 0.03
+
+
 def test_feet_in_the_air_go_along_with_bodies_that_give_way(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Deflection, "bend", lambda *_: None)
     motion = replace(database(), contacts=database().contacts & [True, False])  # they hop on the left foot
@@ -174,7 +191,8 @@ def test_rows_of_a_long_take_are_those_of_a_short_one(monkeypatch: pytest.Monkey
     first, lengths = actions(90)
     queues = [list(range(start, start + 30)) for start in (0, 30, 60)]
     take, policy = build_take(queues, first, lengths, 30, start=[(0.0, 0.0, 0.0), (0.3, 0.1, 3.0), (0.1, 0.4, 1.0)])
-    separation = Separation(take, sampler(take, policy).motions, find_landed(take))
+    poses = sampler(take, policy)
+    separation = Separation(take, poses.motions, find_landed(take), poses._passes._blended_joints)
     whole = KeptRows(30, 3, separation.find).rows(0, 30, np.arange(3))
     assert np.abs(whole).max() > 0.01
     monkeypatch.setattr("crowdsim.take.kept_rows._WHOLE", 0)

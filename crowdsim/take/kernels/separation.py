@@ -18,14 +18,14 @@ _MOST = 0.3
 """Furthest that a body gives way [m]."""
 _ROUNDS = 6
 """How often bodies are pushed on that are still in one another."""
-AROUND = 4
-"""How many frames before and after a time bodies are looked for where they are nearest: who passes through another one
+AROUND = 8
+"""How many times before and after a time bodies are looked for where they are nearest: who passes through another one
 goes around it on one side, not back and then forward."""
 _STEEP = 0.35
 """Least cosine of the angle between that way and the way between the bodies that counts: pushes set in gently."""
 _LEFT = 0.01
 """Depth of legs that is left to knees and feet, which go around [m]."""
-HEAD_POINT, NECK_POINT, PELVIS_POINT, LEG_POINT, POINTS = 0, 1, 2, 3, 11
+HEAD_POINT, NECK_POINT, PELVIS_POINT, LEG_POINT, SHOULDER_POINT, POINTS = 0, 1, 2, 3, 9, 11
 """Points of a body: head, neck, pelvis, hip, knee and ankle of either leg, and both ends of the shoulders."""
 PIECES = (
     (HEAD_POINT, HEAD_POINT), (NECK_POINT, PELVIS_POINT), (9, 10), (3, 4), (6, 7), (4, 5), (7, 8)
@@ -61,7 +61,7 @@ def _between(own, other):
 
 @kernel(allocates=False)
 def _way_around(points, t, a, b):
-    """Return the way between two bodies, of length 1, where they are nearest within ``AROUND`` frames of a time."""
+    """Return the way between two bodies, of length 1, where they are nearest within ``AROUND`` times of a time."""
     least, x, z = math.inf, 0.0, 0.0
     for at in range(max(t - AROUND, 0), min(t + AROUND, points.shape[0] - 1)):
         px, pz = _between(points[at, a], points[at, b])
