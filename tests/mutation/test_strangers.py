@@ -19,6 +19,7 @@ from scenes import crowdsim
 from crowdsim.crowd.kernels import layout
 from crowdsim.errors import TakeError
 from crowdsim.policy import checks
+from crowdsim.policy.behind_checks import BEHIND, relations_behind
 from crowdsim.policy.bundle import file_hash, with_checksum
 from crowdsim.policy.flattening import flatten_policy
 from crowdsim.runs.checkpoint import read_checkpoint, write_checkpoint
@@ -140,7 +141,8 @@ def test_a_bundle_with_a_wrong_array_is_refused(place: Path, capsys, name: str, 
 def test_every_array_of_a_bundle_has_a_check_and_every_index_out_of_range_is_refused(base) -> None:
     _, arrays = flatten_policy(base.policy)
     assert set(arrays) <= set(checks.TABLE)
-    related = {relation.name for relation in checks._relations(4, {"P": 4, "F": 1})}
+    behind = relations_behind(dict.fromkeys(BEHIND, np.zeros(0)))
+    related = {relation.name for relation in (*checks._relations(4, {"P": 4, "F": 1}), *behind)}
     free = {"values", checks.STATE_VALUES}
     for name, column in checks.TABLE.items():
         assert column.checks or name in related | free, name

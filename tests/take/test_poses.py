@@ -307,7 +307,8 @@ def duel(gap: float, landed: bool = True) -> tuple[Take, Any, int]:
     body = motion.body
     hand = int(motion.strike_limbs[chosen])
     when = (strike - (frame - 21) * stride) / stride
-    alone = sampler(take, policy).sample(round(when * 4), round(when * 4) + 1, 60)[0]
+    apart = replace(take, collision_avoidance=False)
+    alone = sampler(apart, policy).sample(round(when * 4), round(when * 4) + 1, 60)[0]
     head, _, _, fists = body_points(body, *(a[0] for a in alone.joints()), alone.scales)
     way = fists[0, hand] - head[0]
     way[1] = 0.0
