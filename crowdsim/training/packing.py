@@ -34,7 +34,7 @@ from crowdsim.training.packed_checks import check_packed, check_unpacked, decomp
 from crowdsim.training.recipe import Recipe
 
 KIND = "crowdsim packed policy"
-VERSION = 1
+VERSION = 2
 MOTION = ("database_", "skeleton_", "body_")
 """How the names of arrays begin that depend on the motion alone."""
 _MOST_BYTES = 1 << 31
@@ -208,9 +208,11 @@ def _computed_table(
 def _write_part(folder: Path, stem: str, arrays: Mapping[str, Array]) -> dict[str, Any]:
     """Write arrays to a compressed file, and return what is needed to read them.
 
-    The bytes of each array are put in planes, the first bytes of all entries before the second: they are alike.
+    The bytes of each array are put in planes, the first bytes of all entries before the second: they are alike. Its
+    axes are reversed, so that what a joint does over time is side by side.
     """
-    planes = (array.reshape(-1).view(np.uint8).reshape(-1, array.itemsize).T for array in arrays.values())
+    flat = (np.ascontiguousarray(array.T).reshape(-1) for array in arrays.values())
+    planes = (array.view(np.uint8).reshape(-1, array.itemsize).T for array in flat)
     content = lzma.compress(b"".join(plane.tobytes() for plane in planes))
     digest = hashlib.sha256(content).hexdigest()
     file = f"{stem}-{digest[:12]}.xz"
@@ -238,6 +240,7 @@ def _read_part(path: Path, part: Mapping[str, Any]) -> dict[str, Array]:
     for name, code, shape in part["arrays"]:
         kind, count = np.dtype(code), math.prod(shape)
         plane = planes[first : first + count * kind.itemsize].reshape(kind.itemsize, count)
-        arrays[name] = np.array(plane.T, order="C").view(kind).reshape(shape)
+        entries = np.array(plane.T, order="C").view(kind).reshape(shape[::-1])
+        arrays[name] = np.array(entries.T, order="C")
         first += plane.size
     return arrays

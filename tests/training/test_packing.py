@@ -178,8 +178,8 @@ def test_damaged_and_foreign_packed_policies_are_refused(installed, tmp_path):
         ("{", f"{path}: damaged: is no JSON"),
         ('{"kind": "cake"}', f"{path}: foreign: its kind is not 'crowdsim packed policy'"),
         (
-            good.replace('"version": 1', '"version": 9', 1),
-            "its format version is 9, expected 1; install crowdsim again",
+            good.replace('"version": 2', '"version": 9', 1),
+            "its format version is 9, expected 2; install crowdsim again",
         ),
         (
             good.replace('"tiny"', '"huge"', 1),
