@@ -24,15 +24,17 @@ QUICK = ["groups.0.count=8", "groups.0.placement.radius=2", "duration=400", "typ
 """What is other in a quick brawl."""
 
 
-def of_falls(database: MotionDatabase, left: Array, entered: Array) -> Array:
+def of_falls(policy: Policy, left: Array, entered: Array) -> Array:
     """Return which transitions lead into a fall or stagger or out of one, by playback frames. Shape (n,), bool."""
-    falls, stride = database.falls, database.stride
-    into = np.concatenate([falls.starts, falls.staggers[:, 0]]) * stride
-    out = np.concatenate([falls.stops, falls.staggers[:, 1]]) * stride
+    falls, graph, stride = policy.falls, policy.graph, policy.database.stride
+    before = np.asarray(graph.action_first, np.int64) - 1
+    last = before + np.asarray(graph.action_lengths)
+    into = before[np.concatenate([falls.fall, falls.stagger])] * stride
+    out = last[np.concatenate([falls.rise, falls.stagger])] * stride
     return np.asarray(np.isin(entered, into) | np.isin(left, out))
 
 
-def measure_fall_motion(shown: Shown, database: MotionDatabase) -> dict[str, Any]:
+def measure_fall_motion(shown: Shown, policy: Policy) -> dict[str, Any]:
     """Compare motion within 0.25 s of transitions of falls with motion near other transitions of bodies that stand.
 
     Returns:
@@ -41,11 +43,11 @@ def measure_fall_motion(shown: Shown, database: MotionDatabase) -> dict[str, Any
         transitions; ``slide_median`` and ``slide_95``, horizontal speed of balls of feet on the floor [m/s]. All are
         ``shown``, and ``captured`` in the frames of the capture behind them.
     """
-    falls, stride = database.falls, database.stride
+    falls, stride = policy.database.falls, policy.database.stride
     lain = np.zeros(len(shown.clips), bool)
     for down, rise in zip(falls.downs * stride, falls.rises * stride, strict=True):
         lain[down : rise + 1] = True
-    return measure_motion_near(shown, "falls", of_falls(database, shown.left, shown.entered), lain)
+    return measure_motion_near(shown, "falls", of_falls(policy, shown.left, shown.entered), lain)
 
 
 def measure_motion_near(shown: Shown, name: str, chosen: Array, lain: Array) -> dict[str, Any]:
@@ -120,8 +122,8 @@ def measure_falls(
     for seed in range(1, brawls + 1):
         changes = ["types.boxer.scale=1", *(QUICK if quick else []), f"seed={seed}"]
         take = run(load_scenario("brawl_last_standing", changes), [policy], threads=2)
-        figures.append(measure_fall_motion(read_shown(PoseSampler(take, [policy], threads=2)), database))
+        figures.append(measure_fall_motion(read_shown(PoseSampler(take, [policy], threads=2)), policy))
         rng = np.random.default_rng(seed)
-        parts.append(made(without_strikes(take, policy), half, most, rng, partial(of_falls, database))[:3])
+        parts.append(made(without_strikes(take, policy), half, most, rng, partial(of_falls, policy))[:3])
     leave, enter, windows = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     return {**judge(database, leave, enter, windows, noise=noise), "motion": mean_of(figures)}

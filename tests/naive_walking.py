@@ -18,9 +18,9 @@ def distance(point, one, other):
     return float(np.linalg.norm(one + share * along - point))
 
 
-def way_of(one, slot, walk):
-    """The points of a walk on the floor, from where an avatar is."""
-    real = one.avatars.real[:, slot]
+def way_of(one, slot, walk, real=None):
+    """The points of a walk on the floor, from where an avatar is, or was when it had these columns."""
+    real = one.avatars.real[:, slot] if real is None else real
     row = one.model.walks[walk]
     heading, points = real[layout.HEADING], row[layout.POINTS_OF_WALK :].reshape(-1, 2) * real[layout.SCALE]
     x = real[layout.X] + points[:, 0] * math.cos(heading) + points[:, 1] * math.sin(heading)

@@ -41,8 +41,8 @@ def build_graph(
     """
     settings = settings or GraphSettings()
     features = frame_features(database, settings, progress)
-    # Guards before and after rests are not among the cheapest targets that a frame has.
-    features[database.rests.mask(database.frame_count)] += _ELSEWHERE
+    # What is before and after rests and falls is not among the cheapest targets that a frame has.
+    features[database.apart | database.beside_falls] += _ELSEWHERE
     transitions = _find(database, features, settings, settings.threshold, progress)
     if settings.threshold is None:
         graph = _graph_of_actions(database, transitions, settings, settings.actions or 0)
@@ -79,7 +79,7 @@ def _find(
         leading=database.captured_frames,
         telling=database.telling,
     )
-    fallen, winding = database.apart, _before_strikes(database, settings.windup)
+    fallen, winding = database.apart | database.beside_falls, _before_strikes(database, settings.windup)
     # A transition is decided on in the frame before the one that it leads to.
     barred = fallen[found.sources] | fallen[found.targets] | winding[found.sources] | winding[found.targets - 1]
     return found.chosen(~barred) if barred.any() else found

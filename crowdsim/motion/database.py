@@ -134,6 +134,11 @@ class MotionDatabase:
         return result
 
     @property
+    def beside_falls(self) -> Array:
+        """Which control frames are near falls and staggers, from which behaviours choose nothing. Shape (F,), bool."""
+        return self.falls.beside(self.clip_starts, self.control_rate)
+
+    @property
     def telling(self) -> Array:
         """Which control frames tell what bodies do: all but walks at ease, which change no fight. Shape (F,), bool."""
         result: Array = ~self.rests.chosen(self.rests.walked).mask(self.frame_count)

@@ -43,6 +43,10 @@ SWEPT = 0.46
 """How fast the trunk moves the same way then, in standing heights a second."""
 _CATCHES = 0.45
 """Time before and after, over which the pelvis goes there [s]."""
+BESIDE = 1.2
+"""Time before and after a fall or stagger that belongs to it [s]: fights are learned from other motion."""
+_SHORT = 1.5
+"""Motion between that and the end of a clip that is shorter than this belongs to it too [s]."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,25 @@ class FallSpans:
         flags = np.zeros(frames, bool)
         for first, last in self.spans:
             flags[first : last + 1] = True
+        return flags
+
+    def beside(self, clip_starts: Array, fps: float) -> Array:
+        """Return which frames lie in falls and staggers, and before and after them.
+
+        Args:
+            clip_starts: First frame of each clip, and the number of frames F.
+            fps: Frames a second.
+
+        Returns:
+            Shape (F,), bool.
+        """
+        lead, short = round(BESIDE * fps), round(_SHORT * fps)
+        flags = np.zeros(int(clip_starts[-1]), bool)
+        for first, last in self.spans.astype(int):
+            clip = int(np.searchsorted(clip_starts, first, side="right")) - 1
+            begin, end = int(clip_starts[clip]), int(clip_starts[clip + 1])
+            start, stop = first - lead, last + 1 + lead
+            flags[begin if start - begin < short else start : end if end - stop < short else stop] = True
         return flags
 
 

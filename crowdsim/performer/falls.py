@@ -1,4 +1,4 @@
-"""Falls of the embedded boxer: out of the guard to the floor after a hit, lying there, and up again; and staggers."""
+"""Falls of the embedded boxer: to the floor after a hit, lying there, and up again; and staggers."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion import quaternion as quat
 from crowdsim.performer.fall_poses import LYING, PLUNGES, RISEN, STANCE, Foot, Hand, Key
+from crowdsim.performer.phrases import exchange_blows
 from crowdsim.performer.plan import Choreographer
 from crowdsim.performer.score import Channel, Fall, Pose, Score, Stagger, Style, Vector
 
@@ -23,17 +24,18 @@ _STEPS = (1.66, 1.90, 2.38)
 [s]."""
 
 
-def write_fall(kind: str, rng: np.random.Generator, facing: float | None = None) -> Score:
+def write_fall(kind: str, rng: np.random.Generator, facing: float | None = None, fights: bool = False) -> Score:
     """Plan a clip of one fall: a second in the guard, the fall, lying, getting up, and a second in the guard.
 
     Args:
         kind: A word of ``FALLS``.
         rng: Where every number is drawn from.
-        facing: Heading of the stance in which the body is hit [rad]; drawn when None.
+        facing: Heading of the stance at the start [rad]; drawn when None.
+        fights: Whether the boxer fights before the fall and after it, instead of standing in the guard.
     """
     plunge = PLUNGES[kind]
     plan = Choreographer(rng, facing)
-    start = _GUARD + float(rng.uniform(0.0, 0.15))
+    start = _hit(plan, fights)
     quick, slow = float(rng.uniform(0.94, 1.06)), float(rng.uniform(0.94, 1.08))
     before, prints = plan.ground_frame.copy(), plan.prints.copy()
     down = start + quick * _SETTLES
@@ -55,7 +57,23 @@ def write_fall(kind: str, rng: np.random.Generator, facing: float | None = None)
     landed = writer.guard(rise + slow * _STEPS[1], RISEN)
     poses += [writer.stepping(poses[-1], landed, rise + slow * _STEPS[0]), landed, writer.at(landed, end)]
     fall = Fall(kind, start, down, rise, end, tuple(_with_props(poses)))
-    return plan.finish(end + _AFTER, falls=(fall,))
+    return plan.finish(_go_on(plan, end, fights), falls=(fall,))
+
+
+def _hit(plan: Choreographer, fights: bool) -> float:
+    """Return when the body is hit: after some time in the guard, or in the middle of an exchange of blows [s]."""
+    rng = plan.rng
+    if not fights:
+        return _GUARD + float(rng.uniform(0.0, 0.15))
+    over = exchange_blows(plan, float(rng.uniform(0.3, 0.5)), _GUARD)
+    return max(over - float(rng.uniform(0.05, 0.45)), plan.feet_free, plan.last_hit + 0.05)
+
+
+def _go_on(plan: Choreographer, end: float, fights: bool) -> float:
+    """Return when a clip ends that goes on after ``end``: with the guard, or with an exchange of blows [s]."""
+    if not fights:
+        return end + _AFTER
+    return exchange_blows(plan, end + float(plan.rng.uniform(0.0, 0.1)), _AFTER) + 0.3
 
 
 def _drawn(frame: Vector, rng: np.random.Generator) -> tuple[float, float, float]:
@@ -196,17 +214,18 @@ STAGGERS = {"stagger_back": (-1.0, 0.0), "stagger_left": (0.0, 1.0), "stagger_ri
 """Kinds of staggers, by where the trunk is thrown: ahead, to the left."""
 
 
-def write_stagger(kind: str, rng: np.random.Generator, facing: float | None = None) -> Score:
+def write_stagger(kind: str, rng: np.random.Generator, facing: float | None = None, fights: bool = False) -> Score:
     """Plan a clip of one stagger: a second in the guard, catching steps after a hit, and a second in the guard.
 
     Args:
         kind: A key of ``STAGGERS``.
         rng: Where every number is drawn from.
-        facing: Heading of the stance in which the body is hit [rad]; drawn when None.
+        facing: Heading of the stance at the start [rad]; drawn when None.
+        fights: Whether the boxer fights before and after that, instead of standing in the guard.
     """
     ahead, left = STAGGERS[kind]
     plan = Choreographer(rng, facing)
-    start = _GUARD + float(rng.uniform(0.0, 0.15))
+    start = _hit(plan, fights)
     hit = float(rng.uniform(1.02, 1.12))
     end = start + 0.10
     for share in (1.0, 0.9, 0.45)[: 3 if rng.uniform() < 0.5 or left == 0.0 else 2]:
@@ -233,4 +252,4 @@ def write_stagger(kind: str, rng: np.random.Generator, facing: float | None = No
     for side in (Channel.LEAD_ELBOW, Channel.REAR_ELBOW):
         throw(side, 0.5, 0.05)
     done = end + 0.30
-    return plan.finish(done + _AFTER, staggers=(Stagger(kind, start, done),))
+    return plan.finish(_go_on(plan, done, fights), staggers=(Stagger(kind, start, done),))

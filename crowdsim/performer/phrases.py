@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from crowdsim.performer.plan import Choreographer
 from crowdsim.performer.punches import PUNCHES
 from crowdsim.performer.roam import ROOM, bounce, in_and_out, run_up, shuffle_any_way
 from crowdsim.performer.score import Score
+from crowdsim.performer.themes import EXCHANGE, Theme
 
 COMBINATIONS = (
     ("jab",),
@@ -50,53 +50,12 @@ _PRESSING = (("jab",), ("jab",), ("straight",), ("jab", "straight"), ("lead_hook
 _CLOSE = frozenset({"lead_hook", "rear_hook", "lead_uppercut", "rear_uppercut"})
 
 
-@dataclass(frozen=True)
-class Theme:
-    """What a clip is about: weights of its phrases, and the longest pauses between them [s].
-
-    Attributes:
-        combination: Punches, with or without small steps.
-        stepping: Small steps.
-        turning: Turns on the spot.
-        defence: Defences.
-        counter: Defences, and punches out of them.
-        rest: Standing still in the guard.
-        travel: Walks and jogs out of the guard and back.
-        shuffling: Quick steps in the guard, any way.
-        pressing: Quick steps forward, with punches on the way.
-        bouncing: Quick steps on the spot.
-        pause: Longest pause between phrases [s].
-    """
-
-    combination: float
-    stepping: float
-    turning: float
-    defence: float
-    counter: float
-    rest: float
-    travel: float
-    shuffling: float
-    pressing: float
-    bouncing: float
-    pause: float
-
-
-THEMES = (
-    Theme(6.5, 0.3, 0.20, 0.9, 2.0, 0.10, travel=0.65, shuffling=0.6, pressing=0.9, bouncing=0.35, pause=0.18),
-    Theme(8.0, 0.2, 0.15, 0.5, 1.6, 0.08, travel=0.65, shuffling=0.6, pressing=0.9, bouncing=0.40, pause=0.18),
-    Theme(5.5, 0.4, 0.30, 0.7, 1.6, 0.10, travel=0.65, shuffling=1.2, pressing=0.7, bouncing=0.50, pause=0.18),
-    Theme(5.5, 0.2, 0.15, 1.1, 3.4, 0.10, travel=0.65, shuffling=0.6, pressing=0.7, bouncing=0.35, pause=0.18),
-    Theme(3.0, 0.2, 0.10, 0.4, 0.8, 0.05, travel=3.0, shuffling=1.0, pressing=1.2, bouncing=0.30, pause=0.16),
-)
-
-
 class _Boxer:
     """Fills a clip phrase by phrase; ``now`` is when the next phrase may begin [s]."""
 
-    def __init__(self, seconds: float, theme: Theme, rng: np.random.Generator) -> None:
-        self.seconds, self.theme, self.rng = seconds, theme, rng
-        self.plan = Choreographer(rng)
-        self.now = rng.uniform(0.35, 0.7)
+    def __init__(self, plan: Choreographer, seconds: float, theme: Theme, now: float) -> None:
+        self.plan, self.seconds, self.theme, self.now = plan, seconds, theme, now
+        self.rng = plan.rng
 
     def direction(self) -> tuple[float, float]:
         """Draw a step (ahead, left) [m]: any direction, but back to the middle of the floor when far from it."""
@@ -296,4 +255,19 @@ class _Boxer:
 
 def write_score(seconds: float, theme: Theme, rng: np.random.Generator) -> Score:
     """Plan a clip of a given length [s] on a theme."""
-    return _Boxer(seconds, theme, rng).fill()
+    plan = Choreographer(rng)
+    return _Boxer(plan, seconds, theme, float(rng.uniform(0.35, 0.7))).fill()
+
+
+def exchange_blows(plan: Choreographer, begin: float, least: float) -> float:
+    """Write phrases of an exchange of blows; return when the last one is over [s].
+
+    Args:
+        plan: What has been planned so far.
+        begin: When the first one begins [s], later where a foot is still off the floor.
+        least: Shortest time from there until the last one is over [s].
+    """
+    boxer = _Boxer(plan, np.inf, EXCHANGE, max(begin, plan.feet_free))
+    while boxer.now < begin + least:
+        boxer.phrase()
+    return boxer.now

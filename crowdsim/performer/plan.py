@@ -39,6 +39,11 @@ class Choreographer(Stepper):
         self._reaches: list[Reach] = []
         self._defences: list[Defence] = []
 
+    @property
+    def last_hit(self) -> float:
+        """When the last punch so far reaches its target [s]; 0 before the first."""
+        return self._reaches[-1].hit if self._reaches else 0.0
+
     def punch(
         self,
         kind: str,

@@ -148,16 +148,18 @@ RESTS = (*AT_EASE, *_WALKS)
 """Kinds of rests: on the spot, and walking off by a turn to either side."""
 
 
-def write_rest(kind: str, rng: np.random.Generator, facing: float | None = None) -> Score:
+def write_rest(kind: str, rng: np.random.Generator, facing: float | None = None, moves: bool = False) -> Score:
     """Plan a clip of one rest: a second in the guard, the rest, and a second in the guard.
 
     Args:
         kind: A word of ``RESTS``.
         rng: Where every number is drawn from.
         facing: Heading of the stance at the start [rad]; drawn when None.
+        moves: Whether the boxer is on the move in the guard, before the rest and after it, instead of standing.
     """
     plan = Choreographer(rng, facing)
-    start = _GUARD + float(rng.uniform(0.0, 0.15))
+    start = _step_about(plan, 0.4, _GUARD) if moves else _GUARD
+    start += float(rng.uniform(0.0, 0.15))
     down = start + plan.about(_LOWERS, 0.06)
     prints = plan.prints.copy()
     stands = max(down, _stand_square(plan, start + 0.15))
@@ -168,7 +170,18 @@ def write_rest(kind: str, rng: np.random.Generator, facing: float | None = None)
     _step_back(plan, up + 0.15, _guard_about(plan, LEAD) if kind in _WALKS else prints)
     end = up + plan.about(_RAISES, 0.05)
     _stand_easy(plan, start, down, up, end)
-    return plan.finish(end + _AFTER, rests=(Rest(kind, start, down, up, end),))
+    last = _step_about(plan, end, end + _AFTER) + 0.3 if moves else end + _AFTER
+    return plan.finish(last, rests=(Rest(kind, start, down, up, end),))
+
+
+def _step_about(plan: Choreographer, begin: float, until: float) -> float:
+    """Step about in the guard from ``begin`` until ``until`` [s]; return when the last step is done [s]."""
+    rng, end = plan.rng, begin
+    while end < until:
+        angle, turn, quick = float(rng.uniform(-np.pi, np.pi)), float(rng.normal(0.0, 0.2)), bool(rng.uniform() < 0.6)
+        far = float(rng.uniform(0.2, 0.4) if quick else rng.uniform(0.07, 0.25))
+        end = plan.move(end, far * np.cos(angle), far * np.sin(angle), turn, plan.about(1.1), quick)
+    return end
 
 
 def _square(plan: Choreographer) -> Style:

@@ -17,13 +17,14 @@ from crowdsim.errors import nearest
 from crowdsim.motion.skeleton import Clip
 from crowdsim.performer.defences import DEFENCES
 from crowdsim.performer.falls import FALLS, STAGGERS, write_fall, write_stagger
-from crowdsim.performer.phrases import THEMES, write_score
+from crowdsim.performer.phrases import write_score
 from crowdsim.performer.punches import PUNCHES
 from crowdsim.performer.rests import RESTS, write_rest
 from crowdsim.performer.score import Score
 from crowdsim.performer.skeleton import build_skeleton, mirror_joints
 from crowdsim.performer.solo import FOOTWORK, write_solo
 from crowdsim.performer.stage import stage
+from crowdsim.performer.themes import THEMES
 from crowdsim.performer.truth import Truth, find_truth, mirror_truth
 
 CLIP_SECONDS = 30.0
@@ -107,18 +108,18 @@ def _perform_each(
         for take in range(count):
             root = np.random.SeedSequence(seed, spawn_key=(stream, index, take))
             plan, life = (np.random.default_rng(child) for child in root.spawn(2))
-            score = _write_alone(kind, plan, None)
+            score = _write_alone(kind, plan, None, True)
             word = f"fall_{kind}" if kind in FALLS else kind
             name, frames = f"performer_{word}_{take:02d}", round(score.seconds * fps)
             performances.append(_perform_score(name, score, frames, fps, stance, life))
     return performances
 
 
-def _write_alone(kind: str, rng: np.random.Generator, facing: float | None) -> Score:
-    """Return the score of a fall, stagger or rest."""
+def _write_alone(kind: str, rng: np.random.Generator, facing: float | None, amid: bool) -> Score:
+    """Return the score of a fall, stagger or rest, amid other moves or between two guards."""
     if kind in FALLS:
-        return write_fall(kind, rng, facing)
-    return write_stagger(kind, rng, facing) if kind in STAGGERS else write_rest(kind, rng, facing)
+        return write_fall(kind, rng, facing, amid)
+    return write_stagger(kind, rng, facing, amid) if kind in STAGGERS else write_rest(kind, rng, facing, amid)
 
 
 def _check_stance(stance: str) -> None:
@@ -143,7 +144,7 @@ def perform_solo(move: str, seed: int = 1, fps: float = 60.0, stance: str = "ort
     _check_stance(stance)
     plan, life = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
     alone = move in (*FALLS, *STAGGERS, *RESTS)
-    score = _write_alone(move, plan, 0.0) if alone else write_solo(move, plan)
+    score = _write_alone(move, plan, 0.0, False) if alone else write_solo(move, plan)
     return _perform_score(move, score, round(score.seconds * fps), fps, stance, life)
 
 

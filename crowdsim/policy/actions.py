@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -176,6 +177,9 @@ STILLEST = 4.0
 """Greatest factor of stillness."""
 
 
+Stillness = Callable[[Array, Array], Array]
+
+
 def stillness(database: MotionDatabase, graph: MotionGraph) -> Array:
     """Return how much more visible each action's transition is than one at median speed. Shape (A,), float64.
 
@@ -183,13 +187,19 @@ def stillness(database: MotionDatabase, graph: MotionGraph) -> Array:
     capture is little better than chance on the tenth with the least ratio of gap to speed, and best on the tenth with
     the least gap, because those are at rest.
     """
-    speeds = joint_speeds(database)
     before = graph.state_frames[graph.action_states]
-    pair = np.minimum(speeds[before], speeds[np.asarray(graph.action_first, dtype=np.int64) - 1])
-    result: Array = np.minimum(
-        (float(np.median(speeds[~database.rests.mask(database.frame_count)])) + QUIET) / (pair + QUIET), STILLEST
-    )
-    return result
+    return stillness_between(database)(before, np.asarray(graph.action_first, dtype=np.int64) - 1)
+
+
+def stillness_between(database: MotionDatabase) -> Stillness:
+    """Return a function of frames left and frames entered, which tells the same of transitions between them."""
+    speeds = joint_speeds(database)
+    usual = float(np.median(speeds[~database.rests.mask(database.frame_count)])) + QUIET
+
+    def factor(left: Array, entered: Array) -> Array:
+        return np.asarray(np.minimum(usual / (np.minimum(speeds[left], speeds[entered]) + QUIET), STILLEST))
+
+    return factor
 
 
 def joint_speeds(database: MotionDatabase, around: float = 0.2) -> Array:

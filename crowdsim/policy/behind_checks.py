@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -13,6 +13,9 @@ FALLS = ("falls_fall", "falls_lie", "falls_rise", "falls_stagger")
 OF_FALLS = (*FALLS, "falls_direction", "falls_stagger_direction")
 """Names of the arrays of ``policy.falls.Falls``, all of which are there or none: numbers of actions, and all."""
 
+OF_STOPS = ("falls_stop", "falls_stagger_stop")
+"""Likewise where falls and staggers are over; only where there are falls, and not in older bundles."""
+
 RESTS = ("rests_enter", "rests_hold", "rests_leave")
 OF_RESTS = (*RESTS, "rests_frames", "rests_state", "rests_row", "rests_next")
 """Likewise of ``policy.rests.Rests``."""
@@ -22,7 +25,7 @@ OF_WALKS = (*WALKS, "walks_spans", "walks_piece", "walks_row", "walks_next")
 """Likewise of ``policy.walks.Walks``; only where there are rests."""
 
 
-BEHIND = (*OF_FALLS, *OF_RESTS, *OF_WALKS)
+BEHIND = (*OF_FALLS, *OF_STOPS, *OF_RESTS, *OF_WALKS)
 """Names of all of these arrays."""
 
 
@@ -35,6 +38,7 @@ def relations_behind(arrays: Mapping[str, Array]) -> tuple[Relation, ...]:
     relations: tuple[Relation, ...] = ()
     for what, own, needed, more in (
         ("falls", OF_FALLS, (), _FALLS),
+        ("stops of falls", OF_STOPS, OF_FALLS, _STOPS),
         ("rests", OF_RESTS, (), _RESTS),
         ("walks", OF_WALKS, OF_RESTS, _WALKS),
     ):
@@ -80,6 +84,22 @@ def _lie_between(arrays: Mapping[str, Array]) -> Array:
 _FALLS = (
     Relation("falls_fall", "falls, each with its lie and rise, behind the actions of states", _numbered_behind),
     Relation("falls_lie", "lying between a fall and a rise", _lie_between),
+)
+
+
+def _stand_again(rise: str, stop: str) -> Callable[[Mapping[str, Array]], Array]:
+    def holds(arrays: Mapping[str, Array]) -> Array:
+        before, last = frames_of(arrays)
+        actions, stops = arrays[rise], arrays[stop]
+        result: Array = (before[actions] < stops) & (stops <= last[actions])
+        return result
+
+    return holds
+
+
+_STOPS = (
+    Relation("falls_stop", "frames of rises", _stand_again("falls_rise", "falls_stop")),
+    Relation("falls_stagger_stop", "frames of staggers", _stand_again("falls_stagger", "falls_stagger_stop")),
 )
 
 

@@ -125,6 +125,8 @@ TABLE: Mapping[str, Column] = {
     "falls_direction": _singles(("H",), _FAR),
     "falls_stagger": _ints(("G",), Index("A")),
     "falls_stagger_direction": _singles(("G",), _FAR),
+    "falls_stop": _ints(("H",)),
+    "falls_stagger_stop": _ints(("G",)),
     "rests_frames": _ints(("R", 6), Index("F")),
     "rests_enter": _ints(("X",), Index("A")),
     "rests_state": _ints(("X",), Index("S"), Ascending(strictly=True)),

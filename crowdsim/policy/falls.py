@@ -16,7 +16,7 @@ from crowdsim.core.types import Array
 from crowdsim.graph.features import frame_features
 from crowdsim.motion import ground
 from crowdsim.motion.falls import FallSpans, no_falls
-from crowdsim.policy.actions import Actions
+from crowdsim.policy.actions import Actions, Stillness, stillness_between
 
 if TYPE_CHECKING:
     from crowdsim.graph.motion_graph import MotionGraph
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 
 LIE = 0.5
 """Length of a piece of lying that can be repeated [s]."""
+LEAVES = 0.6
+"""Time after a stagger, getting up or a rest within which captured motion is left for a state [s]."""
+HASTE = 0.03
+"""What a second counts for that it takes longer to be in a state, beside how unlike poses are [m/s]."""
 FALL, LYING, RISE, STAGGER = range(4)
 """Kinds of such actions."""
 
@@ -43,6 +47,8 @@ class Falls:
             [rad]. Shape (F,), float32.
         stagger: From standing to a state of the graph. Shape (G,), int32.
         stagger_direction: Bearing of the trunk's way likewise [rad]. Shape (G,), float32.
+        stop: Control frame in which each rise brings the body to stand. Shape (F,), int32.
+        stagger_stop: Control frame in which each stagger is over. Shape (G,), int32.
     """
 
     fall: Array
@@ -51,6 +57,8 @@ class Falls:
     direction: Array
     stagger: Array
     stagger_direction: Array
+    stop: Array
+    stagger_stop: Array
 
     @property
     def actions(self) -> Array:
@@ -75,8 +83,8 @@ def add_falls(
     spans = database.falls
     if not spans.any:
         return graph, actions, None
-    first, lengths, arrivals = _pieces(database, spans)
-    states = _nearest_states(database, graph, arrivals, settings)
+    stops, ends, states = _arrivals(database, graph, settings)
+    first, lengths = _pieces(database, stops, ends)
     count, before = len(first), graph.choice_count
     extended = replace(
         graph,
@@ -88,33 +96,75 @@ def add_falls(
     numbers = np.arange(before, before + count, dtype=np.int32)
     three, staggers = np.split(numbers, [3 * len(spans.starts)])
     fall, lie, rise = (np.ascontiguousarray(part) for part in three.reshape(-1, 3).T)
-    falls = Falls(fall, lie, rise, spans.directions, staggers, spans.stagger_directions)
+    falls = Falls(
+        fall, lie, rise, spans.directions, staggers, spans.stagger_directions, spans.stops, spans.staggers[:, 1]
+    )
     return extended, actions_behind(database, actions, first, lengths, states), falls
 
 
-def _pieces(database: MotionDatabase, spans: FallSpans) -> tuple[Array, Array, Array]:
-    """Return first frame and length of each action, those of a fall side by side, and the frame that it leads to.
+def _pieces(database: MotionDatabase, stops: Array, ends: Array) -> tuple[Array, Array]:
+    """Return first frame and length of each action, those of a fall side by side. Shapes (3 F + G,), int32.
 
-    What leads to no state has the frame that the rise leads to. Shapes (3 F + G,), int32.
+    Args:
+        database: The motion.
+        stops: Last frame of each rise. Shape (F,).
+        ends: Last frame of each stagger. Shape (G,).
     """
+    spans = database.falls
     most = max(1, round(LIE * database.control_rate))
     lying = np.minimum(spans.rises - spans.downs, most)
     first = np.stack([spans.starts, spans.downs, spans.rises], axis=1) + 1
-    lengths = np.stack([spans.downs - spans.starts, lying, spans.stops - spans.rises], axis=1)
-    arrivals = np.repeat(spans.stops, 3)
-    starts, stops = spans.staggers.T
+    lengths = np.stack([spans.downs - spans.starts, lying, stops - spans.rises], axis=1)
+    starts = spans.staggers[:, 0]
     return (
         np.concatenate([first.reshape(-1), starts + 1]).astype(np.int32),
-        np.concatenate([lengths.reshape(-1), stops - starts]).astype(np.int32),
-        np.concatenate([arrivals, stops]).astype(np.int32),
+        np.concatenate([lengths.reshape(-1), ends - starts]).astype(np.int32),
     )
 
 
-def _nearest_states(database: MotionDatabase, graph: MotionGraph, frames: Array, settings: GraphSettings) -> Array:
-    """Return the state whose pose is nearest to that at each control frame, the first among equals. Int32."""
+def _arrivals(database: MotionDatabase, graph: MotionGraph, settings: GraphSettings) -> tuple[Array, Array, Array]:
+    """Return the last frame of each rise and stagger, and the state whose pose is most like it, for each action.
+
+    What leads to no state has the one that the rise leads to. Shapes (F,), (G,) and (3 F + G,), int32.
+    """
+    spans = database.falls
     features = frame_features(database, settings).astype(np.float64)
+    ends, found, stillness = [], [], stillness_between(database)
+    # Motion is left before it strikes, and before the clip ends.
+    bounds = np.sort(np.concatenate([database.clip_starts - 1, database.strike_frames // database.stride]))
+    for stop in np.concatenate([spans.stops, spans.staggers[:, 1]]).astype(int):
+        bound = int(bounds[np.searchsorted(bounds, stop, side="right")]) - 1
+        end, state = way_to_state(database, graph, features, stillness, stop, max(stop, bound))
+        ends.append(end)
+        found.append(state)
+    rises, staggers = np.split(np.array(ends, np.int32), [len(spans.stops)])
+    up, stay = np.split(np.array(found, np.int32), [len(spans.stops)])
+    return rises, staggers, np.concatenate([np.repeat(up, 3), stay])
+
+
+def way_to_state(
+    database: MotionDatabase, graph: MotionGraph, features: Array, stillness: Stillness, first: int, last: int
+) -> tuple[int, int]:
+    """Return the frame in which captured motion is left for a state, and that state.
+
+    That is where the transition is least visible, soon after ``first``.
+
+    Args:
+        database: The motion.
+        graph: The graph.
+        features: Features of all frames.
+        stillness: How much more visible a transition is, see ``actions.stillness_between``.
+        first: First frame that may be left.
+        last: Last one.
+    """
+    last = min(last, first + round(LEAVES * database.control_rate))
+    frames = np.arange(first, last + 1)
     states = features[graph.state_frames]
-    return np.array([np.argmin(np.sum((states - features[frame]) ** 2, axis=1)) for frame in frames], np.int32)
+    gaps = np.array([np.linalg.norm(states - features[frame], axis=1) for frame in frames])
+    gaps *= stillness(frames[:, None], graph.state_frames)
+    gaps += HASTE / database.control_rate * np.arange(len(frames))[:, None]
+    at, state = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
+    return int(frames[at]), int(state)
 
 
 def actions_behind(
@@ -167,9 +217,9 @@ def spans_of(falls: Falls | None, graph: MotionGraph) -> FallSpans:
         starts=before[falls.fall],
         downs=last[falls.fall],
         rises=before[falls.rise],
-        stops=last[falls.rise],
+        stops=np.asarray(falls.stop),
         directions=np.asarray(falls.direction),
-        staggers=np.stack([before[falls.stagger], last[falls.stagger]], axis=1),
+        staggers=np.stack([before[falls.stagger], np.asarray(falls.stagger_stop)], axis=1),
         stagger_directions=np.asarray(falls.stagger_direction),
     )
 
@@ -180,8 +230,10 @@ def flatten_falls(falls: Falls | None) -> dict[str, Array]:
 
 
 def read_falls(arrays: Mapping[str, Array]) -> Falls | None:
-    """Return the falls in the arrays of a bundle."""
-    names = [field.name for field in fields(Falls)]
-    if f"falls_{names[0]}" not in arrays:
+    """Return the falls in the arrays of a bundle; in older ones bodies stand when rises and staggers end."""
+    if "falls_fall" not in arrays:
         return None
-    return Falls(*(arrays[f"falls_{name}"] for name in names))
+    last = arrays["graph_action_first"] + arrays["graph_action_lengths"] - np.int32(1)
+    older = {"falls_stop": last[arrays["falls_rise"]], "falls_stagger_stop": last[arrays["falls_stagger"]]}
+    found = {**older, **arrays}
+    return Falls(**{field.name: found[f"falls_{field.name}"] for field in fields(Falls)})

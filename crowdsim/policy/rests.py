@@ -17,7 +17,8 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.graph.features import frame_features
 from crowdsim.motion.rests import DOWN, FIRST, LAST, START, STOP, UP, RestSpans, no_rests, rests_on_the_spot
-from crowdsim.policy.actions import Actions
+from crowdsim.policy.actions import Actions, Stillness, stillness_between
+from crowdsim.policy.falls import HASTE, way_to_state
 from crowdsim.policy.walks import Laid, Walks, add_walks, flatten_walks, laid_behind, no_walks, read_walks, walk_cuts
 
 if TYPE_CHECKING:
@@ -31,9 +32,6 @@ _EARLY, _LONG = 0.25, 0.5
 """Share of the time at ease in which repetition begins, and least share that is repeated."""
 _LEAVES = 0.75
 """Share of the time at ease after which the way back to the guard may begin."""
-
-HASTE = 0.03
-"""What a second counts for that it takes longer to be back in a state, beside the costs of transitions [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -103,12 +101,13 @@ def add_rests(
     length = seconds * database.control_rate
     pieces, ends, begins = _all_pieces(features, database, length)
     limit = float(np.percentile(graph.action_costs[: graph.choice_count][graph.action_has_transition], 90))
-    state, frame, rest, costs = _entries(database, graph, features, limit)
+    stillness = stillness_between(database)
+    state, frame, rest, costs = _entries(database, graph, features, stillness, limit)
     if not len(state):
         return graph, actions, None
     poses = np.array([piece.last for piece in pieces])
     poses[[first for first, _ in ends]] = begins
-    leave_from, leave_to, arrivals = _ways_back(database, graph, features, poses, ends)
+    leave_from, leave_to, arrivals = _ways_back(database, graph, features, stillness, poses)
     begin = np.array([begins[k] for k in rest], np.int64)
     row = np.array([ends[k][0] for k in rest], np.int32)
     laid = Laid(
@@ -176,45 +175,53 @@ def _loop(features: Array, row: Array) -> tuple[int, int]:
 
 
 def _entries(
-    database: MotionDatabase, graph: MotionGraph, features: Array, limit: float
+    database: MotionDatabase, graph: MotionGraph, features: Array, stillness: Stillness, limit: float
 ) -> tuple[Array, Array, Array, Array]:
     """Return states from which rests are entered, the frame each is like, its rest, and what that costs [m].
 
-    None costs more than ``limit``. Rests to which a walk leads are not entered otherwise.
+    These are the least visible ones (``actions.stillness``), and none costs more than ``limit``. Rests to which a walk
+    leads are not entered otherwise.
     """
     states, contacts = features[graph.state_frames], database.contacts[:: database.stride]
-    best = np.full(graph.state_count, np.inf)
+    best, costs = np.full((2, graph.state_count), np.inf)
     frames, rests = np.zeros((2, graph.state_count), np.int64)
     for number, row in enumerate(database.rests.frames.astype(int)):
         if database.rests.walked[number]:
             continue
         for frame in range(row[FIRST] + 1, row[START] + 1):
             cost = np.linalg.norm(states - features[frame], axis=1)
-            cost[np.any(contacts[graph.state_frames] != contacts[frame], axis=1)] = np.inf
-            better = cost < best
-            best[better], frames[better], rests[better] = cost[better], frame, number
+            cost[np.any(contacts[graph.state_frames] != contacts[frame], axis=1) | (cost > limit)] = np.inf
+            seen = cost * stillness(graph.state_frames, np.array(frame))
+            better = seen < best
+            best[better], costs[better], frames[better], rests[better] = seen[better], cost[better], frame, number
     most = np.sort(best)[min(ENTRIES, len(best)) - 1]
-    chosen = np.flatnonzero(best <= min(limit, most))
-    return chosen, frames[chosen], rests[chosen], best[chosen].astype(np.float32)
+    chosen = np.flatnonzero((best <= most) & np.isfinite(best))
+    return chosen, frames[chosen], rests[chosen], costs[chosen].astype(np.float32)
 
 
 def _ways_back(
-    database: MotionDatabase, graph: MotionGraph, features: Array, poses: Array, ends: list[tuple[int, int]]
+    database: MotionDatabase,
+    graph: MotionGraph,
+    features: Array,
+    stillness: Stillness,
+    poses: Array,
 ) -> tuple[Array, Array, Array]:
     """Return for each piece the frame that its last pose is laid on, the last frame of the way back, and its state."""
-    states, haste = features[graph.state_frames], HASTE / database.control_rate
-    leave_from, leave_to, arrivals = np.zeros((3, len(poses)), np.int64)
-    for row, (first, last) in zip(database.rests.frames.astype(int), ends, strict=True):
-        stops = np.arange(row[STOP], row[LAST] + 1)
-        gaps = np.array([np.linalg.norm(states - features[frame], axis=1) for frame in stops])
-        gaps += haste * np.arange(len(stops))[:, None]
-        stop, state = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
-        late = np.arange(row[DOWN] + int(_LEAVES * (row[UP] - row[DOWN])), row[UP] + 1)
-        for number in range(first, last + 1):
-            gap = np.linalg.norm(features[late] - features[poses[number]], axis=1) + haste * (row[UP] - late)
-            leave_from[number] = late[int(np.argmin(gap))]
-        leave_to[first : last + 1], arrivals[first : last + 1] = stops[stop], state
-    return leave_from, leave_to, arrivals
+    haste = HASTE / database.control_rate
+    late, wait, lasts, found = [], [], [], []
+    for row in database.rests.frames.astype(int):
+        last, state = way_to_state(database, graph, features, stillness, int(row[STOP]), int(row[LAST]))
+        frames = np.arange(row[DOWN] + int(_LEAVES * (row[UP] - row[DOWN])), row[UP] + 1)
+        late.append(frames)
+        wait.append(haste * (row[UP] - frames))
+        lasts.append(np.full(len(frames), last))
+        found.append(np.full(len(frames), state))
+    from_frames, waits, to_frames, arrivals = (np.concatenate(parts) for parts in (late, wait, lasts, found))
+    best = np.zeros(len(poses), np.int64)
+    for number, pose in enumerate(poses):
+        gap = np.linalg.norm(features[from_frames] - features[pose], axis=1) * stillness(pose, from_frames)
+        best[number] = np.argmin(gap + waits)
+    return from_frames[best], to_frames[best], arrivals[best]
 
 
 def flatten_rests(rests: Rests | None) -> dict[str, Array]:

@@ -170,6 +170,21 @@ def test_falls_are_performed_only_when_asked_for_and_change_nothing_else() -> No
     assert len(two) == len(set(two)) == 2 * count
 
 
+def test_takes_of_a_session_fall_and_stagger_amid_fights() -> None:
+    struck = hurt = 0
+    for performance in perform(10, 5, falls=2)[1:]:
+        truth = performance.truth
+        (span,) = [(fall.start, fall.end) for fall in truth.falls] + [(s.start, s.end) for s in truth.staggers]
+        assert span[0] >= FPS
+        assert performance.clip.frame_count - span[1] >= FPS
+        frames = np.array([strike.frame for strike in truth.strikes])
+        # Nobody strikes while he falls or staggers.
+        assert not ((frames > span[0]) & (frames < span[1])).any()
+        struck += bool((frames < span[0]).any())
+        hurt += bool((frames > span[1]).any())
+    assert min(struck, hurt) > 7
+
+
 def test_a_southpaw_falls_to_the_other_side() -> None:
     orthodox, southpaw = perform_solo("left", 4), perform_solo("left", 4, stance="southpaw")
     assert southpaw.truth.falls[0].kind == "right"

@@ -94,6 +94,17 @@ def test_rests_come_behind_all_other_clips_and_change_none_of_them() -> None:
     assert [one.truth.rests[0].kind for one in rested[len(plain) :]] == list(np.repeat(RESTS, 2))
 
 
+def test_takes_of_a_session_rest_between_steps() -> None:
+    for performance in perform(10, 4, rests=1)[1:]:
+        truth = performance.truth
+        (rest,) = truth.rests
+        assert not truth.strikes
+        for contacts in (truth.contacts[: rest.start], truth.contacts[rest.end :]):
+            assert len(contacts) >= FPS
+            # Each foot is put down at least once.
+            assert (np.sum(np.diff(contacts.astype(int), axis=0) == 1, axis=0) >= 1).all()
+
+
 def test_the_mirror_image_of_walking_off_goes_the_other_way() -> None:
     one, other = perform_solo("walk_off_left", 3), perform_solo("walk_off_left", 3, stance="southpaw")
     assert other.truth.rests[0].kind == "walk_off_right"

@@ -11,6 +11,7 @@ from falling import falling_policy, recipe
 from crowdsim.errors import PolicyError
 from crowdsim.graph.features import frame_features
 from crowdsim.motion import ground
+from crowdsim.policy.actions import stillness_between
 from crowdsim.policy.bundle import load_policy, write_arrays, write_bundle
 from crowdsim.policy.flattening import flatten_policy
 from crowdsim.policy.policy import Policy, action_values
@@ -54,15 +55,41 @@ def test_a_fall_leads_to_lying_and_a_rise_from_there_to_a_state() -> None:
     assert (heights[falls.stagger] > 0.7).all()
 
 
-def test_rises_end_in_the_state_whose_pose_is_nearest() -> None:
+def test_rises_end_where_they_pass_least_visibly_into_a_state() -> None:
     policy = falling_policy()
-    falls, graph = policy.falls, policy.graph
+    falls, graph, database = policy.falls, policy.graph, policy.database
     assert falls is not None
-    features = frame_features(policy.database, recipe().graph)
-    for action in [*falls.rise, *falls.stagger]:
-        frame = graph.action_first[action] + graph.action_lengths[action] - 1
-        costs = [float(np.linalg.norm(features[frame] - features[state])) for state in graph.state_frames]
-        assert costs[graph.action_next[action]] == pytest.approx(min(costs), rel=1e-5)
+    features = frame_features(database, recipe().graph)
+    stillness, rate = stillness_between(database), database.control_rate
+    actions, stops = np.concatenate([falls.rise, falls.stagger]), np.concatenate([falls.stop, falls.stagger_stop])
+    later = 0
+    for action, stop in zip(actions, stops, strict=True):
+        last = graph.action_first[action] + graph.action_lengths[action] - 1
+        assert stop <= last <= stop + round(0.6 * rate)
+        later += last > stop
+        costs = np.array(
+            [
+                np.linalg.norm(features[frame] - features[graph.state_frames], axis=1)
+                * stillness(np.array(frame), graph.state_frames)
+                + 0.03 * (frame - stop) / rate
+                for frame in range(stop, last + 1)
+            ]
+        )
+        assert costs[-1, graph.action_next[action]] == pytest.approx(costs.min(), rel=1e-5)
+    assert later > 0
+
+
+def test_rises_and_staggers_end_before_anything_strikes() -> None:
+    policy = falling_policy()
+    falls, graph, database = policy.falls, policy.graph, policy.database
+    assert falls is not None
+    strikes = database.strike_frames
+    for action, stop in [
+        *zip(falls.rise, falls.stop, strict=True),
+        *zip(falls.stagger, falls.stagger_stop, strict=True),
+    ]:
+        last = graph.action_first[action] + graph.action_lengths[action] - 1
+        assert not np.any((strikes > stop * database.stride) & (strikes <= last * database.stride))
 
 
 def test_paths_of_falls_follow_the_motion_and_throw_nothing() -> None:
@@ -144,8 +171,22 @@ def _missing(arrays: dict[str, np.ndarray]) -> None:
 
 
 def _fewer(arrays: dict[str, np.ndarray]) -> None:
-    for name in ("falls_fall", "falls_lie", "falls_rise", "falls_direction"):
+    for name in ("falls_fall", "falls_lie", "falls_rise", "falls_direction", "falls_stop"):
         arrays[name] = arrays[name][:-1]
+
+
+def _stops(name: str, off: int) -> Callable[[dict[str, np.ndarray]], None]:
+    def change(arrays: dict[str, np.ndarray]) -> None:
+        last = arrays["graph_action_first"] + arrays["graph_action_lengths"] - 1
+        action = arrays["falls_rise" if name == "falls_stop" else "falls_stagger"][0]
+        arrays[name] = arrays[name].copy()
+        arrays[name][0] = last[action] + 1 if off > 0 else arrays["graph_action_first"][action] - 1
+
+    return change
+
+
+def _half(arrays: dict[str, np.ndarray]) -> None:
+    del arrays["falls_stagger_stop"]
 
 
 def _beyond(arrays: dict[str, np.ndarray]) -> None:
@@ -155,7 +196,8 @@ def _beyond(arrays: dict[str, np.ndarray]) -> None:
 
 @pytest.mark.parametrize(
     "change",
-    [*(_moved(f"falls_{name}") for name in ("fall", "lie", "rise", "stagger")), _missing, _fewer, _beyond],
+    [*(_moved(f"falls_{name}") for name in ("fall", "lie", "rise", "stagger")), _missing, _fewer, _beyond, _half]
+    + [_stops(name, off) for name in ("falls_stop", "falls_stagger_stop") for off in (-1, 1)],
 )
 def test_falls_from_strangers_are_checked(tmp_path: Path, change: Callable[[dict[str, np.ndarray]], None]) -> None:
     document, arrays = flatten_policy(falling_policy())
@@ -163,3 +205,32 @@ def test_falls_from_strangers_are_checked(tmp_path: Path, change: Callable[[dict
     write_arrays(tmp_path / "foreign", document, arrays, {})
     with pytest.raises(PolicyError):
         load_policy(tmp_path / "foreign")
+
+
+def test_in_older_bundles_bodies_stand_when_rises_and_staggers_end(tmp_path: Path) -> None:
+    document, arrays = flatten_policy(falling_policy())
+    for name in ("falls_stop", "falls_stagger_stop"):
+        del arrays[name]
+    write_arrays(tmp_path / "older", document, arrays, {})
+    falls, graph = load_policy(tmp_path / "older").falls, falling_policy().graph
+    assert falls is not None
+    last = graph.action_first + graph.action_lengths - 1
+    np.testing.assert_array_equal(falls.stop, last[falls.rise])
+    np.testing.assert_array_equal(falls.stagger_stop, last[falls.stagger])
+
+
+def test_fights_are_learned_away_from_falls() -> None:
+    policy = falling_policy()
+    database, graph = policy.database, policy.graph
+    beside = database.beside_falls
+    assert not beside[graph.state_frames].any()
+    last = graph.action_first + graph.action_lengths - 1
+    choices = graph.choice_count
+    touched = [beside[a : b + 1].any() for a, b in zip(graph.action_first[:choices], last[:choices], strict=True)]
+    assert not any(touched)
+    # What is beside falls reaches a second before them, or to the start of the clip.
+    starts, rate = database.clip_starts, database.control_rate
+    for first, end in database.falls.spans:
+        clip = np.searchsorted(starts, first, side="right") - 1
+        assert beside[max(first - round(1.2 * rate), starts[clip]) : end + 1].all()
+    assert not beside[: starts[1]].any()

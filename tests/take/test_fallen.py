@@ -106,7 +106,8 @@ def test_bodies_lie_as_they_were_captured() -> None:
             playback = motion.stride * (int(motion.falls.downs[n]) - down + frame)
             place = np.array([take.x[frame, n], take.z[frame, n], take.heading[frame, n]], float)
             expected = ground.to_world(place, ground.to_local(motion.ground[playback], captured[playback]))
-            np.testing.assert_allclose(positions[row, n], expected, atol=0.008)
+            # A heel that was captured under the floor is lifted onto it.
+            np.testing.assert_allclose(positions[row, n], expected, atol=0.013)
 
 
 def test_posed_falls_neither_sink_nor_float() -> None:

@@ -5,11 +5,9 @@ import math
 import numpy as np
 
 from crowdsim.core.angles import cos_sin
-from crowdsim.core.random import uniform
 from crowdsim.crowd.kernels.layout import (
-    CHOICE_STREAM,
+    ACTION,
     COHORT,
-    DECISIONS,
     DOES,
     DOES_NEXT,
     DOWN_FRAMES,
@@ -36,6 +34,7 @@ from crowdsim.crowd.kernels.layout import (
     MOVE_Z,
     NEXT,
     NUMBER,
+    ORIGIN,
     POLICY,
     REST_GAIN,
     RISES,
@@ -51,6 +50,7 @@ from crowdsim.crowd.kernels.layout import (
     STANDING,
     STANDING_NEXT,
     STANDS_UP,
+    STRIDE,
     STRIKE_TIRES,
     STRIKES,
     STUMBLES,
@@ -66,6 +66,7 @@ NOWHERE = 1 << 30  # actions from a stance, before any fall is looked at
 LIKE = 0.6  # directions of falls are alike that differ by no more from the nearest one to the blow's [rad]
 FURTHEST_ASIDE = 2.0  # how much further aside a body falls at the most where there is no room [rad]
 ASIDE = 0.1  # how much a radian aside counts, beside the square of the room that lacks [m2]
+LASTS = 2.0  # how much motion in a control frame counts beside poses
 PARTS = 4096.0  # parts of a square metre
 SIDE_BY_SIDE = 1.0  # how far apart the axes of bodies should be that lie [m]
 STAGGERS_BY = 0.7  # how far from the axis of a body others stagger [m]
@@ -125,7 +126,7 @@ def _part_of(model, fall, kind):
 
 @kernel(inline=True)
 def _pick(model, avatars, world, own, kind, observed, q):
-    """Return a row of ``Model.falls`` that leads where the last blow came to, drawn among those alike; -1 for none.
+    """Return a row of ``Model.falls`` that leads where the last blow came to, and begins as it is; -1 for none.
 
     A body falls where most room is, if need be further aside, and staggers nowhere onto others. Of falls alike only
     those count that lead to the avatar's stance, or nearest to it.
@@ -146,22 +147,45 @@ def _pick(model, avatars, world, own, kind, observed, q):
         of_kind = falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind
         if of_kind and _unfit(model, avatars, own, row, blow, nearest, observed, q) <= best:
             least = min(least, _astray(model, row, stance))
-    alike = 0
+    found, gap = -1, math.inf
     for row in range(falls.shape[0]):
         if falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind:
             fits = _unfit(model, avatars, own, row, blow, nearest, observed, q) <= best
-            alike += fits and _astray(model, row, stance) == least
-    number, decision = np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own])
-    left = int(alike * uniform(world.stream[CHOICE_STREAM], number, decision))
-    for row in range(falls.shape[0]):
-        if falls[row, FALL_POLICY] != policy or falls[row, FALL_KIND] != kind:
-            continue
-        fits = _unfit(model, avatars, own, row, blow, nearest, observed, q) <= best
-        if fits and _astray(model, row, stance) == least:
-            if left == 0:
-                return row
-            left -= 1
-    return -1
+            if fits and _astray(model, row, stance) == least:
+                unlike = _unlike(model, avatars, own, row)
+                if unlike < gap:
+                    found, gap = row, unlike
+    return found
+
+
+@kernel
+def _unlike(model, avatars, own, row):
+    """Return how far the pose in which an avatar ends its action, and its motion, are from the start of a fall.
+
+    That is the sum of squares over head, trunk, elbows and fists, and over how far these move in a control frame [m2].
+    """
+    bodies, arms, ground = model.bodies, model.arms, model.ground
+    action, stride = avatars.whole[ACTION, own], model.policies[avatars.whole[POLICY, own], STRIDE]
+    left = model.actions[action, ORIGIN] + model.actions[action, LENGTH] * stride
+    entered = model.actions[model.falls[row, FALL_ACTION], ORIGIN]
+    own_x, own_z = _way(ground, left - stride, left)
+    its_x, its_z = _way(ground, entered, entered + stride)
+    gap = 0.0
+    for k in range(bodies.shape[1] + arms.shape[1]):
+        rows, c = (bodies, k) if k < bodies.shape[1] else (arms, k - bodies.shape[1])
+        here, there = rows[left, c], rows[entered, c]
+        moved = (here - rows[left - stride, c]) - (rows[entered + stride, c] - there)
+        moved += (own_x - its_x) * (c % 3 == 0) + (own_z - its_z) * (c % 3 == 2)
+        gap += (here - there) ** 2 + (LASTS * moved) ** 2
+    return gap
+
+
+@kernel(inline=True)
+def _way(ground, before, after):
+    """Return how far a ground transform goes between frames, seen from the first: x, z [m]."""
+    cos, sin = cos_sin(ground[before, 2])
+    dx, dz = ground[after, 0] - ground[before, 0], ground[after, 1] - ground[before, 1]
+    return dx * cos - dz * sin, dx * sin + dz * cos
 
 
 @kernel
