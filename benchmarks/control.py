@@ -53,8 +53,8 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def layout(kind: str, count: int, seed: int = 0) -> Crowd:
-    """Return a crowd of two teams, its avatars at least about half a metre apart."""
+def layout(kind: str, count: int, policy: Policy, seed: int = 0) -> Crowd:
+    """Return a crowd of two teams that fights by a policy, its avatars at least about half a metre apart."""
     rng = np.random.default_rng(seed)
     side = int(np.ceil(np.sqrt(count)))
     team = rng.integers(0, 2, count)
@@ -74,7 +74,8 @@ def layout(kind: str, count: int, seed: int = 0) -> Crowd:
             team = (x > x.mean()).astype(int)
             x = x + 1000.0 * team
     order = rng.permutation(count)
-    return build_crowd(x[order], z[order], rng.uniform(-np.pi, np.pi, count), team=team[order], seed=seed)
+    headings = rng.uniform(-np.pi, np.pi, count)
+    return build_crowd(x[order], z[order], headings, team=team[order], weights=policy.weights, seed=seed)
 
 
 def least(run: Callable[[], np.ndarray], times: int) -> np.ndarray:
@@ -156,7 +157,7 @@ def scale(policy: Policy, threads: int, quick: bool) -> tuple[dict[str, Any], di
     for kind in LAYOUTS:
         result[kind] = {}
         for name, count in counts.items():
-            crowd = layout(kind, count)
+            crowd = layout(kind, count, policy)
             frames, repeats = (32, 2) if quick or name == "1m" else (32, 5)
             memory = 0.0
             best = np.full((frames, len(STAGES)), np.inf)
@@ -211,7 +212,7 @@ def jupedsim_rate(count: int, steps: int) -> float:
 
 def jupedsim(policy: Policy, quick: bool) -> dict[str, float]:
     count = 100_000 // QUICK if quick else 100_000
-    crowd = layout("spread", count)
+    crowd = layout("spread", count, policy)
     timings = least(lambda: timed(crowd, policy, 16, 1, skip=16)[0], 3)
     ours = count * 16 / (timings[:, : len(STAGES) - 1].sum() * 1e-9)
     theirs = jupedsim_rate(count, 3 if quick else 5)

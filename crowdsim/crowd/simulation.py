@@ -59,6 +59,7 @@ class Simulation:
 
     Raises:
         RunError: The policies do not go together, or a position is not finite.
+        ValueError: ``search`` is unknown, or the crowd has weights of fewer behaviours than a policy has.
     """
 
     def __init__(
@@ -74,6 +75,11 @@ class Simulation:
     ) -> None:
         if search not in SEARCHES:
             raise ValueError(f"search is {search!r}, expected one of {', '.join(SEARCHES)}{nearest(search, SEARCHES)}")
+        most = max(len(policy.behaviours) for policy in policies)
+        if crowd.weights.shape[1] < most:
+            raise ValueError(
+                f"crowd has weights of {crowd.weights.shape[1]} behaviours, expected {most} as policies have"
+            )
         self.crowd = crowd
         self.model = build_model(policies, len(crowd.stances) > 0) if model is None else model
         self.avatars: Avatars = build_avatars(crowd, self.model, order)

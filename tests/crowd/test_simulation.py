@@ -379,6 +379,12 @@ def test_a_change_waits_for_its_condition():
     assert (record["opponent"][30:] == -1).any()
 
 
+def test_weights_are_needed_for_every_behaviour():
+    people = crowd(4)
+    with pytest.raises(ValueError, match="weights of 1 behaviours, expected 2"):
+        Simulation(replace(people, weights=people.weights[:, :1]), POLICIES)
+
+
 def test_new_weights_change_what_avatars_do():
     people = crowd(20)
     change = Change(AtFrame(20), weights=np.array([[0.0, np.nan]]), temperatures=np.array([np.nan]))

@@ -91,10 +91,7 @@ def choose(model, avatars, world, now, due, count, observed, scratch, out_chosen
     avoid(model, avatars, world, now.frame, due, count, observed, scratch)
     charge_repetition(model, avatars, world, now, due, count, scratch)
     defend(model, avatars, world, now, due, count, observed, scratch)
-    lost = _draw_actions(model, avatars, world, now, due, count, observed, scratch, out_chosen)
-    if lost < 0:
-        note_seen(model, avatars, world, now, due, count, out_chosen)
-    return lost
+    return _draw_actions(model, avatars, world, now, due, count, observed, scratch, out_chosen)
 
 
 @kernel(allocates=False)
@@ -191,8 +188,10 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
             return own
         action = offsets[state] + picked
         out_chosen[q] = action
+        thrown = actions[action + 1, STRIKES] - actions[action, STRIKES]
+        if thrown > 0:
+            note_seen(model, avatars, world, now, own)
         if interval > 0.0:
-            thrown = actions[action + 1, STRIKES] - actions[action, STRIKES]
             whole[BURST, own] = max(whole[BURST, own] - thrown, 0)
             real[RESTED, own] = max(real[RESTED, own], np.float64(frame)) + interval * thrown
     return -1

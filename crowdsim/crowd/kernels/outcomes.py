@@ -80,31 +80,27 @@ class Strike(NamedTuple):
 
 
 @kernel(inline=True)
-def note_seen(model, avatars, world, now, due, count, chosen):
-    """Let avatars ``due[:count]`` that have chosen strikes note what their opponents are like.
+def note_seen(model, avatars, world, now, own):
+    """Let an avatar that has chosen strikes note what its opponent is like.
 
     A row of ``Avatars.seen`` has two halves, which decisions take in turns: strikes of the action before are listed
     when the next one has begun.
     """
     whole, real, actions = avatars.whole, avatars.real, model.actions
-    for q in range(count):
-        if actions[chosen[q] + 1, STRIKES] == actions[chosen[q], STRIKES]:
-            continue
-        own = due[q]
-        opponent, half = whole[NEXT_OPPONENT, own], 4 * (whole[DECISIONS, own] & 1)
-        row = avatars.seen[whole[NUMBER, own]]
-        j = np.int64(avatars.slot_of[opponent]) if opponent >= 0 else np.int64(now.present)
-        if opponent <= -2:
-            target = world.targets[now.moment, -2 - opponent]
-            row[half + SEEN_X], row[half + SEEN_Z], row[half + SEEN_TURN] = target[0], target[2], target[1]
-            row[half + SEEN_FRAME] = 0.0
-        elif j < now.present:
-            done = min(real[PHASE, j], np.float64(actions[whole[ACTION, j], LENGTH]))
-            frame = actions[whole[ACTION, j], ORIGIN] + done * model.policies[whole[POLICY, j], STRIDE]
-            row[half + SEEN_X], row[half + SEEN_Z], row[half + SEEN_TURN] = real[X, j], real[Z, j], real[HEADING, j]
-            row[half + SEEN_FRAME] = frame
-        else:
-            row[half + SEEN_FRAME] = -1.0
+    opponent, half = whole[NEXT_OPPONENT, own], 4 * (whole[DECISIONS, own] & 1)
+    row = avatars.seen[whole[NUMBER, own]]
+    j = np.int64(avatars.slot_of[opponent]) if opponent >= 0 else np.int64(now.present)
+    if opponent <= -2:
+        target = world.targets[now.moment, -2 - opponent]
+        row[half + SEEN_X], row[half + SEEN_Z], row[half + SEEN_TURN] = target[0], target[2], target[1]
+        row[half + SEEN_FRAME] = 0.0
+    elif j < now.present:
+        done = min(real[PHASE, j], np.float64(actions[whole[ACTION, j], LENGTH]))
+        frame = actions[whole[ACTION, j], ORIGIN] + done * model.policies[whole[POLICY, j], STRIDE]
+        row[half + SEEN_X], row[half + SEEN_Z], row[half + SEEN_TURN] = real[X, j], real[Z, j], real[HEADING, j]
+        row[half + SEEN_FRAME] = frame
+    else:
+        row[half + SEEN_FRAME] = -1.0
 
 
 @kernel(inline=True)
