@@ -12,7 +12,6 @@ from _transition_judge import judge, mean_of
 from _transition_windows import made, without_strikes
 
 from crowdsim.core.types import Array
-from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy.policy import Policy
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
@@ -27,6 +26,7 @@ QUICK = ["groups.0.count=8", "groups.0.placement.radius=2", "duration=400", "typ
 def of_falls(policy: Policy, left: Array, entered: Array) -> Array:
     """Return which transitions lead into a fall or stagger or out of one, by playback frames. Shape (n,), bool."""
     falls, graph, stride = policy.falls, policy.graph, policy.database.stride
+    assert falls is not None
     before = np.asarray(graph.action_first, np.int64) - 1
     last = before + np.asarray(graph.action_lengths)
     into = before[np.concatenate([falls.fall, falls.stagger])] * stride

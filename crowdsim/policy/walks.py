@@ -1,7 +1,7 @@
 """Walks of those who stand at ease: out of a piece of a rest, in parts, to another rest in which no walk begins.
 
 A walk begins in a pose that is like one at ease before it in the motion, no less than poses are between which the graph
-has transitions. Nobody leaves it before its end.
+has transitions. A walk is always finished: it is not broken off for a fight.
 """
 
 from __future__ import annotations

@@ -182,7 +182,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
 
 
 def _kept(starts: Array, telling: Array) -> Array:
-    """Return where clips begin among the frames that are told, cut where others lie between, and their number."""
+    """Return where clips begin among the telling frames, with a cut wherever others lie between, and their number."""
     cuts = np.concatenate([starts, np.flatnonzero(np.diff(telling.astype(np.int8))) + 1])
     return np.unique(np.concatenate([[0], np.cumsum(telling)])[cuts])
 

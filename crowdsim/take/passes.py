@@ -1,8 +1,8 @@
 """The passes by which poses come about: motion and blends, foot plants, hit reactions, strikes that land, deflection.
 
 Where a fist goes depends on the pose of whom it hits, and that on blows and on fists of its own. Each further pass
-knows less of others, so that a pose before deflection depends on no more than ``REACH`` seconds and four control frames
-around it; deflection adds four more, and its second round another three. These are the control frames of splines.
+knows less of others, so that a pose depends on the take around it: on ``REACH`` seconds for motion and blends, on the
+blended poses around for separation, and on some control frames more, of splines, for deflection and its second round.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Poses of a take: from what was recorded to joint rotations at any frame rate.
 
-A pose is a pure function of the take and the policies. It depends on no more than ``REACH`` seconds and nine control
-frames of the take before and after its time, and on what hit bodies in the two seconds before, so that any range of
-frames, posed alone, gives the same bytes as the whole.
+A pose is a pure function of the take and the policies. It depends on the take around its time: on ``REACH`` seconds
+for the motion, more for separation, fists and deflection, and on what hit bodies in the two seconds before. Any range
+of frames, posed alone, gives the same bytes as the whole.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Rests: an avatar that need not fight stands at ease, piece after piece, until it has to fight again.
 
-One that has nobody left to fight may walk off once meanwhile, where the way is free.
+An avatar without an opponent may walk off once during its rest, if its way is free.
 """
 
 import math

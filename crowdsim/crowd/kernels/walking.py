@@ -1,4 +1,4 @@
-"""Walks of avatars at ease that have nobody left to fight: whether one sets off, and where the way is free."""
+"""Walks of avatars that stand at ease without an opponent: when one starts to walk, and whether its way is free."""
 
 import numpy as np
 
