@@ -130,8 +130,9 @@ def _arrivals(database: MotionDatabase, graph: MotionGraph, settings: GraphSetti
     spans = database.falls
     features = frame_features(database, settings).astype(np.float64)
     ends, found, stillness = [], [], stillness_between(database)
-    # Motion is left before it strikes, and before the clip ends.
-    bounds = np.sort(np.concatenate([database.clip_starts - 1, database.strike_frames // database.stride]))
+    # Motion is left before it strikes, falls again or comes to rest, and before the clip ends.
+    strikes, rests = database.strike_frames // database.stride, database.rests.frames[:, 0]
+    bounds = np.sort(np.concatenate([database.clip_starts - 1, strikes, spans.spans[:, 0], rests]))
     for stop in np.concatenate([spans.stops, spans.staggers[:, 1]]).astype(int):
         bound = int(bounds[np.searchsorted(bounds, stop, side="right")]) - 1
         end, state = way_to_state(database, graph, features, stillness, stop, max(stop, bound))

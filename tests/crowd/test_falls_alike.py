@@ -11,7 +11,7 @@ from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.motion import ground
 
-NOBODY = Observed(np.array([0], np.int32), np.array([0], np.int32), np.zeros((1, 1), np.int32))
+NO_NEIGHBOURS = Observed(np.array([0], np.int32), np.array([0], np.int32), np.zeros((1, 1), np.int32))
 
 
 def fighting(frames: int = 20) -> Simulation:
@@ -55,7 +55,7 @@ def test_avatars_fall_by_the_fall_that_begins_most_like_what_they_do() -> None:
             aside = np.abs(ground.wrap(turns[rows] - blow))
             rows = rows[aside - aside.min() <= LIKE + 1e-9]
             gaps = [_unlike(one.model, one.avatars, own, row) for row in rows]
-            found = _pick(one.model, one.avatars, one._world, own, kind, NOBODY, 0)
+            found = _pick(one.model, one.avatars, one._world, own, kind, NO_NEIGHBOURS, 0)
             assert found == rows[int(np.argmin(gaps))]
             chosen.add(found)
     assert len(chosen) > 6

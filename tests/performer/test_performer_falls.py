@@ -178,7 +178,7 @@ def test_takes_of_a_session_fall_and_stagger_amid_fights() -> None:
         assert span[0] >= FPS
         assert performance.clip.frame_count - span[1] >= FPS
         frames = np.array([strike.frame for strike in truth.strikes])
-        # Nobody strikes while he falls or staggers.
+        # The boxer throws no punch during a fall or stagger.
         assert not ((frames > span[0]) & (frames < span[1])).any()
         struck += bool((frames < span[0]).any())
         hurt += bool((frames > span[1]).any())

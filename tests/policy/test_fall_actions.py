@@ -1,6 +1,7 @@
 """Bundles hold falls as actions behind those that states choose among."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from crowdsim.graph.features import frame_features
 from crowdsim.motion import ground
 from crowdsim.policy.actions import stillness_between
 from crowdsim.policy.bundle import load_policy, write_arrays, write_bundle
+from crowdsim.policy.falls import _arrivals
 from crowdsim.policy.flattening import flatten_policy
 from crowdsim.policy.policy import Policy, action_values
 from crowdsim.training.train import train_policy
@@ -90,6 +92,21 @@ def test_rises_and_staggers_end_before_anything_strikes() -> None:
     ]:
         last = graph.action_first[action] + graph.action_lengths[action] - 1
         assert not np.any((strikes > stop * database.stride) & (strikes <= last * database.stride))
+
+
+def test_rises_and_staggers_end_before_the_next_fall() -> None:
+    policy = falling_policy()
+    database, graph = policy.database, policy.graph.without_falls
+    stops = database.falls.stops
+    again = np.stack([stops + 3, stops + 10], axis=1)
+    falls = replace(
+        database.falls,
+        staggers=np.concatenate([database.falls.staggers, again]),
+        stagger_directions=np.zeros(len(database.falls.staggers) + len(again), np.float32),
+    )
+    rises, _, _ = _arrivals(replace(database, falls=falls), graph, recipe().graph)
+    assert (rises >= stops).all()
+    assert (rises < stops + 3).all()
 
 
 def test_paths_of_falls_follow_the_motion_and_throw_nothing() -> None:

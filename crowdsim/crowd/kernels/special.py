@@ -126,7 +126,7 @@ def _part_of(model, fall, kind):
 
 @kernel(inline=True)
 def _pick(model, avatars, world, own, kind, observed, q):
-    """Return a row of ``Model.falls`` that leads where the last blow came to, and begins as it is; -1 for none.
+    """Return a row of ``Model.falls`` that leads where the last blow came to, and begins most alike; -1 for none.
 
     A body falls where most room is, if need be further aside, and staggers nowhere onto others. Of falls alike only
     those count that lead to the avatar's stance, or nearest to it.
