@@ -59,6 +59,13 @@ def crosses_legs(model, avatars, crowding, own, action, observed, q):
         last = model.actions[other, ORIGIN] + model.actions[other, LENGTH] * model.policies[whole[POLICY, j], STRIDE]
         cos_2, sin_2 = cos_sin(real[BASE_TURN, j] + model.ground[last, 2])
         cos_2, sin_2 = cos_2 * scale, sin_2 * scale
+        # Most legs are apart along the line from the one avatar to the other.
+        ahead = _furthest_along(model.legs, state, dx * cos - dz * sin, dx * sin + dz * cos)
+        behind = _furthest_along(model.legs, theirs, dz * sin_2 - dx * cos_2, -dx * sin_2 - dz * cos_2)
+        square = dx * dx + dz * dz
+        free = square - ahead - behind
+        if free > 0.0 and free * free > 1.0001 * reach * reach * square:
+            continue
         for leg in range(2):
             knee = _leg_point(model.legs, state, 6 * leg, 0.0, 0.0, size, cos, sin)
             sole = _leg_point(model.legs, state, 6 * leg + 3, 0.0, 0.0, size, cos, sin)
@@ -68,6 +75,14 @@ def crosses_legs(model, avatars, crowding, own, action, observed, q):
                 if square_between(knee, sole, knee_2, sole_2) < reach * reach:
                     return True
     return False
+
+
+@kernel(inline=True)
+def _furthest_along(legs, state, aside, onwards):
+    """Return how far the knees and soles of a state reach along a line, times its length."""
+    left = max(legs[state, 0] * aside + legs[state, 2] * onwards, legs[state, 3] * aside + legs[state, 5] * onwards)
+    right = max(legs[state, 6] * aside + legs[state, 8] * onwards, legs[state, 9] * aside + legs[state, 11] * onwards)
+    return max(left, right)
 
 
 @kernel(inline=True)

@@ -49,7 +49,7 @@ from crowdsim.crowd.kernels.layout import (
 )
 from crowdsim.crowd.kernels.prefetch import ask_for, ask_for_rows
 from crowdsim.crowd.kernels.special import note_condition
-from crowdsim.crowd.kernels.variety import ask_for_marks, note_shown
+from crowdsim.crowd.kernels.variety import ask_for_marks, is_varied, note_shown
 from crowdsim.jit import kernel
 
 # Rows of ``Avatars.whole`` and ``Avatars.real`` that ``switch`` reads or writes.
@@ -110,14 +110,15 @@ def advance(model, avatars, first, last, due, few):
 
 
 @kernel(inline=True)
-def _ask_for_start(model, avatars, i, action):
+def _ask_for_start(model, avatars, i, action, varied):
     """Ask memory for what ``switch`` will read and write where avatar ``i`` starts an action."""
     origin, length = model.actions[action, ORIGIN], model.actions[action, LENGTH]
     ask_for(model.ground, 3 * origin)
     ask_for(model.ground, 3 * (origin + length * model.policies[avatars.whole[POLICY, i], STRIDE]))
     ask_for(model.starts, 3 * action)
     ask_for(model.halts, 2 * action)
-    ask_for_marks(model, avatars, i, action)
+    if varied:
+        ask_for_marks(model, avatars, i, action)
 
 
 @kernel(inline=True)
@@ -128,15 +129,17 @@ def switch(model, avatars, world, frame, due, chosen, first, last):
     """
     whole, real = avatars.whole, avatars.real
     actions, ground, starts, policies = model.actions, model.ground, model.starts, model.policies
+    varied = is_varied(world)
     for q in range(first, last):
         if q + 2 * AHEAD < last:
             ask_for_rows(whole, _SWITCHED, due[q + 2 * AHEAD])
             ask_for_rows(real, _MOVED, due[q + 2 * AHEAD])
         if q + AHEAD < last:
-            _ask_for_start(model, avatars, due[q + AHEAD], chosen[q + AHEAD])
+            _ask_for_start(model, avatars, due[q + AHEAD], chosen[q + AHEAD], varied)
         i = due[q]
         old, new = whole[ACTION, i], chosen[q]
-        note_shown(model, avatars, frame, i, new)
+        if varied:
+            note_shown(model, avatars, frame, i, new)
         if avatars.conditions.shape[0] > 0:
             note_condition(model, avatars, world, frame, i, new)
         stride, scale, speed = policies[whole[POLICY, i], STRIDE], real[SCALE, i], real[SPEED, i]

@@ -45,6 +45,15 @@ FRAMES, NONE = 0xFFFF, 0xFFFF  # frames and states are kept in 16 bits; instead 
 
 
 @kernel(inline=True)
+def is_varied(world):
+    """Return whether there are avatars to whom it matters which motion was shown lately."""
+    for cohort in range(world.cohorts.shape[0]):
+        if world.cohorts[cohort, VARIETY] > 0.0:
+            return True
+    return False
+
+
+@kernel(inline=True)
 def charge_repetition(model, avatars, world, now, due, count, scratch):
     """Lower the values of actions whose motion was shown lately.
 
@@ -52,6 +61,8 @@ def charge_repetition(model, avatars, world, now, due, count, scratch):
     """
     whole, actions, marks = avatars.whole, model.actions, avatars.marks
     mask = marks.shape[0] - 1
+    if not is_varied(world):
+        return
     for q in range(count):
         if q + AHEAD < count:
             _ask_for_charges(model, avatars, due[q + AHEAD], scratch.states[q + AHEAD])
