@@ -47,10 +47,10 @@ FRAMES, NONE = 0xFFFF, 0xFFFF  # frames and states are kept in 16 bits; instead 
 @kernel(inline=True)
 def is_varied(world):
     """Return whether there are avatars to whom it matters which motion was shown lately."""
+    varied = False
     for cohort in range(world.cohorts.shape[0]):
-        if world.cohorts[cohort, VARIETY] > 0.0:
-            return True
-    return False
+        varied |= world.cohorts[cohort, VARIETY] > 0.0
+    return varied
 
 
 @kernel(inline=True)
