@@ -105,7 +105,7 @@ def measure(mocap: Path | None, quick: bool) -> dict[str, Any]:
     }
     policy = ready_policy("boxer", mocap, threads=2)
     takes = [
-        run(load_scenario(LYING_SCENE, seed=seed, **changes), [policy])
+        run(load_scenario(LYING_SCENE, ("linger=3",), seed=seed, **changes), [policy])
         for seed in range(1, 2 if quick else LYING_SEEDS + 1)
     ]
     outcome["lying"] = _lying.measure_lying([PoseSampler(take, [policy], threads=2) for take in takes])

@@ -6,7 +6,7 @@ import numpy as np
 
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.lying import axis_of
-from crowdsim.crowd.kernels.walking import CLEAR, SETS_OFF
+from crowdsim.crowd.kernels.walking import BESIDE, CLEAR, NEARER, SETS_OFF
 from crowdsim.crowd.random import Purpose, uniform
 
 
@@ -60,6 +60,11 @@ def may_go_first(one, own, other, reach):
     return number < one.avatars.number[own] and due and rests and near and draws(one, other) < SETS_OFF
 
 
+def clear_of(line, start):
+    """How far a walk keeps from a body on the floor: where it begins nearer, it leads away."""
+    return min(BESIDE, distance(start, *line) - NEARER)
+
+
 def naive_is_free(one, own, walk):
     """Whether a walk stays in the arena and clear of all others."""
     way, arena = way_of(one, own, walk), one.crowd.arena
@@ -72,6 +77,7 @@ def naive_is_free(one, own, walk):
         lines = lines_of(one, other)
         if len(lines) > 1 and may_go_first(one, own, other, reach):
             return False
-        if any(distance(point, *line) < CLEAR for point in way for line in lines):
+        clear = CLEAR if len(lines) > 1 else clear_of(lines[0], one.avatars.real[[layout.X, layout.Z], own])
+        if any(distance(point, *line) < clear for point in way for line in lines):
             return False
     return True

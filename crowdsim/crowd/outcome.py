@@ -10,9 +10,6 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.script import Agenda, End
 
-LINGERS = 3.0
-"""For how long a run goes on after its end is decided, so that the last fall is seen [s]."""
-
 
 @dataclass(frozen=True)
 class Outcome:

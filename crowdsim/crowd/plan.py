@@ -70,7 +70,8 @@ def plan_script(
     changes = tuple(
         _change(scenario, placed, policies, crowd, cohorts, owners, event, rate) for event in scenario.events
     )
-    return Script(tuple(_path(target) for target in scenario.targets.values()), changes, _end(scenario.until))
+    paths = tuple(_path(target) for target in scenario.targets.values())
+    return Script(paths, changes, _end(scenario.until, scenario.linger))
 
 
 def weights_of(policy: Policy, given: dict[str, float], width: int, others: float = 0.0) -> Array:
@@ -109,10 +110,12 @@ def set_opponents(
         fixed[ours] = np.where(chosen == ours, -1, chosen)
 
 
-def _end(until: WantedEnd | None) -> End | None:
+def _end(until: WantedEnd | None, lingers: float) -> End | None:
+    if until is None:
+        return None
     if isinstance(until, CountEnd):
-        return End("down", until.down) if until.down is not None else End("landed", until.landed or 0)
-    return None if until is None else End(until)
+        return End("landed", until.landed or 0, lingers) if until.down is None else End("down", until.down, lingers)
+    return End(until, lingers=lingers)
 
 
 def _path(target: Target) -> TargetPath:

@@ -115,10 +115,12 @@ class End:
     Attributes:
         kind: ``last_standing``, ``last_team``, ``down`` or ``landed``.
         count: Of ``down`` and ``landed``: how many.
+        lingers: For how long the run goes on once that is met [s].
     """
 
     kind: str
     count: int = 0
+    lingers: float = 3.0
 
 
 @dataclass(frozen=True)

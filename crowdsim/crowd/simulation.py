@@ -23,7 +23,7 @@ from crowdsim.crowd.kernels.layout import Now
 from crowdsim.crowd.kernels.loop import run_frames
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import Index, build_index
-from crowdsim.crowd.outcome import LINGERS, Outcome, find_outcome
+from crowdsim.crowd.outcome import Outcome, find_outcome
 from crowdsim.crowd.progress import Progress
 from crowdsim.crowd.random import Purpose, stream
 from crowdsim.crowd.script import Agenda, Change, Script, target_positions
@@ -94,7 +94,7 @@ class Simulation:
         self.searches: list[str] = []
         self._profiled = profiled
         self._fresh = np.arange(self.present, dtype=np.int32)
-        self._lingers = round(LINGERS * self.rate)
+        self._lingers = 0 if self._script.until is None else round(self._script.until.lingers * self.rate)
         self._stages = Stages(crowd, self.model, self.avatars, self._index, self._workers)
         self._scratch = empty_scratch(self.model, crowd.crowding.most, min(SMALL, max(crowd.count, 1)))
         self._world = World(
@@ -155,6 +155,8 @@ class Simulation:
         done = 0
         while done < frames and not self.is_over:
             self._happen()
+            if self.is_over:
+                break
             if self.present < count:
                 self._blank(record, done, frames)
             most = frames - done

@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr
 from crowdsim.config.files import Finding, StrictModel, place
 from crowdsim.errors import ScenarioError
 from crowdsim.scenario.events import Event
-from crowdsim.scenario.fitness import End
+from crowdsim.scenario.fitness import LINGERS, End
 from crowdsim.scenario.groups import AnyoneOpponents, Group, Opponents, PointsPlacement, Target
 from crowdsim.scenario.outputs import Outputs
 from crowdsim.scenario.parts import MAXIMUM_FRAMES, MAXIMUM_SECONDS, Arena, AvatarType, Name, NoArena
@@ -81,6 +81,9 @@ class Description(StrictModel):
         default=None,
         description="What ends the run before its duration: `last_standing` (one avatar is left that is not down for "
         "good), `last_team` (those left are of one team), or a mapping with `down` or `landed`.",
+    )
+    linger: float = Field(
+        default=LINGERS, ge=0, le=3600, description="For how long the run goes on once `until` is met [s]."
     )
     targets: dict[Name, Target] = Field(default_factory=dict, description="Scripted targets by name.")
     events: tuple[Event, ...] = Field(

@@ -8,7 +8,7 @@ from typing import Any
 from crowdsim.config.files import Finding
 from crowdsim.scenario.description import Description
 from crowdsim.scenario.distributions import limits
-from crowdsim.scenario.fitness import CountEnd, Damage
+from crowdsim.scenario.fitness import LINGERS, CountEnd, Damage
 from crowdsim.scenario.groups import Group
 
 _NEEDS_DAMAGE = "expected 'damage' of their type"
@@ -45,6 +45,8 @@ def fight_findings(scenario: Description) -> Iterator[Finding]:
 
 def _end_findings(scenario: Description) -> Iterator[Finding]:
     until = scenario.until
+    if until is None and scenario.linger != LINGERS:
+        yield Finding(("linger",), "has no effect without 'until', which ends a run before its duration")
     if until is None or (isinstance(until, CountEnd) and until.down is None):
         return
     most = sum(_hurt(scenario, group) for group in scenario.groups)

@@ -59,3 +59,6 @@ class CountEnd(StrictModel):
 
 
 End = Literal["last_standing", "last_team"] | CountEnd
+
+LINGERS = 3.0
+"""For how long a run goes on after its end is decided, so that the last fall is seen [s]."""

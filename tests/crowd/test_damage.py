@@ -197,6 +197,19 @@ def test_a_fight_goes_on_from_its_state(stop, falls):
     assert three.frame == one.frame
 
 
+@pytest.mark.parametrize("lingers", [0.0, 0.1, 20.0])
+def test_a_run_goes_on_for_a_while_when_its_end_has_come(lingers):
+    frail = rules()
+    frail[:, layout.FULL_HEALTH] = 10.0
+    people = fighters(6, team=np.arange(6) % 2, rules=frail, skip=np.full(6, -1), spacing=0.5, seed=4)
+    one = Simulation(people, POLICIES, Script(until=End("down", 2, lingers)))
+    record, _ = whole([one.run(3000)])
+    assert one.outcome is not None
+    assert one.is_over
+    assert one.frame == len(record["action"]) == one.outcome.frame + round(lingers * one.rate)
+    assert one.run(5).frames == 0
+
+
 @pytest.mark.parametrize("kind", ["last_standing", "last_team", "down", "landed"])
 def test_a_run_ends_when_its_end_has_come(kind):
     frail = rules()

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from naive_walking import distance, lines_of, naive_is_free, way_of
+from naive_walking import clear_of, distance, lines_of, naive_is_free, way_of
 from resting import resting_policy
 
 from crowdsim.crowd.crowd import build_crowd
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.kernels.walking import CLEAR, is_free
+from crowdsim.crowd.kernels.walking import CLEAR, NEARER, is_free
 from crowdsim.crowd.model import build_model, entry_actions
 from crowdsim.crowd.script import Change, Script
 from crowdsim.crowd.simulation import Simulation
@@ -127,14 +127,36 @@ def test_walks_keep_clear_of_those_that_stand_walk_and_lie():
             own = one.avatars.slot_of[number]
             (walk,) = np.flatnonzero(one.model.walks[:, layout.TAKES] == actions[number])
             others = [lines_of(one, slot) for slot in range(one.present) if slot != own]
-            way = way_of(one, own, walk, before[:, own])
-            assert min(distance(p, *line) for p in way for lines in others for line in lines) > CLEAR - 0.1
+            way, start = way_of(one, own, walk, before[:, own]), before[[layout.X, layout.Z], own]
+            for lines in others:
+                clear = CLEAR if len(lines) > 1 else clear_of(lines[0], start)
+                assert min(distance(p, *line) for p in way for line in lines) > clear - 0.1
             went += 1
         last = actions
         real = one.avatars.real
         apart = np.hypot(real[layout.X] - real[layout.X][:, None], real[layout.Z] - real[layout.Z][:, None])
         assert apart[~np.eye(25, dtype=bool)].min() > 0.5
     assert went > 5
+
+
+def test_walks_lead_away_from_a_body_at_an_avatars_feet():
+    one = Simulation(friends([0.0, 3.0], [0.0, 0.0]), [resting_policy()])
+    down = one.avatars.conditions[1]
+    down[layout.STANDING], down[layout.RISES], down[layout.FALL] = layout.LYING, math.inf, 0.0
+    own, other = one.avatars.slot_of
+    one.avatars.whole[layout.TEAM, other] = -2
+    (body,) = lines_of(one, other)
+    real = one.avatars.real
+    free = 0
+    for angle in np.linspace(0.0, 2.0 * math.pi, 24):
+        real[layout.X, own] = 0.5 * (body[0][0] + body[1][0]) + 0.2 * math.cos(angle)
+        real[layout.Z, own] = 0.5 * (body[0][1] + body[1][1]) + 0.2 * math.sin(angle)
+        start = distance(real[[layout.X, layout.Z], own], *body)
+        for walk in range(len(one.model.walks)):
+            if is_free(one.model, one.avatars, one._world, one._now, own, walk):
+                free += 1
+                assert min(distance(point, *body) for point in way_of(one, own, walk)) >= start - NEARER - 1e-9
+    assert free > 10
 
 
 @pytest.mark.parametrize("arena", [np.zeros(5), np.array([layout.CIRCLE, 2.0, 2.0, 6.0, 6.0])])

@@ -119,6 +119,8 @@ def test_few_attack_one_opponent_where_few_may(workplace: Path) -> None:
         ({"types": {"boxer": {"policy": "tiny"}}}, ["until: no avatar can go down, expected 'damage' of their type"]),
         ({"until": {"down": 7}}, ["until.down: is 7, but 6 avatars can go down, expected at most that"]),
         ({"until": {"down": 1, "landed": 1}}, ["until: has both 'down' and 'landed', expected one of them"]),
+        ({"until": None, "linger": 5}, ["linger: has no effect without 'until', which ends a run before its duration"]),
+        ({"linger": -1}, ["linger: is -1, expected a number from 0 to 3600"]),
         ({"until": {}}, ["until: has neither 'down' nor 'landed', expected one of them"]),
         (
             {"groups": [FIGHT["groups"][0]], "opponents": {"kind": "anyone"}},

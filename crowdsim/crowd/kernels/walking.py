@@ -34,7 +34,8 @@ from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
 from crowdsim.jit import kernel
 
 SETS_OFF = 0.2  # share of the pieces at ease behind which an avatar walks off, where it can
-CLEAR = 0.8  # how far a walk keeps from other avatars, and from bodies that lie [m]
+CLEAR, BESIDE = 0.8, 0.5  # how far a walk keeps from other avatars, and from bodies that lie [m]
+NEARER = 0.1  # how much nearer it may come to a body beside which it begins [m]
 
 
 @kernel(inline=True)
@@ -70,6 +71,7 @@ def _drawn(avatars, world, i):
 def is_free(model, avatars, world, now, own, walk):
     """Return whether a walk stays in the arena, and keeps clear of all others: where they are, will be, and halt.
 
+    From a body on the floor that is nearer at the start it only leads away.
     Where an avatar of a lower number that is near may set off in the same frame, no way is free.
     """
     whole, real, points = avatars.whole, avatars.real, model.walks[walk, POINTS_OF_WALK:]
@@ -85,9 +87,10 @@ def is_free(model, avatars, world, now, own, walk):
     for j in range(now.present):
         if j == own:
             continue
+        clear = CLEAR
         if whole[TEAM, j] < 0 and is_on_floor(avatars, j):
             here = axis_of(model, avatars, j)
-            then = here
+            then, clear = here, min(BESIDE, from_axis(here, x, z) - NEARER)
         else:
             here = Axis(real[X, j], real[Z, j], real[END_X, j], real[END_Z, j])
             then = Axis(real[END_X, j], real[END_Z, j], real[HALT_X, j], real[HALT_Z, j])
@@ -98,7 +101,7 @@ def is_free(model, avatars, world, now, own, walk):
         for k in range(count):
             px, pz = points[2 * k], points[2 * k + 1]
             wx, wz = x + px * cos + pz * sin, z + pz * cos - px * sin
-            if min(from_axis(here, wx, wz), from_axis(then, wx, wz)) < CLEAR:
+            if min(from_axis(here, wx, wz), from_axis(then, wx, wz)) < clear:
                 return False
     return True
 
