@@ -30,6 +30,8 @@ ENTRIES = 256
 """Most states from which rests are entered; those of the cheapest transitions."""
 _EARLY, _LONG = 0.25, 0.5
 """Share of the time at ease in which repetition begins, and least share that is repeated."""
+_ALIKE = 0.5
+"""How far a rest may be from the end of the one before it, over what a transition of a fight costs at the most."""
 _LEAVES = 0.75
 """Share of the time at ease after which the way back to the guard may begin."""
 
@@ -99,8 +101,8 @@ def add_rests(
         return graph, actions, None
     features = frame_features(database, settings).astype(np.float64)
     length = seconds * database.control_rate
-    pieces, ends, begins = _all_pieces(features, database, length)
     limit = float(np.percentile(graph.action_costs[: graph.choice_count][graph.action_has_transition], 90))
+    pieces, ends, begins = _all_pieces(features, database, length, _ALIKE * limit)
     stillness = stillness_between(database)
     state, frame, rest, costs = _entries(database, graph, features, stillness, limit)
     if not len(state):
@@ -133,34 +135,63 @@ def add_rests(
 
 
 def _all_pieces(
-    features: Array, database: MotionDatabase, length: float
+    features: Array, database: MotionDatabase, length: float, alike: float
 ) -> tuple[list[_Piece], list[tuple[int, int]], list[int]]:
     """Return the pieces of all rests, the first and last number of each rest's, and where each begins to repeat.
 
     The first piece of a rest is never performed: it stands for the pose in which the rest has been entered. Where a
-    walk leads there, it is the last part of that. Pieces are about ``length`` frames long.
+    walk leads there, it is the last part of that. Pieces are about ``length`` frames long. Behind a rest comes another
+    one, at most ``alike`` from it, or the same one again.
     """
     pieces: list[_Piece] = []
-    ends, begins = [], []
-    spans = database.rests
-    for row, walk, walked in zip(spans.frames.astype(int), spans.walks, spans.walked, strict=True):
-        start, stop = _loop(features, row)
-        count = max(1, round((stop - start) / length))
-        cuts = np.linspace(start, stop, count + 1).round().astype(int)
+    ends, spans = [], database.rests
+    loops = [_loop(features, row) for row in spans.frames.astype(int)]
+    counts = [max(1, round((stop - start) / length)) for start, stop in loops]
+    cuts = [
+        np.linspace(start, stop, count + 1).round().astype(int).tolist()
+        for (start, stop), count in zip(loops, counts, strict=True)
+    ]
+    firsts = np.concatenate([[0], np.cumsum([count + 2 for count in counts])])
+    following = _order_rests(features, database, loops, alike)
+    for number, ((start, stop), count, then) in enumerate(zip(loops, counts, following, strict=True)):
         own = len(pieces)
-        if walked:
-            before = int(walk_cuts(int(walk[1]), start, length)[-2])
+        if spans.walked[number]:
+            before = int(walk_cuts(int(spans.walks[number, 1]), start, length)[-2])
             pieces.append(_Piece(before, before + 1, start, own + 1))
         else:
-            pieces.append(_Piece(start, start + 1, int(cuts[1]), own + 1))
-        for number, (one, other) in enumerate(itertools.pairwise(cuts)):
-            pieces.append(_Piece(int(one), int(one) + 1, int(other), own + 2 + number))
-        # Behind the last piece the first one comes again, out of the last one's pose.
-        again = own + 1 + count
-        pieces.append(_Piece(stop, start + 1, int(cuts[1]), own + 2 if count > 1 else again))
-        ends.append((own, again))
-        begins.append(start)
-    return pieces, ends, begins
+            pieces.append(_Piece(start, start + 1, cuts[number][1], own + 1))
+        for part, (one, other) in enumerate(itertools.pairwise(cuts[number])):
+            pieces.append(_Piece(one, one + 1, other, own + 2 + part))
+        # Behind the last piece the next rest begins, out of the last one's pose.
+        pieces.append(_Piece(stop, loops[then][0] + 1, cuts[then][1], int(firsts[then]) + 2))
+        ends.append((own, own + 1 + count))
+    return pieces, ends, [start for start, _ in loops]
+
+
+def _order_rests(features: Array, database: MotionDatabase, loops: list[tuple[int, int]], alike: float) -> list[int]:
+    """Return which rest comes behind each: the one that is most like its end of those that have not been shown yet.
+
+    The last of them leads to the first one again; where they are not ``alike`` [m], a rest leads to itself. Rests to
+    which a walk leads are followed by others of these.
+    """
+    starts, stops = np.array(loops).T
+    contacts, walked = database.contacts[:: database.stride], database.rests.walked
+    gaps = np.linalg.norm(features[stops][:, None] - features[starts][None], axis=-1)
+    apart = (gaps > alike) | np.any(contacts[stops][:, None] != contacts[starts][None], axis=-1)
+    gaps[apart | (walked[:, None] != walked[None])] = np.inf
+    following = list(range(len(loops)))
+    left = set(following)
+    while left:
+        first = at = min(left)
+        while at in left:
+            left.remove(at)
+            near = [other for other in sorted(left) if np.isfinite(gaps[at, other])]
+            if near:
+                following[at] = near[int(np.argmin(gaps[at, near]))]
+            elif np.isfinite(gaps[at, first]):
+                following[at] = first
+            at = following[at]
+    return following
 
 
 def _loop(features: Array, row: Array) -> tuple[int, int]:

@@ -53,12 +53,24 @@ def test_pieces_follow_one_another_without_end() -> None:
             features = frame_features(resting_policy().database, recipe().graph)
             poses = features[[before[found.hold[after]], last[found.hold[piece]]]]
             assert np.linalg.norm(poses[1] - poses[0]) < 0.08
-    seen = set()
-    piece = int(found.row[0])
-    while piece not in seen:
-        seen.add(piece)
-        piece = int(found.next[piece])
-    assert len(seen) >= 4
+
+
+def test_all_rests_on_the_spot_of_a_stance_are_shown_before_one_comes_again() -> None:
+    found, (_, last) = rests(), ends()
+    walked = resting_policy().database.rests.walked
+    shown = []
+    for row in np.unique(found.row):
+        piece, pieces, order = int(row), set(), []
+        while piece not in pieces:
+            pieces.add(piece)
+            piece = int(found.next[piece])
+            number = int(np.searchsorted(found.frames[:, -1], last[found.hold[piece]]))
+            order += [number] if order[-1:] != [number] else []
+        assert len(set(order)) >= len(order) - 1
+        assert not walked[order].any()
+        shown.append(frozenset(order))
+    assert min(map(len, shown)) > 1
+    assert set().union(*shown) == set(np.flatnonzero(~walked).tolist())
 
 
 def test_a_rest_is_entered_at_no_greater_cost_than_nine_in_ten_transitions_have() -> None:
