@@ -1,4 +1,4 @@
-"""Who wins: strikes in the shipped brawls, bouts between fighters, time to react, and bodies that are down.
+"""Who wins: strikes in shipped brawls, bouts between fighters, time to react, bodies that are down, and breaks.
 
     python benchmarks/fights.py [--mocap DIR] [--json] [--quick]
 
@@ -18,6 +18,8 @@ victim takes a decision of its own in between, at least 0.2 s after the attacker
 
 Bodies that are down (``_lying.py``), in `brawl_last_standing`: how far their lowest points are from the floor from the
 start of a fall to standing, how often others tread on them, and how often they lie in one another.
+
+Breaks between rounds (``_breaks.py``), in `bout`: how soon boxers stand at ease, and for how much of the break.
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ from pathlib import Path
 from typing import Any
 
 import _bouts
+import _breaks
 import _defence
 import _lying
 import _reaction_time
@@ -53,6 +56,8 @@ REACTION_SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
 """Scenarios for reactions, and what is changed in them."""
 LYING_SCENE, LYING_SEEDS = "brawl_last_standing", 4
 """Where bodies that are down are measured, and the number of seeds, from 1 on."""
+BREAK_SEEDS = 20
+"""Seeds of `bout` for breaks between rounds, from 1 on."""
 SEEDS = 5
 """Seeds of each scene for reactions, from 1 on."""
 DRAWN = [f"types.boxer.{key}={value}" for key, value in _bouts.RANDOM.items()]
@@ -109,6 +114,11 @@ def measure(mocap: Path | None, quick: bool) -> dict[str, Any]:
         for seed in range(1, 2 if quick else LYING_SEEDS + 1)
     ]
     outcome["lying"] = _lying.measure_lying([PoseSampler(take, [policy], threads=2) for take in takes])
+    bouts = [
+        run(load_scenario("bout", _breaks.SCENE, seed=seed, **changes), [policy])
+        for seed in range(1, 2 if quick else BREAK_SEEDS + 1)
+    ]
+    outcome["breaks"] = _breaks.measure_breaks(bouts, policy)
     return outcome
 
 
@@ -126,6 +136,8 @@ def lines(outcome: Mapping[str, Any]) -> Iterator[str]:
     yield from _reaction_time.lines(outcome["reaction"])
     yield ""
     yield from _lying.lines(outcome["lying"])
+    yield ""
+    yield from _breaks.lines(outcome["breaks"])
 
 
 def main() -> None:

@@ -64,8 +64,22 @@ def lying(results: Results) -> list[str]:
     return results.table(["", "`brawl_last_standing`"], rows, "fights")
 
 
+def breaks(results: Results) -> list[str]:
+    """Return how boxers come to rest between rounds."""
+    rows = [
+        [label, results.cell(shown, "fights", "breaks", key)]
+        for label, shown, key in (
+            ("time until a boxer drops its guard, median [s]", number, "seconds"),
+            ("breaks in which it never does", percent, "never_share"),
+            ("share of breaks at ease, or on the way there", percent, "ease_share"),
+        )
+    ]
+    return results.table(["", "`bout`, breaks of 10 s"], rows, "fights")
+
+
 FALL_TABLES: dict[str, Callable[[Results], list[str]]] = {
     "fall-motion": fall_motion,
     "rest-motion": rest_motion,
     "lying": lying,
+    "breaks": breaks,
 }

@@ -45,6 +45,7 @@ KEYS = {
           for key in ("won.share", "won.interval", "lost", "drawn", "landed_per_minute", "blocked_share",
                       "evaded_share", "knock_downs")),
         *(f"reaction.{scene}.{key}" for scene in ("brawl_30", "duel") for key in ("lead_seconds", "reactable_share")),
+        *(f"breaks.{key}" for key in ("count", "never_share", "ease_share")),
         *(f"lying.{key}" for key in ("sunk_share", "floating_share", "trodden_share", "overlap_share")),
     ],
     "exported": [f"{scene}.inspect.strikes_landed" for scene in ("brawl_30", "brawl_30_cmu", "armies_200")],

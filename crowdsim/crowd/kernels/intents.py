@@ -42,9 +42,9 @@ CLOSEST = 0.3  # how near an opponent seems at the most to one that watches [m]
 FLIGHT = 10.0  # how far away the point is that an avatar flees to [m]
 WAITING = 2.2  # how far from an opponent avatars wait that others fight already [m]
 SHYNESS = 0.1  # how much further away an avatar keeps while it rests for each halving of its aggression [m]
-FACING = 0.7  # cosine of the greatest bearing of an opponent at which an avatar begins to rest
+FACING = 0.3  # cosine of the greatest bearing of an opponent at which an avatar begins to rest
 NEARLY = 0.5  # how much nearer than its distance an avatar may be that turns to its opponent before it rests [m]
-TOO_NEAR = 0.5  # share of its distance at which it goes away again
+TOO_NEAR = 0.4  # share of its distance at which it goes away again
 ADMITTED = 0.5  # how much nearer an avatar counts that fights already, among those who would like to [m]
 
 
@@ -55,12 +55,13 @@ def see_by_intent(model, avatars, world, now, own, opponent, target, observed, q
     One that has no opponent, and can get none again, rests where its policy has rests.
     """
     row = avatars.conditions[avatars.whole[NUMBER, own]]
-    does, keeps = row[MODE], row[KEEPS]
+    does, keeps, turns = row[MODE], row[KEEPS], False
     if opponent == -1 and does != RESTS and model.ways_to_rest.shape[0] > 0:
         if row[PIECE] > 0.0 or not may_get_opponent(avatars, now, own):
             does = RESTS
     elif does == RESTS and opponent != -1 and row[PIECE] == 0.0:
         does = _before_rest(avatars, own, target, keeps)
+        turns = does == WATCHES
     if does == FIGHTS and opponent >= 0 and _has_to_wait(avatars, world, now, own, opponent, observed, q):
         does, keeps = WATCHES, WAITING
     row[DOES_NEXT] = does
@@ -77,6 +78,8 @@ def see_by_intent(model, avatars, world, now, own, opponent, target, observed, q
         return target
     if does == FLEES:
         return Target(x - FLIGHT * dx / far, target.y, z - FLIGHT * dz / far, 0.0, 0.0, target.lasts)
+    if turns:
+        keeps = min(keeps, far)
     part = max(far - (keeps - FIGHTING), CLOSEST) / far
     return Target(x + part * dx, target.y, z + part * dz, target.vx, target.vz, target.lasts)
 
