@@ -5,7 +5,8 @@
 * brawl_30: 30 avatars in the shipped scene, 1000 control frames, beside the time that scipy's cKDTree alone takes to
   be built and queried for the same positions every frame.
 * scale: nanoseconds per avatar and control frame for 10,000, 100,000 and 1,000,000 avatars of two teams, spread out,
-  clustered, and as two armies a kilometre apart, with the policy for large crowds; by stage, recording included.
+  clustered, and as two armies a kilometre apart, with the policy for large crowds; by stage, recording included. They
+  ask for no variety and no pauses between bursts, as is the default of ``build_crowd``, not that of scenarios.
 * million: a control frame of a million avatars that are spread out, and memory per avatar.
 * jupedsim: agent-steps per second of its collision-free speed model with 100,000 agents, one thread, beside ours.
 * apart: control of ``brawl_30`` and ``armies_200`` with and without collision avoidance.
