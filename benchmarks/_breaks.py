@@ -11,20 +11,21 @@ from crowdsim.policy.policy import Policy
 from crowdsim.take.take import Take
 
 BREAKS = ((8.0, 18.0), (26.0, 36.0))
-"""When boxers are told to rest, and to fight again [s]."""
+"""Start and end of each break [s]."""
 SCENE = (
     "duration=36s", "until=null", "types.boxer.damage=null", "types.boxer.stamina=null",
     *(f"events.{k}.when.seconds={seconds}" for k, seconds in enumerate(np.ravel(BREAKS).tolist())),
 )  # fmt: skip
-"""What is changed in `bout`: nobody goes down, and breaks come early."""
+"""Overrides for `bout`: nobody goes down, and breaks come early."""
 
 
 def measure_breaks(takes: Sequence[Take], policy: Policy) -> dict[str, Any]:
     """Return how boxers come to rest in the breaks of runs of one policy with rests.
 
     Returns:
-        ``count``, breaks times boxers; ``seconds``, median time until one drops its guard [s]; ``never_share``, who do
-        not in all the break; ``ease_share``, of all breaks, with hanging hands or on the way there.
+        ``count``, breaks, counted for each boxer; ``seconds``, median time until the boxer drops its guard [s], None
+        where most never do; ``never_share``, share of breaks in which it never does; ``ease_share``, share of the time
+        in breaks that it stands at ease or drops its guard.
     """
     rests = policy.rests
     assert rests is not None, "the policy has rests"
@@ -48,8 +49,8 @@ def measure_breaks(takes: Sequence[Take], policy: Policy) -> dict[str, Any]:
 
 def lines(outcome: Mapping[str, Any]) -> Iterator[str]:
     """Yield the figures, a line each."""
-    yield f"breaks of ten seconds between rounds, {outcome['count']} of boxers"
     seconds = outcome["seconds"]
+    yield f"breaks of ten seconds between rounds, {outcome['count']} counted for each boxer"
     yield f"  {'until at ease, median':<28}" + ("   never" if seconds is None else f"{seconds:7.1f} s")
     yield f"  {'never at ease':<28}{outcome['never_share']:8.1%}"
     yield f"  {'share of breaks at ease':<28}{outcome['ease_share']:8.1%}"

@@ -8,6 +8,7 @@
   clustered, and as two armies a kilometre apart, with the policy for large crowds; by stage, recording included. They
   ask for no variety and no pauses between bursts, as is the default of ``build_crowd``, not that of scenarios.
 * million: a control frame of a million avatars that are spread out, and memory per avatar.
+* crowd_1m: a control frame of the shipped scene, whose types pause between bursts and care for variety.
 * jupedsim: agent-steps per second of its collision-free speed model with 100,000 agents, one thread, beside ours.
 * apart: control of ``brawl_30`` and ``armies_200`` with and without collision avoidance.
 * decision: one decision (observing and choosing) beside a motion-matching search, cKDTree over the usual 27 features
@@ -185,6 +186,15 @@ def scale(policy: Policy, threads: int, quick: bool) -> tuple[dict[str, Any], di
     return result, million
 
 
+def shipped(policy: Policy, threads: int, quick: bool) -> dict[str, float]:
+    """Return what a control frame of the shipped scene of a million costs."""
+    scenario = load_scenario("crowd_1m", fraction=1.0 / QUICK if quick else None)
+    crowd, _ = cast_crowd(scenario, place_groups(scenario), [policy])
+    timings = least(lambda: timed(crowd, policy, 24, threads, skip=24)[0], 2)
+    control = float(timings[:, : len(STAGES) - 1].sum()) / len(timings)
+    return {"milliseconds": control * 1e-6, "ns_per_avatar_frame": control / crowd.count}
+
+
 def jupedsim_rate(count: int, steps: int) -> float:
     """Return agent-steps a second of JuPedSim's collision-free speed model on an open square."""
     import jupedsim as jps
@@ -299,6 +309,8 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
     say("apart")
     keeping = apart(policy, repeats, 30 if arguments.quick else 300)
     sizes, million = scale(crowd_policy, arguments.threads, arguments.quick)
+    say("crowd_1m")
+    scene = shipped(crowd_policy, arguments.threads, arguments.quick)
     say("jupedsim")
     try:
         agents = jupedsim(crowd_policy, arguments.quick)
@@ -313,6 +325,7 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
         "apart": keeping,
         "scale": sizes,
         **million,
+        "crowd_1m": scene,
         "jupedsim": agents,
         "decision": decision,
     }
@@ -336,6 +349,7 @@ def show(found: dict[str, Any]) -> None:
     print(f"a million avatars: {found['million_frame_milliseconds']:.0f} ms a control frame", end=", ")
     print(f"{found['million_record_milliseconds']:.0f} ms more to record it", end=", ")
     print(f"{found['million_bytes_per_avatar']:.0f} bytes an avatar")
+    print(f"crowd_1m: {found['crowd_1m']['milliseconds']:.0f} ms a control frame")
     if agents:
         print(f"{agents['agents']} agents, one thread: {agents['ratio_100k']:.1f} times JuPedSim", end="")
         print(f" ({agents['agent_steps_per_second'] / 1e6:.2f} M agent-steps/s)")

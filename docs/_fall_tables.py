@@ -71,7 +71,7 @@ def breaks(results: Results) -> list[str]:
         for label, shown, key in (
             ("time until a boxer drops its guard, median [s]", number, "seconds"),
             ("breaks in which it never does", percent, "never_share"),
-            ("share of breaks at ease, or on the way there", percent, "ease_share"),
+            ("share of the time at ease or dropping the guard", percent, "ease_share"),
         )
     ]
     return results.table(["", "`bout`, breaks of 10 s"], rows, "fights")

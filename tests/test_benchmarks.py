@@ -24,7 +24,8 @@ KEYS = {
         *(f"brawl_30.{name}" for name in ("milliseconds", "ratio_to_ckdtree")),
         *(f"scale.{kind}.ns_per_avatar_frame_{size}" for kind in ("spread", "clustered", "armies")
           for size in ("10k", "100k", "1m")),
-        "million_frame_milliseconds", "jupedsim.ratio_100k", "decision.ratio_to_motion_matching",
+        "million_frame_milliseconds", "crowd_1m.milliseconds", "jupedsim.ratio_100k",
+        "decision.ratio_to_motion_matching",
     ],
     "batch": [
         *(f"workers_{count}.{name}" for count in (1, 2) for name in ("seconds", "overhead_milliseconds")),

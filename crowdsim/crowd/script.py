@@ -10,6 +10,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.triggers import EVERY_FRAME, STRIKES, AtFrame, Trigger
+from crowdsim.scenario.fitness import LINGERS
 
 if TYPE_CHECKING:
     from crowdsim.crowd.progress import Progress
@@ -120,7 +121,7 @@ class End:
 
     kind: str
     count: int = 0
-    lingers: float = 3.0
+    lingers: float = LINGERS
 
 
 @dataclass(frozen=True)

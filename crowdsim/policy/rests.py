@@ -141,45 +141,47 @@ def _all_pieces(
 
     The first piece of a rest is never performed: it stands for the pose in which the rest has been entered. Where a
     walk leads there, it is the last part of that. Pieces are about ``length`` frames long. Behind a rest comes another
-    one, at most ``alike`` from it, or the same one again.
+    one, whose pose at its start is at most ``alike`` [m] from that in which the rest ends, or the same one again.
     """
     pieces: list[_Piece] = []
     ends, spans = [], database.rests
-    loops = [_loop(features, row) for row in spans.frames.astype(int)]
-    counts = [max(1, round((stop - start) / length)) for start, stop in loops]
-    cuts = [
-        np.linspace(start, stop, count + 1).round().astype(int).tolist()
-        for (start, stop), count in zip(loops, counts, strict=True)
-    ]
-    firsts = np.concatenate([[0], np.cumsum([count + 2 for count in counts])])
-    following = _order_rests(features, database, loops, alike)
-    for number, ((start, stop), count, then) in enumerate(zip(loops, counts, following, strict=True)):
-        own = len(pieces)
+    cuts = []
+    for row in spans.frames.astype(int):
+        start, stop = _loop(features, row)
+        count = max(1, round((stop - start) / length))
+        cuts.append(np.linspace(start, stop, count + 1).round().astype(int).tolist())
+    begins, stops = [cut[0] for cut in cuts], [cut[-1] for cut in cuts]
+    firsts = np.cumsum([0, *(len(cut) + 1 for cut in cuts)]).tolist()
+    following = _order_rests(features, database, begins, stops, alike)
+    for number, (cut, then) in enumerate(zip(cuts, following, strict=True)):
+        own, start = len(pieces), cut[0]
         if spans.walked[number]:
             before = int(walk_cuts(int(spans.walks[number, 1]), start, length)[-2])
             pieces.append(_Piece(before, before + 1, start, own + 1))
         else:
-            pieces.append(_Piece(start, start + 1, cuts[number][1], own + 1))
-        for part, (one, other) in enumerate(itertools.pairwise(cuts[number])):
+            pieces.append(_Piece(start, start + 1, cut[1], own + 1))
+        for part, (one, other) in enumerate(itertools.pairwise(cut)):
             pieces.append(_Piece(one, one + 1, other, own + 2 + part))
         # Behind the last piece the next rest begins, out of the last one's pose.
-        pieces.append(_Piece(stop, loops[then][0] + 1, cuts[then][1], int(firsts[then]) + 2))
-        ends.append((own, own + 1 + count))
-    return pieces, ends, [start for start, _ in loops]
+        pieces.append(_Piece(cut[-1], begins[then] + 1, cuts[then][1], firsts[then] + 2))
+        ends.append((own, own + len(cut)))
+    return pieces, ends, begins
 
 
-def _order_rests(features: Array, database: MotionDatabase, loops: list[tuple[int, int]], alike: float) -> list[int]:
-    """Return which rest comes behind each: the one that is most like its end of those that have not been shown yet.
+def _order_rests(
+    features: Array, database: MotionDatabase, begins: list[int], stops: list[int], alike: float
+) -> list[int]:
+    """Return the number of the rest that follows each, so that rests form cycles.
 
-    The last of them leads to the first one again; where they are not ``alike`` [m], a rest leads to itself. Rests to
-    which a walk leads are followed by others of these.
+    Beginning with the lowest number, each is followed by that rest not yet in a cycle which begins most like it ends;
+    the last one of a cycle by the first. Poses may be ``alike`` [m] apart at the most, and both feet must touch the
+    floor alike; a rest that no other may follow repeats. Rests behind a walk follow one another alone.
     """
-    starts, stops = np.array(loops).T
     contacts, walked = database.contacts[:: database.stride], database.rests.walked
-    gaps = np.linalg.norm(features[stops][:, None] - features[starts][None], axis=-1)
-    apart = (gaps > alike) | np.any(contacts[stops][:, None] != contacts[starts][None], axis=-1)
+    gaps = np.linalg.norm(features[stops][:, None] - features[begins][None], axis=-1)
+    apart = (gaps > alike) | np.any(contacts[stops][:, None] != contacts[begins][None], axis=-1)
     gaps[apart | (walked[:, None] != walked[None])] = np.inf
-    following = list(range(len(loops)))
+    following = list(range(len(begins)))
     left = set(following)
     while left:
         first = at = min(left)

@@ -8,7 +8,7 @@ from resting import resting_policy, restless_policy
 
 from crowdsim.crowd.crowd import build_crowd
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.kernels.intents import NEARLY
+from crowdsim.crowd.kernels.intents import FIGHTING, NEARLY, see_by_intent
 from crowdsim.crowd.kernels.resting import NO_WAY
 from crowdsim.crowd.model import build_model, entry_actions
 from crowdsim.crowd.resting import actions_until, rest_rows
@@ -101,6 +101,20 @@ def test_avatars_go_to_their_distance_stand_at_ease_and_fight_again():
     assert apart[-1] < apart[359]
     ease = np.ptp(np.stack([chunk.x, chunk.z])[:, 300:360], axis=1)
     assert ease.max() < 0.1
+
+
+@pytest.mark.parametrize("apart", [1.0, 1.6, 2.4])
+def test_an_avatar_that_turns_round_to_rest_sees_its_opponent_no_nearer_than_in_a_fight(apart):
+    crowd = build_crowd([0.0, apart], [0.0, 0.0], [-np.pi / 2, 0.0], conditioned=True, rules=0.0 * RULES)
+    one = Simulation(crowd, [resting_policy()])
+    row = one.avatars.conditions[0]
+    row[layout.MODE], row[layout.DOES], row[layout.KEEPS] = layout.RESTS, layout.WATCHES, 2.0
+    own = one.avatars.slot_of[0]
+    target = layout.Target(apart, 1.6, 0.0, 0.0, 0.0, 1.0)
+    observed = layout.Observed(np.zeros(2, np.int32), np.zeros(2, np.int32), np.zeros((2, 1), np.int32))
+    seen = see_by_intent(one.model, one.avatars, one._world, one._now, own, np.int32(1), target, observed, 0)
+    assert row[layout.DOES_NEXT] == layout.WATCHES
+    assert seen.x == pytest.approx(max(FIGHTING, apart - 2.0 + FIGHTING))
 
 
 def test_rests_follow_the_rows_of_the_model_one_after_another():

@@ -79,6 +79,7 @@ def see_by_intent(model, avatars, world, now, own, opponent, target, observed, q
     if does == FLEES:
         return Target(x - FLIGHT * dx / far, target.y, z - FLIGHT * dz / far, 0.0, 0.0, target.lasts)
     if turns:
+        # It is far enough away to rest: seen any nearer, the opponent would make it step back instead of turning round.
         keeps = min(keeps, far)
     part = max(far - (keeps - FIGHTING), CLOSEST) / far
     return Target(x + part * dx, target.y, z + part * dz, target.vx, target.vz, target.lasts)

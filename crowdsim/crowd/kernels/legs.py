@@ -59,7 +59,7 @@ def crosses_legs(model, avatars, crowding, own, action, observed, q):
         last = model.actions[other, ORIGIN] + model.actions[other, LENGTH] * model.policies[whole[POLICY, j], STRIDE]
         cos_2, sin_2 = cos_sin(real[BASE_TURN, j] + model.ground[last, 2])
         cos_2, sin_2 = cos_2 * scale, sin_2 * scale
-        # Most legs are apart along the line from the one avatar to the other.
+        # Most legs are separated along the line from one avatar to the other, and need no exact distance.
         ahead = _furthest_along(model.legs, state, dx * cos - dz * sin, dx * sin + dz * cos)
         behind = _furthest_along(model.legs, theirs, dz * sin_2 - dx * cos_2, -dx * sin_2 - dz * cos_2)
         square = dx * dx + dz * dz
@@ -79,7 +79,7 @@ def crosses_legs(model, avatars, crowding, own, action, observed, q):
 
 @kernel(inline=True)
 def _furthest_along(legs, state, aside, onwards):
-    """Return how far the knees and soles of a state reach along a line, times its length."""
+    """Return how far knees and soles of a state reach along a vector in the ground frame, times its length."""
     left = max(legs[state, 0] * aside + legs[state, 2] * onwards, legs[state, 3] * aside + legs[state, 5] * onwards)
     right = max(legs[state, 6] * aside + legs[state, 8] * onwards, legs[state, 9] * aside + legs[state, 11] * onwards)
     return max(left, right)

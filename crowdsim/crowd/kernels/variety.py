@@ -46,7 +46,7 @@ FRAMES, NONE = 0xFFFF, 0xFFFF  # frames and states are kept in 16 bits; instead 
 
 @kernel(inline=True)
 def is_varied(world):
-    """Return whether there are avatars to whom it matters which motion was shown lately."""
+    """Return whether any avatar cares for variety."""
     varied = False
     for cohort in range(world.cohorts.shape[0]):
         varied |= world.cohorts[cohort, VARIETY] > 0.0
