@@ -19,7 +19,7 @@ DOCUMENT: dict[str, Any] = {
         name: {"commit": COMMIT, "date": "2026-01-02T03:04:05+00:00", "machine": "2 cores, Any CPU", "quick": False,
                "results": results}
         for name, results in {
-            "control": {"brawl_30": {"milliseconds": 9.8765}, "million_frame_milliseconds": 83.45},
+            "control": {"brawl_30": {"milliseconds": 9.8765}, "crowd_1m": {"milliseconds": 83.45}},
             "render": {"fps": {"30": 38.21, "1000": 14, "10000": 5.812}, "open3d": {"fps_30": None}},
             "scenes": {"duel": {**WORST, "mean": MEAN, "missed": []}},
             "graph": {"speed": [{"seconds": 1.049, "states": 1237}]},
@@ -66,7 +66,7 @@ def test_every_number_of_a_table_comes_from_the_results(make_tables: ModuleType)
 def test_figures_are_rounded_and_those_without_a_measurement_say_so(make_tables: ModuleType, results: Any) -> None:
     cells = rows(make_tables, "README.md", "figures", results)
     assert cells["control of 30 boxers for 67 s"][0] == "9.88 ms"
-    assert cells["control of a million boxers, one frame"][0] == "83.5 ms"
+    assert cells["control of a million boxers (`crowd_1m`), one frame"][0] == "83.5 ms"
     assert cells["video at 1280x720 of 30 / 1,000 / 10,000 boxers, frames per second"] == [
         "38.2 / 14 / 5.81",
         "Open3D, 30 boxers: none",
