@@ -54,7 +54,7 @@ REACTION_SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "duel, boxer_defender": ("duel", ("types.boxer.policy=boxer_defender",)),
 }
 """Scenarios for reactions, and what is changed in them."""
-LYING_SCENE, LYING_SEEDS = "brawl_last_standing", 4
+LYING_SCENE, LYING_SEEDS = "brawl_last_standing", 8
 """Where bodies that are down are measured, and the number of seeds, from 1 on."""
 BREAK_SEEDS = 20
 """Seeds of `bout` for breaks between rounds, from 1 on."""

@@ -69,6 +69,10 @@ class Model(NamedTuple):
             0 forward, pi / 2 to the left [rad]. Shape (n,), float64.
         fall_axes: Where a body of size 1 lies after that fall: head x, z and feet x, z [m], seen from the fall's first
             frame, then from its last one; 0 of staggers. Shape (n, 8), float64.
+        fall_capsules: The capsules of that body, seen from the fall's last frame: both ends and the radius [m]; 0 of
+            staggers. Shape (n, K, 7), float64.
+        soles: Left heel and ball, right heel and ball in the frame's ground frame [m]. Shape (L, 12), or (0, 12) where
+            no policy has falls, float32.
         rests: Pieces of standing at ease, and parts of walks: the action that shows one, the action that leads from its
             end to the guard or -1 for none, the row that follows it, and the first row in ``walks`` of those that begin
             at its end, and one past the last. Shape (n, 5), int32.
@@ -106,6 +110,8 @@ class Model(NamedTuple):
     falls: Array
     fall_directions: Array
     fall_axes: Array
+    fall_capsules: Array
+    soles: Array
     rests: Array
     walks: Array
     ways_to_rest: Array

@@ -15,6 +15,7 @@ from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.model_arms import arm_radii, arm_rows, way_rows
 from crowdsim.crowd.model_calm import calm_rows
 from crowdsim.crowd.model_legs import leg_rows
+from crowdsim.crowd.model_soles import sole_rows
 from crowdsim.crowd.model_tables import (
     action_rows,
     action_starts,
@@ -90,7 +91,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
     strikes = strike_rows(policies, behaviours, terms, starts)
     wanted = _without_transitions(behaviours, terms)
     halts, offsets = np.concatenate([halt_rows(one) for one in actions]), joined_offsets(actions, starts["action"])
-    falls, directions, axes = fall_rows(policies, starts)
+    falls, directions, axes, capsules = fall_rows(policies, starts)
     rests, ways_to_rest = rest_rows(policies, starts)
     note_walks(policies, starts, halts)
     strides = [*(database.stride for database in databases), 0]
@@ -123,6 +124,8 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
         falls=falls,
         fall_directions=directions,
         fall_axes=axes,
+        fall_capsules=capsules,
+        soles=sole_rows(policies),
         rests=rests,
         walks=walk_rows(policies, starts),
         ways_to_rest=ways_to_rest,

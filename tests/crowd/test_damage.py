@@ -38,7 +38,19 @@ def with_falls(directions=(0.0, math.pi), kinds=(0, 1, 2)):
     model = build_model(POLICIES)
     rows = [(0, kind, 4 * fall + kind, 3 * fall) for fall in range(len(directions)) for kind in kinds]
     turns = np.repeat(np.asarray(directions, float), len(kinds))
-    return model._replace(falls=np.array(rows, np.int32), fall_directions=turns, fall_axes=np.zeros((len(rows), 8)))
+    return falling(model, rows, turns)
+
+
+def falling(model, rows, directions, axes=None):
+    """Return a model with these falls, whose bodies have no capsules that anyone could tread on."""
+    count = len(rows)
+    return model._replace(
+        falls=np.array(rows, np.int32),
+        fall_directions=np.asarray(directions, float),
+        fall_axes=np.zeros((count, 8)) if axes is None else axes,
+        fall_capsules=np.zeros((count, 0, 7)),
+        soles=np.zeros((len(model.ground), 12), np.float32),
+    )
 
 
 def run(people, frames=200, script=None, model=None, **other):
@@ -148,9 +160,7 @@ def test_whoever_is_knocked_down_falls_lies_and_rises_where_the_blow_came_to():
 
 
 def test_a_blow_makes_an_avatar_stagger_where_its_policy_has_staggers():
-    model = build_model(POLICIES)._replace(
-        falls=np.array([[0, layout.STUMBLES, 5, 0]], np.int32), fall_directions=np.zeros(1), fall_axes=np.zeros((1, 8))
-    )
+    model = falling(build_model(POLICIES), [[0, layout.STUMBLES, 5, 0]], [0.0])
     one = Simulation(
         fighters(rules=rules() * np.where(np.arange(12) == layout.DOWN_FROM, 100.0, 1.0)), POLICIES, model=model
     )

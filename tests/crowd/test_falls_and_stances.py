@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_damage import fighters, rules
+from test_damage import falling, fighters, rules
 from test_stances import BOTH, ORTHODOX, SOUTHPAW
 
 from crowdsim.crowd.kernels import layout
@@ -25,8 +25,7 @@ def chosen_actions(kind, actions, directions, stances):
             for part in (layout.FALLS, layout.LIES, layout.STANDS_UP)
         ]
     turns = np.repeat(np.asarray(directions, float), len(rows) // len(actions))
-    places = np.zeros((len(rows), 8))
-    model = model._replace(falls=np.array(rows, np.int32), fall_directions=turns, fall_axes=places)
+    model = falling(model, rows, turns)
     hurting = rules()
     if kind == layout.STUMBLES:
         hurting[:, layout.DOWN_FROM] = 1000.0

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_damage import POLICIES, fighters, with_falls
+from test_damage import POLICIES, falling, fighters, with_falls
 from test_lying import placed_beside
 
 from crowdsim.crowd.crowd import enter
@@ -10,6 +10,7 @@ from crowdsim.crowd.kernels import crowding, layout
 from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.kernels.lying import axis_of
 from crowdsim.crowd.kernels.special import SLIDES, _crowded, _slide, _unfit
+from crowdsim.crowd.kernels.treading import treads_on
 from crowdsim.crowd.simulation import Simulation
 
 ACTION = 5
@@ -24,19 +25,20 @@ def turned(x: float, z: float, heading: float) -> np.ndarray:
     return np.array([x * cos + z * sin, z * cos - x * sin])
 
 
-def naive_cost(point: np.ndarray, axis: np.ndarray, room: float, cost: float, power: int) -> float:
+def naive_cost(point: np.ndarray, axis: np.ndarray, cost: float) -> float:
     """What it costs to be at a point (x, z), by the nearest of many points of the axis."""
     points = axis[0] + np.linspace(0.0, 1.0, 2001)[:, None] * (axis[1] - axis[0])
-    return float(max(cost * (1.0 - (np.linalg.norm(points - point, axis=1).min() / room) ** power), 0.0))
+    return float(max(cost * (1.0 - (np.linalg.norm(points - point, axis=1).min() / 0.75) ** 2), 0.0))
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_what_it_costs_to_tread_on_a_body_matches_naive(seed: int) -> None:
     rng, model = np.random.default_rng(seed), with_falls()
+    model = model._replace(fall_capsules=rng.uniform(-0.5, 0.5, (len(model.falls), 2, 7)))
     avatars = Simulation(fighters(3, seed=seed), POLICIES, model=model).avatars
     own, size = 1, avatars.real[layout.SCALE, 1]
     near, work = np.zeros((1, 10)), np.zeros((7, 64))
-    near[0] = [*rng.uniform(-0.5, 0.5, 2), *rng.uniform(-1.0, 1.0, 2), 0.75, crowding.ON_FLOOR, 3.0, 1.0, 2.0, 0.0]
+    near[0] = [*rng.uniform(-0.5, 0.5, 2), *rng.uniform(-1.0, 1.0, 2), 0.75, crowding.ON_FLOOR, 3.0, 1.0, 2.0, 2.0]
     axis = np.array([near[0, :2], near[0, :2] + near[0, 2:4]])
     crowding._find_ends(model, avatars, own, work)
     before = rng.uniform(0.0, 2.0, 64)
@@ -48,11 +50,8 @@ def test_what_it_costs_to_tread_on_a_body_matches_naive(seed: int) -> None:
     for k, action in enumerate(actions):
         move = model.moves[action]
         end = turned(*(move[:2] * size), heading)
-        cost = max(naive_cost(end, axis, 0.75, 3.0, 2), naive_cost(0.5 * end, axis, 0.75, 1.0, 2))
-        facing = heading + np.arctan2(move[layout.MOVE_SIN], move[layout.MOVE_COS])
-        for sole in (3, 9):
-            x, z = model.legs[model.actions[action, layout.NEXT], [sole, sole + 2]] * size
-            cost += naive_cost(end + turned(x, z, facing), axis, crowding.SOLES * 0.75, 2.0, 1)
+        cost = max(naive_cost(end, axis, 3.0), naive_cost(0.5 * end, axis, 1.0))
+        cost += 2.0 * treads_on(model, avatars, own, action, 2)
         costs.append(max(cost, before[k]))
     np.testing.assert_allclose(work[3, : len(costs)], costs, atol=5e-3)
     assert (np.array(costs) > before[: len(costs)]).any()
@@ -63,12 +62,8 @@ def test_nobody_staggers_onto_a_body(direction: float) -> None:
     model = with_falls()
     moves = model.moves.copy()
     moves[ACTION, [layout.MOVE_X, layout.MOVE_Z]] = 0.0, 0.7
-    model = model._replace(
-        falls=np.concatenate([model.falls, [[0, layout.STUMBLES, ACTION, 0]]]).astype(np.int32),
-        fall_directions=np.append(model.fall_directions, 0.0),
-        fall_axes=np.zeros((len(model.falls) + 1, 8)),
-        moves=moves,
-    )
+    rows, directions = [*model.falls, (0, layout.STUMBLES, ACTION, 0)], [*model.fall_directions, 0.0]
+    model = falling(model._replace(moves=moves), rows, directions)
     one, own = placed_beside(model, direction)
     row = len(model.falls) - 1
     unfit = _unfit(model, one.avatars, own, row, 0.0, 0.0, seen(int(one.avatars.slot_of[1])), 0)

@@ -24,8 +24,6 @@ from crowdsim.crowd.kernels.layout import (
     HIT_X,
     HIT_Z,
     LENGTH,
-    MOVE_COS,
-    MOVE_SIN,
     MOVE_X,
     MOVE_Z,
     NEXT,
@@ -47,14 +45,16 @@ from crowdsim.crowd.kernels.layout import (
 )
 from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
 from crowdsim.crowd.kernels.tables import whole_lanes
+from crowdsim.crowd.kernels.treading import treads_on
 from crowdsim.jit import kernel
 
 HALTED = 0.75  # where bodies meet while they halt, over where they do at the end of actions
-LYING = 0.75  # how far from the axis of a body on the floor others should end [m]
-ON_BODY, IN_PASSING = 2.0, 0.15  # what it costs to end there, over the cost of ending in a body that stands
+LYING, PASSING = 0.75, 0.5  # how far from the axis of a body on the floor others should end, and pass it [m]
+ON_BODY = 2.0  # what it costs to end there, over the cost of ending in a body that stands
+IN_PASSING, ON_APPROACH = 0.5, 0.15  # instead of that, for those whose opponent is far away, or not near
 STEPS_OVER = 0.05  # what it costs to be halfway there
-SOLES, TREADS = 0.53, 0.125  # how near its axis soles tread on it, over ``LYING``, and what that costs
-NEARBY = 1.2  # how near an opponent is to an avatar that is not on its way to it [m]
+TREADS = 0.125  # what it costs to end with a sole at its surface
+NEARBY, FAR = 1.2, 2.5  # distance of an opponent from which on an avatar is on its way to it, and far from it [m]
 ON_FLOOR = -1.0  # instead of the frames that are left of an action, of bodies on the floor
 BYSTANDERS = 0.66  # how much of the gap and of the cost counts for those whom an avatar does not fight
 STAGGER, STEP = 8, 0.3  # for how long a strong hit counts [control frames], and how long a step back should be [m]
@@ -103,7 +103,7 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
     A row is the position seen from the avatar, the displacement to the end of the action, the distance at which bodies
     meet, the frames that are left of the action, what it costs to end in the middle, and to pass there, and where it
     can halt, seen from the avatar. Of a body on the floor it is the head, the displacement to the feet, the distance
-    from the axis, ``ON_FLOOR``, and what it costs to end there, to be there halfway, and that a sole ends there.
+    from the axis, ``ON_FLOOR``, what it costs to end there, to be there halfway, and to tread on it, and its slot.
     """
     whole, real = avatars.whole, avatars.real
     x, z, width = real[X, own], real[Z, own], real[WIDTH, own]
@@ -141,15 +141,16 @@ def _list_lying(model, avatars, crowding, own, j, furthest, row):
     x, z = avatars.real[X, own], avatars.real[Z, own]
     axis = axis_of(model, avatars, j)
     row[0], row[1], row[2], row[3] = axis.x - x, axis.z - z, axis.to_x - axis.x, axis.to_z - axis.z
-    row[4], row[5] = LYING * avatars.real[SCALE, j], ON_FLOOR
     opponent = avatars.whole[NEXT_OPPONENT, own]
-    share = ON_BODY
+    share, room, cost = ON_BODY, LYING, crowding[END_COST]
     if opponent >= 0:
         i = avatars.slot_of[opponent]
         dx, dz = avatars.real[X, i] - x, avatars.real[Z, i] - z
-        share = IN_PASSING if dx * dx + dz * dz > NEARBY * NEARBY else ON_BODY
-    cost = crowding[END_COST]
-    row[6], row[7], row[8] = share * cost, STEPS_OVER * cost, TREADS * cost
+        square = dx * dx + dz * dz
+        if square > NEARBY * NEARBY:
+            share, room = IN_PASSING if square > FAR * FAR else ON_APPROACH, PASSING
+    row[4], row[5] = room * avatars.real[SCALE, j], ON_FLOOR
+    row[6], row[7], row[8], row[9] = share * cost, STEPS_OVER * cost, TREADS * cost, j
     return from_axis(axis, x, z) < row[4] + furthest
 
 
@@ -216,28 +217,18 @@ def _add_neighbour(crowding, near, m, lanes, work):
 def _add_lying(model, avatars, own, near, m, work):
     """Raise the cost of actions that end on a body on the floor, or are over it halfway, to what that costs.
 
-    Each sole that ends on it adds to that.
+    Soles that come onto it, or end near it, add to that.
     """
     ends_x, ends_z, worst = work[0], work[1], work[3]
     room, end_cost, path_cost = near[m, 4], near[m, 6], near[m, 7]
-    state, size = model.actions[avatars.whole[ACTION, own], NEXT], avatars.real[SCALE, own]
-    cos, sin = cos_sin(avatars.real[HEADING, own])
-    cos, sin = cos * size, sin * size
+    state = model.actions[avatars.whole[ACTION, own], NEXT]
     offset = model.offsets[state]
     for k in range(np.uint64(model.offsets[state + 1] - offset)):
-        action = np.uint64(offset) + k
         x, z = ends_x[k], ends_z[k]
         at_end = end_cost * (1.0 - _share_of(near, m, x, z, room) ** 2)
         on_way = path_cost * (1.0 - _share_of(near, m, 0.5 * x, 0.5 * z, room) ** 2)
         cost = max(max(at_end, on_way), 0.0)
-        turned, aside = model.moves[action, MOVE_COS], model.moves[action, MOVE_SIN]
-        then_cos, then_sin = cos * turned - sin * aside, sin * turned + cos * aside
-        legs = model.legs[model.actions[action, NEXT]]
-        for sole in (3, 9):
-            px, pz = legs[sole], legs[sole + 2]
-            dx, dz = px * then_cos + pz * then_sin, pz * then_cos - px * then_sin
-            share = _share_of(near, m, x + dx, z + dz, SOLES * room)
-            cost += max(near[m, 8] * (1.0 - share), 0.0)
+        cost += near[m, 8] * treads_on(model, avatars, own, np.uint64(offset) + k, int(near[m, 9]))
         worst[k] = max(worst[k], cost)
 
 

@@ -9,6 +9,8 @@ its range and aggression.
 import math
 
 from crowdsim.core.angles import cos_sin
+from crowdsim.crowd.kernels.crowding import NEARBY
+from crowdsim.crowd.kernels.detours import go_around
 from crowdsim.crowd.kernels.layout import (
     AGGRESSION,
     ATTACKERS,
@@ -65,13 +67,15 @@ def see_by_intent(model, avatars, world, now, own, opponent, target, observed, q
     if does == FIGHTS and opponent >= 0 and _has_to_wait(avatars, world, now, own, opponent, observed, q):
         does, keeps = WATCHES, WAITING
     row[DOES_NEXT] = does
+    x, z = avatars.real[X, own], avatars.real[Z, own]
+    if opponent >= 0 and does != FLEES and (target.x - x) ** 2 + (target.z - z) ** 2 > NEARBY * NEARBY:
+        target = go_around(model, avatars, own, target, observed, q)
     if does == FIGHTS:
         keeps = FIGHTING
         if is_resting(avatars, world, now.frame, own):
             keeps += row[RANGE] - SHYNESS * row[AGGRESSION]
         if keeps == FIGHTING:
             return target
-    x, z = avatars.real[X, own], avatars.real[Z, own]
     dx, dz = target.x - x, target.z - z
     far = max(math.sqrt(dx * dx + dz * dz), 1e-9)
     if opponent == -1:

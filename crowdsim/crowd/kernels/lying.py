@@ -46,17 +46,26 @@ def axis_after(model, fall, column, x, z, cos, sin):
 
 
 @kernel(inline=True)
-def axis_of(model, avatars, j):
-    """Return where an avatar lies, or will lie; of one that gets up, from there to where it will stand."""
+def floor_transform(model, avatars, j):
+    """Return the ground transform of an avatar on the floor where it lies, or will lie: x, z [m] and turn [rad]."""
     whole, real, ground = avatars.whole, avatars.real, model.ground
     row, action = avatars.conditions[whole[NUMBER, j]], whole[ACTION, j]
     frame = model.actions[action, ORIGIN]
     if row[STANDING] == FALLING:
         frame += model.actions[action, LENGTH] * model.policies[whole[POLICY, j], STRIDE]
-    cos, sin, size = real[BASE_COS, j], real[BASE_SIN, j], real[SCALE, j]
+    cos, sin = real[BASE_COS, j], real[BASE_SIN, j]
     gx, gz = ground[frame, 0], ground[frame, 1]
     x, z = real[BASE_X, j] + gx * cos + gz * sin, real[BASE_Z, j] - gx * sin + gz * cos
-    cos, sin = cos_sin(real[BASE_TURN, j] + ground[frame, 2])
+    return x, z, real[BASE_TURN, j] + ground[frame, 2]
+
+
+@kernel(inline=True)
+def axis_of(model, avatars, j):
+    """Return where an avatar lies, or will lie; of one that gets up, from there to where it will stand."""
+    real, row = avatars.real, avatars.conditions[avatars.whole[NUMBER, j]]
+    x, z, turn = floor_transform(model, avatars, j)
+    cos, sin = cos_sin(turn)
+    size = real[SCALE, j]
     axis = axis_after(model, int(row[FALL]), FROM_END, x, z, cos * size, sin * size)
     if row[STANDING] == RISING:
         return Axis(0.5 * (axis.x + axis.to_x), 0.5 * (axis.z + axis.to_z), real[END_X, j], real[END_Z, j])
