@@ -14,15 +14,14 @@ from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.model_arms import arm_radii, arm_rows, way_rows
 from crowdsim.crowd.model_calm import calm_rows
+from crowdsim.crowd.model_falls import fall_rows
 from crowdsim.crowd.model_legs import leg_rows
-from crowdsim.crowd.model_soles import sole_rows
 from crowdsim.crowd.model_tables import (
     action_rows,
     action_starts,
     behaviour_rows,
     count_rows,
     discount_rows,
-    fall_rows,
     grid_rows,
     halt_rows,
     joined,
@@ -91,7 +90,6 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
     strikes = strike_rows(policies, behaviours, terms, starts)
     wanted = _without_transitions(behaviours, terms)
     halts, offsets = np.concatenate([halt_rows(one) for one in actions]), joined_offsets(actions, starts["action"])
-    falls, directions, axes, capsules = fall_rows(policies, starts)
     rests, ways_to_rest = rest_rows(policies, starts)
     note_walks(policies, starts, halts)
     strides = [*(database.stride for database in databases), 0]
@@ -121,11 +119,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
         sizes=np.array([_sizes(policy) for policy in policies]),
         twins=twin_states(policies, starts),
         stances=stance_rows(policies, starts["state"]) if with_stances else np.zeros((0, 2), np.uint8),
-        falls=falls,
-        fall_directions=directions,
-        fall_axes=axes,
-        fall_capsules=capsules,
-        soles=sole_rows(policies),
+        **fall_rows(policies, starts),
         rests=rests,
         walks=walk_rows(policies, starts),
         ways_to_rest=ways_to_rest,

@@ -9,10 +9,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.model_soles import lying_capsules
 from crowdsim.motion import ground
-from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.policy.falls import FALL, LYING, RISE, STAGGER
 from crowdsim.policy.rewards import StrikeTerm, TransitionTerm
 
 if TYPE_CHECKING:
@@ -44,61 +41,6 @@ def count_rows(policies: Sequence[Policy], tables: Sequence[LookupTables]) -> di
 def _spare_states(actions: Actions) -> int:
     """Return how many states a policy has in a run besides its own: one for each fall, to which no action leads."""
     return actions.action_count - actions.choice_count
-
-
-def fall_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> tuple[Array, Array, Array, Array]:
-    """Return falls and staggers of all policies, their directions, and axes and capsules of bodies that lie.
-
-    See ``Model.falls``.
-    """
-    rows: list[tuple[int, int, int, int]] = []
-    directions: list[float] = []
-    axes = [np.zeros((0, 8))]
-    capsules: list[Array] = []
-    for p, (first, policy) in enumerate(zip(starts["action"], policies, strict=False)):
-        falls = policy.falls
-        if falls is None:
-            continue
-        for number, direction in enumerate(falls.direction.tolist()):
-            own = len(rows)
-            for kind, actions in ((FALL, falls.fall), (LYING, falls.lie), (RISE, falls.rise)):
-                rows.append((p, kind, int(first + actions[number]), own))
-                directions.append(direction)
-        axes.append(np.repeat(_lying_axes(policy, falls.fall), 3, axis=0))
-        capsules.append(np.repeat(lying_capsules(policy, falls.fall), 3, axis=0))
-        for action, direction in zip(falls.stagger.tolist(), falls.stagger_direction.tolist(), strict=True):
-            rows.append((p, STAGGER, int(first + action), len(rows)))
-            directions.append(direction)
-        axes.append(np.zeros((len(falls.stagger), 8)))
-        capsules.append(np.zeros((len(falls.stagger), capsules[-1].shape[1], 7)))
-    return (
-        np.array(rows, np.int32).reshape(-1, 4),
-        np.array(directions, float),
-        np.concatenate(axes),
-        _stacked(capsules),
-    )
-
-
-def _lying_axes(policy: Policy, actions: Array) -> Array:
-    """Return where head and feet are after falls (F,), seen from their first and their last frames. Shape (F, 8)."""
-    database, graph = policy.database, policy.graph
-    before = (np.asarray(graph.action_first)[actions].astype(int) - 1) * database.stride
-    after = before + np.asarray(graph.action_lengths)[actions].astype(int) * database.stride
-    positions, _ = forward_kinematics(
-        database.skeleton, database.root_positions[after], database.rotations[after], threads=1
-    )
-    feet = positions[:, [database.body.roles[name] for name in ("left_foot", "right_foot")]].mean(axis=1)
-    heads = ground.to_world(database.ground[after], database.heads[after].astype(float))
-    ends = np.stack([heads, feet], axis=1)
-    seen = [ground.to_local(database.ground[frames][:, None], ends)[..., [0, 2]] for frames in (before, after)]
-    return np.stack(seen, axis=1).reshape(len(actions), 8)
-
-
-def _stacked(capsules: Sequence[Array]) -> Array:
-    """Return capsules of bodies (n, K, 7) as one array; where a body has fewer than others, its last one repeats."""
-    most = max((rows.shape[1] for rows in capsules), default=0)
-    padded = [np.pad(rows, ((0, 0), (0, most - rows.shape[1]), (0, 0)), mode="edge") for rows in capsules]
-    return np.concatenate([np.zeros((0, most, 7)), *padded])
 
 
 def behaviour_rows(
