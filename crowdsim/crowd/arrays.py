@@ -22,7 +22,8 @@ class Model(NamedTuple):
             falls and staggers has a state of its own, to which no action leads: no avatar chooses it. (S + 1,), int32.
         reaches: How far the actions of each state lead at most, and until the body can halt [m]. Shape (S,), float64.
         halts: Where a body halts after each action at the earliest, seen from its start: x, z [m]. (A, 2), float32.
-        legs: Left knee and sole, right knee and sole in each state, and how far away these are [m]. (S, 13), float32.
+        legs: Left knee and sole, right knee and sole in each state, in the ground frame, and how far from the
+            position these are at most [m]. Shape (S, 13), float32.
         calm: Share of the frames of each action in which the body is still. Shape (A,), float32.
         actions: For each action the state in which it ends, its length T [control frames], the playback frame that lies
             on the avatar when it starts, and its first row in ``paths`` and in ``strikes``, which the last row closes;
@@ -50,7 +51,8 @@ class Model(NamedTuple):
         starts: What lies on the avatar's ground transform as actions start, in the clip's world. Shape (A, 3), float64.
         bodies: Centre of the head, upper and lower end of the torso, in the frame's ground frame [m]. (L, 9), float32.
         arms: Left and right elbow, left and right fist, likewise. Shape (L, 12), float32.
-        ways: Where fist or foot is 0.1 and 0.05 s before each strike, from the action's start [m]. (K, 6), float32.
+        ways: Where fist or foot is 0.1 s and 0.05 s before each strike, seen from the action's start [m]. Shape (K, 6),
+            float32.
         policies: For each policy the playback frames in a control frame, its first row in ``behaviours``, its first
             action and its first state; the last row closes these three. Shape (P + 1, 4), int32.
         sizes: Radius of head and torso, drop from the head to neck and pelvis, a strike's tolerance; how far the
@@ -67,8 +69,10 @@ class Model(NamedTuple):
             0 forward, pi / 2 to the left [rad]. Shape (n,), float64.
         fall_axes: Where a body of size 1 lies after that fall: head x, z and feet x, z [m], seen from the fall's first
             frame, then from its last one; 0 of staggers. Shape (n, 8), float64.
-        fall_capsules: The capsules of that body, seen from the last frame: ends and radius [m]. (n, K, 7), float64.
-        soles: Left heel and ball, right heel and ball, as ``bodies`` [m]. (L, 12), or (0, 12) without falls, float32.
+        fall_capsules: The capsules of that body, seen from the fall's last frame: both ends, the radius, and that of a
+            sphere around the capsule [m]; 0 of staggers. Shape (n, K, 8), float64.
+        soles: Left heel and ball, right heel and ball, in the frame's ground frame [m]. Shape (L, 12), or (0, 12) where
+            no policy has falls, float32.
         rests: Pieces of standing at ease, and parts of walks: the action that shows one, the action that leads from its
             end to the guard or -1 for none, the row that follows it, and the first row in ``walks`` of those that begin
             at its end, and one past the last. Shape (n, 5), int32.
@@ -245,54 +249,12 @@ class Record(NamedTuple):
         return Record(self.whole[:, first:last], self.real[:, first:last])
 
 
-class Scratch(NamedTuple):
-    """Scratch space for a batch of avatars that choose, and for all actions of a state.
-
-    Attributes:
-        situations: Where each one's target is and how it moves (``values.value_actions``). Shape (batch, 6), float64.
-        states: The state that it chooses in, -1 where there is no opponent. Shape (batch,), int32.
-        cohorts: Its cohort. Shape (batch,), int32.
-        policies: Its policy. Shape (batch,), int32.
-        order: Indices in the batch in the order of states. Shape (batch,), int64.
-        starts: Where each state begins in it. Shape (S + 2,), int64.
-        values: What its actions are worth. Shape (batch, most actions of a state), float64.
-        begins: Where the actions of each of a block begin in ``cells`` and ``work``. Shape (block + 1,), int64.
-        spots: For each of a block and each behaviour an entry of the table, and steps from there to the next along
-            each axis. Shape (block * behaviours, 4), int64.
-        parts: Likewise shares of the next one along each axis, and how much the behaviour counts. Likewise, float64.
-        nears: Steps between distances in each behaviour's table. Shape (behaviours,), int64.
-        cells: For each behaviour where each action ends in the table, and the step to the next bearing.
-            Shape (2 * behaviours, actions of a block), float64.
-        work: Where the target is seen from there: x, z, distance, bearing; the state; then for each behaviour the
-            shares of the next distance and bearing. Shape (5 + 2 * behaviours, actions of a block), float64.
-        gaps: How far from where it should be a target is in each control frame of a state's actions [m]. float64.
-        rows: A number for each control frame of a state's actions, or for each action. float64.
-        near: Neighbours that may be in the way. Shape (most neighbours, 10), float64.
-    """
-
-    situations: Array
-    states: Array
-    cohorts: Array
-    policies: Array
-    order: Array
-    starts: Array
-    values: Array
-    begins: Array
-    spots: Array
-    parts: Array
-    nears: Array
-    cells: Array
-    work: Array
-    gaps: Array
-    rows: Array
-    near: Array
-
-
 class Strikes(NamedTuple):
     """Strikes thrown.
 
     Attributes:
-        whole: Attacker, victim, limb, outcome (``kernels.outcomes``), whether it knocks its victim down. (S, 5), int32.
+        whole: Attacker, victim, limb, outcome (``kernels.outcomes``), whether it has knocked its victim down. Shape
+            (S, 5), int32.
         real: Frame, position x, y, z [m], speed [m/s], what it takes from its victim's health. Shape (S, 6), float64.
     """
 

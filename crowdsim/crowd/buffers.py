@@ -2,10 +2,57 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from crowdsim.crowd.arrays import Model, Record, Scratch, Strikes
+from crowdsim.core.types import Array
+from crowdsim.crowd.arrays import Model, Record, Strikes
 from crowdsim.crowd.kernels import layout
+
+
+class Scratch(NamedTuple):
+    """Scratch space for a batch of avatars that choose, and for all actions of a state.
+
+    Attributes:
+        situations: Where each one's target is and how it moves (``values.value_actions``). Shape (batch, 6), float64.
+        states: The state that it chooses in, -1 where there is no opponent. Shape (batch,), int32.
+        cohorts: Its cohort. Shape (batch,), int32.
+        policies: Its policy. Shape (batch,), int32.
+        order: Indices in the batch in the order of states. Shape (batch,), int64.
+        starts: Where each state begins in it. Shape (S + 2,), int64.
+        values: What its actions are worth. Shape (batch, most actions of a state), float64.
+        begins: Where the actions of each of a block begin in ``cells`` and ``work``. Shape (block + 1,), int64.
+        spots: For each of a block and each behaviour an entry of the table, and steps from there to the next along
+            each axis. Shape (block * behaviours, 4), int64.
+        parts: Likewise the shares of the next one along each axis, and how much the behaviour counts.
+            Shape (block * behaviours, 4), float64.
+        nears: Steps between distances in each behaviour's table. Shape (behaviours,), int64.
+        cells: For each behaviour where each action ends in the table, and the step to the next bearing.
+            Shape (2 * behaviours, actions of a block), float64.
+        work: Where the target is seen from there: x, z, distance, bearing; the state; then for each behaviour the
+            shares of the next distance and bearing. Shape (5 + 2 * behaviours, actions of a block), float64.
+        gaps: How far from where it should be a target is in each control frame of a state's actions [m]. float64.
+        rows: A number for each control frame of a state's actions, or for each action. float64.
+        near: Neighbours that may be in the way. Shape (most neighbours, 10), float64.
+    """
+
+    situations: Array
+    states: Array
+    cohorts: Array
+    policies: Array
+    order: Array
+    starts: Array
+    values: Array
+    begins: Array
+    spots: Array
+    parts: Array
+    nears: Array
+    cells: Array
+    work: Array
+    gaps: Array
+    rows: Array
+    near: Array
 
 
 def empty_record(frames: int, count: int) -> Record:

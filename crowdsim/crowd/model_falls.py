@@ -34,13 +34,14 @@ def fall_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> dict[str,
             for kind, actions in ((FALL, falls.fall), (LYING, falls.lie), (RISE, falls.rise)):
                 rows.append((p, kind, int(first + actions[number]), own))
                 directions.append(direction)
-        axes.append(np.repeat(_lying_axes(policy, falls.fall), 3, axis=0))
-        capsules.append(np.repeat(_lying_capsules(policy, falls.fall), 3, axis=0))
+        own_axes, own_capsules = _lying_bodies(policy, falls.fall)
+        axes.append(np.repeat(own_axes, 3, axis=0))
+        capsules.append(np.repeat(own_capsules, 3, axis=0))
         for action, direction in zip(falls.stagger.tolist(), falls.stagger_direction.tolist(), strict=True):
             rows.append((p, STAGGER, int(first + action), len(rows)))
             directions.append(direction)
         axes.append(np.zeros((len(falls.stagger), 8)))
-        capsules.append(np.zeros((len(falls.stagger), capsules[-1].shape[1], 7)))
+        capsules.append(np.zeros((len(falls.stagger), own_capsules.shape[1], 8)))
     return {
         "falls": np.array(rows, np.int32).reshape(-1, 4),
         "fall_directions": np.array(directions, float),
@@ -50,26 +51,32 @@ def fall_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> dict[str,
     }
 
 
-def _lying_axes(policy: Policy, actions: Array) -> Array:
-    """Return where head and feet are after falls (F,), seen from their first and their last frames. Shape (F, 8)."""
-    database, graph = policy.database, policy.graph
+def _lying_bodies(policy: Policy, actions: Array) -> tuple[Array, Array]:
+    """Return how bodies lie after falls (F,): ``Model.fall_axes`` and ``Model.fall_capsules``. (F, 8), (F, K, 8)."""
+    database, graph, body = policy.database, policy.graph, policy.database.body
     before = (np.asarray(graph.action_first)[actions].astype(int) - 1) * database.stride
     after = before + np.asarray(graph.action_lengths)[actions].astype(int) * database.stride
-    positions, _ = forward_kinematics(
+    positions, rotations = forward_kinematics(
         database.skeleton, database.root_positions[after], database.rotations[after], threads=1
     )
-    feet = positions[:, [database.body.roles[name] for name in ("left_foot", "right_foot")]].mean(axis=1)
+    feet = positions[:, [body.roles[name] for name in ("left_foot", "right_foot")]].mean(axis=1)
     heads = ground.to_world(database.ground[after], database.heads[after].astype(float))
     ends = np.stack([heads, feet], axis=1)
     seen = [ground.to_local(database.ground[frames][:, None], ends)[..., [0, 2]] for frames in (before, after)]
-    return np.stack(seen, axis=1).reshape(len(actions), 8)
+    joints, capsules = body.capsule_joints, np.empty((len(actions), len(body.capsule_joints), 8))
+    for columns, offsets in ((slice(0, 3), body.capsule_starts), (slice(3, 6), body.capsule_ends)):
+        points = positions[:, joints] + quaternion.rotate(rotations[:, joints].astype(float), offsets)
+        capsules[..., columns] = ground.to_local(database.ground[after, None], points)
+    capsules[..., 6] = body.capsule_radii.max(axis=1)
+    capsules[..., 7] = capsules[..., 6] + 0.5 * np.linalg.norm(capsules[..., 3:6] - capsules[..., :3], axis=-1)
+    return np.stack(seen, axis=1).reshape(len(actions), 8), capsules
 
 
 def _stacked(capsules: Sequence[Array]) -> Array:
-    """Return capsules of bodies (n, K, 7) as one array; where a body has fewer than others, its last one repeats."""
+    """Return capsules of bodies (n, K, 8) as one array; where a body has fewer than others, its last one repeats."""
     most = max((rows.shape[1] for rows in capsules), default=0)
     padded = [np.pad(rows, ((0, 0), (0, most - rows.shape[1]), (0, 0)), mode="edge") for rows in capsules]
-    return np.concatenate([np.zeros((0, most, 7)), *padded])
+    return np.concatenate([np.zeros((0, most, 8)), *padded])
 
 
 def _sole_rows(policies: Sequence[Policy]) -> Array:
@@ -83,6 +90,7 @@ def _sole_rows(policies: Sequence[Policy]) -> Array:
 
 
 def _soles_of(policy: Policy) -> Array:
+    """Return the rows of one policy's frames. Shape (P, 12), float32."""
     database, body = policy.database, policy.database.body
     rows = np.empty((len(database.ground), 12), np.float32)
     feet = [body.roles[f"{side}_foot"] for side in ("left", "right")]
@@ -95,24 +103,4 @@ def _soles_of(policy: Policy) -> Array:
         )
         soles = positions[:, own, None] + quaternion.rotate(rotations[:, own, None].astype(float), body.sole_offsets)
         rows[some] = ground.to_local(database.ground[some, None, None], soles).reshape(-1, 12)
-    return rows
-
-
-def _lying_capsules(policy: Policy, actions: Array) -> Array:
-    """Return the capsules of a body after falls (F,), seen from their last frames: two ends and a radius [m].
-
-    Shape (F, K, 7), float64.
-    """
-    database, graph, body = policy.database, policy.graph, policy.database.body
-    last = np.asarray(graph.action_first)[actions].astype(int) - 1 + np.asarray(graph.action_lengths)[actions]
-    after = last * database.stride
-    positions, rotations = forward_kinematics(
-        database.skeleton, database.root_positions[after], database.rotations[after], threads=1
-    )
-    joints = body.capsule_joints
-    rows = np.empty((len(actions), len(joints), 7))
-    for column, ends in ((0, body.capsule_starts), (3, body.capsule_ends)):
-        points = positions[:, joints] + quaternion.rotate(rotations[:, joints].astype(float), ends)
-        rows[..., column : column + 3] = ground.to_local(database.ground[after, None], points)
-    rows[..., 6] = body.capsule_radii.max(axis=1)
     return rows

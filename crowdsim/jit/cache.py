@@ -104,10 +104,11 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
 
 def _describe(kind: Any) -> str:
-    """Return the name of a numba type, with the fields of named tuples, which their names leave out."""
+    """Return the name of a numba type, with modules and fields of named tuples, which their names leave out."""
     if not hasattr(kind, "types"):
         return str(kind)
-    return f"{kind}[{' '.join(getattr(kind, 'fields', ()))}]({', '.join(map(_describe, kind.types))})"
+    module = getattr(getattr(kind, "instance_class", None), "__module__", "")
+    return f"{module}.{kind}[{' '.join(getattr(kind, 'fields', ()))}]({', '.join(map(_describe, kind.types))})"
 
 
 def _arguments_digest(signature: tuple[Any, ...]) -> str:

@@ -48,7 +48,7 @@ def falling(model, rows, directions, axes=None):
         falls=np.array(rows, np.int32),
         fall_directions=np.asarray(directions, float),
         fall_axes=np.zeros((count, 8)) if axes is None else axes,
-        fall_capsules=np.zeros((count, 0, 7)),
+        fall_capsules=np.zeros((count, 0, 8)),
         soles=np.zeros((len(model.ground), 12), np.float32),
     )
 

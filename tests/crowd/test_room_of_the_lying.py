@@ -34,7 +34,9 @@ def naive_cost(point: np.ndarray, axis: np.ndarray, cost: float) -> float:
 @pytest.mark.parametrize("seed", range(4))
 def test_what_it_costs_to_tread_on_a_body_matches_naive(seed: int) -> None:
     rng, model = np.random.default_rng(seed), with_falls()
-    model = model._replace(fall_capsules=rng.uniform(-0.5, 0.5, (len(model.falls), 2, 7)))
+    capsules = rng.uniform(-0.5, 0.5, (len(model.falls), 2, 8))
+    capsules[..., 6:] = 0.1, 1.0  # radius, and a sphere around it that holds any of these
+    model = model._replace(fall_capsules=capsules)
     avatars = Simulation(fighters(3, seed=seed), POLICIES, model=model).avatars
     own, size = 1, avatars.real[layout.SCALE, 1]
     near, work = np.zeros((1, 10)), np.zeros((7, 64))

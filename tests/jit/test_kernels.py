@@ -190,6 +190,22 @@ def test_fields_of_named_tuples_decide_which_compiled_code_is_loaded(tmp_path):
     assert run_with(tmp_path, program, "b a")[0] == "2.0"
 
 
+def test_code_that_kernels_share_is_not_loaded_for_a_class_that_has_moved(tmp_path):
+    (tmp_path / "pair.py").write_text(
+        "from crowdsim.jit import kernel\n\n\n@kernel\ndef first(pair):\n    return pair.a\n\n\n"
+        "@kernel\ndef twice(pair):\n    return 2 * first(pair)\n"
+    )
+    program = (
+        "import collections, sys, types, pair\n"
+        "home = sys.modules[sys.argv[1]] = types.ModuleType(sys.argv[1])\n"
+        "home.Pair = collections.namedtuple('Pair', 'a b', module=sys.argv[1])\n"
+        "print(pair.twice(home.Pair(1.0, 2.0)))"
+    )
+    for home in ("here", "there"):
+        printed, reported = run_with(tmp_path, program, home)
+        assert printed == "2.0", reported
+
+
 def test_kernels_import_names_from_the_module_that_defines_them(tmp_path):
     path = tmp_path / "some_kernels.py"
     path.write_text("from crowdsim.crowd.kernels import layout\n")

@@ -30,6 +30,7 @@ CLEAR, BESIDE = 0.03, 0.27  # how far from bodies soles should be on their way, 
 STEPS_ON = 0.8  # what a control frame costs in which a sole comes onto a body, over ending with a sole at its surface
 NEARER = 0.005  # how much nearer than at the start of the action a sole has to be for that [m]
 LEFT, RIGHT = 0, 6  # columns of ``Model.soles``
+RADIUS, BOUND = 6, 7  # columns of ``Model.fall_capsules``
 
 
 @kernel
@@ -39,52 +40,69 @@ def treads_on(model, avatars, own, action, j):
     A sole that ends ``BESIDE`` away counts nothing, one inside the body more. To this comes ``STEPS_ON`` for every
     control frame in which a sole is nearer than ``CLEAR``, and nearer than it was. Bodies that get up do not count.
     """
-    whole, real, actions, paths = avatars.whole, avatars.real, model.actions, model.paths
-    if avatars.conditions[whole[NUMBER, j], STANDING] == RISING:
+    real, actions, paths = avatars.real, model.actions, model.paths
+    row = avatars.conditions[avatars.whole[NUMBER, j]]
+    if row[STANDING] == RISING:
         return 0.0
-    body = floor_transform(model, avatars, j)
-    x, z, size = real[X, own], real[Z, own], real[SCALE, own]
-    cos, sin = cos_sin(real[HEADING, own])
-    cos, sin = cos * size, sin * size
+    capsules, unit = model.fall_capsules[int(row[FALL])], real[SCALE, j]
+    x, z, cos, sin = _seen_from(model, avatars, j, own)
     length, path, origin = actions[action, LENGTH], actions[action, PATHS], actions[action, ORIGIN]
-    stride = model.policies[whole[POLICY, own], STRIDE]
-    stands = (x, z, cos, sin)
-    left = min(_sole_gap(model, avatars, j, body, origin, LEFT, stands) - NEARER, CLEAR)
-    right = min(_sole_gap(model, avatars, j, body, origin, RIGHT, stands) - NEARER, CLEAR)
-    steps, gap, other = 0, math.inf, math.inf
+    stride = model.policies[avatars.whole[POLICY, own], STRIDE]
+    size, beside, clear = real[SCALE, own] / unit, BESIDE / unit, CLEAR / unit
+    stands = (x, z, cos, sin, size)
+    left = min(_sole_gap(model.soles, capsules, origin, LEFT, stands, beside) - NEARER / unit, clear)
+    right = min(_sole_gap(model.soles, capsules, origin, RIGHT, stands, beside) - NEARER / unit, clear)
+    steps, gap, other = 0, beside, beside
     for t in range(length):
         dx, dz = paths[PATH_X, path + t], paths[PATH_Z, path + t]
         turned, aside = paths[PATH_COS, path + t], paths[PATH_SIN, path + t]
         then_cos, then_sin = cos * turned - sin * aside, sin * turned + cos * aside
-        stands = (x + dx * cos + dz * sin, z + dz * cos - dx * sin, then_cos, then_sin)
+        stands = (x + dx * cos + dz * sin, z + dz * cos - dx * sin, then_cos, then_sin, size)
         frame = origin + (t + 1) * stride
-        gap = _sole_gap(model, avatars, j, body, frame, LEFT, stands)
-        other = _sole_gap(model, avatars, j, body, frame, RIGHT, stands)
+        gap = _sole_gap(model.soles, capsules, frame, LEFT, stands, beside)
+        other = _sole_gap(model.soles, capsules, frame, RIGHT, stands, beside)
         steps += (gap < left) + (other < right)
-    return max(1.0 - gap / BESIDE, 0.0) + max(1.0 - other / BESIDE, 0.0) + STEPS_ON * steps
+    return 2.0 - (gap + other) / beside + STEPS_ON * steps
+
+
+@kernel(inline=True)
+def _seen_from(model, avatars, j, own):
+    """Return where an avatar stands seen from a body on the floor, in units in which the body is of size 1.
+
+    That is x, z, and cosine and sine of its heading times its size.
+    """
+    real = avatars.real
+    x, z, turn = floor_transform(model, avatars, j)
+    dx, dz, unit = real[X, own] - x, real[Z, own] - z, real[SCALE, j]
+    cos, sin = cos_sin(turn)
+    own_cos, own_sin = cos_sin(real[HEADING, own] - turn)
+    size = real[SCALE, own] / unit
+    return (dx * cos - dz * sin) / unit, (dx * sin + dz * cos) / unit, own_cos * size, own_sin * size
 
 
 @kernel
-def _sole_gap(model, avatars, j, body, frame, sole, stands):
-    """Return how far a sole, of an avatar that stands somewhere in a frame, is from a body; negative inside [m]."""
-    heel = _sole_point(model.soles, frame, sole, stands)
-    ball = _sole_point(model.soles, frame, sole + 3, stands)
-    fall, size = int(avatars.conditions[avatars.whole[NUMBER, j], FALL]), avatars.real[SCALE, j]
-    x, z, turn = body
-    cos, sin = cos_sin(turn)
-    cos, sin = cos * size, sin * size
-    gap = math.inf
-    for k in range(model.fall_capsules.shape[1]):
-        row = model.fall_capsules[fall, k]
-        start = (x + row[0] * cos + row[2] * sin, row[1] * size, z - row[0] * sin + row[2] * cos)
-        end = (x + row[3] * cos + row[5] * sin, row[4] * size, z - row[3] * sin + row[5] * cos)
-        gap = min(gap, math.sqrt(square_between(heel, ball, start, end)) - row[6] * size)
+def _sole_gap(soles, capsules, frame, sole, stands, most):
+    """Return how far a sole, of an avatar that stands somewhere in a frame, is from capsules, at ``most``.
+
+    It is negative inside them.
+    """
+    heel, ball = _sole_point(soles, frame, sole, stands), _sole_point(soles, frame, sole + 3, stands)
+    x, y, z = 0.5 * (heel[0] + ball[0]), 0.5 * (heel[1] + ball[1]), 0.5 * (heel[2] + ball[2])
+    half = math.sqrt((ball[0] - x) ** 2 + (ball[1] - y) ** 2 + (ball[2] - z) ** 2)
+    gap = most
+    for k in range(capsules.shape[0]):
+        row = capsules[k]
+        dx, dy, dz = 0.5 * (row[0] + row[3]) - x, 0.5 * (row[1] + row[4]) - y, 0.5 * (row[2] + row[5]) - z
+        reach = row[BOUND] + half + gap
+        if dx * dx + dy * dy + dz * dz < reach * reach:
+            start, end = (row[0], row[1], row[2]), (row[3], row[4], row[5])
+            gap = min(gap, math.sqrt(square_between(heel, ball, start, end)) - row[RADIUS])
     return gap
 
 
 @kernel(inline=True)
 def _sole_point(soles, frame, column, stands):
-    """Return heel or ball of a sole [m]; where the avatar stands is x, z, cosine and sine times its size."""
-    x, z, cos, sin = stands
-    px, pz, size = soles[frame, column], soles[frame, column + 2], math.sqrt(cos * cos + sin * sin)
+    """Return heel or ball of a sole of an avatar that stands at x, z; cosine and sine are times its size."""
+    x, z, cos, sin, size = stands
+    px, pz = soles[frame, column], soles[frame, column + 2]
     return x + px * cos + pz * sin, soles[frame, column + 1] * size, z - px * sin + pz * cos
