@@ -5,8 +5,8 @@ from falling import falling_policy
 from test_damage import fighters, rules
 
 from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.falling import LASTS, LIKE, _unlike, pick_fall
 from crowdsim.crowd.kernels.layout import Observed
-from crowdsim.crowd.kernels.special import LASTS, LIKE, _pick, _unlike
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.motion import ground
@@ -55,7 +55,7 @@ def test_avatars_fall_by_the_fall_that_begins_most_like_what_they_do() -> None:
             aside = np.abs(ground.wrap(turns[rows] - blow))
             rows = rows[aside - aside.min() <= LIKE + 1e-9]
             gaps = [_unlike(one.model, one.avatars, own, row) for row in rows]
-            found = _pick(one.model, one.avatars, one._world, own, kind, NO_NEIGHBOURS, 0)
+            found = pick_fall(one.model, one.avatars, one._world, own, kind, NO_NEIGHBOURS, 0)
             assert found == rows[int(np.argmin(gaps))]
             chosen.add(found)
     assert len(chosen) > 6

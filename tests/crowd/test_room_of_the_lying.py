@@ -7,9 +7,10 @@ from test_lying import placed_beside
 
 from crowdsim.crowd.crowd import enter
 from crowdsim.crowd.kernels import crowding, layout
+from crowdsim.crowd.kernels.falling import _unfit
 from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.kernels.lying import axis_of
-from crowdsim.crowd.kernels.special import SLIDES, _crowded, _slide, _unfit
+from crowdsim.crowd.kernels.room import SLIDES, crowded, slide
 from crowdsim.crowd.kernels.treading import treads_on
 from crowdsim.crowd.simulation import Simulation
 
@@ -78,16 +79,16 @@ def test_a_body_slides_away_from_one_that_lies_where_it_falls(direction: float) 
     model = with_falls()
     one, own = placed_beside(model, direction)
     real, other = one.avatars.real, int(one.avatars.slot_of[1])
-    _slide(model, one.avatars, own, 0, seen(), 0)
+    slide(model, one.avatars, own, 0, seen(), 0)
     assert not real[[layout.SLIDE_X, layout.SLIDE_Z], own].any()
     axis = axis_of(model, one.avatars, other)
     away = np.array([real[layout.X, own] - axis.x, real[layout.Z, own] - axis.z])
     real[[layout.BASE_X, layout.BASE_Z], other] += (1.0 - 0.5 / np.linalg.norm(away)) * away
-    _slide(model, one.avatars, own, 0, seen(other), 0)
-    slide = real[[layout.SLIDE_X, layout.SLIDE_Z], own]
-    assert np.linalg.norm(slide) == pytest.approx(SLIDES)
-    assert slide @ away > 0.9 * SLIDES * np.linalg.norm(away)
-    room = [_crowded(model, one.avatars, own, 0, *way, seen(other), 0) for way in ((0.0, 0.0), slide)]
+    slide(model, one.avatars, own, 0, seen(other), 0)
+    moved = real[[layout.SLIDE_X, layout.SLIDE_Z], own]
+    assert np.linalg.norm(moved) == pytest.approx(SLIDES)
+    assert moved @ away > 0.9 * SLIDES * np.linalg.norm(away)
+    room = [crowded(model, one.avatars, own, 0, *way, seen(other), 0) for way in ((0.0, 0.0), moved)]
     assert room[1] < room[0]
 
 

@@ -1,5 +1,6 @@
 """Whether an arm of the victim is in the way of a strike."""
 
+from crowdsim.crowd.kernels.distances import square_between, square_from
 from crowdsim.crowd.kernels.interpolation import point_at
 from crowdsim.crowd.kernels.layout import (
     FOREARM_RADIUS,
@@ -66,7 +67,7 @@ def _way_point(model, avatars, i, thrown, way, own, part):
 @kernel(inline=True)
 def _is_in_arm(point, elbow, fist, forearm, glove):
     """Return whether a point is in a forearm or in the glove at its end."""
-    far = _square_from(point, fist, elbow)
+    far = square_from(point, fist, elbow)
     dx, dy, dz = point[0] - fist[0], point[1] - fist[1], point[2] - fist[2]
     return far <= forearm * forearm or dx * dx + dy * dy + dz * dz <= glove * glove
 
@@ -77,38 +78,4 @@ def _is_in_body(point, body):
     dx, dy, dz = point[0] - body.head[0], point[1] - body.head[1], point[2] - body.head[2]
     if dx * dx + dy * dy + dz * dz <= body.head_radius * body.head_radius:
         return True
-    return _square_from(point, body.neck, body.pelvis) <= body.torso_radius * body.torso_radius
-
-
-@kernel(inline=True)
-def _square_from(point, start, end):
-    """Return the square of a point's distance from the line between two others."""
-    dx, dy, dz = end[0] - start[0], end[1] - start[1], end[2] - start[2]
-    lx, ly, lz = point[0] - start[0], point[1] - start[1], point[2] - start[2]
-    square = dx * dx + dy * dy + dz * dz
-    t = 0.0
-    if square > 0.0:
-        t = min(max((lx * dx + ly * dy + lz * dz) / square, 0.0), 1.0)
-    lx, ly, lz = lx - t * dx, ly - t * dy, lz - t * dz
-    return lx * lx + ly * ly + lz * lz
-
-
-@kernel(inline=True)
-def square_between(start, end, first, last):
-    """Return the square of the least distance between two lines, each from a point to another.
-
-    After Ericson, Real-Time Collision Detection (2005), section 5.1.9.
-    """
-    ux, uy, uz = end[0] - start[0], end[1] - start[1], end[2] - start[2]
-    vx, vy, vz = last[0] - first[0], last[1] - first[1], last[2] - first[2]
-    wx, wy, wz = start[0] - first[0], start[1] - first[1], start[2] - first[2]
-    a, e, b = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, ux * vx + uy * vy + uz * vz
-    c, f = ux * wx + uy * wy + uz * wz, vx * wx + vy * wy + vz * wz
-    across = a * e - b * b
-    s = min(max((b * f - c * e) / across, 0.0), 1.0) if across > 1e-12 else 0.0
-    t = (b * s + f) / e if e > 1e-12 else 0.0
-    if t < 0.0 or t > 1.0:
-        t = min(max(t, 0.0), 1.0)
-        s = min(max((b * t - c) / a, 0.0), 1.0) if a > 1e-12 else 0.0
-    dx, dy, dz = wx + s * ux - t * vx, wy + s * uy - t * vy, wz + s * uz - t * vz
-    return dx * dx + dy * dy + dz * dz
+    return square_from(point, body.neck, body.pelvis) <= body.torso_radius * body.torso_radius

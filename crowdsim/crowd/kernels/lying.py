@@ -60,6 +60,19 @@ def floor_transform(model, avatars, j):
 
 
 @kernel(inline=True)
+def seen_from(body, other):
+    """Return where another body is, in units in which a body is of size 1; both by x, z [m], turn [rad] and size.
+
+    That is x, z, cosine and sine of its turn times its size, and its size.
+    """
+    x, z, turn, unit = body
+    dx, dz, size = other[0] - x, other[1] - z, other[3] / unit
+    cos, sin = cos_sin(turn)
+    own_cos, own_sin = cos_sin(other[2] - turn)
+    return (dx * cos - dz * sin) / unit, (dx * sin + dz * cos) / unit, own_cos * size, own_sin * size, size
+
+
+@kernel(inline=True)
 def axis_of(model, avatars, j):
     """Return where an avatar lies, or will lie; of one that gets up, from there to where it will stand."""
     real, row = avatars.real, avatars.conditions[avatars.whole[NUMBER, j]]

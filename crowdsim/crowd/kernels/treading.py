@@ -2,8 +2,7 @@
 
 import math
 
-from crowdsim.core.angles import cos_sin
-from crowdsim.crowd.kernels.guards import square_between
+from crowdsim.crowd.kernels.distances import square_between
 from crowdsim.crowd.kernels.layout import (
     FALL,
     HEADING,
@@ -23,7 +22,7 @@ from crowdsim.crowd.kernels.layout import (
     X,
     Z,
 )
-from crowdsim.crowd.kernels.lying import floor_transform
+from crowdsim.crowd.kernels.lying import floor_transform, seen_from
 from crowdsim.jit import kernel
 
 CLEAR, BESIDE = 0.03, 0.27  # how far from bodies soles should be on their way, and where an action ends [m]
@@ -45,13 +44,14 @@ def treads_on(model, avatars, own, action, j):
     if row[STANDING] == RISING:
         return 0.0
     capsules, unit = model.fall_capsules[int(row[FALL])], real[SCALE, j]
-    x, z, cos, sin = _seen_from(model, avatars, j, own)
+    px, pz, turn = floor_transform(model, avatars, j)
+    stands = seen_from((px, pz, turn, unit), (real[X, own], real[Z, own], real[HEADING, own], real[SCALE, own]))
+    x, z, cos, sin, size = stands
     length, path, origin = actions[action, LENGTH], actions[action, PATHS], actions[action, ORIGIN]
     stride = model.policies[avatars.whole[POLICY, own], STRIDE]
-    size, beside, clear = real[SCALE, own] / unit, BESIDE / unit, CLEAR / unit
-    stands = (x, z, cos, sin, size)
-    left = min(_sole_gap(model.soles, capsules, origin, LEFT, stands, beside) - NEARER / unit, clear)
-    right = min(_sole_gap(model.soles, capsules, origin, RIGHT, stands, beside) - NEARER / unit, clear)
+    beside, clear = BESIDE / unit, CLEAR / unit
+    left = min(sole_gap(model.soles, capsules, origin, LEFT, stands, beside) - NEARER / unit, clear)
+    right = min(sole_gap(model.soles, capsules, origin, RIGHT, stands, beside) - NEARER / unit, clear)
     steps, gap, other = 0, beside, beside
     for t in range(length):
         dx, dz = paths[PATH_X, path + t], paths[PATH_Z, path + t]
@@ -59,32 +59,17 @@ def treads_on(model, avatars, own, action, j):
         then_cos, then_sin = cos * turned - sin * aside, sin * turned + cos * aside
         stands = (x + dx * cos + dz * sin, z + dz * cos - dx * sin, then_cos, then_sin, size)
         frame = origin + (t + 1) * stride
-        gap = _sole_gap(model.soles, capsules, frame, LEFT, stands, beside)
-        other = _sole_gap(model.soles, capsules, frame, RIGHT, stands, beside)
+        gap = sole_gap(model.soles, capsules, frame, LEFT, stands, beside)
+        other = sole_gap(model.soles, capsules, frame, RIGHT, stands, beside)
         steps += (gap < left) + (other < right)
     return 2.0 - (gap + other) / beside + STEPS_ON * steps
 
 
-@kernel(inline=True)
-def _seen_from(model, avatars, j, own):
-    """Return where an avatar stands seen from a body on the floor, in units in which the body is of size 1.
-
-    That is x, z, and cosine and sine of its heading times its size.
-    """
-    real = avatars.real
-    x, z, turn = floor_transform(model, avatars, j)
-    dx, dz, unit = real[X, own] - x, real[Z, own] - z, real[SCALE, j]
-    cos, sin = cos_sin(turn)
-    own_cos, own_sin = cos_sin(real[HEADING, own] - turn)
-    size = real[SCALE, own] / unit
-    return (dx * cos - dz * sin) / unit, (dx * sin + dz * cos) / unit, own_cos * size, own_sin * size
-
-
 @kernel
-def _sole_gap(soles, capsules, frame, sole, stands, most):
+def sole_gap(soles, capsules, frame, sole, stands, most):
     """Return how far a sole, of an avatar that stands somewhere in a frame, is from capsules, at ``most``.
 
-    It is negative inside them.
+    It is negative inside them. ``stands`` is what ``lying.seen_from`` returns.
     """
     heel, ball = _sole_point(soles, frame, sole, stands), _sole_point(soles, frame, sole + 3, stands)
     x, y, z = 0.5 * (heel[0] + ball[0]), 0.5 * (heel[1] + ball[1]), 0.5 * (heel[2] + ball[2])
@@ -102,7 +87,12 @@ def _sole_gap(soles, capsules, frame, sole, stands, most):
 
 @kernel(inline=True)
 def _sole_point(soles, frame, column, stands):
-    """Return heel or ball of a sole of an avatar that stands at x, z; cosine and sine are times its size."""
-    x, z, cos, sin, size = stands
-    px, pz = soles[frame, column], soles[frame, column + 2]
-    return x + px * cos + pz * sin, soles[frame, column + 1] * size, z - px * sin + pz * cos
+    """Return heel or ball of a sole of an avatar that stands somewhere."""
+    return placed(soles[frame, column], soles[frame, column + 1], soles[frame, column + 2], stands)
+
+
+@kernel(inline=True)
+def placed(x, y, z, stands):
+    """Return where a point of a body is that stands somewhere (``lying.seen_from``)."""
+    at_x, at_z, cos, sin, size = stands
+    return at_x + x * cos + z * sin, y * size, at_z - x * sin + z * cos
