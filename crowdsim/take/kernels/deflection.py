@@ -15,6 +15,8 @@ ALLOWED = 0.01
 """Depth at which bodies are left alone [m]."""
 _FOOT_IN = 0.02
 """Depth at which a foot is left in what it is in [m]: it should stay where it is planted."""
+_STANDS = 0.5
+"""How free a foot is at the most that stands."""
 _FIST_IN = 0.04
 """How much deeper a fist may be in what it hits [m]: its middle touches."""
 _AT_LAST = 1.001
@@ -156,6 +158,19 @@ def _add_contacts(capsules, limbs, t, n, other, contacts, count):
 
 
 @kernel(allocates=False)
+def _way_beside(p, q, radii, r, s, others):
+    """Return which way on the floor, x and z, and how far a foot has to go so that all of it is beside a capsule."""
+    x, y, z = 0.5 * (p[0] + q[0]) - r[0], 0.5 * (p[1] + q[1]) - r[1], 0.5 * (p[2] + q[2]) - r[2]
+    dx, dz = s[0] - r[0], s[2] - r[2]
+    share = min(max((x * dx + z * dz) / max(dx * dx + dz * dz, 1e-9), 0.0), 1.0)
+    x, y, z = x - share * dx, y - share * (s[1] - r[1]), z - share * dz
+    far = math.sqrt(x * x + z * z)
+    meet = max(radii[0], radii[1]) + others[0] + share * (others[1] - others[0])
+    half = 0.5 * abs((q[0] - p[0]) * x + (q[2] - p[2]) * z) / max(far, 1e-6)
+    return x, z, half + math.sqrt(max(meet * meet - y * y, 0.0)) - far
+
+
+@kernel(allocates=False)
 def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
     """Push a limb out of what one of its capsules is in; return whether it was in it."""
     i, other, j = contacts.own[contact], contacts.others[contact, 0], contacts.others[contact, 1]
@@ -176,9 +191,15 @@ def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
         depth, x, y, z = depth + 2.0 * far, -x, -y, -z
     over = depth - contacts.allowed[contact]
     middle, end = _leverage(limbs, t, n, i, share)
-    if limbs.down[t, other] and limb >= 2 and middle == 0.0 and y < 0.0:
-        # Feet do not go down: they go aside.
-        y, far = 0.0, math.sqrt(x * x + z * z)
+    if limbs.down[t, other] and limb >= 2 and middle == 0.0:
+        if free < _STANDS:
+            # Feet that stand go aside, to where all of them is beside the body.
+            x, z, over = _way_beside(p, q, capsules.radii[n, i], r, s, capsules.radii[other, j])
+            over -= contacts.allowed[contact]
+            y, far = 0.0, math.sqrt(x * x + z * z)
+        elif y < 0.0:
+            # Feet in the air do not go down: they go aside.
+            y, far = 0.0, math.sqrt(x * x + z * z)
     if over <= _ENOUGH or far < 1e-6:
         return False
     push = _STEP * over / max(middle * middle + end * end, _LEAST) / far
