@@ -43,7 +43,7 @@ PLANTED = 0.3, 0.0
 """How readily planted feet move, of feet in the air, in the first round of deflection and in the second."""
 _CREEP, _WIDE = 0.06, 2
 """How far they go at the most [m], and how long they stay where they have to go, before and after [control frames]."""
-_ASIDE, _BESIDE = 0.15, 1.4
+_ASIDE, _BESIDE = 0.25, 1.4
 """How far they move at the most that a body is near which is down; and how near that is [m]."""
 POSES_AT_ONCE = 16_000
 """Most poses that limbs are deflected in at once."""
