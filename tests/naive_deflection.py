@@ -4,7 +4,7 @@ import numpy as np
 from naive_separation import distance_to_point
 
 MARGIN, ROUNDS, STEP, LEAST, MOST, FIST_IN, ALLOWED = 0.05, 10, 0.8, 0.3, 0.25, 0.04, 0.01
-FOOT_IN, LEG_MARGIN, ENOUGH, AT_LAST = 0.02, 0.015, 0.0005, 1.001
+FOOT_IN, LEG_MARGIN, ENOUGH, AT_LAST, STANDS = 0.02, 0.015, 0.0005, 1.001, 0.5
 
 
 def nearest(p, q, own, r, s, other):
@@ -69,6 +69,17 @@ def contacts_of(capsules, limbs, t, n, order):
     return found
 
 
+def way_beside(p, q, radii, r, s, others):
+    """Where a foot goes from a body that lies, and how far for all of it to be beside it."""
+    middle, flat, on_floor = 0.5 * (p + q) - r, (s - r)[[0, 2]], np.array([1.0, 0.0, 1.0])
+    share = np.clip(middle[[0, 2]] @ flat / (flat @ flat), 0.0, 1.0)
+    way = middle - share * (s - r)
+    height, way = way[1], way * on_floor
+    far = np.linalg.norm(way)
+    meet = radii.max() + others[0] + share * (others[1] - others[0])
+    return way, 0.5 * abs((q - p) @ way) / far + np.sqrt(max(meet**2 - height**2, 0.0)) - far
+
+
 def keep_bones(upper, middle, end, moves):
     """Moves of an arm whose bones keep their lengths."""
     bone = middle + moves[0] - upper
@@ -102,8 +113,9 @@ def moves_of(capsules, limbs, t, n, order):
             way = p + share * (q - p) - r - part * (s - r)
             if above and way[1] < 0.0:
                 depth, way = depth + 2.0 * np.linalg.norm(way), -way
-            if limbs.down[t, other] and is_foot(limbs, n, i):
-                way[1] = max(way[1], 0.0)
+            if limbs.down[t, other] and is_foot(limbs, n, i) and (limbs.freedom[t, n, limb] < STANDS or way[1] < 0.0):
+                way, beside = way_beside(p, q, capsules.radii[n, i], r, s, capsules.radii[other, j])
+                depth = max(depth, beside) if depth > allowed + ENOUGH else depth
             if depth > allowed + ENOUGH:
                 pushed, lever = True, levers(limbs, t, n, i, share)
                 push = STEP * (depth - allowed) / max(lever @ lever, LEAST) * way / np.linalg.norm(way)

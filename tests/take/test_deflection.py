@@ -79,6 +79,26 @@ def test_bodies_that_are_down_do_not_give_way_and_others_do_the_whole() -> None:
     assert far[0] > 1.05 * far[1]
 
 
+@pytest.mark.parametrize("freedom", [0.3, 1.0])
+@pytest.mark.parametrize("across", [-0.09, 0.02, 0.11])
+def test_a_foot_on_an_arm_that_lies_goes_to_where_all_of_it_is_beside(across: float, freedom: float) -> None:
+    capsules, limbs = bodies(0)
+    capsules.starts[:], capsules.ends[:], limbs.down[:] = 50.0, 50.0, [False, True, False, False]
+    capsules.starts[0, :2, 0] = capsules.ends[0, :2, 0] = [[0.0, 1.0, 0.0], [0.3, 0.1, 0.3]]
+    limbs.freedom[0, 0, 2], limbs.landing[:], capsules.radii[:] = freedom, 0.0, 0.05
+    # A foot, whose middle is some way across the arm, and that is lower than the arm.
+    capsules.starts[0, 0, 5], capsules.ends[0, 0, 5] = [across - 0.1, 0.03, 0.01], [across + 0.1, 0.03, 0.03]
+    capsules.starts[0, 1, 1], capsules.ends[0, 1, 1] = [0.0, 0.05, -0.2], [0.0, 0.05, 0.2]
+    capsules.bounds[:] = 0.3
+    limbs.joints[0, 0, 2] = [[across, 0.9, 0.0], [across, 0.5, 0.1], [across, 0.1, 0.0]]
+    foot = deflect(capsules, limbs, np.array([0]))[0, 0, 2, 1]
+    # By the radii of arm and foot and half the foot, less what feet may be in bodies; long ways are not gone in full.
+    wanted = 0.05 + 0.05 + 0.1 - naive.FOOT_IN - abs(across)
+    assert foot[0] == pytest.approx(np.sign(across) * naive.MOST * np.tanh(wanted / naive.MOST), abs=0.012)
+    assert foot[1] == 0.0
+    assert abs(foot[2]) < 0.02
+
+
 def test_moves_of_some_avatars_are_those_among_all() -> None:
     capsules, limbs = bodies(9, count=7)
     some = np.array([1, 4, 6])

@@ -191,15 +191,10 @@ def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
         depth, x, y, z = depth + 2.0 * far, -x, -y, -z
     over = depth - contacts.allowed[contact]
     middle, end = _leverage(limbs, t, n, i, share)
-    if limbs.down[t, other] and limb >= 2 and middle == 0.0:
-        if free < _STANDS:
-            # Feet that stand go aside, to where all of them is beside the body.
-            x, z, over = _way_beside(p, q, capsules.radii[n, i], r, s, capsules.radii[other, j])
-            over -= contacts.allowed[contact]
-            y, far = 0.0, math.sqrt(x * x + z * z)
-        elif y < 0.0:
-            # Feet in the air do not go down: they go aside.
-            y, far = 0.0, math.sqrt(x * x + z * z)
+    if limbs.down[t, other] and limb >= 2 and middle == 0.0 and (free < _STANDS or y < 0.0):
+        # Feet that stand, or are below the middle of a body, go aside, to where all of them is beside it.
+        x, z, beside = _way_beside(p, q, capsules.radii[n, i], r, s, capsules.radii[other, j])
+        y, far, over = 0.0, math.sqrt(x * x + z * z), max(over, beside - contacts.allowed[contact])
     if over <= _ENOUGH or far < 1e-6:
         return False
     push = _STEP * over / max(middle * middle + end * end, _LEAST) / far
