@@ -7,6 +7,7 @@ Points are tuples of three numbers [m].
 import math
 from typing import Any, NamedTuple
 
+from crowdsim.core.segments import square_from
 from crowdsim.jit import kernel
 
 BEYOND = 1.1
@@ -77,11 +78,4 @@ def distance_from_body(fist, body):
     head, neck, pelvis = body.head, body.neck, body.pelvis
     hx, hy, hz = fist[0] - head[0], fist[1] - head[1], fist[2] - head[2]
     distance = math.sqrt(hx * hx + hy * hy + hz * hz) - body.head_radius
-    dx, dy, dz = neck[0] - pelvis[0], neck[1] - pelvis[1], neck[2] - pelvis[2]
-    lx, ly, lz = fist[0] - pelvis[0], fist[1] - pelvis[1], fist[2] - pelvis[2]
-    square = dx * dx + dy * dy + dz * dz
-    t = 0.0
-    if square > 0.0:
-        t = min(max((lx * dx + ly * dy + lz * dz) / square, 0.0), 1.0)
-    lx, ly, lz = lx - t * dx, ly - t * dy, lz - t * dz
-    return min(distance, math.sqrt(lx * lx + ly * ly + lz * lz) - body.torso_radius)
+    return min(distance, math.sqrt(square_from(fist, pelvis, neck)) - body.torso_radius)

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from take.synthetic_take import actions, build_take, database, sampler
 
+from crowdsim.core.segments import nearest_on_segments
 from crowdsim.motion import quaternion
 from crowdsim.take.deflection import Deflection
 from crowdsim.take.kept_rows import KeptRows
 from crowdsim.take.kernels import separation
-from crowdsim.take.kernels.segments import nearest_on_segments
 from crowdsim.take.kernels.separation import push_trunks
 from crowdsim.take.landed import find_landed
 from crowdsim.take.separation import Separation

@@ -1,6 +1,6 @@
 """Whether an arm of the victim is in the way of a strike."""
 
-from crowdsim.crowd.kernels.distances import square_between, square_from
+from crowdsim.core.segments import square_between, square_from
 from crowdsim.crowd.kernels.interpolation import point_at
 from crowdsim.crowd.kernels.layout import (
     FOREARM_RADIUS,

@@ -1,7 +1,7 @@
 """Whether an action ends with a leg in the leg of a neighbour."""
 
 from crowdsim.core.angles import cos_sin
-from crowdsim.crowd.kernels.distances import square_between
+from crowdsim.core.segments import square_between
 from crowdsim.crowd.kernels.layout import (
     ACTION,
     BASE_TURN,

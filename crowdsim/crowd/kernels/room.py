@@ -3,7 +3,7 @@
 import math
 
 from crowdsim.core.angles import cos_sin
-from crowdsim.crowd.kernels.distances import square_between
+from crowdsim.core.segments import square_between
 from crowdsim.crowd.kernels.layout import (
     ACTION,
     BASE_TURN,

@@ -2,7 +2,7 @@
 
 import math
 
-from crowdsim.crowd.kernels.distances import square_between
+from crowdsim.core.segments import square_between
 from crowdsim.crowd.kernels.layout import (
     FALL,
     HEADING,

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 from crowdsim.core.quaternions import rotate
+from crowdsim.core.segments import nearest_on_segments
 from crowdsim.core.types import Array
 from crowdsim.jit import kernel
-from crowdsim.take.kernels.segments import nearest_on_segments
 
 NEAR = 1.9
 """Distance on the ground of the middles of bodies beyond which they do not touch [m]."""

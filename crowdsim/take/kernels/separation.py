@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
+from crowdsim.core.segments import nearest_on_segments
 from crowdsim.jit import kernel
-from crowdsim.take.kernels.segments import nearest_on_segments
 from crowdsim.take.kernels.splines import spline_at
 
 NEAR = 1.6
