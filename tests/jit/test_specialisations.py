@@ -10,13 +10,13 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SEVERAL = {
     "core.": "a line or two of arithmetic, in the precision of whoever calls",
+    "core.segments.": "trunks are in double precision, capsules in single",
     "crowd.kernels.": "a policy's table has values of two bytes, or of one",
     "motion.kinematics_kernels.pose_joints": "clips are measured in double precision, databases hold single",
     "policy.kernels.rewards.": "models are in single precision, strikes in motion that is judged in double",
     "training.kernels.rewards.earned_where": "the same",
     "training.kernels.successors.": "for a cell, and for rows of cells at once",
     "take.kernels.limbs.distance_between": "a line of arithmetic, of tuples and of arrays",
-    "take.kernels.segments.nearest_on_segments": "trunks are in double precision, capsules in single",
     "take.kernels.transitions._doubles": "a row of an array, or a column",
 }
 """Why some kernels have more than one, at most six; by the beginning of their names."""
