@@ -73,6 +73,13 @@ def seen_from(body, other):
 
 
 @kernel(inline=True)
+def placed(x, y, z, stands):
+    """Return where a point of a body is that is somewhere, as ``seen_from`` returns it."""
+    at_x, at_z, cos, sin, size = stands
+    return at_x + x * cos + z * sin, y * size, at_z - x * sin + z * cos
+
+
+@kernel(inline=True)
 def axis_of(model, avatars, j):
     """Return where an avatar lies, or will lie; of one that gets up, from there to where it will stand."""
     real, row = avatars.real, avatars.conditions[avatars.whole[NUMBER, j]]

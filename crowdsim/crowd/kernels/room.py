@@ -42,9 +42,10 @@ from crowdsim.crowd.kernels.lying import (
     floor_transform,
     from_axis,
     is_on_floor,
+    placed,
     seen_from,
 )
-from crowdsim.crowd.kernels.treading import BOUND, LEFT, RADIUS, RIGHT, placed, sole_gap
+from crowdsim.crowd.kernels.treading import BOUND, LEFT, RADIUS, RIGHT, sole_gap
 from crowdsim.jit import kernel
 
 PARTS = 4096.0  # parts of a square metre

@@ -22,7 +22,7 @@ from crowdsim.crowd.kernels.layout import (
     X,
     Z,
 )
-from crowdsim.crowd.kernels.lying import floor_transform, seen_from
+from crowdsim.crowd.kernels.lying import floor_transform, placed, seen_from
 from crowdsim.jit import kernel
 
 CLEAR, BESIDE = 0.03, 0.27  # how far from bodies soles should be on their way, and where an action ends [m]
@@ -89,10 +89,3 @@ def sole_gap(soles, capsules, frame, sole, stands, most):
 def _sole_point(soles, frame, column, stands):
     """Return heel or ball of a sole of an avatar that stands somewhere."""
     return placed(soles[frame, column], soles[frame, column + 1], soles[frame, column + 2], stands)
-
-
-@kernel(inline=True)
-def placed(x, y, z, stands):
-    """Return where a point of a body is that stands somewhere (``lying.seen_from``)."""
-    at_x, at_z, cos, sin, size = stands
-    return at_x + x * cos + z * sin, y * size, at_z - x * sin + z * cos
