@@ -64,8 +64,8 @@ def placed_beside(model, direction: float) -> tuple[Simulation, int]:
     first, second = (int(one.avatars.slot_of[number]) for number in (0, 1))
     real = one.avatars.real
     turn = real[layout.HEADING, first] + direction
-    for row, value in ((layout.BASE_X, np.sin(turn)), (layout.BASE_Z, np.cos(turn))):
-        start = real[layout.X if row == layout.BASE_X else layout.Z, first]
+    for row, value in ((layout.END_X, np.sin(turn)), (layout.END_Z, np.cos(turn))):
+        start = real[layout.X if row == layout.END_X else layout.Z, first]
         real[row, second] = start + value
     one.avatars.conditions[1, [layout.STANDING, layout.FALL]] = layout.LYING, 0
     one.avatars.whole[layout.TEAM, second] = -2
@@ -81,8 +81,8 @@ def test_a_fall_is_less_fit_where_another_lies(direction: float) -> None:
     one, own = placed_beside(model, direction)
     slot = int(one.avatars.slot_of[1])
     axis = axis_of(model, one.avatars, slot)
-    one.avatars.real[layout.BASE_X, slot] += one.avatars.real[layout.BASE_X, slot] - axis.x
-    one.avatars.real[layout.BASE_Z, slot] += one.avatars.real[layout.BASE_Z, slot] - axis.z
+    one.avatars.real[layout.END_X, slot] += one.avatars.real[layout.END_X, slot] - axis.x
+    one.avatars.real[layout.END_Z, slot] += one.avatars.real[layout.END_Z, slot] - axis.z
     observed = Observed(np.array([slot], np.int32), np.array([1], np.int32), np.array([[slot]], np.int32))
     ahead, behind = (_unfit(model, one.avatars, own, row, 0.5 * np.pi, 0.5 * np.pi, observed, 0) for row in (0, 3))
     assert (ahead > behind) == (direction == 0.0)

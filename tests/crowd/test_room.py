@@ -51,7 +51,7 @@ def test_room_that_lacks_matches_naive(seed: int) -> None:
     avatars.whole[layout.TEAM, lying] = -2
     avatars.whole[layout.ACTION, lying] = model.falls[fall + 1, layout.FALL_ACTION]
     place = lies[:2] + rng.uniform(-0.8, 0.8, 2) - np.array(floor_transform(model, avatars, lying)[:2])
-    real[[layout.BASE_X, layout.BASE_Z], lying] += place
+    real[[layout.END_X, layout.END_Z], lying] += place
     body = np.array(floor_transform(model, avatars, lying))
     real[[layout.END_X, layout.END_Z], standing] = lies[:2] + rng.uniform(-0.4, 0.4, 2)
     doing = model.actions[avatars.whole[layout.ACTION, standing]]

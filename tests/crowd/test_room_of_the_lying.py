@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from falling import falling_policy
 from test_damage import POLICIES, falling, fighters, with_falls
 from test_lying import placed_beside
 
@@ -9,9 +10,10 @@ from crowdsim.crowd.crowd import enter
 from crowdsim.crowd.kernels import crowding, layout
 from crowdsim.crowd.kernels.falling import _unfit
 from crowdsim.crowd.kernels.layout import Observed
-from crowdsim.crowd.kernels.lying import axis_of
+from crowdsim.crowd.kernels.lying import axis_of, floor_transform
 from crowdsim.crowd.kernels.room import SLIDES, crowded, slide
 from crowdsim.crowd.kernels.treading import treads_on
+from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 
 ACTION = 5
@@ -83,7 +85,7 @@ def test_a_body_slides_away_from_one_that_lies_where_it_falls(direction: float) 
     assert not real[[layout.SLIDE_X, layout.SLIDE_Z], own].any()
     axis = axis_of(model, one.avatars, other)
     away = np.array([real[layout.X, own] - axis.x, real[layout.Z, own] - axis.z])
-    real[[layout.BASE_X, layout.BASE_Z], other] += (1.0 - 0.5 / np.linalg.norm(away)) * away
+    real[[layout.END_X, layout.END_Z], other] += (1.0 - 0.5 / np.linalg.norm(away)) * away
     slide(model, one.avatars, own, 0, seen(other), 0)
     moved = real[[layout.SLIDE_X, layout.SLIDE_Z], own]
     assert np.linalg.norm(moved) == pytest.approx(SLIDES)
@@ -107,6 +109,22 @@ def test_a_body_slides_smoothly_over_the_action_in_which_it_falls() -> None:
         moved = np.subtract(*(each.avatars.real[[layout.X, layout.Z], slot] for each in (one, other)))
         np.testing.assert_allclose(moved, share * np.array([0.3, -0.1]), atol=1e-12)
     assert share > 0.5
+
+
+def test_a_body_that_slides_is_seen_where_it_will_lie() -> None:
+    policy = falling_policy()
+    one = Simulation(fighters(12, spacing=0.5), [policy], model=build_model([policy]))
+    avatars, number = one.avatars, one.avatars.number
+    place, slid = {}, 0.0
+    for _ in range(400):
+        one.run(1)
+        standing = avatars.conditions[number, layout.STANDING]
+        down = np.flatnonzero((standing == layout.FALLING) | (standing == layout.LYING))
+        before, place = place, {int(slot): floor_transform(one.model, avatars, slot)[:2] for slot in down}
+        for slot in place.keys() & before.keys():
+            assert place[slot] == pytest.approx(before[slot], abs=2e-3)
+            slid = max(slid, np.linalg.norm(avatars.real[[layout.SLIDE_X, layout.SLIDE_Z], slot]))
+    assert slid > 0.1
 
 
 def test_who_left_while_it_slid_does_not_slide_when_it_enters_again() -> None:

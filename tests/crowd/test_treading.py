@@ -67,7 +67,7 @@ def test_what_an_action_treads_on_matches_naive(seed):
     down = int(database.falls.downs[fall // 3]) * database.stride
     stands = avatars.real[[layout.X, layout.Z, layout.HEADING], own]
     where = stands[:2] + rng.uniform(-0.5, 0.5, 2) - np.array(floor_transform(model, avatars, other)[:2])
-    avatars.real[[layout.BASE_X, layout.BASE_Z], other] += where
+    avatars.real[[layout.END_X, layout.END_Z], other] += where
     body = np.array(floor_transform(model, avatars, other))
     state = model.actions[avatars.whole[layout.ACTION, own], layout.NEXT]
     counts = []
@@ -109,7 +109,7 @@ def body_ahead(shift=0.0):
     heading = real[layout.HEADING, own]
     ahead = real[[layout.X, layout.Z], own] + [np.sin(heading), np.cos(heading)]
     middle = ahead + shift * np.array([np.cos(heading), -np.sin(heading)])
-    real[[layout.BASE_X, layout.BASE_Z], other] += middle - axis.mean(axis=0)
+    real[[layout.END_X, layout.END_Z], other] += middle - axis.mean(axis=0)
     return model, one.avatars, own, other
 
 

@@ -49,13 +49,15 @@ def axis_after(model, fall, column, x, z, cos, sin):
 def floor_transform(model, avatars, j):
     """Return the ground transform of an avatar on the floor where it lies, or will lie: x, z [m] and turn [rad]."""
     whole, real, ground = avatars.whole, avatars.real, model.ground
-    row, action = avatars.conditions[whole[NUMBER, j]], whole[ACTION, j]
+    action = whole[ACTION, j]
     frame = model.actions[action, ORIGIN]
-    if row[STANDING] == FALLING:
+    if avatars.conditions[whole[NUMBER, j], STANDING] == RISING:
+        cos, sin = real[BASE_COS, j], real[BASE_SIN, j]
+        gx, gz = ground[frame, 0], ground[frame, 1]
+        x, z = real[BASE_X, j] + gx * cos + gz * sin, real[BASE_Z, j] - gx * sin + gz * cos
+    else:
         frame += model.actions[action, LENGTH] * model.policies[whole[POLICY, j], STRIDE]
-    cos, sin = real[BASE_COS, j], real[BASE_SIN, j]
-    gx, gz = ground[frame, 0], ground[frame, 1]
-    x, z = real[BASE_X, j] + gx * cos + gz * sin, real[BASE_Z, j] - gx * sin + gz * cos
+        x, z = real[END_X, j], real[END_Z, j]
     return x, z, real[BASE_TURN, j] + ground[frame, 2]
 
 

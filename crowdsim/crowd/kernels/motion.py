@@ -140,8 +140,6 @@ def switch(model, avatars, world, frame, due, chosen, first, last):
         old, new = whole[ACTION, i], chosen[q]
         if varied:
             note_shown(model, avatars, frame, i, new)
-        if avatars.conditions.shape[0] > 0:
-            note_condition(model, avatars, world, frame, i, new)
         stride, scale, speed = policies[whole[POLICY, i], STRIDE], real[SCALE, i], real[SPEED, i]
         phase = min(real[PHASE, i] - actions[old, LENGTH], speed)
         origin = actions[new, ORIGIN]
@@ -165,6 +163,10 @@ def switch(model, avatars, world, frame, due, chosen, first, last):
         last_frame = origin + actions[new, LENGTH] * stride
         gx, gz = ground[last_frame, 0], ground[last_frame, 1]
         real[END_X, i], real[END_Z, i] = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
+        if avatars.conditions.shape[0] > 0:
+            real[END_X, i] += real[SLIDE_X, i]
+            real[END_Z, i] += real[SLIDE_Z, i]
+            note_condition(model, avatars, world, frame, i, new)
         gx, gz, heading = ground_at(ground, origin + min(phase, actions[new, LENGTH]) * stride)
         real[X, i], real[Z, i] = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
         real[HEADING, i] = heading + turn
