@@ -244,9 +244,8 @@ def _creep(moves: Array, furthest: Array) -> Array:
             further = lengths[other] > most[one]
             longest[one] = np.where(further[..., None], moves[other], longest[one])
             most[one] = np.maximum(lengths[other], most[one])
-    far = np.maximum(np.sqrt(most), 1e-9)[..., None]
-    bound = furthest[:, :, None, None].astype(moves.dtype)
-    return np.asarray(longest * (bound * np.tanh(far / bound) / far))
+    far = np.sqrt(most)[..., None] / furthest[:, :, None, None].astype(moves.dtype)
+    return np.asarray(longest * (1.0 + far**4) ** -0.25)
 
 
 def _around(places: Array, avatars: Array) -> Array:

@@ -56,6 +56,6 @@ def limit(moves):
     """Keep a move within ``_MOST``, smoothly."""
     far = math.sqrt(moves[0] ** 2 + moves[1] ** 2 + moves[2] ** 2)
     if far > 1e-9:
-        kept = _MOST * math.tanh(far / _MOST) / far
+        kept = (1.0 + (far / _MOST) ** 4) ** -0.25
         for k in range(3):
             moves[k] *= kept
