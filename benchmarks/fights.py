@@ -17,7 +17,8 @@ Reactions (``_reaction_time.py``): the time from an attacker's decision to the i
 victim takes a decision of its own in between, at least 0.2 s after the attacker's: what a defence could react to.
 
 Bodies that are down (``_lying.py``), in `brawl_last_standing`: how far their lowest points are from the floor from the
-start of a fall to standing, how often others tread on them, and how often they lie in one another.
+start of a fall to standing, how often others tread on them, and how often they lie in one another. There too,
+knock-downs (``_knock_downs.py``): how soon after the blow an avatar falls, and how often away from the attacker.
 
 Breaks between rounds (``_breaks.py``), in `bout`: how soon boxers stand at ease, and for how much of the break.
 """
@@ -36,6 +37,7 @@ from typing import Any
 import _bouts
 import _breaks
 import _defence
+import _knock_downs
 import _lying
 import _reaction_time
 import numpy as np
@@ -114,6 +116,8 @@ def measure(mocap: Path | None, quick: bool) -> dict[str, Any]:
         for seed in range(1, 2 if quick else LYING_SEEDS + 1)
     ]
     outcome["lying"] = _lying.measure_lying([PoseSampler(take, [policy], threads=2) for take in takes])
+    assert policy.falls is not None
+    outcome["knock_downs"] = _knock_downs.measure_knock_downs(takes, policy.falls.fall)
     bouts = [
         run(load_scenario("bout", _breaks.SCENE, seed=seed, **changes), [policy])
         for seed in range(1, 2 if quick else BREAK_SEEDS + 1)
@@ -136,6 +140,8 @@ def lines(outcome: Mapping[str, Any]) -> Iterator[str]:
     yield from _reaction_time.lines(outcome["reaction"])
     yield ""
     yield from _lying.lines(outcome["lying"])
+    yield ""
+    yield from _knock_downs.lines(outcome["knock_downs"])
     yield ""
     yield from _breaks.lines(outcome["breaks"])
 

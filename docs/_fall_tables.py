@@ -61,6 +61,14 @@ def lying(results: Results) -> list[str]:
             ("lying frames in which a body is deeper than 6 cm in another", percent, "overlap_frames_share"),
         )
     ]
+    rows += [
+        [label, results.cell(shown, "fights", "knock_downs", key)]
+        for label, shown, key in (
+            ("time from the blow that knocks an avatar down to its fall, median [s]", number, "delay_median"),
+            ("the same, 95th percentile [s]", number, "delay_95"),
+            ("falls that lead away from the attacker", percent, "away_share"),
+        )
+    ]
     return results.table(["", "`brawl_last_standing`"], rows, "fights")
 
 

@@ -23,7 +23,7 @@ RATE = 15.0
 def bench(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """The modules of the benchmark."""
     monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
-    names = ("_bouts", "_reaction_time")
+    names = ("_bouts", "_knock_downs", "_reaction_time")
     for name in names:
         monkeypatch.delitem(sys.modules, name, raising=False)
     return SimpleNamespace(**{name.strip("_"): importlib.import_module(name) for name in names})
@@ -111,6 +111,18 @@ def test_draws_are_neither_won_nor_lost(bench: SimpleNamespace) -> None:
     assert (figures["won"]["share"], figures["lost"], figures["drawn"]) == (0.0, 0.0, 1.0)
     assert figures["won_of_decided"] == {"share": None, "interval": None}
     assert figures["landed_share"] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_falls_are_found_after_knock_downs(bench: SimpleNamespace, way: float) -> None:
+    landed = OUTCOMES.index("landed")
+    events = events_of((3.5, 0, 1, landed, True), (4.5, 1, 0, landed, False), (11.5, 1, 0, landed, True))
+    victim = [1, 1, 1, 2, 2, 2, 7, 7, 7, 8, 8, 8]
+    take = take_of([[1] * 12, victim], [[0.0] * 12] * 2, events, (1.0, 1.0))
+    take.x[:, 1], take.x[6:, 1] = 1.0, 1.0 + way * 0.5 * np.arange(6)
+    found = bench.knock_downs.measure_knock_downs([take], np.array([7]))
+    assert (found["knock_downs"], found["seen"], found["away_share"]) == (2, 1, float(way > 0.0))
+    assert found["delay_median"] == found["delay_most"] == pytest.approx(2.5 / RATE)
 
 
 @pytest.mark.parametrize(("count", "of"), [(0, 4), (3, 7), (98, 200), (200, 200)])

@@ -61,8 +61,9 @@ class Model(NamedTuple):
             ``policy.LookupTables.leads`` [control frames]; the speed from which on a strike is strong [m/s];
             the share of ``Crowding``'s gap that bodies keep; radius of forearm and glove. Shape (P, 14), float64.
         twins: For each state the one of the captured motion that it is, or is the mirror image of. Shape (S,), int32.
-        falls: What knocks avatars down: policy, kind (0 falls, 1 lies, 2 rises, 3 staggers), action, and the row of the
-            fall that it belongs to, of a stagger its own. Shape (n, 4), int32.
+        falls: What knocks avatars down: policy, kind (0 falls, 1 lies, 2 rises, 3 staggers, 4 goes on staggering),
+            action, and the row of the fall that it belongs to, of a stagger that of its first piece; pieces of a
+            stagger follow one another. Shape (n, 4), int32.
         stances: How many actions lead from each state to an orthodox and to a southpaw stance
             (``stances.stance_actions``). Shape (S, 2), or (0, 2) where no avatar has a stance, uint8.
         fall_directions: Bearing of the trunk's way in the avatar's ground frame at the start of that fall or stagger:

@@ -11,7 +11,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.model_arms import part_of
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.policy.falls import FALL, LYING, RISE, STAGGER
+from crowdsim.policy.falls import FALL, LYING, RISE, STAGGER, STAGGER_ON
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -37,11 +37,16 @@ def fall_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> dict[str,
         own_axes, own_capsules = _lying_bodies(policy, falls.fall)
         axes.append(np.repeat(own_axes, 3, axis=0))
         capsules.append(np.repeat(own_capsules, 3, axis=0))
-        for action, direction in zip(falls.stagger.tolist(), falls.stagger_direction.tolist(), strict=True):
-            rows.append((p, STAGGER, int(first + action), len(rows)))
-            directions.append(direction)
-        axes.append(np.zeros((len(falls.stagger), 8)))
-        capsules.append(np.zeros((len(falls.stagger), own_capsules.shape[1], 8)))
+        before = len(rows)
+        for start, last, direction in zip(
+            falls.stagger.tolist(), falls.stagger_last.tolist(), falls.stagger_direction.tolist(), strict=True
+        ):
+            own = len(rows)
+            for action in range(start, last + 1):
+                rows.append((p, STAGGER if action == start else STAGGER_ON, int(first + action), own))
+                directions.append(direction)
+        axes.append(np.zeros((len(rows) - before, 8)))
+        capsules.append(np.zeros((len(rows) - before, own_capsules.shape[1], 8)))
     return {
         "falls": np.array(rows, np.int32).reshape(-1, 4),
         "fall_directions": np.array(directions, float),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
 from crowdsim.array_checks import ArrayFault, Relation
 from crowdsim.core.types import Array
+from crowdsim.policy.falls import numbers_of
 
 FALLS = ("falls_fall", "falls_lie", "falls_rise", "falls_stagger")
 OF_FALLS = (*FALLS, "falls_direction", "falls_stagger_direction")
@@ -15,6 +16,9 @@ OF_FALLS = (*FALLS, "falls_direction", "falls_stagger_direction")
 
 OF_STOPS = ("falls_stop", "falls_stagger_stop")
 """Likewise where falls and staggers are over; only where there are falls, and not in older bundles."""
+
+OF_PIECES = ("falls_stagger_last",)
+"""Likewise the last pieces of staggers."""
 
 RESTS = ("rests_enter", "rests_hold", "rests_leave")
 OF_RESTS = (*RESTS, "rests_frames", "rests_state", "rests_row", "rests_next")
@@ -25,7 +29,7 @@ OF_WALKS = (*WALKS, "walks_spans", "walks_piece", "walks_row", "walks_next")
 """Likewise of ``policy.walks.Walks``; only where there are rests."""
 
 
-BEHIND = (*OF_FALLS, *OF_STOPS, *OF_RESTS, *OF_WALKS)
+BEHIND = (*OF_FALLS, *OF_STOPS, *OF_PIECES, *OF_RESTS, *OF_WALKS)
 """Names of all of these arrays."""
 
 
@@ -39,6 +43,7 @@ def relations_behind(arrays: Mapping[str, Array]) -> tuple[Relation, ...]:
     for what, own, needed, more in (
         ("falls", OF_FALLS, (), _FALLS),
         ("stops of falls", OF_STOPS, OF_FALLS, _STOPS),
+        ("pieces of staggers", OF_PIECES, OF_FALLS, _PIECES),
         ("rests", OF_RESTS, (), _RESTS),
         ("walks", OF_WALKS, OF_RESTS, _WALKS),
     ):
@@ -49,6 +54,14 @@ def relations_behind(arrays: Mapping[str, Array]) -> tuple[Relation, ...]:
     return relations
 
 
+def count_behind(arrays: Mapping[str, Array]) -> int:
+    """Return how many actions of falls, rests and walks there are by these arrays, which need not be right."""
+    count = sum(arrays[name].size for name in (*FALLS, *RESTS, *WALKS) if name in arrays)
+    if "falls_stagger" in arrays:
+        count += int(_last_pieces(arrays).sum()) - int(arrays["falls_stagger"].sum())
+    return count
+
+
 def frames_of(arrays: Mapping[str, Array]) -> tuple[Array, Array]:
     """Return the control frame on which each action is laid, and its last one. Shapes (A,), int64."""
     first = arrays["graph_action_first"].astype(np.int64)
@@ -56,11 +69,15 @@ def frames_of(arrays: Mapping[str, Array]) -> tuple[Array, Array]:
 
 
 def _numbered_behind(arrays: Mapping[str, Array]) -> bool:
-    three = np.stack([arrays[f"falls_{name}"] for name in ("fall", "lie", "rise")], axis=1).reshape(-1)
-    numbers = np.concatenate([three, arrays["falls_stagger"]])
+    fall, lie, rise, stagger = (arrays[name] for name in FALLS)
+    numbers = numbers_of(fall, lie, rise, stagger, _last_pieces(arrays))
     count = sum(len(arrays[name]) for name in (*RESTS, *WALKS) if name in arrays)
     last = len(arrays["graph_action_next"]) - count
     return np.array_equal(numbers, np.arange(arrays["graph_action_offsets"][-1], last))
+
+
+def _last_pieces(arrays: Mapping[str, Array]) -> Array:
+    return arrays[OF_PIECES[0]] if OF_PIECES[0] in arrays else arrays["falls_stagger"]
 
 
 def _rest_behind(arrays: Mapping[str, Array]) -> bool:
@@ -87,20 +104,34 @@ _FALLS = (
 )
 
 
-def _stand_again(rise: str, stop: str) -> Callable[[Mapping[str, Array]], Array]:
-    def holds(arrays: Mapping[str, Array]) -> Array:
-        before, last = frames_of(arrays)
-        actions, stops = arrays[rise], arrays[stop]
-        result: Array = (before[actions] < stops) & (stops <= last[actions])
-        return result
+def _stands_again(arrays: Mapping[str, Array]) -> Array:
+    return _within(arrays, arrays["falls_rise"], arrays["falls_rise"], "falls_stop")
 
-    return holds
+
+def _has_caught_itself(arrays: Mapping[str, Array]) -> Array:
+    return _within(arrays, arrays["falls_stagger"], _last_pieces(arrays), "falls_stagger_stop")
+
+
+def _within(arrays: Mapping[str, Array], actions: Array, until: Array, stop: str) -> Array:
+    before, last = frames_of(arrays)
+    result: Array = (before[actions] < arrays[stop]) & (arrays[stop] <= last[until])
+    return result
+
+
+def _one_after_another(arrays: Mapping[str, Array]) -> Array:
+    before, last = frames_of(arrays)
+    first, until = arrays["falls_stagger"], arrays["falls_stagger_last"]
+    joined = np.concatenate([[0], np.cumsum(before[1:] != last[:-1])])
+    result: Array = (until >= first) & (joined[first] == joined[until])
+    return result
 
 
 _STOPS = (
-    Relation("falls_stop", "frames of rises", _stand_again("falls_rise", "falls_stop")),
-    Relation("falls_stagger_stop", "frames of staggers", _stand_again("falls_stagger", "falls_stagger_stop")),
+    Relation("falls_stop", "frames of rises", _stands_again),
+    Relation("falls_stagger_stop", "frames of staggers", _has_caught_itself),
 )
+
+_PIECES = (Relation("falls_stagger_last", "pieces that follow the first one without a gap", _one_after_another),)
 
 
 _RESTS = (

@@ -124,6 +124,7 @@ TABLE: Mapping[str, Column] = {
     "falls_rise": _ints(("H",), Index("A")),
     "falls_direction": _singles(("H",), _FAR),
     "falls_stagger": _ints(("G",), Index("A")),
+    "falls_stagger_last": _ints(("G",), Index("A")),
     "falls_stagger_direction": _singles(("G",), _FAR),
     "falls_stop": _ints(("H",)),
     "falls_stagger_stop": _ints(("G",)),

@@ -2,6 +2,7 @@
 
 Each can start from any pose: its motion is laid on the avatar's ground transform, and blends in as any other does. A
 fall leads from standing to lying, a piece of lying can be repeated, and rising leads back to a state of the graph.
+Staggers are in pieces, each of which a fall can follow.
 """
 
 from __future__ import annotations
@@ -26,12 +27,14 @@ if TYPE_CHECKING:
 
 LIE = 0.5
 """Length of a piece of lying that can be repeated [s]."""
+PIECE = 0.4
+"""About how long a piece of a stagger is: who is knocked down meanwhile falls when it ends [s]."""
 LEAVES = 0.6
 """Time after a stagger, getting up or a rest within which captured motion is left for a state [s]."""
 HASTE = 0.03
 """What a second counts for that it takes longer to be in a state, beside how unlike poses are [m/s]."""
-FALL, LYING, RISE, STAGGER = range(4)
-"""Kinds of such actions."""
+FALL, LYING, RISE, STAGGER, STAGGER_ON = range(5)
+"""Kinds of such actions; the last is a piece of a stagger behind its first one."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,9 @@ class Falls:
         rise: From lying to a state of the graph. Shape (F,), int32.
         direction: Bearing of the trunk's way in the avatar's ground frame at the start: 0 forward, pi / 2 to the left
             [rad]. Shape (F,), float32.
-        stagger: From standing to a state of the graph. Shape (G,), int32.
+        stagger: The first piece of each stagger, from standing; its state of arrival is that of the last one, a state
+            of the graph. Shape (G,), int32.
+        stagger_last: Its last piece; those in between have the numbers in between. Shape (G,), int32.
         stagger_direction: Bearing of the trunk's way likewise [rad]. Shape (G,), float32.
         stop: Control frame in which each rise brings the body to stand. Shape (F,), int32.
         stagger_stop: Control frame in which each stagger is over. Shape (G,), int32.
@@ -56,15 +61,22 @@ class Falls:
     rise: Array
     direction: Array
     stagger: Array
+    stagger_last: Array
     stagger_direction: Array
     stop: Array
     stagger_stop: Array
 
     @property
     def actions(self) -> Array:
-        """All of these actions, those of a fall side by side, and staggers behind them. Shape (3 F + G,), int32."""
-        three = np.stack([self.fall, self.lie, self.rise], axis=1).reshape(-1)
-        return np.concatenate([three, self.stagger]).astype(np.int32)
+        """All of these actions, those of a fall side by side, and pieces of staggers behind them. Shape (n,), int32."""
+        return numbers_of(self.fall, self.lie, self.rise, self.stagger, self.stagger_last)
+
+
+def numbers_of(fall: Array, lie: Array, rise: Array, stagger: Array, stagger_last: Array) -> Array:
+    """Return the numbers of all actions of falls and staggers, as in ``Falls``. Shape (n,), int32."""
+    three = np.stack([fall, lie, rise], axis=1).reshape(-1)
+    pieces = [np.arange(first, last + 1) for first, last in zip(stagger, stagger_last, strict=True)]
+    return np.concatenate([three, *pieces]).astype(np.int32)
 
 
 def add_falls(
@@ -84,7 +96,9 @@ def add_falls(
     if not spans.any:
         return graph, actions, None
     stops, ends, states = _arrivals(database, graph, settings)
-    first, lengths = _pieces(database, stops, ends)
+    first, lengths, pieces = _pieces(database, stops, ends)
+    up, stay = np.split(states, [len(spans.starts)])
+    states = np.concatenate([np.repeat(up, 3), np.repeat(stay, pieces)])
     count, before = len(first), graph.choice_count
     extended = replace(
         graph,
@@ -97,13 +111,23 @@ def add_falls(
     three, staggers = np.split(numbers, [3 * len(spans.starts)])
     fall, lie, rise = (np.ascontiguousarray(part) for part in three.reshape(-1, 3).T)
     falls = Falls(
-        fall, lie, rise, spans.directions, staggers, spans.stagger_directions, spans.stops, spans.staggers[:, 1]
+        fall=fall,
+        lie=lie,
+        rise=rise,
+        direction=spans.directions,
+        stagger=staggers[np.cumsum(pieces) - pieces],
+        stagger_last=staggers[np.cumsum(pieces) - 1],
+        stagger_direction=spans.stagger_directions,
+        stop=spans.stops,
+        stagger_stop=spans.staggers[:, 1],
     )
     return extended, actions_behind(database, actions, first, lengths, states), falls
 
 
-def _pieces(database: MotionDatabase, stops: Array, ends: Array) -> tuple[Array, Array]:
-    """Return first frame and length of each action, those of a fall side by side. Shapes (3 F + G,), int32.
+def _pieces(database: MotionDatabase, stops: Array, ends: Array) -> tuple[Array, Array, Array]:
+    """Return first frame and length of each action, those of a fall or a stagger side by side. Shapes (n,), int32.
+
+    And of how many pieces each stagger is. Shape (G,), int64.
 
     Args:
         database: The motion.
@@ -115,17 +139,22 @@ def _pieces(database: MotionDatabase, stops: Array, ends: Array) -> tuple[Array,
     lying = np.minimum(spans.rises - spans.downs, most)
     first = np.stack([spans.starts, spans.downs, spans.rises], axis=1) + 1
     lengths = np.stack([spans.downs - spans.starts, lying, stops - spans.rises], axis=1)
-    starts = spans.staggers[:, 0]
+    starts, last = spans.staggers[:, 0].astype(np.int64), ends.astype(np.int64)
+    pieces = np.maximum(np.rint((last - starts) / (PIECE * database.control_rate)).astype(np.int64), 1)
+    owner = np.repeat(np.arange(len(pieces)), pieces)
+    piece = np.arange(len(owner)) - (np.cumsum(pieces) - pieces)[owner]
+    low, high = ((last - starts)[owner] * number // pieces[owner] for number in (piece, piece + 1))
     return (
-        np.concatenate([first.reshape(-1), starts + 1]).astype(np.int32),
-        np.concatenate([lengths.reshape(-1), ends - starts]).astype(np.int32),
+        np.concatenate([first.reshape(-1), starts[owner] + low + 1]).astype(np.int32),
+        np.concatenate([lengths.reshape(-1), high - low]).astype(np.int32),
+        pieces,
     )
 
 
 def _arrivals(database: MotionDatabase, graph: MotionGraph, settings: GraphSettings) -> tuple[Array, Array, Array]:
-    """Return the last frame of each rise and stagger, and the state whose pose is most like it, for each action.
+    """Return the last frame of each rise and stagger, and the state whose pose is most like it, of rises first.
 
-    What leads to no state has the one that the rise leads to. Shapes (F,), (G,) and (3 F + G,), int32.
+    Shapes (F,), (G,) and (F + G,), int32.
     """
     spans = database.falls
     features = frame_features(database, settings).astype(np.float64)
@@ -139,8 +168,7 @@ def _arrivals(database: MotionDatabase, graph: MotionGraph, settings: GraphSetti
         ends.append(end)
         found.append(state)
     rises, staggers = np.split(np.array(ends, np.int32), [len(spans.stops)])
-    up, stay = np.split(np.array(found, np.int32), [len(spans.stops)])
-    return rises, staggers, np.concatenate([np.repeat(up, 3), stay])
+    return rises, staggers, np.array(found, np.int32)
 
 
 def way_to_state(
@@ -231,10 +259,17 @@ def flatten_falls(falls: Falls | None) -> dict[str, Array]:
 
 
 def read_falls(arrays: Mapping[str, Array]) -> Falls | None:
-    """Return the falls in the arrays of a bundle; in older ones bodies stand when rises and staggers end."""
+    """Return the falls in the arrays of a bundle; in older ones bodies stand when rises and staggers end.
+
+    There staggers are of one piece.
+    """
     if "falls_fall" not in arrays:
         return None
     last = arrays["graph_action_first"] + arrays["graph_action_lengths"] - np.int32(1)
-    older = {"falls_stop": last[arrays["falls_rise"]], "falls_stagger_stop": last[arrays["falls_stagger"]]}
-    found = {**older, **arrays}
+    pieces = {"falls_stagger_last": arrays["falls_stagger"], **arrays}
+    found = {
+        "falls_stop": last[arrays["falls_rise"]],
+        "falls_stagger_stop": last[pieces["falls_stagger_last"]],
+        **pieces,
+    }
     return Falls(**{field.name: found[f"falls_{field.name}"] for field in fields(Falls)})

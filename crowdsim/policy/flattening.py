@@ -18,7 +18,7 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.behind_checks import BEHIND, FALLS, RESTS, WALKS
+from crowdsim.policy.behind_checks import BEHIND, count_behind
 from crowdsim.policy.checks import DEFENCE, STATE_VALUES, check_arrays
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.falls import flatten_falls, read_falls, spans_of
@@ -133,8 +133,7 @@ def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) ->
     wanted = STORED[document["recipe"]["precision"]]
     if arrays["values"].dtype != wanted:
         raise ArrayFault("values", f"holds {arrays['values'].dtype}, expected {wanted} for the precision of the recipe")
-    falls = sum(arrays[name].size for name in (*FALLS, *RESTS, *WALKS) if name in arrays)
-    states, actions = arrays["graph_state_frames"].size, arrays["graph_action_next"].size - falls
+    states, actions = arrays["graph_state_frames"].size, arrays["graph_action_next"].size - count_behind(arrays)
     cells = [math.prod(axis["count"] for axis in report["axes"]) for report in behaviours]
     for report, count in zip(behaviours, cells, strict=True):
         expected = count * (actions if report["lookup"] == "q" else states)

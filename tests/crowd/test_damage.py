@@ -175,6 +175,50 @@ def test_a_blow_makes_an_avatar_stagger_where_its_policy_has_staggers():
     assert stumbled > 3
 
 
+def stumbling(**thresholds):
+    """A fight of many staggers of three pieces, which are actions 5, 9, and 7, and of falls."""
+    rows = [(0, kind, kind, 0) for kind in (layout.FALLS, layout.LIES, layout.STANDS_UP)]
+    rows += [(0, layout.STUMBLES, 5, 3), (0, layout.STUMBLES_ON, 9, 3), (0, layout.STUMBLES_ON, 7, 3)]
+    hurting = rules()
+    for column, value in thresholds.items():
+        hurting[:, getattr(layout, column)] = value
+    model = falling(build_model(POLICIES), rows, [0.0] * len(rows))
+    return Simulation(fighters(rules=hurting), POLICIES, model=model)
+
+
+def actions_in_turn(one, frames=300):
+    """What each avatar does: its actions as they follow one another, its standing and row of falls as each starts."""
+    avatars = one.avatars
+    turns = [[] for _ in range(12)]
+    for _ in range(frames):
+        decided = avatars.whole[layout.DECISIONS].copy()
+        one.run(1)
+        for slot in np.flatnonzero(avatars.whole[layout.DECISIONS] != decided):
+            number = int(avatars.number[slot])
+            row = avatars.conditions[number]
+            turns[number].append((int(avatars.whole[layout.ACTION, slot]), row[layout.STANDING], int(row[layout.FALL])))
+    return turns
+
+
+def test_a_stagger_goes_on_piece_by_piece():
+    follows = set()
+    for turns in actions_in_turn(stumbling(DOWN_FROM=1e4, FULL_HEALTH=1e6, STAGGER_FROM=HIT)):
+        for (action, _, row), (following, _, _) in itertools.pairwise(turns):
+            if (action, row) in ((5, 3), (9, 4)):
+                follows.add((action, following))
+    assert follows == {(5, 9), (9, 7), (5, 5), (9, 5)}  # or another blow, and it begins again
+
+
+def test_who_is_knocked_down_in_a_stagger_falls_at_the_end_of_its_piece():
+    after = set()
+    for turns in actions_in_turn(stumbling(STAGGER_FROM=1.0, FULL_HEALTH=1e6, MOST_DOWNS=1e6), 500):
+        for (action, _, row), (following, standing, _) in itertools.pairwise(turns):
+            if (action, row) in ((5, 3), (9, 4)):
+                after.add((action, following, bool(standing == layout.FALLING)))
+    goes_on = {(5, 9, False), (9, 7, False), (5, 5, False), (9, 5, False)}
+    assert after == goes_on | {(5, 0, True), (9, 0, True)}
+
+
 @pytest.mark.parametrize("falls", [False, True])
 def test_knock_downs_depend_on_neither_threads_nor_storage_nor_calls(falls, monkeypatch):
     people = fighters(20)

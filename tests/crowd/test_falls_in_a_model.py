@@ -33,18 +33,18 @@ def test_rows_of_falls_name_actions_of_the_run(count: int) -> None:
     policies = [falling_policy()] * count
     model, falls = build_model(policies), falling_policy().falls
     assert falls is not None
-    assert model.falls.shape == (count * (3 * len(falls.fall) + len(falls.stagger)), 4)
+    assert model.falls.shape == (count * len(falls.actions), 4)
     assert len(model.fall_directions) == len(model.falls)
-    own = [np.concatenate([np.stack([falls.fall, falls.lie, falls.rise], 1).ravel(), falls.stagger])]
     for policy in range(count):
         rows = np.flatnonzero(model.falls[:, 0] == policy)
         first = model.policies[policy, layout.ACTIONS]
-        np.testing.assert_array_equal(model.falls[rows, 2] - first, own[0])
+        np.testing.assert_array_equal(model.falls[rows, 2] - first, falls.actions)
         for row in rows:
             _, kind, action, fall = model.falls[row]
-            assert model.falls[fall, 1] == (3 if kind == 3 else 0)
+            assert model.falls[fall, 1] == (3 if kind >= 3 else 0)
             assert model.fall_directions[row] == model.fall_directions[fall]
-            assert model.falls[fall, 2] == action - (kind if kind < 3 else 0)
+            assert model.falls[fall, 2] == action - (row - fall)
+            assert row - fall == kind if kind <= 2 else (row > fall) == (kind == 4)
             states = model.policies[policy : policy + 2, layout.STATES]
             assert states[0] <= model.actions[action, layout.NEXT] < states[1]
 

@@ -16,6 +16,8 @@ from crowdsim.crowd.kernels.layout import (
     HIT_X,
     HIT_Z,
     LENGTH,
+    MOVE_COS,
+    MOVE_SIN,
     MOVE_X,
     MOVE_Z,
     NEXT,
@@ -26,6 +28,7 @@ from crowdsim.crowd.kernels.layout import (
     STANCE,
     STANDS_UP,
     STRIDE,
+    STUMBLES_ON,
     TEAM,
     X,
     Z,
@@ -48,6 +51,18 @@ def part_of(model, fall, kind):
     for row in range(model.falls.shape[0]):
         if model.falls[row, FALL_KIND] == kind and model.falls[row, FALL_ROW] == fall:
             return model.falls[row, FALL_ACTION]
+    return -1
+
+
+@kernel(inline=True)
+def next_piece(model, row):
+    """Return the row of ``Model.falls`` with the next piece of a stagger, by that of a piece; -1 behind the last one.
+
+    Falls are followed by none.
+    """
+    following = row + 1
+    if following < model.falls.shape[0] and model.falls[following, FALL_KIND] == STUMBLES_ON:
+        return following
     return -1
 
 
@@ -130,11 +145,17 @@ def _unfit(model, avatars, own, row, blow, nearest, observed, q):
 @kernel(inline=True)
 def _ends_on_body(model, avatars, own, row, observed, q):
     """Return whether a stagger leads onto a body on the floor: close to its axis, and closer than the avatar is."""
-    real, action = avatars.real, model.falls[row, FALL_ACTION]
+    real, piece = avatars.real, row
     x, z, size = real[X, own], real[Z, own], real[SCALE, own]
     cos, sin = cos_sin(real[HEADING, own])
-    ex, ez = model.moves[action, MOVE_X] * size, model.moves[action, MOVE_Z] * size
-    dx, dz = ex * cos + ez * sin, ez * cos - ex * sin
+    dx, dz = 0.0, 0.0
+    while piece >= 0:
+        move = model.moves[model.falls[piece, FALL_ACTION]]
+        ex, ez = move[MOVE_X] * size, move[MOVE_Z] * size
+        dx, dz = dx + ex * cos + ez * sin, dz + ez * cos - ex * sin
+        turned, aside = move[MOVE_COS], move[MOVE_SIN]
+        cos, sin = cos * turned - sin * aside, sin * turned + cos * aside
+        piece = next_piece(model, piece)
     found = False
     for m in range(observed.counts[q]):
         j = observed.neighbours[q, m]

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from crowdsim.crowd.kernels.falling import part_of, pick_fall
+from crowdsim.crowd.kernels.falling import next_piece, part_of, pick_fall
 from crowdsim.crowd.kernels.layout import (
     COHORT,
     DOES,
@@ -73,9 +73,14 @@ def special_action(model, avatars, world, frame, own, observed, q):
     row = avatars.conditions[avatars.whole[NUMBER, own]]
     standing = row[STANDING]
     row[STANDING_NEXT] = UP
-    if standing == STAGGERS:
-        found = pick_fall(model, avatars, world, own, STUMBLES, observed, q)
-        return -1 if found < 0 else model.falls[found, FALL_ACTION]
+    if standing <= STAGGERS:
+        found = pick_fall(model, avatars, world, own, STUMBLES, observed, q) if standing == STAGGERS else -1
+        if found < 0:
+            found = next_piece(model, np.int64(row[FALL]))
+        if found < 0:
+            return -1
+        row[FALL] = found
+        return model.falls[found, FALL_ACTION]
     if standing == DROPS:
         found = pick_fall(model, avatars, world, own, FALLS, observed, q)
         row[STANDING_NEXT], row[FALL] = FALLING, found
