@@ -9,6 +9,7 @@ from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.falling import _unfit
 from crowdsim.crowd.kernels.layout import Axis, Observed
 from crowdsim.crowd.kernels.lying import axes_apart, axis_of, from_axis
+from crowdsim.crowd.kernels.room import SLIDES, crowded
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.motion import ground
@@ -86,4 +87,8 @@ def test_a_fall_is_less_fit_where_another_lies(direction: float) -> None:
     observed = Observed(np.array([slot], np.int32), np.array([1], np.int32), np.array([[slot]], np.int32))
     ahead, behind = (_unfit(model, one.avatars, own, row, 0.5 * np.pi, 0.5 * np.pi, observed, 0) for row in (0, 3))
     assert (ahead > behind) == (direction == 0.0)
-    assert max(ahead, behind) > 0.5
+    ways = [0.0, *(far * np.exp(1j * turn) for far in (0.5 * SLIDES, SLIDES) for turn in np.arange(8) * np.pi / 4)]
+    row = 0 if direction == 0.0 else 3
+    lacks = [crowded(model, one.avatars, own, row, np.imag(way), np.real(way), observed, 0) for way in ways]
+    assert max(ahead, behind) == min(lacks) > 0.3  # by where it can slide to
+    assert lacks[0] > 0.5

@@ -34,7 +34,7 @@ from crowdsim.crowd.kernels.layout import (
     Z,
 )
 from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
-from crowdsim.crowd.kernels.room import crowded
+from crowdsim.crowd.kernels.room import roomiest
 from crowdsim.jit import kernel
 
 NOWHERE = 1 << 30  # actions from a stance, before any fall is looked at
@@ -139,7 +139,7 @@ def _unfit(model, avatars, own, row, blow, nearest, observed, q):
     unfit = ASIDE * max(aside - LIKE, 0.0)
     if model.falls[row, FALL_KIND] != FALLS:
         return math.inf if aside > LIKE or _ends_on_body(model, avatars, own, row, observed, q) else unfit
-    return unfit + crowded(model, avatars, own, row, 0.0, 0.0, observed, q)
+    return unfit + roomiest(model, avatars, own, row, observed, q)[0]
 
 
 @kernel(inline=True)

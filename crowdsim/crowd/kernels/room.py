@@ -148,13 +148,20 @@ def _soles_gap(model, avatars, row, lies, j):
 @kernel
 def slide(model, avatars, own, row, observed, q):
     """Choose how far a body slides while it falls: to the place with the most room, or nowhere if none has more."""
-    real = avatars.real
-    real[SLIDE_X, own], real[SLIDE_Z, own] = 0.0, 0.0
-    least = crowded(model, avatars, own, row, 0.0, 0.0, observed, q)
+    _, avatars.real[SLIDE_X, own], avatars.real[SLIDE_Z, own] = roomiest(model, avatars, own, row, observed, q)
+
+
+@kernel
+def roomiest(model, avatars, own, row, observed, q):
+    """Return how little room there is after a fall where the most is that a body slides to, and how far x, z [m]."""
+    least, x, z = crowded(model, avatars, own, row, 0.0, 0.0, observed, q), 0.0, 0.0
+    if least == 0.0:
+        return least, x, z
     for way in range(2 * WAYS):
         # Half the distance in every direction first, then the whole: among equals the shorter slide counts.
         far = SLIDES if way >= WAYS else 0.5 * SLIDES
         cos, sin = cos_sin(2.0 * math.pi * way / WAYS)
         lacks = crowded(model, avatars, own, row, far * sin, far * cos, observed, q)
         if lacks < least:
-            least, real[SLIDE_X, own], real[SLIDE_Z, own] = lacks, far * sin, far * cos
+            least, x, z = lacks, far * sin, far * cos
+    return least, x, z
