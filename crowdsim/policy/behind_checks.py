@@ -29,7 +29,10 @@ OF_WALKS = (*WALKS, "walks_spans", "walks_piece", "walks_row", "walks_next")
 """Likewise of ``policy.walks.Walks``; only where there are rests."""
 
 
-BEHIND = (*OF_FALLS, *OF_STOPS, *OF_PIECES, *OF_RESTS, *OF_WALKS)
+GROUPS = (OF_FALLS, OF_STOPS, OF_PIECES, OF_RESTS, OF_WALKS)
+"""Names of arrays all of which are there or none."""
+
+BEHIND = tuple(name for group in GROUPS for name in group)
 """Names of all of these arrays."""
 
 

@@ -15,7 +15,7 @@ from crowdsim.array_checks import ArrayFault
 from crowdsim.config.documents import DocumentModel, document_fault
 from crowdsim.core.types import Array
 from crowdsim.errors import PolicyError
-from crowdsim.policy.behind_checks import BEHIND, OF_FALLS, OF_RESTS, OF_STOPS, OF_WALKS
+from crowdsim.policy.behind_checks import BEHIND, GROUPS
 from crowdsim.policy.checks import DEFENCE, TABLE
 from crowdsim.policy.document import PolicyDocument
 from crowdsim.policy.document_parts import Hash
@@ -80,8 +80,7 @@ def check_packed(path: Path, packed: Mapping[str, Any]) -> None:
     if len(set(names)) < len(names):
         raise PolicyError(f"{path}: parts: two arrays have one name, expected each once")
     kept = {f"{_KEPT}{behaviour['name']}" for behaviour in packed["policy"]["behaviours"]}
-    groups = (set(OF_FALLS), set(OF_STOPS), set(OF_RESTS), set(OF_WALKS))
-    optional = {name for group in groups if group & set(names) for name in group}
+    optional = {name for group in GROUPS if set(group) & set(names) for name in group}
     optional |= {DEFENCE} & set(names)
     wanted = {name for name in TABLE if name not in ("values", STATE_VALUES, DEFENCE, *BEHIND)} | kept | optional
     if set(names) != wanted:
