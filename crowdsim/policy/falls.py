@@ -152,9 +152,9 @@ def _pieces(database: MotionDatabase, stops: Array, ends: Array) -> tuple[Array,
 
 
 def _arrivals(database: MotionDatabase, graph: MotionGraph, settings: GraphSettings) -> tuple[Array, Array, Array]:
-    """Return the last frame of each rise and stagger, and the state whose pose is most like it, of rises first.
+    """Return the last frame of each rise and stagger, and the state whose pose is most like it.
 
-    Shapes (F,), (G,) and (F + G,), int32.
+    The states of rises come first. Shapes (F,), (G,) and (F + G,), int32.
     """
     spans = database.falls
     features = frame_features(database, settings).astype(np.float64)

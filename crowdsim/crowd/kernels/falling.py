@@ -76,27 +76,20 @@ def pick_fall(model, avatars, world, own, kind, observed, q):
     whole, real, falls = avatars.whole, avatars.real, model.falls
     policy, stance = whole[POLICY, own], int(avatars.conditions[whole[NUMBER, own], STANCE])
     blow = math.atan2(real[HIT_X, own], real[HIT_Z, own]) - real[HEADING, own]
-    nearest, best, least = math.inf, math.inf, NOWHERE
+    nearest = math.inf
     for row in range(falls.shape[0]):
         if falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind:
             nearest = min(nearest, _apart(model.fall_directions[row], blow))
+    found, best, least, gap = -1, math.inf, NOWHERE, math.inf
     for row in range(falls.shape[0]):
-        if falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind:
-            best = min(best, _unfit(model, avatars, own, row, blow, nearest, observed, q))
-    if best == math.inf:
-        return -1
-    for row in range(falls.shape[0]):
-        of_kind = falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind
-        if of_kind and _unfit(model, avatars, own, row, blow, nearest, observed, q) <= best:
-            least = min(least, _astray(model, row, stance))
-    found, gap = -1, math.inf
-    for row in range(falls.shape[0]):
-        if falls[row, FALL_POLICY] == policy and falls[row, FALL_KIND] == kind:
-            fits = _unfit(model, avatars, own, row, blow, nearest, observed, q) <= best
-            if fits and _astray(model, row, stance) == least:
-                unlike = _unlike(model, avatars, own, row)
-                if unlike < gap:
-                    found, gap = row, unlike
+        if falls[row, FALL_POLICY] != policy or falls[row, FALL_KIND] != kind:
+            continue
+        unfit = _unfit(model, avatars, own, row, blow, nearest, observed, q)
+        if unfit > best or unfit == math.inf:
+            continue
+        astray, unlike = _astray(model, row, stance), _unlike(model, avatars, own, row)
+        if unfit < best or astray < least or (astray == least and unlike < gap):
+            found, best, least, gap = row, unfit, astray, unlike
     return found
 
 
