@@ -1,17 +1,25 @@
-"""Folders of outputs, and regular files inside a folder: named, found, opened and removed without following links."""
+"""The one door to files inside a folder: found, read, written, moved and removed there, never through a link.
+
+A folder that a user names may be a link itself. What is inside it must be regular files and folders, since another
+person may have made them; names that lead out of it are refused, and sizes are looked at before anything is read.
+"""
 
 from __future__ import annotations
 
 import ctypes
 import errno
 import os
+import shutil
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
 from crowdsim.errors import OutputError
 
+UNFINISHED = ".run.partial"
+"""Folder in a run's in which the run is written until it is whole."""
 _KINDS = {
     stat.S_IFREG: "a regular file",
     stat.S_IFDIR: "a folder",
@@ -84,6 +92,23 @@ def open_plain(folder: Path, name: str) -> BinaryIO:
     return os.fdopen(number, "rb")
 
 
+def read_plain(folder: Path, name: str, most: int) -> bytes:
+    """Return what a regular file inside a folder holds; its size is looked at before it is read.
+
+    Raises:
+        NotPlainError: It is something else, or longer than ``most`` bytes, or a folder above it is a link.
+        OSError: It is missing, or cannot be read.
+    """
+    size = stat_plain(folder, name).st_size
+    with open_plain(folder, name) as file:
+        data = file.read(most + 1)
+    if len(data) > most:
+        raise NotPlainError(
+            errno.EFBIG, f"has {max(size, len(data)):,} bytes, expected at most {most:,}", f"{folder}/{name}"
+        )
+    return data
+
+
 def exists_plain(folder: Path, name: str) -> bool:
     """Whether there is a regular file of this name inside a folder."""
     try:
@@ -91,6 +116,19 @@ def exists_plain(folder: Path, name: str) -> bool:
     except OSError:
         return False
     return True
+
+
+def is_folder(folder: Path, name: str) -> bool:
+    """Whether there is a folder of this name inside a folder; neither it nor one above it is a link."""
+    path = os.fspath(folder)
+    try:
+        for part in name.split("/"):
+            path = os.path.join(path, part)
+            if not stat.S_ISDIR(os.lstat(path).st_mode):
+                return False
+    except OSError:
+        return False
+    return is_inside(name)
 
 
 def walk(folder: Path, below: str = "") -> Iterator[str]:
@@ -109,6 +147,125 @@ def walk(folder: Path, below: str = "") -> Iterator[str]:
             yield name
 
 
+def make_inside(folder: Path, name: str) -> Path:
+    """Make a folder inside a folder, and those between; return its path.
+
+    Raises:
+        NotPlainError: One of them is a link or a file.
+        OSError: One cannot be made.
+    """
+    path = folder
+    if name and not is_inside(name):
+        raise NotPlainError(errno.EINVAL, "leads out of its folder, expected a folder inside", f"{folder}/{name}")
+    for part in name.split("/") if name else ():
+        path = path / part
+        with suppress(FileExistsError):
+            os.mkdir(path)
+        mode = os.lstat(path).st_mode
+        if not stat.S_ISDIR(mode):
+            raise NotPlainError(errno.ENOTDIR, f"is {kind_of(mode)}, expected a folder; links are not followed", path)
+    return path
+
+
+def write_plain(
+    folder: Path,
+    name: str,
+    data: str | bytes | Iterable[bytes],
+    lasts: bool = False,
+    settle: Callable[[Path], None] | None = None,
+) -> None:
+    """Write a file inside a folder under a temporary name, and rename it.
+
+    Args:
+        folder: The folder.
+        name: Name of the file; folders above it are made.
+        data: What it holds, or blocks of that.
+        lasts: Whether to wait until it is on disk.
+        settle: Called with the folder before it has its name.
+
+    Raises:
+        OutputError: It cannot be written; nothing is left of it.
+    """
+    path = Path(folder, *name.split("/"))
+    partial = path.with_name(f".{path.name}.part")
+    try:
+        make_inside(folder, name.rpartition("/")[0])
+        partial.unlink(missing_ok=True)
+        with open(partial, "xb") as file:
+            blocks = [data.encode("utf-8")] if isinstance(data, str) else [data] if isinstance(data, bytes) else data
+            for block in blocks:
+                file.write(block)
+            if lasts:
+                # What it says must be on disk before it has its name.
+                file.flush()
+                os.fsync(file.fileno())
+        if settle is not None:
+            settle(folder)
+        os.replace(partial, path)
+    except OSError as error:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a small file under a temporary name and rename it.
+
+    Raises:
+        OutputError: It cannot be written.
+    """
+    write_plain(path.parent, path.name, text)
+
+
+def move_plain(source: Path, name: str, folder: Path, new_name: str = "") -> None:
+    """Move a regular file, or a folder, from inside a folder into another one on the same disk.
+
+    A file takes the place of one of its name; a folder needs a name that is free.
+
+    Raises:
+        NotPlainError: What is moved, or is in its place, is something else, or a folder above either is a link.
+        OSError: It cannot be moved.
+    """
+    new_name = new_name or name
+    if not is_folder(source, name):
+        stat_plain(source, name)
+        with suppress(FileNotFoundError):
+            stat_plain(folder, new_name)
+    make_inside(folder, new_name.rpartition("/")[0])
+    os.replace(os.path.join(source, *name.split("/")), os.path.join(folder, *new_name.split("/")))
+
+
+def copy_plain(source: Path, folder: Path, name: str, link: bool = False) -> None:
+    """Copy a file into a folder under a temporary name, and rename it; folders above it are made.
+
+    Args:
+        source: The file.
+        folder: The folder.
+        name: Its name there.
+        link: Whether it may become a second name of the same file, which is never written again.
+
+    Raises:
+        OutputError: It cannot be copied.
+    """
+    path = Path(folder, *name.split("/"))
+    partial = path.with_name(f".{path.name}.part")
+    try:
+        make_inside(folder, name.rpartition("/")[0])
+        partial.unlink(missing_ok=True)
+        try:
+            if not link:
+                raise OSError
+            os.link(source, partial, follow_symlinks=False)
+        except OSError:
+            # Not every file system has links.
+            shutil.copyfile(source, partial)
+        os.replace(partial, path)
+    except OSError as error:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
 def remove_plain(folder: Path, names: Iterable[str]) -> None:
     """Remove regular files inside a folder, and the folders in it that are empty then; missing ones are passed over.
 
@@ -125,17 +282,26 @@ def remove_plain(folder: Path, names: Iterable[str]) -> None:
         os.unlink(os.path.join(folder, *name.split("/")))
         parts = name.split("/")[:-1]
         emptied.update("/".join(parts[:depth]) for depth in range(1, len(parts) + 1))
-    remove_empty(folder, emptied)
-
-
-def remove_empty(folder: Path, names: Iterable[str]) -> None:
-    """Remove those of some folders inside a folder that are empty, the inner ones first."""
-    for name in sorted(names, key=lambda name: (-name.count("/"), name)):
-        try:
+    for name in sorted(emptied, key=lambda name: (-name.count("/"), name)):
+        # One that holds something that is not ours stays.
+        with suppress(OSError):
             os.rmdir(os.path.join(folder, *name.split("/")))
-        except OSError:
-            # It holds something that is not ours, or is a link.
-            continue
+
+
+def remove_tree(folder: Path, name: str) -> None:
+    """Remove a folder inside a folder with all that is in it, or whatever else has the name; links are not followed.
+
+    Raises:
+        NotPlainError: A folder above it is a link.
+        OSError: It cannot be removed.
+    """
+    above, path = name.rpartition("/")[0], os.path.join(folder, *name.split("/"))
+    if not is_inside(name) or (above and not is_folder(folder, above)):
+        raise NotPlainError(errno.ENOTDIR, "is behind a link, or elsewhere; links are not followed", path)
+    if stat.S_ISDIR(os.lstat(path).st_mode):
+        shutil.rmtree(path)
+    else:
+        os.unlink(path)
 
 
 def make_folder(folder: Path) -> None:

@@ -135,7 +135,10 @@ def test_frames_may_be_given_in_seconds_on_the_command_line(workplace: Path, cap
     assert crowdsim("run", "four.yaml", "--frames", "4s") == 0
     assert "control frames  60 (4.0 s)" in capsys.readouterr().out
     for words, frames in (("1s:2s", 60), ("30:1s", 30), ("3.9s:4s", 3)):
-        assert crowdsim("export", "output/four", "--bvh", "--frames", words, "--avatars", "0", "--out", "part") == 0
+        assert (
+            crowdsim("export", "output/four", "--bvh", "--frames", words, "--avatars", "0", "--out", "part", "--force")
+            == 0
+        )
         assert f"Frames: {frames}\n" in (workplace / "part/bvh/red_0.bvh").read_text()
     capsys.readouterr()
     assert crowdsim("export", "output/four", "--bvh", "--frames", "3s:5s") == 2

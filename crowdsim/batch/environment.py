@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from crowdsim.errors import OutputError
-from crowdsim.runs.folder import write_text
+from crowdsim.files import write_text
 from crowdsim.runs.origin import origin_of
 
 TOKEN = ".crowdsim-batch-token"

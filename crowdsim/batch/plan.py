@@ -13,8 +13,8 @@ from crowdsim.batch.description import Batch
 from crowdsim.batch.estimates import Estimate, estimate
 from crowdsim.batch.resolving import Resolved
 from crowdsim.errors import BatchError
-from crowdsim.files import open_plain
-from crowdsim.runs.signed_json import checksum, write_signed
+from crowdsim.files import open_plain, write_plain
+from crowdsim.runs.manifest import checksum, signed_text
 from crowdsim.scenario.outputs import Outputs
 
 NAME = "batch.json"
@@ -153,7 +153,7 @@ def write_plan(folder: Path, plan: Plan) -> None:
         ],
         "runs": [_describe(run) for run in plan.runs.values()],
     }
-    write_signed(folder / NAME, folder / f".{NAME}.part", document)
+    write_plain(folder, NAME, signed_text(document), lasts=True)
 
 
 def _describe(run: PlannedRun) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Any
 
 from crowdsim.batch.plan import PlannedRun
 from crowdsim.errors import OutputError
-from crowdsim.runs.folder import write_text
+from crowdsim.files import write_text
 
 NAME = "progress.json"
 _NEWS = 2.0

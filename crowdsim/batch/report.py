@@ -13,8 +13,7 @@ from crowdsim.batch.failures import log_tail
 from crowdsim.batch.plan import REPORT, Plan
 from crowdsim.batch.results import read_result
 from crowdsim.batch.table import read_table, write_table
-from crowdsim.files import make_folder
-from crowdsim.runs.folder import write_text
+from crowdsim.files import make_folder, write_text
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -162,8 +162,8 @@ def write_frozen(folder: Path, resolved: Resolved) -> Path:
     Raises:
         OutputError: It cannot be written.
     """
-    from crowdsim.files import make_folder
-    from crowdsim.runs.folder import RESOLVED, copy_file, write_text
+    from crowdsim.files import copy_plain, make_folder, write_text
+    from crowdsim.runs.folder import RESOLVED
 
     place = folder / resolved.id
     path = place / RESOLVED
@@ -171,6 +171,6 @@ def write_frozen(folder: Path, resolved: Resolved) -> Path:
         return path
     make_folder(place)
     for name in resolved.scenario.files:
-        copy_file(resolved.scenario.folder / name, place / name)
+        copy_plain(resolved.scenario.folder / name, place, name)
     write_text(path, resolved.text)
     return path

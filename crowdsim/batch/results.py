@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from crowdsim.batch.plan import RESULTS, PlannedRun
-from crowdsim.files import make_folder, walk
-from crowdsim.runs.folder import write_text
+from crowdsim.files import make_folder, walk, write_text
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import read_manifest
 

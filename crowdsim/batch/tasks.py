@@ -24,6 +24,7 @@ from crowdsim.scenario.outputs import Outputs
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
+    from crowdsim.render.batch import Place
     from crowdsim.render.options import RenderOptions
     from crowdsim.render.take_source import TakeSource
     from crowdsim.runs.exports import ExportOptions
@@ -150,8 +151,8 @@ def has_outputs(outputs: Outputs) -> bool:
 
 def _join(job: Job, progress: Callable[[str, int, int], None]) -> None:
     """Join the pictures that tasks have drawn, as ``crowdsim render`` draws them all."""
-    from crowdsim.render.batch import adopt_frames, render
-    from crowdsim.runs.recorder import record_files
+    from crowdsim.render.batch import Place, adopt_frames, render
+    from crowdsim.runs.stage import write_pictures
 
     source, options = _source(job)
     width, height = options.size
@@ -161,10 +162,11 @@ def _join(job: Job, progress: Callable[[str, int, int], None]) -> None:
     }  # fmt: skip
 
     @contextmanager
-    def record(folder: Path, planned: Sequence[Path]) -> Iterator[Callable[[Sequence[Path]], None]]:
-        with record_files(folder, planned) as recorder:
-            adopt_frames(folder, sorted(job.work.glob("pictures-*")))
-            yield lambda files: recorder.settle("pictures", files, drawn)
+    def record(folder: Path, planned: Sequence[Path], mark: str) -> Iterator[Place]:
+        with write_pictures(folder, planned, drawn, mark, folder) as writing:
+            if not writing.done:
+                adopt_frames(writing.folder, sorted(job.work.glob("pictures-*")))
+            yield Place(writing.folder, writing.done)
 
     render(source, job.folder, options, progress, record)
 
@@ -200,7 +202,7 @@ def _open(job: Job, fps: float) -> TakeSource:
 
 
 def _take(job: Job) -> Take:
-    from crowdsim.runs.staging import complete_alone
+    from crowdsim.runs.stage import complete_alone
     from crowdsim.take.store import open_take
 
     complete_alone(job.folder)

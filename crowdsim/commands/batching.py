@@ -115,7 +115,7 @@ def _read_batch(files: list[str], seeds: str | None, sweeps: list[str]) -> Batch
 
 def _fitting_workers(plan: Plan) -> int:
     """Return how many workers the machine has cores, memory and runs for."""
-    from crowdsim.runs.manifest import available_memory
+    from crowdsim.machine import available_memory
 
     most = max(run.estimate.memory for run in plan.runs.values())
     available = available_memory()

@@ -80,10 +80,8 @@ def verify(
     """Hold every file of a run against the checksums in its manifest."""
     from crowdsim.runs.archive import opened
     from crowdsim.runs.manifest import read_manifest, verify
-    from crowdsim.runs.staging import complete_alone
 
     with opened(folder) as unpacked:
-        complete_alone(unpacked)
         verdict = verify(unpacked, CORES)
         count = len(read_manifest(unpacked)["files"])
     for finding in verdict.findings:
@@ -102,7 +100,7 @@ def verify(
     if verdict.findings:
         sys.exit(1)
     for what, names in (
-        ("an export or a rendering was not finished", verdict.unfinished),
+        ("a command was not finished", verdict.unfinished),
         ("not written by crowdsim", verdict.foreign),
     ):
         if names:

@@ -9,11 +9,10 @@ from typing import Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import Json, note, print_json
+from crowdsim.commands.common import Force, Json, note, print_json
 from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
-from crowdsim.errors import CrowdsimError, under_way
-from crowdsim.files import make_folder
+from crowdsim.errors import CrowdsimError
 
 
 def inspect(
@@ -30,6 +29,7 @@ def inspect(
     up: Annotated[
         str | None, typer.Option(metavar="AXIS", help="Up axis of a BVH file: y, z, -y ...; found by default.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Describe a BVH file, a trained policy or a run in words and figures, and draw it.
 
@@ -40,16 +40,16 @@ def inspect(
     path = Path(thing)
     if (path.is_dir() and not (path / "policy.json").exists()) or is_archive(path):
         with opened(path) as folder:
-            _inspect_run(folder, as_json, plots)
+            _inspect_run(folder, as_json, plots, force)
     elif path.is_file() and path.suffix not in (".yaml", ".yml"):
-        _inspect_bvh(path, as_json, plots, unit, up)
+        _inspect_bvh(path, as_json, plots, unit, up, force)
     elif path.suffix.lower() == ".bvh":
         raise CrowdsimError(f"{path}: no such file")
     else:
-        _inspect_bundle(thing, as_json, plots)
+        _inspect_bundle(thing, as_json, plots, force)
 
 
-def _inspect_bundle(name: str, as_json: bool, plots: Path | None) -> None:
+def _inspect_bundle(name: str, as_json: bool, plots: Path | None, force: bool) -> None:
     from crowdsim.commands.policy_text import policy_lines
     from crowdsim.policy.bundle import load_policy, read_timings
     from crowdsim.training.statistics import inspect_bundle
@@ -62,11 +62,11 @@ def _inspect_bundle(name: str, as_json: bool, plots: Path | None) -> None:
     if plots is not None:
         from crowdsim.training.plots import plot_bundle
 
-        _draw(plots, lambda: plot_bundle(policy, plots))
+        _draw(plots, folder, lambda place: plot_bundle(policy, place), force)
     _print(folder, result, policy_lines, as_json)
 
 
-def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
+def _inspect_run(folder: Path, as_json: bool, plots: Path | None, force: bool) -> None:
     from crowdsim.commands.run_text import run_lines
     from crowdsim.compilation import watch_compilation
     from crowdsim.runs.manifest import NAME, read_manifest
@@ -86,17 +86,19 @@ def _inspect_run(folder: Path, as_json: bool, plots: Path | None) -> None:
     if plots is not None:
         from crowdsim.take.plots import plot_take
 
-        _draw(plots, lambda: plot_take(sampler, plots))
+        _draw(plots, folder, lambda place: plot_take(sampler, place), force)
     _print(folder, result, run_lines, as_json)
 
 
-def _draw(folder: Path, draw: Callable[[], list[Path]]) -> None:
-    """Make pictures in a folder and say where they are."""
-    make_folder(folder)
-    with under_way():
-        pictures = draw()
+def _draw(folder: Path, thing: str | Path, draw: Callable[[Path], list[Path]], force: bool) -> None:
+    """Make pictures of a thing in a folder and say where they are."""
+    from crowdsim.runs.manifest import FILES
+    from crowdsim.runs.stage import write_together
+
+    with write_together(folder, FILES, ("plots",), {"of": str(thing)}, force=force) as writing:
+        pictures = writing.done or draw(writing.folder)
     for picture in pictures:
-        note(str(picture))
+        note(str(folder / picture.name))
 
 
 def _print(
@@ -111,7 +113,7 @@ def _print(
         print(line)
 
 
-def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None, up: str | None) -> None:
+def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None, up: str | None, force: bool) -> None:
     from crowdsim.capture.loading import load_capture, with_path
     from crowdsim.capture.report import describe_capture
     from crowdsim.commands.capture_text import capture_lines
@@ -121,7 +123,7 @@ def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None
     if plots is not None:
         from crowdsim.capture.plots import plot_capture
 
-        _draw(plots, lambda: plot_capture(capture, plots))
+        _draw(plots, path, lambda place: plot_capture(capture, place), force)
     _print(path, result, capture_lines, as_json)
     for finding in [] if as_json else result["findings"]:
         print(with_path(finding, path), file=sys.stderr)

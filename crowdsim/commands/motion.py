@@ -7,10 +7,8 @@ from typing import Annotated
 
 import typer
 
-from crowdsim.commands.common import say
+from crowdsim.commands.common import Force, say
 from crowdsim.commands.progress import Bars
-from crowdsim.errors import under_way
-from crowdsim.files import make_folder
 
 
 def perform(
@@ -27,14 +25,19 @@ def perform(
             metavar="N", min=0, max=1000, help="Takes of each way of standing at ease, or walking off, besides."
         ),
     ] = 0,
+    force: Force = False,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the BVH files.")] = Path(
         "output/performer"
     ),
 ) -> None:
     """Write clips of the embedded boxer as BVH at 60 Hz."""
     from crowdsim.performer.session import write_performance
+    from crowdsim.runs.manifest import FILES
+    from crowdsim.runs.stage import write_together
 
-    make_folder(out)
-    with Bars() as bars, under_way():
-        paths = write_performance(out, seconds, seed, progress=bars, falls=falls, rests=rests)
+    asked = {"seconds": seconds, "seed": seed, "falls": falls, "rests": rests}
+    with Bars() as bars, write_together(out, FILES, ("clips",), asked, force=force) as writing:
+        paths = writing.done or write_performance(
+            writing.folder, seconds, seed, progress=bars, falls=falls, rests=rests
+        )
     say(f"{len(paths)} clips in {out}")

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from crowdsim.commands.common import Frames, Threads, note, say
+from crowdsim.commands.common import Force, Frames, Threads, note, say
 from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
+
+if TYPE_CHECKING:
+    from crowdsim.render.batch import Place
 
 
 def render(
@@ -36,15 +39,17 @@ def render(
     caption: Annotated[bool, typer.Option(help="A small caption in the picture.")] = True,
     threads: Threads = CORES,
     jobs: Annotated[int, typer.Option(metavar="N", min=1, max=256, help="Processes that draw.")] = 1,
+    force: Force = False,
 ) -> None:
     """Render runs and BVH files to PNG, MP4 and contact sheets."""
     from crowdsim.compilation import watch_compilation
+    from crowdsim.render.batch import Place
     from crowdsim.render.command import parse_size, render_many
     from crowdsim.render.options import RenderOptions
     from crowdsim.render.take_source import TakeSource
     from crowdsim.runs.archive import opened
     from crowdsim.runs.opening import open_run, read_arena
-    from crowdsim.runs.recorder import record_files
+    from crowdsim.runs.stage import write_pictures
     from crowdsim.scenario.frame_ranges import parse_frames
 
     options = RenderOptions(
@@ -71,9 +76,9 @@ def render(
     drawn = {"size": size, "fps": fps, "frames": frames, "camera": camera, "caption": caption}
 
     @contextmanager
-    def record(folder: Path, planned: Sequence[Path]) -> Iterator[Callable[[Sequence[Path]], None]]:
-        with record_files(folder, planned) as recorder:
-            yield lambda files: recorder.settle("pictures", files, drawn, threads=threads)
+    def record(folder: Path, planned: Sequence[Path], mark: str) -> Iterator[Place]:
+        with write_pictures(folder, planned, drawn, mark, runs.get(folder), force, threads) as writing:
+            yield Place(writing.folder, writing.done)
 
     if out is not None and len(things) == 1:
         outs = [out]
@@ -86,6 +91,7 @@ def render(
             else thing
             for thing in things
         ]
+    runs = {to: thing for thing, to in zip(things, outs, strict=True) if thing.is_dir()}
     with unpacked, Bars() as bars, watch_compilation(bars.note, ["pictures"], threads):
         outcomes = render_many(things, outs, options, open_source, bars, record)
     failed = [outcome for outcome in outcomes if outcome.error is not None]

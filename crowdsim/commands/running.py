@@ -85,8 +85,6 @@ def run(
                     report = run_to(folder, scenario, threads, mocap, force, command, bars, bars.note)
                 else:
                     report = extend_run(folder, scenario, more, threads, mocap, command, bars, bars.note)
-            for line in report.notes:
-                note(line)
             if as_json:
                 documents.append(_describe_report(scenario.name, report))
             elif not talk.quiet:
@@ -192,6 +190,7 @@ def export(
         typer.Option(metavar="DIR", help="Folder of bvh/, ply/ and pcd/; the run's, or one beside an archive."),
     ] = None,
     threads: Threads = CORES,
+    force: Force = False,
 ) -> None:
     """Export a run's take as BVH or point clouds, without simulating again; in the run's folder it replaces them."""
     from crowdsim.compilation import watch_compilation
@@ -208,7 +207,7 @@ def export(
         for line in notes:
             note(line)
         with Bars() as bars, watch_compilation(bars.note, uses, threads):
-            written = export_take(unpacked, take, policies, options, target, threads, bars)
+            written = export_take(unpacked, take, policies, options, target, threads, bars, force)
     for kind, files in written.items():
         size = sum(path.stat().st_size for path in files)
         say(f"{target / kind}: {len(files):,} file{'s' if len(files) > 1 else ''}, {size_text(size)}")

@@ -19,8 +19,22 @@ from crowdsim.render.source import PoseSource
 from crowdsim.render.stage import Stage
 from crowdsim.render.video import ffmpeg, join
 
-Record = Callable[[Path, Sequence[Path]], AbstractContextManager[Callable[[Sequence[Path]], None]]]
-"""Is handed a folder and all that is about to be written in it, and within its context the files when they are done."""
+
+@dataclass(frozen=True)
+class Place:
+    """Where pictures are drawn.
+
+    Attributes:
+        folder: The folder that they are written into; they are moved where it is not that of the rendering.
+        done: The pictures where the same command has drawn them before.
+    """
+
+    folder: Path
+    done: tuple[Path, ...] = ()
+
+
+Record = Callable[[Path, Sequence[Path], str], AbstractContextManager[Place]]
+"""Gives where the pictures of a folder are drawn, by their files there and a mark of all that they depend on."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +70,7 @@ def render(
         out: The folder, made when missing.
         options: What to draw, and how.
         progress: Called with stage, done and total.
-        record: Notes the files before the first is begun, and records them.
+        record: Gives where they are drawn until all are whole; in ``out`` itself when None.
 
     Raises:
         TakeError: The range of frames is empty or reaches beyond the source.
@@ -70,20 +84,22 @@ def render(
     if options.mp4:
         ffmpeg()
     planned = picture_files(out, (start, stop), options.mp4, options.png, options.contact_sheet)
-    parts = out / f".video-{stage.mark[:16]}" if options.mp4 else None
-    with (record or _unrecorded)(out, planned + ([parts] if parts else [])) as settle:
-        _make_folders(out, options.png, parts, stage.mark)
-        works, kept = divide(stage, start, stop, out / "frames" if options.png else None, parts)
+    with (record or _unrecorded)(out, planned, stage.mark) as place:
+        if place.done:
+            return Rendered(place.done, 0, stop - start)
+        work = place.folder
+        parts = work / f".video-{stage.mark[:16]}" if options.mp4 else None
+        _make_folders(work, options.png, parts, stage.mark)
+        works, kept = divide(stage, start, stop, work / "frames" if options.png else None, parts)
         with under_way():
             _draw(stage, works, options, _counter(progress, kept, stop - start))
             if parts:
-                join(out / "video.mp4", segment_files(parts, start, stop))
+                join(work / "video.mp4", segment_files(parts, start, stop))
                 remove_parts(parts)
             if options.contact_sheet > 0:
                 moments = sheet_frames(start, stop, options.contact_sheet)
-                write_sheet(out / "contact_sheet.png", stage, moments, options.thread_count, progress)
-            settle(planned)
-    return Rendered(tuple(planned), sum(work.stop - work.start for work in works), kept)
+                write_sheet(work / "contact_sheet.png", stage, moments, options.thread_count, progress)
+    return Rendered(tuple(planned), sum(one.stop - one.start for one in works), kept)
 
 
 def draw_apart(source: PoseSource, out: Path, options: RenderOptions, progress: Progress | None = None) -> Path:
@@ -140,9 +156,9 @@ def picture_files(out: Path, frames: tuple[int, int], mp4: bool, png: bool, cont
 
 
 @contextmanager
-def _unrecorded(out: Path, planned: Sequence[Path]) -> Iterator[Callable[[Sequence[Path]], None]]:
-    """Record nothing."""
-    yield lambda files: None
+def _unrecorded(out: Path, planned: Sequence[Path], mark: str) -> Iterator[Place]:
+    """Draw where the pictures go."""
+    yield Place(out)
 
 
 def _make_folders(out: Path, png: bool, parts: Path | None, mark: str) -> None:

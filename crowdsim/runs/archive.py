@@ -13,30 +13,32 @@ import tempfile
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from os.path import lexists
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from crowdsim.config.documents import parse_json
 from crowdsim.core.types import FileName
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.files import is_inside, open_plain, walk
+from crowdsim.files import is_inside, make_folder, open_plain, walk
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
-from crowdsim.runs.folder import RESOLVED, TAKE
+from crowdsim.runs.folder import RESOLVED
+from crowdsim.runs.manifest import FORMAT, MOST_BYTES, checksums, read_manifest, signed_manifest
 from crowdsim.runs.manifest import NAME as MANIFEST
-from crowdsim.runs.manifest import checksums, read_manifest, signed_manifest
 from crowdsim.runs.opening import POLICIES, bundle_of
+from crowdsim.runs.stage import TAKE
 
 _BLOCK = 1 << 20
-_MANIFEST_BYTES = 1 << 26
-"""Longest manifest that is read [bytes]."""
 
 
-def pack_run(folder: FileName, out: FileName, threads: int = 1) -> tuple[int, int]:
+def pack_run(folder: FileName, out: FileName, threads: int = 1, force: bool = False) -> tuple[int, int]:
     """Write a finished run into an archive; return how many files are in it, and its size [bytes].
 
     Args:
         folder: The run folder.
         out: The archive.
         threads: Threads that sum up files.
+        force: Whether an archive of a run that is there may be replaced.
 
     Raises:
         TakeError: The run is not finished, or files have changed since.
@@ -45,8 +47,11 @@ def pack_run(folder: FileName, out: FileName, threads: int = 1) -> tuple[int, in
     """
     folder, out = Path(folder), Path(out)
     document = read_manifest(folder, ("policies",))
-    if out.is_dir() or (out.exists() and not is_archive(out)):
-        raise OutputError(f"{out}: is there already and no archive of a run, expected another name")
+    if lexists(out):
+        if not _is_run(out):
+            raise OutputError(f"{out}: is there already and no archive of a run, expected another name")
+        if not force:
+            raise OutputError(f"{out}: is there already; --force replaces it")
     sources = {name: (folder, name) for name in _own_files(document)}
     for policy, fingerprint in document["policies"].items():
         bundle = bundle_of(folder, policy, fingerprint)
@@ -77,7 +82,7 @@ def _own_files(document: dict[str, Any]) -> list[str]:
 def _write(out: Path, manifest: bytes, sources: dict[str, tuple[Path, str]]) -> None:
     partial = out.with_name(f".{out.name}.part")
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(out.parent)
         with zipfile.ZipFile(partial, "w", zipfile.ZIP_STORED) as archive:
             archive.writestr(_entry(MANIFEST), manifest)
             for name, (folder, source) in sorted(sources.items()):
@@ -101,6 +106,16 @@ def _entry(name: str) -> zipfile.ZipInfo:
 def is_archive(path: Path) -> bool:
     """Whether a file is a ZIP archive."""
     return path.is_file() and zipfile.is_zipfile(path)
+
+
+def _is_run(path: Path) -> bool:
+    """Whether a file is an archive that a run was packed into."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            document = parse_json(archive.read(_check_entries(path, archive)[MANIFEST]))
+    except (OSError, ValueError, TakeError, zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError):
+        return False
+    return isinstance(document, dict) and document.get("format") == FORMAT
 
 
 @contextmanager
@@ -132,8 +147,6 @@ def unpack(path: Path, folder: Path) -> None:
         with zipfile.ZipFile(path) as archive:
             entries = _check_entries(path, archive)
             folder.mkdir(parents=True)
-            if entries[MANIFEST].file_size > _MANIFEST_BYTES:
-                raise TakeError(f"{path}: {MANIFEST}: has {entries[MANIFEST].file_size} bytes, too many for a manifest")
             _extract(path, archive, entries.pop(MANIFEST), folder, None)
             files = read_manifest(folder)["files"]
             _compare(path, set(entries), set(files))
@@ -175,6 +188,8 @@ def _check_entries(path: Path, archive: zipfile.ZipFile) -> dict[str, zipfile.Zi
         entries[name] = entry
     if MANIFEST not in entries:
         raise TakeError(f"{path}: is no archive of a run: holds no {MANIFEST}")
+    if entries[MANIFEST].file_size > MOST_BYTES:
+        raise TakeError(f"{path}: {MANIFEST}: has {entries[MANIFEST].file_size} bytes, too many for a manifest")
     total, size = sum(entry.file_size for entry in entries.values()), path.stat().st_size
     if total > size:
         raise TakeError(f"{path}: claims to hold {total} bytes, but has only {size}")

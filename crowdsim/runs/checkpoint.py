@@ -9,10 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 import re
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -25,7 +23,7 @@ from crowdsim.config.documents import DocumentModel, document_fault, parse_json
 from crowdsim.core.types import Array
 from crowdsim.crowd.chunk import STAGES
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.files import open_plain, sync_disk, sync_folder
+from crowdsim.files import open_plain, sync_disk, sync_folder, write_plain
 
 NAME = "checkpoint.bin"
 FORMAT = "crowdsim-checkpoint"
@@ -105,22 +103,14 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint, lasts: bool = True) -
         "arrays": [[name, arrays[name].dtype.str, list(arrays[name].shape)] for name in blocks],
     }
     body = b"".join(blocks.values())
-    path, partial = folder / NAME, folder / f".{NAME}.part"
-    try:
-        with open(partial, "wb") as file:
-            head = json.dumps({**document, "sha256": _checksum(document, body)}).encode() + b"\n"
-            file.write(head)
-            file.write(body)
-        if lasts:
-            # After a power cut it must count on no chunk that is not there.
-            sync_disk(folder)
-        os.replace(partial, path)
-        if lasts:
+    head = json.dumps({**document, "sha256": _checksum(document, body)}).encode() + b"\n"
+    # After a power cut it must count on no chunk that is not there.
+    write_plain(folder, NAME, (head, body), settle=sync_disk if lasts else None)
+    if lasts:
+        try:
             sync_folder(folder)
-    except OSError as error:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+        except OSError as error:
+            raise OutputError(f"{folder / NAME}: cannot be written: {error.strerror or error}") from None
 
 
 def read_checkpoint(folder: Path) -> Checkpoint:

@@ -1,28 +1,22 @@
-"""Exports of a run that was written before: written apart, and put in their places all together when they are whole."""
+"""Exports of a run that was written before: all of them appear together, when they are whole."""
 
 from __future__ import annotations
 
 import hashlib
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crowdsim.core.types import Progress
-from crowdsim.errors import CrowdsimError, under_way
-from crowdsim.files import make_folder
-from crowdsim.runs.journal import series_name
-from crowdsim.runs.lock import find_owner, hold_folder
-from crowdsim.runs.manifest import checksums, stage_manifest
+from crowdsim.errors import CrowdsimError
+from crowdsim.files import is_folder, make_folder, move_plain, walk
+from crowdsim.runs.manifest import EXPORT
 from crowdsim.runs.origin import sources_hash
 from crowdsim.runs.outputs import divide_avatars, divide_frames, in_order
-from crowdsim.runs.recorder import record_files
-from crowdsim.runs.signed_json import checksum
-from crowdsim.runs.staging import commit, complete, discard
+from crowdsim.runs.stage import Plan, write_together
 from crowdsim.scenario.frame_ranges import parse_frames
 
 if TYPE_CHECKING:
@@ -30,8 +24,6 @@ if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
     from crowdsim.take.poses import PoseSampler
     from crowdsim.take.take import Take
-
-PREFIX = ".export-"
 
 
 @dataclass(frozen=True)
@@ -56,33 +48,11 @@ class ExportOptions:
 
 
 @dataclass(frozen=True)
-class _Plan:
-    """What is exported, in numbers.
+class _Range:
+    """Which avatars, all when None, and output frames are exported: the first, and one past the last."""
 
-    Attributes:
-        kinds: ``bvh``, ``ply``, ``pcd``.
-        avatars: Numbers of the avatars; all when None.
-        frames: First output frame and one past the last.
-        options: What a user asked for.
-    """
-
-    kinds: Sequence[str]
     avatars: Sequence[int] | None
     frames: tuple[int, int]
-    options: ExportOptions
-
-    def names(self, take: Take) -> list[str]:
-        """Return the names of all files, numbered ones by one name."""
-        from crowdsim.export.bvh import bvh_name
-
-        names = []
-        for kind in self.kinds:
-            if kind == "bvh":
-                numbers = range(take.avatar_count) if self.avatars is None else self.avatars
-                names += [f"bvh/{bvh_name(take.cast.names[number])}" for number in numbers]
-            else:
-                names.append(series_name(kind, range(*self.frames, self.options.every), kind))
-        return names
 
 
 def export_take(
@@ -93,12 +63,12 @@ def export_take(
     out: Path | None = None,
     threads: int = 1,
     progress: Progress | None = None,
+    force: bool = False,
 ) -> dict[str, list[Path]]:
     """Export a run's take again; return the files of each kind.
 
-    They appear under their names all together, when all are whole. What an interrupted export has finished is kept for
-    the same export, and removed by another one. In the run's own folder, exports take the place of those of their kind,
-    and the manifest says so.
+    What an interrupted export has finished is kept for the same export, and removed by another one. In the run's own
+    folder, exports take the place of those of their kind; in another one only with ``force``.
 
     Args:
         folder: The run folder.
@@ -108,10 +78,11 @@ def export_take(
         out: Another folder for ``bvh/``, ``ply/`` and ``pcd/``.
         threads: Threads.
         progress: Called with stage, done and total.
+        force: Whether to do it again although it is done, and to replace exports in another folder.
 
     Raises:
         TakeError: Avatars or frames are asked for that the take does not have, or the manifest is damaged.
-        OutputError: A folder cannot be made or is in use, or holds other files of these names beside a run's.
+        OutputError: A folder cannot be made or is in use, or holds other files of these names.
         RunError: A file cannot be written.
     """
     from crowdsim.export.select import parse_avatars
@@ -119,22 +90,22 @@ def export_take(
 
     if not options.kinds:
         raise CrowdsimError("nothing to export, expected --bvh, --ply or --pcd")
-    fps, target = options.fps, out or folder
-    count = take.output_frames(fps)
+    count, fps = take.output_frames(options.fps), options.fps
     frames = (0, count)
     if options.frames is not None:
         frames = parse_frames(options.frames).resolve(count, fps, take.frame_limit(fps))
-    plan = _Plan(options.kinds, parse_avatars(options.avatars, take.avatar_count), frames, options)
-    staged_name = f"{PREFIX}{_mark(take, plan)[:16]}"
-    with record_files(target, [target / name for name in plan.names(take)], [staged_name]) as recorder:
-        base, above = recorder.base(target)
-        make_folder(target)
-        with under_way(), _staging(base, staged_name) as staged:
-            sampler = PoseSampler(take, policies, threads)
-            found = _write(sampler, staged / above, plan, threads, progress)
-            names = {kind: [path.relative_to(staged).as_posix() for path in files] for kind, files in found.items()}
-            _settle(base, staged, above, names, asdict(options), threads)
-    return {kind: [base / name for name in files] for kind, files in names.items()}
+    wanted = _Range(parse_avatars(options.avatars, take.avatar_count), frames)
+    made_from = {"take": _mark(take), "frames": frames, "avatars": wanted.avatars and list(wanted.avatars)}
+    plan = plan_exports(take, options, wanted)
+    with write_together(
+        out or folder, EXPORT, options.kinds, asdict(options), plan, made_from, folder, options.kinds, force, threads
+    ) as writing:
+        written = (
+            {kind: [path for path in writing.done if path.parent.name == kind] for kind in options.kinds}
+            if writing.done
+            else _write(PoseSampler(take, policies, threads), writing.folder, options, wanted, threads, progress)
+        )
+    return {kind: [(out or folder) / kind / path.name for path in files] for kind, files in written.items()}
 
 
 def adopt_exports(folder: Path, apart: Path, options: ExportOptions, threads: int = 1) -> None:
@@ -153,97 +124,69 @@ def adopt_exports(folder: Path, apart: Path, options: ExportOptions, threads: in
         OutputError: The folder is in use, or holds other files of these names beside a run's.
         RunError: A file cannot be written.
     """
-    name = f"{PREFIX}{checksum({'adopted': asdict(options)})[:16]}"
-    staged = folder / name
-    names = {}
+    folders = [(place, kind) for place in (apart, folder / EXPORT) for kind in options.kinds if is_folder(place, kind)]
+    names = {name for place, kind in folders for name in walk(place, kind)}
+    if not names:
+        return
+    with write_together(
+        folder, EXPORT, options.kinds, asdict(options), Plan(names), None, folder, options.kinds, threads=threads
+    ) as writing:
+        for kind in options.kinds if not writing.done else ():
+            for name in walk(apart, kind) if is_folder(apart, kind) else ():
+                move_plain(apart, name, writing.folder)
+
+
+def plan_exports(take: Take, options: ExportOptions, wanted: _Range) -> Plan:
+    """Return the names of all files of an export."""
+    from crowdsim.export.bvh import bvh_name
+
+    plan = Plan()
     for kind in options.kinds:
-        places = [place for place in (apart / kind, staged / kind) if place.is_dir()]
-        names[kind] = sorted(f"{kind}/{path.name}" for path in places[0].iterdir()) if places else []
-    kept = {kind: files for kind, files in names.items() if files}
-    with record_files(folder, [folder / name for files in kept.values() for name in files], [name]):
-        if not any((apart / kind).is_dir() or (staged / kind).is_dir() for kind in kept):
-            return
-        make_folder(staged)
-        with under_way(), hold_folder(staged):
-            for kind in kept:
-                if (apart / kind).is_dir():
-                    os.replace(apart / kind, staged / kind)
-            _settle(folder, staged, Path(), kept, asdict(options), threads)
+        if kind == "bvh":
+            numbers = range(take.avatar_count) if wanted.avatars is None else wanted.avatars
+            plan.files |= {f"bvh/{bvh_name(take.cast.names[number])}" for number in numbers}
+        else:
+            plan.series.append((kind, range(*wanted.frames, options.every), kind))
+    return plan
 
 
-def _mark(take: Take, plan: _Plan) -> str:
-    """Return a checksum of all that the files of an export depend on."""
+def _mark(take: Take) -> str:
+    """Return a checksum of what the files of an export depend on beside the options."""
     last = [np.ascontiguousarray(values[-1:]).tobytes() for values in (take.action, take.x, take.z, take.heading)]
-    asked = {**asdict(plan.options), "frames": plan.frames, "avatars": plan.avatars}
-    made = [take.scenario, take.seed, take.fingerprints, take.frame_count, sources_hash()]
-    return checksum({"take": hashlib.sha256(b"".join(last)).hexdigest(), "made": made, "asked": asked})
-
-
-@contextmanager
-def _staging(base: Path, name: str) -> Iterator[Path]:
-    """Hold a staging folder; those that other exports have left are completed or removed."""
-    complete(base)
-    for other in base.glob(f"{PREFIX}*"):
-        if other.name != name and other.is_dir() and not other.is_symlink() and find_owner(other) is None:
-            discard(other)
-    with ExitStack() as held:
-        held.enter_context(hold_folder(base / name))
-        yield base / name
+    made = [take.scenario, str(take.seed), *take.fingerprints, str(take.frame_count), sources_hash()]
+    return hashlib.sha256(b"".join(last) + "\n".join(made).encode()).hexdigest()
 
 
 def _write(
-    sampler: PoseSampler, folder: Path, plan: _Plan, threads: int, progress: Progress | None
-) -> dict[str, list[Path]]:
-    """Write what is missing of an export into a folder; return all its files, by kind."""
-    from crowdsim.export.stream import stream_poses
-
-    take, found, sinks = sampler.take, {}, []
-    for kind in plan.kinds:
-        make_folder(folder / kind)
-        if kind == "bvh":
-            chosen = range(take.avatar_count) if plan.avatars is None else plan.avatars
-            found[kind], missing = divide_avatars(folder / kind, take, chosen)
-            sinks += [_sink(kind, sampler, folder, plan, missing, plan.frames)] if missing else []
-        else:
-            found[kind], start = divide_frames(folder / kind, kind, range(*plan.frames, plan.options.every))
-            frames = (start, plan.frames[1])
-            sinks += [_sink(kind, sampler, folder, plan, plan.avatars, frames)] if frames[0] < frames[1] else []
-    if sinks:
-        files = stream_poses(sampler, plan.options.fps, sinks, threads, progress)
-        for sink, written in zip(sinks, files, strict=True):
-            found[sink.kind] = in_order(take, [*found[sink.kind], *written])
-    return found
-
-
-def _sink(
-    kind: str,
     sampler: PoseSampler,
     folder: Path,
-    plan: _Plan,
-    avatars: Sequence[int] | None,
-    frames: tuple[int, int],
-) -> Sink:
-    """Return the writer of one kind of export."""
-    options = plan.options
-    if kind == "bvh":
-        from crowdsim.export.bvh import BvhSink
-
-        return BvhSink(sampler, folder / kind, options.fps, frames, avatars)
-    from crowdsim.export.pointcloud import CloudSink
-
-    return CloudSink(sampler, folder / kind, kind, options.fps, options.points, frames, options.every, avatars)
-
-
-def _settle(
-    base: Path,
-    staged: Path,
-    above: Path,
-    names: Mapping[str, Sequence[str]],
-    result: Mapping[str, Any],
+    options: ExportOptions,
+    wanted: _Range,
     threads: int,
-) -> None:
-    """Put files that were written apart in their places, and record them in the manifest where there is one."""
-    every = [name for files in names.values() for name in files]
-    kinds = {(above / kind).as_posix(): files for kind, files in names.items()}
-    stale = stage_manifest(base, staged, kinds, result, checksums(staged, every, threads))
-    commit(base, staged, every, stale)
+    progress: Progress | None,
+) -> dict[str, list[Path]]:
+    """Write what is missing of an export into a folder; return all its files, by kind."""
+    from crowdsim.export.bvh import BvhSink
+    from crowdsim.export.pointcloud import CloudSink
+    from crowdsim.export.stream import stream_poses
+
+    take, found = sampler.take, {}
+    sinks: list[Sink] = []
+    fps, points, every = options.fps, options.points, options.every
+    for kind in options.kinds:
+        place = folder / kind
+        make_folder(place)
+        if kind == "bvh":
+            chosen = range(take.avatar_count) if wanted.avatars is None else wanted.avatars
+            found[kind], missing = divide_avatars(place, take, chosen)
+            if missing:
+                sinks.append(BvhSink(sampler, place, fps, wanted.frames, missing))
+        else:
+            found[kind], start = divide_frames(place, kind, range(*wanted.frames, every))
+            frames = (start, wanted.frames[1])
+            if frames[0] < frames[1]:
+                sinks.append(CloudSink(sampler, place, kind, fps, points, frames, every, wanted.avatars))
+    if sinks:
+        for sink, written in zip(sinks, stream_poses(sampler, fps, sinks, threads, progress), strict=True):
+            found[sink.kind] = in_order(take, [*found[sink.kind], *written])
+    return found

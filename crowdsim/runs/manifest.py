@@ -1,185 +1,112 @@
-"""The manifest of a run: what was run, on what, how long it took, and a checksum of every file."""
+"""The manifest of a run: what was run, on what, how long it took, and a checksum of every file.
+
+A folder of exports or pictures that is no run's has a list of the same form, ``.crowdsim-outputs.json``. What these two
+list is what commands may replace or remove; a name that no command writes is refused, whatever the list says.
+"""
 
 from __future__ import annotations
 
 import hashlib
-import os
-import platform
-import sys
-from collections.abc import Iterable, Mapping, Sequence
+import json
+import re
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from functools import cache
-from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
-from crowdsim import __version__
-from crowdsim.config.documents import document_fault, parse_json
-from crowdsim.errors import TakeError
-from crowdsim.files import NotPlainError, is_inside, open_plain, stat_plain, walk
-from crowdsim.runs.journal import NAME as JOURNAL
-from crowdsim.runs.journal import find_noted, read_journal
+from pydantic import Field, model_validator
+
+from crowdsim.config.documents import DocumentModel, OpenModel, document_fault, parse_json
+from crowdsim.config.files import Fault
+from crowdsim.errors import RunError, TakeError
+from crowdsim.files import (
+    UNFINISHED,
+    NotPlainError,
+    exists_plain,
+    is_folder,
+    is_inside,
+    open_plain,
+    read_plain,
+    stat_plain,
+    walk,
+    write_plain,
+)
+from crowdsim.machine import describe_machine
 from crowdsim.runs.lock import LOCKS
-from crowdsim.runs.manifest_model import RunManifest
-from crowdsim.runs.signed_json import checksum, signed_text, text_of, write_signed
 
 NAME = "manifest.json"
+OUTPUTS = ".crowdsim-outputs.json"
 FORMAT = "crowdsim-run"
+RUN, EXPORT, PICTURES, FILES = UNFINISHED, ".export.partial", ".pictures.partial", ".files.partial"
+STAGES = (RUN, EXPORT, PICTURES, FILES)
+"""Folders in which commands write until all is whole, see ``stage``; their note is called ``NOTE``."""
+NOTE = "stage.json"
 VERSION = 1
+MOST_BYTES = 1 << 25
+"""Longest manifest, which is enough for a quarter of a million files [bytes]."""
 _TAKE = "take.zarr/"
-_OWN = {NAME, JOURNAL, *LOCKS}
-"""What is no result of a run: this list itself, and notes of what goes on."""
-_PACKAGES = ("numpy", "scipy", "numba", "zarr", "pydantic", "open3d-cpu", "open3d", "imageio-ffmpeg")
+_OWN = {NAME, OUTPUTS, *LOCKS}
+"""What is no result of a command: these lists, and notes of what goes on."""
+_NUMBERED = r"ply/\d{6,}\.ply|pcd/\d{6,}\.pcd|frames/\d{6,}\.png"
+_RUN = re.compile(
+    r"scenario\.resolved\.yaml|checkpoint\.bin|profile\.(?:csv|png)"
+    r"|take\.zarr/(?:[a-z_]+/){0,2}(?:\.z(?:group|attrs|array|metadata)|\d+(?:\.\d+)*)"
+    rf"|(?:[^/]+/)*(?:bvh/[^/]+\.bvh|{_NUMBERED}|video\.mp4|contact_sheet\.png)"
+    r"|policies/[^/]+/[a-z_0-9]+\.(?:json|npy)"
+)
+_APART = re.compile(rf"(?:[^/]+/)*(?:{_NUMBERED}|[^/]+\.(?:bvh|png|mp4|svg))")
+"""Names of files that commands write, in a run folder and elsewhere."""
+
+_Count = Annotated[int, Field(ge=0, le=1 << 62)]
+_Seconds = Annotated[float, Field(ge=0.0, le=1e12)]
 
 
 class ForeignManifestError(TakeError):
     """A file of the manifest's name was written by another program."""
 
 
-@cache
-def describe_machine() -> dict[str, Any]:
-    """Return what a run's figures depend on: processor, system, Python and packages."""
-    versions = {"crowdsim": __version__, "python": platform.python_version()}
-    for package in _PACKAGES:
-        try:
-            versions[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
-    return {
-        "versions": versions,
-        "machine": {
-            "system": platform.platform(),
-            "processor": _processor(),
-            "cores": os.cpu_count(),
-        },
-    }
+class FileEntry(DocumentModel):
+    """A file: its size [bytes] and SHA-256."""
+
+    bytes: _Count
+    sha256: str
 
 
-def _processor() -> str:
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as file:
-            for line in file:
-                if line.startswith("model name"):
-                    return line.split(":", 1)[1].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
+class RunManifest(OpenModel):
+    """A manifest; keys that are missing are those of a run of an earlier version, or of none."""
+
+    files: dict[str, FileEntry]
+    status: str = ""
+    scenario: str = ""
+    seed: int = 0
+    avatars: _Count = 0
+    control_frames: _Count = 0
+    policies: dict[str, str] = Field(default_factory=dict)
+    policy_folders: dict[str, str] = Field(default_factory=dict)
+    inputs: list[str] = Field(default_factory=list)
+    origin: dict[str, Any] = Field(default_factory=dict)
+    exports: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    statistics: dict[str, Any] = Field(default_factory=dict)
+    outcome: dict[str, Any] | None = None
+    seconds: dict[str, _Seconds] = Field(default_factory=lambda: {"total": 0.0})
+
+    @model_validator(mode="after")
+    def _has_total(self) -> RunManifest:
+        if "total" not in self.seconds:
+            raise Fault("lacks 'total'", "seconds")
+        return self
 
 
-def peak_memory() -> int | None:
-    """Return the most memory that this process has held [bytes]; None where the system does not report it."""
-    try:
-        import resource
-    except ImportError:
-        return None
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return int(peak if sys.platform == "darwin" else peak * 1024)
+def checksum(document: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of what a document says, without its own."""
+    rest = {key: value for key, value in document.items() if key != "checksum"}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-def available_memory() -> int | None:
-    """Return how much memory is free for programs [bytes]; None where the system does not report it."""
-    try:
-        with open("/proc/meminfo", encoding="utf-8") as file:
-            for line in file:
-                if line.startswith("MemAvailable:"):
-                    return int(line.split()[1]) * 1024
-    except (OSError, ValueError):
-        pass
-    return None
-
-
-def checksums(folder: Path, names: Iterable[str] | None = None, threads: int = 1) -> dict[str, dict[str, Any]]:
-    """Return size and SHA-256 of files of a run folder, by name; of all but the manifest when None is given.
-
-    Raises:
-        OSError: One is missing or no regular file, or cannot be read.
-    """
-    chosen = sorted(set(walk(folder) if names is None else names) - _OWN)
-    with ThreadPoolExecutor(max(1, threads)) as pool:
-        hashes = list(pool.map(lambda name: _hash(folder, name), chosen))
-    return {name: {"bytes": size, "sha256": report} for name, (size, report) in zip(chosen, hashes, strict=True)}
-
-
-def _hash(folder: Path, name: str) -> tuple[int, str]:
-    """Return size and SHA-256 of a file."""
-    digest, size = hashlib.sha256(), 0
-    with open_plain(folder, name) as file:
-        for block in iter(lambda: file.read(1 << 20), b""):
-            digest.update(block)
-            size += len(block)
-    return size, digest.hexdigest()
-
-
-def write_manifest(folder: Path, report: Mapping[str, Any], files: Mapping[str, Mapping[str, Any]]) -> Path:
-    """Write a run's manifest, which is the only proof that it is done.
-
-    Args:
-        folder: The run folder.
-        report: What a reader should know of the run.
-        files: Its files, as ``checksums`` gives them.
-
-    Raises:
-        OutputError: It cannot be written.
-    """
-    return _write(folder, {"format": FORMAT, "version": VERSION, **report, **describe_machine(), "files": files})
-
-
-def update_manifest(
-    folder: Path, kind: str, written: Sequence[str], report: Mapping[str, Any], threads: int = 1
-) -> None:
-    """Note in a finished run's manifest that files of an output have been written anew.
-
-    Args:
-        folder: The run folder.
-        kind: Folder of the output in it, ``bvh`` say; ``pictures`` for those of the renderer.
-        written: Names of the files in the run folder.
-        report: What a reader should know of them.
-        threads: Threads that sum up files.
-
-    Raises:
-        TakeError: The manifest is damaged.
-        OSError: A file cannot be read.
-        OutputError: The manifest cannot be written.
-    """
-    document = read_manifest(folder)
-    files = dict(document["files"])
-    files.update(checksums(folder, written, threads))
-    exports = {**document.get("exports", {}), kind: dict(report)}
-    _write(folder, {**document, "exports": exports, "files": dict(sorted(files.items()))})
-
-
-def stage_manifest(
-    folder: Path,
-    staged: Path,
-    kinds: Mapping[str, Sequence[str]],
-    report: Mapping[str, Any],
-    hashes: Mapping[str, Mapping[str, Any]],
-) -> list[str]:
-    """Write into a staging folder the manifest that a run will have when files of outputs have taken their places.
-
-    Args:
-        folder: The run folder; where it holds no manifest, none is written.
-        staged: The staging folder.
-        kinds: Names of all files of each folder of outputs.
-        report: What a reader should know of them.
-        hashes: Their sizes and checksums.
-
-    Returns:
-        Names of files of these folders that the manifest lists now, and that are no longer among them.
-
-    Raises:
-        TakeError: The manifest is damaged.
-        OutputError: It cannot be written.
-    """
-    if not os.path.lexists(folder / NAME):
-        return []
-    document = read_manifest(folder)
-    stale = {name for name in document["files"] if name.rpartition("/")[0] in kinds} - set(hashes)
-    files = {name: facts for name, facts in document["files"].items() if name not in stale}
-    exports = {**document.get("exports", {}), **{kind: dict(report) for kind in kinds}}
-    _write(staged, {**document, "exports": exports, "files": dict(sorted({**files, **hashes}.items()))})
-    return sorted(stale)
+def signed_text(document: Mapping[str, Any]) -> str:
+    """Return a document as it is written, with its checksum last, so that any changed bit is found."""
+    rest = {key: value for key, value in document.items() if key != "checksum"}
+    return json.dumps({**rest, "checksum": checksum(rest)}, indent=1) + "\n"
 
 
 def signed_manifest(report: Mapping[str, Any]) -> str:
@@ -187,29 +114,44 @@ def signed_manifest(report: Mapping[str, Any]) -> str:
     return signed_text({**report, "format": FORMAT, "version": VERSION})
 
 
-def _write(folder: Path, document: Mapping[str, Any]) -> Path:
-    path = folder / NAME
-    write_signed(path, folder / f".{NAME}.part", document)
-    return path
-
-
-def read_manifest(folder: Path, needed: Iterable[str] = ()) -> dict[str, Any]:
-    """Return a run's manifest; what it names lies inside its folder.
+def write_manifest(
+    folder: Path, report: Mapping[str, Any], files: Mapping[str, Mapping[str, Any]], name: str = NAME
+) -> None:
+    """Write a manifest, which is the only proof that its files are whole, and wait until it is on disk.
 
     Args:
-        folder: The run folder.
+        folder: The folder.
+        report: What a reader should know.
+        files: All files, as ``checksums`` gives them.
+        name: ``OUTPUTS`` in a folder that is no run's.
+
+    Raises:
+        OutputError: It cannot be written.
+        RunError: There are too many files.
+    """
+    text = signed_manifest({**report, **describe_machine(), "files": dict(sorted(files.items()))})
+    if len(text) > MOST_BYTES:
+        raise RunError(f"{folder / name}: lists {len(files):,} files, too many for {MOST_BYTES >> 20} MB")
+    write_plain(folder, name, text, lasts=True)
+
+
+def read_manifest(folder: Path, needed: Iterable[str] = (), name: str = NAME) -> dict[str, Any]:
+    """Return a manifest, all of whose names are those of files that commands write inside its folder.
+
+    Args:
+        folder: The folder.
         needed: What it must hold beside its files.
+        name: ``OUTPUTS`` of a folder that is no run's.
 
     Raises:
         ForeignManifestError: Another program has written it.
-        TakeError: There is none, or it is damaged or of another version, lacks something, or names what no run writes.
+        TakeError: There is none, or it is damaged or of another version, lacks something, or names other files.
     """
-    path = folder / NAME
+    path = folder / name
     try:
-        with open_plain(folder, NAME) as file:
-            document = parse_json(file.read().decode("utf-8"))
+        document = parse_json(read_plain(folder, name, MOST_BYTES).decode("utf-8"))
     except FileNotFoundError:
-        raise TakeError(f"{folder}: no {NAME} here, so this is no finished run") from None
+        raise TakeError(f"{folder}: no {name} here, so this is no finished run") from None
     except NotPlainError as error:
         raise TakeError(f"{path}: {error.strerror}") from None
     except (OSError, ValueError) as error:
@@ -223,23 +165,87 @@ def read_manifest(folder: Path, needed: Iterable[str] = ()) -> dict[str, Any]:
     fault = document_fault(RunManifest, document)
     if fault:
         raise TakeError(f"{path}: is damaged: {fault}")
-    for name in needed:
-        if name not in document:
-            raise TakeError(f"{path}: is damaged: lacks {name!r}")
-    for name in document["files"]:
-        if not is_inside(name) or name in _OWN:
-            raise TakeError(f"{path}: names {name!r}, expected only files that a run writes inside {folder}")
+    for key in needed:
+        if key not in document:
+            raise TakeError(f"{path}: is damaged: lacks {key!r}")
+    inputs = set(document.get("inputs", ())) if name == NAME else set()
+    for file in document["files"]:
+        if not is_inside(file) or not (file in inputs or is_written(file, name == NAME)):
+            raise TakeError(f"{path}: names {file!r}, expected only files that a run writes inside {folder}")
     return document
 
 
-@dataclass(frozen=True)
-class Verdict:
+def is_written(name: str, by_run: bool = True) -> bool:
+    """Whether a file inside a run folder, or another folder of outputs, has a name that commands give."""
+    return (_RUN if by_run else _APART).fullmatch(name) is not None
+
+
+class Ledger(NamedTuple):
+    """What commands have written into a folder.
+
+    Attributes:
+        name: Name of the list: of a run's manifest, or ``OUTPUTS``.
+        document: What it says.
+    """
+
+    name: str
+    document: dict[str, Any]
+
+    @property
+    def files(self) -> dict[str, dict[str, Any]]:
+        """Size and checksum of each file, by name."""
+        found: dict[str, dict[str, Any]] = self.document["files"]
+        return found
+
+
+def read_ledger(folder: Path) -> Ledger:
+    """Return what commands have written into a folder: of a run by its manifest, else by its list of outputs.
+
+    Raises:
+        TakeError: The list is damaged.
+    """
+    for name in (NAME, OUTPUTS):
+        if exists_plain(folder, name):
+            return Ledger(name, read_manifest(folder, name=name))
+    return Ledger(OUTPUTS, {"files": {}})
+
+
+def checksums(folder: Path, names: Iterable[str] | None = None, threads: int = 1) -> dict[str, dict[str, Any]]:
+    """Return size and SHA-256 of files of a folder, by name; of all but lists and locks when None is given.
+
+    Raises:
+        OSError: One is missing or no regular file, or cannot be read.
+    """
+    chosen = sorted(set(walk(folder) if names is None else names) - _OWN)
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        return dict(zip(chosen, pool.map(lambda name: _facts(folder, name), chosen), strict=True))
+
+
+def _facts(folder: Path, name: str) -> dict[str, Any]:
+    """Return size and SHA-256 of a file."""
+    digest, size = hashlib.sha256(), 0
+    with open_plain(folder, name) as file:
+        for block in iter(lambda: file.read(1 << 20), b""):
+            digest.update(block)
+            size += len(block)
+    return {"bytes": size, "sha256": digest.hexdigest()}
+
+
+def is_unchanged(folder: Path, name: str, facts: Mapping[str, Any]) -> bool:
+    """Whether a file is as it was written."""
+    try:
+        return stat_plain(folder, name).st_size == facts["bytes"] and _facts(folder, name) == facts
+    except OSError:
+        return False
+
+
+class Verdict(NamedTuple):
     """How a run folder differs from its manifest.
 
     Attributes:
         findings: What differs, a line each. A file that has come into the take differs too, since a take reads all
             files in its folder.
-        unfinished: Names of files that an export or a rendering has begun and not finished.
+        unfinished: Names of folders in which a command has begun something and not finished it.
         foreign: Names of other files, which crowdsim has not written.
     """
 
@@ -249,41 +255,42 @@ class Verdict:
 
 
 def verify(folder: Path, threads: int = 1) -> Verdict:
-    """Hold a run folder against its manifest.
+    """Compare a run folder with its manifest; nothing is written.
+
+    Where a command was killed while it put files in their places, some are still in the folder that it wrote into.
 
     Raises:
-        TakeError: There is no manifest to hold it against.
+        TakeError: There is no manifest to compare it with.
         OSError: The folder cannot be read.
     """
-    document = read_manifest(folder)
+    begun = [folder / name for name in STAGES if is_folder(folder, name) and exists_plain(folder / name, NOTE)]
+    pending = next((stage for stage in begun if exists_plain(stage, NAME)), None)
+    document = read_manifest(folder if pending is None else pending)
     recorded = document["files"]
+
+    def place_of(name: str) -> Path:
+        return pending if pending is not None and exists_plain(pending, name) else folder
+
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        found = list(pool.map(lambda item: _differs(folder, *item), recorded.items()))
+        found = list(pool.map(lambda item: _differs(place_of(item[0]), *item), recorded.items()))
     findings = [finding for finding in found if finding]
-    with open_plain(folder, NAME) as file:
-        if file.read() != text_of(document).encode("utf-8"):
-            findings.append(f"{folder / NAME}: has changed: it is not as it was written")
-    held = set(walk(folder)) - _OWN
-    journal = read_journal(folder)
-    begun = set() if journal is None else find_noted(folder, {*journal.names, NAME, JOURNAL}, held)
-    more = sorted(held - set(recorded))
+    if read_plain(pending or folder, NAME, MOST_BYTES) != signed_text(document).encode("utf-8"):
+        findings.append(f"{folder / NAME}: has changed: it is not as it was written")
+    held = {name for name in walk(folder) if name.split("/")[0] not in STAGES} - _OWN
+    more = sorted(held - set(recorded)) if pending is None else []
     findings.extend(f"{folder / name}: is not in {NAME}" for name in more if name.startswith(_TAKE))
-    more = [name for name in more if not name.startswith(_TAKE)]
-    return Verdict(
-        tuple(findings),
-        tuple(name for name in more if name in begun),
-        tuple(name for name in more if name not in begun),
-    )
+    foreign = tuple(name for name in more if not name.startswith(_TAKE))
+    return Verdict(tuple(findings), tuple(stage.name for stage in begun), foreign)
 
 
 def _differs(folder: Path, name: str, report: Mapping[str, Any]) -> str:
-    """Say how a file differs from what was recorded of it; an empty text when it does not."""
+    """Return how a file differs from what was recorded of it; an empty text when it does not."""
     path = folder / name
     try:
         size = stat_plain(folder, name).st_size
-        if size != report.get("bytes"):
-            return f"{path}: has {size} bytes, expected {report.get('bytes')}"
-        if _hash(folder, name)[1] != report.get("sha256"):
+        if size != report["bytes"]:
+            return f"{path}: has {size} bytes, expected {report['bytes']}"
+        if _facts(folder, name) != report:
             return f"{path}: has changed: its SHA-256 is not the one in {NAME}"
     except FileNotFoundError:
         return f"{path}: is missing"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -10,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import TypeAdapter
 
+from crowdsim import assets
 from crowdsim.core.types import Array, FileName
-from crowdsim.errors import PolicyError
+from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, TakeError
+from crowdsim.runs.folder import place_of, resolved_value
 from crowdsim.runs.manifest import NAME as MANIFEST
-from crowdsim.runs.resolved import resolved_value
-from crowdsim.runs.staging import complete_alone
+from crowdsim.runs.manifest import read_manifest
 from crowdsim.scenario.parts import Arena
 from crowdsim.take.take import Take
 
@@ -58,7 +60,6 @@ def open_run(folder: FileName) -> OpenedRun:
     from crowdsim.take.store import open_take
 
     folder = Path(folder)
-    complete_alone(folder)
     take = open_take(folder)
     policies = [load_policy(bundle_of(folder, name)) for name in take.cast.policy_names]
     notes = []
@@ -70,26 +71,59 @@ def open_run(folder: FileName) -> OpenedRun:
 
 
 def bundle_of(folder: Path, policy: str, fingerprint: str | None = None) -> Path:
-    """Return the folder of a policy that a run was made with: in its own folder if it is there, else by its name.
+    """Return the folder of a policy that a run was made with, from any working folder.
+
+    It is that in the run's own folder, else the one that the run was made with or that is found by its name, whichever
+    has the fingerprint, else any with that fingerprint among those that are found by name.
 
     Args:
         folder: The run folder.
         policy: Name of the policy.
-        fingerprint: The one that it must have; any when None.
+        fingerprint: The one that it must have; where None, that of the run's manifest, and any where it has none.
 
     Raises:
         PolicyError: It is missing, or has another fingerprint.
     """
-    from crowdsim.policy.bundle import read_document
     from crowdsim.training.train import find_bundle
 
+    recorded: dict[str, Any] = {}
+    with suppress(TakeError):
+        recorded = read_manifest(folder)
+    fingerprint = fingerprint or recorded.get("policies", {}).get(policy)
     own = folder / POLICIES / policy
-    bundle = own if (own / "policy.json").is_file() else find_bundle(policy)
-    now = read_document(bundle)["fingerprint"]
-    if fingerprint is not None and now != fingerprint:
-        what = f"policy {policy!r} is not the one that the take was recorded with"
-        raise PolicyError(f"{folder}: {what}; train it as it was, or run the scenario again")
-    return bundle
+    if (own / "policy.json").is_file():
+        places = [own]
+    else:
+        places = [Path(place) for name, place in recorded.get("policy_folders", {}).items() if name == policy]
+    missing: PolicyError | None = None
+    if not places or _fingerprint(places[0]) is None or fingerprint not in (None, _fingerprint(places[0])):
+        try:
+            places += [find_bundle(policy)] if places[:1] != [own] else []
+        except (PolicyError, RecipeError) as error:
+            missing = PolicyError(str(error))
+    for place in places:
+        now = _fingerprint(place)
+        if now is not None and fingerprint in (None, now):
+            return place
+    for kind in assets.folders("policies") if fingerprint and places[:1] != [own] else ():
+        for document in sorted(kind.glob("*/policy.json")):
+            if _fingerprint(document.parent) == fingerprint:
+                return document.parent
+    if missing is not None and not places:
+        raise missing
+    what = f"policy {policy!r} is not the one that the take was recorded with"
+    tried = ", ".join(map(str, places))
+    raise PolicyError(f"{folder}: {what} (looked in {tried}); train it as it was, or run the scenario again")
+
+
+def _fingerprint(bundle: Path) -> str | None:
+    """Return the fingerprint of a bundle; None where there is none that can be read."""
+    from crowdsim.policy.bundle import read_document
+
+    try:
+        return str(read_document(bundle)["fingerprint"])
+    except CrowdsimError:
+        return None
 
 
 def read_arena(folder: Path) -> Array:
@@ -100,7 +134,7 @@ def read_arena(folder: Path) -> Array:
     from crowdsim.crowd.cast import pack_arena
 
     try:
-        arena: Any = TypeAdapter(Arena).validate_python(resolved_value(folder, "arena"))
+        arena: Any = TypeAdapter(Arena).validate_python(resolved_value(place_of(folder), "arena"))
     except ValueError:
         return np.zeros(5)
     return pack_arena(arena)

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from crowdsim import __version__
-from crowdsim.runs.signed_json import checksum
+from crowdsim.machine import describe_machine
+from crowdsim.runs.manifest import checksum
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -51,8 +52,6 @@ class Origin:
 
 def origin_of(resolved: str, policies: Sequence[Policy]) -> Origin:
     """Return what a run of a resolved scenario with these policies is made from, here and now."""
-    from crowdsim.runs.manifest import describe_machine
-
     versions = {"crowdsim": __version__, "sources": sources_hash()}
     versions.update({package: _version(package) for package in _PACKAGES})
     fingerprints = {policy.name: policy.fingerprint for policy in policies}

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from crowdsim.files import make_folder
-from crowdsim.runs.journal import series_name
+from crowdsim.runs.stage import Plan
 from crowdsim.scenario.frame_ranges import output_frames
 
 if TYPE_CHECKING:
@@ -30,8 +29,8 @@ def expect_outputs(scenario: Scenario) -> None:
         begin_probe()
 
 
-def plan_outputs(scenario: Scenario, avatars: Sequence[str], control_frames: int, control_rate: float) -> list[str]:
-    """Return the names of all files that the outputs of a scenario may have in the run folder, as a journal notes them.
+def plan_outputs(scenario: Scenario, avatars: Sequence[str], control_frames: int, control_rate: float) -> Plan:
+    """Return the names of all files that the outputs of a scenario may have in the run folder.
 
     Args:
         scenario: The scenario, resolved.
@@ -39,31 +38,33 @@ def plan_outputs(scenario: Scenario, avatars: Sequence[str], control_frames: int
         control_frames: Control frames of the run.
         control_rate: Control frames a second.
     """
-    wanted, names = scenario.outputs, []
+    wanted, plan = scenario.outputs, Plan()
     if wanted.bvh is not None:
         from crowdsim.export.bvh import bvh_name
 
         numbers = range(len(avatars)) if wanted.bvh.avatars is None else wanted.bvh.avatars
-        names += [f"bvh/{bvh_name(avatars[number])}" for number in numbers]
+        plan.files |= {f"bvh/{bvh_name(avatars[number])}" for number in numbers}
     for kind in ("ply", "pcd"):
         cloud = getattr(wanted, kind)
         if cloud is not None:
             fps = cloud.fps or scenario.fps
             count = output_frames(control_frames, control_rate, fps)
             start, stop = _limited(cloud.frames_at(fps), count) or (0, count)
-            names.append(series_name(kind, range(start, stop, cloud.every), kind))
+            plan.series.append((kind, range(start, stop, cloud.every), kind))
     if wanted.render is not None:
-        from crowdsim.render.batch import picture_files
-
         count = output_frames(control_frames, control_rate, wanted.render.fps)
         frames = _limited(wanted.render.frames_at(wanted.render.fps), count) or (0, count)
-        sheet = wanted.render.contact_sheet or 0
-        names += [path.as_posix() for path in picture_files(Path(), frames, wanted.render.mp4, False, sheet)]
+        plan.files |= {"video.mp4"} if wanted.render.mp4 else set()
+        plan.files |= {"contact_sheet.png"} if wanted.render.contact_sheet else set()
         if wanted.render.png:
-            names.append(series_name("frames", range(*frames), "png"))
+            plan.series.append(("frames", range(*frames), "png"))
     if wanted.profile is not None:
-        names += ["profile.csv"] * wanted.profile.csv + ["profile.png"] * wanted.profile.plots
-    return names
+        plan.files |= {
+            name
+            for name, asked in (("profile.csv", wanted.profile.csv), ("profile.png", wanted.profile.plots))
+            if asked
+        }
+    return plan
 
 
 def write_outputs(run: Run, take: Take, policies: Sequence[Policy]) -> dict[str, list[Path]]:
@@ -84,7 +85,7 @@ def write_outputs(run: Run, take: Take, policies: Sequence[Policy]) -> dict[str,
     if wanted.bvh is not None or wanted.ply is not None or wanted.pcd is not None:
         sampler = PoseSampler(take, policies, threads)
         rates: dict[float, list[Sink]] = {}
-        for fps, sink in _sinks(sampler, run.folder, scenario, found):
+        for fps, sink in _sinks(sampler, run.work, scenario, found):
             rates.setdefault(fps, []).append(sink)
         for fps, sinks in rates.items():
             files = stream_poses(sampler, fps, sinks, threads, progress)
@@ -104,7 +105,7 @@ def _render(run: Run, take: Take, policies: Sequence[Policy]) -> list[Path]:
     from crowdsim.render.command import scenario_options
     from crowdsim.render.take_source import TakeSource
 
-    wanted, folder = run.scenario.outputs.render, run.folder
+    wanted, folder = run.scenario.outputs.render, run.work
     assert wanted is not None
     count = take.output_frames(wanted.fps)
     frames = _limited(wanted.frames_at(wanted.fps), count)
@@ -121,17 +122,8 @@ def _render(run: Run, take: Take, policies: Sequence[Policy]) -> list[Path]:
         contact_sheet=0 if is_there["contact_sheet.png"] else options.contact_sheet,
     )
     source = TakeSource(take, policies, wanted.fps, threads=run.threads, arena=pack_arena(run.scenario.arena))
-    render(source, folder, options, run.advance_outputs, _note)
+    render(source, folder, options, run.advance_outputs)
     return files
-
-
-@contextmanager
-def _note(folder: Path, planned: Sequence[Path]) -> Iterator[Callable[[Sequence[Path]], None]]:
-    """Note pictures of a run that is going on in its journal."""
-    from crowdsim.runs.recorder import note_files
-
-    note_files(folder, [path.relative_to(folder).as_posix() for path in planned], of_run=True)
-    yield lambda files: None
 
 
 def _sinks(

@@ -12,7 +12,7 @@ import numpy as np
 
 from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import RunError
-from crowdsim.runs.manifest import available_memory
+from crowdsim.machine import available_memory
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.take.data import Cast, TakeHeader
 

@@ -164,7 +164,7 @@ def describe(profile: Profile) -> dict[str, Any]:
 def write_trace(path: Path, profile: Profile) -> None:
     """Write stages of frames as a trace that Perfetto and chrome://tracing open."""
     from crowdsim.crowd.chunk import STAGES
-    from crowdsim.runs.folder import write_text
+    from crowdsim.files import write_text
 
     events: list[dict[str, Any]] = []
     clock = 0.0

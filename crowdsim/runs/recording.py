@@ -85,7 +85,7 @@ def record(
         simulation = Simulation(crowd, policies, script, run.threads, search, run.order, profiled, model)
         try:
             if keeper is not None and keeper.begun is not None:
-                _restore(simulation, keeper.begun, run.folder)
+                _restore(simulation, keeper.begun, run.work)
                 timings += [] if keeper.begun.timings is None else [keeper.begun.timings]
             run.clock.lap("prepare")
             _record_chunks(run, prepared, simulation, timings, sink, counter, keeper)

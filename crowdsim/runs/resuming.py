@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -14,12 +13,13 @@ from crowdsim.array_checks import ArrayFault
 from crowdsim.core.types import Array
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import OutputError, TakeError
+from crowdsim.files import is_folder, remove_tree
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import Checkpoint, Pace, write_checkpoint
-from crowdsim.runs.folder import TAKE
 from crowdsim.runs.preparation import Prepared
 from crowdsim.runs.recording import record, take_chunk
 from crowdsim.runs.run import Run
+from crowdsim.runs.stage import TAKE
 from crowdsim.take.continuing import check_writer, written_frames, written_strikes
 from crowdsim.take.known import action_counts, with_known_actions
 from crowdsim.take.store import TakeWriter, open_take
@@ -80,7 +80,7 @@ def write_take(
         RunError: The simulation failed; nothing stays of the take.
         Interrupted: A signal has come.
     """
-    path = run.folder / TAKE
+    path = run.work / TAKE
     writer = TakeWriter(path, prepared.header, prepared.frames, take_chunk(run, prepared))
     if begun is not None:
         try:
@@ -96,18 +96,19 @@ def write_take(
             _recount(counter, written_frames(writer, path, counts), written_strikes(writer))
             run.report.continued_at = begun.frame
         except TakeError as error:
-            run.report.notes.append(f"{error}; starting over")
+            run.tell(f"{error}; starting over")
             begun = None
             writer = TakeWriter(path, prepared.header, prepared.frames, writer.chunk)
             writer.abandon()
-            shutil.rmtree(path, ignore_errors=True)
+            if is_folder(run.work, TAKE):
+                remove_tree(run.work, TAKE)
     try:
         if begun is None:
             writer.open()
         run.clock.lap("take")
-        timings = record(run, prepared, writer, counter, CheckpointKeeper(run.folder, origin, writer, begun))
+        timings = record(run, prepared, writer, counter, CheckpointKeeper(run.work, origin, writer, begun))
     except OutputError:
-        if not (run.folder / CHECKPOINT).exists():
+        if not (run.work / CHECKPOINT).exists():
             # Nothing could go on from what is there.
             writer.abandon()
         raise

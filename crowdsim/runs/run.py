@@ -12,6 +12,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from crowdsim.core.types import Array, FileName, Progress
+from crowdsim.runs.manifest import RUN as STAGE
 from crowdsim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -141,6 +142,17 @@ class Run:
         """Start the clock."""
         self.report = Report(self.folder)
         self.clock = Clock(self.report.seconds)
+
+    @property
+    def work(self) -> Path:
+        """Folder in the run's in which everything is written until it is whole."""
+        return self.folder / STAGE
+
+    def tell(self, text: str) -> None:
+        """Report what a user should know, now and in the report."""
+        self.report.notes.append(text)
+        if self.notify is not None:
+            self.notify(text)
 
     def advance(self, stage: str, done: int, total: int) -> None:
         """Report progress."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
@@ -11,15 +12,16 @@ from typing import TYPE_CHECKING, Any
 from crowdsim import assets
 from crowdsim.compilation import watch_compilation
 from crowdsim.core.types import Array, FileName, Progress
-from crowdsim.errors import CrowdsimError, RunError, ScenarioError, under_way
-from crowdsim.files import walk
+from crowdsim.errors import CrowdsimError, RunError, ScenarioError, TakeError, under_way
+from crowdsim.files import copy_plain, exists_plain, is_folder, remove_plain, remove_tree, stat_plain, walk, write_plain
+from crowdsim.machine import peak_memory
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
-from crowdsim.runs.checkpoint import Checkpoint
-from crowdsim.runs.folder import RESOLVED, TAKE, check_folder, claim_folder, copy_file, write_text
-from crowdsim.runs.journal import remove_journal
-from crowdsim.runs.lock import hold_folder, rebooted
+from crowdsim.runs.checkpoint import Checkpoint, read_checkpoint
+from crowdsim.runs.folder import RESOLVED, check_begun, check_folder
+from crowdsim.runs.lock import hold_folder
 from crowdsim.runs.manifest import NAME as MANIFEST
-from crowdsim.runs.manifest import checksums, peak_memory, read_manifest, write_manifest
+from crowdsim.runs.manifest import NOTE, checksums, read_ledger, read_manifest
+from crowdsim.runs.manifest import RUN as STAGE
 from crowdsim.runs.origin import Origin, origin_of
 from crowdsim.runs.outputs import expect_outputs, plan_outputs, write_outputs
 from crowdsim.runs.preparation import (
@@ -33,7 +35,7 @@ from crowdsim.runs.preparation import (
     untrained_policies,
 )
 from crowdsim.runs.run import Report, Run
-from crowdsim.runs.staging import complete_alone
+from crowdsim.runs.stage import TAKE, Plan, Stage, complete, complete_alone, open_stage, refuse_others
 from crowdsim.runs.validation import check_scenario, late_events
 from crowdsim.scenario.scenario import Scenario, dump_scenario
 from crowdsim.scenario.warnings import policy_warnings
@@ -41,6 +43,10 @@ from crowdsim.take.take import Take
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
+
+_OWN = {RESOLVED, CHECKPOINT, MANIFEST}
+MOST_FILES = 200_000
+"""Most files of a run's outputs, so that a manifest can list them all."""
 
 
 def run(
@@ -111,7 +117,7 @@ def run_to(
     resolved = dump_scenario(scenario)
     complete_alone(one.folder)
     if check_folder(one.folder, resolved, force):
-        return _done_before(one.report)
+        return _done_before(one)
     uses: list[str] = []
     if policies is None:
         check_scenario(scenario)
@@ -130,28 +136,81 @@ def run_to(
 def _run_in_folder(one: Run, resolved: str, policies: Sequence[Policy] | None) -> None:
     """Run a scenario into a folder that is fit for it, unless another run has done so meanwhile."""
     prepared = _prepare(one) if policies is None else prepare(one.scenario, policies)
-    outputs = _plan(one.folder, one.scenario, prepared)
     expect_outputs(one.scenario)
     one.clock.lap("prepare")
     avatars = len(prepared.cast.names)
     if one.notify is not None and avatars >= LARGE:
         one.notify(needs(avatars, prepared.frames, one.folder))
-    origin = origin_of(resolved, prepared.policies)
-    with one.catch_signals(), hold_folder(one.folder, one.command) as before:
+    origin, plan = origin_of(resolved, prepared.policies), plan_run(one, prepared)
+    with one.catch_signals(), hold_folder(one.folder, one.command):
+        complete(one.folder)
         # Another run may have come and gone since the first look.
         if check_folder(one.folder, resolved, one.force, locked=True):
-            _done_before(one.report)
+            _done_before(one)
             return
-        lost = before is not None and rebooted(before)
-        claim = claim_folder(one.folder, _inputs(one.scenario), outputs, origin, prepared.frames, one.force, lost)
-        one.report.notes += claim.notes
-        one.clock.lap("prepare")
-        try:
-            with under_way():
-                _write(one, prepared, origin, claim.begun)
-        except OSError as error:
-            where = error.filename or one.folder
-            raise RunError(f"{where}: cannot be read or written: {error.strerror or error}") from error
+        if not one.force:
+            check_begun(one.folder, origin)
+        write_run(one, prepared, origin, plan)
+
+
+def write_run(
+    one: Run, prepared: Prepared, origin: Origin, plan: Plan, seed: Callable[[Path], None] | None = None
+) -> None:
+    """Write a run into its stage, or what is missing there, and put everything in its place.
+
+    Args:
+        one: The run, whose folder this process holds.
+        prepared: All that it begins with.
+        origin: What it is made from.
+        plan: Names of all files that it writes.
+        seed: Writes the take and checkpoint that a run begins with that goes on.
+
+    Raises:
+        OutputError: Something is in the way.
+        RunError: The run failed, or something cannot be written.
+        Interrupted: A signal has come.
+    """
+    refuse_others(one.folder, plan, read_ledger(one.folder))
+    own = _OWN | {name.split("/")[0] for name in _inputs(one.scenario)}
+    planned = {kind: count for kind, count in plan.counts().items() if kind not in own}
+    note = {"origin": origin.document(), "planned": planned}
+    stage = open_stage(one.folder, STAGE, origin.checksum, note, one.force)
+    if seed is not None and not exists_plain(stage.path, CHECKPOINT):
+        seed(stage.path)
+    if not stage.is_safe:
+        # The machine went down while outputs were written.
+        kept = {RESOLVED, CHECKPOINT, NOTE}
+        remove_plain(stage.path, [name for name in walk(stage.path) if name not in kept and not _is_take(name)])
+    begun = _find_begun(one, origin) if stage.goes_on or seed is not None else None
+    for name in () if begun else (TAKE, f"{TAKE}.partial"):
+        if is_folder(stage.path, name):
+            remove_tree(stage.path, name)
+    one.clock.lap("prepare")
+    try:
+        with under_way():
+            _write(one, prepared, origin, begun, stage)
+    except OSError as error:
+        raise RunError(
+            f"{error.filename or one.folder}: cannot be read or written: {error.strerror or error}"
+        ) from error
+
+
+def _is_take(name: str) -> bool:
+    return name.split("/")[0] in (TAKE, f"{TAKE}.partial")
+
+
+def _find_begun(one: Run, origin: Origin) -> Checkpoint | None:
+    """Return where an earlier process has left a run; None where it has to start over."""
+    try:
+        begun = read_checkpoint(one.work)
+        if begun.origin != origin.checksum:
+            raise TakeError(f"{one.work / CHECKPOINT}: is of another run")
+    except TakeError as error:
+        why = f"; {error}" if exists_plain(one.work, CHECKPOINT) else ""
+        one.tell(f"{one.folder}: an unfinished run was found; starting over{why}")
+        return None
+    one.tell(f"{one.folder}: continuing after {begun.frame} control frames")
+    return begun
 
 
 def _prepare(one: Run) -> Prepared:
@@ -160,7 +219,8 @@ def _prepare(one: Run) -> Prepared:
 
     scenario = one.scenario
     placed = place_groups(scenario)
-    one.report.notes += map(str, scenario.place(late_events(scenario)))
+    for event in scenario.place(late_events(scenario)):
+        one.tell(str(event))
     policies = load_policies(scenario, one.mocap, one.threads, one.progress)
     one.clock.lap("policies")
     if one.notify is not None:
@@ -170,19 +230,23 @@ def _prepare(one: Run) -> Prepared:
     return prepare(scenario, policies, placed)
 
 
-def _plan(folder: Path, scenario: Scenario, prepared: Prepared) -> list[str]:
-    """Return the names of all files, and folders of takes, that a run writes beside those that it begins with.
+def plan_run(one: Run, prepared: Prepared) -> Plan:
+    """Return the names of all files that a run writes.
 
     Raises:
-        ScenarioError: An output has the name of a file that the scenario reads.
+        ScenarioError: An output has the name of a file that the scenario reads, or there are too many files.
     """
-    planned = plan_outputs(scenario, prepared.cast.names.tolist(), prepared.frames, prepared.rate)
-    places = {name.split("/")[0] for name in planned} | {TAKE, f"{TAKE}.partial", RESOLVED, MANIFEST, CHECKPOINT}
+    scenario = one.scenario
+    plan = plan_outputs(scenario, prepared.cast.names.tolist(), prepared.frames, prepared.rate)
+    count = sum(plan.counts().values())
+    if count > MOST_FILES:
+        raise ScenarioError(f"{scenario.name}: outputs are {count:,} files, expected at most {MOST_FILES:,}")
+    places = {*plan.counts(), TAKE, RESOLVED, MANIFEST, CHECKPOINT}
     for name in _inputs(scenario)[1:]:
         if name.split("/")[0] in places:
-            what = f"reads {name!r}, which would lie in {folder} where the run writes; expected another file name"
+            what = f"reads {name!r}, which would lie in {one.folder} where the run writes; expected another file name"
             raise ScenarioError(f"{scenario.name}: {what}")
-    return [*planned, CHECKPOINT, TAKE, f"{TAKE}.partial"]
+    return Plan({*plan.files, CHECKPOINT, MANIFEST, *_inputs(scenario)}, plan.series, (TAKE,))
 
 
 def _inputs(scenario: Scenario) -> list[str]:
@@ -190,19 +254,19 @@ def _inputs(scenario: Scenario) -> list[str]:
     return [RESOLVED, *(PurePosixPath(name).as_posix() for name in scenario.files)]
 
 
-def _write(one: Run, prepared: Prepared, origin: Origin, begun: Checkpoint | None) -> None:
-    """Write everything into a folder that is ready for it, or what is missing."""
-    folder, scenario, report = one.folder, one.scenario, one.report
-    write_text(folder / RESOLVED, origin.scenario)
+def _write(one: Run, prepared: Prepared, origin: Origin, begun: Checkpoint | None, stage: Stage) -> None:
+    """Write everything into the stage of a run, or what is missing there, and put it in its place."""
+    work, scenario, report = one.work, one.scenario, one.report
+    write_plain(work, RESOLVED, origin.scenario)
     for name in scenario.files:
-        copy_file(scenario.folder / name, folder / name)
+        copy_plain(scenario.folder / name, work, PurePosixPath(name).as_posix())
     take, timings = _write_take(one, prepared, origin, begun)
     files = write_outputs(one, take, prepared.policies)
     profiled: list[str] = []
     if timings is not None and scenario.outputs.profile is not None:
         from crowdsim.crowd.profile_files import write_profile
 
-        profiled = [path.name for path in write_profile(folder, timings, take.avatar_count, scenario.outputs.profile)]
+        profiled = [path.name for path in write_profile(work, timings, take.avatar_count, scenario.outputs.profile)]
         one.clock.lap("profile")
     for kind, written in files.items():
         if not written:
@@ -210,14 +274,14 @@ def _write(one: Run, prepared: Prepared, origin: Origin, begun: Checkpoint | Non
             continue
         # One picture is named, of several the folder they are in.
         place = Path(os.path.commonpath(written)) if kind == "pictures" else written[0].parent
-        report.outputs[kind] = (place, len(written), sum(path.stat().st_size for path in written))
+        size = sum(path.stat().st_size for path in written)
+        report.outputs[kind] = (one.folder / place.relative_to(work), len(written), size)
     one.advance_outputs("checksums", 0, 1)
-    names = [path.relative_to(folder).as_posix() for paths in files.values() for path in paths]
-    names += [CHECKPOINT, *_inputs(scenario), *(f"{TAKE}/{name}" for name in walk(folder / TAKE)), *profiled]
-    hashes = checksums(folder, names, one.threads)
+    names = [path.relative_to(work).as_posix() for paths in files.values() for path in paths]
+    names += [CHECKPOINT, *_inputs(scenario), *(f"{TAKE}/{name}" for name in walk(work / TAKE)), *profiled]
+    hashes = checksums(work, names, one.threads)
     one.clock.lap("checksums")
-    write_manifest(folder, _manifest(one, prepared, origin), hashes)
-    remove_journal(folder)
+    stage.publish(_manifest(one, prepared, origin), hashes)
     one.advance_outputs("checksums", 1, 1)
 
 
@@ -226,11 +290,11 @@ def _write_take(one: Run, prepared: Prepared, origin: Origin, begun: Checkpoint 
     from crowdsim.crowd.statistics import StatisticsCounter
     from crowdsim.runs.resuming import write_take
 
-    path, cast = one.folder / TAKE, prepared.cast
+    path, cast = one.work / TAKE, prepared.cast
     counter = StatisticsCounter(prepared.policies, cast.policies, cast.widths, prepared.frames)
     take, timings = write_take(one, prepared, origin.checksum, begun, counter)
-    size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
-    one.report.outputs["take"] = (path, 1, size)
+    size = sum(stat_plain(path, name).st_size for name in walk(path))
+    one.report.outputs["take"] = (one.folder / TAKE, 1, size)
     one.report.statistics = counter.finish()
     one.clock.lap("take")
     return take, timings
@@ -250,6 +314,7 @@ def _manifest(one: Run, prepared: Prepared, origin: Origin) -> dict[str, Any]:
         "control_frames": report.statistics.control_frames if report.statistics else prepared.frames,
         "outcome": report.outcome,
         "policies": {policy.name: policy.fingerprint for policy in prepared.policies},
+        "policy_folders": bundle_folders([policy.name for policy in prepared.policies]),
         "inputs": _inputs(one.scenario),
         "origin": origin.document(),
         "statistics": {} if statistics is None else asdict(statistics),
@@ -258,10 +323,20 @@ def _manifest(one: Run, prepared: Prepared, origin: Origin) -> dict[str, Any]:
     }
 
 
-def _done_before(report: Report) -> Report:
-    report.done_before = True
-    report.notes += _changed_policies(report.folder)
-    return report
+def bundle_folders(names: Sequence[str]) -> dict[str, str]:
+    """Return where the policies of these names are found from here; those that are given otherwise are left out."""
+    found = {}
+    for name in names:
+        with suppress(CrowdsimError):
+            found[name] = str(assets.find_bundle(name).absolute())
+    return found
+
+
+def _done_before(one: Run) -> Report:
+    one.report.done_before = True
+    for line in _changed_policies(one.folder):
+        one.tell(line)
+    return one.report
 
 
 def _changed_policies(folder: Path) -> list[str]:

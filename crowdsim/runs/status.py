@@ -11,13 +11,15 @@ from crowdsim.errors import TakeError
 from crowdsim.files import exists_plain, walk
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import frames_done
-from crowdsim.runs.folder import RESOLVED, TAKE
-from crowdsim.runs.journal import EXTENSION, Noted, read_journal
-from crowdsim.runs.journal import NAME as JOURNAL
+from crowdsim.runs.folder import RESOLVED
 from crowdsim.runs.lock import find_owner
 from crowdsim.runs.manifest import NAME as MANIFEST
-from crowdsim.runs.manifest import read_manifest
+from crowdsim.runs.manifest import RUN, read_manifest
+from crowdsim.runs.stage import TAKE, read_note
 from crowdsim.take.metadata import FramesFacts, TakeAttributes, read_model
+
+_OWN = {CHECKPOINT, RESOLVED, TAKE}
+"""Files of a run that are no outputs of its take."""
 
 
 def describe_run(folder: Path) -> dict[str, Any]:
@@ -31,22 +33,29 @@ def describe_run(folder: Path) -> dict[str, Any]:
         ``owner`` that holds the folder, and how far an ``extension`` is.
     """
     try:
-        held = [path.name for path in folder.iterdir()]
         owner = find_owner(folder)
         at_work = {} if owner is None else {"owner": asdict(owner)}
-        if MANIFEST in held:
+        note = read_note(folder / RUN)
+        if exists_plain(folder, MANIFEST):
             report = read_manifest(folder, ("avatars", "control_frames", "seconds"))
             numbers = {name: report[name] for name in ("avatars", "control_frames")}
-            outputs = _count(report["files"], _outputs(report["files"]))
+            counts = _count(name for name in report["files"] if name.split("/")[0] not in _OWN)
+            outputs = {kind: {"done": count, "planned": count} for kind, count in sorted(counts.items())}
             facts = {"state": "done", **numbers, "seconds": report["seconds"]["total"], "outputs": outputs, **at_work}
-            if (folder / EXTENSION).is_dir():
-                facts["extension"] = _describe_growing(folder / EXTENSION)
+            if note is not None and not note.get("done"):
+                facts["extension"] = _describe_growing(folder / RUN)
             return facts
-        journal = read_journal(folder) if JOURNAL in held else None
-        if journal is None:
-            return _describe_take(folder) if TAKE in held else {"state": "none"}
-        outputs = _count(walk(folder), _outputs(journal.files))
-        facts = _describe_growing(folder)
+        if note is None:
+            return _describe_take(folder) if (folder / TAKE).exists() else {"state": "none"}
+        planned = note.get("planned")
+        planned = (
+            {str(kind): count for kind, count in planned.items() if type(count) is int}
+            if isinstance(planned, dict)
+            else {}
+        )
+        counts = _count(walk(folder / RUN))
+        outputs = {kind: {"done": counts.get(kind, 0), "planned": count} for kind, count in sorted(planned.items())}
+        facts = _describe_growing(folder / RUN)
         return {"state": "running" if at_work else "interrupted", **facts, "outputs": outputs, **at_work}
     except (TakeError, OSError) as error:
         return {"state": "damaged", "why": str(error)}
@@ -72,18 +81,11 @@ def _describe_growing(folder: Path) -> dict[str, Any]:
     return {"avatars": avatars, "control_frames": frames_done(folder), "planned_frames": planned}
 
 
-def _outputs(names: Iterable[str]) -> list[str]:
-    """Return which of a run's files are outputs of its take."""
-    own = {CHECKPOINT, RESOLVED, TAKE, f"{TAKE}.partial"}
-    return [name for name in names if name.split("/")[0] not in own]
-
-
-def _count(held: Iterable[str], planned: Iterable[str]) -> dict[str, dict[str, int]]:
-    """Return how many files of each kind of output are there, and how many are planned."""
-    noted = Noted(planned)
-    counts = {kind: {"done": 0, "planned": count} for kind, count in sorted(noted.count_by_folder().items())}
-    for name in held:
-        kind = name.split("/")[0]
-        if kind in counts and noted.names(name):
-            counts[kind]["done"] += 1
+def _count(names: Iterable[str]) -> dict[str, int]:
+    """Return the number of whole files by their top folder, or their name without one."""
+    counts: dict[str, int] = {}
+    for name in names:
+        top, _, last = name.partition("/")
+        if not last.startswith("."):
+            counts[top] = counts.get(top, 0) + 1
     return counts

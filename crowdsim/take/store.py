@@ -13,6 +13,7 @@ import numpy as np
 
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, TakeError
+from crowdsim.files import UNFINISHED
 from crowdsim.take.continuing import read_writer, reopen_take, restore_writer
 from crowdsim.take.data import TakeHeader
 from crowdsim.take.layout import (
@@ -270,13 +271,15 @@ def open_take(path: FileName) -> Take:
             links or devices; or its names are none that a scenario could have.
     """
     folder = Path(path)
+    if not (folder / "take.zarr").exists() and (folder / UNFINISHED / "take.zarr").exists():
+        folder = folder / UNFINISHED
     if not (folder / ".zgroup").exists() and (folder / "take.zarr").exists():
         folder = folder / "take.zarr"
         if folder.is_symlink():
             raise TakeError(f"{folder}: is a symbolic link, expected the take itself; links are not followed")
     if not (folder / ".zgroup").exists():
         found = "; expected take.zarr"
-        if (folder / "take.zarr.partial").exists():
+        if (folder / "take.zarr.partial").exists() or (folder / UNFINISHED / "take.zarr.partial").exists():
             found = ", only what a run left that was killed; run its scenario again with --force or another --out"
         raise TakeError(f"{folder}: no take here{found}")
     try:

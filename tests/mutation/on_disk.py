@@ -20,10 +20,9 @@ from crowdsim.errors import CrowdsimError
 from crowdsim.policy.bundle import load_policy, read_timings, with_checksum
 from crowdsim.runs.archive import opened
 from crowdsim.runs.checkpoint import read_checkpoint
-from crowdsim.runs.journal import Journal, read_journal, write_journal
-from crowdsim.runs.manifest import checksums, signed_manifest, verify
+from crowdsim.runs.manifest import NOTE, RUN, checksums, signed_manifest, signed_text, verify
 from crowdsim.runs.opening import open_run, read_arena
-from crowdsim.runs.signed_json import signed_text
+from crowdsim.runs.stage import complete, stages
 from crowdsim.runs.status import describe_run
 
 
@@ -74,9 +73,9 @@ def run_on_disk(base: Using, kind: str, seed: int | None) -> None:
 def _use_run(base: Using, folder: Path) -> None:
     """Do what commands do with a run, each as if it were alone."""
     describe_run(folder)
-    read_journal(folder)
+    stages(folder)
     read_arena(folder)
-    for read in (verify, read_checkpoint):
+    for read in (verify, read_checkpoint, complete, verify):
         with suppress(CrowdsimError):
             read(folder)
     base.use_take(open_run(folder).take)
@@ -122,10 +121,30 @@ def change_run(rng: Rng, folder: Path) -> None:
         _change_chunk(rng, path)
     else:
         change_bytes(rng, path, path.stat().st_size)
-    if how > 0.95:
-        write_journal(folder, Journal(frozenset(["x", "../y"]), frozenset({"{0:999999999999:1}.ply"})))
     if name != "manifest.json":
         sign(folder)
+    if how > 0.8:
+        _add_stage(rng, folder)
+
+
+def _add_stage(rng: Rng, folder: Path) -> None:
+    """Add a folder of a command that was killed while it put files in their places, with its note or list changed."""
+    stage = folder / RUN
+    (stage / "bvh").mkdir(parents=True)
+    (stage / "bvh" / "red_0.bvh").write_text("HIERARCHY")
+    note = {"format": "crowdsim-stage", "key": "a", "boot": "b", "planned": {"bvh": 1}, "origin": {}}
+    listed = {
+        **json.loads((folder / "manifest.json").read_text()),
+        "files": checksums(folder, ["scenario.resolved.yaml"]),
+    }
+    listed["files"]["bvh/red_0.bvh"] = {"bytes": 9, "sha256": _hash(stage / "bvh" / "red_0.bvh")}
+    changed = [note, listed]
+    which = int(rng.integers(2))
+    changed[which] = mutate_json(rng, changed[which])
+    for name, document, sign_it in ((NOTE, changed[0], signed_text), ("manifest.json", changed[1], signed_manifest)):
+        if isinstance(document, dict) and rng.random() < 0.9:
+            with suppress(ValueError):
+                (stage / name).write_text(sign_it(document))
 
 
 def sign(folder: Path) -> None:

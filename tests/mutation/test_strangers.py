@@ -23,7 +23,7 @@ from crowdsim.policy.behind_checks import BEHIND, relations_behind
 from crowdsim.policy.bundle import file_hash, with_checksum
 from crowdsim.policy.flattening import flatten_policy
 from crowdsim.runs.checkpoint import read_checkpoint, write_checkpoint
-from crowdsim.runs.signed_json import signed_text
+from crowdsim.runs.manifest import signed_text
 
 Change = Callable[[np.ndarray], Any]
 
@@ -430,7 +430,7 @@ def test_a_run_is_not_extended_from_a_wrong_checkpoint(
     scenario = str(strangers / "four.yaml")
     assert crowdsim("run", scenario, "--out", "run", "--extend", "5", "--threads", "1") == 2
     said = capsys.readouterr().err.splitlines()[-1]
-    shutil.rmtree(place / "run" / ".extension")
+    shutil.rmtree(place / "run" / ".run.partial")
     assert "checkpoint.bin: cannot be continued: " in said
     assert message in said
 

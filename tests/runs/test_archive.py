@@ -60,8 +60,20 @@ def test_the_same_run_gives_the_same_archive_without_its_outputs(packed: Path, c
 def test_what_cannot_be_packed_says_why(packed: Path, capsys) -> None:
     place = packed.parent
     (place / "mine.zip").write_text("mine")
+    with zipfile.ZipFile(place / "other.zip", "w") as archive:
+        archive.writestr("manifest.json", '{"format": "webapp"}')
+    assert crowdsim("pack", "run", "-o", "four.zip", "--force") == 0
     for words, message in (
         (("run", "-o", "mine.zip"), "mine.zip: is there already and no archive of a run, expected another name"),
+        (
+            ("run", "-o", "mine.zip", "--force"),
+            "mine.zip: is there already and no archive of a run, expected another name",
+        ),
+        (
+            ("run", "-o", "other.zip", "--force"),
+            "other.zip: is there already and no archive of a run, expected another name",
+        ),
+        (("run", "-o", "four.zip"), "four.zip: is there already; --force replaces it"),
         (("policies", "-o", "new.zip"), "policies: no manifest.json here, so this is no finished run"),
     ):
         capsys.readouterr()

@@ -9,8 +9,9 @@ from scenes import crowdsim, write_scene
 from test_resuming import EVENTS, GROUPS, OUTPUTS, Stop, same_as_undisturbed, stop_at
 from test_runner import tree
 
+from crowdsim import files
 from crowdsim.commands import running
-from crowdsim.runs import staging
+from crowdsim.runs import stage
 from crowdsim.runs.checkpoint import Pace
 from crowdsim.runs.manifest import read_manifest
 
@@ -83,21 +84,20 @@ def test_an_extension_that_stopped_while_it_took_its_place_is_completed_by_any_c
     assert crowdsim("run", "four.yaml", "--out", "run") == 0
     move, done = os.replace, []
 
-    def replace(source, target) -> None:
-        if Path(source).parts[:2] == ("run", ".extension") and "part" not in Path(source).suffix:
-            if len(done) == moves:
-                raise Stop
-            done.append(target)
-        move(source, target)
+    def replace(source, target, **named) -> None:
+        if len(done) == moves:
+            raise Stop
+        done.append(target)
+        move(source, target, **named)
 
-    def move_all(*values) -> None:
+    def put_all(*values) -> None:
         with monkeypatch.context() as patch:
-            patch.setattr(staging.os, "replace", replace)
-            moved(*values)
+            patch.setattr(files.os, "replace", replace)
+            put(*values)
 
-    moved = staging._move
+    put = stage._put_in_place
     with monkeypatch.context() as patch:
-        patch.setattr(staging, "_move", move_all)
+        patch.setattr(stage, "_put_in_place", put_all)
         with pytest.raises(Stop):
             crowdsim("run", "four.yaml", "--out", "run", "--extend", "30")
     assert len(done) == moves
@@ -141,7 +141,7 @@ def test_an_extension_that_stopped_behind_its_last_file_leaves_nothing(workplace
         raise Stop
 
     with monkeypatch.context() as patch:
-        patch.setattr(staging, "forget", stop)
+        patch.setattr(stage, "discard", stop)
         with pytest.raises(Stop):
             crowdsim("run", "four.yaml", "--out", "run", "--extend", "10")
     assert crowdsim("run", "four.yaml", "--out", "run", "--extend", "10") == 0

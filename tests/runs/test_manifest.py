@@ -3,23 +3,14 @@
 import hashlib
 import json
 import os
-import shutil
 from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.runs.manifest import (
-    Verdict,
-    checksums,
-    read_manifest,
-    stage_manifest,
-    update_manifest,
-    verify,
-    write_manifest,
-)
-from crowdsim.runs.staging import commit
+from crowdsim.runs.manifest import EXPORT, Verdict, checksums, read_manifest, signed_manifest, verify, write_manifest
+from crowdsim.runs.stage import Plan, complete, open_stage, write_together
 
 
 @pytest.fixture
@@ -93,20 +84,23 @@ def test_any_changed_bit_of_a_manifest_is_found(folder: Path) -> None:
     assert verify(folder) == Verdict()
 
 
+def export(folder: Path, name: str) -> None:
+    """Write a file in the place of all BVH files of a run."""
+    plan = Plan({f"bvh/{name}"})
+    with write_together(folder, EXPORT, ["bvh"], {"fps": 30.0}, plan, {"name": name}, folder, ["bvh"]) as writing:
+        (writing.folder / "bvh").mkdir()
+        (writing.folder / "bvh" / name).write_text("new")
+        assert (folder / "bvh" / "a.bvh").exists()
+
+
 def test_new_exports_replace_those_before(folder: Path) -> None:
-    staged = folder / ".export-0123456789abcdef"
-    (staged / "bvh").mkdir(parents=True)
-    (staged / "bvh" / "b.bvh").write_text("new")
-    stale = stage_manifest(folder, staged, {"bvh": ["bvh/b.bvh"]}, {"fps": 30.0}, checksums(staged, ["bvh/b.bvh"]))
-    assert stale == ["bvh/a.bvh"]
-    assert (folder / "bvh" / "a.bvh").exists()
-    commit(folder, staged, ["bvh/b.bvh"], stale)
-    assert not staged.exists()
+    export(folder, "b.bvh")
+    assert not (folder / EXPORT).exists()
     assert not (folder / "bvh" / "a.bvh").exists()
     assert verify(folder) == Verdict()
     report = read_manifest(folder)
     assert set(report["files"]) == {"bvh/b.bvh", "scenario.resolved.yaml"}
-    assert report["exports"] == {"bvh": {"fps": 30.0}}
+    assert report["exports"]["bvh"]["fps"] == 30.0
     assert report["seed"] == 4
 
 
@@ -117,11 +111,13 @@ def sign(folder: Path, **files: dict) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["../victim", "bvh/../../victim", "/etc/hostname", "", "bvh//a.bvh", "./bvh/a.bvh", "manifest.json", "a\0b"]
-)
+    "name",
+    ["../victim", "bvh/../../victim", "/etc/hostname", "", "bvh//a.bvh", "./bvh/a.bvh", "manifest.json", "a\0b",
+     "notes.txt", "take.zarr/notes.txt", "bvh/a.txt", ".crowdsim-lock.json", "ply/1.ply", "policies/boxer/../x.npy"],
+)  # fmt: skip
 def test_a_manifest_names_only_files_inside_its_folder(folder: Path, name: str) -> None:
     sign(folder, **{name: {"bytes": 0, "sha256": ""}})
-    for use in (read_manifest, verify, lambda folder: update_manifest(folder, "pictures", [], {})):
+    for use in (read_manifest, verify, lambda folder: export(folder, "b.bvh")):
         with pytest.raises(TakeError, match="expected only files that a run writes inside"):
             use(folder)
     assert (folder / "bvh" / "a.bvh").exists()
@@ -130,16 +126,17 @@ def test_a_manifest_names_only_files_inside_its_folder(folder: Path, name: str) 
 def test_links_pipes_and_devices_are_findings_and_are_not_opened(folder: Path, tmp_path_factory) -> None:
     outside = tmp_path_factory.mktemp("outside")
     (outside / "b.bvh").write_text("secret")
-    (folder / "link").symlink_to(outside / "b.bvh")
+    (folder / "bvh" / "link.bvh").symlink_to(outside / "b.bvh")
     (folder / "linked").symlink_to(outside)
-    os.mkfifo(folder / "pipe")
+    os.mkfifo(folder / "bvh" / "pipe.bvh")
+    (folder / "bvh" / "c.bvh").mkdir()
     facts = {"bytes": 6, "sha256": hashlib.sha256(b"secret").hexdigest()}
-    sign(folder, **{name: facts for name in ("link", "linked/b.bvh", "pipe", "bvh")})
+    sign(folder, **{name: facts for name in ("bvh/link.bvh", "linked/bvh/b.bvh", "bvh/pipe.bvh", "bvh/c.bvh")})
     assert verify(folder).findings == (
-        f"{folder / 'link'}: is a symbolic link, expected a regular file; links are not followed",
+        f"{folder / 'bvh/c.bvh'}: is a folder, expected a regular file; links are not followed",
+        f"{folder / 'bvh/link.bvh'}: is a symbolic link, expected a regular file; links are not followed",
+        f"{folder / 'bvh/pipe.bvh'}: is a named pipe, expected a regular file; links are not followed",
         f"{folder / 'linked'}: is a symbolic link, expected a folder; links are not followed",
-        f"{folder / 'pipe'}: is a named pipe, expected a regular file; links are not followed",
-        f"{folder / 'bvh'}: is a folder, expected a regular file; links are not followed",
     )
 
 
@@ -150,18 +147,22 @@ def test_a_manifest_that_is_no_regular_file_is_refused_and_not_opened(tmp_path: 
         verify(tmp_path)
 
 
-def test_an_export_removes_nothing_behind_a_link(folder: Path, tmp_path_factory) -> None:
+def test_an_export_removes_and_replaces_nothing_behind_a_link(folder: Path, tmp_path_factory) -> None:
     outside = tmp_path_factory.mktemp("outside")
     (folder / "bvh").rename(outside / "bvh")
     (folder / "bvh").symlink_to(outside / "bvh")
-    for names, stale in (((), ["bvh/a.bvh"]), (["bvh/a.bvh"], ())):
-        staged = folder / ".export-0123456789abcdef"
-        (staged / "bvh").mkdir(parents=True)
-        (staged / "bvh" / "a.bvh").write_text("new")
-        with pytest.raises(OutputError, match=r"bvh: .*is a symbolic link, expected"):
-            commit(folder, staged, names, stale)
-        shutil.rmtree(staged)
-        assert (outside / "bvh" / "a.bvh").read_text() != "new"
+    for name in ("a.bvh", "b.bvh"):
+        with pytest.raises(OutputError, match=r"bvh(/a.bvh)?: is in the way"):
+            export(folder, name)
+    # A link that comes while an export is written.
+    stage = open_stage(folder, EXPORT, "key")
+    (stage.path / "bvh").mkdir()
+    (stage.path / "bvh" / "b.bvh").write_text("new")
+    report = read_manifest(folder)
+    write_manifest(stage.path, {"status": "done"}, {**checksums(stage.path, ["bvh/b.bvh"]), **report["files"]})
+    with pytest.raises(OutputError, match=r"bvh: .*is a symbolic link, expected"):
+        complete(folder)
+    assert [path.name for path in (outside / "bvh").iterdir()] == ["a.bvh"]
 
 
 def test_a_manifest_without_sizes_and_checksums_is_damaged(folder: Path) -> None:
@@ -170,6 +171,6 @@ def test_a_manifest_without_sizes_and_checksums_is_damaged(folder: Path) -> None
         ({"a": 3}, "files.a: is 3, expected"),
         (None, "files: is"),
     ):
-        write_manifest(folder, {}, files)
+        (folder / "manifest.json").write_text(signed_manifest({"files": files}))
         with pytest.raises(TakeError, match=f"is damaged: {what}"):
             read_manifest(folder)

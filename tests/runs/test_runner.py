@@ -20,7 +20,6 @@ from scenes import crowdsim, write_scene
 import crowdsim as package
 from crowdsim.errors import RunError
 from crowdsim.runs import preparation, runner
-from crowdsim.runs.journal import Noted, read_journal
 from crowdsim.runs.manifest import Verdict, read_manifest, verify, write_manifest
 from crowdsim.runs.preparation import load_policies, prepare
 from crowdsim.runs.runner import run, run_to
@@ -177,7 +176,7 @@ def test_foreign_folders_and_files_are_left_alone(workplace: Path, capsys) -> No
 def test_a_folder_in_use_by_another_run_is_refused_and_free_when_that_ends(workplace: Path, capsys) -> None:
     write_scene(workplace / "long.yaml", name="long", duration=50_000_000)
     process = start(workplace, "run", "long.yaml")
-    wait_for(workplace / "output" / "long" / "take.zarr.partial" / "x" / "0.0", process)
+    wait_for(workplace / "output" / "long" / ".run.partial" / "take.zarr.partial" / "x" / "0.0", process)
     assert crowdsim("run", "long.yaml", "--frames", "20") == 2
     result = capsys.readouterr().err.splitlines()[-1]
     since = r"since \d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ \(crowdsim run long.yaml\)"
@@ -195,7 +194,8 @@ FOREIGN = {
     "broken manifest": {"manifest.json": "{", "frames/0.png": "mine"},
     "resolved": {"scenario.resolved.yaml": "mine", "bvh/capture.bvh": "mine"},
     "take": {"take.zarr/.zgroup": "{}", "take.zarr.partial/x/0.0": "mine"},
-    "journal": {".crowdsim-journal.json": '{"format": "crowdsim-journal", "files": ["bvh/a.bvh"]}', "bvh/a.bvh": "x"},
+    "stage": {".run.partial/stage.json": '{"format": "crowdsim-stage", "key": "", "boot": ""}', "bvh/a.bvh": "x"},
+    "stage without a note": {".run.partial/take.zarr/x/0.0": "mine"},
 }
 
 
@@ -207,7 +207,8 @@ def test_names_alone_do_not_make_a_folder_a_run(workplace: Path, capsys, held: d
         (workplace / "mine" / name).parent.mkdir(parents=True, exist_ok=True)
         (workplace / "mine" / name).write_text(text)
     assert crowdsim("run", "four.yaml", "--out", "mine", *force) == 2
-    assert "expected an empty folder or a run's; --out names another\n" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "; --out names another\n" in said or "no command of crowdsim has made it; move it\n" in said
     assert {name: (workplace / "mine" / name).read_text() for name in held} == held
     assert sum(path.is_file() for path in (workplace / "mine").rglob("*")) == len(held)
 
@@ -233,9 +234,8 @@ def test_force_removes_only_what_the_run_has_written(workplace: Path, capsys) ->
 
 @pytest.mark.parametrize(
     ("name", "found"),
-    [("bvh/red_0.bvh", "bvh/red_0.bvh"), ("take.zarr/mine", "take.zarr/mine"), ("profile.csv/x", "profile.csv"),
-     ("take.zarr.partial/x", "take.zarr.partial/x")],
-)  # fmt: skip
+    [("bvh/red_0.bvh", "bvh/red_0.bvh"), ("take.zarr/mine", "take.zarr/mine"), ("profile.csv/x", "profile.csv")],
+)
 def test_foreign_files_in_a_run_folder_stop_the_run_before_anything_is_removed(
     workplace: Path, capsys, name: str, found: str
 ) -> None:
@@ -316,19 +316,24 @@ def test_the_plan_of_a_run_names_all_that_it_writes(workplace: Path, monkeypatch
     cloud = {"fps": 20, "frames": [5, 53], "every": 7, "points": 20}
     outputs = {**OUTPUTS, "pcd": cloud, "render": pictures, "profile": {"plots": True}}
     write_scene(workplace / "four.yaml", outputs=outputs)
-    noted = []
-    monkeypatch.setattr(runner, "remove_journal", lambda folder: noted.append(read_journal(folder)))
+    plans, refuse = [], runner.refuse_others
+    monkeypatch.setattr(
+        runner, "refuse_others", lambda base, plan, ledger: (plans.append(plan), refuse(base, plan, ledger))
+    )
     assert crowdsim("run", "four.yaml") == 0
     written = set(read_manifest(workplace / "output" / "four")["files"])
-    plan = {name for name in written if not name.startswith("take.zarr/")}
-    assert noted[0].inputs == {"scenario.resolved.yaml"}
-    (segments,) = (name for name in noted[0].files if name.startswith(".video-"))
-    assert {"take.zarr", "take.zarr.partial", segments} < noted[0].files
-    names = Noted(noted[0].files)
-    assert all(names.names(name) for name in plan - noted[0].inputs)
-    assert names.files <= plan
-    for other in ("ply/000001.ply", "ply/000099.ply", "pcd/000006.pcd", "pcd/00005.pcd", "frames/000002.png"):
-        assert not names.names(other)
+    (plan,) = plans
+    assert all(name in plan for name in written)
+    assert plan.files <= {*written, "manifest.json"}
+    for other in (
+        "ply/000001.ply",
+        "ply/000099.ply",
+        "pcd/000006.pcd",
+        "pcd/00005.pcd",
+        "frames/000002.png",
+        "ply/٠٠٠٠٢٠.ply",
+    ):
+        assert other not in plan
     verdict = verify(workplace / "output" / "four")
     assert verdict == Verdict()
 
@@ -372,7 +377,7 @@ def test_render_and_export_into_a_run_leave_files_of_others_alone(workplace: Pat
         assert crowdsim(*words) == 2
         assert f"{folder / name}: is in the way of what is to be written" in capsys.readouterr().err
         assert (folder / name).read_text() == "mine"
-    assert not (folder / ".crowdsim-journal.json").exists()
+    assert not [path for path in folder.iterdir() if path.name.startswith(".")]
 
 
 def test_an_interrupted_rendering_is_distinguished_from_foreign_files(workplace: Path, monkeypatch, capsys) -> None:
@@ -389,7 +394,7 @@ def test_an_interrupted_rendering_is_distinguished_from_foreign_files(workplace:
     capsys.readouterr()
     assert crowdsim("verify", folder) == 0
     result = capsys.readouterr().err.splitlines()
-    assert result[0].startswith(f"{folder}: an export or a rendering was not finished: .video-")
+    assert result[0] == f"{folder}: a command was not finished: .pictures.partial"
     assert result[1] == f"{folder}: not written by crowdsim: notes.txt"
     assert crowdsim(*words) == 0
     capsys.readouterr()
@@ -411,7 +416,7 @@ def test_what_the_system_refuses_names_the_path_and_ends_with_1(workplace: Path,
         patch.setattr(files, "replace", lambda *paths: full(*paths) if "csv" in str(paths[0]) else move(*paths))
         move = os.rename
         assert crowdsim("run", "four.yaml") == 1
-    message = "output/four/profile.csv: cannot be written: No space left on device"
+    message = "output/four/.run.partial/profile.csv: cannot be written: No space left on device"
     assert capsys.readouterr().err.splitlines()[-1] == message
     assert not [path for path in (workplace / "output" / "four").rglob("*") if path.name.endswith(".part")]
 
@@ -567,9 +572,9 @@ def wait_for(path: Path, process: subprocess.Popen) -> None:
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_an_interrupted_run_keeps_its_frames_and_reports_it(workplace: Path, capsys, number: int, code: int) -> None:
-    write_scene(workplace / "long.yaml", name="long", duration=50_000_000, outputs=OUTPUTS)
+    write_scene(workplace / "long.yaml", name="long", duration=50_000_000, outputs={"bvh": {"fps": 30}})
     process = start(workplace, "run", "long.yaml")
-    wait_for(workplace / "output" / "long" / "take.zarr.partial" / "x" / "0.0", process)
+    wait_for(workplace / "output" / "long" / ".run.partial" / "take.zarr.partial" / "x" / "0.0", process)
     process.send_signal(number)
     _, error = process.communicate(timeout=60)
     assert process.returncode == code
@@ -580,10 +585,11 @@ def test_an_interrupted_run_keeps_its_frames_and_reports_it(workplace: Path, cap
     assert np.isfinite(take.x[:]).all()
     assert error.endswith("control frames that were done are kept; the same command goes on from there\n")
     folder = workplace / "output" / "long"
-    assert sorted(path.name for path in folder.iterdir()) == [
-        ".crowdsim-journal.json",
+    assert [path.name for path in folder.iterdir()] == [".run.partial"]
+    assert sorted(path.name for path in (folder / ".run.partial").iterdir()) == [
         "checkpoint.bin",
         "scenario.resolved.yaml",
+        "stage.json",
         "take.zarr",
     ]
     kept = tree(folder)
@@ -610,19 +616,21 @@ def test_an_interrupted_run_keeps_its_frames_and_reports_it(workplace: Path, cap
 def test_a_killed_run_leaves_nothing_under_a_final_name_and_the_next_one_reports_it(workplace: Path, capsys) -> None:
     write_scene(workplace / "long.yaml", name="long", duration=50_000_000)
     process = start(workplace, "run", "long.yaml")
-    wait_for(workplace / "output" / "long" / "take.zarr.partial" / "x" / "0.0", process)
+    wait_for(workplace / "output" / "long" / ".run.partial" / "take.zarr.partial" / "x" / "0.0", process)
     process.kill()
     process.wait(timeout=60)
     process.stderr.close()
     folder = workplace / "output" / "long"
-    names = {".crowdsim-journal.json", ".crowdsim-lock.json", "scenario.resolved.yaml", "take.zarr.partial"}
-    assert {path.name for path in folder.iterdir()} - {".checkpoint.bin.part", "checkpoint.bin"} == names
+    stage = folder / ".run.partial"
+    assert {path.name for path in folder.iterdir()} == {".crowdsim-lock.json", ".run.partial"}
+    names = {"stage.json", "scenario.resolved.yaml", "take.zarr.partial"}
+    assert {path.name for path in stage.iterdir()} - {".checkpoint.bin.part", "checkpoint.bin"} == names
     assert crowdsim("export", "output/long", "--bvh") == 2
     assert "only what a run left that was killed; run its scenario again" in capsys.readouterr().err
     assert crowdsim("run", "long.yaml", "--set", "duration=20") == 2
     assert "holds an unfinished run of another scenario; --force replaces it" in capsys.readouterr().err
-    (folder / "take.zarr.partial" / ".zattrs.0123456789abcdef0123456789abcdef.partial").write_text("half")
-    (folder / ".scenario.resolved.yaml.part").write_text("half")
+    (stage / "take.zarr.partial" / ".zattrs.0123456789abcdef0123456789abcdef.partial").write_text("half")
+    (stage / ".scenario.resolved.yaml.part").write_text("half")
     assert crowdsim("run", "long.yaml", "--set", "duration=20", "--force") == 0
     assert crowdsim("verify", "output/long") == 0
     assert not [path for path in folder.iterdir() if "part" in path.name]
@@ -676,7 +684,7 @@ def test_a_full_disk_is_an_error_that_leaves_nothing_half_written(workplace: Pat
             cwd=workplace, env=environment, capture_output=True, text=True, timeout=300, check=False,
         )  # fmt: skip
         assert done.returncode == 1, done.stderr
-        assert done.stderr.splitlines()[-1].startswith(f"output/four/{path}")
+        assert done.stderr.splitlines()[-1].startswith(f"output/four/.run.partial/{path}")
         assert "cannot be written: " in done.stderr.splitlines()[-1]
         folder = workplace / "output" / "four"
         assert not (folder / "manifest.json").exists()
