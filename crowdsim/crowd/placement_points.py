@@ -62,7 +62,8 @@ def _read_npy(path: Path, most: int) -> Array:
             if version != (1, 0):
                 read_header = np.lib.format.read_array_header_2_0
             shape, is_fortran, dtype = read_header(file)
-        except (ValueError, SyntaxError, MemoryError, RecursionError, OverflowError):
+        except Exception:
+            # numpy reads it as Python, whose tokenizer and parser raise much.
             raise ValueError("is no NPY file, expected an array as numpy.save writes it") from None
         if dtype.kind not in "fiu":
             raise ValueError(f"holds {dtype.name} values, expected numbers: rows of x, z and perhaps a heading")

@@ -170,7 +170,7 @@ def read_manifest(folder: Path, needed: Iterable[str] = (), name: str = NAME) ->
             raise TakeError(f"{path}: is damaged: lacks {key!r}")
     inputs = set(document.get("inputs", ())) if name == NAME else set()
     for file in document["files"]:
-        if not is_inside(file) or not (file in inputs or is_written(file, name == NAME)):
+        if not is_inside(file) or not (file in inputs or is_written(file) or is_written(file, by_run=False)):
             raise TakeError(f"{path}: names {file!r}, expected only files that a run writes inside {folder}")
     return document
 

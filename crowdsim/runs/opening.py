@@ -95,25 +95,20 @@ def bundle_of(folder: Path, policy: str, fingerprint: str | None = None) -> Path
         places = [own]
     else:
         places = [Path(place) for name, place in recorded.get("policy_folders", {}).items() if name == policy]
-    missing: PolicyError | None = None
-    if not places or _fingerprint(places[0]) is None or fingerprint not in (None, _fingerprint(places[0])):
-        try:
-            places += [find_bundle(policy)] if places[:1] != [own] else []
-        except (PolicyError, RecipeError) as error:
-            missing = PolicyError(str(error))
-    for place in places:
-        now = _fingerprint(place)
+    if places[:1] != [own]:
+        with suppress(PolicyError, RecipeError):
+            places.append(find_bundle(policy))
+        for known in assets.folders("policies") if fingerprint else ():
+            places += [document.parent for document in sorted(known.glob("*/policy.json"))]
+    found = {place: _fingerprint(place) for place in places}
+    for place, now in found.items():
         if now is not None and fingerprint in (None, now):
             return place
-    for kind in assets.folders("policies") if fingerprint and places[:1] != [own] else ():
-        for document in sorted(kind.glob("*/policy.json")):
-            if _fingerprint(document.parent) == fingerprint:
-                return document.parent
-    if missing is not None and not places:
-        raise missing
-    what = f"policy {policy!r} is not the one that the take was recorded with"
-    tried = ", ".join(map(str, places))
-    raise PolicyError(f"{folder}: {what} (looked in {tried}); train it as it was, or run the scenario again")
+    tried = ", ".join(map(str, found)) or "nothing was found by its name"
+    is_there = any(now is not None and place.name == policy for place, now in found.items())
+    what = "is not the one that the take was recorded with" if is_there else "is missing"
+    remedy = "train it as it was, or run the scenario again"
+    raise PolicyError(f"{folder}: policy {policy!r} {what} (looked in {tried}); {remedy}")
 
 
 def _fingerprint(bundle: Path) -> str | None:

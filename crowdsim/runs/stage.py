@@ -28,6 +28,7 @@ from crowdsim.files import (
     read_plain,
     remove_plain,
     remove_tree,
+    stat_plain,
     sync_disk,
     sync_folder,
     walk,
@@ -272,8 +273,10 @@ def _put_in_place(base: Path, stage: Path, note: Mapping[str, Any]) -> None:
         move_plain(stage, TAKE, base)
     for name in sorted(set(old.files) - set(new.files)):
         # A name that any user's file may have, since a scenario reads it or the folder is a user's: the very file.
-        if (old.name == NAME and is_written(name)) or is_unchanged(base, name, old.files[name]):
-            with suppress(NotPlainError):
+        with suppress(NotPlainError, FileNotFoundError):
+            size = stat_plain(base, name).st_size
+            by_us = size == old.files[name]["bytes"] and old.name == NAME and is_written(name)
+            if by_us or is_unchanged(base, name, old.files[name]):
                 remove_plain(base, [name])
     write_plain(stage, NOTE, signed_text({**note, "done": True}))
     move_plain(stage, new.name, base)
@@ -406,7 +409,11 @@ def write_together(
             yield Writing(held.path / above)
         written = sorted(name for name in walk(held.path) if (name in mine if mine else name != NOTE))
         if mine is None:
-            _refuse(base, Plan(set(written)), ledger, force)
+            try:
+                _refuse(base, Plan(set(written)), ledger, force)
+            except OutputError:
+                discard(base, stage)
+                raise
         gone = {f"{above}/{place}" if above else place for place in replaces}
         kept = {name: facts for name, facts in ledger.files.items() if name.rpartition("/")[0] not in gone}
         facts = {**asked, "key": key, **({} if mine else {"files": written})}
