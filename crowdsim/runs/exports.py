@@ -12,17 +12,15 @@ import numpy as np
 
 from crowdsim.core.types import Progress
 from crowdsim.errors import CrowdsimError
-from crowdsim.files import is_folder, make_folder, move_plain, walk
+from crowdsim.files import is_folder, move_plain, walk
 from crowdsim.runs.manifest import EXPORT
 from crowdsim.runs.origin import sources_hash
-from crowdsim.runs.outputs import divide_avatars, divide_frames, in_order
+from crowdsim.runs.outputs import Export, write_exports
 from crowdsim.runs.stage import Plan, write_together
 from crowdsim.scenario.frame_ranges import parse_frames
 
 if TYPE_CHECKING:
-    from crowdsim.export.stream import Sink
     from crowdsim.policy.policy import Policy
-    from crowdsim.take.poses import PoseSampler
     from crowdsim.take.take import Take
 
 
@@ -45,14 +43,6 @@ class ExportOptions:
     fps: float = 60.0
     every: int = 1
     points: int = 500
-
-
-@dataclass(frozen=True)
-class _Range:
-    """Which avatars, all when None, and output frames are exported: the first, and one past the last."""
-
-    avatars: Sequence[int] | None
-    frames: tuple[int, int]
 
 
 def export_take(
@@ -94,17 +84,19 @@ def export_take(
     frames = (0, count)
     if options.frames is not None:
         frames = parse_frames(options.frames).resolve(count, fps, take.frame_limit(fps))
-    wanted = _Range(parse_avatars(options.avatars, take.avatar_count), frames)
-    made_from = {"take": _mark(take), "frames": frames, "avatars": wanted.avatars and list(wanted.avatars)}
-    plan = plan_exports(take, options, wanted)
+    avatars = parse_avatars(options.avatars, take.avatar_count)
+    wanted = [Export(kind, fps, frames, avatars, options.every, options.points) for kind in options.kinds]
+    made_from = {"take": _mark(take), "frames": frames, "avatars": avatars and list(avatars)}
+    plan = Plan()
+    for one in wanted:
+        one.plan(plan, take.cast.names.tolist())
     with write_together(
         out or folder, EXPORT, options.kinds, asdict(options), plan, made_from, folder, options.kinds, force, threads
     ) as writing:
-        written = (
-            {kind: [path for path in writing.done if path.parent.name == kind] for kind in options.kinds}
-            if writing.done
-            else _write(PoseSampler(take, policies, threads), writing.folder, options, wanted, threads, progress)
-        )
+        if writing.done:
+            written = {kind: [path for path in writing.done if path.parent.name == kind] for kind in options.kinds}
+        else:
+            written = write_exports(PoseSampler(take, policies, threads), writing.folder, wanted, threads, progress)
     return {kind: [(out or folder) / kind / path.name for path in files] for kind, files in written.items()}
 
 
@@ -136,57 +128,8 @@ def adopt_exports(folder: Path, apart: Path, options: ExportOptions, threads: in
                 move_plain(apart, name, writing.folder)
 
 
-def plan_exports(take: Take, options: ExportOptions, wanted: _Range) -> Plan:
-    """Return the names of all files of an export."""
-    from crowdsim.export.bvh import bvh_name
-
-    plan = Plan()
-    for kind in options.kinds:
-        if kind == "bvh":
-            numbers = range(take.avatar_count) if wanted.avatars is None else wanted.avatars
-            plan.files |= {f"bvh/{bvh_name(take.cast.names[number])}" for number in numbers}
-        else:
-            plan.series.append((kind, range(*wanted.frames, options.every), kind))
-    return plan
-
-
 def _mark(take: Take) -> str:
     """Return a checksum of what the files of an export depend on beside the options."""
     last = [np.ascontiguousarray(values[-1:]).tobytes() for values in (take.action, take.x, take.z, take.heading)]
     made = [take.scenario, str(take.seed), *take.fingerprints, str(take.frame_count), sources_hash()]
     return hashlib.sha256(b"".join(last) + "\n".join(made).encode()).hexdigest()
-
-
-def _write(
-    sampler: PoseSampler,
-    folder: Path,
-    options: ExportOptions,
-    wanted: _Range,
-    threads: int,
-    progress: Progress | None,
-) -> dict[str, list[Path]]:
-    """Write what is missing of an export into a folder; return all its files, by kind."""
-    from crowdsim.export.bvh import BvhSink
-    from crowdsim.export.pointcloud import CloudSink
-    from crowdsim.export.stream import stream_poses
-
-    take, found = sampler.take, {}
-    sinks: list[Sink] = []
-    fps, points, every = options.fps, options.points, options.every
-    for kind in options.kinds:
-        place = folder / kind
-        make_folder(place)
-        if kind == "bvh":
-            chosen = range(take.avatar_count) if wanted.avatars is None else wanted.avatars
-            found[kind], missing = divide_avatars(place, take, chosen)
-            if missing:
-                sinks.append(BvhSink(sampler, place, fps, wanted.frames, missing))
-        else:
-            found[kind], start = divide_frames(place, kind, range(*wanted.frames, every))
-            frames = (start, wanted.frames[1])
-            if frames[0] < frames[1]:
-                sinks.append(CloudSink(sampler, place, kind, fps, points, frames, every, wanted.avatars))
-    if sinks:
-        for sink, written in zip(sinks, stream_poses(sampler, fps, sinks, threads, progress), strict=True):
-            found[sink.kind] = in_order(take, [*found[sink.kind], *written])
-    return found

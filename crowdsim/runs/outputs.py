@@ -1,13 +1,14 @@
-"""What a scenario wants written of a take, handed to the exporters and the renderer."""
+"""What is wanted of a take, by a scenario or by a command, handed to the exporters and the renderer."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from crowdsim.files import make_folder
+from crowdsim.core.types import Progress
+from crowdsim.files import exists_plain, make_inside
 from crowdsim.runs.stage import Plan
 from crowdsim.scenario.frame_ranges import output_frames
 
@@ -19,6 +20,95 @@ if TYPE_CHECKING:
     from crowdsim.take.data import TakeData
     from crowdsim.take.poses import PoseSampler
     from crowdsim.take.take import Take
+
+
+@dataclass(frozen=True)
+class Export:
+    """One kind of file that is wanted of a take.
+
+    Attributes:
+        kind: ``bvh``, ``ply`` or ``pcd``; the folder of the files.
+        fps: Output frames a second.
+        frames: First output frame and one past the last.
+        avatars: Their numbers; all when None.
+        every: Every n-th output frame of point clouds is written.
+        points: Points an avatar.
+    """
+
+    kind: str
+    fps: float
+    frames: tuple[int, int]
+    avatars: Sequence[int] | None = None
+    every: int = 1
+    points: int = 500
+
+    def plan(self, plan: Plan, names: Sequence[str]) -> None:
+        """Add the names of the files to a plan; ``names`` are those of all avatars."""
+        if self.kind != "bvh":
+            plan.series.append((self.kind, range(*self.frames, self.every), self.kind))
+            return
+        from crowdsim.export.bvh import bvh_name
+
+        numbers = range(len(names)) if self.avatars is None else self.avatars
+        plan.files |= {f"bvh/{bvh_name(names[number])}" for number in numbers}
+
+    def open(self, sampler: PoseSampler, folder: Path) -> tuple[list[Path], Sink | None]:
+        """Return the files that are there already, which are whole, and the writer of the others; None without any."""
+        place, take = make_inside(folder, self.kind), sampler.take
+        if self.kind == "bvh":
+            from crowdsim.export.bvh import BvhSink, bvh_name
+
+            chosen = range(take.avatar_count) if self.avatars is None else self.avatars
+            names = {number: bvh_name(take.cast.names[number]) for number in chosen}
+            there = [number for number, name in names.items() if exists_plain(place, name)]
+            missing = [number for number in names if number not in set(there)]
+            is_empty = not missing or self.frames[0] >= self.frames[1]
+            sink = None if is_empty else BvhSink(sampler, place, self.fps, self.frames, missing)
+            return [place / names[number] for number in there], sink
+        from crowdsim.export.pointcloud import CloudSink
+
+        frames = range(*self.frames, self.every)
+        start = next((frame for frame in frames if not exists_plain(place, f"{frame:06d}.{self.kind}")), self.frames[1])
+        files = [place / f"{frame:06d}.{self.kind}" for frame in frames if frame < start]
+        if start >= self.frames[1]:
+            return files, None
+        left = (start, self.frames[1])
+        return files, CloudSink(sampler, place, self.kind, self.fps, self.points, left, self.every, self.avatars)
+
+
+def wanted_exports(scenario: Scenario, control_frames: int, control_rate: float) -> list[Export]:
+    """Return what a scenario wants written of a take of so many control frames."""
+    found = []
+    for kind in ("bvh", "ply", "pcd"):
+        wanted = getattr(scenario.outputs, kind)
+        if wanted is not None:
+            fps = wanted.fps or scenario.fps
+            frames = _limited(wanted.frames_at(fps), output_frames(control_frames, control_rate, fps))
+            more = {} if kind == "bvh" else {"every": wanted.every, "points": wanted.points}
+            found.append(Export(kind, fps, frames, wanted.avatars, **more))
+    return found
+
+
+def write_exports(
+    sampler: PoseSampler, folder: Path, wanted: Iterable[Export], threads: int = 1, progress: Progress | None = None
+) -> dict[str, list[Path]]:
+    """Write what is missing of exports into a folder; return all files of each kind. Those at one rate share poses.
+
+    Raises:
+        OutputError: A file cannot be written.
+    """
+    from crowdsim.export.stream import stream_poses
+
+    found: dict[str, list[Path]] = {}
+    rates: dict[float, list[Sink]] = {}
+    for export in wanted:
+        found[export.kind], sink = export.open(sampler, folder)
+        if sink is not None:
+            rates.setdefault(export.fps, []).append(sink)
+    for fps, sinks in rates.items():
+        for sink, written in zip(sinks, stream_poses(sampler, fps, sinks, threads, progress), strict=True):
+            found[sink.kind] = _in_order(sampler.take, [*found[sink.kind], *written])
+    return found
 
 
 def expect_outputs(scenario: Scenario) -> None:
@@ -39,60 +129,38 @@ def plan_outputs(scenario: Scenario, avatars: Sequence[str], control_frames: int
         control_rate: Control frames a second.
     """
     wanted, plan = scenario.outputs, Plan()
-    if wanted.bvh is not None:
-        from crowdsim.export.bvh import bvh_name
-
-        numbers = range(len(avatars)) if wanted.bvh.avatars is None else wanted.bvh.avatars
-        plan.files |= {f"bvh/{bvh_name(avatars[number])}" for number in numbers}
-    for kind in ("ply", "pcd"):
-        cloud = getattr(wanted, kind)
-        if cloud is not None:
-            fps = cloud.fps or scenario.fps
-            count = output_frames(control_frames, control_rate, fps)
-            start, stop = _limited(cloud.frames_at(fps), count) or (0, count)
-            plan.series.append((kind, range(start, stop, cloud.every), kind))
+    for export in wanted_exports(scenario, control_frames, control_rate):
+        export.plan(plan, avatars)
     if wanted.render is not None:
         count = output_frames(control_frames, control_rate, wanted.render.fps)
-        frames = _limited(wanted.render.frames_at(wanted.render.fps), count) or (0, count)
         plan.files |= {"video.mp4"} if wanted.render.mp4 else set()
         plan.files |= {"contact_sheet.png"} if wanted.render.contact_sheet else set()
         if wanted.render.png:
-            plan.series.append(("frames", range(*frames), "png"))
+            plan.series.append(("frames", range(*_limited(wanted.render.frames_at(wanted.render.fps), count)), "png"))
     if wanted.profile is not None:
-        plan.files |= {
-            name
-            for name, asked in (("profile.csv", wanted.profile.csv), ("profile.png", wanted.profile.plots))
-            if asked
-        }
+        plan.files |= {"profile.csv"} if wanted.profile.csv else set()
+        plan.files |= {"profile.png"} if wanted.profile.plots else set()
     return plan
 
 
 def write_outputs(run: Run, take: Take, policies: Sequence[Policy]) -> dict[str, list[Path]]:
     """Write the outputs that a run's scenario asks for from its take; return the files of each kind.
 
-    Outputs at one rate share their poses. Files that are there already are whole, and are not written again.
+    Files that are there already are whole, and are not written again.
 
     Raises:
         OutputError: A file cannot be written.
         Interrupted: A signal has come.
     """
-    from crowdsim.export.stream import stream_poses
     from crowdsim.take.poses import PoseSampler
 
     found: dict[str, list[Path]] = {}
-    scenario, threads, progress = run.scenario, run.threads, run.advance_outputs
-    wanted = scenario.outputs
-    if wanted.bvh is not None or wanted.ply is not None or wanted.pcd is not None:
-        sampler = PoseSampler(take, policies, threads)
-        rates: dict[float, list[Sink]] = {}
-        for fps, sink in _sinks(sampler, run.work, scenario, found):
-            rates.setdefault(fps, []).append(sink)
-        for fps, sinks in rates.items():
-            files = stream_poses(sampler, fps, sinks, threads, progress)
-            for sink, written in zip(sinks, files, strict=True):
-                found[sink.kind] = in_order(take, [*found[sink.kind], *written])
+    wanted = wanted_exports(run.scenario, take.frame_count, take.control_rate)
+    if wanted:
+        sampler = PoseSampler(take, policies, run.threads)
+        found = write_exports(sampler, run.work, wanted, run.threads, run.advance_outputs)
         run.clock.lap("export")
-    if wanted.render is not None:
+    if run.scenario.outputs.render is not None:
         found["pictures"] = _render(run, take, policies)
         run.clock.lap("render")
     return found
@@ -109,10 +177,10 @@ def _render(run: Run, take: Take, policies: Sequence[Policy]) -> list[Path]:
     assert wanted is not None
     count = take.output_frames(wanted.fps)
     frames = _limited(wanted.frames_at(wanted.fps), count)
-    if frames is not None and frames[0] == frames[1]:
+    if frames[0] == frames[1]:
         return []
     options = replace(scenario_options(wanted, run.threads), frames=frames)
-    files = picture_files(folder, frames or (0, count), wanted.mp4, wanted.png, wanted.contact_sheet or 0)
+    files = picture_files(folder, frames, wanted.mp4, wanted.png, wanted.contact_sheet or 0)
     is_there = {name: (folder / name).exists() for name in ("video.mp4", "contact_sheet.png")}
     if all(path.exists() for path in files):
         return files
@@ -126,71 +194,15 @@ def _render(run: Run, take: Take, policies: Sequence[Policy]) -> list[Path]:
     return files
 
 
-def _sinks(
-    sampler: PoseSampler, folder: Path, scenario: Scenario, found: dict[str, list[Path]]
-) -> list[tuple[float, Sink]]:
-    """Return writers of the motion that a scenario asks for, each with its rate, and make their folders.
-
-    Files that are there already go to ``found``, and what writes them is left out.
-    """
-    from crowdsim.export.bvh import BvhSink
-
-    take, wanted = sampler.take, scenario.outputs
-    sinks: list[tuple[float, Any]] = []
-    if wanted.bvh is not None:
-        fps = wanted.bvh.fps or scenario.fps
-        frames = _limited(wanted.bvh.frames_at(fps), take.output_frames(fps))
-        make_folder(folder / "bvh")
-        chosen = range(take.avatar_count) if wanted.bvh.avatars is None else wanted.bvh.avatars
-        found["bvh"], missing = divide_avatars(folder / "bvh", take, chosen)
-        if missing and (frames is None or frames[0] < frames[1]):
-            sinks.append((fps, BvhSink(sampler, folder / "bvh", fps, frames, missing)))
-    for kind in ("ply", "pcd"):
-        cloud = getattr(wanted, kind)
-        if cloud is None:
-            continue
-        from crowdsim.export.pointcloud import CloudSink
-
-        fps = cloud.fps or scenario.fps
-        start, stop = _limited(cloud.frames_at(fps), take.output_frames(fps)) or (0, take.output_frames(fps))
-        make_folder(folder / kind)
-        found[kind], start = divide_frames(folder / kind, kind, range(start, stop, cloud.every))
-        if start < stop:
-            frames = (start, stop)
-            sink = CloudSink(sampler, folder / kind, kind, fps, cloud.points, frames, cloud.every, cloud.avatars)
-            sinks.append((fps, sink))
-    return sinks
-
-
-def divide_avatars(folder: Path, take: TakeData, chosen: Sequence[int]) -> tuple[list[Path], list[int]]:
-    """Return the BVH files of some avatars that are there, and the numbers of the other avatars."""
-    from crowdsim.export.bvh import bvh_name
-
-    paths = {number: folder / bvh_name(take.cast.names[number]) for number in chosen}
-    there = [path for path in paths.values() if path.exists()]
-    return there, [number for number, path in paths.items() if path not in there]
-
-
-def divide_frames(folder: Path, kind: str, frames: range) -> tuple[list[Path], int]:
-    """Return the clouds of some frames that are there, up to the first one that is not, and that frame."""
-    there: list[Path] = []
-    for frame in frames:
-        path = folder / f"{frame:06d}.{kind}"
-        if not path.exists():
-            return there, frame
-        there.append(path)
-    return there, frames.stop
-
-
-def in_order(take: TakeData, files: Sequence[Path]) -> list[Path]:
+def _in_order(take: TakeData, files: Sequence[Path]) -> list[Path]:
     """Return files, each once, by avatar or by frame."""
     numbers = {str(name): number for number, name in enumerate(take.cast.names)}
     return sorted(set(files), key=lambda path: numbers[path.stem] if path.suffix == ".bvh" else int(path.stem))
 
 
-def _limited(frames: Sequence[int] | None, count: int) -> tuple[int, int] | None:
-    """Return a checked range of a scenario's output frames, cut to the ``count`` that there are.
+def _limited(frames: Sequence[int] | None, count: int) -> tuple[int, int]:
+    """Return a checked range of a scenario's output frames, all when None, cut to the ``count`` that there are.
 
     It is empty where the run has ended before.
     """
-    return None if frames is None else (min(frames[0], count), min(frames[1], count))
+    return (0, count) if frames is None else (min(frames[0], count), min(frames[1], count))

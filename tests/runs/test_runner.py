@@ -359,7 +359,9 @@ def test_all_that_export_and_render_write_into_a_run_is_verified(workplace: Path
     assert crowdsim("verify", folder) == 1
     assert "video.mp4: has 7 bytes, expected " in capsys.readouterr().err
     assert crowdsim("run", "four.yaml", "--force") == 0
-    assert {name.split("/")[0] for name in tree(folder)} == {"scenario.resolved.yaml", "checkpoint.bin", "take.zarr"}
+    # What has changed since it was written may be worth something.
+    left = {"scenario.resolved.yaml", "checkpoint.bin", "take.zarr", "video.mp4"}
+    assert {name.split("/")[0] for name in tree(folder)} == left
 
 
 def test_render_and_export_into_a_run_leave_files_of_others_alone(workplace: Path, capsys) -> None:
