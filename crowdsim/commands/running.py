@@ -85,7 +85,8 @@ def run(
                     report = run_to(folder, scenario, threads, mocap, force, command, bars, bars.note)
                 else:
                     report = extend_run(folder, scenario, more, threads, mocap, command, bars, bars.note)
-            for line in report.notes:
+            # Those of others were printed as they came.
+            for line in report.notes if report.done_before else ():
                 note(line)
             if as_json:
                 documents.append(_describe_report(scenario.name, report))

@@ -1,7 +1,7 @@
 """Checkpoints: all that a run needs to go on from a control frame, beside the chunks of its take; ``take/FORMAT.md``.
 
-A checkpoint is written at the ends of chunks, as often as a small share of the run's time allows, and replaces the one
-before as a whole. The last one stays in a finished run, which can be extended from there.
+A checkpoint is written as often as a small share of the run's time allows, and replaces the one before as a whole. The
+last one stays in a finished run, which can be extended from there.
 """
 
 from __future__ import annotations

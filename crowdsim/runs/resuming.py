@@ -18,7 +18,7 @@ from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import Checkpoint, Pace, write_checkpoint
 from crowdsim.runs.folder import TAKE
 from crowdsim.runs.preparation import Prepared
-from crowdsim.runs.recording import record, take_chunk
+from crowdsim.runs.recording import record
 from crowdsim.runs.run import Run
 from crowdsim.take.continuing import check_writer, written_frames, written_strikes
 from crowdsim.take.known import action_counts, with_known_actions
@@ -50,7 +50,7 @@ class CheckpointKeeper:
         Raises:
             OutputError: It cannot be written.
         """
-        if not (required or (self._writer.is_between_chunks and self._pace.is_due())):
+        if not (required or self._pace.is_due()):
             return
         since = perf_counter()
         measured = np.concatenate(timings) if timings else None
@@ -81,7 +81,8 @@ def write_take(
         Interrupted: A signal has come.
     """
     path = run.folder / TAKE
-    writer = TakeWriter(path, prepared.header, prepared.frames, take_chunk(run, prepared))
+    chunk = run.scenario.outputs.take.chunk
+    writer = TakeWriter(path, prepared.header, prepared.frames, chunk)
     if begun is not None:
         try:
             if begun.frame == prepared.frames and path.exists():
@@ -96,9 +97,9 @@ def write_take(
             _recount(counter, written_frames(writer, path, counts), written_strikes(writer))
             run.report.continued_at = begun.frame
         except TakeError as error:
-            run.report.notes.append(f"{error}; starting over")
+            run.note(f"{error}; starting over")
             begun = None
-            writer = TakeWriter(path, prepared.header, prepared.frames, writer.chunk)
+            writer = TakeWriter(path, prepared.header, prepared.frames, chunk)
             writer.abandon()
             shutil.rmtree(path, ignore_errors=True)
     try:

@@ -44,7 +44,7 @@ class Report:
     Attributes:
         folder: The run folder.
         seconds: Time of each stage [s].
-        notes: What a user should know.
+        notes: What a user should know; of a run that was not done before, ``Run.notify`` has been called with it.
         done_before: Whether the run was finished already and has not been done again.
         continued_at: Control frames that were done before, where a run goes on that was interrupted.
         compiled: Kernels that had to be compiled; their time is the stage ``compile``, with that of loading others.
@@ -141,6 +141,12 @@ class Run:
         """Start the clock."""
         self.report = Report(self.folder)
         self.clock = Clock(self.report.seconds)
+
+    def note(self, line: str) -> None:
+        """Report what a user should know, at once and in the end."""
+        self.report.notes.append(line)
+        if self.notify is not None:
+            self.notify(line)
 
     def advance(self, stage: str, done: int, total: int) -> None:
         """Report progress."""

@@ -96,9 +96,9 @@ def run_to(
     A finished run of the same resolved scenario is not done again. One that was interrupted goes on where it stopped,
     with the same result as if it had not been. Nothing that a run has computed is removed, unless ``force`` says so;
     then only what a manifest or journal lists. What is wrong with the input is found before the folder is made or
-    touched. ``notify`` is called beforehand with what has to be trained, what a large crowd will need and what its
-    policies cannot do, and once when kernels are compiled. ``policies`` are those of a scenario that has been checked;
-    they are found, and trained if need be, when None.
+    touched. ``notify`` is called beforehand with what has to be trained, what a large crowd will need, what its
+    policies cannot do and where the run goes on, and once when kernels are compiled. ``policies`` are those of a
+    scenario that has been checked; they are found, and trained if need be, when None.
 
     Raises:
         ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
@@ -144,7 +144,8 @@ def _run_in_folder(one: Run, resolved: str, policies: Sequence[Policy] | None) -
             return
         lost = before is not None and rebooted(before)
         claim = claim_folder(one.folder, _inputs(one.scenario), outputs, origin, prepared.frames, one.force, lost)
-        one.report.notes += claim.notes
+        for line in claim.notes:
+            one.note(line)
         one.clock.lap("prepare")
         try:
             with under_way():
@@ -160,7 +161,8 @@ def _prepare(one: Run) -> Prepared:
 
     scenario = one.scenario
     placed = place_groups(scenario)
-    one.report.notes += map(str, scenario.place(late_events(scenario)))
+    for finding in scenario.place(late_events(scenario)):
+        one.note(str(finding))
     policies = load_policies(scenario, one.mocap, one.threads, one.progress)
     one.clock.lap("policies")
     if one.notify is not None:
