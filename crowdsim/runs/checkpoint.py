@@ -213,12 +213,14 @@ def _checksum(document: Mapping[str, Any], body: bytes) -> str:
 class Pace:
     """Says when the next checkpoint may be written, so that all of them take no more than ``SHARE`` of the time.
 
+    A byte is taken to cost as much as in the one before: a small checkpoint, at the end of a chunk, may come sooner.
+
     Args:
         lasts: Whether the first one is to survive a power cut already, since the one that it replaces does.
     """
 
     def __init__(self, lasts: bool = False) -> None:
-        self._due = 0.0
+        self._wrote = self._seconds_per_byte = 0.0
         self._lasting = 0.0 if lasts else perf_counter() + LASTS_AFTER
 
     @property
@@ -226,11 +228,11 @@ class Pace:
         """Whether a checkpoint that is written now is to survive a power cut."""
         return perf_counter() >= self._lasting
 
-    def is_due(self) -> bool:
-        """Whether a checkpoint may be written now."""
-        return perf_counter() >= self._due
+    def is_due(self, size: int) -> bool:
+        """Whether a checkpoint of about so many bytes may be written now."""
+        return perf_counter() >= self._wrote + size * self._seconds_per_byte / SHARE
 
-    def wrote(self, since: float) -> None:
-        """Note that one has been written, begun at a time of ``perf_counter``."""
-        now = perf_counter()
-        self._due = now + (now - since) / SHARE
+    def wrote(self, since: float, size: int) -> None:
+        """Note that one of so many bytes has been written, begun at a time of ``perf_counter``."""
+        self._wrote = perf_counter()
+        self._seconds_per_byte = (self._wrote - since) / size

@@ -150,9 +150,11 @@ def _restore(simulation: Simulation, begun: Checkpoint, folder: Path) -> None:
 def _chunks(run: Run, prepared: Prepared, simulation: Simulation) -> Iterator[Chunk]:
     """Yield the control frames of a run as they come."""
     avatars = len(prepared.cast.names)
-    step = min(chunk_frames(avatars, run.scenario.outputs.take.chunk), max(1, _STEP_AVATAR_FRAMES // avatars))
+    size, step = chunk_frames(avatars, run.scenario.outputs.take.chunk), max(1, _STEP_AVATAR_FRAMES // avatars)
     while simulation.frame < prepared.frames and not simulation.is_over:
         run.clock.start()
-        chunk = simulation.run(min(step, prepared.frames - simulation.frame))
+        # No further than to the end of a chunk of the take, where a checkpoint is small.
+        until = size - simulation.frame % size
+        chunk = simulation.run(min(step, until, prepared.frames - simulation.frame))
         run.clock.lap("control")
         yield chunk

@@ -50,14 +50,15 @@ class CheckpointKeeper:
         Raises:
             OutputError: It cannot be written.
         """
-        if not (required or self._pace.is_due()):
+        size = simulation.nbytes + self._writer.nbytes
+        if not (required or self._pace.is_due(size)):
             return
         since = perf_counter()
         measured = np.concatenate(timings) if timings else None
         state = simulation.state(), self._writer.state()
         written = Checkpoint(simulation.frame, self._origin, *state, measured)
         write_checkpoint(self._folder, written, self._pace.lasts)
-        self._pace.wrote(since)
+        self._pace.wrote(since, size)
 
 
 def write_take(

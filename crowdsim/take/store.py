@@ -103,6 +103,12 @@ class TakeWriter:
             raise TakeError(f"{self.path}: cannot be continued: {error}") from None
         return self
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of the frames and strikes that wait for a whole chunk."""
+        kept = [*self.kept, *({name: getattr(events, name) for name in EVENTS} for events in self.kept_events)]
+        return sum(values.nbytes for rows in kept for values in rows.values())
+
     def state(self) -> dict[str, Array]:
         """Return what is held beside the chunks on disk, see ``continuing.read_writer``."""
         return read_writer(self)

@@ -49,7 +49,7 @@ def test_runs_are_extended_by_seconds_and_again(workplace: Path) -> None:
 def test_an_extension_that_stopped_leaves_the_run_as_it_is_and_goes_on(
     workplace: Path, monkeypatch, capsys, number: int | None
 ) -> None:
-    monkeypatch.setattr(Pace, "is_due", lambda self: True)
+    monkeypatch.setattr(Pace, "is_due", lambda self, size: True)
     write_scene_of(workplace, 30, 8)
     assert crowdsim("run", "four.yaml", "--frames", "60", "--out", "undisturbed") == 0
     assert crowdsim("run", "four.yaml", "--out", "run") == 0
@@ -62,13 +62,13 @@ def test_an_extension_that_stopped_leaves_the_run_as_it_is_and_goes_on(
                 crowdsim(*extend)
         else:
             assert crowdsim(*extend) == 143
-            assert "run: interrupted; the 54 of 60 control frames that were done are kept" in capsys.readouterr().err
+            assert "run: interrupted; the 48 of 60 control frames that were done are kept" in capsys.readouterr().err
     kept = {name: text for name, text in tree(workplace / "run").items() if not name.startswith(".")}
     assert kept == before
     assert crowdsim("verify", "run") == 0
     capsys.readouterr()
     assert crowdsim("status", "run") == 0
-    assert f"extension {46 if number is None else 54} of 60" in capsys.readouterr().out
+    assert f"extension {40 if number is None else 48} of 60" in capsys.readouterr().out
     assert crowdsim(*extend) == 0
     assert "continuing after" in capsys.readouterr().err
     same_as_undisturbed(workplace / "run", workplace / "undisturbed")

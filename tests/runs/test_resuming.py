@@ -38,8 +38,8 @@ EVENTS = [
 """Much is pending at any time: avatars who come late, a condition, strikes."""
 
 
-STEP = 3
-"""Control frames that are simulated at a stretch: neither chunks of the take nor events are at their ends."""
+CHUNK, STEP = 8, 3
+"""Control frames of a chunk of the take, and of a step of the simulation: most steps end in the midst of a chunk."""
 
 
 @pytest.fixture(autouse=True)
@@ -101,11 +101,11 @@ def same_as_undisturbed(folder: Path, undisturbed: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [None, signal.SIGINT])
-@pytest.mark.parametrize("frames", [(0,), (8,), (37,), (8, 16, 40)])
+@pytest.mark.parametrize("frames", [(0,), (9,), (37,), (8, 17, 40)])
 def test_a_run_that_stopped_goes_on_to_the_same_bytes(
     workplace: Path, monkeypatch, capsys, frames: tuple[int, ...], number: int | None
 ) -> None:
-    monkeypatch.setattr(Pace, "is_due", lambda self: True)
+    monkeypatch.setattr(Pace, "is_due", lambda self, size: True)
     write_scene(workplace / "four.yaml", duration=60, outputs=OUTPUTS, groups=GROUPS, events=EVENTS)
     assert crowdsim("run", "four.yaml", "--out", "undisturbed") == 0
     for frame in frames:
@@ -129,12 +129,14 @@ def test_a_run_that_stopped_goes_on_to_the_same_bytes(
 
 def frames_done_at(frame: int, number: int | None) -> int:
     """Return after which frame a run goes on: of the last step, and by a signal the one that was being computed."""
-    return -(-frame // STEP) * STEP + (STEP if number else 0)
+    ends = sorted({*range(0, 99, CHUNK), *(first + k for first in range(0, 99, CHUNK) for k in (STEP, 2 * STEP))})
+    step = next(k for k, end in enumerate(ends) if end >= frame)
+    return ends[step + (1 if number else 0)]
 
 
 def stop_run(monkeypatch: pytest.MonkeyPatch, frame: int = 16) -> None:
     """Let the run of ``four.yaml`` end as if killed at a control frame."""
-    monkeypatch.setattr(Pace, "is_due", lambda self: True)
+    monkeypatch.setattr(Pace, "is_due", lambda self, size: True)
     with monkeypatch.context() as patch:
         stop_at(patch, frame)
         with pytest.raises(Stop):
@@ -230,7 +232,7 @@ def test_outputs_go_on_behind_the_last_whole_file(workplace: Path, monkeypatch, 
 def test_outputs_of_an_unfinished_take_are_not_taken_for_those_of_the_run(workplace: Path, monkeypatch, capsys) -> None:
     write_scene(workplace / "four.yaml", outputs={"take": {"chunk": 8}, "bvh": {"fps": 30}})
     assert crowdsim("run", "four.yaml", "--out", "undisturbed") == 0
-    monkeypatch.setattr(Pace, "is_due", lambda self: True)
+    monkeypatch.setattr(Pace, "is_due", lambda self, size: True)
     with monkeypatch.context() as patch:
         stop_at(patch, 16, signal.SIGTERM)
         assert crowdsim("run", "four.yaml", "--out", "run") == 143
@@ -246,14 +248,28 @@ def test_checkpoints_take_no_more_than_their_share_of_the_time(monkeypatch) -> N
     monkeypatch.setattr(checkpoint, "perf_counter", lambda: clock[0])
     pace, spent, written = Pace(), 0.0, 0
     while clock[0] < 100.0:
-        if pace.is_due():
+        if pace.is_due(1000):
             since, written = clock[0], written + 1
             clock[0] += 0.01 if written % 7 else 0.2
             spent += clock[0] - since
-            pace.wrote(since)
+            pace.wrote(since, 1000)
         clock[0] += 0.001
     assert written > 10
     assert spent < 0.01 * clock[0]
+
+
+def test_a_small_checkpoint_may_come_sooner_than_a_large_one(monkeypatch) -> None:
+    clock = [0.0]
+    monkeypatch.setattr(checkpoint, "perf_counter", lambda: clock[0])
+    pace = Pace()
+    clock[0] = 0.01
+    pace.wrote(0.0, 1000)
+    clock[0] += 1.0
+    assert pace.is_due(400)
+    assert not pace.is_due(1000)
+    clock[0] += 1.0
+    assert pace.is_due(1000)
+    assert not pace.is_due(1100)
 
 
 def test_a_checkpoint_reads_back_and_every_flipped_bit_is_found(tmp_path: Path) -> None:
