@@ -95,7 +95,7 @@ class Whereabouts:
 
 def soak(frames: int, folder: Path) -> tuple[dict[str, Any], float]:
     """Return the figures of the long run, and the share of checkpoints."""
-    scenario = load_scenario("brawl_30", [f"outputs={{take: {{chunk: {min(CHUNK, frames)}}}}}"], frames=frames)
+    scenario = load_scenario("brawl_30", ["outputs={}"], frames=frames)
     memory = Memory()
     run_to(folder, scenario, threads=1, progress=memory)
     take = open_take(folder)

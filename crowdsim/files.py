@@ -260,6 +260,8 @@ def copy_plain(source: Path, folder: Path, name: str, link: bool = False) -> Non
             # Not every file system has links.
             shutil.copyfile(source, partial)
         os.replace(partial, path)
+        # Two names of one file both stay.
+        partial.unlink(missing_ok=True)
     except OSError as error:
         with suppress(OSError):
             partial.unlink(missing_ok=True)

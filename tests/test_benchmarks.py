@@ -64,6 +64,11 @@ KEYS = {
         *(f"soak.{name}" for name in ("frames", "memory_growth", "not_finite", "lost_avatars", "stuck_avatars")),
         "checkpoints.brawl_30", "checkpoints.soak",
     ],
+    "take": [
+        *(f"long.{name}" for name in ("control_seconds", "writing_seconds", "writing_over_control", "files")),
+        *(f"killed.{name}" for name in ("killed_after_frames", "lost_frames", "control_seconds", "identical")),
+        "read.short_milliseconds", "large.writing_over_control", "large.writing_over_disk",
+    ],
     "poses": [f"{name}.poses_per_s" for name in ("threads_1", "threads_2", "crowd_of_10000_by_8_frames")],
 }  # fmt: skip
 

@@ -1,7 +1,7 @@
 """Checkpoints: all that a run needs to go on from a control frame, beside the chunks of its take; ``take/FORMAT.md``.
 
-A checkpoint is written at the ends of chunks, as often as a small share of the run's time allows, and replaces the one
-before as a whole. The last one stays in a finished run, which can be extended from there.
+A checkpoint is written as often as a small share of the run's time allows, and replaces the one before as a whole. The
+last one stays in a finished run, which can be extended from there.
 """
 
 from __future__ import annotations
@@ -203,12 +203,14 @@ def _checksum(document: Mapping[str, Any], body: bytes) -> str:
 class Pace:
     """Says when the next checkpoint may be written, so that all of them take no more than ``SHARE`` of the time.
 
+    A byte is taken to cost as much as in the one before: a small checkpoint, at the end of a chunk, may come sooner.
+
     Args:
         lasts: Whether the first one is to survive a power cut already, since the one that it replaces does.
     """
 
     def __init__(self, lasts: bool = False) -> None:
-        self._due = 0.0
+        self._wrote = self._seconds_per_byte = 0.0
         self._lasting = 0.0 if lasts else perf_counter() + LASTS_AFTER
 
     @property
@@ -216,11 +218,11 @@ class Pace:
         """Whether a checkpoint that is written now is to survive a power cut."""
         return perf_counter() >= self._lasting
 
-    def is_due(self) -> bool:
-        """Whether a checkpoint may be written now."""
-        return perf_counter() >= self._due
+    def is_due(self, size: int) -> bool:
+        """Whether a checkpoint of about so many bytes may be written now."""
+        return perf_counter() >= self._wrote + size * self._seconds_per_byte / SHARE
 
-    def wrote(self, since: float) -> None:
-        """Note that one has been written, begun at a time of ``perf_counter``."""
-        now = perf_counter()
-        self._due = now + (now - since) / SHARE
+    def wrote(self, since: float, size: int) -> None:
+        """Note that one of so many bytes has been written, begun at a time of ``perf_counter``."""
+        self._wrote = perf_counter()
+        self._seconds_per_byte = (self._wrote - since) / size

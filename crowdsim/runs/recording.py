@@ -18,13 +18,14 @@ from crowdsim.runs.checkpoint import Checkpoint
 from crowdsim.runs.ending import describe_outcome
 from crowdsim.runs.preparation import Prepared
 from crowdsim.runs.run import Run
+from crowdsim.take.layout import chunk_frames
 from crowdsim.take.take import Events
 
 if TYPE_CHECKING:
     from crowdsim.crowd.statistics import StatisticsCounter
 
-_TAKE_CHUNK_AVATAR_FRAMES = 4_000_000
-_STEP_AVATAR_FRAMES = 200_000
+_STEP_AVATAR_FRAMES = 50_000
+"""Avatar-frames that are simulated at a stretch, about 50 ms."""
 
 
 class Sink(Protocol):
@@ -38,11 +39,6 @@ class Sink(Protocol):
 
     def abandon(self) -> None:
         """Remove what has been written."""
-
-
-def take_chunk(run: Run, prepared: Prepared) -> int:
-    """Return how many control frames are a chunk of the take."""
-    return max(1, min(run.scenario.outputs.take.chunk, _TAKE_CHUNK_AVATAR_FRAMES // len(prepared.cast.names)))
 
 
 class Keeper(Protocol):
@@ -153,11 +149,11 @@ def _restore(simulation: Simulation, begun: Checkpoint, folder: Path) -> None:
 
 def _chunks(run: Run, prepared: Prepared, simulation: Simulation) -> Iterator[Chunk]:
     """Yield the control frames of a run as they come."""
-    size = take_chunk(run, prepared)
-    step = max(1, min(size, _STEP_AVATAR_FRAMES // len(prepared.cast.names)))
+    avatars = len(prepared.cast.names)
+    size, step = chunk_frames(avatars, run.scenario.outputs.take.chunk), max(1, _STEP_AVATAR_FRAMES // avatars)
     while simulation.frame < prepared.frames and not simulation.is_over:
         run.clock.start()
-        # To the end of a chunk of the take, where a checkpoint is small.
+        # No further than to the end of a chunk of the take, where a checkpoint is small.
         until = size - simulation.frame % size
         chunk = simulation.run(min(step, until, prepared.frames - simulation.frame))
         run.clock.lap("control")

@@ -17,7 +17,7 @@ from crowdsim.files import is_folder, remove_tree
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import Checkpoint, Pace, write_checkpoint
 from crowdsim.runs.preparation import Prepared
-from crowdsim.runs.recording import record, take_chunk
+from crowdsim.runs.recording import record
 from crowdsim.runs.run import Run
 from crowdsim.runs.stage import TAKE
 from crowdsim.take.continuing import check_writer, written_frames, written_strikes
@@ -50,14 +50,15 @@ class CheckpointKeeper:
         Raises:
             OutputError: It cannot be written.
         """
-        if not (required or (self._writer.is_between_chunks and self._pace.is_due())):
+        size = simulation.nbytes + self._writer.nbytes
+        if not (required or self._pace.is_due(size)):
             return
         since = perf_counter()
         measured = np.concatenate(timings) if timings else None
         state = simulation.state(), self._writer.state()
         written = Checkpoint(simulation.frame, self._origin, *state, measured)
         write_checkpoint(self._folder, written, self._pace.lasts)
-        self._pace.wrote(since)
+        self._pace.wrote(since, size)
 
 
 def write_take(
@@ -81,7 +82,8 @@ def write_take(
         Interrupted: A signal has come.
     """
     path = run.work / TAKE
-    writer = TakeWriter(path, prepared.header, prepared.frames, take_chunk(run, prepared))
+    chunk = run.scenario.outputs.take.chunk
+    writer = TakeWriter(path, prepared.header, prepared.frames, chunk)
     if begun is not None:
         try:
             if begun.frame == prepared.frames and path.exists():
@@ -98,7 +100,7 @@ def write_take(
         except TakeError as error:
             run.tell(f"{error}; starting over")
             begun = None
-            writer = TakeWriter(path, prepared.header, prepared.frames, writer.chunk)
+            writer = TakeWriter(path, prepared.header, prepared.frames, chunk)
             writer.abandon()
             if is_folder(run.work, TAKE):
                 remove_tree(run.work, TAKE)

@@ -45,7 +45,7 @@ class Report:
     Attributes:
         folder: The run folder.
         seconds: Time of each stage [s].
-        notes: What a user should know.
+        notes: What a user should know; of a run that was not done before, ``Run.notify`` has been called with it.
         done_before: Whether the run was finished already and has not been done again.
         continued_at: Control frames that were done before, where a run goes on that was interrupted.
         compiled: Kernels that had to be compiled; their time is the stage ``compile``, with that of loading others.

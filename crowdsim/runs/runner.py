@@ -102,9 +102,9 @@ def run_to(
     A finished run of the same resolved scenario is not done again. One that was interrupted goes on where it stopped,
     with the same result as if it had not been. Nothing that a run has computed is removed, unless ``force`` says so;
     then only what a manifest or journal lists. What is wrong with the input is found before the folder is made or
-    touched. ``notify`` is called beforehand with what has to be trained, what a large crowd will need and what its
-    policies cannot do, and once when kernels are compiled. ``policies`` are those of a scenario that has been checked;
-    they are found, and trained if need be, when None.
+    touched. ``notify`` is called beforehand with what has to be trained, what a large crowd will need, what its
+    policies cannot do and where the run goes on, and once when kernels are compiled. ``policies`` are those of a
+    scenario that has been checked; they are found, and trained if need be, when None.
 
     Raises:
         ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
@@ -177,10 +177,8 @@ def write_run(
     stage = open_stage(one.folder, STAGE, origin.checksum, note, one.force)
     if seed is not None and not exists_plain(stage.path, CHECKPOINT):
         seed(stage.path)
-    if not stage.is_safe:
-        # The machine went down while outputs were written.
-        kept = {RESOLVED, CHECKPOINT, NOTE}
-        remove_plain(stage.path, [name for name in walk(stage.path) if name not in kept and not _is_take(name)])
+    # Half-written files; outputs as well where the machine went down while they were written.
+    remove_plain(stage.path, [name for name in walk(stage.path) if _is_left(name, stage.is_safe)])
     begun = _find_begun(one, origin) if stage.goes_on or seed is not None else None
     for name in () if begun else (TAKE, f"{TAKE}.partial"):
         if is_folder(stage.path, name):
@@ -195,8 +193,9 @@ def write_run(
         ) from error
 
 
-def _is_take(name: str) -> bool:
-    return name.split("/")[0] in (TAKE, f"{TAKE}.partial")
+def _is_left(name: str, is_safe: bool) -> bool:
+    is_own = name.split("/")[0] in (TAKE, f"{TAKE}.partial", RESOLVED, CHECKPOINT, NOTE)
+    return name.endswith((".part", ".partial")) or not (is_own or is_safe)
 
 
 def _find_begun(one: Run, origin: Origin) -> Checkpoint | None:

@@ -34,7 +34,8 @@ from crowdsim.files import (
     walk,
     write_plain,
 )
-from crowdsim.runs.lock import LOCKS, boot_id, hold_folder
+from crowdsim.runs.lock import LOCKS, boot_id, find_owner, hold_folder
+from crowdsim.runs.lock import NAME as LOCK
 from crowdsim.runs.manifest import (
     NAME,
     NOTE,
@@ -243,13 +244,14 @@ def complete(base: Path) -> list[str]:
 
 
 def complete_alone(base: Path) -> None:
-    """Complete what waits to be put in its place in a folder, for a command that does not hold it and is to write.
+    """Complete what a killed command has left in a folder, for a command that does not hold it and may write.
 
     Raises:
         TakeError: A list of files is damaged.
         OutputError: Files cannot be moved, or another process holds the folder.
     """
-    if any(is_complete(stage) for stage in stages(base)):
+    left = any(is_complete(stage) or (read_note(stage) or {}).get("done") for stage in stages(base))
+    if left or (exists_plain(base, LOCK) and find_owner(base) is None):
         with hold_folder(base):
             complete(base)
 

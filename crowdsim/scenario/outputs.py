@@ -22,6 +22,10 @@ _FRAMES = (
     "Output frames to write, the first and the one after the last; or as a mapping in `seconds`, or as text such as "
     "`0:120` or `2s:5s`; without it all."
 )
+_CHUNK = (
+    "Control frames in a chunk of the take, at most as many as are 4 million avatar-frames; without it as many as are "
+    "about 1 MiB of each variable."
+)
 _RANGE = re.compile(r"\s*(\d+)\s*:\s*(\d+)\s*|\s*(\d+(?:\.\d+)?)\s*s\s*:\s*(\d+(?:\.\d+)?)\s*s\s*")
 
 
@@ -79,7 +83,7 @@ class _Ranged(StrictModel):
 class TakeOutput(StrictModel):
     """The take, which every run writes."""
 
-    chunk: int = Field(default=64, ge=1, le=65536, description="Control frames in a chunk of the take.")
+    chunk: int | None = Field(default=None, ge=1, le=65536, description=_CHUNK)
 
 
 class BvhOutput(_Ranged):

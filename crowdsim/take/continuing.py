@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -23,11 +23,11 @@ from crowdsim.take.metadata import ArrayFacts, check_files, read_model
 class Writing(Protocol):
     """What a writer holds, see ``store.TakeWriter``."""
 
+    names: tuple[str, ...]
     chunk: int
     done: int
     events_done: int
     kept: list[dict[str, Array]]
-    kept_targets: list[Array]
     kept_events: list[Events]
     group: Any
 
@@ -44,11 +44,9 @@ def read_writer(writer: Writing) -> dict[str, Array]:
         "frames": np.array(writer.done),
         "events": np.array(writer.events_done),
     }
-    for name in VARIABLES:
+    for name in writer.names if writer.kept else VARIABLES:
         parts = [kept[name] for kept in writer.kept]
         waiting[f"frames.{name}"] = np.concatenate(parts) if parts else np.zeros((0, 0), DTYPES[name])
-    if writer.kept_targets:
-        waiting["frames.target"] = np.concatenate(writer.kept_targets)
     for name, kind in EVENTS.items():
         parts = [getattr(kept, name) for kept in writer.kept_events]
         none = np.zeros((0, 3) if name == "point" else 0)
@@ -67,10 +65,10 @@ def written_frames(writer: Writing, path: Path, counts: Array) -> Iterator[dict[
     Raises:
         TakeError: They are no frames of these avatars.
     """
-    sizes = {"N": len(counts), "G": writer.group["target"].shape[1] if "target" in writer.group else 0}
+    sizes = {"N": len(counts), "G": writer.group["target"].shape[1] if "target" in writer.names else 0}
+    arrays = {name: writer.group[name] for name in VARIABLES}
     blocks = range(0, writer.done, writer.chunk)
-    spans = (slice(low, min(low + writer.chunk, writer.done)) for low in blocks)
-    stored = ({name: writer.group[name][span] for name in VARIABLES} for span in spans)
+    stored = ({name: array[low : low + writer.chunk] for name, array in arrays.items()} for low in blocks)
     for rows in itertools.chain(stored, writer.kept):
         try:
             check_rows(rows, sizes, counts)
@@ -96,9 +94,12 @@ def restore_writer(writer: Writing, state: Mapping[str, Array]) -> None:
     """
     check_writer(state)
     writer.done, writer.events_done = int(state["frames"]), int(state["events"])
-    rows = {name: state[f"frames.{name}"] for name in VARIABLES}
-    writer.kept = [rows] if len(rows["action"]) else []
-    writer.kept_targets = [state["frames.target"]] if "frames.target" in state else []
+    if len(state["frames.action"]):
+        targets = writer.group["target"].shape[1] if "target" in writer.names else 0
+        found = state["frames.target"].shape[1] if "frames.target" in state else 0
+        if found != targets:
+            raise ArrayFault("frames.target", f"has {found} targets, expected {targets}")
+        writer.kept = [{name: state[f"frames.{name}"] for name in writer.names}]
     writer.kept_events = [Events(**{name: state[f"events.{name}"] for name in EVENTS})]
 
 
@@ -119,12 +120,13 @@ _COUNTS = {"chunk": Column("int64", (), (Within(1, 2**40),)), "frames": _COUNT, 
 _SHAPES: dict[str, tuple[int | str, ...]] = {"point": ("E", 3)}
 
 
-def reopen_take(path: Path, partial: Path, state: Mapping[str, Array]) -> Any:
+def reopen_take(path: Path, partial: Path, names: Sequence[str], state: Mapping[str, Array]) -> Any:
     """Open an unfinished take, finished ones too, for writing on, without what was written behind a checkpoint.
 
     Args:
         path: The take's final name.
         partial: Its name while it grows.
+        names: Names of what is written for every control frame.
         state: What ``read_writer`` returned.
 
     Returns:
@@ -153,7 +155,7 @@ def reopen_take(path: Path, partial: Path, state: Mapping[str, Array]) -> Any:
         read_model(partial / "events" / name, ".zarray", ArrayFacts)
     try:
         group: Any = zarr.open_group(str(partial), mode="r+")
-        arrays = [(partial / name, group[name]) for name in (*VARIABLES, *(["target"] if "target" in group else []))]
+        arrays = [(partial / name, group[name]) for name in names]
         events = [(partial / "events" / name, group["events"][name]) for name in EVENTS]
     except OSError:
         raise

@@ -77,5 +77,16 @@ EVENTS = {
     "down": "|b1",
 }
 AVATARS_A_CHUNK = 65536
-EVENTS_A_CHUNK = 16384
+_CHUNK_AVATAR_FRAMES = 1 << 18
+"""Avatar-frames of a chunk whose length nobody chose: 1 MiB of each variable."""
+_MOST_AVATAR_FRAMES = 4_000_000
+"""Most avatar-frames of as many control frames as were chosen for a chunk."""
+EVENTS_A_CHUNK = 32768
 CHUNKS_AT_FIRST = 64
+
+
+def chunk_frames(avatars: int, chosen: int | None = None) -> int:
+    """Return how many control frames are a chunk of a take: as many as were chosen, else as are about 1 MiB."""
+    if chosen is None:
+        return _CHUNK_AVATAR_FRAMES // min(max(avatars, 1), AVATARS_A_CHUNK)
+    return max(1, min(chosen, _MOST_AVATAR_FRAMES // max(avatars, 1)))

@@ -20,7 +20,7 @@ _MOST_BYTES, _MOST_METADATA = 1 << 26, 1 << 26
 """Largest chunk, uncompressed, and longest file of metadata [bytes]."""
 _MOST_NAMES = 1 << 29
 """Largest chunk of names [bytes]."""
-_MOST_ROWS = 65536
+_MOST_ROWS = 1 << 18
 """Most control frames, or strikes, of a chunk."""
 _ITEM_BYTES = {"<i2": 2, "<i4": 4, "<f4": 4, "<f8": 8, "|u1": 1, "|b1": 1}
 _TEXT = re.compile(r"<U([1-9]\d{0,2})")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from crowdsim.take.layout import (
     EVENTS,
     EVENTS_A_CHUNK,
     LABELS,
+    chunk_frames,
 )
 from crowdsim.take.metadata import check_files
 from crowdsim.take.reading import read_take
@@ -40,27 +41,27 @@ class TakeWriter:
         path: Where the take goes, ``RUN/take.zarr``; while it grows it is called ``take.zarr.partial``.
         header: What is known of the take beforehand.
         frames: Control frames that are planned.
-        chunk: Control frames in a chunk on disk.
+        chunk: Control frames in a chunk on disk; about 1 MiB of each variable when None.
 
     Attributes:
+        names: Names of what is written for every control frame.
         chunk: Control frames in a chunk on disk.
         done: Control frames on disk.
         events_done: Strikes on disk.
         group: The open Zarr group.
-        kept: Frames that wait for a whole chunk; ``kept_targets`` and ``kept_events`` likewise.
+        kept: Frames that wait for a whole chunk, by name; ``kept_events`` likewise.
     """
 
-    def __init__(self, path: Path, header: TakeHeader, frames: int, chunk: int = 64) -> None:
+    def __init__(self, path: Path, header: TakeHeader, frames: int, chunk: int | None = None) -> None:
         self.path = path
         self._partial = path.with_name(path.name + ".partial")
-        self.chunk = chunk
+        self.names = (*VARIABLES, *(["target"] if header.target_names else []))
+        self.chunk = chunk_frames(len(header.cast.names), chunk)
         self._frames = frames
         self._header = header
-        self._room = min(frames, CHUNKS_AT_FIRST * chunk)
         self.group: Any = None
         self.done = self.events_done = 0
         self.kept: list[dict[str, Array]] = []
-        self.kept_targets: list[Array] = []
         self.kept_events: list[Events] = []
 
     def open(self) -> TakeWriter:
@@ -92,8 +93,10 @@ class TakeWriter:
             self.abandon()
             shutil.rmtree(self.path, ignore_errors=True)
             self.open()
+        else:
+            self.chunk = int(state["chunk"])
         with self._writing():
-            self.group = reopen_take(self.path, self._partial, state)
+            self.group = reopen_take(self.path, self._partial, self.names, state)
             self.group.attrs.put(self._header.attributes(self._frames))
         try:
             restore_writer(self, state)
@@ -102,9 +105,10 @@ class TakeWriter:
         return self
 
     @property
-    def is_between_chunks(self) -> bool:
-        """Whether all frames are on disk, and none waits for others."""
-        return not any(len(kept["action"]) for kept in self.kept)
+    def nbytes(self) -> int:
+        """Memory of the frames and strikes that wait for a whole chunk."""
+        kept = [*self.kept, *({name: getattr(events, name) for name in EVENTS} for events in self.kept_events)]
+        return sum(values.nbytes for rows in kept for values in rows.values())
 
     def state(self) -> dict[str, Array]:
         """Return what is held beside the chunks on disk, see ``continuing.read_writer``."""
@@ -114,21 +118,21 @@ class TakeWriter:
         """Write what is constant, and arrays without values."""
         header = self._header
         cast, targets = header.cast, len(header.target_names)
-        chunk, frames, avatars = self.chunk, self._frames, len(cast.names)
+        chunk, avatars = min(self.chunk, self._frames), len(cast.names)
+        room = min(self._frames, CHUNKS_AT_FIRST * chunk)
         # All at once: one by one, the metadata would be written to disk for each.
         self.group.attrs.put(self._header.attributes(self._frames))
         for name in VARIABLES:
-            chunks = (min(chunk, frames), max(1, min(avatars, AVATARS_A_CHUNK)))
-            self._create(self.group, name, (self._room, avatars), chunks, DTYPES[name], ["frame", "avatar"])
+            chunks = (chunk, max(1, min(avatars, AVATARS_A_CHUNK)))
+            self._create(self.group, name, (room, avatars), chunks, DTYPES[name], ["frame", "avatar"])
         for name, field in CAST.items():
             values = np.asarray(getattr(cast, field))
             kind = f"<U{max(1, max(map(len, values), default=1))}" if name == "name" else _little(values.dtype)
             array = self._create(self.group, name, (avatars,), (max(1, avatars),), kind, ["avatar"])
             array[...] = values.astype(kind)
         if targets:
-            shape = (self._room, targets, 3)
             dimensions = ["frame", "target", "component"]
-            self._create(self.group, "target", shape, (min(chunk, frames), targets, 3), "<f4", dimensions)
+            self._create(self.group, "target", (room, targets, 3), (chunk, targets, 3), "<f4", dimensions)
         events = self.group.create_group("events")
         for name, kind in EVENTS.items():
             more = (3,) if name == "point" else ()
@@ -167,10 +171,11 @@ class TakeWriter:
         Raises:
             OutputError: They cannot be written.
         """
-        self.kept.append({name: np.asarray(chunk[name], dtype=DTYPES[name]) for name in VARIABLES})
+        rows = {name: np.asarray(chunk[name], dtype=DTYPES[name]) for name in VARIABLES}
+        if self._header.target_names:
+            rows["target"] = np.asarray(targets, dtype=np.float32)
+        self.kept.append(rows)
         self.kept_events.append(events)
-        if targets is not None and np.shape(targets)[1]:
-            self.kept_targets.append(np.asarray(targets, dtype=np.float32))
         with self._writing():
             self._flush(whole=False)
 
@@ -182,15 +187,12 @@ class TakeWriter:
             self._flush_events(whole)
         if count == 0:
             return
-        for name in VARIABLES:
+        rest = {}
+        for name in self.names:
             joined = np.concatenate([kept[name] for kept in self.kept])
             self._put(self.group[name], joined[:count])
-        rest = {name: np.concatenate([kept[name] for kept in self.kept])[count:] for name in VARIABLES}
-        self.kept = [rest] if len(rest["action"]) else []
-        if self.kept_targets:
-            joined = np.concatenate(self.kept_targets)
-            self._put(self.group["target"], joined[:count])
-            self.kept_targets = [joined[count:]]
+            rest[name] = joined[count:].copy()
+        self.kept = [rest] if ready > count else []
         self.done += count
 
     def _flush_events(self, whole: bool) -> None:
@@ -226,7 +228,7 @@ class TakeWriter:
 
         with self._writing():
             self._flush(whole=True)
-            for name in [*VARIABLES, *(["target"] if "target" in self.group else [])]:
+            for name in self.names:
                 array = self.group[name]
                 if array.shape[0] > self.done:
                     array.resize((self.done, *array.shape[1:]))
@@ -238,9 +240,14 @@ class TakeWriter:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Report errors of writing by the take's own name."""
+        """Write every chunk, those of zeros too, and report errors of writing by the take's own name."""
+        import zarr
+
+        # Else nobody could tell a chunk of zeros from one that is lost; older versions of the library always did so.
+        config = getattr(zarr, "config", None)
         try:
-            yield
+            with nullcontext() if config is None else config.set({"array.write_empty_chunks": True}):
+                yield
         except OSError as error:
             raise OutputError(f"{self.path}: cannot be written: {error.strerror or error}") from None
 

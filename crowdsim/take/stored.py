@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import threading
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -23,8 +21,19 @@ from crowdsim.take.checks import check_absent, check_actions
 
 _MAGIC = b"\x28\xb5\x2f\xfd"
 _SIZES = (0, 2, 4, 8)
-_scratch = threading.local()
-"""Room for a chunk of which only a part is wanted: to ask the system for fresh memory takes as long as to check it."""
+_RECENT_BYTES = 1 << 22
+"""Chunks of which parts were read and that an array keeps, at least one [bytes]."""
+
+
+class Recent:
+    """Chunks that were unpacked last, since most readers ask for a stretch that is next to the one before.
+
+    Attributes:
+        chunks: Number along each axis and entries of each, the latest first. Nobody writes to them, and threads
+            replace them as a whole.
+    """
+
+    chunks: tuple[tuple[tuple[int, ...], Array], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -40,6 +49,7 @@ class StoredColumn:
         sizes: Sizes of dimensions that this refers to.
         action: The actions of the take, where entries are not numbers while avatars are absent.
         counts: Of the actions of a take: how many there are for each avatar, where policies are known. Shape (N,).
+        recent: The chunks that were read last.
     """
 
     folder: Path
@@ -50,6 +60,7 @@ class StoredColumn:
     sizes: dict[str, int] = field(repr=False)
     action: StoredColumn | None = field(default=None, repr=False)
     counts: Array | None = field(default=None, repr=False, compare=False)
+    recent: Recent = field(default_factory=Recent, repr=False, compare=False)
 
     @property
     def ndim(self) -> int:
@@ -114,20 +125,22 @@ class StoredColumn:
         self._check(rows, low, high)
         return rows
 
-    def _read_chunk(self, number: Sequence[int], wanted: slice, target: Array) -> None:
+    def _read_chunk(self, number: tuple[int, ...], wanted: slice, target: Array) -> None:
         """Write some rows of a chunk to where they go."""
         if target.shape == self.chunks and target.flags.c_contiguous:
             self._decode(number, target)
             return
-        count = math.prod(self.chunks) * self.dtype.itemsize
-        if len(getattr(_scratch, "space", b"")) < count:
-            _scratch.space = np.empty(count, np.uint8)
-        whole = _scratch.space[:count].view(self.dtype).reshape(self.chunks)
-        self._decode(number, whole)
+        recent = self.recent.chunks
+        whole = next((values for which, values in recent if which == number), None)
+        if whole is None:
+            whole = np.empty(self.chunks, self.dtype)
+            self._decode(number, whole)
+            others = max(_RECENT_BYTES // whole.nbytes - 1, 0)
+            self.recent.chunks = ((number, whole), *recent[:others])
         index = (wanted, *(slice(0, count) for count in target.shape[1:]))
         target[...] = whole[index]
 
-    def _decode(self, number: Sequence[int], out: Array) -> None:
+    def _decode(self, number: tuple[int, ...], out: Array) -> None:
         from numcodecs.zstd import Zstd
 
         path = self.folder / ".".join(map(str, number))

@@ -1,7 +1,7 @@
 """A process that is warm: it has loaded everything, and forks one that runs a command as soon as it is asked to.
 
-Started as a program in a working folder, it reads lines of JSON, lists of words each, and answers with the number of
-the process that runs them, then with its exit code, negative when it was killed.
+Started as a program in a working folder, it reads lines of JSON, lists of words and maybe a trap each, and answers with
+the number of the process that runs them, then with its exit code, negative when it was killed.
 """
 
 from __future__ import annotations
@@ -34,9 +34,12 @@ class Server:
             self._send([*words, "--warm"])
             assert self._receive() == 0, f"{words}: {self.said()}"
 
-    def run(self, *words: str, kill_after: float | None = None) -> int:
-        """Run a command and return its exit code; kill it after some seconds, unless it has ended before."""
-        self._send(words)
+    def run(self, *words: str, kill_after: float | None = None, trap: dict[str, object] | None = None) -> int:
+        """Run a command and return its exit code; kill it after some seconds, unless it has ended before.
+
+        With a ``trap``, the arguments of ``traps.set_trap``, it is killed there.
+        """
+        self._send([*words, *([trap] if trap else [])])
         pid, begun = self._receive(), time.perf_counter()
         if kill_after is not None:
             time.sleep(max(0.0, kill_after - (time.perf_counter() - begun)))
@@ -79,6 +82,10 @@ def _main() -> None:
         else:
             pid = os.fork()
             if pid == 0:
+                if isinstance(words[-1], dict):
+                    from traps import set_trap
+
+                    set_trap(**words.pop())
                 os._exit(_command(words))
             print(pid, file=answers, flush=True)
             answer = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])

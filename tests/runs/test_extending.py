@@ -50,7 +50,7 @@ def test_runs_are_extended_by_seconds_and_again(workplace: Path) -> None:
 def test_an_extension_that_stopped_leaves_the_run_as_it_is_and_goes_on(
     workplace: Path, monkeypatch, capsys, number: int | None
 ) -> None:
-    monkeypatch.setattr(Pace, "is_due", lambda self: True)
+    monkeypatch.setattr(Pace, "is_due", lambda self, size: True)
     write_scene_of(workplace, 30, 8)
     assert crowdsim("run", "four.yaml", "--frames", "60", "--out", "undisturbed") == 0
     assert crowdsim("run", "four.yaml", "--out", "run") == 0

@@ -15,6 +15,7 @@ from crowdsim.export import cloud_files, pointcloud
 from crowdsim.runs import checkpoint, origin, recording
 from crowdsim.runs.checkpoint import Checkpoint, Pace, frames_done, read_checkpoint, write_checkpoint
 from crowdsim.runs.manifest import read_manifest
+from crowdsim.take import store
 
 OUTPUTS = {
     "take": {"chunk": 8},
@@ -37,22 +38,59 @@ EVENTS = [
 """Much is pending at any time: avatars who come late, a condition, strikes."""
 
 
+CHUNK, STEP = 8, 3
+"""Control frames of a chunk of the take, and of a step of the simulation: most steps end in the midst of a chunk."""
+
+
+@pytest.fixture(autouse=True)
+def small_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let runs go in small steps, and whole chunks of strikes be on disk early: all of damage is 0."""
+    monkeypatch.setattr(recording, "_STEP_AVATAR_FRAMES", 5 * STEP)
+    monkeypatch.setattr(store, "EVENTS_A_CHUNK", 4)
+
+
 class Stop(Exception):
     """The process is gone."""
 
 
+class Simulated:
+    """Notes which control frames are simulated from now on, and what had been printed before the first of them.
+
+    Attributes:
+        frames: The control frames.
+        said: What was printed on standard error before.
+    """
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        self.frames: list[int] = []
+        self.said = ""
+        noted = self
+
+        class Noting(recording.Simulation):
+            def run(self, frames: int):
+                if not noted.frames:
+                    noted.said = capsys.readouterr().err
+                first = self.frame
+                chunk = super().run(frames)
+                noted.frames += range(first, self.frame)
+                return chunk
+
+        capsys.readouterr()
+        monkeypatch.setattr(recording, "Simulation", Noting)
+
+
 def stop_at(monkeypatch: pytest.MonkeyPatch, frame: int, number: int | None = None) -> None:
     """Let a run end at a control frame: as if killed, or by a signal."""
-    record = recording.Simulation.run
 
-    def run(simulation, frames):
-        if simulation.frame >= frame:
-            if number is None:
-                raise Stop
-            signal.raise_signal(number)
-        return record(simulation, frames)
+    class Stopped(recording.Simulation):
+        def run(self, frames: int):
+            if self.frame >= frame:
+                if number is None:
+                    raise Stop
+                signal.raise_signal(number)
+            return super().run(frames)
 
-    monkeypatch.setattr(recording.Simulation, "run", run)
+    monkeypatch.setattr(recording, "Simulation", Stopped)
 
 
 def same_as_undisturbed(folder: Path, undisturbed: Path) -> None:
@@ -63,11 +101,11 @@ def same_as_undisturbed(folder: Path, undisturbed: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [None, signal.SIGINT])
-@pytest.mark.parametrize("frames", [(0,), (8,), (37,), (8, 16, 40)])
+@pytest.mark.parametrize("frames", [(0,), (9,), (37,), (8, 17, 40)])
 def test_a_run_that_stopped_goes_on_to_the_same_bytes(
     workplace: Path, monkeypatch, capsys, frames: tuple[int, ...], number: int | None
 ) -> None:
-    monkeypatch.setattr(Pace, "is_due", lambda self: True)
+    monkeypatch.setattr(Pace, "is_due", lambda self, size: True)
     write_scene(workplace / "four.yaml", duration=60, outputs=OUTPUTS, groups=GROUPS, events=EVENTS)
     assert crowdsim("run", "four.yaml", "--out", "undisturbed") == 0
     for frame in frames:
@@ -79,21 +117,26 @@ def test_a_run_that_stopped_goes_on_to_the_same_bytes(
             else:
                 assert crowdsim("run", "four.yaml", "--out", "run") == 128 + number
         assert not (workplace / "run" / "manifest.json").exists()
-    capsys.readouterr()
+        assert frames_done(workplace / "run" / ".run.partial") == frames_done_at(frame, number)
+    simulated, done = Simulated(monkeypatch, capsys), frames_done_at(frames[-1], number)
     assert crowdsim("run", "four.yaml", "--out", "run") == 0
-    if frames[-1]:
-        assert f"run: continuing after {frames_done_at(frames[-1], number)} control frames\n" in capsys.readouterr().err
+    assert simulated.frames == list(range(done, 60))
+    if done:
+        assert f"run: continuing after {done} control frames\n" in simulated.said
+        assert "continuing" not in capsys.readouterr().err
     same_as_undisturbed(workplace / "run", workplace / "undisturbed")
 
 
 def frames_done_at(frame: int, number: int | None) -> int:
-    """Return after which frame a run goes on: of the last chunk, and by a signal the one that was being computed."""
-    return -(-frame // 8) * 8 + (8 if number else 0)
+    """Return after which frame a run goes on: of the last step, and by a signal the one that was being computed."""
+    ends = sorted({*range(0, 99, CHUNK), *(first + k for first in range(0, 99, CHUNK) for k in (STEP, 2 * STEP))})
+    step = next(k for k, end in enumerate(ends) if end >= frame)
+    return ends[step + (1 if number else 0)]
 
 
 def stop_run(monkeypatch: pytest.MonkeyPatch, frame: int = 16) -> None:
     """Let the run of ``four.yaml`` end as if killed at a control frame."""
-    monkeypatch.setattr(Pace, "is_due", lambda self: True)
+    monkeypatch.setattr(Pace, "is_due", lambda self, size: True)
     with monkeypatch.context() as patch:
         stop_at(patch, frame)
         with pytest.raises(Stop):
@@ -120,9 +163,10 @@ def test_what_cannot_be_continued_starts_over_to_the_same_bytes(
         chunk.unlink()
     else:
         chunk.write_bytes(b"")
-    capsys.readouterr()
+    simulated = Simulated(monkeypatch, capsys)
     assert crowdsim("run", "four.yaml", "--out", "run") == 0
-    assert "starting over" in capsys.readouterr().err
+    assert "; starting over" in simulated.said
+    assert simulated.frames == list(range(40))
     same_as_undisturbed(workplace / "run", workplace / "undisturbed")
 
 
@@ -179,20 +223,24 @@ def test_outputs_go_on_behind_the_last_whole_file(workplace: Path, monkeypatch, 
     assert result.startswith("interrupted  run  4 avatars, 40 control frames, bvh 0 of 4, ")
     assert "ply 5 of 27" in result
     before = {path: path.stat().st_mtime_ns for path in (workplace / "run" / ".run.partial" / "ply").iterdir()}
+    simulated = Simulated(monkeypatch, capsys)
     assert crowdsim("run", "four.yaml", "--out", "run") == 0
+    assert simulated.frames == []
     assert {path: (workplace / "run" / "ply" / path.name).stat().st_mtime_ns for path in before} == before
     same_as_undisturbed(workplace / "run", workplace / "undisturbed")
 
 
-def test_outputs_of_an_unfinished_take_are_not_taken_for_those_of_the_run(workplace: Path, monkeypatch) -> None:
+def test_outputs_of_an_unfinished_take_are_not_taken_for_those_of_the_run(workplace: Path, monkeypatch, capsys) -> None:
     write_scene(workplace / "four.yaml", outputs={"take": {"chunk": 8}, "bvh": {"fps": 30}})
     assert crowdsim("run", "four.yaml", "--out", "undisturbed") == 0
-    monkeypatch.setattr(Pace, "is_due", lambda self: True)
+    monkeypatch.setattr(Pace, "is_due", lambda self, size: True)
     with monkeypatch.context() as patch:
         stop_at(patch, 16, signal.SIGTERM)
         assert crowdsim("run", "four.yaml", "--out", "run") == 143
     assert crowdsim("export", "run", "--bvh", "--fps", "30") == 0
+    simulated = Simulated(monkeypatch, capsys)
     assert crowdsim("run", "four.yaml", "--out", "run") == 0
+    assert simulated.frames == list(range(frames_done_at(16, signal.SIGTERM), 40))
     same_as_undisturbed(workplace / "run", workplace / "undisturbed")
 
 
@@ -201,14 +249,28 @@ def test_checkpoints_take_no_more_than_their_share_of_the_time(monkeypatch) -> N
     monkeypatch.setattr(checkpoint, "perf_counter", lambda: clock[0])
     pace, spent, written = Pace(), 0.0, 0
     while clock[0] < 100.0:
-        if pace.is_due():
+        if pace.is_due(1000):
             since, written = clock[0], written + 1
             clock[0] += 0.01 if written % 7 else 0.2
             spent += clock[0] - since
-            pace.wrote(since)
+            pace.wrote(since, 1000)
         clock[0] += 0.001
     assert written > 10
     assert spent < 0.01 * clock[0]
+
+
+def test_a_small_checkpoint_may_come_sooner_than_a_large_one(monkeypatch) -> None:
+    clock = [0.0]
+    monkeypatch.setattr(checkpoint, "perf_counter", lambda: clock[0])
+    pace = Pace()
+    clock[0] = 0.01
+    pace.wrote(0.0, 1000)
+    clock[0] += 1.0
+    assert pace.is_due(400)
+    assert not pace.is_due(1000)
+    clock[0] += 1.0
+    assert pace.is_due(1000)
+    assert not pace.is_due(1100)
 
 
 def test_a_checkpoint_reads_back_and_every_flipped_bit_is_found(tmp_path: Path) -> None:
