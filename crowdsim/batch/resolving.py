@@ -59,7 +59,7 @@ def resolve(
         raise BatchError(str(batch.place(Finding(("exclude",), "leaves out all runs, expected some that stay"))))
     outputs = [] if batch.outputs is None else [f"outputs={_text(batch.outputs.model_dump(exclude_unset=True))}"]
     for number, one in enumerate(combinations):
-        given = [*outputs, *(f"{key}={_text(value)}" for key, value in one.values.items())]
+        given = [*outputs, *batch.set, *(f"{key}={_text(value)}" for key, value in one.values.items())]
         try:
             resolved = split(load_scenario(base[one.scenario], given))
             if resolved.id not in runs:
@@ -112,12 +112,12 @@ def _check(scenario: Scenario, seen: set[str]) -> None:
 
 
 def _find(batch: Batch, index: int) -> Path:
-    """Return the file of a scenario, which is valid in itself."""
+    """Return the file of a scenario, which is valid with the values that are set for all."""
     try:
         path = batch.find_scenario(batch.scenarios[index])
     except ScenarioError as error:
         raise BatchError(str(batch.place(Finding(("scenarios", index), str(error))))) from None
-    load_scenario(path)
+    load_scenario(path, batch.set)
     return path
 
 

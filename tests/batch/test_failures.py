@@ -197,7 +197,7 @@ def add_worker(folder: Path, address: str, *options: str) -> subprocess.Popen[by
 def test_a_scheduler_that_is_killed_is_reported_and_the_command_goes_on(
     workplace: Path, undisturbed: dict[str, dict[str, str]]
 ) -> None:
-    words = ("batch", "trial.yaml", "--out", "all", "--scheduler")
+    words = ("batch", "trial.yaml", "--out", "all", "--insecure", "--scheduler")
     with farm(workplace, 18786, [], []) as processes:
         batch = start(workplace, *words, "tcp://127.0.0.1:18786")
         wait_until(lambda: at_work(workplace / "all"))
@@ -216,7 +216,7 @@ def test_a_worker_that_differs_is_refused_at_the_start_and_not_used_later(workpl
     other.write_text(
         "from crowdsim.runs import origin\norigin.sources_hash = lambda: 'another'\ndef dask_setup(worker):\n    pass\n"
     )
-    words = ("batch", "trial.yaml", "--scheduler", "tcp://127.0.0.1:18788", "--out")
+    words = ("batch", "trial.yaml", "--insecure", "--scheduler", "tcp://127.0.0.1:18788", "--out")
     with farm(workplace, 18788, ["--preload", str(other)]) as processes:
         refused = start(workplace, *words, "none")
         assert refused.wait(timeout=90) == 2
