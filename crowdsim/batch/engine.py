@@ -99,7 +99,7 @@ def require_dask(options: BatchOptions) -> None:
 def find_certificates(options: BatchOptions) -> Security | None:
     """Return the certificates by which command, scheduler and workers know each other; None where there are none.
 
-    Those of workers of this machine are made here, are in no file, and end with the batch. Those for another scheduler
+    Those of workers of this machine are made here, kept in memory, and end with the batch. Those for another scheduler
     come from options, or from Dask's configuration (``distributed.comm.tls``).
 
     Raises:
@@ -163,9 +163,9 @@ def connect(options: BatchOptions, security: Security | None) -> Iterator[Client
             stack.callback(_end_workers, cluster)
             yield client
             return
-        before = logging.getLogger("distributed").level
-        logging.getLogger("distributed").setLevel(quiet)
-        stack.callback(logging.getLogger("distributed").setLevel, before)
+        for logger in map(logging.getLogger, ("distributed", "distributed.client")):
+            stack.callback(logger.setLevel, logger.level)
+            logger.setLevel(quiet)
         try:
             client = Client(options.scheduler, timeout=PATIENCE, security=security, set_as_default=False)
         except Exception as error:

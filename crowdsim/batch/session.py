@@ -88,14 +88,19 @@ class Session:
             job = _job(self._folder, self._plan, run.id, self._name, self._options)
             self._submitted[run.id] = self._submit(job, run)
             self._watch(run.id)
-        open_runs = {run.id for run in waiting}
+        self._wait({run.id for run in waiting})
+        # A scheduler complains of clients that leave while they listen to what becomes of clients.
+        client.unsubscribe_topic("all")
+
+    def _wait(self, open_runs: set[str]) -> None:
+        """Wait until each run has ended, or the first has failed where that ends the batch."""
         while open_runs:
             with suppress(queue.Empty):
                 id = self._ended.get(timeout=_LOOK)
                 if id in open_runs and self._settle(id):
                     open_runs.discard(id)
                     if self._options.fail_fast and self._outcome.failures:
-                        client.cancel([future for id in open_runs for future in self._submitted[id]])
+                        self._client.cancel([future for id in open_runs for future in self._submitted[id]])
                         self._outcome.left = len(open_runs)
                         break
                     continue
@@ -150,7 +155,7 @@ class Session:
 
     def _hear_of_workers(self, event: tuple[float, Mapping[str, Any]]) -> None:
         if event[1].get("action") == "remove-worker" and not event[1]["expected"]:
-            self._notify(f"worker {event[1]['worker']}: was lost; others go on with what it was at")
+            self._notify(f"worker {event[1]['worker']}: was lost; other workers, or new ones, go on with its tasks")
 
     def _look(self) -> None:
         """Report how far it is.
