@@ -35,6 +35,8 @@ KINDS = {
 }
 """Causes of failures, in words."""
 
+_LONGEST = 10_000
+"""Longest message of an exception."""
 _TIMEOUT, _FATAL = "Timeout (", "Fatal Python error: "
 
 
@@ -159,8 +161,9 @@ def attempt(path: Path, session: str, retries: int, timeout: float, worker: str 
         try:
             yield
         except BaseException as error:
-            message = str(error) or type(error).__name__
-            log.write(traceback.format_exc())
+            # No longer than can be read again, and without halves of letters, which names of files may have.
+            message = (str(error) or type(error).__name__)[:_LONGEST].encode("utf-8", "backslashreplace").decode()
+            log.write(traceback.format_exc()[-10 * _LONGEST :])
             _write(log, {"end": "raised", "kind": type(error).__name__, "message": message, "time": _now()})
             raise TaskError(task, "raised", message) from error
         finally:

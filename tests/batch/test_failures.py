@@ -18,6 +18,7 @@ from batches import digests, results, write_batch
 from faults import KINDS
 from scenes import crowdsim
 
+from crowdsim.batch.plan import read_plan
 from crowdsim.runs.manifest import read_manifest
 
 pytestmark = [
@@ -113,8 +114,7 @@ def test_ten_forced_failures_of_four_kinds_affect_no_other_run(
     assert done.returncode == 1, done.stderr
     assert "20 done, 10 failed" in done.stdout, done.stdout + done.stderr
     assert "10 of 30 runs failed" in done.stderr
-    plan = json.loads((workplace / "all" / "batch.json").read_text())
-    seed_of = {run["id"]: run["seed"] for run in plan["runs"]}
+    seed_of = {id: run.seed for id, run in read_plan(workplace / "all").runs.items()}
     for id, result in results(workplace / "all").items():
         seed = seed_of[id]
         assert result["state"] == ("failed" if seed in bad else "done")

@@ -11,10 +11,10 @@ import pytest
 from batches import write_batch
 from scenes import crowdsim
 
-from crowdsim.batch.attempts import attempt, read_attempts
+from crowdsim.batch.attempts import TaskError, attempt, read_attempts
 from crowdsim.batch.description import load_batch
 from crowdsim.batch.documents import MAXIMUM_BYTES, read_bytes
-from crowdsim.batch.failures import log_tail
+from crowdsim.batch.failures import describe_failure, log_tail
 from crowdsim.batch.plan import Plan, read_plan, write_plan
 from crowdsim.batch.progress import read_progress
 from crowdsim.batch.report import write_report
@@ -204,6 +204,18 @@ def test_a_log_is_not_written_through_a_link(tmp_path: Path) -> None:
     with pytest.raises(BatchError, match="links are not followed"), attempt(tmp_path / "simulate.log", "one", 1, 60.0):
         pass
     assert (tmp_path / "mine").read_text() == "mine"
+
+
+def test_messages_that_are_long_or_no_text_can_be_read_again(stranger: Path) -> None:
+    id = first_run(stranger)
+    path = stranger / "logs" / id / "simulate.log"
+    with pytest.raises(TaskError) as caught, attempt(path, "one", 1, 60.0):
+        raise ValueError("name \udc80" + "x" * 2 * MAXIMUM_BYTES)
+    assert read_attempts(path)[0].cause() == ("raised", caught.value.message)
+    run = read_plan(stranger).runs[id]
+    write_result(stranger, id, describe_failure(stranger, run, caught.value, "one"))
+    assert read_result(stranger, id)["message"].startswith("name \\udc80xxx")
+    assert "name \\udc80xxx" in write_report(stranger, read_plan(stranger)).read_text(encoding="utf-8")
 
 
 def test_marks_in_a_log_are_checked(tmp_path: Path) -> None:

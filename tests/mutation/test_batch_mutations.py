@@ -166,6 +166,12 @@ def test_a_mutant_of_a_batch_is_refused_or_reported(batch: Path, tmp_path_factor
     check(batch, tmp_path_factory.mktemp("mutants"), seed)
 
 
+def test_documents_that_are_not_checked_are_noticed(batch: Path, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr("crowdsim.batch.documents.document_fault", lambda *_: "")
+    with pytest.raises(pytest.fail.Exception, match=r"batch \d+: \w+: "):
+        check(batch, tmp_path, 0)
+
+
 @pytest.mark.slow
 @blocks(20)
 @given(SEEDS)
