@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from crowdsim.batch.documents import read_bytes
@@ -148,11 +149,14 @@ def connect(options: BatchOptions, security: Security | None) -> Iterator[Client
         hidden = {} if options.dashboard or options.scheduler else _HIDDEN
         stack.enter_context(dask.config.set({**_SETTINGS, **hidden, "logging.distributed": "critical"}))
         if options.scheduler is None:
+            # Workers load modules from their folders, which Dask would make where all users can write.
+            private = TemporaryDirectory(prefix="crowdsim-batch-", ignore_cleanup_errors=True)
             cluster = LocalCluster(
                 n_workers=options.jobs,
                 threads_per_worker=1,
                 processes=True,
                 memory_limit="auto" if options.memory is None else options.memory,
+                local_directory=stack.enter_context(private),
                 security=security,
                 dashboard_address="127.0.0.1:0",
                 scheduler_kwargs={"dashboard": options.dashboard},

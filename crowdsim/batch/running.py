@@ -20,7 +20,22 @@ from crowdsim.batch.engine import (
     require_dask,
 )
 from crowdsim.batch.estimates import check_disk
-from crowdsim.batch.plan import OWN, POLICIES, SCENARIOS, Plan, is_batch, make_plan, read_plan, write_plan
+from crowdsim.batch.plan import (
+    LOGS,
+    NAME,
+    OWN,
+    POLICIES,
+    REPORT,
+    RESULTS,
+    RUNS,
+    SCENARIOS,
+    WORK,
+    Plan,
+    is_batch,
+    make_plan,
+    read_plan,
+    write_plan,
+)
 from crowdsim.batch.preparing import compile_kernels, freeze_policies, train_policies, used_kernels
 from crowdsim.batch.progress import Progress
 from crowdsim.batch.report import write_report
@@ -156,13 +171,16 @@ def _begin(folder: Path, client: Client, plan: Plan, notify: Callable[[str], Non
 
 
 def _check_folder(folder: Path) -> None:
-    """Refuse a folder that holds something else than a batch.
+    """Refuse a folder that holds something else than a batch, or a link to where the batch would write.
 
     Raises:
         BatchError: It does.
     """
     if folder.exists() and not folder.is_dir():
         raise BatchError(f"{folder}: is a file, expected a folder for the batch")
+    for name in (NAME, RUNS, SCENARIOS, POLICIES, WORK, LOGS, RESULTS, REPORT):
+        if (folder / name).is_symlink():
+            raise BatchError(f"{folder / name}: is a symbolic link, expected none in the folder of a batch")
     if folder.is_dir() and not is_batch(folder):
         held = sorted(path.name for path in folder.iterdir() if not path.name.startswith(OWN))
         if held:

@@ -10,7 +10,7 @@ from batches import write_batch
 from scenes import crowdsim
 
 from crowdsim.batch.axes import combine
-from crowdsim.batch.description import MAXIMUM_RUNS, batch_of_options, load_batch
+from crowdsim.batch.description import MAXIMUM_RUNS, batch_of_options, load_batch, with_overrides
 from crowdsim.batch.documents import MAXIMUM_BYTES
 from crowdsim.batch.estimates import check_disk, estimate
 from crowdsim.batch.plan import NAME, Plan, PlannedRun, read_plan, write_plan
@@ -35,6 +35,25 @@ def test_a_dry_run_lists_the_runs_and_what_they_take_and_writes_nothing(workplac
     assert crowdsim("batch", "trial.yaml", "--dry-run") == 0
     assert "6 of 6 runs to do: " in capsys.readouterr().out
     assert sorted(path.name for path in workplace.iterdir()) == before
+
+
+def test_values_that_are_set_are_those_of_all_runs_and_in_the_plan(workplace: Path, capsys) -> None:
+    write_batch(workplace, axes=AXES[:1])
+    assert (
+        crowdsim("batch", "trial.yaml", "--dry-run", "--json", "--set", "duration=7", "--set", "groups[0].count=1") == 0
+    )
+    report = json.loads(capsys.readouterr().out)
+    assert [(run["control_frames"], run["avatars"]) for run in report["runs"]] == [(7, 3)] * 3
+    assert crowdsim("batch", "four.yaml", "--dry-run", "--json", "--seeds", "0:3", "--set", "duration=7") == 0
+    others = json.loads(capsys.readouterr().out)
+    assert {run["run"] for run in report["runs"]}.isdisjoint(run["run"] for run in others["runs"])
+    assert crowdsim("batch", "trial.yaml", "--dry-run", "--set", "duraton=7") == 2
+    assert capsys.readouterr().err.startswith("--set duraton=7: duraton: unknown key")
+    plan, _ = plan_batch(workplace / "out", with_overrides(load_batch(workplace / "trial.yaml"), ["duration=7"]))
+    folder = workplace / "kept"
+    folder.mkdir()
+    write_plan(folder, replace(plan, environment={"versions": {}, "processor": "Abacus"}))
+    assert read_plan(folder).batch.set == ("duration=7",)
 
 
 def test_runs_that_the_disk_cannot_hold_are_refused(workplace: Path, capsys) -> None:

@@ -198,6 +198,14 @@ def test_what_a_report_shows_is_a_regular_file_of_the_batch(stranger: Path) -> N
     assert "as it should be" in write_report(stranger, plan).read_text()
 
 
+@pytest.mark.parametrize("name", ["batch.json", "runs", "scenarios", "policies", "work", "logs", "results", "report"])
+def test_a_batch_does_not_go_on_where_links_lead(stranger: Path, capsys, name: str) -> None:
+    (stranger / name).unlink(missing_ok=True)
+    (stranger / name).symlink_to(stranger.parent / "policies")
+    assert crowdsim("batch", "trial.yaml", "--out", "all") == 2
+    assert capsys.readouterr().err.endswith(f"all/{name}: is a symbolic link, expected none in the folder of a batch\n")
+
+
 def test_a_log_is_not_written_through_a_link(tmp_path: Path) -> None:
     (tmp_path / "mine").write_text("mine")
     (tmp_path / "simulate.log").symlink_to(tmp_path / "mine")

@@ -2,6 +2,7 @@
 
 import socket
 import ssl
+import stat
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,11 @@ def test_workers_of_this_machine_show_nothing_to_those_without_the_certificates_
             for page in PAGES:
                 assert answer(address, f"GET {page} HTTP/1.0\r\n\r\n".encode()).startswith(b"HTTP/1.1 404")
         assert dashboard_address(client) == ""
+        (place,) = {
+            Path(one).parent.parent for one in client.run(lambda dask_worker: dask_worker.local_directory).values()
+        }
+        assert stat.S_IMODE(place.stat().st_mode) == 0o700
+    assert not place.exists()
 
 
 def test_a_dashboard_is_there_on_demand() -> None:
