@@ -149,14 +149,14 @@ def connect(options: BatchOptions, security: Security | None) -> Iterator[Client
         hidden = {} if options.dashboard or options.scheduler else _HIDDEN
         stack.enter_context(dask.config.set({**_SETTINGS, **hidden, "logging.distributed": "critical"}))
         if options.scheduler is None:
-            # Workers load modules from their folders, which Dask would make where all users can write.
+            # All processes load modules from there first, this one too; Dask's own place may be another user's.
             private = TemporaryDirectory(prefix="crowdsim-batch-", ignore_cleanup_errors=True)
+            stack.enter_context(dask.config.set({"temporary-directory": stack.enter_context(private)}))
             cluster = LocalCluster(
                 n_workers=options.jobs,
                 threads_per_worker=1,
                 processes=True,
                 memory_limit="auto" if options.memory is None else options.memory,
-                local_directory=stack.enter_context(private),
                 security=security,
                 dashboard_address="127.0.0.1:0",
                 scheduler_kwargs={"dashboard": options.dashboard},

@@ -3,6 +3,7 @@
 import socket
 import ssl
 import stat
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -72,10 +73,10 @@ def test_workers_of_this_machine_show_nothing_to_those_without_the_certificates_
             for page in PAGES:
                 assert answer(address, f"GET {page} HTTP/1.0\r\n\r\n".encode()).startswith(b"HTTP/1.1 404")
         assert dashboard_address(client) == ""
-        (place,) = {
-            Path(one).parent.parent for one in client.run(lambda dask_worker: dask_worker.local_directory).values()
-        }
+        paths = [sys.path, *client.run(lambda: list(sys.path)).values()]
+        (place,) = {Path(path.partition("dask-scratch-space")[0]) for each in paths for path in each if "dask-" in path}
         assert stat.S_IMODE(place.stat().st_mode) == 0o700
+        assert all("dask-scratch-space" in path[0] for path in paths)
     assert not place.exists()
 
 
@@ -108,7 +109,7 @@ def test_certificates_are_those_of_files(files: dict[str, Any]) -> None:
         require_encryption=True, **roles,
     )  # fmt: skip
     with LocalCluster(
-        n_workers=1, processes=False, protocol="tls://", dashboard_address=None, security=security
+        n_workers=1, processes=False, protocol="tls://", dashboard_address="127.0.0.1:0", security=security
     ) as own:
         options = BatchOptions(scheduler=own.scheduler_address, **files)
         with connect(options, find_certificates(options)) as client:
