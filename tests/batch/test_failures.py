@@ -44,7 +44,7 @@ def said(folder: Path) -> str:
     return "\n".join(path.read_text(errors="replace") for path in sorted(folder.glob("*.said")))
 
 
-def wait_until(is_so: Callable[[], Any], seconds: float = 90) -> Any:
+def wait_until(is_so: Callable[[], Any], seconds: float = 400) -> Any:
     """Wait until something is so, and return it."""
     until = time.monotonic() + seconds
     while time.monotonic() < until:
@@ -142,7 +142,7 @@ def test_the_first_failure_ends_a_batch_that_is_to_fail_fast_and_the_rest_goes_o
     write_batch(workplace, axes=[{"seed": [900, *range(12)]}])
     monkeypatch.setenv("DASK_DISTRIBUTED__WORKER__PRELOAD", str(Path(__file__).with_name("faults.py")))
     command = ["batch", "trial.yaml", "--out", "all", "--jobs", "1", "--retries", "0", "--fail-fast"]
-    assert start(workplace, *command).wait(timeout=120) == 1
+    assert start(workplace, *command).wait(timeout=600) == 1
     facts = status(workplace / "all", capsys)
     assert facts["failed"] == 1
     assert facts["done"] < 12
@@ -153,11 +153,10 @@ def test_the_first_failure_ends_a_batch_that_is_to_fail_fast_and_the_rest_goes_o
 
 def test_a_worker_that_is_killed_changes_no_byte(workplace: Path, undisturbed: dict[str, dict[str, str]]) -> None:
     batch = start(workplace, "batch", "trial.yaml", "--out", "all", "--jobs", "2", "--retries", "3")
-    for _ in range(2):
+    for count in (1, 2):
         os.kill(wait_until(lambda: at_work(workplace / "all"))[0], signal.SIGKILL)
-        time.sleep(0.5)
-    assert batch.wait(timeout=240) == 0, said(workplace)
-    assert said(workplace).count("was lost; other workers, or new ones, go on with its tasks") == 2
+        wait_until(lambda count=count: said(workplace).count("was lost; other workers, or new ones, go on") >= count)
+    assert batch.wait(timeout=600) == 0, said(workplace)
     check_same(workplace / "all", undisturbed)
 
 
@@ -170,7 +169,7 @@ def test_a_command_that_is_killed_leaves_no_worker_and_goes_on(
     assert status(workplace / "all", capsys)["state"] == "running"
     batch.kill()
     batch.wait()
-    wait_until(lambda: not any(psutil.pid_exists(pid) for pid in workers), 20)
+    wait_until(lambda: not any(psutil.pid_exists(pid) for pid in workers), 400)
     assert status(workplace / "all", capsys)["state"] == "interrupted"
     assert crowdsim(*words) == 0
     check_same(workplace / "all", undisturbed)
@@ -193,7 +192,7 @@ def farm(folder: Path, *workers: Sequence[str], tls: Sequence[str] = ()) -> Iter
         for one in reversed(processes):
             one.terminate()
         for one in processes:
-            one.wait(timeout=60)
+            one.wait(timeout=600)
 
 
 def add_worker(folder: Path, address: str, *options: str) -> Process:
@@ -220,12 +219,12 @@ def test_a_scheduler_that_is_killed_is_reported_and_the_command_goes_on(
         batch = start(workplace, *words, address)
         wait_until(lambda: at_work(workplace / "all"))
         processes[0].kill()
-        assert batch.wait(timeout=60) == 1
+        assert batch.wait(timeout=600) == 1
         assert f"the scheduler at {address} was lost" in said(workplace)
         assert not [path for path in workplace.glob("batch-*.said") if "Traceback" in path.read_text()]
     with farm(workplace, [], [], tls=tls) as (address, _):
         again = start(workplace, *words, address)
-        assert again.wait(timeout=240) == 0, said(workplace)
+        assert again.wait(timeout=600) == 0, said(workplace)
     check_same(workplace / "all", undisturbed)
 
 
@@ -240,8 +239,8 @@ def test_a_worker_of_a_scheduler_that_is_killed_is_reported_and_the_others_go_on
         killed.kill()
         killed.wait()
         wait_until(lambda: "was lost; other workers, or new ones, go on with its tasks" in said(workplace))
-        assert batch.wait(timeout=240) == 0, said(workplace)
-        assert start(workplace, *words).wait(timeout=120) == 0
+        assert batch.wait(timeout=600) == 0, said(workplace)
+        assert start(workplace, *words).wait(timeout=600) == 0
         assert "4: 0 done, 4 before, 0 failed" in said(workplace)
     check_same(workplace / "all", undisturbed)
 
@@ -255,18 +254,18 @@ def test_a_worker_that_differs_is_refused_at_the_start_and_not_used_later(workpl
     with farm(workplace, ["--preload", str(other)]) as (address, processes):
         words = ("batch", "trial.yaml", "--insecure", "--scheduler", address, "--out")
         refused = start(workplace, *words, "none")
-        assert refused.wait(timeout=90) == 2
+        assert refused.wait(timeout=600) == 2
         assert "version of sources: was " in said(workplace)
         assert ", is another, as against this process" in said(workplace)
         assert not (workplace / "none").exists()
         processes[1].terminate()
-        processes[1].wait(timeout=60)
+        processes[1].wait(timeout=600)
         processes[1] = add_worker(workplace, address)
         batch = start(workplace, *words, "all")
         wait_until(lambda: list(workplace.glob("all/runs/*")))
         processes.append(add_worker(workplace, address, "--preload", str(other)))
         wait_until(lambda: "is not used, since it differs: version of sources" in said(workplace))
-        assert batch.wait(timeout=240) == 0, said(workplace)
+        assert batch.wait(timeout=600) == 0, said(workplace)
     assert {result["state"] for result in results(workplace / "all").values()} == {"done"}
 
 
