@@ -12,6 +12,7 @@ from typing import Any
 
 from crowdsim.batch.axes import Combination, combine
 from crowdsim.batch.description import Batch
+from crowdsim.batch.documents import read_bytes
 from crowdsim.config.files import Finding
 from crowdsim.errors import BatchError, CrowdsimError, ScenarioError
 from crowdsim.scenario.outputs import Outputs
@@ -160,6 +161,7 @@ def write_frozen(folder: Path, resolved: Resolved) -> Path:
     """Write a resolved scenario, with the files that it reads beside it, into a folder of its own; return its path.
 
     Raises:
+        BatchError: Something else than a file is in its place.
         OutputError: It cannot be written.
     """
     from crowdsim.files import make_folder
@@ -167,7 +169,7 @@ def write_frozen(folder: Path, resolved: Resolved) -> Path:
 
     place = folder / resolved.id
     path = place / RESOLVED
-    if path.is_file():
+    if read_bytes(place, RESOLVED) == resolved.text.encode("utf-8"):
         return path
     make_folder(place)
     for name in resolved.scenario.files:

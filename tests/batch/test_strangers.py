@@ -18,6 +18,7 @@ from crowdsim.batch.failures import describe_failure, log_tail
 from crowdsim.batch.plan import Plan, read_plan, write_plan
 from crowdsim.batch.progress import read_progress
 from crowdsim.batch.report import write_report
+from crowdsim.batch.resolving import resolve, write_frozen
 from crowdsim.batch.results import read_result, write_result
 from crowdsim.batch.running import plan_batch
 from crowdsim.batch.table import read_table, write_table
@@ -196,6 +197,16 @@ def test_what_a_report_shows_is_a_regular_file_of_the_batch(stranger: Path) -> N
     log.write_text("as it should be")
     assert log_tail(stranger, read_result(stranger, id)) == "as it should be"
     assert "as it should be" in write_report(stranger, plan).read_text()
+
+
+def test_a_scenario_that_was_changed_in_the_folder_of_a_batch_is_written_again(stranger: Path) -> None:
+    runs, _ = resolve(load_batch(stranger.parent / "trial.yaml"))
+    one = next(iter(runs.values()))
+    path = write_frozen(stranger / "scenarios", one)
+    path.write_text(path.read_text().replace("seed: 0", "seed: 7"))
+    assert path.read_text() != one.text
+    assert write_frozen(stranger / "scenarios", one) == path
+    assert path.read_text() == one.text
 
 
 @pytest.mark.parametrize("name", ["batch.json", "runs", "scenarios", "policies", "work", "logs", "results", "report"])
