@@ -27,7 +27,7 @@ from typing import Any
 from _quick import small_policies
 
 from crowdsim.batch.description import load_batch
-from crowdsim.batch.options import BatchOptions
+from crowdsim.batch.engine import BatchOptions
 from crowdsim.batch.results import read_result
 from crowdsim.batch.running import plan_batch, run_batch
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from crowdsim.batch.reference import batch_reference
+from crowdsim.batch.description import batch_reference
 from crowdsim.scenario.reference import scenario_reference
 from crowdsim.scenario.scenario import scenario_schema
 from crowdsim.training.recipe_reference import recipe_reference

@@ -20,6 +20,9 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, TextIO
 
+from crowdsim.batch.documents import read_bytes
+from crowdsim.batch.plan import LOGS
+from crowdsim.config.documents import DocumentModel, document_fault, parse_json
 from crowdsim.files import make_folder
 
 KINDS = {
@@ -32,6 +35,8 @@ KINDS = {
 }
 """Causes of failures, in words."""
 
+_LONGEST = 10_000
+"""Longest message of an exception."""
 _TIMEOUT, _FATAL = "Timeout (", "Fatal Python error: "
 
 
@@ -51,6 +56,21 @@ class TaskError(Exception):
     def __str__(self) -> str:
         """Return it in words."""
         return f"{self.task}: {self.message}"
+
+
+class _Mark(DocumentModel):
+    """A line of a log that says that an attempt begins or ends."""
+
+    begin: str = ""
+    session: str = ""
+    worker: str = ""
+    host: str = ""
+    pid: int = 0
+    timeout: float = 0.0
+    end: str = ""
+    kind: str = ""
+    message: str = ""
+    time: str = ""
 
 
 @dataclass(frozen=True)
@@ -80,19 +100,19 @@ class Attempt:
         return "killed", f"{where} was killed, or ran out of memory"
 
 
-def log_path(folder: Path, logs: str, id: str, task: str) -> Path:
-    """Return the log of a task of a run."""
-    return folder / logs / id / f"{task}.log"
+def log_path(folder: Path, id: str, task: str) -> Path:
+    """Return the log of a task of a run, in the folder of its batch."""
+    return folder / LOGS / id / f"{task}.log"
 
 
 def read_attempts(path: Path, session: str = "") -> list[Attempt]:
-    """Return the attempts in a log, in order; those of one session of the batch only where it is named."""
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return []
+    """Return the attempts in a log, in order; those of one session of the batch only where it is named.
+
+    Raises:
+        BatchError: The log is no regular file, or too long.
+    """
     found: list[Attempt] = []
-    for line in text.splitlines():
+    for line in read_bytes(path.parent, path.name).decode("utf-8", "replace").splitlines():
         mark = _read_mark(line)
         if "begin" in mark:
             found.append(Attempt(mark, "", {}))
@@ -106,10 +126,10 @@ def _read_mark(line: str) -> dict[str, Any]:
     if not line.startswith('{"'):
         return {}
     try:
-        mark = json.loads(line)
+        mark = parse_json(line)
+        return {} if document_fault(_Mark, mark) else dict(mark)
     except ValueError:
         return {}
-    return mark if isinstance(mark, dict) else {}
 
 
 @contextmanager
@@ -141,8 +161,9 @@ def attempt(path: Path, session: str, retries: int, timeout: float, worker: str 
         try:
             yield
         except BaseException as error:
-            message = str(error) or type(error).__name__
-            log.write(traceback.format_exc())
+            # No longer than can be read again, and without halves of letters, which names of files may have.
+            message = (str(error) or type(error).__name__)[:_LONGEST].encode("utf-8", "backslashreplace").decode()
+            log.write(traceback.format_exc()[-10 * _LONGEST :])
             _write(log, {"end": "raised", "kind": type(error).__name__, "message": message, "time": _now()})
             raise TaskError(task, "raised", message) from error
         finally:
@@ -159,14 +180,18 @@ def attempt(path: Path, session: str, retries: int, timeout: float, worker: str 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[TextIO]:
-    """Open a log for more; its folder may go meanwhile, with the log of another task."""
+    """Open a log for more, not through a link; its folder may go meanwhile, with the log of another task."""
     while True:
         make_folder(path.parent)
         with suppress(FileNotFoundError):
-            log = open(path, "a", encoding="utf-8")  # noqa: SIM115
+            log = open(path, "a", encoding="utf-8", errors="backslashreplace", opener=_open_plain)  # noqa: SIM115
             break
     with log:
         yield log
+
+
+def _open_plain(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0), 0o666)
 
 
 def _write(log: TextIO, mark: Mapping[str, Any]) -> None:

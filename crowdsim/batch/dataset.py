@@ -56,15 +56,15 @@ def open_batch(folder: FileName, variables: Sequence[str] = ()) -> Dataset:
         found[name] = (tuple(sizes), values.astype(str) if is_text else values)
     for name in variables:
         found[name] = ((*sizes, "frame", "avatar"), _read_takes(folder, plan, name, shape, places, table))
-    return Dataset(found, coordinates, {"name": plan.name, "description": plan.description})
+    return Dataset(found, coordinates, {"name": plan.batch.name, "description": plan.batch.description})
 
 
 def _coordinates(plan: Plan) -> tuple[dict[str, int], dict[str, Any]]:
     """Return the length of each dimension, and the coordinates."""
     sizes: dict[str, int] = {}
     coordinates: dict[str, Any] = {}
-    if len(plan.scenarios) > 1:
-        sizes["scenario"], coordinates["scenario"] = len(plan.scenarios), list(plan.scenarios)
+    if len(plan.batch.scenarios) > 1:
+        sizes["scenario"], coordinates["scenario"] = len(plan.batch.scenarios), list(plan.batch.scenarios)
     for axis in plan.axes:
         first = next(iter(axis))
         sizes[first] = len(axis[first])
@@ -75,7 +75,7 @@ def _coordinates(plan: Plan) -> tuple[dict[str, int], dict[str, Any]]:
 
 def _place(plan: Plan, scenario: str, indices: tuple[int, ...]) -> tuple[int, ...]:
     """Return the index of a combination in all dimensions."""
-    return ((plan.scenarios.index(scenario),) if len(plan.scenarios) > 1 else ()) + indices
+    return ((plan.batch.scenarios.index(scenario),) if len(plan.batch.scenarios) > 1 else ()) + indices
 
 
 def _number(value: Any) -> float:
@@ -97,11 +97,16 @@ def _read_takes(
     if name not in VARIABLES:
         known = ", ".join(VARIABLES)
         raise BatchError(f"variable {name!r}: takes have none of that name, expected {known}{nearest(name, VARIABLES)}")
-    frames = max(run.control_frames for run in plan.runs.values())
-    avatars = max(run.avatars for run in plan.runs.values())
+    takes = {
+        place: open_take(folder / run)
+        for place, run, state in zip(places, table["folder"], table["state"], strict=True)
+        if state == "done"
+    }
+    # As many as there are, whatever the plan says.
+    frames, avatars = (
+        max((getattr(take, key) for take in takes.values()), default=0) for key in ("frame_count", "avatar_count")
+    )
     values = np.full((*shape, frames, avatars), np.nan, np.float32)
-    for place, run, state in zip(places, table["folder"], table["state"], strict=True):
-        if state == "done":
-            rows = np.asarray(getattr(open_take(folder / run), name)[:])
-            values[place][: rows.shape[0], : rows.shape[1]] = rows
+    for place, take in takes.items():
+        values[place][: take.frame_count, : take.avatar_count] = getattr(take, name)[:]
     return values

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -12,6 +13,7 @@ from pydantic import Field, PrivateAttr, model_validator
 from crowdsim import assets
 from crowdsim.batch.axes import Axis, count_combinations, read_axis, read_values
 from crowdsim.config.files import Faults, Finding, StrictModel, load_model, validate
+from crowdsim.config.reference import reference_page
 from crowdsim.config.schema import Expected, join
 from crowdsim.config.tree import Document, Loc, Mark, read_document
 from crowdsim.core.types import FileName
@@ -43,6 +45,11 @@ class Batch(StrictModel):
         "`0:10` for the whole numbers from 0 to 9. Keys of one item change together, those of several items are "
         "multiplied.",
     )
+    set: tuple[str, ...] = Field(
+        default=(),
+        description="Other values for all scenarios, text such as `groups[0].count=12` each; the option `--set` adds "
+        "to them.",
+    )
     exclude: tuple[dict[str, Any], ...] = Field(
         default=(),
         description="Combinations that are left out: values, or lists of them, by key; `scenario` is a key too.",
@@ -63,7 +70,7 @@ class Batch(StrictModel):
 
     @model_validator(mode="after")
     def _check(self) -> Batch:
-        findings = [*_axis_findings(self.axes), *_scenario_findings(self.scenarios)]
+        findings = [*_axis_findings(self.axes), *_scenario_findings(self.scenarios), *_set_findings(self)]
         if not findings:
             findings = [*_exclusion_findings(self)]
             count = count_combinations(self.scenarios, self.all_axes)
@@ -142,6 +149,18 @@ def batch_of_options(scenarios: Sequence[str], seeds: str | None = None, sweeps:
     return batch
 
 
+def with_overrides(batch: Batch, overrides: Sequence[str]) -> Batch:
+    """Return a batch with other values for all its scenarios, ``KEY=VALUE`` each.
+
+    Raises:
+        BatchError: One is of an axis.
+    """
+    changed = batch.model_copy(update={"set": (*batch.set, *overrides)})
+    for finding in _set_findings(changed):
+        raise BatchError(f"--set {changed.set[finding.loc[1]]}: {finding.message}")
+    return changed
+
+
 def is_batch_file(name: str) -> bool:
     """Whether a file describes a batch rather than a scenario: it lists scenarios."""
     path = Path(name)
@@ -191,6 +210,14 @@ def _scenario_findings(scenarios: Sequence[str]) -> Iterator[Finding]:
             yield Finding(("scenarios", i), f"is {name!r} like scenarios[{scenarios.index(name)}], expected it once")
 
 
+def _set_findings(batch: Batch) -> Iterator[Finding]:
+    axes = {key for axis in batch.axes for key in axis}
+    for i, text in enumerate(batch.set):
+        key = text.partition("=")[0]
+        if key in axes:
+            yield Finding(("set", i), f"sets {key}, which is an axis; expected another key")
+
+
 def _exclusion_findings(batch: Batch) -> Iterator[Finding]:
     values: dict[str, Sequence[Any]] = {"scenario": batch.scenarios}
     for axis in batch.all_axes:
@@ -207,3 +234,23 @@ def _exclusion_findings(batch: Batch) -> Iterator[Finding]:
             for value in wanted if isinstance(wanted, list) else [wanted]:
                 if value not in values[key]:
                     yield Finding(at, f"never is {value!r}, expected one of its values")
+
+
+_HEAD = """# Batch files
+
+Every key of a batch file, from the schema that checks it. Required keys have no default. [batch.md](batch.md) has an
+example; `crowdsim batch FILE --dry-run` reports every error in a file, and lists its runs.
+
+<!-- Written from the schema by crowdsim.batch.description; do not edit. -->
+"""
+
+
+def batch_schema() -> str:
+    """Return the JSON Schema of batch files as text; editors complete and check batches by it."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Batch.model_json_schema()}
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+
+
+def batch_reference() -> str:
+    """Return docs/batch_files.md: every key of a batch file with its type, its default and its meaning."""
+    return reference_page(json.loads(batch_schema()), _HEAD)

@@ -4,22 +4,30 @@ from __future__ import annotations
 
 import logging
 import os
+import platform
 import signal
+import socket
 import urllib.request
+import uuid
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from crowdsim.batch.environment import TOKEN, describe_environment, describe_worker, place_token
+from crowdsim.batch.documents import read_bytes
 from crowdsim.batch.preparing import compile_kernels
+from crowdsim.core.types import FileName
 from crowdsim.core.workers import CORES
-from crowdsim.errors import BatchError
-from crowdsim.runs.origin import document_difference
+from crowdsim.errors import BatchError, OutputError
+from crowdsim.files import write_text
+from crowdsim.runs.origin import document_difference, origin_of
 
 if TYPE_CHECKING:
-    from distributed import Client, LocalCluster
+    from distributed import Client, LocalCluster, Security
 
 PATIENCE = 5.0
 """How long a scheduler may take to answer [s]."""
@@ -35,27 +43,100 @@ _SETTINGS = {
     "distributed.worker.profile.enabled": False,
     "distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1,
 }
+_HIDDEN: dict[str, Any] = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
+"""Dask's processes listen for a browser in any case; then there is nothing to be seen."""
+TOKEN = ".crowdsim-batch-token"
 
 
-def require_dask() -> None:
-    """Raise where Dask is not installed.
+@dataclass(frozen=True)
+class BatchOptions:
+    """How a batch is done.
+
+    Attributes:
+        jobs: Workers of this machine.
+        scheduler: Address of a scheduler with workers of its own.
+        insecure: Whether that scheduler may do without TLS.
+        ca_file: Certificate of the authority that has signed those of scheduler and workers.
+        certificate: Certificate by which they know this command.
+        key: Its key, unless the file of the certificate has it.
+        dashboard: Whether workers of this machine have Dask's dashboard.
+        fail_fast: Whether the first failure ends the batch.
+        retries: How often a task that failed is tried again.
+        timeout: How long a task may take [s].
+        memory: Memory that a worker of this machine may take [bytes].
+        mocap: Folder of capture for policies that are trained from it.
+        threads: Threads that train and compile beforehand.
+        command: The command, for manifests.
+    """
+
+    jobs: int = 1
+    scheduler: str | None = None
+    insecure: bool = False
+    ca_file: FileName | None = None
+    certificate: FileName | None = None
+    key: FileName | None = None
+    dashboard: bool = False
+    fail_fast: bool = False
+    retries: int = 1
+    timeout: float = 1800.0
+    memory: int | None = None
+    mocap: FileName | None = None
+    threads: int = 1
+    command: str = ""
+
+
+def require_dask(options: BatchOptions) -> None:
+    """Raise where a package is missing that a batch needs.
 
     Raises:
-        BatchError: It is not.
+        BatchError: It is.
     """
-    for package in ("distributed", "jinja2"):
+    more = {"cryptography": options.scheduler is None, "bokeh": options.dashboard}
+    for package in ("distributed", "jinja2", *(name for name, is_needed in more.items() if is_needed)):
         if find_spec(package) is None:
             raise BatchError(f"crowdsim batch needs the package {package!r}; pip install 'crowdsim[farm]'")
 
 
+def find_certificates(options: BatchOptions) -> Security | None:
+    """Return the certificates by which command, scheduler and workers know each other; None where there are none.
+
+    Those of workers of this machine are made here, kept in memory, and end with the batch. Those for another scheduler
+    come from options, or from Dask's configuration (``distributed.comm.tls``).
+
+    Raises:
+        BatchError: The scheduler has none, which ``insecure`` does not allow, or they cannot be used.
+    """
+    from distributed import Security
+
+    given = {"tls_ca_file": options.ca_file, "tls_client_cert": options.certificate, "tls_client_key": options.key}
+    given = {name: str(path) for name, path in given.items() if path is not None}
+    if options.scheduler is None:
+        return Security.temporary()
+    is_tls, where = options.scheduler.startswith("tls://"), f"--scheduler {options.scheduler}"
+    if not is_tls and not options.insecure:
+        what = "without TLS everybody who reaches the scheduler runs programs as you do"
+        raise BatchError(f"{where}: {what}; expected tls://HOST:8786, or --insecure where nobody else reaches it")
+    if is_tls == options.insecure or (given and not is_tls):
+        raise BatchError(f"{where}: expected {'no --insecure with' if is_tls else 'certificates only for'} tls://")
+    if not is_tls:
+        return None
+    expected = "expected --tls-ca-file, --tls-cert and --tls-key, or distributed.comm.tls in Dask's configuration"
+    try:
+        security = Security(require_encryption=True, **given)
+        if security.get_connection_args("client")["ssl_context"] is None:
+            raise BatchError(f"{where}: needs certificates; {expected}")
+    except (OSError, ValueError) as error:
+        raise BatchError(f"{where}: certificates cannot be used: {error}; {expected}") from None
+    return security
+
+
 @contextmanager
-def connect(scheduler: str | None, jobs: int, memory: int | None = None) -> Iterator[Client]:
+def connect(options: BatchOptions, security: Security | None) -> Iterator[Client]:
     """Give a client of the scheduler that does the work.
 
     Args:
-        scheduler: Its address; None for workers of this machine, which are started and ended here.
-        jobs: Workers that are started, each a process with one thread.
-        memory: Memory that each of them may take [bytes]; its share of the machine's when None.
+        options: Address of the scheduler; without one, workers of this machine are started and ended here.
+        security: Certificates, see ``find_certificates``.
 
     Raises:
         BatchError: The scheduler does not answer.
@@ -65,14 +146,20 @@ def connect(scheduler: str | None, jobs: int, memory: int | None = None) -> Iter
 
     quiet = logging.CRITICAL
     with ExitStack() as stack:
-        stack.enter_context(dask.config.set({**_SETTINGS, "logging.distributed": "critical"}))
-        if scheduler is None:
+        hidden = {} if options.dashboard or options.scheduler else _HIDDEN
+        stack.enter_context(dask.config.set({**_SETTINGS, **hidden, "logging.distributed": "critical"}))
+        if options.scheduler is None:
+            # All processes load modules from there first, this one too; Dask's own place may be another user's.
+            private = TemporaryDirectory(prefix="crowdsim-batch-", ignore_cleanup_errors=True)
+            stack.enter_context(dask.config.set({"temporary-directory": stack.enter_context(private)}))
             cluster = LocalCluster(
-                n_workers=jobs,
+                n_workers=options.jobs,
                 threads_per_worker=1,
                 processes=True,
-                memory_limit="auto" if memory is None else memory,
-                dashboard_address="127.0.0.1:0" if find_spec("bokeh") else None,
+                memory_limit="auto" if options.memory is None else options.memory,
+                security=security,
+                dashboard_address="127.0.0.1:0",
+                scheduler_kwargs={"dashboard": options.dashboard},
                 silence_logs=quiet,
             )
             stack.enter_context(cluster)
@@ -80,16 +167,16 @@ def connect(scheduler: str | None, jobs: int, memory: int | None = None) -> Iter
             stack.callback(_end_workers, cluster)
             yield client
             return
-        before = logging.getLogger("distributed").level
-        logging.getLogger("distributed").setLevel(quiet)
-        stack.callback(logging.getLogger("distributed").setLevel, before)
+        for logger in map(logging.getLogger, ("distributed", "distributed.client")):
+            stack.callback(logger.setLevel, logger.level)
+            logger.setLevel(quiet)
         try:
-            client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
+            client = Client(options.scheduler, timeout=PATIENCE, security=security, set_as_default=False)
         except Exception as error:
             # What answers may be no scheduler at all, and what it says anything.
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             what = f"no scheduler answers there within {PATIENCE:g} s ({reason})"
-            raise BatchError(f"--scheduler {scheduler}: {what}; expected one such as tcp://127.0.0.1:8786") from None
+            raise BatchError(f"--scheduler {options.scheduler}: {what}; expected one such as tls://HOST:8786") from None
         stack.enter_context(client)
         yield client
 
@@ -162,3 +249,43 @@ def worker_findings(answers: Mapping[str, Any], threads: Mapping[str, int], fold
         if found["processor"] != first[1]["processor"]:
             what = f"has the processor {found['processor']}, and {first[0]} has {first[1]['processor']}"
             yield f"{where}: {what}; runs give the same bytes on one kind of processor only"
+
+
+def describe_environment() -> dict[str, Any]:
+    """Return what the results of this process depend on, beside scenarios and policies.
+
+    Returns:
+        ``versions`` of crowdsim, its sources, Python and packages, and the ``processor``.
+    """
+    document = origin_of("", ()).document()
+    more = {"python": platform.python_version(), "distributed": metadata.version("distributed")}
+    return {"versions": {**document["versions"], **more}, "processor": document["processor"]}
+
+
+def place_token(folder: Path) -> str:
+    """Write what a worker must find in the folder of a batch, and return it.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
+    token = uuid.uuid4().hex
+    write_text(folder / TOKEN, token)
+    return token
+
+
+def describe_worker(folder: str, token: str) -> dict[str, Any]:
+    """Return what this process is, and how it sees the folder of a batch.
+
+    Returns:
+        The ``environment``, ``host``, and ``folder``: what is wrong with it, nothing where it is the right one.
+    """
+    path = Path(folder)
+    try:
+        found = read_bytes(path, TOKEN)
+        wrong = "" if found == token.encode() else "is another folder" if found else "is not there"
+        if not wrong:
+            write_text(path / f"{TOKEN}-{socket.gethostname()}-{os.getpid()}", token)
+            (path / f"{TOKEN}-{socket.gethostname()}-{os.getpid()}").unlink()
+    except (OSError, BatchError, OutputError) as error:
+        wrong = f"cannot be used: {error}"
+    return {"environment": describe_environment(), "host": socket.gethostname(), "folder": wrong}

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from crowdsim.batch.attempts import TaskError, log_path, read_attempts
+from crowdsim.batch.documents import read_bytes
 from crowdsim.batch.plan import LOGS, SCENARIOS, PlannedRun
 from crowdsim.runs.folder import RESOLVED
 
@@ -29,7 +30,7 @@ def describe_failure(
         task, kind, message = error.task, error.kind, error.message
     else:
         task, kind, message = _find_death(folder, run, session) or ("", "lost", f"{type(error).__name__}: {error}")
-    path = log_path(folder, LOGS, run.id, task)
+    path = log_path(folder, run.id, task)
     attempts = read_attempts(path, session)
     if attempts and kind == "killed":
         begun = attempts[-1].begun
@@ -85,10 +86,11 @@ def _frames(frames: object) -> list[str]:
 
 
 def log_tail(folder: Path, result: dict[str, Any], lines: int = 40) -> str:
-    """Return the end of the log of a run that failed."""
-    try:
-        text = (folder / result["log"]).read_text(encoding="utf-8", errors="replace") if result.get("log") else ""
-    except OSError:
-        return ""
+    """Return the end of the log of a run that failed.
+
+    Raises:
+        BatchError: The log is no regular file, or too long.
+    """
+    text = read_bytes(folder, result["log"]).decode("utf-8", "replace") if result.get("log") else ""
     said = [line for line in text.splitlines() if not line.startswith('{"')]
     return "\n".join(said[-lines:])

@@ -8,15 +8,43 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+from pydantic import Field
+
+from crowdsim.batch.documents import read_document
 from crowdsim.batch.plan import PlannedRun
+from crowdsim.config.documents import DocumentModel
 from crowdsim.errors import OutputError
 from crowdsim.files import write_text
 
 NAME = "progress.json"
 _NEWS = 2.0
 """How often progress is written for others to read [s]."""
+
+
+_Count = Annotated[int, Field(ge=0, lt=2**63)]
+_Seconds = Annotated[float, Field(ge=0, le=1e12)]
+
+
+class _Stage(DocumentModel):
+    """How far a run is."""
+
+    stage: str
+    done: _Count
+    total: _Count
+
+
+class _News(DocumentModel):
+    """How far a batch is, as it is written."""
+
+    runs: _Count
+    done: _Count
+    failed: _Count
+    seconds: _Seconds
+    seconds_left: _Seconds | None
+    dashboard: str
+    active: dict[str, _Stage]
 
 
 @dataclass
@@ -102,9 +130,9 @@ class Progress:
 
 
 def read_progress(folder: Path) -> dict[str, Any]:
-    """Return how far a batch was when it last reported; nothing where that is not known."""
-    try:
-        found = json.loads((folder / NAME).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
+    """Return how far a batch was when it last reported; nothing where that is not known.
+
+    Raises:
+        BatchError: The file is damaged.
+    """
+    return read_document(folder, NAME, _News)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from crowdsim.batch.attempts import KINDS
 from crowdsim.batch.curves import COLOURS, curve_of, draw_curves
+from crowdsim.batch.documents import read_bytes
 from crowdsim.batch.failures import log_tail
 from crowdsim.batch.plan import REPORT, Plan
 from crowdsim.batch.results import read_result
@@ -60,6 +61,7 @@ def write_report(folder: Path, plan: Plan) -> Path:
     """Write ``report/index.html``, ``summary.csv`` and ``summary.parquet``; return the page.
 
     Raises:
+        BatchError: What came of a run is damaged.
         OutputError: A file cannot be written.
     """
     from jinja2 import Environment, PackageLoader
@@ -93,7 +95,7 @@ def write_report(folder: Path, plan: Plan) -> Path:
 
 def _groups(plan: Plan) -> list[str]:
     """Return the columns that group runs: swept keys but the seed, and the scenario where there are several."""
-    named = ["scenario"] if len(plan.scenarios) > 1 else []
+    named = ["scenario"] if len(plan.batch.scenarios) > 1 else []
     return named + [key for axis in plan.axes for key in axis if key != _SEED]
 
 
@@ -158,8 +160,8 @@ def _thumbnails(folder: Path, plan: Plan) -> list[dict[str, str]]:
     combinations = {id: str(one) for one, id in reversed(plan.combinations)}
     found = []
     for id in pick_thumbnails(plan):
-        path = thumbnail_path(folder, id)
-        if path.is_file():
-            data = base64.b64encode(path.read_bytes()).decode("ascii")
+        picture = read_bytes(folder, f"{REPORT}/{THUMBNAILS}/{id}.png")
+        if picture:
+            data = base64.b64encode(picture).decode("ascii")
             found.append({"image": f"data:image/png;base64,{data}", "label": combinations.get(id, id)})
     return found

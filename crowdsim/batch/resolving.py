@@ -12,6 +12,7 @@ from typing import Any
 
 from crowdsim.batch.axes import Combination, combine
 from crowdsim.batch.description import Batch
+from crowdsim.batch.documents import read_bytes
 from crowdsim.config.files import Finding
 from crowdsim.errors import BatchError, CrowdsimError, ScenarioError
 from crowdsim.scenario.outputs import Outputs
@@ -59,7 +60,7 @@ def resolve(
         raise BatchError(str(batch.place(Finding(("exclude",), "leaves out all runs, expected some that stay"))))
     outputs = [] if batch.outputs is None else [f"outputs={_text(batch.outputs.model_dump(exclude_unset=True))}"]
     for number, one in enumerate(combinations):
-        given = [*outputs, *(f"{key}={_text(value)}" for key, value in one.values.items())]
+        given = [*outputs, *batch.set, *(f"{key}={_text(value)}" for key, value in one.values.items())]
         try:
             resolved = split(load_scenario(base[one.scenario], given))
             if resolved.id not in runs:
@@ -112,12 +113,12 @@ def _check(scenario: Scenario, seen: set[str]) -> None:
 
 
 def _find(batch: Batch, index: int) -> Path:
-    """Return the file of a scenario, which is valid in itself."""
+    """Return the file of a scenario, which is valid with the values that are set for all."""
     try:
         path = batch.find_scenario(batch.scenarios[index])
     except ScenarioError as error:
         raise BatchError(str(batch.place(Finding(("scenarios", index), str(error))))) from None
-    load_scenario(path)
+    load_scenario(path, batch.set)
     return path
 
 
@@ -160,6 +161,7 @@ def write_frozen(folder: Path, resolved: Resolved) -> Path:
     """Write a resolved scenario, with the files that it reads beside it, into a folder of its own; return its path.
 
     Raises:
+        BatchError: Something else than a file is in its place.
         OutputError: It cannot be written.
     """
     from crowdsim.files import copy_plain, make_folder, write_text
@@ -167,7 +169,7 @@ def write_frozen(folder: Path, resolved: Resolved) -> Path:
 
     place = folder / resolved.id
     path = place / RESOLVED
-    if path.is_file():
+    if read_bytes(place, RESOLVED) == resolved.text.encode("utf-8"):
         return path
     make_folder(place)
     for name in resolved.scenario.files:

@@ -10,16 +10,38 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from crowdsim.batch.description import Batch
-from crowdsim.batch.engine import check_workers, compile_on_hosts, connect, dashboard_address, require_dask
+from crowdsim.batch.engine import (
+    BatchOptions,
+    check_workers,
+    compile_on_hosts,
+    connect,
+    dashboard_address,
+    find_certificates,
+    require_dask,
+)
 from crowdsim.batch.estimates import check_disk
-from crowdsim.batch.options import BatchOptions, Outcome
-from crowdsim.batch.plan import OWN, POLICIES, SCENARIOS, Plan, is_batch, make_plan, read_plan, write_plan
+from crowdsim.batch.plan import (
+    LOGS,
+    NAME,
+    OWN,
+    POLICIES,
+    REPORT,
+    RESULTS,
+    RUNS,
+    SCENARIOS,
+    WORK,
+    Plan,
+    is_batch,
+    make_plan,
+    read_plan,
+    write_plan,
+)
 from crowdsim.batch.preparing import compile_kernels, freeze_policies, train_policies, used_kernels
 from crowdsim.batch.progress import Progress
 from crowdsim.batch.report import write_report
 from crowdsim.batch.resolving import Resolved, resolve, write_frozen
 from crowdsim.batch.results import is_done
-from crowdsim.batch.session import Session, Show
+from crowdsim.batch.session import Outcome, Session, Show
 from crowdsim.errors import BatchError
 from crowdsim.runs.lock import hold_folder
 from crowdsim.runs.origin import document_difference
@@ -72,7 +94,8 @@ def run_batch(
         OutputError: The folder cannot be used, or is in use.
         RunError: The scheduler was lost.
     """
-    require_dask()
+    require_dask(options)
+    security = find_certificates(options)
     folder = Path(folder).absolute()
     notify = notify or (lambda text: None)
     outcome = Outcome(folder, plan)
@@ -82,7 +105,7 @@ def run_batch(
     uses = used_kernels(runs.values())
     compile_kernels(uses, options.threads, notify)
     with ExitStack() as stack:
-        client = stack.enter_context(connect(options.scheduler, options.jobs, options.memory))
+        client = stack.enter_context(connect(options, security))
         progress = Progress(folder, plan.runs, dashboard_address(client))
         if progress.dashboard:
             notify(f"dashboard: {progress.dashboard}")
@@ -148,13 +171,16 @@ def _begin(folder: Path, client: Client, plan: Plan, notify: Callable[[str], Non
 
 
 def _check_folder(folder: Path) -> None:
-    """Refuse a folder that holds something else than a batch.
+    """Refuse a folder that holds something else than a batch, or a link to where the batch would write.
 
     Raises:
         BatchError: It does.
     """
     if folder.exists() and not folder.is_dir():
         raise BatchError(f"{folder}: is a file, expected a folder for the batch")
+    for name in (NAME, RUNS, SCENARIOS, POLICIES, WORK, LOGS, RESULTS, REPORT):
+        if (folder / name).is_symlink():
+            raise BatchError(f"{folder / name}: is a symbolic link, expected none in the folder of a batch")
     if folder.is_dir() and not is_batch(folder):
         held = sorted(path.name for path in folder.iterdir() if not path.name.startswith(OWN))
         if held:

@@ -5,24 +5,26 @@ from __future__ import annotations
 import queue
 import time
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from crowdsim.batch.attempts import log_path, read_attempts
+from crowdsim.batch.engine import BatchOptions
 from crowdsim.batch.failures import describe_failure
-from crowdsim.batch.options import BatchOptions, Outcome
-from crowdsim.batch.plan import LOGS, Plan
+from crowdsim.batch.plan import LOGS, Plan, PlannedRun
 from crowdsim.batch.progress import Progress
 from crowdsim.batch.report import pick_thumbnails, thumbnail_path
 from crowdsim.batch.results import write_result
-from crowdsim.batch.submitting import Submitted, submit
-from crowdsim.batch.tasks import Job, thumbnail, topic
+from crowdsim.batch.tasks import KINDS, Job, draw, export, finish, has_outputs, simulate, thumbnail, topic
 from crowdsim.errors import RunError
+from crowdsim.scenario.frame_ranges import output_frames
+from crowdsim.scenario.outputs import RenderOutput
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Future
 
 Show = Callable[[Progress], None]
 """Is called several times a second with how far a batch is."""
@@ -30,6 +32,29 @@ _LOOK = 0.25
 """How often that is [s]."""
 _THUMBNAILS = 60.0
 """How long small pictures are waited for once all runs have ended [s]."""
+
+
+@dataclass
+class Outcome:
+    """What came of a batch.
+
+    Attributes:
+        folder: Its folder.
+        plan: Its plan.
+        kept: Runs that were finished before.
+        done: Runs that have been finished now.
+        failures: Runs that have failed, by id, with the cause.
+        left: Runs that have not been begun, after a failure that ended the batch.
+        seconds: Time of each stage [s].
+    """
+
+    folder: Path
+    plan: Plan
+    kept: int = 0
+    done: int = 0
+    failures: dict[str, Mapping[str, Any]] = field(default_factory=dict)
+    left: int = 0
+    seconds: dict[str, float] = field(default_factory=dict)
 
 
 class Session:
@@ -44,7 +69,7 @@ class Session:
         self._name = uuid.uuid4().hex[:12]
         self._ended: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._out_of_memory: set[tuple[str, int]] = set()
-        self._submitted: dict[str, Submitted] = {}
+        self._submitted: dict[str, list[Future]] = {}
 
     def run(self) -> None:
         """Send all runs that are not finished to the scheduler, and wait until each has ended.
@@ -55,30 +80,51 @@ class Session:
         client, progress = self._client, self._progress
         client.subscribe_topic(topic(self._name), self._hear)
         client.subscribe_topic("worker-restart-memory", self._hear_of_memory)
+        client.subscribe_topic("all", self._hear_of_workers)
         progress.begin()
         progress.write(now=True)
         waiting = [run for id, run in self._plan.runs.items() if id not in progress.done]
         for run in waiting:
             job = _job(self._folder, self._plan, run.id, self._name, self._options)
-            sent = submit(client, job, run, self._plan.frames_per_task, self._options.retries)
-            self._submitted[run.id] = sent
+            self._submitted[run.id] = self._submit(job, run)
             self._watch(run.id)
-        open_runs = {run.id for run in waiting}
+        self._wait({run.id for run in waiting})
+        # A scheduler complains of clients that leave while they listen to what becomes of clients.
+        client.unsubscribe_topic("all")
+
+    def _wait(self, open_runs: set[str]) -> None:
+        """Wait until each run has ended, or the first has failed where that ends the batch."""
         while open_runs:
             with suppress(queue.Empty):
                 id = self._ended.get(timeout=_LOOK)
                 if id in open_runs and self._settle(id):
                     open_runs.discard(id)
                     if self._options.fail_fast and self._outcome.failures:
-                        client.cancel([future for id in open_runs for future in self._submitted[id].futures])
+                        self._client.cancel([future for id in open_runs for future in self._submitted[id]])
                         self._outcome.left = len(open_runs)
                         break
                     continue
             self._look()
         self._look()
 
+    def _submit(self, job: Job, run: PlannedRun) -> list[Future]:
+        """Send the tasks of a run: simulation, exports and ranges of pictures at once, and last what joins them."""
+
+        def send(task: Callable[..., None], name: str, *values: Any) -> Future:
+            key = f"{name}-{job.session}-{job.id}"
+            return self._client.submit(task, job, *values, key=key, retries=self._options.retries, pure=False)
+
+        first, outputs = send(simulate, "simulate"), job.outputs
+        if not has_outputs(outputs):
+            return [first]
+        parts = [send(export, f"export_{kind}", kind, first) for kind in KINDS if getattr(outputs, kind) is not None]
+        if outputs.render is not None:
+            for low, stop in frame_ranges(outputs.render, run, self._plan.batch.frames_per_task):
+                parts.append(send(draw, f"draw_{low:08d}", low, stop, first))
+        return [first, *parts, send(finish, "finish", *(parts or [first]))]
+
     def _watch(self, id: str) -> None:
-        self._submitted[id].last.add_done_callback(lambda _: self._ended.put(id))
+        self._submitted[id][-1].add_done_callback(lambda _: self._ended.put(id))
 
     def draw_thumbnails(self) -> None:
         """Draw small pictures that are missing, unless a failure has ended the batch; one that fails is left out."""
@@ -107,6 +153,10 @@ class Session:
     def _hear_of_memory(self, event: tuple[float, Mapping[str, Any]]) -> None:
         self._out_of_memory.add((event[1]["worker"], event[1]["pid"]))
 
+    def _hear_of_workers(self, event: tuple[float, Mapping[str, Any]]) -> None:
+        if event[1].get("action") == "remove-worker" and not event[1]["expected"]:
+            self._notify(f"worker {event[1]['worker']}: was lost; other workers, or new ones, go on with its tasks")
+
     def _look(self) -> None:
         """Report how far it is.
 
@@ -124,7 +174,7 @@ class Session:
         """Note how a run has ended; whether it has."""
         from distributed import KilledWorker
 
-        last, run = self._submitted[id].last, self._plan.runs[id]
+        last, run = self._submitted[id][-1], self._plan.runs[id]
         if last.status == "finished":
             self._progress.settle(id, True)
             self._outcome.done += 1
@@ -147,8 +197,7 @@ class Session:
         """Whether a scheduler has given up a run because workers died that had not begun it often enough."""
         tasks = [path.stem for path in (self._folder / LOGS / id).glob("*.log")]
         died = [
-            sum(not one.ended for one in read_attempts(log_path(self._folder, LOGS, id, task), self._name))
-            for task in tasks
+            sum(not one.ended for one in read_attempts(log_path(self._folder, id, task), self._name)) for task in tasks
         ]
         return max(died, default=0) <= self._options.retries
 
@@ -160,3 +209,17 @@ def _job(folder: Path, plan: Plan, id: str, session: str, options: BatchOptions)
         folder, id, folder / run.folder, run.outputs, run.mark, run.policies, session, plan.environment,
         options.retries, options.timeout, options.command,
     )  # fmt: skip
+
+
+def frame_ranges(render: RenderOutput, run: PlannedRun, size: int) -> Iterator[tuple[int, int]]:
+    """Yield the ranges of pictures that tasks draw, divided at multiples of a size: first picture, one past the last.
+
+    None are drawn for a contact sheet alone.
+    """
+    if not (render.mp4 or render.png):
+        return
+    count = output_frames(run.control_frames, run.control_rate, render.fps)
+    first, stop = render.frames_at(render.fps) or (0, count)
+    stop = min(stop, count)
+    for low in range(first - first % size, stop, size):
+        yield max(low, first), min(low + size, stop)

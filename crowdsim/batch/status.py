@@ -44,7 +44,7 @@ def describe_batch(folder: Path) -> dict[str, Any]:
         for id, at in progress.get("active", {}).items():
             if id in plan.runs:
                 runs[str(folder / plan.runs[id].folder)]["task"] = at
-    return {"state": state, "name": plan.name, "total": len(runs), **counts, **live, "runs": runs}
+    return {"state": state, "name": plan.batch.name, "total": len(runs), **counts, **live, "runs": runs}
 
 
 def _describe(folder: Path, plan: Any, id: str) -> dict[str, Any]:

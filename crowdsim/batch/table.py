@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
+from dataclasses import fields
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,6 +26,9 @@ def read_table(folder: Path, plan: Plan) -> DataFrame:
         (``done``, ``failed`` or ``missing``), ``folder``, ``avatars``, ``control_frames``, then of runs that are done
         their statistics, the time of each stage as ``seconds.STAGE`` [s], ``peak_memory_bytes``, ``bytes`` and
         ``files``, and of those that failed ``task``, ``cause``, ``message``, ``attempts``, ``log`` and ``command``.
+
+    Raises:
+        BatchError: What came of a run is damaged.
     """
     from pandas import DataFrame
 
@@ -41,6 +45,9 @@ def read_table(folder: Path, plan: Plan) -> DataFrame:
 
 
 def _facts(folder: Path, plan: Plan, id: str) -> dict[str, Any]:
+    from crowdsim.crowd.statistics import CrowdStatistics
+    from crowdsim.take.measures import FightMeasures
+
     run, result = plan.runs[id], read_result(folder, id)
     state = "done" if is_done(folder, run, result) else "failed" if result.get("state") == "failed" else "missing"
     rest = {"state": state, "folder": run.folder, "avatars": run.avatars, "control_frames": run.control_frames}
@@ -48,7 +55,8 @@ def _facts(folder: Path, plan: Plan, id: str) -> dict[str, Any]:
         rest["seed"] = run.seed
     if state == "done":
         stages = {f"seconds.{stage}": seconds for stage, seconds in result["seconds"].items()}
-        statistics = {key: value for key, value in result["statistics"].items() if key not in rest}
+        figures = [one.name for kind in (FightMeasures, CrowdStatistics) for one in fields(kind)]
+        statistics = {key: result["statistics"].get(key) for key in figures if key not in rest}
         sizes = {key: result[key] for key in ("peak_memory_bytes", "bytes", "files")}
         return {**rest, **statistics, **stages, **sizes}
     if state == "failed":
@@ -67,12 +75,18 @@ def write_table(table: DataFrame, path: Path) -> list[Path]:
     Raises:
         OutputError: It cannot be written.
     """
-    written = [_write(path, lambda part: table.to_csv(part, index=False))]
+    harmless = table.map(_harmless).rename(columns=_harmless)
+    written = [_write(path, lambda part: harmless.to_csv(part, index=False))]
     if find_spec("pyarrow") is not None:
         mixed = [name for name in table.columns if table[name].map(type).nunique() > 1 and table[name].dtype == object]
         plain = table.astype({name: "string" for name in mixed})
         written.append(_write(path.with_suffix(".parquet"), lambda part: plain.to_parquet(part, engine="pyarrow")))
     return written
+
+
+def _harmless(value: Any) -> Any:
+    """Return a value of which no spreadsheet makes a formula: text that looks like one has a quote before it."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
 
 
 def _write(path: Path, write: Callable[[Path], object]) -> Path:

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from crowdsim.batch.attempts import attempt, log_path
-from crowdsim.batch.environment import describe_environment
-from crowdsim.batch.plan import LOGS, POLICIES, SCENARIOS, WORK
+from crowdsim.batch.engine import describe_environment
+from crowdsim.batch.plan import POLICIES, SCENARIOS, WORK
 from crowdsim.batch.results import collect, write_result
 from crowdsim.runs.origin import document_difference
 from crowdsim.scenario.outputs import Outputs
@@ -245,7 +245,7 @@ def _attempt(job: Job, task: str) -> Iterator[Callable[[str, int, int], None]]:
             worker.log_event(topic(job.session), {"run": job.id, "stage": stage, "done": done, "total": total})
 
     worker.log_event(topic(job.session), {"run": job.id, "stage": task, "done": 0, "total": 1})
-    with attempt(log_path(job.batch, LOGS, job.id, task), job.session, job.retries, job.timeout, worker.address):
+    with attempt(log_path(job.batch, job.id, task), job.session, job.retries, job.timeout, worker.address):
         yield report
 
 

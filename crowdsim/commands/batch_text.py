@@ -13,9 +13,9 @@ from crowdsim.commands import common
 from crowdsim.commands.common import size_text
 
 if TYPE_CHECKING:
-    from crowdsim.batch.options import Outcome
     from crowdsim.batch.plan import Plan
     from crowdsim.batch.progress import Progress
+    from crowdsim.batch.session import Outcome
 
 
 def plan_lines(plan: Plan, done: Collection[str]) -> Iterator[str]:

@@ -38,13 +38,29 @@ def batch(
     sweep: Annotated[
         list[str] | None, typer.Option(metavar="KEY=V,V", help="Values of a key, groups[0].count=5,15,30 say.")
     ] = None,
+    override: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Another value, groups[0].count=12 say.")
+    ] = None,
     jobs: Annotated[
         int | None,
         typer.Option(metavar="N", min=1, max=1024, help="Workers of this machine; as many as fit else."),
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler with workers, tcp://HOST:8786 say.")
+        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler with workers, tls://HOST:8786 say.")
     ] = None,
+    ca_file: Annotated[
+        Path | None, typer.Option("--tls-ca-file", metavar="FILE", help="Certificate that signed the scheduler's.")
+    ] = None,
+    certificate: Annotated[
+        Path | None, typer.Option("--tls-cert", metavar="FILE", help="Certificate to show to the scheduler.")
+    ] = None,
+    key: Annotated[Path | None, typer.Option("--tls-key", metavar="FILE", help="Key of this certificate.")] = None,
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="Use a scheduler without TLS; all who reach it run programs as you do.")
+    ] = False,
+    dashboard: Annotated[
+        bool, typer.Option("--dashboard", help="Serve Dask's dashboard, which all users of this machine can read.")
+    ] = False,
     fail_fast: Annotated[
         bool, typer.Option("--fail-fast/--keep-going", help="End at the first run that fails, or do all others.")
     ] = False,
@@ -61,31 +77,37 @@ def batch(
     as_json: Json = False,
 ) -> None:
     """Run many scenarios: sweeps over seeds and other keys, on this machine or on a Dask cluster."""
-    from crowdsim.batch.engine import require_dask
-    from crowdsim.batch.options import BatchOptions
+    from crowdsim.batch.description import with_overrides
+    from crowdsim.batch.engine import BatchOptions
     from crowdsim.batch.running import plan_batch, run_batch
 
-    wanted = _read_batch(files, seeds, sweep or [])
+    wanted = with_overrides(_read_batch(files, seeds, sweep or []), override or ())
     limit, most = _parse_time(timeout), None if memory is None else _parse_size(memory)
     if scheduler is not None and (jobs is not None or memory is not None):
         raise CrowdsimError("batch --scheduler: has workers of its own, expected neither --jobs nor --memory")
+    if scheduler is not None and dashboard:
+        raise CrowdsimError("batch --scheduler: has a dashboard of its own, expected no --dashboard")
+    if scheduler is None and (insecure or {ca_file, certificate, key} != {None}):
+        raise CrowdsimError("batch: --insecure and certificates are for another scheduler, expected --scheduler")
     folder = out or Path("output") / wanted.name
     with Bars() as bars:
         plan, runs = plan_batch(folder, wanted, bars)
     if dry_run:
         _print_plan(folder, plan, as_json)
         return
-    require_dask()
     workers = jobs or _fitting_workers(plan)
     command = shlex.join(["crowdsim", *sys.argv[1:]])
-    options = BatchOptions(workers, scheduler, fail_fast, retries, limit, most, mocap, threads, command)
-    detail(f"{plan.name}: {len(plan.runs):,} runs into {folder}")
+    options = BatchOptions(
+        workers, scheduler, insecure, ca_file, certificate, key, dashboard, fail_fast, retries, limit, most, mocap,
+        threads, command,
+    )  # fmt: skip
+    detail(f"{plan.batch.name}: {len(plan.runs):,} runs into {folder}")
     with Bars() as bars, BatchBars(plan) as shown:
         outcome = run_batch(folder, plan, runs, options, shown, shown.note, bars)
     if as_json:
         print_json(
             {
-                "batch": plan.name, "folder": str(folder), "runs": len(plan.runs), "kept": outcome.kept,
+                "batch": plan.batch.name, "folder": str(folder), "runs": len(plan.runs), "kept": outcome.kept,
                 "done": outcome.done, "failed": len(outcome.failures), "left": outcome.left,
                 "seconds": outcome.seconds, "failures": outcome.failures,
             }
@@ -140,7 +162,7 @@ def _print_plan(folder: Path, plan: Plan, as_json: bool) -> None:
         }
         for id, run in plan.runs.items()
     ]  # fmt: skip
-    print_json({"batch": plan.name, "folder": str(folder), "runs": runs})
+    print_json({"batch": plan.batch.name, "folder": str(folder), "runs": runs})
 
 
 def _parse_time(text: str) -> float:

@@ -66,7 +66,7 @@ def schema(
     kind: Annotated[Kind, typer.Argument(metavar="[scenario|recipe|batch]", help="What it is of.")] = Kind.SCENARIO,
 ) -> None:
     """Print the JSON Schema of scenario, recipe or batch files, for editors."""
-    from crowdsim.batch.reference import batch_schema
+    from crowdsim.batch.description import batch_schema
     from crowdsim.scenario.scenario import scenario_schema
     from crowdsim.training.recipe_reference import recipe_schema
 

@@ -13,6 +13,7 @@ from scenes import crowdsim
 
 import crowdsim as package
 from crowdsim.batch.plan import read_plan
+from crowdsim.runs.checkpoint import read_checkpoint
 from crowdsim.runs.manifest import read_manifest, verify
 
 OUTPUTS = {
@@ -41,6 +42,30 @@ def test_a_batch_writes_what_single_commands_write(workplace: Path, scheduler: s
     assert set(one["exports"]) == {"bvh", "ply", "pictures"}
     assert not (workplace / "all" / "work").exists() or not list((workplace / "all" / "work").iterdir())
     assert {"video.mp4", "contact_sheet.png", "frames/000000.png"} <= set(one["files"])
+
+
+def test_what_differs_from_a_run_with_outputs_is_the_scenario_without_them(workplace: Path, scheduler: str) -> None:
+    write_batch(workplace, {"outputs": OUTPUTS}, axes=[{"seed": [3]}])
+    assert crowdsim("batch", "trial.yaml", "--out", "all", "--scheduler", scheduler) == 0
+    assert crowdsim("run", "four.yaml", "--seed", "3", "--out", "single/runs/one", "--threads", "1") == 0
+    (batched,), (single,) = digests(workplace / "all").values(), digests(workplace / "single").values()
+    assert batched.keys() == single.keys()
+    assert {name for name in single if single[name] != batched[name]} == {"checkpoint.bin", "scenario.resolved.yaml"}
+    (one,), other = (workplace / "all" / "runs").iterdir(), workplace / "single" / "runs" / "one"
+    scenarios = [yaml.safe_load((folder / "scenario.resolved.yaml").read_text()) for folder in (one, other)]
+    without, whole = (scenario.pop("outputs") for scenario in scenarios)
+    assert scenarios[0] == scenarios[1]
+    assert without == {key: whole[key] for key in ("take", "profile") if key in whole}
+    checkpoints = [read_checkpoint(folder) for folder in (one, other)]
+    assert checkpoints[0].origin != checkpoints[1].origin
+    for part in ("simulation", "take"):
+        arrays = [getattr(checkpoint, part) for checkpoint in checkpoints]
+        assert arrays[0].keys() == arrays[1].keys()
+        assert all(np.array_equal(arrays[0][name], arrays[1][name]) for name in arrays[0])
+    manifests = [read_manifest(folder) for folder in (one, other)]
+    names = {name for name in manifests[0].keys() | manifests[1] if manifests[0].get(name) != manifests[1].get(name)}
+    assert names - {"command", "seconds", "peak_memory_bytes", "checksum"} == {"exports", "files"}
+    assert (set(manifests[0]["exports"]), manifests[1].get("exports", {})) == ({"bvh", "ply", "pictures"}, {})
 
 
 def test_finished_runs_are_not_repeated_and_a_new_value_runs_only_what_is_new(
@@ -133,7 +158,7 @@ def test_a_folder_that_is_no_batch_is_refused(workplace: Path, capsys) -> None:
 def test_a_scheduler_that_does_not_answer_is_reported_in_time(workplace: Path, capsys, address: str) -> None:
     write_batch(workplace)
     since = time.monotonic()
-    assert crowdsim("batch", "trial.yaml", "--scheduler", address, "--out", "all") == 2
+    assert crowdsim("batch", "trial.yaml", "--scheduler", address, "--insecure", "--out", "all") == 2
     assert time.monotonic() - since < 10
     assert f"--scheduler {address}: no scheduler answers there" in capsys.readouterr().err
     assert not (workplace / "all").exists()

@@ -8,10 +8,10 @@ from batches import write_batch
 from scenes import write_scene
 
 from crowdsim.batch.axes import combine
-from crowdsim.batch.description import batch_of_options, load_batch
-from crowdsim.batch.reference import batch_reference
+from crowdsim.batch.description import batch_of_options, batch_reference, load_batch, with_overrides
 from crowdsim.batch.resolving import resolve
 from crowdsim.errors import BatchError, CrowdsimError
+from crowdsim.scenario.scenario import load_scenario
 
 ROOT = Path(__file__).parents[2]
 HEAD = "version: 1\nname: trial\nscenarios: [four.yaml]\n"
@@ -94,7 +94,7 @@ def test_combinations_of_equal_scenarios_are_one_run(workplace: Path) -> None:
         ("frames_per_task: 100\n",
          "trial.yaml:4:18: frames_per_task: is 100, expected a whole number from 240 to 1000000"),
         ("axs: []\n",
-         "trial.yaml:4:1: axs: unknown key, expected version, name, description, scenarios, axes, exclude, "
+         "trial.yaml:4:1: axs: unknown key, expected version, name, description, scenarios, axes, set, exclude, "
          "outputs or frames_per_task (did you mean 'axes'?)"),
     ],
 )  # fmt: skip
@@ -147,6 +147,38 @@ def test_options_that_are_wrong_are_found_by_their_names(workplace: Path) -> Non
     assert option_fault(["four.yaml"], None, ["seed=1,x"]) == [
         "--sweep seed=1,x: axes[0].seed[1]: for four.yaml: seed: is 'x', "
         "expected a whole number from 0 to 9223372036854775807"
+    ]
+
+
+def test_values_that_are_set_are_those_of_all_scenarios(workplace: Path) -> None:
+    write_scene(workplace / "four.yaml")
+    set_for_all, _ = resolve(with_overrides(batch_of_options(["four.yaml"], "0:2"), ["duration=20"]))
+    swept, _ = resolve(batch_of_options(["four.yaml"], "0:2", ["duration=20"]))
+    assert list(set_for_all) == list(swept)
+    path = write_batch(workplace, axes=[{"seed": "0:2"}], set=["duration=30", "outputs={bvh: {fps: 15}}"])
+    in_file, _ = resolve(with_overrides(load_batch(path), ["duration=20", "outputs.bvh.fps=30"]))
+    assert list(in_file) == list(swept)
+    assert {one.outputs.bvh.fps for one in in_file.values() if one.outputs.bvh} == {30}
+
+
+@pytest.mark.parametrize("text", ["duraton=3", "duration=long", "groups[4].count=2", "duration", "fps=-1"])
+def test_what_is_wrong_with_a_value_that_is_set_is_said_as_run_says_it(workplace: Path, text: str) -> None:
+    write_scene(workplace / "four.yaml")
+    with pytest.raises(CrowdsimError) as caught:
+        resolve(with_overrides(batch_of_options(["four.yaml"], "0:2"), [text]))
+    with pytest.raises(CrowdsimError) as of_run:
+        load_scenario("four.yaml", [text])
+    assert str(caught.value) == str(of_run.value)
+    assert str(caught.value).startswith(f"--set {text}: ")
+
+
+def test_a_key_is_set_or_an_axis(workplace: Path) -> None:
+    write_scene(workplace / "four.yaml")
+    with pytest.raises(BatchError) as caught:
+        with_overrides(batch_of_options(["four.yaml"], "0:2"), ["seed=3"])
+    assert str(caught.value) == "--set seed=3: sets seed, which is an axis; expected another key"
+    assert fault(workplace, "axes:\n  - seed: 0:3\nset: [seed=3]\n") == [
+        "trial.yaml:6:7: set[0]: sets seed, which is an axis; expected another key"
     ]
 
 

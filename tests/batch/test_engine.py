@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from crowdsim.batch.attempts import TaskError, attempt, read_attempts
-from crowdsim.batch.engine import worker_findings
-from crowdsim.batch.environment import TOKEN, describe_environment, describe_worker, place_token
+from crowdsim.batch.engine import TOKEN, describe_environment, describe_worker, place_token, worker_findings
 from crowdsim.batch.estimates import estimate
 from crowdsim.batch.failures import describe_failure
 from crowdsim.batch.plan import PlannedRun

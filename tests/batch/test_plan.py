@@ -1,17 +1,21 @@
 """The plan of a batch: what it holds, what it estimates, and how it is read again."""
 
+import itertools
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from batches import write_batch
 from scenes import crowdsim
 
-from crowdsim.batch.description import load_batch
+from crowdsim.batch.axes import combine
+from crowdsim.batch.description import MAXIMUM_RUNS, batch_of_options, load_batch, with_overrides
+from crowdsim.batch.documents import MAXIMUM_BYTES
 from crowdsim.batch.estimates import check_disk, estimate
-from crowdsim.batch.plan import PlannedRun, read_plan, write_plan
+from crowdsim.batch.plan import NAME, Plan, PlannedRun, read_plan, write_plan
 from crowdsim.batch.running import plan_batch
-from crowdsim.batch.submitting import frame_ranges
+from crowdsim.batch.session import frame_ranges
 from crowdsim.errors import BatchError
 from crowdsim.scenario.outputs import BvhOutput, CloudOutput, Outputs, RenderOutput
 
@@ -33,6 +37,25 @@ def test_a_dry_run_lists_the_runs_and_what_they_take_and_writes_nothing(workplac
     assert sorted(path.name for path in workplace.iterdir()) == before
 
 
+def test_values_that_are_set_are_those_of_all_runs_and_in_the_plan(workplace: Path, capsys) -> None:
+    write_batch(workplace, axes=AXES[:1])
+    assert (
+        crowdsim("batch", "trial.yaml", "--dry-run", "--json", "--set", "duration=7", "--set", "groups[0].count=1") == 0
+    )
+    report = json.loads(capsys.readouterr().out)
+    assert [(run["control_frames"], run["avatars"]) for run in report["runs"]] == [(7, 3)] * 3
+    assert crowdsim("batch", "four.yaml", "--dry-run", "--json", "--seeds", "0:3", "--set", "duration=7") == 0
+    others = json.loads(capsys.readouterr().out)
+    assert {run["run"] for run in report["runs"]}.isdisjoint(run["run"] for run in others["runs"])
+    assert crowdsim("batch", "trial.yaml", "--dry-run", "--set", "duraton=7") == 2
+    assert capsys.readouterr().err.startswith("--set duraton=7: duraton: unknown key")
+    plan, _ = plan_batch(workplace / "out", with_overrides(load_batch(workplace / "trial.yaml"), ["duration=7"]))
+    folder = workplace / "kept"
+    folder.mkdir()
+    write_plan(folder, replace(plan, environment={"versions": {}, "processor": "Abacus"}))
+    assert read_plan(folder).batch.set == ("duration=7",)
+
+
 def test_runs_that_the_disk_cannot_hold_are_refused(workplace: Path, capsys) -> None:
     scene = {"duration": 100_000_000, "outputs": {"ply": {"points": 100_000}}}
     write_batch(workplace, scene, axes=[{"seed": "0:100"}])
@@ -48,17 +71,28 @@ def test_a_plan_is_read_as_it_was_written(workplace: Path) -> None:
     plan, _ = plan_batch(workplace / "out", load_batch(write_batch(workplace, axes=AXES, outputs=outputs)))
     folder = workplace / "kept"
     folder.mkdir()
+    plan = replace(plan, environment={"versions": {"numpy": "2"}, "processor": "Abacus"}, policies={"tiny": "0" * 64})
     write_plan(folder, plan)
-    assert read_plan(folder) == plan
-    assert [run.mark for run in read_plan(folder).runs.values()] == [run.mark for run in plan.runs.values()]
+    read = read_plan(folder)
+    assert replace(read, batch=plan.batch) == plan
+    assert read.batch.model_dump() == plan.batch.model_dump()
+    assert read.axes == plan.axes
+    assert [run.mark for run in read.runs.values()] == [run.mark for run in plan.runs.values()]
 
 
-def test_a_plan_that_is_damaged_or_missing_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(BatchError, match="so this is no batch"):
-        read_plan(tmp_path)
-    (tmp_path / "batch.json").write_text('{"format": "crowdsim-batch", "version": 1, "checksum": "0"}')
-    with pytest.raises(BatchError, match="is damaged"):
-        read_plan(tmp_path)
+def test_a_plan_of_as_many_runs_as_there_may_be_is_read_again_and_a_longer_one_not_written(tmp_path: Path) -> None:
+    batch = batch_of_options(["four.yaml"], f"0:{MAXIMUM_RUNS}", ["duration=20"])
+    one, count = run_of(20, Outputs(render=RenderOutput())), itertools.count()
+    ids = {f"{number:016x}": number for number in range(MAXIMUM_RUNS)}
+    runs = {id: replace(one, id=id, seed=number) for id, number in ids.items()}
+    pairs = tuple((each, f"{next(count):016x}") for each in combine(batch.scenarios, batch.all_axes))
+    plan = Plan(batch, pairs, runs, environment={"versions": {}, "processor": "Abacus"})
+    write_plan(tmp_path, plan)
+    assert len(read_plan(tmp_path).runs) == MAXIMUM_RUNS
+    before = (tmp_path / NAME).read_bytes()
+    with pytest.raises(BatchError, match="would be too long, expected fewer runs"):
+        write_plan(tmp_path, replace(plan, policies={"tiny": "0" * MAXIMUM_BYTES}))
+    assert (tmp_path / NAME).read_bytes() == before
 
 
 def test_estimates_grow_with_what_is_written() -> None:
