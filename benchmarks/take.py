@@ -6,8 +6,9 @@
 take over that of control; ``files`` are those of the take.
 
 ``killed``: the same run ends without a word after a third of its frames, and the same command is given again.
-``lost_frames`` are simulated again, ``lost_seconds`` is what they took of the first run's time, and ``finish_seconds``
-what the second run took to read and count what was there. ``identical`` says whether all files of the take are.
+``lost_frames`` are simulated again; ``lost_seconds`` is their share of the first run's time. ``control_seconds`` is
+what control of the second run takes, and ``finish_seconds`` all of it: what is there is read and counted again.
+``identical`` says whether all files of the take are.
 
 ``read``: ``short_milliseconds`` is what ten control frames of one variable take, at random places of the long take one
 after the other, ``near_milliseconds`` likewise where each place is next to the one before, ``open_milliseconds`` what
