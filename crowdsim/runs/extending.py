@@ -25,7 +25,7 @@ from crowdsim.runs.manifest import RUN, checksum, read_manifest, signed_text
 from crowdsim.runs.origin import Origin, origin_difference, origin_of, scenario_difference
 from crowdsim.runs.preparation import load_policies, prepare
 from crowdsim.runs.run import Report, Run
-from crowdsim.runs.runner import plan_run, write_run
+from crowdsim.runs.runner import bundle_folders, plan_run, write_run
 from crowdsim.runs.stage import TAKE, complete
 from crowdsim.scenario.scenario import Scenario, dump_scenario
 
@@ -82,6 +82,7 @@ def _extend(one: Run, length: tuple[float, bool]) -> None:
     """
     folder = one.folder
     policies = load_policies(one.scenario, one.mocap, one.threads, one.progress)
+    one.policy_folders = bundle_folders([policy.name for policy in policies])
     origin, frames = _finished(folder, one.scenario, origin_of(read_resolved(folder), policies))
     rate = float(policies[0].database.control_rate)
     more = max(1, round(length[0] * (rate if length[1] else 1.0)))

@@ -152,7 +152,9 @@ def _started(pid: int) -> float:
     import psutil
 
     try:
-        return float(psutil.Process(pid).create_time())
+        process = psutil.Process(pid)
+        # One that has ended and that its parent has not asked for yet holds nothing any more.
+        return 0.0 if process.status() == psutil.STATUS_ZOMBIE else float(process.create_time())
     except (psutil.Error, ValueError):
         return 0.0
 

@@ -73,8 +73,8 @@ def open_run(folder: FileName) -> OpenedRun:
 def bundle_of(folder: Path, policy: str, fingerprint: str | None = None) -> Path:
     """Return the folder of a policy that a run was made with, from any working folder.
 
-    It is that in the run's own folder, else the one that the run was made with or that is found by its name, whichever
-    has the fingerprint, else any with that fingerprint among those that are found by name.
+    It is that in the run's own folder, else the first one with the fingerprint: where the run was made, found by its
+    name, in ``policies`` of a folder above the run's, or any among those that are found by name.
 
     Args:
         folder: The run folder.
@@ -98,6 +98,7 @@ def bundle_of(folder: Path, policy: str, fingerprint: str | None = None) -> Path
     if places[:1] != [own]:
         with suppress(PolicyError, RecipeError):
             places.append(find_bundle(policy))
+        places += [above / POLICIES / policy for above in folder.absolute().parents[:2]]
         for known in assets.folders("policies") if fingerprint else ():
             places += [document.parent for document in sorted(known.glob("*/policy.json"))]
     found = {place: _fingerprint(place) for place in places}

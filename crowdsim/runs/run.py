@@ -120,6 +120,7 @@ class Run:
         force: Whether what an earlier run has left in the folder may be removed.
         command: The command, for the manifest.
         order: Number of the avatar in each slot of storage at the start, which changes no result. Shape (N,).
+        policy_folders: Where its policies were found, by name.
         caught: The signal that asks the run to stop, once it has come.
         report: What has been done.
         clock: Measures the stages of the report.
@@ -134,6 +135,7 @@ class Run:
     force: bool = False
     command: str = ""
     order: Array | None = None
+    policy_folders: dict[str, str] = field(default_factory=dict)
     caught: list[int] = field(default_factory=list)
     report: Report = field(init=False)
     clock: Clock = field(init=False)

@@ -135,7 +135,11 @@ def run_to(
 
 def _run_in_folder(one: Run, resolved: str, policies: Sequence[Policy] | None) -> None:
     """Run a scenario into a folder that is fit for it, unless another run has done so meanwhile."""
-    prepared = _prepare(one) if policies is None else prepare(one.scenario, policies)
+    if policies is None:
+        prepared = _prepare(one)
+        one.policy_folders = bundle_folders([policy.name for policy in prepared.policies])
+    else:
+        prepared = prepare(one.scenario, policies)
     expect_outputs(one.scenario)
     one.clock.lap("prepare")
     avatars = len(prepared.cast.names)
@@ -313,7 +317,7 @@ def _manifest(one: Run, prepared: Prepared, origin: Origin) -> dict[str, Any]:
         "control_frames": report.statistics.control_frames if report.statistics else prepared.frames,
         "outcome": report.outcome,
         "policies": {policy.name: policy.fingerprint for policy in prepared.policies},
-        "policy_folders": bundle_folders([policy.name for policy in prepared.policies]),
+        "policy_folders": one.policy_folders,
         "inputs": _inputs(one.scenario),
         "origin": origin.document(),
         "statistics": {} if statistics is None else asdict(statistics),

@@ -64,7 +64,7 @@ def test_what_differs_from_a_run_with_outputs_is_the_scenario_without_them(workp
         assert all(np.array_equal(arrays[0][name], arrays[1][name]) for name in arrays[0])
     manifests = [read_manifest(folder) for folder in (one, other)]
     names = {name for name in manifests[0].keys() | manifests[1] if manifests[0].get(name) != manifests[1].get(name)}
-    assert names - {"command", "seconds", "peak_memory_bytes", "checksum"} == {"exports", "files"}
+    assert names - {"command", "seconds", "peak_memory_bytes", "checksum"} == {"exports", "files", "policy_folders"}
     assert (set(manifests[0]["exports"]), manifests[1].get("exports", {})) == ({"bvh", "ply", "pictures"}, {})
 
 

@@ -218,18 +218,21 @@ def test_only_what_crowdsim_has_written_is_replaced_and_only_by_force(place: Pat
 def test_runs_open_from_any_working_folder(place: Path, monkeypatch, capsys) -> None:
     import crowdsim as package
 
+    run = place / "far" / "away" / "run"
     expected = package.open_run(place / "run").joints(0, 1.0)
+    run.parent.mkdir(parents=True)
+    shutil.move(place / "run", run)
     (place / "elsewhere").mkdir()
     monkeypatch.chdir(place / "elsewhere")
-    assert (package.open_run(place / "run").joints(0, 1.0) == expected).all()
-    assert crowdsim("export", place / "run", "--bvh", "--frames", "0:2", "--out", "here") == 0
+    assert (package.open_run(run).joints(0, 1.0) == expected).all()
+    assert crowdsim("export", run, "--bvh", "--frames", "0:2", "--out", "here") == 0
     # The policy has moved to another folder in which policies are found by name.
     shutil.copytree(place / "policies" / "tiny", place / "elsewhere" / "policies" / "renamed")
     shutil.rmtree(place / "policies")
-    assert (package.open_run(place / "run").joints(0, 1.0) == expected).all()
+    assert (package.open_run(run).joints(0, 1.0) == expected).all()
     shutil.rmtree(place / "elsewhere" / "policies")
     capsys.readouterr()
-    assert crowdsim("export", place / "run", "--bvh", "--out", "there") == 2
+    assert crowdsim("export", run, "--bvh", "--out", "there") == 2
     assert "run: policy 'tiny' is missing (looked in " in capsys.readouterr().err
 
 
