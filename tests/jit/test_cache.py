@@ -15,6 +15,7 @@ import warnings
 from pathlib import Path
 
 import pytest
+from scenes import write_scene
 
 from crowdsim.jit import cache, folders, store
 from crowdsim.jit.ahead import _is_compiled
@@ -338,12 +339,19 @@ def test_a_kernel_too_large_to_be_read_is_not_kept(call, base, monkeypatch):
     assert "expected at most 1000" in notes[0]
 
 
-def test_a_lock_that_was_left_behind_stops_nothing(call, base, monkeypatch):
+@pytest.mark.parametrize("leave", [Path.touch, os.mkfifo, Path.mkdir, lambda path: path.symlink_to("nowhere")])
+def test_a_lock_that_was_left_behind_stops_nothing(leave, call, base):
     call()
     path = file_of(base)
     path.unlink()
-    path.with_suffix(".lock").touch()
+    leave(path.with_suffix(".lock"))
     assert call() == (4, [], False)
+    assert call() == (4, [], True)
+
+
+def test_a_lock_that_another_process_holds_for_long_stops_nothing(call, base, monkeypatch):
+    call()
+    path = file_of(base)
     path.unlink()
     monkeypatch.setattr(cache, "PATIENCE", 0.1)
     with open(path.with_suffix(".lock"), "w") as lock:
@@ -449,3 +457,49 @@ def test_a_process_that_is_killed_while_it_writes_leaves_no_kernel(base):
     assert len(files(base, "*.tmp")) == 1
     done = run(base)
     assert (done.returncode, done.stdout, done.stderr) == (0, "4\n", "")
+
+
+def crowdsim(base, folder, *words):
+    """Call a command in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-c", "from crowdsim.cli import main; main()", *words],
+        capture_output=True, text=True, timeout=1200, check=False, cwd=folder,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_CACHE_DIR": str(base)},
+    )  # fmt: skip
+
+
+def check_commands(commands, base, folder):
+    """Commands write and print the same whether their kernels are compiled, damaged, or loaded."""
+
+    def outcome():
+        """What is printed and written, and the number of notes of each command."""
+        done = [crowdsim(base, folder, *words) for words in commands]
+        assert [one.returncode for one in done] == [0] * len(commands), [one.stderr for one in done]
+        written = {path: path.read_bytes() for path in sorted((folder / "output").rglob("*.bvh"))}
+        return [one.stdout for one in done], written, [one.stderr.count("RuntimeWarning") for one in done]
+
+    *fresh, notes = outcome()
+    assert notes == [0] * len(commands)
+    assert fresh[1]
+    assert len(files(base)) > len(commands)
+    for number, path in enumerate(files(base)):
+        DAMAGE["a bit flipped in the middle" if number % 2 else "cut to half"](path)
+    assert outcome() == (*fresh, [1] * len(commands))
+    assert outcome() == (*fresh, [0] * len(commands))
+
+
+def test_commands_run_with_all_their_kernels_damaged(base, tmp_path):
+    check_commands(
+        [
+            ["perform", "--seconds", "2", "--out", "output", "--quiet"],
+            ["inspect", "output/performer_00.bvh", "--json"],
+        ],
+        base,
+        tmp_path,
+    )
+
+
+@pytest.mark.slow
+def test_a_run_goes_on_with_all_its_kernels_damaged(base, workplace):
+    write_scene(workplace / "four.yaml", outputs={"bvh": {"fps": 15, "frames": [0, 3]}})
+    check_commands([["run", "four.yaml", "--out", "output", "--force", "--threads", "1", "--quiet"]], base, workplace)
