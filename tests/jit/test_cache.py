@@ -190,6 +190,8 @@ def test_a_note_says_what_is_wrong_and_what_was_expected(call, base):
     ]
     flip(path, 0.5)
     assert call()[1] == [f"{path}: does not have the checksum that it was written with; the kernel is compiled again"]
+    make_folder(path)
+    assert call()[1] == [f"{path}: is no regular file; the kernel is compiled again"]
 
 
 class Attack:
