@@ -59,13 +59,17 @@ def compile_ahead(uses: Collection[str], workers: int) -> Iterator[str]:
 
 
 def _is_compiled(entry: Listed) -> bool:
-    """Return whether a kernel has been compiled for Python and these arguments, on whatever processor."""
-    from crowdsim.jit.cache import Folder
+    """Return whether a kernel has been compiled for Python and these arguments, on whatever processor.
+
+    True as well where it cannot be kept, and compiling it ahead helps nobody.
+    """
+    from crowdsim.jit.folders import Folder
 
     source = PACKAGE.parent.joinpath(*entry.module.split(".")).with_suffix(".py")
     if not source.is_file():
         return True
-    return any(Folder(source).path.glob(f"{entry.name}.{digest(entry.arguments)}.*.nbc"))
+    folder = Folder(source)
+    return bool(folder.problem()) or any(folder.path.glob(f"{entry.name}.{digest(entry.arguments)}.*.nbc"))
 
 
 def _start(uses: Collection[str]) -> subprocess.Popen[bytes]:

@@ -1,45 +1,42 @@
-"""The cache of compiled kernels: a folder for each source file, named by a digest of all that its kernels depend on."""
+"""The cache of compiled kernels: a file for each kernel and signature, which can be removed at any time.
+
+A file that cannot be used, for whatever reason, is removed and its kernel compiled again; a process reports the first.
+"""
 
 from __future__ import annotations
 
 import hashlib
-import re
-import shutil
 import sys
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
 from pathlib import Path
 from typing import Any
 
+import llvmlite
 import numba
+import numpy as np
 from filelock import FileLock, Timeout
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.serialize import dumps
 
 from crowdsim.jit.compilers import pack_part, unpack_part
+from crowdsim.jit.folders import Folder, tidy
 from crowdsim.jit.signatures import digest, encode
+from crowdsim.jit.store import DamageError, discard, read_kernel, report, write_kernel
 
-PACKAGE = Path(__file__).resolve().parent.parent
-_IMPORT = re.compile(rf"^(?:from|import)\s+({PACKAGE.name}(?:\.\w+)*)", re.MULTILINE)
-_DECORATOR = f"{PACKAGE.name}.jit"
+PATIENCE = 300.0
+"""How long to wait for another process that compiles a kernel [s], which may have been stopped."""
+VERSIONS = (numba.__version__, llvmlite.__version__, np.__version__, sys.implementation.cache_tag)
 
 
-@cache
-def source_digest(path: Path) -> str:
-    """Return a digest of a source file and of all files of this package that it depends on.
+class _Cache:
+    """The whole cache, as this process knows it.
 
-    Raises:
-        ImportError: It imports a name from a package instead of from the module that defines it.
+    Attributes:
+        room: How much more may be written before it must be tidied [bytes].
     """
-    source = path.read_bytes()
-    digest = hashlib.sha256(source)
-    for name in sorted(set(_IMPORT.findall(source.decode("utf-8"))) - {_DECORATOR}):
-        imported = PACKAGE.parent.joinpath(*name.split(".")).with_suffix(".py")
-        if not imported.is_file():
-            raise ImportError(f"{path}: kernels import from modules, and {name} is a package", path=str(path))
-        digest.update(source_digest(imported).encode())
-    return digest.hexdigest()
+
+    room = 0
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
@@ -56,11 +53,9 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         self._part = part
         self._impl_class = _Parts if part else _Results
         super().__init__(function)
-        self._cache_file = _Files(self.cache_path, function.__qualname__, self._impl.locator.get_source_stamp())
 
     def _index_key(self, sig: Any, codegen: Any) -> str:
-        versions = (numba.__version__, sys.implementation.cache_tag)
-        text = repr((versions, [_describe(kind) for kind in sig], codegen.magic_tuple()))
+        text = repr((VERSIONS, [_describe(kind) for kind in sig], codegen.magic_tuple()))
         kind = "part" if self._part else _arguments_digest(sig)
         return f"{self._py_func.__qualname__}.{kind}.{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
@@ -74,15 +69,15 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
         Yields:
             Whether it is this process that compiles; without ``wait``, False where another one does. True as well where
-            files cannot be locked: then each process compiles for itself.
+            files cannot be locked, or the other one takes longer than ``PATIENCE``: then each compiles for itself.
         """
         path = self.path(signature, codegen)
-        lock = FileLock(path.with_suffix(".lock"), timeout=-1 if wait else 0)
+        lock = FileLock(path.with_suffix(".lock"), timeout=PATIENCE if wait else 0)
         try:
             self._impl.locator.ensure_cache_path()
             lock.acquire()
         except Timeout:
-            yield False
+            yield wait
             return
         except (OSError, NotImplementedError):
             # The folder cannot be written, or its file system has no locks.
@@ -96,11 +91,44 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
                 path.with_suffix(".lock").unlink(missing_ok=True)
             lock.release()
 
-    def _save_overload(self, sig: Any, data: Any) -> None:
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """Return what has been compiled of a signature, or None."""
+        import pickle
+
+        context.refresh()
+        problem = self._impl.locator.problem()
+        if problem:
+            report(problem)
+            return None
+        path = self.path(signature, context.codegen())
         try:
-            super()._save_overload(sig, data)
+            data = read_kernel(path)
+        except FileNotFoundError:
+            return None
+        except (OSError, DamageError) as error:
+            problem = str(getattr(error, "strerror", error))
+        else:
+            try:
+                return self._impl.rebuild(context, pickle.loads(data))
+            except Exception as error:
+                problem = f"{type(error).__name__}: {error}"
+        discard(path)
+        report(f"{path}: {problem}; the kernel is compiled again")
+        return None
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """Keep what has been compiled of a signature."""
+        if not self._impl.check_cachable(result):
+            return
+        try:
+            self._impl.locator.ensure_cache_path()
+            size = write_kernel(self.path(signature, result.codegen), dumps(self._impl.reduce(result)))
         except OSError as error:
-            _warn_once(self.cache_path, str(error))
+            report(f"compiled kernels cannot be kept in {self.cache_path}: {error}")
+            return
+        _Cache.room -= size
+        if _Cache.room < 0:
+            _Cache.room = tidy()
 
 
 def _describe(kind: Any) -> str:
@@ -117,38 +145,6 @@ def _arguments_digest(signature: tuple[Any, ...]) -> str:
         return digest([encode(kind) for kind in signature])
     except (AttributeError, TypeError):
         return digest([_describe(kind) for kind in signature])
-
-
-class Folder:
-    """Folder of the compiled code of a source file, in the form that numba's cache asks for."""
-
-    def __init__(self, source: Path) -> None:
-        from numba import config
-
-        self._py_file, self._stamp = str(source), source_digest(source)[:16]
-        self._parent = source.parent / "__pycache__"
-        if config.CACHE_DIR:  # type: ignore[attr-defined]
-            installation = hashlib.sha256(str(source.parent).encode()).hexdigest()[:12]
-            self._parent = Path(config.CACHE_DIR) / f"{source.parent.name}_{installation}"  # type: ignore[attr-defined]
-        self.path = self._parent / f"{source.stem}-{self._stamp}"
-
-    def get_cache_path(self) -> str:
-        """Return the folder."""
-        return str(self.path)
-
-    def get_source_stamp(self) -> str:
-        """Return the digest."""
-        return self._stamp
-
-    def ensure_cache_path(self) -> None:
-        """Create the folder; remove those of former versions of the source."""
-        if self.path.is_dir():
-            return
-        self.path.mkdir(parents=True, exist_ok=True)
-        former = re.compile(rf"{re.escape(Path(self._py_file).stem)}-[0-9a-f]{{16}}")
-        for other in self._parent.iterdir():
-            if former.fullmatch(other.name) and other != self.path:
-                shutil.rmtree(other, ignore_errors=True)
 
 
 class _Results(CompileResultCacheImpl):  # type: ignore[misc]
@@ -168,21 +164,3 @@ class _Parts(_Results):
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
         return unpack_part(target_context, payload)
-
-
-class _Files(IndexDataCacheFile):  # type: ignore[misc]
-    """A file for each key and no index, so that processes that compile at the same time need no lock."""
-
-    def load(self, key: str) -> Any:
-        try:
-            return self._load_data(f"{key}.nbc")
-        except OSError:
-            return None
-
-    def save(self, key: str, data: Any) -> None:
-        self._save_data(f"{key}.nbc", data)
-
-
-@cache
-def _warn_once(folder: str, reason: str) -> None:
-    warnings.warn(f"compiled kernels cannot be kept in {folder}: {reason}", RuntimeWarning, stacklevel=2)

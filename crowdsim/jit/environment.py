@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept, and how numba is loaded; neither needs numba itself."""
+"""Where compiled kernels are kept and how many, and how numba is loaded; none of it needs numba itself."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import warnings
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parent.parent
+LIMIT = 1000
+"""Size of all kept kernels together at most [MB]; those of one version take about 20."""
 
 
 def choose_kernel_cache(package: Path = PACKAGE) -> None:
@@ -60,12 +62,41 @@ def load_numba() -> None:
         del sys.modules[name]
 
 
+def foreign_access(facts: os.stat_result, ignored: int = 0) -> str:
+    """Return how others than the user and root may write to a file or a folder; an empty text where they may not.
+
+    Args:
+        facts: What the system says of it.
+        ignored: Bits of its mode that do not count.
+    """
+    if not hasattr(os, "geteuid"):
+        return ""
+    if facts.st_uid not in (os.geteuid(), 0):
+        return f"belongs to user {facts.st_uid}, expected user {os.geteuid()} or root"
+    if facts.st_mode & ~ignored & (stat.S_IWGRP | stat.S_IWOTH):
+        return f"has mode {stat.S_IMODE(facts.st_mode):o}, expected one in which others may not write"
+    return ""
+
+
+def cache_limit() -> int:
+    """Return how large all kept kernels may be together [bytes], from ``CROWDSIM_CACHE_MB``; 1 GB by default."""
+    text = os.environ.get("CROWDSIM_CACHE_MB", "").strip()
+    if text.isascii() and text.isdigit():
+        return int(text) * 10**6
+    if text:
+        warnings.warn(
+            f"CROWDSIM_CACHE_MB is {text!r}, expected a whole number of megabytes; {LIMIT} is used",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+    return LIMIT * 10**6
+
+
 def _usable(place: Path, private: bool) -> bool:
-    """Return whether a folder can be made and written; a private one must be the user's alone."""
+    """Return whether a folder can be made and written, by the user alone; a private one lies in such a folder."""
     try:
         place.mkdir(mode=0o700, parents=True, exist_ok=True)
-        facts = place.parent.stat()
+        shared = any(foreign_access(one.stat()) for one in ((place, place.parent) if private else (place,)))
     except OSError:
         return False
-    own = not hasattr(os, "getuid") or (facts.st_uid == os.getuid() and not facts.st_mode & stat.S_IWOTH)
-    return os.access(place, os.W_OK) and (own or not private)
+    return os.access(place, os.W_OK) and not shared

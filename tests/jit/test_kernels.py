@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from crowdsim.jit import environment
-from crowdsim.jit.cache import source_digest
 from crowdsim.jit.environment import choose_kernel_cache
+from crowdsim.jit.folders import source_digest
 
 
 @pytest.fixture
@@ -55,6 +55,16 @@ def test_without_a_cache_they_go_to_a_temporary_folder_of_the_user_alone(read_on
     place = Path(os.environ["NUMBA_CACHE_DIR"])
     assert place.parent.parent == tmp_path / "tmp"
     assert place.stat().st_mode & 0o077 == 0
+
+
+def test_a_users_cache_that_others_may_write_is_not_taken(read_only, tmp_path):
+    package, _ = read_only
+    theirs = tmp_path / "cache" / "crowdsim" / "kernels"
+    theirs.mkdir(parents=True)
+    theirs.chmod(0o777)
+    with pytest.warns(RuntimeWarning, match="kept in .*tmp"):
+        choose_kernel_cache(package)
+    assert Path(os.environ["NUMBA_CACHE_DIR"]).parent.parent == tmp_path / "tmp"
 
 
 def test_a_temporary_folder_of_somebody_else_is_not_taken(read_only, tmp_path, monkeypatch):
@@ -147,6 +157,18 @@ def test_an_edited_leaf_recompiles_its_callers_and_nothing_else(package_copy):
     assert {stem: len(paths) for stem, paths in cached(folder).items()} == {
         "leaf_kernels": 1, "caller_kernels": 1, "other_kernels": 1,
     }  # fmt: skip
+
+
+def test_an_edited_compiler_recompiles_everything(package_copy):
+    folder, run = package_copy
+    run()
+    compilers = folder / "jit" / "compilers.py"
+    compilers.write_text(compilers.read_text() + "\n")
+    before = cached(folder)
+    assert run() == [2.0, 4.0, 0, 0]
+    after = cached(folder)
+    assert {stem: len(paths) for stem, paths in after.items()} == dict.fromkeys(before, 1)
+    assert not [stem for stem in before if before[stem] == after[stem]]
 
 
 def test_kernels_of_a_package_that_cannot_be_written_are_kept_elsewhere(package_copy, tmp_path):
