@@ -39,10 +39,11 @@ def limited(name: str, value: int):
 
 
 @pytest.fixture
-def finished(workplace: Path) -> Path:
+def finished(workplace: Path, capsys) -> Path:
     """A finished run, ``output/four``, in the working folder."""
     write_scene(workplace / "four.yaml")
-    assert crowdsim("run", "four.yaml", "-q") == 0
+    assert crowdsim("run", "four.yaml") == 0
+    capsys.readouterr()
     return workplace / "output" / "four"
 
 
@@ -301,7 +302,7 @@ def test_a_signal_ends_a_command_in_the_middle_of_a_long_stretch(
     finished: Path, number: int, code: int, stretch: str, words: tuple[str, ...]
 ) -> None:
     """The stretch takes hours, in compiled code of the main thread or of another one."""
-    assert crowdsim("pack", str(finished), "-o", "four.zip", "-q") == 0
+    assert crowdsim("pack", str(finished), "-o", "four.zip") == 0
     Path("temporary").mkdir()
     with open("said", "w") as said:
         running = subprocess.Popen(

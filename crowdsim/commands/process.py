@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import signal
+import socket
 import sys
 import threading
 import time
@@ -161,21 +162,21 @@ def leave_in_time() -> Iterator[None]:
     either can take minutes for a large crowd. What is lost is what a process that is killed loses: files appear under
     their names when they are whole, and the same command goes on from there.
     """
-    reader, writer = os.pipe()
-    os.set_blocking(writer, False)
+    reader, writer = socket.socketpair()
+    writer.setblocking(False)
     threading.Thread(target=_watch, args=(reader,), name="signals", daemon=True).start()
-    before = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    before = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
     try:
         yield
     finally:
         signal.set_wakeup_fd(before)
-        os.close(writer)
+        writer.close()
 
 
-def _watch(reader: int) -> None:
-    """Wait for a signal that ends the process, and see to it that it does; return when the pipe is closed."""
-    with open(reader, "rb", buffering=0) as numbers:
-        while came := numbers.read(1):
+def _watch(reader: socket.socket) -> None:
+    """Wait for a signal that ends the process, and see to it that it does; return when the other end is closed."""
+    with reader:
+        while came := reader.recv(1):
             if came[0] in (signal.SIGINT, signal.SIGTERM):
                 time.sleep(GRACE)
                 _leave(came[0])
