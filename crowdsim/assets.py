@@ -11,6 +11,7 @@ from pathlib import Path
 
 from crowdsim.core.types import FileName
 from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, ScenarioError, nearest
+from crowdsim.jit.environment import cache_folder
 
 
 def folders(kind: str) -> list[Path]:
@@ -70,11 +71,17 @@ def bundle_folder(recipe: FileName) -> Path:
     That is where it goes when the folder beside the recipe is read-only, or the package holds a packed policy.
     """
     recipe = Path(recipe)
-    if packed_policy(recipe) is not None:
-        return _cache() / recipe.stem
-    beside = recipe.parent / recipe.stem
+    beside = shared_folder(recipe)
     writable = os.access(recipe.parent, os.W_OK) and (not beside.exists() or os.access(beside, os.W_OK))
-    return beside if writable else _cache() / recipe.stem
+    if packed_policy(recipe) is None and writable:
+        return beside
+    cache = _cache()
+    return beside if cache is None else cache / recipe.stem
+
+
+def shared_folder(recipe: FileName) -> Path:
+    """Return the folder beside a recipe, where those who may write there leave its bundle for all users."""
+    return Path(recipe).parent / Path(recipe).stem
 
 
 def packed_policy(recipe: FileName) -> Path | None:
@@ -108,17 +115,16 @@ def find_bundle(name: FileName) -> Path:
 
 
 def _trained(recipe: Path) -> Path:
-    bundle = bundle_folder(recipe)
-    for folder in (bundle, recipe.parent / recipe.stem):
-        if (folder / "policy.json").is_file():
-            return folder
-    raise PolicyError(f"{recipe}: is not trained yet, expected {bundle}; run: crowdsim train {recipe}")
+    """Return the bundle of a recipe; the newer one where the user and another user have trained it."""
+    written, shared = bundle_folder(recipe), shared_folder(recipe)
+    found = [path for path in (written / "policy.json", shared / "policy.json") if path.is_file()]
+    if not found:
+        raise PolicyError(f"{recipe}: is not trained yet, expected {written}; run: crowdsim train {recipe}")
+    return max(found, key=lambda path: path.stat().st_mtime).parent
 
 
-def _cache() -> Path:
-    from platformdirs import user_cache_path
-
-    return user_cache_path("crowdsim") / "policies"
+def _cache() -> Path | None:
+    return cache_folder("policies")
 
 
 def _names(kind: str) -> list[str]:

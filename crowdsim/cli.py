@@ -20,6 +20,7 @@ from crowdsim.commands.common import talk, with_talk
 from crowdsim.commands.inspecting import inspect
 from crowdsim.commands.motion import perform
 from crowdsim.commands.packing import pack
+from crowdsim.commands.process import describe_failure, leave_in_time, shown
 from crowdsim.commands.profiling import profile
 from crowdsim.commands.rendering import render
 from crowdsim.commands.running import export, run
@@ -59,7 +60,9 @@ for _command in (perform, inspect, train, run, batch, export, render, profile, v
 
 def main() -> None:
     """Run the command line and leave with its exit code: 0 done, 1 failed, 2 invalid input, 130 or 143 interrupted."""
-    signal.signal(signal.SIGTERM, _terminate)
+    signal.signal(signal.SIGTERM, _stop)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _stop)
     # Imports create many objects and almost no garbage: collecting it after every 700th costs 0.1 s.
     gc.set_threshold(300_000, 10, 10)
     # At the end nothing need be looked through for garbage, which takes half a second.
@@ -67,26 +70,35 @@ def main() -> None:
     atexit.register(gc.freeze)
     talk.quiet = talk.verbose = False
     try:
-        _run_command()
+        with shown():
+            _run_command()
     except CrowdsimError as error:
-        if talk.verbose:
-            traceback.print_exc()
-        print(error, file=sys.stderr)
+        # One of the streams may be closed.
+        print(error, file=sys.stderr or sys.stdout)
         sys.exit(error.exit_code)
+
+
+def _run_command() -> None:
+    try:
+        with leave_in_time():
+            _call_app()
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
         sys.exit(130)
     except BrokenPipeError:
         # The reader of standard output has closed it, which is no failure of this program.
         sys.stderr.close()
         sys.exit(0)
-    except OSError as error:
-        # Errors of the system that no check foresees, such as a disk that fills up between two checks.
-        print(f"{error.filename or 'crowdsim'}: {error.strerror or error}", file=sys.stderr)
-        sys.exit(1)
+    except (CrowdsimError, OSError, RuntimeError) as error:
+        failure = error if isinstance(error, CrowdsimError) else describe_failure(error)
+        if failure is None:
+            raise
+        if talk.verbose:
+            traceback.print_exc()
+        print(failure, file=sys.stderr)
+        sys.exit(failure.exit_code)
 
 
-def _run_command() -> None:
+def _call_app() -> None:
     try:
         app(standalone_mode=True)
     except RuntimeError as error:
@@ -96,7 +108,10 @@ def _run_command() -> None:
         raise
 
 
-def _terminate(number: int, frame: Any) -> None:
+def _stop(number: int, frame: Any) -> None:
+    if number == signal.SIGINT:
+        print("interrupted", file=sys.stderr)
+        raise KeyboardInterrupt
     print("terminated", file=sys.stderr)
     sys.exit(128 + number)
 

@@ -11,7 +11,7 @@ from itertools import islice
 
 _MOST_CHOICES = 200
 _LONGEST_WORD = 100
-_DISK_TROUBLE = {errno.ENOSPC, errno.EIO, getattr(errno, "EDQUOT", errno.ENOSPC)}
+_DISK_TROUBLE = {errno.ENOSPC, errno.EIO, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
 class CrowdsimError(Exception):
@@ -58,7 +58,7 @@ class TakeError(CrowdsimError):
 class OutputError(CrowdsimError):
     """An output cannot be written to its path.
 
-    Where the disk is full or fails, ``exit_code`` is 1, since the input was valid.
+    Where the disk is full or fails, or the system limits the size of files, ``exit_code`` is 1: the input was valid.
     """
 
     def __init__(self, message: str) -> None:

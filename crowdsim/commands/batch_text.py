@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from crowdsim.commands import common
 from crowdsim.commands.common import size_text
+from crowdsim.commands.process import escaped, terminal
 
 if TYPE_CHECKING:
     from crowdsim.batch.plan import Plan
@@ -89,7 +90,7 @@ class BatchBars:
         if self._quiet:
             return
         if self._all is not None:
-            self._all.write(text, file=sys.stderr)
+            self._all.write(escaped(text), file=terminal())
         else:
             print(text, file=sys.stderr, flush=True)
 
@@ -98,7 +99,7 @@ class BatchBars:
 
         # Some terminals say that they have no columns and no rows.
         columns, rows = shutil.get_terminal_size((80, 24))
-        size: dict[str, Any] = {"file": sys.stderr, "ncols": columns, "nrows": rows}
+        size: dict[str, Any] = {"file": terminal(), "ncols": columns, "nrows": rows}
         if self._all is None:
             form = "{desc}: {n_fmt} of {total_fmt} |{bar}| {elapsed}{postfix}"
             total = len(self._plan.runs)

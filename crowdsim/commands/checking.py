@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from crowdsim.commands.common import Json, complete_either, detail, note, print_json, say
+from crowdsim.commands.process import opened_run
 from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError
 
@@ -78,10 +79,9 @@ def verify(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or its archive.")], as_json: Json = False
 ) -> None:
     """Hold every file of a run against the checksums in its manifest."""
-    from crowdsim.runs.archive import opened
     from crowdsim.runs.manifest import read_manifest, verify
 
-    with opened(folder) as unpacked:
+    with opened_run(folder) as unpacked:
         verdict = verify(unpacked, CORES)
         count = len(read_manifest(unpacked)["files"])
     for finding in verdict.findings:

@@ -16,6 +16,8 @@ from typing import Annotated, Any
 
 import typer
 
+from crowdsim.commands.process import check_process
+
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, notes or summary; findings and errors alone.")]
 Verbose = Annotated[
@@ -66,6 +68,7 @@ def with_talk(command: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(command)
     def run(*values: Any, quiet: bool, verbose: bool, **named: Any) -> None:
         talk.quiet, talk.verbose = quiet, verbose
+        check_process()
         command(*values, **named)
 
     signature = inspect.signature(command, eval_str=True)

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from crowdsim.commands.common import Force, Json, note, print_json
+from crowdsim.commands.process import opened_run
 from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError
@@ -35,11 +36,11 @@ def inspect(
 
     Where numbers of a BVH file are missing or wrong, the exit code is 2.
     """
-    from crowdsim.runs.archive import is_archive, opened
+    from crowdsim.runs.archive import is_archive
 
     path = Path(thing)
     if (path.is_dir() and not (path / "policy.json").exists()) or is_archive(path):
-        with opened(path) as folder:
+        with opened_run(path) as folder:
             _inspect_run(folder, as_json, plots, force)
     elif path.is_file() and path.suffix not in (".yaml", ".yml"):
         _inspect_bvh(path, as_json, plots, unit, up, force)

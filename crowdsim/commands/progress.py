@@ -8,6 +8,7 @@ from time import perf_counter
 from typing import Any
 
 from crowdsim.commands import common
+from crowdsim.commands.process import escaped, terminal
 
 
 class Bars:
@@ -72,7 +73,12 @@ class Bars:
             # Some terminals say that they have no columns.
             columns = None if shutil.get_terminal_size((0, 0)).columns else 80
             self._bar = tqdm(
-                total=total, desc=stage, file=sys.stderr, ncols=columns, dynamic_ncols=columns is None, mininterval=0.2
+                total=total,
+                desc=escaped(stage),
+                file=terminal(),
+                ncols=columns,
+                dynamic_ncols=columns is None,
+                mininterval=0.2,
             )
 
     def __enter__(self) -> Bars:

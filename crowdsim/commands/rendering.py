@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from crowdsim.commands.common import Force, Frames, Threads, note, say
+from crowdsim.commands.process import opened_run
 from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
 
@@ -47,7 +48,6 @@ def render(
     from crowdsim.render.command import parse_size, render_many
     from crowdsim.render.options import RenderOptions
     from crowdsim.render.take_source import TakeSource
-    from crowdsim.runs.archive import opened
     from crowdsim.runs.opening import open_run, read_arena
     from crowdsim.runs.stage import write_pictures
     from crowdsim.scenario.frame_ranges import parse_frames
@@ -68,7 +68,7 @@ def render(
     unpacked = ExitStack()
 
     def open_source(path: Path, wanted: RenderOptions) -> tuple[TakeSource, tuple[str, ...]]:
-        folder = unpacked.enter_context(opened(path))
+        folder = unpacked.enter_context(opened_run(path))
         take, policies, notes = open_run(folder)
         source = TakeSource(take, policies, wanted.fps or 30.0, threads=threads, arena=read_arena(folder))
         return source, tuple(notes)

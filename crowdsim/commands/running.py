@@ -25,6 +25,7 @@ from crowdsim.commands.common import (
     size_text,
     talk,
 )
+from crowdsim.commands.process import opened_run
 from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError
@@ -194,7 +195,6 @@ def export(
 ) -> None:
     """Export a run's take as BVH or point clouds, without simulating again; in the run's folder it replaces them."""
     from crowdsim.compilation import watch_compilation
-    from crowdsim.runs.archive import opened
     from crowdsim.runs.exports import ExportOptions, export_take
     from crowdsim.runs.opening import open_run
 
@@ -202,7 +202,7 @@ def export(
     options = ExportOptions(kinds, avatars, frames, fps, every, points)
     uses = [use for use, wanted in (("bvh", bvh), ("clouds", ply or pcd)) if wanted]
     target = out or (folder.with_suffix("") if folder.is_file() else folder)
-    with opened(folder) as unpacked:
+    with opened_run(folder) as unpacked:
         take, policies, notes = open_run(unpacked)
         for line in notes:
             note(line)

@@ -49,6 +49,7 @@ def train(
     from crowdsim import assets
     from crowdsim.compilation import watch_compilation
     from crowdsim.policy.bundle import read_document, read_timings
+    from crowdsim.runs.preparation import shared_bundle
     from crowdsim.sparring.train import train_recipe
     from crowdsim.training.summary import summarise
     from crowdsim.training.train import is_trained
@@ -57,9 +58,11 @@ def train(
     written = None if name is None else _write_recipe(name, mocap, behaviours)
     chosen = str(written or recipe)
     try:
-        uses = ["training"] if force or not is_trained(chosen, None if written else mocap) else []
+        capture = None if written else mocap
+        shared = None if force else shared_bundle(chosen, capture)
+        uses = ["training"] if force or (shared is None and not is_trained(chosen, capture)) else []
         with Bars() as bars, watch_compilation(bars.note, uses, threads) as compilation:
-            folder, trained = train_recipe(chosen, None if written else mocap, threads, force, bars)
+            folder, trained = (shared, False) if shared else train_recipe(chosen, capture, threads, force, bars)
     except MotionError as error:
         if written is None:
             raise
@@ -98,10 +101,13 @@ def _check_options(recipe: str | None, name: str | None, behaviours: str | None)
 
 def _write_recipe(name: str, mocap: Path | None, behaviours: str | None) -> Path:
     """Write a recipe for a folder of capture, and note what was left out of it."""
+    from crowdsim.scenario.names import NAME_RULE, is_name
     from crowdsim.training.own_recipe import BEHAVIOURS, check_name, write_recipe
     from crowdsim.training.survey import survey_capture
 
     check_name(name)
+    if not is_name(name):
+        raise CrowdsimError(f"--name {name}: expected a name of {NAME_RULE}")
     folder = mocap or os.environ.get("CROWDSIM_MOCAP")
     if not folder:
         raise CrowdsimError(f"train --name {name}: expected a folder of capture by --mocap DIR or in CROWDSIM_MOCAP")

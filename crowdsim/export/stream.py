@@ -154,7 +154,8 @@ def _stream(
             sink.abandon()
         raise
     finally:
-        ahead.shutdown(wait=True, cancel_futures=True)
+        # A block that is still being posed is of no use, and for a large crowd it takes minutes.
+        ahead.shutdown(wait=False, cancel_futures=True)
 
 
 def run_all(pool: ThreadPoolExecutor, work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:

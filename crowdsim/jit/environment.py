@@ -7,6 +7,7 @@ import stat
 import sys
 import tempfile
 import warnings
+from contextlib import suppress
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parent.parent
@@ -22,28 +23,42 @@ def choose_kernel_cache(package: Path = PACKAGE) -> None:
     """
     if os.environ.get("NUMBA_CACHE_DIR") or os.access(package, os.W_OK):
         return
-    from platformdirs import user_cache_path
+    place = cache_folder("kernels")
+    if place is None:
+        warnings.warn(
+            f"compiled kernels cannot be kept in {package} or in the user's cache, and every process compiles them "
+            "again; NUMBA_CACHE_DIR names another folder",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+        return
+    os.environ["NUMBA_CACHE_DIR"] = str(place)
+    if "numba" in sys.modules:
+        from numba import config
 
-    temporary = Path(tempfile.gettempdir()) / f"crowdsim-{getattr(os, 'getuid', lambda: 0)()}"
-    for place in (user_cache_path("crowdsim") / "kernels", temporary / "kernels"):
-        if _usable(place, private=place.parent == temporary):
-            os.environ["NUMBA_CACHE_DIR"] = str(place)
-            if "numba" in sys.modules:
-                from numba import config
-
-                config.CACHE_DIR = str(place)  # type: ignore[attr-defined]
-            warnings.warn(
-                f"{package} is read-only; compiled kernels are kept in {place}, or where NUMBA_CACHE_DIR says",
-                RuntimeWarning,
-                stacklevel=3,
-            )
-            return
+        config.CACHE_DIR = str(place)  # type: ignore[attr-defined]
     warnings.warn(
-        f"compiled kernels cannot be kept in {package} or in the user's cache, and every process compiles them again; "
-        "NUMBA_CACHE_DIR names another folder",
+        f"{package} is read-only; compiled kernels are kept in {place}, or where NUMBA_CACHE_DIR says",
         RuntimeWarning,
         stacklevel=3,
     )
+
+
+def cache_folder(kind: str) -> Path | None:
+    """Return the user's folder for what can be made again, such as ``kernels``; None where none can be written.
+
+    It is in the user's cache. Where the user has no home, or may not write there, it is in a folder of the user's own
+    for temporary files.
+    """
+    from platformdirs import user_cache_path
+
+    # Without a home some versions raise an error, and others return a path that begins with "~".
+    with suppress(RuntimeError):
+        place = user_cache_path("crowdsim") / kind
+        if place.is_absolute() and _usable(place, private=False):
+            return place
+    place = Path(tempfile.gettempdir()) / f"crowdsim-{getattr(os, 'getuid', lambda: 0)()}" / kind
+    return place if _usable(place, private=True) else None
 
 
 def load_numba() -> None:

@@ -157,7 +157,9 @@ def render_many(
         except CrowdsimError as error:
             outcomes.append(Outcome(path, out, None, error, notes))
         except OSError as error:
-            outcomes.append(Outcome(path, out, None, OutputError(f"{path}: {error.strerror or error}"), notes))
+            outcomes.append(
+                Outcome(path, out, None, OutputError(f"{error.filename or path}: {error.strerror or error}"), notes)
+            )
         if progress and len(paths) > 1:
             progress("files", index + 1, len(paths))
     return outcomes

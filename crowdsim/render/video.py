@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterable
@@ -29,9 +30,13 @@ def ffmpeg() -> str:
     from imageio_ffmpeg import get_ffmpeg_exe
 
     try:
-        return str(get_ffmpeg_exe())
+        program = str(get_ffmpeg_exe())
+        missing = "" if shutil.which(program) else f"{program} is no program that can be run"
     except RuntimeError as error:
-        raise OutputError(f"no video: {error}; set IMAGEIO_FFMPEG_EXE to an ffmpeg, or ask for PNG") from error
+        missing = str(error)
+    if missing:
+        raise OutputError(f"no video: {missing}; set IMAGEIO_FFMPEG_EXE to an ffmpeg, or ask for PNG")
+    return program
 
 
 def planes(picture: Array) -> Array:

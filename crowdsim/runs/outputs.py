@@ -112,7 +112,15 @@ def write_exports(
 
 
 def expect_outputs(scenario: Scenario) -> None:
-    """Begin what outputs of a scenario need later and what can go on beside the simulation."""
+    """Begin what outputs of a scenario need later and what can go on beside the simulation.
+
+    Raises:
+        OutputError: A video is wanted, and there is no ffmpeg.
+    """
+    if scenario.outputs.render is not None and scenario.outputs.render.mp4:
+        from crowdsim.render.video import ffmpeg
+
+        ffmpeg()
     if scenario.outputs.pcd is not None:
         from crowdsim.export.cloud_files import begin_probe
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from crowdsim import assets
 from crowdsim.core.types import FileName, Progress
-from crowdsim.errors import RunError
+from crowdsim.errors import RecipeError, RunError
 from crowdsim.machine import available_memory
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.take.data import Cast, TakeHeader
@@ -71,10 +72,40 @@ def load_policies(
         RecipeError: A recipe is invalid.
         PolicyError: A bundle is foreign or damaged, or capture for it is missing.
     """
+    from crowdsim.policy.bundle import load_policy
     from crowdsim.sparring.train import ready_policy
 
-    # A bundle goes by the name that the scenario calls it, wherever it was trained.
-    return [replace(ready_policy(name, mocap, threads, progress), name=name) for name in policy_names(scenario)]
+    policies = []
+    for name in policy_names(scenario):
+        shared = shared_bundle(name, mocap)
+        policy = ready_policy(name, mocap, threads, progress) if shared is None else load_policy(shared)
+        # A bundle goes by the name that the scenario calls it, wherever it was trained.
+        policies.append(replace(policy, name=name))
+    return policies
+
+
+def shared_bundle(name: FileName, mocap: FileName | None = None) -> Path | None:
+    """Return the bundle of a recipe that another user has trained beside it; None where it is missing or stale.
+
+    Raises:
+        RecipeError: The recipe is invalid.
+        PolicyError: Capture is not in the folder given for it, or the bundle is foreign or damaged.
+    """
+    from crowdsim.training.contexts import naming
+    from crowdsim.training.recipe import load_recipe
+    from crowdsim.training.train import stale
+
+    if (Path(name) / "policy.json").is_file():
+        return None
+    try:
+        path = assets.find_recipe(name)
+    except RecipeError:
+        return None
+    shared = assets.shared_folder(path)
+    if shared == assets.bundle_folder(path) or not (shared / "policy.json").is_file():
+        return None
+    with naming(path):
+        return None if stale(shared, load_recipe(path), mocap) else shared
 
 
 def policy_names(scenario: Scenario) -> list[str]:
@@ -91,7 +122,9 @@ def untrained_policies(scenario: Scenario, mocap: FileName | None = None) -> lis
     """
     from crowdsim.training.train import is_trained
 
-    return [name for name in policy_names(scenario) if not is_trained(name, mocap)]
+    return [
+        name for name in policy_names(scenario) if shared_bundle(name, mocap) is None and not is_trained(name, mocap)
+    ]
 
 
 def training_notice(name: str, threads: int) -> str:

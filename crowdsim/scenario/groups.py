@@ -11,6 +11,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from crowdsim.config.files import Fault, StrictModel
 from crowdsim.config.findings import show
+from crowdsim.scenario.names import is_portable
 from crowdsim.scenario.parts import Name, Point, Weights
 
 MAXIMUM_AVATARS = 10_000_000
@@ -103,6 +104,8 @@ class PointsPlacement(StrictModel):
         inner = PurePosixPath(self.file.replace("\\", "/"))
         if inner.is_absolute() or ".." in inner.parts or ":" in self.file:
             raise Fault(f"{show(self.file)}, expected a path inside the scenario's folder", "file")
+        if not all(map(is_portable, inner.parts)):
+            raise Fault(f"{show(self.file)}, expected a name that Windows allows, since runs hold the file too", "file")
         if inner.suffix.lower() not in (".csv", ".npy"):
             raise Fault(f"{show(self.file)}, expected a file that ends in .csv or .npy", "file")
         folder: Path | None = (info.context or {}).get("folder")

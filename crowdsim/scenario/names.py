@@ -7,9 +7,25 @@ from collections.abc import Sequence
 
 NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}"
 """Names in scenarios. They are stems of files too, so nothing in them may lead to another folder."""
-NAME_RULE = "letters, digits, '_', '-' and '.', at most 64, a letter or digit first"
+NAME_RULE = (
+    "letters, digits, '_', '-' and '.', at most 64, a letter or digit first, no '.' last, and none that Windows "
+    "reserves, such as CON, NUL or COM1"
+)
 
-_AVATAR_NAME = re.compile(rf"{NAME}(_[0-9]{{1,9}})?")
+_RESERVED = r"(?i:con|prn|aux|nul|com[0-9]|lpt[0-9])(\.|$)"
+_NAME = re.compile(rf"(?!{_RESERVED}){NAME}(?<!\.)")
+_AVATAR_NAME = re.compile(rf"(?!{_RESERVED}){NAME}(_[0-9]{{1,9}})?(?<!\.)")
+_FILE_NAME = re.compile(rf"""(?!{_RESERVED})[^<>:"|?*\\/\x00-\x1f]+(?<![. ])""")
+
+
+def is_name(text: str) -> bool:
+    """Whether a text follows ``NAME_RULE``."""
+    return _NAME.fullmatch(text) is not None
+
+
+def is_portable(part: str) -> bool:
+    """Whether every system can have a file or folder of this name, Windows included."""
+    return _FILE_NAME.fullmatch(part) is not None
 
 
 def avatar_name_fault(names: Sequence[str]) -> str:

@@ -12,7 +12,7 @@ from crowdsim.config.schema import Expected, join
 from crowdsim.errors import nearest
 from crowdsim.scenario.distributions import Distribution, QuantitySpread, Spread, limits
 from crowdsim.scenario.fitness import Damage, Stamina
-from crowdsim.scenario.names import NAME, NAME_RULE
+from crowdsim.scenario.names import NAME, NAME_RULE, is_name
 from crowdsim.training.pursuit import MARGIN, MOST, TEMPERATURE
 
 _COLOUR = r"#[0-9a-fA-F]{6}"
@@ -33,7 +33,7 @@ STANCES = ("orthodox", "southpaw")
 
 
 def _name(text: str) -> str:
-    if not re.fullmatch(NAME, text):
+    if not is_name(text):
         raise ValueError(f"expected a name of {NAME_RULE}")
     return text
 

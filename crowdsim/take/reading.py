@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 from crowdsim.array_checks import ArrayFault, Column, check_shape
 from crowdsim.core.types import Array
 from crowdsim.errors import TakeError
-from crowdsim.scenario.names import NAME, NAME_RULE, avatar_name_fault
+from crowdsim.scenario.names import NAME_RULE, avatar_name_fault, is_name
 from crowdsim.take import checks
 from crowdsim.take.layout import CAST, EVENTS, FORMAT, LATER_CAST, VERSION
 from crowdsim.take.metadata import ArrayFacts, TakeAttributes, check_first_chunks, read_metadata, read_model
@@ -147,5 +146,5 @@ def _check_names(folder: Path, cast: Cast) -> None:
     if fault:
         raise TakeError(f"{folder}: {fault}")
     for name in cast.policy_names:
-        if not re.fullmatch(NAME, str(name)):
+        if not is_name(str(name)):
             raise TakeError(f"{folder}: a policy is named {name!r}, expected a name of {NAME_RULE}")

@@ -144,7 +144,7 @@ def test_the_reference_page_links_to_sections_that_it_has():
         ("version: 1", "version: 2", "1:10: version: is 2, expected 1"),
         ("name: test", "name: ../x",
          "2:7: name: is '../x', expected a name of letters, digits, '_', '-' and '.', at most 64, a letter or digit "
-         "first"),
+         "first, no '.' last, and none that Windows reserves, such as CON, NUL or COM1"),
         ("seed: 1", "seed: -1", "3:7: seed: is -1, expected a whole number from 0 to 9223372036854775807"),
         ("duration: 100", "duration: 0", "4:11: duration: is 0, expected a whole number from 1 to 100000000"),
         ("duration: 100", "duration: 1.5",
