@@ -71,16 +71,16 @@ def main() -> None:
     talk.quiet = talk.verbose = False
     try:
         with shown():
-            _run_command()
+            _run_command(is_program=sys._getframe(1).f_globals.get("__name__") == "__main__")
     except CrowdsimError as error:
         # One of the streams may be closed.
         print(error, file=sys.stderr or sys.stdout)
         sys.exit(error.exit_code)
 
 
-def _run_command() -> None:
+def _run_command(is_program: bool) -> None:
     try:
-        with leave_in_time():
+        with leave_in_time(is_program):
             _call_app()
     except KeyboardInterrupt:
         sys.exit(130)

@@ -15,7 +15,8 @@ import pytest
 from scenes import crowdsim, write_scene
 
 from crowdsim import assets
-from crowdsim.commands import common
+from crowdsim.commands import common, process
+from crowdsim.runs import status
 
 COMMAND = [sys.executable, "-m", "crowdsim"]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
@@ -331,3 +332,18 @@ def test_a_signal_ends_a_command_in_the_middle_of_a_long_stretch(
     assert not [path.name for path in Path("temporary").iterdir() if path.name.startswith("crowdsim-")]
     assert not Path("motion/bvh").exists()
     assert not Path("film/video.mp4").exists()
+
+
+def test_a_process_that_goes_on_after_an_interrupted_command_is_left_alone(
+    finished: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    ended: list[int] = []
+    monkeypatch.setattr(process, "GRACE", 0.2)
+    monkeypatch.setattr(process, "_leave", ended.append)
+    monkeypatch.setattr(status, "describe_run", lambda _: signal.raise_signal(signal.SIGINT))
+    assert crowdsim("status", str(finished)) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+    for thread in threading.enumerate():
+        if thread.name == "signals":
+            thread.join()
+    assert ended == []

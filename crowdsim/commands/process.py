@@ -10,7 +10,6 @@ import signal
 import socket
 import sys
 import threading
-import time
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
@@ -155,8 +154,11 @@ def opened_run(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def leave_in_time() -> Iterator[None]:
+def leave_in_time(is_program: bool) -> Iterator[None]:
     """End the process ``GRACE`` seconds after SIGINT or SIGTERM, should it not have ended by itself.
+
+    Where the command is all that the process is for (``is_program``), that holds until the process has ended, and else
+    until the command has.
 
     Python handles a signal only when its main thread leaves compiled code, and ends only when all threads have ended;
     either can take minutes for a large crowd. What is lost is what a process that is killed loses: files appear under
@@ -164,21 +166,23 @@ def leave_in_time() -> Iterator[None]:
     """
     reader, writer = socket.socketpair()
     writer.setblocking(False)
-    threading.Thread(target=_watch, args=(reader,), name="signals", daemon=True).start()
+    left = threading.Event()
+    threading.Thread(target=_watch, args=(reader, left), name="signals", daemon=True).start()
     before = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
     try:
         yield
     finally:
+        if not is_program:
+            left.set()
         signal.set_wakeup_fd(before)
         writer.close()
 
 
-def _watch(reader: socket.socket) -> None:
+def _watch(reader: socket.socket, left: threading.Event) -> None:
     """Wait for a signal that ends the process, and see to it that it does; return when the other end is closed."""
     with reader:
         while came := reader.recv(1):
-            if came[0] in (signal.SIGINT, signal.SIGTERM):
-                time.sleep(GRACE)
+            if came[0] in (signal.SIGINT, signal.SIGTERM) and not left.wait(GRACE):
                 _leave(came[0])
 
 
