@@ -86,7 +86,7 @@ def test_pictures_are_written_to_the_given_folder_beside_json(clip, tmp_path):
     done = _inspect(clip, "--json", "--plots", tmp_path / "a" / "b")
     assert done.returncode == 0
     json.loads(done.stdout)
-    written = sorted((tmp_path / "a" / "b").iterdir())
+    written = sorted((tmp_path / "a" / "b").glob("*.png"))
     assert [path.name for path in written] == [
         f"{clip.stem}_{part}.png" for part in ("figures", "path", "skeleton", "time")
     ]

@@ -171,7 +171,8 @@ def open_stage(base: Path, name: str, key: str, report: Mapping[str, Any] | None
     path = base / name
     try:
         note = read_note(path)
-        is_used = next(walk(path), None) is not None if is_folder(base, name) else lexists(path)
+        # A command that was killed before its note had its name has left half of it.
+        is_used = any(held != f".{NOTE}.part" for held in walk(path)) if is_folder(base, name) else lexists(path)
         if note is None and is_used:
             raise OutputError(f"{path}: is in the way, and no command of crowdsim has made it; move it")
         goes_on = note is not None and note["key"] == key and not anew
@@ -406,9 +407,15 @@ def write_together(
         if mine is not None:
             _refuse(base, mine, ledger, force or (own and not above))
         held = open_stage(base, stage, key)
-        with under_way():
-            make_folder(held.path / above)
-            yield Writing(held.path / above)
+        try:
+            with under_way():
+                make_folder(held.path / above)
+                yield Writing(held.path / above)
+        except BaseException:
+            if mine is None:
+                # Nothing goes on with it.
+                discard(base, stage)
+            raise
         written = sorted(name for name in walk(held.path) if (name in mine if mine else name != NOTE))
         if mine is None:
             try:

@@ -493,7 +493,7 @@ def check_commands(commands, base, folder):
 def test_commands_run_with_all_their_kernels_damaged(base, tmp_path):
     check_commands(
         [
-            ["perform", "--seconds", "2", "--out", "output", "--quiet"],
+            ["perform", "--seconds", "2", "--out", "output", "--force", "--quiet"],
             ["inspect", "output/performer_00.bvh", "--json"],
         ],
         base,
