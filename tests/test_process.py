@@ -283,7 +283,7 @@ spin(1)
 once = [1]
 def for_an_hour(*_, **__):
     if once and once.pop():
-        child = subprocess.Popen(["sleep", "3600"], start_new_session=True)
+        child = subprocess.Popen(["sleep", "300"], start_new_session=True)
         print("begun", child.pid, file=sys.stderr, flush=True)
     spin(10**13)
 """

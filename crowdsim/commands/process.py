@@ -16,12 +16,13 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppres
 from pathlib import Path
 from typing import Any, TextIO
 
+from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError, RunError
 
 GRACE = 1.25
 """How long a command may take to end by itself after a signal [s]."""
-FILES, THREADS = 64, 12 + 4 * (os.cpu_count() or 1)
-"""Files that a command must be able to open at once, and threads that it must be able to start: some for each core."""
+FILES, THREADS = 64, 16 + CORES
+"""Files that a command must be able to open at once, and threads it must be able to start; numpy starts one a core."""
 
 _HIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 """All control characters but line breaks and tabs, and those that change the direction of text."""
