@@ -78,7 +78,7 @@ class StatisticsCounter:
         self._starts = np.concatenate([[0], np.cumsum([one.actions.action_count for one in policies])])
         self._is_transition = np.concatenate([np.asarray(one.actions.costs) > 0 for one in policies])
         self._every = max(1, -(-planned * len(self._scale) // _OVERLAP_AVATAR_FRAMES))
-        self._last: tuple[Array, Array, Array] | None = None
+        self._last: tuple[Array, ...] | None = None
         self._frames = self._present = self._changes = self._transitions = 0
         self._looked = self._overlapping = 0
         self._outcomes, self._downs = np.zeros(len(OUTCOMES), np.int64), 0
@@ -95,24 +95,29 @@ class StatisticsCounter:
 
     def add_frames(self, rows: Mapping[str, Array]) -> None:
         """Count more control frames: what is recorded of each avatar, (n, N) each, by name."""
-        for action, done, opponent, x, z in zip(
-            *(rows[name] for name in ("action", "action_frame", "opponent", "x", "z")), strict=True
-        ):
-            here = action >= 0
-            self._present += int(np.count_nonzero(here))
-            if self._last is not None:
-                before, done_before, opponent_before = self._last
-                both = here & (before >= 0)
-                switched = both & ((action != before) | (done <= done_before))
-                whose = self._starts[self._policy[switched]] + action[switched]
-                self._transitions += int(np.count_nonzero(self._is_transition[whose]))
-                known = both & (opponent != -1) & (opponent_before != -1)
-                self._changes += int(np.count_nonzero(known & (opponent != opponent_before)))
-            self._last = (action, done, opponent)
-            if self._frames % self._every == 0:
-                self._looked += int(np.count_nonzero(here))
-                self._overlapping += int(np.count_nonzero(overlapping(x[here], z[here], self._scale[here])))
-            self._frames += 1
+        names = ("action", "action_frame", "opponent")
+        now = [np.asarray(rows[name]) for name in names]
+        if not len(now[0]):
+            return
+        # Nothing is before the first frame.
+        lasts = self._last or [values[:0] for values in now]
+        before = [np.concatenate([last, values[:-1]]) for last, values in zip(lasts, now, strict=True)]
+        here, first = now[0] >= 0, len(now[0]) - len(before[0])
+        self._present += int(np.count_nonzero(here))
+        action, done, opponent = (values[first:] for values in now)
+        both = here[first:] & (before[0] >= 0)
+        switched = both & ((action != before[0]) | (done <= before[1]))
+        whose = (self._starts[self._policy] + action)[switched]
+        self._transitions += int(np.count_nonzero(self._is_transition[whose]))
+        known = both & (opponent != -1) & (before[2] != -1)
+        self._changes += int(np.count_nonzero(known & (opponent != before[2])))
+        self._last = tuple(values[-1:].copy() for values in now)
+        for frame in range(-self._frames % self._every, len(here), self._every):
+            there = here[frame]
+            self._looked += int(np.count_nonzero(there))
+            x, z = (rows[name][frame][there] for name in ("x", "z"))
+            self._overlapping += int(np.count_nonzero(overlapping(x, z, self._scale[there])))
+        self._frames += len(here)
 
     def finish(self) -> CrowdStatistics:
         """Return what has been counted."""
