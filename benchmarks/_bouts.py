@@ -22,7 +22,7 @@ from crowdsim.crowd.events import OUTCOMES, Events
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.policy.policy import Policy
-from crowdsim.runs.preparation import load_policies, policy_names, prepare
+from crowdsim.preparation.prepare import load_policies, policy_names, prepare
 from crowdsim.scenario.scenario import Scenario, resolve_scenario
 
 RANDOM: dict[str, Any] = {"temperature": 100, "candidates": {"margin": 100, "maximum": 64}}

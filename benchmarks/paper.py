@@ -40,7 +40,7 @@ from crowdsim.core.workers import CORES, limited
 from crowdsim.crowd.simulate import simulate
 from crowdsim.policy.policy import Policy
 from crowdsim.policy.rewards import Term
-from crowdsim.runs.preparation import prepare
+from crowdsim.preparation.prepare import prepare
 from crowdsim.training.recipe import Recipe, load_recipe
 from crowdsim.training.train import ready_policy, train_policy
 

@@ -36,12 +36,12 @@ import psutil
 from _quick import small_policies
 
 from crowdsim.motion import quaternion
+from crowdsim.preparation.prepare import load_policies
 from crowdsim.render.batch import render
 from crowdsim.render.options import RenderOptions
 from crowdsim.render.stage import build_stage
 from crowdsim.render.take_source import TakeSource
 from crowdsim.render.video import encode, planes
-from crowdsim.runs.preparation import load_policies
 from crowdsim.runs.profiling import with_avatars
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario

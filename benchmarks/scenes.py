@@ -40,7 +40,7 @@ from crowdsim import load_policies, load_scenario
 from crowdsim.core.workers import CORES
 from crowdsim.crowd.chunk import Chunk
 from crowdsim.crowd.simulate import simulate
-from crowdsim.runs.preparation import prepare
+from crowdsim.preparation.prepare import prepare
 from crowdsim.scenario.scenario import Scenario, resolve_scenario
 from crowdsim.take.measures import AFTER, FightCounter, opponent_offsets
 

@@ -32,7 +32,7 @@ _LAZY = {
     "PoseSampler": "crowdsim.take.poses",
     "export_bvh": "crowdsim.export.bvh",
     "export_clouds": "crowdsim.export.pointcloud",
-    "load_policies": "crowdsim.runs.preparation",
+    "load_policies": "crowdsim.preparation.prepare",
     "load_policy": "crowdsim.policy.bundle",
     "load_recipe": "crowdsim.training.recipe",
     "load_scenario": "crowdsim.scenario.scenario",

@@ -62,7 +62,7 @@ from crowdsim.compilation import watch_compilation
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.warming import warm_up
-from crowdsim.runs.preparation import load_policies, prepare
+from crowdsim.preparation.prepare import load_policies, prepare
 scenario = load_scenario(sys.argv[1])
 prepared = prepare(scenario, load_policies(scenario))
 search, profiled = scenario.opponents.search, sys.argv[2] == "profiled"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from crowdsim.errors import BatchError
-from crowdsim.runs.preparation import estimate_needs
+from crowdsim.preparation.prepare import estimate_needs
 from crowdsim.scenario.frame_ranges import output_frames
 from crowdsim.scenario.outputs import Outputs
 

@@ -160,8 +160,8 @@ def make_plan(batch: Batch, runs: Mapping[str, Resolved], combinations: Iterable
 
 def _plan_run(resolved: Resolved, rates: dict[tuple[str, ...], float]) -> PlannedRun:
     """Return a resolved run with what follows from it; ``rates`` keeps the control rate by policies."""
-    from crowdsim.runs.preparation import policy_names
-    from crowdsim.runs.validation import control_rate
+    from crowdsim.preparation.prepare import policy_names
+    from crowdsim.preparation.validation import control_rate
 
     scenario, policies = resolved.scenario, tuple(policy_names(resolved.scenario))
     if policies not in rates:

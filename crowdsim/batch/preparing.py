@@ -33,7 +33,7 @@ def train_policies(
     Raises:
         PolicyError: A bundle is foreign or damaged, or capture for it is missing.
     """
-    from crowdsim.runs.preparation import load_policies, policy_names, training_notice, untrained_policies
+    from crowdsim.preparation.prepare import load_policies, policy_names, training_notice, untrained_policies
 
     found: dict[str, Policy] = {}
     for one in runs:
@@ -77,7 +77,7 @@ def _link(source: str, target: str) -> None:
 
 def used_kernels(runs: Iterable[Resolved]) -> list[str]:
     """Return what runs need kernels for; a picture is made of each."""
-    from crowdsim.runs.preparation import kernel_uses
+    from crowdsim.preparation.prepare import kernel_uses
 
     found = {"pictures": None}
     for one in runs:

@@ -101,8 +101,8 @@ def _check(scenario: Scenario, seen: set[str]) -> None:
         CrowdsimError: It does not pass.
     """
     from crowdsim.crowd.placement import place_groups
-    from crowdsim.runs.preparation import LARGE
-    from crowdsim.runs.validation import check_scenario
+    from crowdsim.preparation.prepare import LARGE
+    from crowdsim.preparation.validation import check_scenario
 
     alike = scenario.model_copy(update={"seed": 0}).model_dump_json()
     if alike not in seen:

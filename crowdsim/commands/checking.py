@@ -24,7 +24,7 @@ def validate(
     as_json: Json = False,
 ) -> None:
     """Check scenarios and recipes; print every finding with its line and column."""
-    from crowdsim.runs.validation import check_file, find_checked_file
+    from crowdsim.preparation.validation import check_file, find_checked_file
 
     findings_by_file: dict[str, list[str]] = {}
     warnings: list[str] = []

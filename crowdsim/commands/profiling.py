@@ -40,8 +40,8 @@ def profile(
     from crowdsim.compilation import watch_compilation
     from crowdsim.crowd.profile import profile_table
     from crowdsim.crowd.profile_files import draw_profile, draw_scaling, write_csv
+    from crowdsim.preparation.prepare import load_policies
     from crowdsim.runs import profiling
-    from crowdsim.runs.preparation import load_policies
     from crowdsim.scenario.frame_ranges import parse_length
     from crowdsim.scenario.scenario import load_scenario
 

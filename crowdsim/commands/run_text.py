@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from crowdsim.commands.figures_text import Row, count, length, number, percent, rating, section, speed, time
-from crowdsim.runs.ending import outcome_text
+from crowdsim.crowd.ending import outcome_text
 from crowdsim.take.measures import AFTER, AIR, OUT_OF_REACH, STUCK
 from crowdsim.take.penetration import DEEP
 from crowdsim.take.quality import TOUCH

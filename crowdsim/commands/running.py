@@ -120,7 +120,7 @@ def _print_report(report: Any) -> None:
     if report.done_before:
         print(f"{report.folder}: this run is done already; --force does it again")
         return
-    from crowdsim.runs.ending import outcome_text
+    from crowdsim.crowd.ending import outcome_text
 
     figures, seconds = report.statistics, report.seconds
     total = seconds["total"]

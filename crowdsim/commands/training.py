@@ -49,7 +49,7 @@ def train(
     from crowdsim import assets
     from crowdsim.compilation import watch_compilation
     from crowdsim.policy.bundle import read_document, read_timings
-    from crowdsim.runs.preparation import shared_bundle
+    from crowdsim.preparation.prepare import shared_bundle
     from crowdsim.sparring.train import train_recipe
     from crowdsim.training.summary import summarise
     from crowdsim.training.train import is_trained

@@ -17,13 +17,13 @@ from crowdsim.config.documents import parse_json
 from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.files import copy_plain, read_plain, remove_plain, walk, write_plain
+from crowdsim.preparation.prepare import load_policies, prepare
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from crowdsim.runs.folder import other_run, read_resolved, resolved_value
 from crowdsim.runs.lock import EXTENDING, hold_folder
 from crowdsim.runs.manifest import RUN, checksum, read_manifest, signed_text
 from crowdsim.runs.origin import Origin, origin_difference, origin_of, scenario_difference
-from crowdsim.runs.preparation import load_policies, prepare
 from crowdsim.runs.run import Report, Run
 from crowdsim.runs.runner import bundle_folders, plan_run, write_run
 from crowdsim.runs.stage import TAKE, complete

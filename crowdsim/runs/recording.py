@@ -10,13 +10,13 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.chunk import Chunk
+from crowdsim.crowd.ending import describe_outcome
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.warming import warm_up
 from crowdsim.errors import RunError, TakeError
+from crowdsim.preparation.prepare import Prepared
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import Checkpoint
-from crowdsim.runs.ending import describe_outcome
-from crowdsim.runs.preparation import Prepared
 from crowdsim.runs.run import Run
 from crowdsim.take.layout import chunk_frames
 from crowdsim.take.take import Events

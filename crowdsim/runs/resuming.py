@@ -14,9 +14,9 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.files import is_folder, remove_tree
+from crowdsim.preparation.prepare import Prepared
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import Checkpoint, Pace, write_checkpoint
-from crowdsim.runs.preparation import Prepared
 from crowdsim.runs.recording import record
 from crowdsim.runs.run import Run
 from crowdsim.runs.stage import TAKE

@@ -15,16 +15,7 @@ from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.errors import CrowdsimError, RunError, ScenarioError, TakeError, under_way
 from crowdsim.files import copy_plain, exists_plain, is_folder, remove_plain, remove_tree, stat_plain, walk, write_plain
 from crowdsim.machine import peak_memory
-from crowdsim.runs.checkpoint import NAME as CHECKPOINT
-from crowdsim.runs.checkpoint import Checkpoint, read_checkpoint
-from crowdsim.runs.folder import RESOLVED, check_begun, check_folder
-from crowdsim.runs.lock import hold_folder
-from crowdsim.runs.manifest import NAME as MANIFEST
-from crowdsim.runs.manifest import NOTE, checksums, read_ledger, read_manifest
-from crowdsim.runs.manifest import RUN as STAGE
-from crowdsim.runs.origin import Origin, origin_of
-from crowdsim.runs.outputs import expect_outputs, plan_outputs, write_outputs
-from crowdsim.runs.preparation import (
+from crowdsim.preparation.prepare import (
     LARGE,
     Prepared,
     kernel_uses,
@@ -34,9 +25,18 @@ from crowdsim.runs.preparation import (
     training_notice,
     untrained_policies,
 )
+from crowdsim.preparation.validation import check_scenario, late_events
+from crowdsim.runs.checkpoint import NAME as CHECKPOINT
+from crowdsim.runs.checkpoint import Checkpoint, read_checkpoint
+from crowdsim.runs.folder import RESOLVED, check_begun, check_folder
+from crowdsim.runs.lock import hold_folder
+from crowdsim.runs.manifest import NAME as MANIFEST
+from crowdsim.runs.manifest import NOTE, checksums, read_ledger, read_manifest
+from crowdsim.runs.manifest import RUN as STAGE
+from crowdsim.runs.origin import Origin, origin_of
+from crowdsim.runs.outputs import expect_outputs, plan_outputs, write_outputs
 from crowdsim.runs.run import Report, Run
 from crowdsim.runs.stage import TAKE, Plan, Stage, complete, complete_alone, open_stage, refuse_others
-from crowdsim.runs.validation import check_scenario, late_events
 from crowdsim.scenario.scenario import Scenario, dump_scenario
 from crowdsim.scenario.warnings import policy_warnings
 from crowdsim.take.take import Take

@@ -19,9 +19,10 @@ from scenes import crowdsim, write_scene
 
 import crowdsim as package
 from crowdsim.errors import RunError
-from crowdsim.runs import preparation, runner
+from crowdsim.preparation import prepare as preparation
+from crowdsim.preparation.prepare import load_policies, prepare
+from crowdsim.runs import runner
 from crowdsim.runs.manifest import Verdict, read_manifest, verify, write_manifest
-from crowdsim.runs.preparation import load_policies, prepare
 from crowdsim.runs.runner import run, run_to
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.store import open_take

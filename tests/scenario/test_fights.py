@@ -10,10 +10,10 @@ import yaml
 
 from crowdsim.cli import app
 from crowdsim.errors import OutputError, ScenarioError
+from crowdsim.preparation.validation import check_file
 from crowdsim.runs.extending import extend_run
 from crowdsim.runs.manifest import read_manifest
 from crowdsim.runs.runner import run, run_to
-from crowdsim.runs.validation import check_file
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.store import open_take
 from crowdsim.training.train import train_recipe
