@@ -147,6 +147,17 @@ def walk(folder: Path, below: str = "") -> Iterator[str]:
             yield name
 
 
+def entries(folder: Path, name: str = "") -> list[str]:
+    """Return the names of what is in a folder, or in one inside it; none where that is a link or missing.
+
+    Raises:
+        OSError: It cannot be read.
+    """
+    if name and not is_folder(folder, name):
+        return []
+    return sorted(os.listdir(os.path.join(folder, *name.split("/"))))
+
+
 def make_inside(folder: Path, name: str) -> Path:
     """Make a folder inside a folder, and those between; return its path.
 

@@ -23,7 +23,7 @@ from typing import Any, TextIO
 from crowdsim.batch.documents import read_bytes
 from crowdsim.batch.plan import LOGS
 from crowdsim.config.documents import DocumentModel, document_fault, parse_json
-from crowdsim.files import make_folder
+from crowdsim.files import make_folder, remove_plain
 
 KINDS = {
     "raised": "an exception",
@@ -173,9 +173,7 @@ def attempt(path: Path, session: str, retries: int, timeout: float, worker: str 
                 faulthandler.enable()
         _write(log, {"end": "done", "time": _now()})
     if not before:
-        path.unlink()
-        with suppress(OSError):
-            path.parent.rmdir()
+        remove_plain(path.parent.parent, [f"{path.parent.name}/{path.name}"])
 
 
 @contextmanager

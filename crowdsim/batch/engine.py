@@ -23,7 +23,7 @@ from crowdsim.batch.preparing import compile_kernels
 from crowdsim.core.types import FileName
 from crowdsim.core.workers import CORES
 from crowdsim.errors import BatchError, OutputError
-from crowdsim.files import write_text
+from crowdsim.files import remove_plain, write_plain, write_text
 from crowdsim.runs.origin import document_difference, origin_of
 
 if TYPE_CHECKING:
@@ -213,7 +213,7 @@ def check_workers(client: Client, folder: Path) -> dict[str, Any]:
     try:
         answers = client.run(describe_worker, str(folder), token, on_error="return")
     finally:
-        (folder / TOKEN).unlink(missing_ok=True)
+        remove_plain(folder, [TOKEN])
     threads = {address: facts["nthreads"] for address, facts in client.scheduler_info(n_workers=-1)["workers"].items()}
     findings = [*worker_findings(answers, threads, folder)]
     if findings:
@@ -284,8 +284,9 @@ def describe_worker(folder: str, token: str) -> dict[str, Any]:
         found = read_bytes(path, TOKEN)
         wrong = "" if found == token.encode() else "is another folder" if found else "is not there"
         if not wrong:
-            write_text(path / f"{TOKEN}-{socket.gethostname()}-{os.getpid()}", token)
-            (path / f"{TOKEN}-{socket.gethostname()}-{os.getpid()}").unlink()
+            own = f"{TOKEN}-{socket.gethostname()}-{os.getpid()}"
+            write_plain(path, own, token)
+            remove_plain(path, [own])
     except (OSError, BatchError, OutputError) as error:
         wrong = f"cannot be used: {error}"
     return {"environment": describe_environment(), "host": socket.gethostname(), "folder": wrong}

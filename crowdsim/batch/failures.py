@@ -11,6 +11,7 @@ from typing import Any
 from crowdsim.batch.attempts import TaskError, log_path, read_attempts
 from crowdsim.batch.documents import read_bytes
 from crowdsim.batch.plan import LOGS, SCENARIOS, PlannedRun
+from crowdsim.files import entries
 from crowdsim.runs.folder import RESOLVED
 
 
@@ -51,8 +52,10 @@ def describe_failure(
 def _find_death(folder: Path, run: PlannedRun, session: str) -> tuple[str, str, str] | None:
     """Return task, kind and cause of the death of a run's tasks that died most often; None where none has died."""
     died = {}
-    for path in sorted((folder / LOGS / run.id).glob("*.log")):
-        died[path.stem] = [one for one in read_attempts(path, session) if not one.ended]
+    for name in entries(folder, f"{LOGS}/{run.id}"):
+        if name.endswith(".log"):
+            log = folder / LOGS / run.id / name
+            died[log.stem] = [one for one in read_attempts(log, session) if not one.ended]
     task = max(died, key=lambda name: len(died[name]), default="")
     return (task, *died[task][-1].cause()) if task and died[task] else None
 

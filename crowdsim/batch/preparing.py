@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import time
 from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
@@ -12,7 +10,7 @@ from typing import TYPE_CHECKING
 from crowdsim.batch.resolving import Resolved
 from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import OutputError
-from crowdsim.files import make_folder
+from crowdsim.files import copy_plain, exists_plain, is_folder, make_folder, move_plain, remove_tree, walk
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -56,23 +54,18 @@ def freeze_policies(folder: Path, names: Collection[str]) -> None:
 
     make_folder(folder)
     for name in names:
-        target, partial = folder / name, folder / f".{name}.part"
-        if (target / "policy.json").is_file():
+        partial, bundle = f".{name}.part", find_bundle(name)
+        if exists_plain(folder, f"{name}/policy.json"):
             continue
         try:
-            shutil.rmtree(partial, ignore_errors=True)
-            shutil.copytree(find_bundle(name), partial, copy_function=_link)
-            os.replace(partial, target)
-        except (OSError, shutil.Error) as error:
-            raise OutputError(f"{target}: cannot be written: {error}") from None
-
-
-def _link(source: str, target: str) -> None:
-    """Link a file, which is never changed once it is written; copy it from another disk."""
-    try:
-        os.link(source, target)
-    except OSError:
-        shutil.copyfile(source, target)
+            if is_folder(folder, partial):
+                remove_tree(folder, partial)
+            for file in walk(bundle):
+                # It is never changed once it is written.
+                copy_plain(bundle / file, folder, f"{partial}/{file}", link=True)
+            move_plain(folder, partial, folder, name)
+        except OSError as error:
+            raise OutputError(f"{folder / name}: cannot be written: {error.strerror or error}") from None
 
 
 def used_kernels(runs: Iterable[Resolved]) -> list[str]:

@@ -20,6 +20,7 @@ from crowdsim.batch.report import pick_thumbnails, thumbnail_path
 from crowdsim.batch.results import write_result
 from crowdsim.batch.tasks import KINDS, Job, draw, export, finish, has_outputs, simulate, thumbnail, topic
 from crowdsim.errors import RunError
+from crowdsim.files import entries
 from crowdsim.scenario.frame_ranges import output_frames
 from crowdsim.scenario.outputs import RenderOutput
 
@@ -195,7 +196,7 @@ class Session:
 
     def _is_innocent(self, id: str) -> bool:
         """Whether a scheduler has given up a run because workers died that had not begun it often enough."""
-        tasks = [path.stem for path in (self._folder / LOGS / id).glob("*.log")]
+        tasks = [Path(name).stem for name in entries(self._folder, f"{LOGS}/{id}") if name.endswith(".log")]
         died = [
             sum(not one.ended for one in read_attempts(log_path(self._folder, id, task), self._name)) for task in tasks
         ]

@@ -6,10 +6,9 @@ written again. So a task whose worker has died is done by another one, from the 
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -19,6 +18,7 @@ from crowdsim.batch.attempts import attempt, log_path
 from crowdsim.batch.engine import describe_environment
 from crowdsim.batch.plan import POLICIES, SCENARIOS, WORK
 from crowdsim.batch.results import collect, write_result
+from crowdsim.files import entries, make_folder, remove_tree
 from crowdsim.runs.origin import document_difference
 from crowdsim.scenario.outputs import Outputs
 
@@ -127,7 +127,8 @@ def finish(job: Job, *_: None) -> None:
         if job.outputs.render is not None:
             _join(job, progress)
         write_result(job.batch, job.id, collect(job.folder, take, job.mark))
-        shutil.rmtree(job.work, ignore_errors=True)
+        with suppress(OSError):
+            remove_tree(job.batch, f"{WORK}/{job.id}")
 
 
 def thumbnail(job: Job, path: Path, *_: None) -> None:
@@ -140,7 +141,7 @@ def thumbnail(job: Job, path: Path, *_: None) -> None:
         # The camera follows the crowd through all frames of its source, so there are few.
         source = _open(job, min(30.0, _MOMENTS / max(take.frame_count / take.control_rate, 1.0)))
         stage = RenderOptions(size=(256, 144), caption=False, threads=1).stage(source)
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         write_png(path, stage.picture(source.frame_count // 2), stage.mark)
 
 
@@ -165,7 +166,8 @@ def _join(job: Job, progress: Callable[[str, int, int], None]) -> None:
     def record(folder: Path, planned: Sequence[Path], mark: str) -> Iterator[Place]:
         with write_pictures(folder, planned, drawn, mark, folder) as writing:
             if not writing.done:
-                adopt_frames(writing.folder, sorted(job.work.glob("pictures-*")))
+                apart = [name for name in entries(job.batch, f"{WORK}/{job.id}") if name.startswith("pictures-")]
+                adopt_frames(writing.folder, [job.work / name for name in apart])
             yield Place(writing.folder, writing.done)
 
     render(source, job.folder, options, progress, record)

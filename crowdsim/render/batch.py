@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from pathlib import Path
 
 from crowdsim.core.types import Progress
 from crowdsim.errors import OutputError, under_way
-from crowdsim.files import make_folder
+from crowdsim.files import entries, make_folder, move_plain
 from crowdsim.render.contact_sheet import sheet_frames, write_sheet
 from crowdsim.render.options import RenderOptions
 from crowdsim.render.parts import is_parts, make_parts, mark_first, remove_parts
@@ -140,11 +139,9 @@ def adopt_frames(out: Path, apart: Iterable[Path]) -> None:
     """
     try:
         for folder in apart:
-            for place in [folder / "frames", *folder.glob(".video-*")]:
-                target = out / place.name
-                for path in mark_first(place.iterdir()) if place.is_dir() else ():
-                    target.mkdir(exist_ok=True)
-                    os.replace(path, target / path.name)
+            for place in [name for name in entries(folder) if name == "frames" or name.startswith(".video-")]:
+                for path in mark_first(folder / place / name for name in entries(folder, place)):
+                    move_plain(folder, f"{place}/{path.name}", out)
     except OSError as error:
         raise OutputError(f"{error.filename or out}: cannot be moved: {error.strerror or error}") from error
 
@@ -165,7 +162,7 @@ def _make_folders(out: Path, png: bool, parts: Path | None, mark: str) -> None:
     """Make the folders of a rendering; segments of other videos are removed."""
     make_folder(out)
     if parts:
-        for other in out.glob(".video-*"):
+        for other in [out / name for name in entries(out) if name.startswith(".video-")]:
             if other != parts and is_parts(other):
                 remove_parts(other)
         make_parts(parts, mark)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,6 +13,7 @@ from crowdsim.array_checks import ArrayFault, Column, Within, check_table
 from crowdsim.core.types import Array
 from crowdsim.crowd.events import VARIABLES, Events
 from crowdsim.errors import TakeError
+from crowdsim.files import entries, exists_plain, is_folder, move_plain, remove_plain, remove_tree, stat_plain
 from crowdsim.take.checks import check_rows
 from crowdsim.take.layout import DTYPES, EVENTS
 from crowdsim.take.metadata import ArrayFacts, check_files, read_model
@@ -141,16 +140,16 @@ def reopen_take(path: Path, partial: Path, names: Sequence[str], state: Mapping[
     if not partial.exists():
         if not path.exists():
             raise TakeError(f"{path}: is missing")
-        os.replace(path, partial)
+        move_plain(path.parent, path.name, partial.parent, partial.name)
     # Written when a take is finished, and then anew.
-    (partial / ".zmetadata").unlink(missing_ok=True)
-    if (partial / "time").exists():
-        shutil.rmtree(partial / "time")
     check_files(partial)
+    remove_plain(partial, [".zmetadata"])
+    if is_folder(partial, "time"):
+        remove_tree(partial, "time")
     # Before another program reads what a stranger may have written.
-    for folder in partial.iterdir():
-        if (folder / ".zarray").exists():
-            read_model(folder, ".zarray", ArrayFacts)
+    for name in entries(partial):
+        if exists_plain(partial, f"{name}/.zarray"):
+            read_model(partial / name, ".zarray", ArrayFacts)
     for name in EVENTS:
         read_model(partial / "events" / name, ".zarray", ArrayFacts)
     try:
@@ -174,11 +173,9 @@ def _cut(folder: Path, array: Any, count: int) -> None:
     size = array.chunks[0]
     if count > array.shape[0] or count % size:
         raise TakeError(f"{folder}: has {array.shape[0]} entries in chunks of {size}, expected {count} or more")
-    chunks = [(int(path.name.split(".")[0]), path) for path in folder.iterdir() if path.name[:1].isdecimal()]
+    chunks = [(int(name.split(".")[0]), name) for name in entries(folder) if name[:1].isdecimal()]
     across = -(-array.shape[1] // array.chunks[1]) if len(array.shape) == 2 else 1
-    for number, path in chunks:
-        if number >= count // size:
-            path.unlink()
-    left = sum(number < count // size and path.stat().st_size > 0 for number, path in chunks)
+    remove_plain(folder, [name for number, name in chunks if number >= count // size])
+    left = sum(number < count // size and stat_plain(folder, name).st_size > 0 for number, name in chunks)
     if left != across * (count // size):
         raise TakeError(f"{folder}: holds {left} chunks, expected {across * (count // size)}")

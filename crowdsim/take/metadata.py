@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
 import re
-import stat
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,7 +12,7 @@ from pydantic import BaseModel, Field, model_validator
 from crowdsim.config.documents import DocumentModel, OpenModel, document_fault, parse_json
 from crowdsim.config.files import Fault
 from crowdsim.errors import TakeError
-from crowdsim.files import kind_of, open_plain
+from crowdsim.files import NotPlainError, entries, open_plain, stat_plain, walk
 
 _MOST_BYTES, _MOST_METADATA = 1 << 26, 1 << 26
 """Largest chunk, uncompressed, and longest file of metadata [bytes]."""
@@ -139,7 +137,7 @@ def check_first_chunks(folder: Path, shape: tuple[int, ...], chunks: tuple[int, 
     """
     if chunks[0] > _MOST_ROWS:
         raise TakeError(f"{folder}: has {chunks[0]} rows a chunk, expected at most {_MOST_ROWS}")
-    held, rows = {entry.name for entry in os.scandir(folder)}, -(-shape[0] // chunks[0])
+    held, rows = set(entries(folder)), -(-shape[0] // chunks[0])
     if rows > len(held):
         raise TakeError(f"{folder}: holds {len(held)} files, expected {rows} chunks or more")
     for row in range(rows):
@@ -150,13 +148,8 @@ def check_first_chunks(folder: Path, shape: tuple[int, ...], chunks: tuple[int, 
 
 def check_files(folder: Path) -> None:
     """Refuse a take that holds anything but files and folders: links lead elsewhere, and reading a pipe never ends."""
-    for above, folders, files in os.walk(folder, onerror=_raise):
-        for name in (*folders, *files):
-            path = os.path.join(above, name)
-            mode = os.lstat(path).st_mode
-            if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-                raise TakeError(f"{path}: is {kind_of(mode)}, expected a regular file; links are not followed")
-
-
-def _raise(error: OSError) -> None:
-    raise error
+    for name in walk(folder):
+        try:
+            stat_plain(folder, name)
+        except NotPlainError as error:
+            raise TakeError(f"{error.filename}: {error.strerror}") from None

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.files import UNFINISHED
+from crowdsim.files import UNFINISHED, make_folder, move_plain, remove_tree
 from crowdsim.take.continuing import read_writer, reopen_take, restore_writer
 from crowdsim.take.data import TakeHeader
 from crowdsim.take.layout import (
@@ -76,7 +75,7 @@ class TakeWriter:
             if os.path.lexists(taken):
                 raise OutputError(f"{taken}: is there already, expected a new name for the take")
         with self._writing():
-            self._partial.mkdir(parents=True)
+            make_folder(self._partial)
             self.group = zarr.open_group(str(self._partial), mode="w", **_format_two())
             self._begin()
         return self
@@ -91,7 +90,7 @@ class TakeWriter:
         if int(state["frames"]) == int(state["events"]) == 0:
             # Nothing on disk is needed, and chunks may have been made for a shorter run.
             self.abandon()
-            shutil.rmtree(self.path, ignore_errors=True)
+            _remove(self.path)
             self.open()
         else:
             self.chunk = int(state["chunk"])
@@ -236,7 +235,7 @@ class TakeWriter:
             self._create(self.group, "time", time.shape, (max(1, len(time)),), "<f8", ["frame"])[...] = time
             self.group.attrs["status"] = status
             zarr.consolidate_metadata(str(self._partial))
-            os.replace(self._partial, self.path)
+            move_plain(self.path.parent, self._partial.name, self.path.parent, self.path.name)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -253,7 +252,13 @@ class TakeWriter:
 
     def abandon(self) -> None:
         """Remove what has been written."""
-        shutil.rmtree(self._partial, ignore_errors=True)
+        _remove(self._partial)
+
+
+def _remove(path: Path) -> None:
+    """Remove a take, or one that grows; what cannot be removed stays."""
+    with suppress(OSError):
+        remove_tree(path.parent, path.name)
 
 
 def _format_two() -> dict[str, Any]:

@@ -17,11 +17,13 @@ import numpy as np
 from crowdsim.array_checks import ArrayFault, Column
 from crowdsim.core.types import Array
 from crowdsim.errors import TakeError
+from crowdsim.files import read_plain
 from crowdsim.take.checks import check_absent, check_actions
 
 _MAGIC = b"\x28\xb5\x2f\xfd"
 _SIZES = (0, 2, 4, 8)
 _RECENT_BYTES = 1 << 22
+_MOST_BYTES = 1 << 27
 """Chunks of which parts were read and that an array keeps, at least one [bytes]."""
 
 
@@ -143,9 +145,10 @@ class StoredColumn:
     def _decode(self, number: tuple[int, ...], out: Array) -> None:
         from numcodecs.zstd import Zstd
 
-        path = self.folder / ".".join(map(str, number))
+        name = ".".join(map(str, number))
+        path = self.folder / name
         try:
-            data = path.read_bytes()
+            data = read_plain(self.folder, name, _MOST_BYTES)
         except FileNotFoundError:
             out[...] = np.zeros((), self.dtype)
             return

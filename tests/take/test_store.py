@@ -245,7 +245,7 @@ def test_abandoning_leaves_nothing(tmp_path: Path) -> None:
 
 def test_a_path_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match=r"take\.zarr: cannot be written"):
+    with pytest.raises(OutputError, match=r"take\.zarr\.partial: cannot be made"):
         write(tmp_path / "file" / "take.zarr", [1])
 
 
