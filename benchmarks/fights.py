@@ -1,4 +1,4 @@
-"""Who wins: strikes in shipped brawls, bouts between fighters, time to react, bodies that are down, and breaks.
+"""Fights: strikes in shipped brawls, bouts between fighters, time to react, bodies that are down, and breaks.
 
     python benchmarks/fights.py [--mocap DIR] [--json] [--quick]
 

@@ -174,7 +174,7 @@ class Avatars(NamedTuple):
 
     @property
     def number(self) -> Array:
-        """Who is in each slot. Shape (N,)."""
+        """Number of the avatar in each slot. Shape (N,)."""
         return self.whole[layout.NUMBER]
 
     @property

@@ -67,7 +67,7 @@ class Crowding:
 
 @dataclass(frozen=True)
 class Crowd:
-    """Who is in a run; N avatars, M cohorts (ways to choose, one a group and type), P policies.
+    """The avatars of a run; N avatars, M cohorts (ways to choose, one a group and type), P policies.
 
     Attributes:
         x: Positions at the start [m]. Shape (N,).

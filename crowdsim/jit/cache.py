@@ -86,7 +86,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         try:
             yield True
         finally:
-            # Whoever waits for it finds the compiled kernel.
+            # A process that waits for it finds the compiled kernel.
             with suppress(OSError):
                 path.with_suffix(".lock").unlink(missing_ok=True)
             lock.release()

@@ -54,7 +54,7 @@ class Folder:
         self._py_file = str(source)
         self._stamp = hashlib.sha256(source_digest(source).encode() + _compiler_digest()).hexdigest()[:16]
         self.path = _parent(source.parent) / f"{source.stem}-{self._stamp}"
-        # Whoever may write beside the package may change the program itself.
+        # A user who may write beside the package may change the program itself.
         self._private = [self.path, self.path.parent, self.path.parent.parent] if _cache_dir() else [self.path]
 
     def get_cache_path(self) -> str:

@@ -132,7 +132,7 @@ def add_walks(
         limit: What a walk's transition costs at the most [m].
     """
     spans = database.rests
-    # Whoever has just come to rest stands for a piece before it goes.
+    # An avatar that has just come to rest stands for a piece before it goes.
     starts = np.concatenate(
         [np.arange(a + 1, b + 1) for (a, b), far in zip(ends, spans.walked, strict=True) if not far]
     )

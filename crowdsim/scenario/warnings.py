@@ -73,7 +73,7 @@ def fall_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]
 def speed_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
     """Return a finding for each scripted target and type of avatars that follows it, but cannot keep up.
 
-    Who stays on the inside of a target's path needs less than the target's speed, and nothing where it never leaves
+    An avatar on the inside of a target's path needs less than the target's speed, and nothing where it never leaves
     the reach of strikes. Types with weights of their own are passed over: what is known is how fast the policy is with
     those of its recipe.
 

@@ -27,7 +27,7 @@ COMMON, CELLWISE = 30.0, 60.0
 def learn_defence(policy: Policy, spec: DefenceSpec, weight: float = 1.0, progress: Progress | None = None) -> Array:
     """Return the hits that follow each action of a policy, learned in fights of its avatars.
 
-    Who learns defends itself by what the rounds before have found, against opponents that do not.
+    The avatar that learns defends itself by what the rounds before have found, against opponents that do not.
 
     Args:
         policy: The policy, without or with a table, which is not used.

@@ -1,4 +1,4 @@
-"""Who is down: falling, lying or getting up. What poses add for bodies that stand leaves them alone."""
+"""Avatars that are down: falling, lying or getting up. What poses add for bodies that stand leaves them alone."""
 
 from __future__ import annotations
 

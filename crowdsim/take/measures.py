@@ -118,7 +118,7 @@ class FightCounter:
         dx, dz, known = opponent_offsets(chunk, rows)
         opponent = np.asarray(chunk.opponent[rows])
         of_opponent = np.take_along_axis(opponent, np.maximum(opponent, 0), axis=1)
-        # Whoever is down has no opponent, and nobody needs to face it.
+        # An avatar that is down has no opponent, and no other needs to face it.
         known = known & ((opponent < 0) | (of_opponent != -1))
         distances = np.hypot(dx, dz)
         out = known & (distances > OUT_OF_REACH)
@@ -159,7 +159,7 @@ class FightCounter:
         offsets = [self._offsets(chunk, rows, attacker, victim) for rows in (before, after)]
         # A share of zero takes nothing from a frame in which an avatar may be absent.
         offset = np.where(share > 0.0, offsets[0] * (1.0 - share) + offsets[1] * share, offsets[0])
-        # Whoever is down has no opponent.
+        # An avatar that is down has no opponent.
         avatar = np.flatnonzero(victim >= 0)
         then = np.where(share[:, 0] > 0.0, after, before)[avatar]
         offset[avatar[chunk.opponent[then, victim[avatar]] == -1]] = np.nan

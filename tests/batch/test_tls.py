@@ -1,4 +1,4 @@
-"""Who can speak to the processes of a batch: those with its certificates, and nobody else."""
+"""Only processes with the certificates of a batch can speak to its processes."""
 
 import socket
 import ssl

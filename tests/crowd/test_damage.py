@@ -123,7 +123,7 @@ def test_nobody_fights_those_who_are_down(search):
         down = conditions[one.avatars.number, layout.STANDING] >= layout.DROPS
         assert np.array_equal(whole_rows[layout.TEAM] < 0, down)
         decided = (whole_rows[layout.ACTION_BEFORE] >= 0) & (whole_rows[layout.OPPONENT] >= 0)
-        # Whoever has just decided saw who was down a frame before.
+        # An avatar that has just decided saw which avatars were down a frame before.
         fought = one.avatars.slot_of[whole_rows[layout.OPPONENT, decided]]
         since = conditions[one.avatars.number[fought], layout.HURT_FRAME]
         assert ((whole_rows[layout.TEAM, fought] >= 0) | (since >= one.frame - 1)).all()

@@ -353,7 +353,7 @@ def test_groups_enter_and_leave(count):
     assert (record["action"][20:, gone] == -1).all()
     assert np.isnan(record["x"][20:, gone]).all()
     assert not np.isin(events["attacker"][events["frame"] < 10], np.flatnonzero(late)).any()
-    # Whoever has decided since has another opponent; the longest action is over by then.
+    # An avatar that has decided since has another opponent; the longest action is over by then.
     assert not np.isin(record["opponent"][50:, ~gone], np.flatnonzero(gone)).any()
     assert bytes_of(simulate(people, POLICIES, 30, script, chunk=4)) == bytes_of(simulate(people, POLICIES, 30, script))
 

@@ -249,7 +249,7 @@ def naive_shares(take: Take, after: float) -> tuple[float, float, float, float, 
         for f in range(round(after * RATE), take.frame_count):
             other = int(take.opponent[f, n])
             there = take.action[f, n] >= 0 and other != -1
-            # Whoever has no opponent is down.
+            # An avatar without an opponent is down.
             there = there and (other < 0 or (take.action[f, other] >= 0 and take.opponent[f, other] != -1))
             if not there:
                 stretch = 0

@@ -60,7 +60,7 @@ _OTHERS_REAL = (X, Z, SCALE, HEADING, PHASE, SPEED, END_X, END_Z, BASE_TURN)
 def aim(model, avatars, world, now, due, count, observed, scratch):
     """Choose opponents for avatars ``due[:count]`` and write their situations (``values.value_actions``).
 
-    The state is that in which the action ends, or -1 where there is no opponent. Who fights whom changes when the next
+    The state is that in which the action ends, or -1 where there is no opponent. Opponents change when the next
     actions start (``motion.switch``), so that all avatars see the opponents that the others had when the frame began.
     """
     whole, real, slot_of, arena = avatars.whole, avatars.real, avatars.slot_of, world.arena

@@ -144,9 +144,9 @@ def _draw_actions(model, avatars, world, now, due, count, observed, scratch, out
 
     Strikes come in bursts. A strike takes ``INTERVAL`` frames to recover from; after a burst an avatar rests until it
     has recovered from all of them, and strikes cost it dear meanwhile, as they do while it watches or flees; and
-    something where its opponent looks away. Stillness is worth something while it rests. Whoever is exhausted takes
-    ``WEARY`` times as long again; tempo and aggression are the avatar's own. Who has a stance prefers actions that end
-    in it, or nearer to it.
+    something where its opponent looks away. Stillness is worth something while it rests. An exhausted avatar takes
+    ``WEARY`` times as long again; tempo and aggression are the avatar's own. An avatar with a stance prefers actions
+    that end in it, or nearer to it.
     """
     whole, real, offsets, actions, cohorts = avatars.whole, avatars.real, model.offsets, model.actions, world.cohorts
     frame = now.frame

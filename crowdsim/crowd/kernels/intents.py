@@ -1,9 +1,9 @@
 """What an avatar does about its opponent: it fights, watches from a distance, or flees.
 
-Behaviours are learned for opponents that are to be hit. Whoever watches or flees sees its opponent elsewhere: nearer
-by as much as the distance that it keeps is greater than that of a fight, or behind its own back. So it moves by what it
-has learned; strikes cost it as much as one that rests. Whoever fights does likewise between two bursts of strikes, by
-its range and aggression.
+Behaviours are learned for opponents that are to be hit. An avatar that watches or flees sees its opponent elsewhere:
+nearer by as much as the distance that it keeps is greater than that of a fight, or behind its own back. So it moves by
+what it has learned; strikes cost it as much as one that rests. An avatar that fights does likewise between two bursts
+of strikes, by its range and aggression.
 """
 
 import math
@@ -117,7 +117,7 @@ def is_resting(avatars, world, frame, own):
 def _has_to_wait(avatars, world, now, own, opponent, observed, q):
     """Return whether as many others as may attack an opponent are nearer to it, among those that are observed.
 
-    Who fights it already counts as nearer; among equals it is the lower number.
+    An avatar that fights it already counts as nearer; among equals it is the lower number.
     """
     whole, conditions = avatars.whole, avatars.conditions
     most = world.rules[whole[COHORT, own], ATTACKERS]

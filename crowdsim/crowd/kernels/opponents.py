@@ -145,8 +145,8 @@ def _nearer(avatars, frame, own, j, best, found):
 def _seems_far(avatars, frame, own, j):
     """Return how far away another avatar seems to one that looks for an opponent [m].
 
-    Facing one another takes time, so it counts where both look. Whoever fights someone else seems further, and whoever
-    has just hit the avatar nearer: fights become those of two, and few are hit from behind.
+    Facing one another takes time, so it counts where both look. An avatar that fights another one seems further, and
+    one that has just hit the avatar nearer: fights become those of two, and few are hit from behind.
     """
     whole, real = avatars.whole, avatars.real
     dx, dz = real[X, j] - real[X, own], real[Z, j] - real[Z, own]

@@ -42,7 +42,7 @@ TOWARDS = 1.0  # what it costs an avatar to be an action further from where a re
 def resting_action(model, avatars, world, now, own):
     """Return the action by which an avatar enters a rest, goes on with it, or leaves it; -1 where it may choose.
 
-    Whoever walks off comes to the end of that before it leaves the rest.
+    An avatar that walks off comes to the end of that before it leaves the rest.
     """
     row = avatars.conditions[avatars.whole[NUMBER, own]]
     rests = row[DOES_NEXT] == RESTS

@@ -1,7 +1,7 @@
 """Variety: what actions cost whose motion was shown lately, by the avatar itself or by others around.
 
 Actions that end in the same state show the same motion, so motion is known by that state, and a mirror image by that
-of what it mirrors. Who shows it is not noted: a table has a mark for each cell of the ground and each state, by a hash,
+of what it mirrors. Avatars are not noted: a table has a mark for each cell of the ground and each state, by a hash,
 with the frame in which an avatar around last started for it. An avatar reads the marks of its own cell, and makes marks
 in the four cells that are nearest. All avatars read marks before any makes one, and those of a frame are equal, so that
 their order does not matter. Frames are kept modulo 2 ** 16.
