@@ -105,8 +105,8 @@ def note_hits(model, avatars, frame, strikes, first, last):
     """Let avatars note by whom they were hit in strikes ``first`` to ``last``, which are those of ``frame``.
 
     An avatar that blocks a strike notes it like one that lands. A hit is as strong as its speed over ``Model.sizes``
-    says: 1 for a strong one. Of several hits in a frame the strongest counts, among equals that of the lower number, so that
-    their order does not matter.
+    says: 1 for a strong one. Of several hits in a frame the strongest counts, among equals that of the lower number, so
+    that their order does not matter.
     """
     whole, real, slot_of = avatars.whole, avatars.real, avatars.slot_of
     for k in range(first, last):
