@@ -154,7 +154,9 @@ def read_manifest(folder: Path, needed: Iterable[str] = (), name: str = NAME) ->
         raise TakeError(f"{folder}: no {name} here, so this is no finished run") from None
     except NotPlainError as error:
         raise TakeError(f"{path}: {error.strerror}") from None
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise TakeError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except ValueError as error:
         raise TakeError(f"{path}: is damaged: {error}") from None
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise ForeignManifestError(f"{path}: is no manifest of a run")
