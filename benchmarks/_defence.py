@@ -1,7 +1,7 @@
 """What defence is worth: strikes that land on a defender, beside those on the same boxer that does not defend itself.
 
 The attacker is the boxer without defence in both. ``exploitability``: what the best response found gains, in hits per
-minute, over the policy in its own place (``sparring.response``), against policies of some temperatures.
+minute, over the policy in its own place (``self_play.response``), against policies of some temperatures.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from crowdsim.sparring.response import best_response
-from crowdsim.sparring.train import ready_policy
+from crowdsim.self_play.response import best_response
+from crowdsim.self_play.train import ready_policy
 from crowdsim.training.recipe import DefenceSpec
 
 DEFENDER, UNDEFENDED = "defender", "undefended"

@@ -43,7 +43,7 @@ _LAZY = {
     "run": "crowdsim.runs.runner",
     "run_to": "crowdsim.runs.runner",
     "to_clip": "crowdsim.bvh.io",
-    "train_recipe": "crowdsim.sparring.train",
+    "train_recipe": "crowdsim.self_play.train",
     "write_bvh": "crowdsim.bvh.io",
 }
 

@@ -12,14 +12,14 @@ from naive_strikes import at, thrown, what_is_seen
 
 from crowdsim.crowd.kernels import variety
 from crowdsim.crowd.kernels.choice import ASTRAY, AWAY, BESIDE, BOLDNESS, BURSTS, CALM, FACING, NEAR, REDRAWN, REST
-from crowdsim.crowd.kernels.crowding import BYSTANDERS, HALTED, STAGGER, STEP
+from crowdsim.crowd.kernels.collision_avoidance import BYSTANDERS, HALTED, STAGGER, STEP
 from crowdsim.crowd.kernels.intents import CLOSEST, SHYNESS
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
 from crowdsim.crowd.kernels.legs import CROSSED
 from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REMEMBERED
 from crowdsim.crowd.kernels.outcomes import AIR
 from crowdsim.crowd.model import AT_REST, FULL_REACH, STRONG
-from crowdsim.crowd.model_calm import STILL
+from crowdsim.crowd.model_stillness import STILL
 from crowdsim.crowd.model_tables import BRAKING
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.crowd.script import target_positions

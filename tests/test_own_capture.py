@@ -96,7 +96,7 @@ def test_what_is_missing_is_named(inside, capsys, words, message):
 
 
 def test_files_that_are_left_out_are_noted_with_their_reason(inside, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("crowdsim.sparring.train.train_recipe", lambda *words: (inside / "policies/me", True))
+    monkeypatch.setattr("crowdsim.self_play.train.train_recipe", lambda *words: (inside / "policies/me", True))
     monkeypatch.chdir(tmp_path)
     assert crowdsim("train", "--mocap", inside / "capture", "--name", "again") == 0
     noted = capsys.readouterr().err
@@ -225,7 +225,7 @@ def test_a_graph_that_cannot_be_built_leaves_the_recipe_to_be_changed(inside, tm
     def fail(*words):
         raise MotionError("policies/odd.yaml: the graph has no cycle")
 
-    monkeypatch.setattr("crowdsim.sparring.train.train_recipe", fail)
+    monkeypatch.setattr("crowdsim.self_play.train.train_recipe", fail)
     monkeypatch.chdir(tmp_path)
     assert crowdsim("train", "--mocap", inside / "capture", "--name", "odd") == 1
     assert capsys.readouterr().err.endswith(

@@ -61,7 +61,7 @@ import sys
 from crowdsim.compilation import watch_compilation
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.crowd.simulation import Simulation
-from crowdsim.crowd.warming import warm_up
+from crowdsim.crowd.jit_warmup import warm_up
 from crowdsim.preparation.prepare import load_policies, prepare
 scenario = load_scenario(sys.argv[1])
 prepared = prepare(scenario, load_policies(scenario))

@@ -24,7 +24,7 @@ from crowdsim.core.types import FileName
 from crowdsim.core.workers import CORES
 from crowdsim.errors import BatchError, OutputError
 from crowdsim.files import remove_plain, write_plain, write_text
-from crowdsim.runs.origin import document_difference, origin_of
+from crowdsim.runs.provenance import document_difference, origin_of
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster, Security

@@ -44,7 +44,7 @@ from crowdsim.batch.results import is_done
 from crowdsim.batch.session import Outcome, Session, Show
 from crowdsim.errors import BatchError
 from crowdsim.runs.lock import hold_folder
-from crowdsim.runs.origin import document_difference
+from crowdsim.runs.provenance import document_difference
 
 if TYPE_CHECKING:
     from distributed import Client

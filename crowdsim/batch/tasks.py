@@ -19,7 +19,7 @@ from crowdsim.batch.engine import describe_environment
 from crowdsim.batch.plan import POLICIES, SCENARIOS, WORK
 from crowdsim.batch.results import collect, write_result
 from crowdsim.files import entries, make_folder, remove_tree
-from crowdsim.runs.origin import document_difference
+from crowdsim.runs.provenance import document_difference
 from crowdsim.scenario.outputs import Outputs
 
 if TYPE_CHECKING:

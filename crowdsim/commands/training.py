@@ -50,7 +50,7 @@ def train(
     from crowdsim.compilation import watch_compilation
     from crowdsim.policy.bundle import read_document, read_timings
     from crowdsim.preparation.prepare import shared_bundle
-    from crowdsim.sparring.train import train_recipe
+    from crowdsim.self_play.train import train_recipe
     from crowdsim.training.summary import summarise
     from crowdsim.training.train import is_trained
 
@@ -102,7 +102,7 @@ def _check_options(recipe: str | None, name: str | None, behaviours: str | None)
 def _write_recipe(name: str, mocap: Path | None, behaviours: str | None) -> Path:
     """Write a recipe for a folder of capture, and note what was left out of it."""
     from crowdsim.scenario.names import NAME_RULE, is_name
-    from crowdsim.training.own_recipe import BEHAVIOURS, check_name, write_recipe
+    from crowdsim.training.fit_recipe import BEHAVIOURS, check_name, write_recipe
     from crowdsim.training.survey import survey_capture
 
     check_name(name)

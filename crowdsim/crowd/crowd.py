@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Model
-from crowdsim.crowd.beginning import first_actions
 from crowdsim.crowd.distributions import EVEN_TEMPERED
+from crowdsim.crowd.initial_states import first_actions
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.variety import LATEST, NONE
 from crowdsim.errors import RunError

@@ -13,9 +13,9 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.model_arms import arm_radii, arm_rows, way_rows
-from crowdsim.crowd.model_calm import calm_rows
 from crowdsim.crowd.model_falls import fall_rows
 from crowdsim.crowd.model_legs import leg_rows
+from crowdsim.crowd.model_stillness import calm_rows
 from crowdsim.crowd.model_tables import (
     action_rows,
     action_starts,

@@ -15,8 +15,8 @@ import numpy as np
 from crowdsim.compilation import watch_compilation
 from crowdsim.core.types import Array, Progress
 from crowdsim.crowd.chunk import STAGES
+from crowdsim.crowd.jit_warmup import warm_up
 from crowdsim.crowd.simulation import Simulation
-from crowdsim.crowd.warming import warm_up
 
 if TYPE_CHECKING:
     from crowdsim.crowd.arrays import Model

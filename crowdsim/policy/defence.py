@@ -1,6 +1,6 @@
 """Defence: how many hits follow each action, by what its avatar sees coming at it.
 
-A table, learned in fights (``sparring``), on the grid of ``core.threats``. It serves where an avatar cannot see a
+A table, learned in fights (``self_play``), on the grid of ``core.threats``. It serves where an avatar cannot see a
 strike yet; what is seen control evaluates exactly (``crowd.kernels.defence``).
 """
 

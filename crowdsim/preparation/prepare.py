@@ -73,7 +73,7 @@ def load_policies(
         PolicyError: A bundle is foreign or damaged, or capture for it is missing.
     """
     from crowdsim.policy.bundle import load_policy
-    from crowdsim.sparring.train import ready_policy
+    from crowdsim.self_play.train import ready_policy
 
     policies = []
     for name in policy_names(scenario):

@@ -66,9 +66,9 @@ class Checkpoint:
 
     Attributes:
         frame: Number of control frames done.
-        origin: Checksum of what the run was made from, see ``origin.Origin``.
+        origin: Checksum of what the run was made from, see ``provenance.Origin``.
         simulation: State of the simulation, see ``crowd.state``.
-        take: State of the take's writer, see ``take.continuing``.
+        take: State of the take's writer, see ``take.resume``.
         timings: Cost of control so far where it is measured [ns]. Shape (frame, 6), int64.
     """
 

@@ -14,8 +14,8 @@ from crowdsim.core.types import Progress
 from crowdsim.errors import CrowdsimError
 from crowdsim.files import is_folder, move_plain, walk
 from crowdsim.runs.manifest import EXPORT
-from crowdsim.runs.origin import sources_hash
 from crowdsim.runs.outputs import Export, write_exports
+from crowdsim.runs.provenance import sources_hash
 from crowdsim.runs.stage import Plan, write_together
 from crowdsim.scenario.frame_ranges import parse_frames
 

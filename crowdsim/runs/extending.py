@@ -23,7 +23,7 @@ from crowdsim.runs.checkpoint import Checkpoint, read_checkpoint, write_checkpoi
 from crowdsim.runs.folder import other_run, read_resolved, resolved_value
 from crowdsim.runs.lock import EXTENDING, hold_folder
 from crowdsim.runs.manifest import RUN, checksum, read_manifest, signed_text
-from crowdsim.runs.origin import Origin, origin_difference, origin_of, scenario_difference
+from crowdsim.runs.provenance import Origin, origin_difference, origin_of, scenario_difference
 from crowdsim.runs.run import Report, Run
 from crowdsim.runs.runner import bundle_folders, plan_run, write_run
 from crowdsim.runs.stage import TAKE, complete

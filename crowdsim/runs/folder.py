@@ -15,7 +15,7 @@ from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.lock import LOCKS, hold_folder
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import RUN, STAGES, read_manifest
-from crowdsim.runs.origin import Origin, origin_difference, scenario_difference
+from crowdsim.runs.provenance import Origin, origin_difference, scenario_difference
 from crowdsim.runs.stage import TAKE, read_note
 
 RESOLVED = "scenario.resolved.yaml"

@@ -11,8 +11,8 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.crowd.chunk import Chunk
 from crowdsim.crowd.ending import describe_outcome
+from crowdsim.crowd.jit_warmup import warm_up
 from crowdsim.crowd.simulation import Simulation
-from crowdsim.crowd.warming import warm_up
 from crowdsim.errors import RunError, TakeError
 from crowdsim.preparation.prepare import Prepared
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT

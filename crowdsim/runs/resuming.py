@@ -20,8 +20,8 @@ from crowdsim.runs.checkpoint import Checkpoint, Pace, write_checkpoint
 from crowdsim.runs.recording import record
 from crowdsim.runs.run import Run
 from crowdsim.runs.stage import TAKE
-from crowdsim.take.continuing import check_writer, written_frames, written_strikes
-from crowdsim.take.known import action_counts, with_known_actions
+from crowdsim.take.action_validation import action_counts, with_known_actions
+from crowdsim.take.resume import check_writer, written_frames, written_strikes
 from crowdsim.take.store import TakeWriter, open_take
 from crowdsim.take.take import VARIABLES, Take
 

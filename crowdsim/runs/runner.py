@@ -33,8 +33,8 @@ from crowdsim.runs.lock import hold_folder
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import NOTE, checksums, read_ledger, read_manifest
 from crowdsim.runs.manifest import RUN as STAGE
-from crowdsim.runs.origin import Origin, origin_of
 from crowdsim.runs.outputs import expect_outputs, plan_outputs, write_outputs
+from crowdsim.runs.provenance import Origin, origin_of
 from crowdsim.runs.run import Report, Run
 from crowdsim.runs.stage import TAKE, Plan, Stage, complete, complete_alone, open_stage, refuse_others
 from crowdsim.scenario.scenario import Scenario, dump_scenario

@@ -10,17 +10,17 @@ from scipy.spatial import cKDTree
 
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
+from crowdsim.take.capsule_weights import ride_along
 from crowdsim.take.capsules import PosedBodies, place_capsules
 from crowdsim.take.data import TakeData
-from crowdsim.take.fallen import fallen_rows, near_fallen
+from crowdsim.take.down_state import fallen_rows, near_fallen
+from crowdsim.take.hits import Landed, by_column
 from crowdsim.take.kernels.bending import Deflections, bend_limbs
 from crowdsim.take.kernels.deflection import MovingLimbs, deflect_limbs
 from crowdsim.take.kernels.limb_bounds import LIMBS
 from crowdsim.take.kernels.limb_moves import END, MOVED
 from crowdsim.take.kernels.records import Moments, Posed
-from crowdsim.take.landed import Landed, by_column
 from crowdsim.take.motion import PoseMotion
-from crowdsim.take.riding import ride_along
 from crowdsim.take.window import Window
 
 AllJoints = list[tuple[int, Array, Array, Array, Array]]

@@ -16,12 +16,12 @@ from crowdsim.policy.rewards import TargetBody, posed_distance
 from crowdsim.take.capsules import PosedBodies
 from crowdsim.take.data import TakeData
 from crowdsim.take.guards import guard_of, guard_points
+from crowdsim.take.hits import TOGETHER, Landed, by_column
 from crowdsim.take.kernels.fists import ELBOW_LEAST, JOINTS, LEAN, Landings, carry_fists
 from crowdsim.take.kernels.records import Moments, Posed
-from crowdsim.take.landed import TOGETHER, Landed, by_column
-from crowdsim.take.leans import leaning_joints, plan_leans
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.outlines import GIVES, Outline, leave_capsules
+from crowdsim.take.trunk_assist import leaning_joints, plan_leans
 from crowdsim.take.window import Window
 
 PoseAt = Callable[[Array, Array], list[tuple[Array, Body, Array, Array, Array]]]

@@ -11,12 +11,12 @@ from crowdsim.core.workers import share
 from crowdsim.motion.strikes import HANDS
 from crowdsim.take.data import TakeData
 from crowdsim.take.fists import PoseAt, body_points, find_surfaces
+from crowdsim.take.hits import Landed, by_column
 from crowdsim.take.kernels.columns import AFTER, BEFORE, BEGIN, END
 from crowdsim.take.kernels.feet import KNEE_LEAST
 from crowdsim.take.kernels.fists import LEAN
 from crowdsim.take.kernels.kicks import Kicks, carry_feet
 from crowdsim.take.kernels.records import FootPlants, Moments, Posed
-from crowdsim.take.landed import Landed, by_column
 from crowdsim.take.window import Window
 
 MOST = 0.25

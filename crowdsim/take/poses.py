@@ -20,13 +20,13 @@ from crowdsim.motion import ground
 from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.policy.rewards import posed_distance
+from crowdsim.take.action_validation import with_known_actions
 from crowdsim.take.data import TakeData
+from crowdsim.take.hits import find_landed
 from crowdsim.take.kernels.columns import TRUNK
 from crowdsim.take.kernels.records import Moments, Playback, Posed
-from crowdsim.take.known import with_known_actions
-from crowdsim.take.landed import find_landed
 from crowdsim.take.motion import prepare_motion
-from crowdsim.take.passes import Passes
+from crowdsim.take.pipeline import Passes
 from crowdsim.take.window import Window
 from crowdsim.take.world import world_joints
 

@@ -18,7 +18,7 @@ from crowdsim.take.kernels.records import Moments, Steps, Transitions
 from crowdsim.take.kernels.steps import STEP
 from crowdsim.take.measures import measure_fights
 from crowdsim.take.penetration import measure_penetration
-from crowdsim.take.people import measure_people
+from crowdsim.take.population_metrics import measure_people
 from crowdsim.take.poses import Poses, PoseSampler
 from crowdsim.take.spreads import measure_spreads
 from crowdsim.take.variety import measure_variety

@@ -13,10 +13,10 @@ from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.motion.strikes import HANDS
 from crowdsim.take.fists import PoseAt, body_points
+from crowdsim.take.hits import Landed, by_column
 from crowdsim.take.kernels.columns import HEAD, TORSO
 from crowdsim.take.kernels.reactions import LENGTH, RISE, ROUNDS, Blows, Trunk, show_reactions, strengthen
 from crowdsim.take.kernels.records import Moments, Posed
-from crowdsim.take.landed import Landed, by_column
 from crowdsim.take.limbs import chain_of
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.window import Window

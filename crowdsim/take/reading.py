@@ -14,8 +14,8 @@ from crowdsim.errors import TakeError
 from crowdsim.scenario.names import NAME_RULE, avatar_name_fault, is_name
 from crowdsim.take import checks
 from crowdsim.take.layout import CAST, EVENTS, FORMAT, LATER_CAST, VERSION
+from crowdsim.take.lazy_arrays import StoredColumn
 from crowdsim.take.metadata import ArrayFacts, TakeAttributes, check_first_chunks, read_metadata, read_model
-from crowdsim.take.stored import StoredColumn
 from crowdsim.take.take import VARIABLES, Cast, Events, Take
 
 _LATER = ("limb", "outcome", "damage", "down")

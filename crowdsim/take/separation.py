@@ -11,7 +11,8 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
 from crowdsim.take.capsules import trunk_capsules
 from crowdsim.take.data import TakeData
-from crowdsim.take.fallen import fallen_rows
+from crowdsim.take.down_state import fallen_rows
+from crowdsim.take.hits import Landed
 from crowdsim.take.kernels.bending import FOOT_LANDS
 from crowdsim.take.kernels.separation import (
     AROUND,
@@ -24,7 +25,6 @@ from crowdsim.take.kernels.separation import (
     SHOULDER_POINT,
     push_trunks,
 )
-from crowdsim.take.landed import Landed
 from crowdsim.take.motion import PoseMotion
 
 JointsAt = Callable[[int, Array, Array], tuple[Array, Array]]

@@ -13,7 +13,6 @@ import numpy as np
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.files import UNFINISHED, make_folder, move_plain, remove_tree
-from crowdsim.take.continuing import read_writer, reopen_take, restore_writer
 from crowdsim.take.data import TakeHeader
 from crowdsim.take.layout import (
     AVATARS_A_CHUNK,
@@ -30,6 +29,7 @@ from crowdsim.take.layout import (
 )
 from crowdsim.take.metadata import check_files
 from crowdsim.take.reading import read_take
+from crowdsim.take.resume import read_writer, reopen_take, restore_writer
 from crowdsim.take.take import VARIABLES, Events, Take
 
 
@@ -110,7 +110,7 @@ class TakeWriter:
         return sum(values.nbytes for rows in kept for values in rows.values())
 
     def state(self) -> dict[str, Array]:
-        """Return what is held beside the chunks on disk, see ``continuing.read_writer``."""
+        """Return what is held beside the chunks on disk, see ``resume.read_writer``."""
         return read_writer(self)
 
     def _begin(self) -> None:

@@ -14,7 +14,7 @@ from crowdsim.take.data import TakeData
 from crowdsim.take.kernels.blending import BLEND
 from crowdsim.take.kernels.columns import GAP_COLUMNS
 from crowdsim.take.kernels.foot_plants import find_foot_plants, free_feet
-from crowdsim.take.kernels.placing import find_playback
+from crowdsim.take.kernels.placement import find_playback
 from crowdsim.take.kernels.records import FootPlants, Moments, Playback, Posed, Rows, Steps, Transitions
 from crowdsim.take.kernels.steps import StepRules, plan_steps
 from crowdsim.take.kernels.transitions import measure_transitions
@@ -36,7 +36,7 @@ _STEP_RULES = StepRules(
     speed=1.25,
     drag_anyhow=HARDLY,
 )
-"""A pose sees ``passes.REACH`` seconds around it. What a foot does some time before a transition adds up with how far
+"""A pose sees ``pipeline.REACH`` seconds around it. What a foot does some time before a transition adds up with how far
 after it that is settled, and vice versa, to less than that."""
 
 

@@ -16,7 +16,7 @@ from crowdsim.training.recipe import Recipe, plain
 
 SOURCES = ("core", "motion", "bvh", "capture", "performer", "graph", "policy", "training")
 """Folders of the package whose code decides what a bundle holds."""
-FIGHTS = ("scenario", "crowd", "sparring")
+FIGHTS = ("scenario", "crowd", "self_play")
 """Those that decide it too where avatars learn in fights."""
 
 _SHOWN = 4

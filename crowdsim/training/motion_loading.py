@@ -21,7 +21,7 @@ def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None
     from crowdsim.motion.database import build_database
     from crowdsim.motion.measuring import MeasuredClip, measure_clips
     from crowdsim.performer.session import perform
-    from crowdsim.training.strikeless import require_no_strikes
+    from crowdsim.training.no_strikes_report import require_no_strikes
 
     performer, source = recipe.motion.performer, recipe.motion.capture
     captures: list[Capture] = []

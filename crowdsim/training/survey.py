@@ -12,7 +12,7 @@ from crowdsim.errors import BvhError, MotionError, PolicyError
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.motion.strikes import ALL_LIMBS, LIMBS
 from crowdsim.training.fingerprint import bvh_files
-from crowdsim.training.strikeless import Fists, measure_fists
+from crowdsim.training.no_strikes_report import Fists, measure_fists
 
 LEAST_SECONDS = 0.2
 """Least length of a clip that can be trained on: two whole control frames at the default rate, and one to spare [s]."""

@@ -55,7 +55,7 @@ def train_recipe(
         threads: Threads to use; the bundle has the same bytes for any number.
         force: Train even when the bundle is up to date.
         progress: Called with (stage, done, total).
-        spar: Learns the behaviour ``defend``, for recipes that ask for it (``sparring``).
+        spar: Learns the behaviour ``defend``, for recipes that ask for it (``self_play``).
 
     Raises:
         RecipeError: The recipe is invalid.

@@ -6,10 +6,10 @@ from falling import falling_policy
 from test_damage import POLICIES, fighters, with_falls
 
 from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.fall_clearance import SLIDES, crowded
 from crowdsim.crowd.kernels.falling import _unfit
 from crowdsim.crowd.kernels.layout import Axis, Observed
 from crowdsim.crowd.kernels.lying import axes_apart, axis_of, from_axis
-from crowdsim.crowd.kernels.room import SLIDES, crowded
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.motion import ground

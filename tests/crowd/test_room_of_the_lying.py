@@ -7,12 +7,12 @@ from test_damage import POLICIES, falling, fighters, with_falls
 from test_lying import placed_beside
 
 from crowdsim.crowd.crowd import enter
-from crowdsim.crowd.kernels import crowding, layout
+from crowdsim.crowd.kernels import collision_avoidance, layout
+from crowdsim.crowd.kernels.fall_clearance import SLIDES, crowded, slide
 from crowdsim.crowd.kernels.falling import _unfit
 from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.kernels.lying import axis_of, floor_transform
-from crowdsim.crowd.kernels.room import SLIDES, crowded, slide
-from crowdsim.crowd.kernels.treading import treads_on
+from crowdsim.crowd.kernels.sole_contact import treads_on
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 
@@ -43,12 +43,21 @@ def test_what_it_costs_to_tread_on_a_body_matches_naive(seed: int) -> None:
     avatars = Simulation(fighters(3, seed=seed), POLICIES, model=model).avatars
     own, size = 1, avatars.real[layout.SCALE, 1]
     near, work = np.zeros((1, 10)), np.zeros((7, 64))
-    near[0] = [*rng.uniform(-0.5, 0.5, 2), *rng.uniform(-1.0, 1.0, 2), 0.75, crowding.ON_FLOOR, 3.0, 1.0, 2.0, 2.0]
+    near[0] = [
+        *rng.uniform(-0.5, 0.5, 2),
+        *rng.uniform(-1.0, 1.0, 2),
+        0.75,
+        collision_avoidance.ON_FLOOR,
+        3.0,
+        1.0,
+        2.0,
+        2.0,
+    ]
     axis = np.array([near[0, :2], near[0, :2] + near[0, 2:4]])
-    crowding._find_ends(model, avatars, own, work)
+    collision_avoidance._find_ends(model, avatars, own, work)
     before = rng.uniform(0.0, 2.0, 64)
     work[3] = before
-    crowding._add_lying(model, avatars, own, near, 0, work)
+    collision_avoidance._add_lying(model, avatars, own, near, 0, work)
     state, heading = model.actions[avatars.whole[layout.ACTION, own], layout.NEXT], avatars.real[layout.HEADING, own]
     actions = range(model.offsets[state], model.offsets[state + 1])
     costs = []

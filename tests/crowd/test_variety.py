@@ -6,7 +6,7 @@ from synthetic_policy import policy
 
 from crowdsim.crowd.arrays import Strikes
 from crowdsim.crowd.crowd import Crowding, build_avatars, build_crowd
-from crowdsim.crowd.kernels.crowding import STAGGER
+from crowdsim.crowd.kernels.collision_avoidance import STAGGER
 from crowdsim.crowd.kernels.layout import END_X, END_Z, HIT_BY, HIT_FRAME, HIT_X, HIT_Z, X, Z
 from crowdsim.crowd.kernels.strikes import note_hits
 from crowdsim.crowd.kernels.variety import LATEST

@@ -25,8 +25,8 @@ from crowdsim.policy.document import PolicyDocument
 from crowdsim.policy.flattening import assemble_policy, check_flattened
 from crowdsim.policy.policy import Policy
 from crowdsim.take import checks
+from crowdsim.take.action_validation import with_known_actions
 from crowdsim.take.data import TakeHeader
-from crowdsim.take.known import with_known_actions
 from crowdsim.take.layout import CAST
 from crowdsim.take.memory import TakeCollector
 from crowdsim.take.metadata import TakeAttributes, read_metadata

@@ -12,7 +12,7 @@ from test_runner import tree
 from crowdsim import __version__
 from crowdsim.errors import TakeError
 from crowdsim.export import cloud_files, pointcloud
-from crowdsim.runs import checkpoint, origin, recording
+from crowdsim.runs import checkpoint, provenance, recording
 from crowdsim.runs.checkpoint import Checkpoint, Pace, frames_done, read_checkpoint, write_checkpoint
 from crowdsim.runs.manifest import read_manifest
 from crowdsim.take import store
@@ -192,8 +192,8 @@ def test_a_changed_version_is_refused_with_the_difference(workplace: Path, monke
     write_scene(workplace / "four.yaml", outputs={"take": {"chunk": 8}})
     stop_run(monkeypatch)
     with monkeypatch.context() as patch:
-        patch.setattr(origin, "__version__", "9.9")
-        patch.setattr(origin, "sources_hash", lambda: "other sources")
+        patch.setattr(provenance, "__version__", "9.9")
+        patch.setattr(provenance, "sources_hash", lambda: "other sources")
         capsys.readouterr()
         assert crowdsim("run", "four.yaml", "--out", "run") == 2
     result = capsys.readouterr().err.splitlines()[-2:]

@@ -12,7 +12,7 @@ from crowdsim.motion.body import PARTS
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.builds import capsule_segments
 from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
-from crowdsim.take.people import measure_people
+from crowdsim.take.population_metrics import measure_people
 from crowdsim.take.poses import PoseSampler
 from crowdsim.take.quality import measure_take
 

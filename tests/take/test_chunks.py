@@ -10,8 +10,8 @@ from test_store import AVATARS, HEADER, NO_EVENTS, chunk, events
 from crowdsim.errors import TakeError
 from crowdsim.take import store
 from crowdsim.take.layout import chunk_frames
+from crowdsim.take.lazy_arrays import StoredColumn
 from crowdsim.take.store import TakeWriter, open_take
-from crowdsim.take.stored import StoredColumn
 from crowdsim.take.take import VARIABLES
 
 

@@ -4,6 +4,7 @@ import math
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.arena import outside
+from crowdsim.crowd.kernels.forced_actions import is_down
 from crowdsim.crowd.kernels.intents import see_by_intent
 from crowdsim.crowd.kernels.interpolation import between
 from crowdsim.crowd.kernels.layout import (
@@ -46,7 +47,6 @@ from crowdsim.crowd.kernels.layout import (
 )
 from crowdsim.crowd.kernels.opponents import change_opponent
 from crowdsim.crowd.kernels.prefetch import ask_for, ask_for_rows
-from crowdsim.crowd.kernels.special import is_down
 from crowdsim.jit import kernel
 
 # Rows of ``Avatars.whole`` and ``Avatars.real`` that ``aim`` reads of an avatar, and of its opponent.

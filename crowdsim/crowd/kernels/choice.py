@@ -8,8 +8,9 @@ from crowdsim.core.angles import cos_sin
 from crowdsim.core.candidates import CandidateRules, draw_candidate
 from crowdsim.core.random import uniform
 from crowdsim.crowd.kernels.aim import aim
-from crowdsim.crowd.kernels.crowding import avoid
+from crowdsim.crowd.kernels.collision_avoidance import avoid
 from crowdsim.crowd.kernels.defence import defend
+from crowdsim.crowd.kernels.forced_actions import special_action
 from crowdsim.crowd.kernels.intents import is_resting
 from crowdsim.crowd.kernels.layout import (
     ACTION,
@@ -55,7 +56,6 @@ from crowdsim.crowd.kernels.legs import CROSSED, crosses_legs
 from crowdsim.crowd.kernels.outcomes import note_seen, strikes_air
 from crowdsim.crowd.kernels.prefetch import ask_for, ask_for_rows
 from crowdsim.crowd.kernels.resting import favour_rest, resting_action
-from crowdsim.crowd.kernels.special import special_action
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.kernels.variety import TWICE, charge_repetition, throws_too
 from crowdsim.jit import kernel

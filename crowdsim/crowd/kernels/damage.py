@@ -5,6 +5,7 @@ Damage is a whole number of parts of a point (``GRAIN``), so that sums do not de
 
 import math
 
+from crowdsim.crowd.kernels.forced_actions import falls_of
 from crowdsim.crowd.kernels.interpolation import between
 from crowdsim.crowd.kernels.layout import (
     ACTION,
@@ -38,7 +39,6 @@ from crowdsim.crowd.kernels.layout import (
     TEAM,
     UP,
 )
-from crowdsim.crowd.kernels.special import falls_of
 from crowdsim.crowd.kernels.strikes import ATTACKER, FAST, FELLED, OUTCOME, POINT_Y, TAKEN, VICTIM
 from crowdsim.jit import kernel
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from crowdsim.core.angles import cos_sin
+from crowdsim.crowd.kernels.fall_clearance import roomiest
 from crowdsim.crowd.kernels.layout import (
     ACTION,
     FALL_ACTION,
@@ -34,7 +35,6 @@ from crowdsim.crowd.kernels.layout import (
     Z,
 )
 from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
-from crowdsim.crowd.kernels.room import roomiest
 from crowdsim.jit import kernel
 
 NOWHERE = 1 << 30  # actions from a stance, before any fall is looked at

@@ -9,8 +9,7 @@ of strikes, by its range and aggression.
 import math
 
 from crowdsim.core.angles import cos_sin
-from crowdsim.crowd.kernels.crowding import NEARBY
-from crowdsim.crowd.kernels.detours import go_around
+from crowdsim.crowd.kernels.collision_avoidance import NEARBY
 from crowdsim.crowd.kernels.layout import (
     AGGRESSION,
     ATTACKERS,
@@ -36,6 +35,7 @@ from crowdsim.crowd.kernels.layout import (
     X,
     Z,
 )
+from crowdsim.crowd.kernels.obstacle_steering import go_around
 from crowdsim.crowd.kernels.resting import may_get_opponent
 from crowdsim.jit import kernel
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.easing import minimum_jerk
+from crowdsim.crowd.kernels.forced_actions import note_condition
 from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.layout import (
     ACTION,
@@ -48,7 +49,6 @@ from crowdsim.crowd.kernels.layout import (
     Z,
 )
 from crowdsim.crowd.kernels.prefetch import ask_for, ask_for_rows
-from crowdsim.crowd.kernels.special import note_condition
 from crowdsim.crowd.kernels.variety import ask_for_marks, is_varied, note_shown
 from crowdsim.jit import kernel
 

@@ -46,7 +46,7 @@ class Landings(NamedTuple):
         spans: How long before and after it [s]. Shape (E, 2).
         goals: Where that brings the fist [m]. Shape (E, 3).
         stopped: Whether an arm of the victim stops it. Shape (E,), bool.
-        rotations: Rotation vectors of the joints that lean then, see ``leans.Leans``. Shape (E, 4, 3).
+        rotations: Rotation vectors of the joints that lean then, see ``trunk_assist.Leans``. Shape (E, 4, 3).
         moves: How far the pelvis goes then [m]. Shape (E, 3).
     """
 
@@ -273,7 +273,7 @@ def carry_fists(first, stop, moments, landings, sizes, arms, legs, leaning, with
         sizes: Sizes of bones by column, see ``Rows``. Shape (n, 3).
         arms: A ``motion.Limbs``.
         legs: Likewise.
-        leaning: Joints that lean, see ``leans.leaning_joints``. Shape (4,).
+        leaning: Joints that lean, see ``trunk_assist.leaning_joints``. Shape (4,).
         within: Time beyond which the trunk does not lean for a strike [s].
         poses: Changed, a ``Posed``.
     """

@@ -5,7 +5,7 @@ import math
 from crowdsim.core.easing import minimum_jerk
 from crowdsim.jit import kernel
 from crowdsim.take.kernels.columns import BEGIN, END
-from crowdsim.take.kernels.placing import SNAP
+from crowdsim.take.kernels.placement import SNAP
 
 SHORT = 0.11
 """Time between two foot plants with a transition between them that is too short for a swing [s]."""

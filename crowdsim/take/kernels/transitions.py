@@ -21,7 +21,7 @@ from crowdsim.take.kernels.columns import (
     X,
     Z,
 )
-from crowdsim.take.kernels.placing import place_at
+from crowdsim.take.kernels.placement import place_at
 
 
 @kernel(allocates=False)

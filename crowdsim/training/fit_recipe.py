@@ -13,7 +13,7 @@ from crowdsim.config.files import dump_yaml
 from crowdsim.config.tree import scalar
 from crowdsim.errors import MotionError, OutputError, RecipeError
 from crowdsim.motion.strikes import ALL_LIMBS, HANDS, LIMBS
-from crowdsim.training.strikeless import describe_fists
+from crowdsim.training.no_strikes_report import describe_fists
 from crowdsim.training.survey import Survey
 
 TEMPLATE = "boxer_cmu"

@@ -5,12 +5,12 @@ import pytest
 from falling import falling_policy
 from test_damage import POLICIES, fighters, with_falls
 from test_room_of_the_lying import seen
-from test_treading import gap, line, posed, soles_at
+from test_sole_contact import gap, line, posed, soles_at
 
 from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.fall_clearance import FIRMLY, FREE, PARTS, SIDE_BY_SIDE, STANDS_BY, crowded
 from crowdsim.crowd.kernels.layout import Axis
 from crowdsim.crowd.kernels.lying import FROM_START, axes_apart, axis_after, axis_of, floor_transform, from_axis
-from crowdsim.crowd.kernels.room import FIRMLY, FREE, PARTS, SIDE_BY_SIDE, STANDS_BY, crowded
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.motion import ground, quaternion

@@ -16,8 +16,8 @@ from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.model import build_model
 from crowdsim.policy.defence import join_defences
 from crowdsim.policy.policy import Policy
-from crowdsim.sparring.fights import Side, start_fights
-from crowdsim.sparring.learning import learn_table
+from crowdsim.self_play.fights import Side, start_fights
+from crowdsim.self_play.learning import learn_table
 from crowdsim.training.recipe_parts import DefenceSpec
 
 WEIGHTS = (0.15, 0.5, 1.0)

@@ -13,7 +13,7 @@ from crowdsim.core.types import Array
 from crowdsim.errors import TakeError
 from crowdsim.take.checks import check_actions
 from crowdsim.take.data import TakeData
-from crowdsim.take.stored import StoredColumn
+from crowdsim.take.lazy_arrays import StoredColumn
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy

@@ -16,25 +16,25 @@ from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.motion.body import Body
 from crowdsim.take.data import TakeData
-from crowdsim.take.fallen import falls_soon
+from crowdsim.take.deflection_iterations import Rounds, WholePoses
+from crowdsim.take.down_state import falls_soon
 from crowdsim.take.feet import hold_feet
 from crowdsim.take.fists import PoseAt, plan_landings, reach_out
+from crowdsim.take.floor_contact import Settling
+from crowdsim.take.frame_cache import KeptRows
 from crowdsim.take.gaze import HeadTurns, build_gaze, look
 from crowdsim.take.hands import hold_hands
-from crowdsim.take.kept_rows import KeptRows
+from crowdsim.take.hits import Landed, find_landed
 from crowdsim.take.kernels.blending import blend_poses
 from crowdsim.take.kernels.fists import LEAN
 from crowdsim.take.kernels.reactions import LENGTH
 from crowdsim.take.kernels.records import Moments, Playback, Posed, Transitions
 from crowdsim.take.kernels.separation import shift_roots
 from crowdsim.take.kicks import kick, split_kicks
-from crowdsim.take.landed import Landed, find_landed
-from crowdsim.take.lowering import Lowering
 from crowdsim.take.motion import PoseMotion
+from crowdsim.take.pelvis_drop import Lowering
 from crowdsim.take.reactions import BlowPlanner, build_trunk, give_way
-from crowdsim.take.rounds import Rounds, WholePoses
 from crowdsim.take.separation import Separation
-from crowdsim.take.settling import Settling
 from crowdsim.take.window import Window
 
 Joints = tuple[Array, Body, Array, Array, Array]

@@ -13,9 +13,9 @@ from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.model import build_model
 from crowdsim.errors import PolicyError, RecipeError
 from crowdsim.policy import bundle
-from crowdsim.sparring.fights import BLOCKED, DISCOUNT, HORIZON, Side, Tally, start_fights, watch_fights
-from crowdsim.sparring.learning import expected_hits, learn_defence
-from crowdsim.sparring.response import best_response
+from crowdsim.self_play.fights import BLOCKED, DISCOUNT, HORIZON, Side, Tally, start_fights, watch_fights
+from crowdsim.self_play.learning import expected_hits, learn_defence
+from crowdsim.self_play.response import best_response
 from crowdsim.training.recipe import DefenceSpec, Recipe, load_recipe
 from crowdsim.training.train import train_policy
 

@@ -10,9 +10,9 @@ from take.synthetic_take import build_take, sampler
 
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.take.fallen import fallen_rows, falls_soon, near_fallen
+from crowdsim.take.down_state import fallen_rows, falls_soon, near_fallen
 from crowdsim.take.gaze import HeadTurns
-from crowdsim.take.landed import find_landed
+from crowdsim.take.hits import find_landed
 from crowdsim.take.motion import prepare_motion
 from crowdsim.take.poses import Poses
 from crowdsim.take.separation import Separation

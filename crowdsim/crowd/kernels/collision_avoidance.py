@@ -44,8 +44,8 @@ from crowdsim.crowd.kernels.layout import (
     Z,
 )
 from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
+from crowdsim.crowd.kernels.sole_contact import treads_on
 from crowdsim.crowd.kernels.tables import whole_lanes
-from crowdsim.crowd.kernels.treading import treads_on
 from crowdsim.jit import kernel
 
 HALTED = 0.75  # where bodies meet while they halt, over where they do at the end of actions

@@ -11,8 +11,8 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.take.data import TakeData
 from crowdsim.take.deflection import PLANTED, POSES_AT_ONCE, AllJoints, Deflection
+from crowdsim.take.hits import Landed
 from crowdsim.take.kernels.records import Moments, Playback, Posed
-from crowdsim.take.landed import Landed
 from crowdsim.take.motion import PoseMotion
 from crowdsim.take.window import Window
 

@@ -8,10 +8,10 @@ from test_lying import placed_beside
 from test_room_of_the_lying import seen
 
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.kernels.detours import AROUND, BEYOND, go_around
 from crowdsim.crowd.kernels.layout import Target
 from crowdsim.crowd.kernels.lying import axis_of, floor_transform
-from crowdsim.crowd.kernels.treading import BESIDE, CLEAR, NEARER, STEPS_ON, treads_on
+from crowdsim.crowd.kernels.obstacle_steering import AROUND, BEYOND, go_around
+from crowdsim.crowd.kernels.sole_contact import BESIDE, CLEAR, NEARER, STEPS_ON, treads_on
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.motion import ground, quaternion

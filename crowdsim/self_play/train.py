@@ -22,7 +22,7 @@ def train_recipe(
 
     Arguments and errors are those of ``training.train.train_recipe``.
     """
-    from crowdsim.sparring.learning import learn_defence
+    from crowdsim.self_play.learning import learn_defence
 
     return train.train_recipe(name, mocap, threads, force, progress, learn_defence)
 
@@ -34,6 +34,6 @@ def ready_policy(
 
     Arguments and errors are those of ``training.train.ready_policy``.
     """
-    from crowdsim.sparring.learning import learn_defence
+    from crowdsim.self_play.learning import learn_defence
 
     return train.ready_policy(name, mocap, threads, progress, learn_defence)

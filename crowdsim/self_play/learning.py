@@ -12,7 +12,7 @@ from crowdsim.core.types import Array, Progress
 from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.model import build_model
 from crowdsim.policy.policy import Policy
-from crowdsim.sparring.fights import Side, Tally, start_fights, watch_fights
+from crowdsim.self_play.fights import Side, Tally, start_fights, watch_fights
 from crowdsim.training.pursuit import TEMPERATURE
 from crowdsim.training.recipe_parts import DefenceSpec
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.crowd.kernels.fall_clearance import slide
 from crowdsim.crowd.kernels.falling import next_piece, part_of, pick_fall
 from crowdsim.crowd.kernels.layout import (
     COHORT,
@@ -44,7 +45,6 @@ from crowdsim.crowd.kernels.layout import (
     TEAM,
     UP,
 )
-from crowdsim.crowd.kernels.room import slide
 from crowdsim.jit import kernel
 
 

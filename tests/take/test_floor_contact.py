@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from falling import falling_database
 from take.synthetic_take import sampler
-from take.test_fallen import FPS, FRAMES, RATE, spans, takes
+from take.test_down_state import FPS, FRAMES, RATE, spans, takes
 
 from crowdsim.motion import quaternion
-from crowdsim.take import passes
+from crowdsim.take import pipeline
 from crowdsim.take.capsules import PosedBodies, place_capsules
 from crowdsim.take.kernels.columns import LOWER
 from crowdsim.take.motion import prepare_motion
@@ -19,7 +19,7 @@ LEGS, ARMS = [0.95, 1.05], [1.05, 0.95]
 
 
 def built(**build: list[float]) -> tuple[Take, object]:
-    """The falls of ``test_fallen``, every other avatar built otherwise."""
+    """The falls of ``test_down_state``, every other avatar built otherwise."""
     take, policy = takes()
     rows = {name: np.resize(values, take.avatar_count).astype(np.float32) for name, values in build.items()}
     return replace(take, cast=replace(take.cast, **rows)), policy
@@ -55,6 +55,6 @@ def test_bodies_of_any_build_that_are_down_neither_sink_nor_float(monkeypatch) -
         deep, high = extremes(*built(**build))
         assert deep > -0.01
         assert high < 0.01
-    monkeypatch.setattr(passes.Settling, "settle", lambda *_: None)
+    monkeypatch.setattr(pipeline.Settling, "settle", lambda *_: None)
     assert extremes(*built(girths=[1.2, 0.88]))[0] < -0.015
     assert extremes(*built(legs=LEGS, arms=ARMS))[0] < -0.01

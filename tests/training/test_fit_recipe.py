@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from crowdsim.errors import MotionError, OutputError, RecipeError
-from crowdsim.training import own_recipe
-from crowdsim.training.own_recipe import BEHAVIOURS, recipe_text, write_recipe
+from crowdsim.training import fit_recipe
+from crowdsim.training.fit_recipe import BEHAVIOURS, recipe_text, write_recipe
+from crowdsim.training.no_strikes_report import Fists
 from crowdsim.training.recipe import Recipe, load_recipe
-from crowdsim.training.strikeless import Fists
 from crowdsim.training.survey import Survey, SurveyedFile
 
 SHIPPED = Path(__file__).parents[2] / "policies"
@@ -124,11 +124,11 @@ def test_a_recipe_that_cannot_be_written_leaves_no_file(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(own_recipe, "recipe_text", lambda *_: "version: 1\n")
+    monkeypatch.setattr(fit_recipe, "recipe_text", lambda *_: "version: 1\n")
     with monkeypatch.context() as patch:
         patch.setattr(os, "replace", full)
         with pytest.raises(OutputError, match=r"policies/me\.yaml: cannot be written: No space left") as error:
-            own_recipe.write_recipe("me", None, ())
+            fit_recipe.write_recipe("me", None, ())
     assert error.value.exit_code == 1
     assert list((tmp_path / "policies").iterdir()) == []
-    assert own_recipe.write_recipe("me", None, ()).read_text() == "version: 1\n"
+    assert fit_recipe.write_recipe("me", None, ()).read_text() == "version: 1\n"

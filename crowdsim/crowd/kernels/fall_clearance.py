@@ -45,7 +45,7 @@ from crowdsim.crowd.kernels.lying import (
     placed,
     seen_from,
 )
-from crowdsim.crowd.kernels.treading import BOUND, LEFT, RADIUS, RIGHT, sole_gap
+from crowdsim.crowd.kernels.sole_contact import BOUND, LEFT, RADIUS, RIGHT, sole_gap
 from crowdsim.jit import kernel
 
 PARTS = 4096.0  # parts of a square metre
