@@ -35,6 +35,7 @@ import numpy as np
 import psutil
 from _quick import small_policies
 
+from crowdsim.crowd.profiling import with_avatars
 from crowdsim.motion import quaternion
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.render.batch import render
@@ -42,7 +43,6 @@ from crowdsim.render.options import RenderOptions
 from crowdsim.render.stage import build_stage
 from crowdsim.render.take_source import TakeSource
 from crowdsim.render.video import encode, planes
-from crowdsim.runs.profiling import with_avatars
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
 

@@ -156,7 +156,7 @@ def test_stages_of_a_profile_add_up_to_the_whole(workplace: Path, capsys) -> Non
         assert profile["times_real_time"] == pytest.approx(1000 / 15 / stages["control"]["mean"])
         assert profile["verdict"].endswith(" times real time on one thread")
     assert {path.name for path in (workplace / "traced").iterdir()} == {
-        "profile.csv", "profile.png", "scaling.png", "trace.json",
+        ".crowdsim-outputs.json", "profile.csv", "profile.png", "scaling.png", "trace.json",
     }  # fmt: skip
     rows = list(csv.DictReader((workplace / "traced" / "profile.csv").open()))
     assert len(rows) == 150

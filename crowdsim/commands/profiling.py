@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import tempfile
+import time
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import Json, Mocap, Search, complete_scenario, print_json
+from crowdsim.commands.common import Force, Json, Mocap, Search, complete_scenario, print_json
 from crowdsim.commands.progress import Bars
-from crowdsim.errors import CrowdsimError, under_way
-from crowdsim.files import make_folder
+from crowdsim.errors import CrowdsimError
+
+if TYPE_CHECKING:
+    from crowdsim.scenario.scenario import Scenario
 
 
 def profile(
@@ -35,13 +40,16 @@ def profile(
     writing: Annotated[bool, typer.Option("--writing", help="Measure what writing the outputs costs, too.")] = False,
     override: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Another value.")] = None,
     mocap: Mocap = None,
+    force: Force = False,
 ) -> None:
     """Measure what control costs a frame, by stage, for any number of avatars and threads."""
     from crowdsim.compilation import watch_compilation
+    from crowdsim.crowd import profiling
     from crowdsim.crowd.profile import profile_table
     from crowdsim.crowd.profile_files import draw_profile, draw_scaling, write_csv
     from crowdsim.preparation.prepare import load_policies
-    from crowdsim.runs import profiling
+    from crowdsim.runs.manifest import FILES
+    from crowdsim.runs.stage import Plan, write_together
     from crowdsim.scenario.frame_ranges import parse_length
     from crowdsim.scenario.scenario import load_scenario
 
@@ -51,19 +59,26 @@ def profile(
         raise CrowdsimError("--trace needs a folder to write into, expected --out DIR")
     length = None if frames is None else parse_length(frames)
     loaded = load_scenario(scenario, override or (), frames=length, search=search)
-    with Bars() as bars, watch_compilation(bars.note):
-        policies = load_policies(loaded, mocap, max(numbers), bars)
-        profiles = profiling.profile_scenario(loaded, policies, counts, numbers, progress=bars)
-    seconds = profiling.time_writing(loaded, policies, max(numbers)) if writing else None
-    if out is not None:
-        make_folder(out)
-        first = profiles[0]
-        with under_way():
-            write_csv(out / "profile.csv", first.timings, first.avatars)
-            draw_profile(out / "profile.png", first.timings, first.avatars)
-            draw_scaling(out / "scaling.png", profiles)
+    with ExitStack() as stack:
+        place = None
+        if out is not None:
+            names = {"profile.csv", "profile.png", "scaling.png"} | ({"trace.json"} if trace else set())
+            # Another measurement is never the same, so it is never done already.
+            facts = {"scenario": loaded.name, "measured": time.time_ns()}
+            place = stack.enter_context(
+                write_together(out, FILES, ("profile",), facts, Plan(names), force=force)
+            ).folder
+        with Bars() as bars, watch_compilation(bars.note):
+            policies = load_policies(loaded, mocap, max(numbers), bars)
+            profiles = profiling.profile_scenario(loaded, policies, counts, numbers, progress=bars)
+        seconds = _time_writing(loaded, max(numbers)) if writing else None
+        if place is not None:
+            first = profiles[0]
+            write_csv(place / "profile.csv", first.timings, first.avatars)
+            draw_profile(place / "profile.png", first.timings, first.avatars)
+            draw_scaling(place / "scaling.png", profiles)
             if trace:
-                profiling.write_trace(out / "trace.json", first)
+                profiling.write_trace(place / "trace.json", first)
     if as_json:
         document: dict[str, Any] = {"scenario": loaded.name, "profiles": [profiling.describe(one) for one in profiles]}
         print_json(document if seconds is None else {**document, "writing_seconds": seconds})
@@ -71,3 +86,13 @@ def profile(
     print("\n\n".join(profile_table(one) for one in profiles))
     if seconds is not None:
         print("\na whole run: " + ", ".join(f"{stage} {value:.2f} s" for stage, value in seconds.items()))
+
+
+def _time_writing(scenario: Scenario, threads: int) -> dict[str, float]:
+    """Return what a run of the scenario spends on control and on each thing that it writes [s]; nothing is kept."""
+    from crowdsim.runs.runner import run_to
+
+    with tempfile.TemporaryDirectory() as folder:
+        started = time.perf_counter()
+        report = run_to(Path(folder) / "run", scenario, threads)
+        return {**report.seconds, "total": time.perf_counter() - started}

@@ -54,7 +54,7 @@ _RUN = re.compile(
     rf"|(?:[^/]+/)*(?:bvh/[^/]+\.bvh|{_NUMBERED}|video\.mp4|contact_sheet\.png)"
     r"|policies/[^/]+/[a-z_0-9]+\.(?:json|npy)"
 )
-_APART = re.compile(rf"(?:[^/]+/)*(?:{_NUMBERED}|[^/]+\.(?:bvh|png|mp4|svg))")
+_APART = re.compile(rf"(?:[^/]+/)*(?:{_NUMBERED}|[^/]+\.(?:bvh|png|mp4|svg)|profile\.csv|trace\.json)")
 """Names of files that commands write, in a run folder and elsewhere."""
 
 _Count = Annotated[int, Field(ge=0, le=1 << 62)]

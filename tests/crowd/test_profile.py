@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from synthetic_policy import policy
 
+from crowdsim.crowd import profiling
 from crowdsim.crowd.crowd import build_crowd
 from crowdsim.crowd.kernels.limits import walk
 from crowdsim.crowd.profile import profile_crowd, profile_table
 from crowdsim.crowd.profile_files import machine_limits
-from crowdsim.runs import profiling
 
 
 def test_limits_of_the_machine_are_times_of_memory():

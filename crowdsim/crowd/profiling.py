@@ -1,14 +1,12 @@
-"""Profiles scenarios: what control costs, for other numbers of avatars and threads too, and what writing costs."""
+"""Profiles scenarios: what control costs, for other numbers of avatars and threads too."""
 
 from __future__ import annotations
 
 import json
 import math
-import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from crowdsim.core.types import Progress
@@ -126,19 +124,6 @@ def profile_scenario(
 
 def _named(progress: Progress, name: str) -> Progress:
     return lambda _, done, total: progress(name, done, total)
-
-
-def time_writing(
-    scenario: Scenario, policies: Sequence[Policy], threads: int, frames: int | None = None
-) -> dict[str, float]:
-    """Return what a run of the scenario spends on control and on each thing that it writes [s]; nothing is kept."""
-    from crowdsim.runs.runner import run_to
-
-    changed = scenario if frames is None else scenario.model_copy(update={"duration": frames})
-    with tempfile.TemporaryDirectory() as folder:
-        started = perf_counter()
-        report = run_to(Path(folder) / "run", changed, threads)
-        return {**report.seconds, "total": perf_counter() - started}
 
 
 def describe(profile: Profile) -> dict[str, Any]:
