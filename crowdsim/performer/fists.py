@@ -12,7 +12,7 @@ from crowdsim.motion import ground
 from crowdsim.motion import quaternion as quat
 from crowdsim.performer import skeleton as bones
 from crowdsim.performer.curves import pulse, soft_cap, soft_floor, step, window
-from crowdsim.performer.pose import Trunk
+from crowdsim.performer.joints import Trunk
 from crowdsim.performer.score import BENDS, Channel, Reach, Score
 
 _GUARD_FOLLOWS = 0.45
@@ -47,10 +47,7 @@ def hold_guard(score: Score, heading: Array, trunk: Trunk, channels: Array) -> t
     fists = np.stack(
         [
             trunk.chest + quat.rotate(frame, np.array(offset) + channels[:, first : first + 3])
-            for offset, first in (
-                (style.lead_fist, Channel.LEAD_HAND_X),
-                (style.rear_fist, Channel.REAR_HAND_X),
-            )
+            for offset, first in zip(style.fists, (Channel.LEAD_HAND_X, Channel.REAR_HAND_X), strict=True)
         ],
         axis=1,
     )

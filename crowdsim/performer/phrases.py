@@ -7,10 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from crowdsim.motion import ground
-from crowdsim.performer.defences import DEFENCES
-from crowdsim.performer.plan import Choreographer
-from crowdsim.performer.punches import PUNCHES
-from crowdsim.performer.roam import ROOM, bounce, in_and_out, run_up, shuffle_any_way
+from crowdsim.performer.choreographer import Choreographer
+from crowdsim.performer.free_footwork import ROOM, bounce, in_and_out, run_up, shuffle_any_way
+from crowdsim.performer.moves import DEFENCES, PUNCHES
 from crowdsim.performer.score import Score
 from crowdsim.performer.themes import EXCHANGE, Theme
 
@@ -102,7 +101,7 @@ class _Boxer:
                 distance = float(rng.uniform(recipe.inside, least))
             else:
                 distance = float(rng.uniform(least, most if close < len(kinds) else 0.9 * most + 0.1 * least))
-            speed = tempo * (recipe.speed[0] + recipe.speed[1] * plan.normal(1.6, 2.4))
+            speed = tempo * plan.draw_speed(kind)
             if previous is not None:
                 load = 0.10 if kind in _CLOSE else 0.02
                 onset = previous.hit + load + abs(float(rng.normal(0.0, 0.05)))
@@ -219,8 +218,7 @@ class _Boxer:
             least, most = recipe.distance
             to_body = bool(self.rng.uniform() < 0.15)
             distance = float(self.rng.uniform(0.6 * least + 0.4 * most, most))
-            speed = recipe.speed[0] + recipe.speed[1] * self.plan.normal(1.6, 2.4)
-            reach = self.plan.punch(kind, onset, to_body, distance=distance, speed=speed)
+            reach = self.plan.punch(kind, onset, to_body, 0.0, distance, self.plan.draw_speed(kind))
             onset, end = reach.hit + 0.02 + abs(float(self.rng.normal(0.0, 0.05))), reach.end
         return end
 

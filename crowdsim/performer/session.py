@@ -15,15 +15,14 @@ import numpy as np
 from crowdsim.core.types import Progress
 from crowdsim.errors import nearest
 from crowdsim.motion.skeleton import Clip
-from crowdsim.performer.defences import DEFENCES
 from crowdsim.performer.falls import FALLS, STAGGERS, write_fall, write_stagger
+from crowdsim.performer.moves import DEFENCES, PUNCHES
 from crowdsim.performer.phrases import write_score
-from crowdsim.performer.punches import PUNCHES
+from crowdsim.performer.player import play_score
 from crowdsim.performer.rests import RESTS, write_rest
 from crowdsim.performer.score import Score
 from crowdsim.performer.skeleton import build_skeleton, mirror_joints
 from crowdsim.performer.solo import FOOTWORK, write_solo
-from crowdsim.performer.stage import stage
 from crowdsim.performer.themes import THEMES
 from crowdsim.performer.truth import Truth, find_truth, mirror_truth
 
@@ -86,9 +85,9 @@ def perform(
     lengths = clip_lengths(seconds, fps, np.random.default_rng(root.spawn(1)[0]))
     performances = []
     for index, (frames, sequence) in enumerate(zip(lengths, root.spawn(len(lengths)), strict=True)):
-        plan, life = (np.random.default_rng(child) for child in sequence.spawn(2))
+        plan, idle = (np.random.default_rng(child) for child in sequence.spawn(2))
         score = write_score(frames / fps, THEMES[index % len(THEMES)], plan)
-        performances.append(_perform_score(f"performer_{index:02d}", score, frames, fps, stance, life))
+        performances.append(_perform_score(f"performer_{index:02d}", score, frames, fps, stance, idle))
         if progress is not None:
             progress("perform", index + 1, len(lengths))
     performances += _perform_each((*FALLS, *STAGGERS), falls, _FALLS_STREAM, seed, fps, stance)
@@ -107,11 +106,11 @@ def _perform_each(
     for index, kind in enumerate(kinds):
         for take in range(count):
             root = np.random.SeedSequence(seed, spawn_key=(stream, index, take))
-            plan, life = (np.random.default_rng(child) for child in root.spawn(2))
+            plan, idle = (np.random.default_rng(child) for child in root.spawn(2))
             score = _write_alone(kind, plan, None, True)
             word = f"fall_{kind}" if kind in FALLS else kind
             name, frames = f"performer_{word}_{take:02d}", round(score.seconds * fps)
-            performances.append(_perform_score(name, score, frames, fps, stance, life))
+            performances.append(_perform_score(name, score, frames, fps, stance, idle))
     return performances
 
 
@@ -142,20 +141,20 @@ def perform_solo(move: str, seed: int = 1, fps: float = 60.0, stance: str = "ort
     if move not in MOVES:
         raise ValueError(f"unknown move {move!r}; expected one of {', '.join(MOVES)}{nearest(move, MOVES)}")
     _check_stance(stance)
-    plan, life = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
+    plan, idle = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
     alone = move in (*FALLS, *STAGGERS, *RESTS)
     score = _write_alone(move, plan, 0.0, False) if alone else write_solo(move, plan)
-    return _perform_score(move, score, round(score.seconds * fps), fps, stance, life)
+    return _perform_score(move, score, round(score.seconds * fps), fps, stance, idle)
 
 
 def _perform_score(
-    name: str, score: Score, frames: int, fps: float, stance: str, life: np.random.Generator
+    name: str, score: Score, frames: int, fps: float, stance: str, idle: np.random.Generator
 ) -> Performance:
     times = np.arange(frames) / fps
     skeleton = build_skeleton()
-    staged = stage(score, skeleton, times, life)
-    clip = Clip(name, skeleton, fps, staged.root_positions, staged.rotations)
-    truth = find_truth(score, staged, times)
+    played = play_score(score, skeleton, times, idle)
+    clip = Clip(name, skeleton, fps, played.root_positions, played.rotations)
+    truth = find_truth(score, played, times)
     if stance == "southpaw":
         return Performance(mirror_performed(clip), mirror_truth(truth))
     return Performance(clip, truth)

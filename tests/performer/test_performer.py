@@ -12,8 +12,7 @@ from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import build_body
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.tracks import build_tracks
-from crowdsim.performer.defences import DEFENCES
-from crowdsim.performer.punches import PUNCHES
+from crowdsim.performer.moves import DEFENCES, PUNCHES
 from crowdsim.performer.session import perform, perform_solo, write_performance
 from crowdsim.performer.skeleton import (
     BALL_HEIGHT,

@@ -1,8 +1,8 @@
-"""From a score to a clip: adds up the accents, carries the pelvis, leads the fists, and poses every joint."""
+"""The player turns a score into motion: it adds up accents, carries pelvis and fists, and poses all joints."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,17 +12,17 @@ from crowdsim.motion import quaternion as quat
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.performer import skeleton as bones
 from crowdsim.performer.curves import pulse, smooth_below, soft_cap, soft_floor, window
-from crowdsim.performer.falling import fall_over, without_plants
+from crowdsim.performer.falling import fall_over
 from crowdsim.performer.fists import clear_head, lead_fists
 from crowdsim.performer.footwork import Footwork, trace_feet
-from crowdsim.performer.gait import GAITS
-from crowdsim.performer.life import add_life
-from crowdsim.performer.pose import (
+from crowdsim.performer.idle_motion import add_idle_motion
+from crowdsim.performer.joints import (
     LEG_REACH,
     Trunk,
     ankle_position,
     foot_rotation,
     girdle,
+    hip_offset,
     level_toes,
     pose_arm,
     pose_head,
@@ -49,7 +49,7 @@ _GAZE_FOLLOWS = 0.25
 
 
 @dataclass(frozen=True)
-class Staged:
+class Played:
     """Motion of an orthodox boxer over F frames, with what the ground truth needs.
 
     Attributes:
@@ -83,7 +83,7 @@ def _riding(score: Score, times: Array) -> Array:
     """Return 1 where the boxer walks, jogs or rests, 0 elsewhere, and what lies between on the way. Shape (F,)."""
     riding = np.zeros(len(times))
     for travel in score.travels:
-        if travel.gait in GAITS:
+        if travel.gait in ("walk", "jog"):
             riding += pulse(times, travel.start - 0.2, travel.start + 0.2, travel.end - 0.2, travel.end + 0.2)
     return np.minimum(riding + _resting(score, times), 1.0)
 
@@ -117,7 +117,7 @@ def _carry_pelvis(score: Score, times: Array, feet: Footwork, channels: Array, a
     highest = np.full(len(base), np.inf)
     reach = LEG_REACH * (bones.THIGH + bones.SHANK)
     for foot in range(2):
-        drop = quat.rotate(rotation, np.array([bones.HIP_HALF * (1 - 2 * foot), -bones.HIP_DROP, 0.0]))
+        drop = quat.rotate(rotation, hip_offset(foot))
         flat = ankles[:, foot] - hips - drop
         far = flat[:, 0] ** 2 + flat[:, 2] ** 2
         highest = np.minimum(highest, ankles[:, foot, 1] + np.sqrt(np.maximum(reach**2 - far, 0.05)) - drop[:, 1])
@@ -126,34 +126,19 @@ def _carry_pelvis(score: Score, times: Array, feet: Footwork, channels: Array, a
     return hips, rotation
 
 
-@dataclass(frozen=True)
-class _Soles:
-    """Feet over F frames, lead and rear.
-
-    Attributes:
-        ankles: Position of the ankles [m]. Shape (F, 2, 3).
-        rotations: Rotation of each foot. Shape (F, 4).
-        yaws: Heading of each foot [rad]. Shape (F,).
-    """
-
-    ankles: Array
-    rotations: tuple[Array, Array]
-    yaws: tuple[Array, Array]
-
-
-def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generator) -> Staged:
+def play_score(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generator) -> Played:
     """Perform a score at the given times [s], evenly spaced from 0. Shape (F,)."""
     feet = trace_feet(score, times)
     style = score.style
     channels = add_accents(score, times)
-    add_life(channels, score.style, times, feet.loads, _riding(score, times), rng)
+    add_idle_motion(channels, score.style, times, feet.loads, _riding(score, times), rng)
     for channel, (least, most) in ((Channel.FLEX, _MOST_FLEX), (Channel.BEND, _MOST_BEND)):
         channels[:, channel] = soft_cap(soft_floor(channels[:, channel], least, 0.06), most, 0.06)
     rotations = np.zeros((len(times), skeleton.joint_count, 4))
     rotations[..., 0] = 1.0
 
-    soles = _set_feet(style, feet, channels, rotations)
-    hips, hips_rotation = _carry_pelvis(score, times, feet, channels, soles.ankles)
+    ankles, soles, yaws = _set_feet(style, feet, channels, rotations)
+    hips, hips_rotation = _carry_pelvis(score, times, feet, channels, ankles)
     trunk = pose_trunk(
         skeleton,
         hips,
@@ -164,13 +149,18 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
     )
     rotations[:, bones.HIPS] = hips_rotation
     rotations[:, bones.SPINE : bones.SPINE2 + 1] = trunk.spine
-    _bend_legs(trunk, soles, rotations)
-    head = _look(style, skeleton, feet, channels, trunk, rotations)
+    for foot in range(2):
+        hip = hips + quat.rotate(hips_rotation, hip_offset(foot))
+        ahead = np.stack([np.sin(yaws[foot]), np.zeros(len(times)), np.cos(yaws[foot])], axis=-1)
+        posed = pose_leg(hips_rotation, hip, ankles[:, foot], soles[foot], ahead)
+        for joints, local in zip((bones.UP_LEGS, bones.LEGS, bones.FEET), posed, strict=True):
+            rotations[:, joints[foot]] = local
+    head = _turn_head(style, skeleton, feet, channels, trunk, rotations)
     collars, shoulders = _raise_shoulders(skeleton, channels, trunk, rotations)
     reached, reaches = lead_fists(score, times, feet.heading, trunk, channels, shoulders, _resting(score, times))
     fists = within_reach(clear_head(reached, head), shoulders)
     for side in range(2):
-        upper, forearm, hand = pose_arm(
+        posed = pose_arm(
             side,
             trunk.chest_rotation,
             collars[side],
@@ -179,17 +169,18 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
             style.elbows[side] + channels[:, Channel.LEAD_ELBOW + side],
             0.3 + channels[:, Channel.LEAD_ROLL + side],
         )
-        rotations[:, bones.ARMS[side]] = upper
-        rotations[:, bones.FOREARMS[side]] = forearm
-        rotations[:, bones.HANDS[side]] = hand
+        for joints, local in zip((bones.ARMS, bones.FOREARMS, bones.HANDS), posed, strict=True):
+            rotations[:, joints[side]] = local
     if score.falls:
-        hips, rotations, weight = fall_over(skeleton, hips, rotations, score.falls, times, rng)
-        feet = without_plants(feet, weight)
-    return Staged(hips, quat.continuous(rotations), feet, fists, shoulders, reaches)
+        hips, rotations, weight = fall_over(skeleton, hips, rotations, score, times, rng)
+        feet = replace(feet, planted=feet.planted & (weight == 0.0)[:, None])
+    return Played(hips, quat.continuous(rotations), feet, fists, shoulders, reaches)
 
 
-def _set_feet(style: Style, feet: Footwork, channels: Array, rotations: Array) -> _Soles:
-    """Return where the feet are, heels and toes lifted, and write the rotations of the toes."""
+def _set_feet(
+    style: Style, feet: Footwork, channels: Array, rotations: Array
+) -> tuple[Array, list[Array], list[Array]]:
+    """Write the rotations of the toes, and return positions of ankles (F, 2, 3), rotations and headings of the feet."""
     ankles = np.empty((len(rotations), 2, 3))
     soles, yaws = [], []
     for foot in range(2):
@@ -204,23 +195,12 @@ def _set_feet(style: Style, feet: Footwork, channels: Array, rotations: Array) -
         ankles[:, foot] = ankle_position(ball, soles[foot])
         rotations[:, bones.TOES[foot]] = level_toes(heel, feet.points[:, foot])
         yaws.append(yaw)
-    return _Soles(ankles, (soles[0], soles[1]), (yaws[0], yaws[1]))
+    return ankles, soles, yaws
 
 
-def _bend_legs(trunk: Trunk, soles: _Soles, rotations: Array) -> None:
-    """Write the rotations of the legs between pelvis and feet."""
-    for foot in range(2):
-        sign = 1 - 2 * foot
-        hip = trunk.hips + quat.rotate(trunk.hips_rotation, np.array([bones.HIP_HALF * sign, -bones.HIP_DROP, 0.0]))
-        yaw = soles.yaws[foot]
-        ahead = np.stack([np.sin(yaw), np.zeros_like(yaw), np.cos(yaw)], axis=-1)
-        thigh, shank, sole = pose_leg(trunk.hips_rotation, hip, soles.ankles[:, foot], soles.rotations[foot], ahead)
-        rotations[:, bones.UP_LEGS[foot]] = thigh
-        rotations[:, bones.LEGS[foot]] = shank
-        rotations[:, bones.FEET[foot]] = sole
-
-
-def _look(style: Style, skeleton: Skeleton, feet: Footwork, channels: Array, trunk: Trunk, rotations: Array) -> Array:
+def _turn_head(
+    style: Style, skeleton: Skeleton, feet: Footwork, channels: Array, trunk: Trunk, rotations: Array
+) -> Array:
     """Write the rotations of neck and head, and return the centre of the head [m]. Shape (F, 3)."""
     gaze = quat.from_euler(
         np.stack(

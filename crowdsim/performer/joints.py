@@ -18,7 +18,8 @@ LEG_REACH = 0.988
 
 _LEFT, _DOWN, _AHEAD = np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 _SPINE_SHARES = (0.28, 0.36, 0.36)
-_NECK_SHARE = 0.42
+NECK_SHARE = 0.42
+"""How the joints of the spine share its bend, and how much of the turn of a head is the neck's."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def pose_head(chest_rotation: Array, gaze: Array) -> Array:
     size = np.linalg.norm(vector, axis=-1, keepdims=True)
     held = soft_cap(size, 1.25, 0.12) / np.maximum(size, 1e-9)
     vector = np.where(size > 1e-9, vector * held, vector)
-    return np.stack([quat.from_rotation_vector(vector * share) for share in (_NECK_SHARE, 1.0 - _NECK_SHARE)], axis=1)
+    return np.stack([quat.from_rotation_vector(vector * share) for share in (NECK_SHARE, 1.0 - NECK_SHARE)], axis=1)
 
 
 def girdle(side: int, forth: Array, raised: Array) -> Array:
@@ -85,6 +86,11 @@ def frame_of(x: Array, y: Array, z: Array) -> Array:
     )
     best = np.argmax(squares, axis=-1)
     return quat.normalise(np.take_along_axis(rows, best[..., None, None], axis=-2)[..., 0, :])
+
+
+def hip_offset(foot: int) -> Array:
+    """Return the position of a hip joint in the frame of the pelvis [m]. Shape (3,)."""
+    return np.array([bones.HIP_HALF * (1 - 2 * foot), -bones.HIP_DROP, 0.0])
 
 
 def unit(v: Array) -> Array:

@@ -74,7 +74,7 @@ _TREMBLING, _TREMOR_FALL = (2.5, 18.0), 1.4
 """Frequencies of the tremor [Hz], and how steeply it falls with them."""
 
 
-def add_life(
+def add_idle_motion(
     channels: Array, style: Style, times: Array, loads: Array, riding: Array, rng: np.random.Generator
 ) -> None:
     """Add what never stops to the channels (F, channels), in place.
@@ -138,7 +138,7 @@ def _add_sway(
     """Rock between the feet, and put the weight where steps want it."""
     rock = noise(times, rng, 0.35, 1.0)
     sway = style.sway * (1.0 - 0.8 * riding)
-    along = np.subtract(style.lead_ball, style.rear_ball)
+    along = np.subtract(*style.balls)
     along /= np.hypot(*along)
     channels[:, C.SHIFT_X] += along[0] * sway * rock + 0.4 * sway * noise(times, rng, 0.3, 0.9)
     channels[:, C.SHIFT_Z] += along[1] * sway * rock + 0.3 * sway * noise(times, rng, 0.3, 0.9)
