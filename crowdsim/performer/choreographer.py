@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from crowdsim.motion import ground
 from crowdsim.performer.footwork import stance_prints
-from crowdsim.performer.moves import DEFENCES, PUNCHES, Part, Punch
+from crowdsim.performer.moves import DEFENCES, PUNCHES, Punch
 from crowdsim.performer.score import (
     BENDS,
     GUARD_SWING,
@@ -87,10 +87,10 @@ class Choreographer:
         """Add one accent, no faster than a body is."""
         peak = max(peak, start + 0.07)
         fall = max(fall, peak)
-        self.score.accents.append(Accent(channel, size, start, peak, fall, max(end, fall + 0.11)))
+        self.score.accents.append(Accent(channel, size, (start, peak, fall, max(end, fall + 0.11))))
 
     def play(
-        self, parts: Iterable[Part], times: Times, scale: float = 1.0, spread: float = 0.0, unit: float = 1.0
+        self, parts: Iterable[Accent], times: Times, scale: float = 1.0, spread: float = 0.0, unit: float = 1.0
     ) -> None:
         """Play parts around four times [s], from which they are off in units of ``unit`` seconds.
 
@@ -102,7 +102,7 @@ class Choreographer:
             start, peak, fall, end = (time + unit * off for time, off in zip(times, part.at, strict=True))
             self.accent(part.channel, size, start, peak, fall, end)
 
-    def _play_phases(self, part: Part, size: float, start: float, height: float, fall: float, end: float) -> None:
+    def _play_phases(self, part: Accent, size: float, start: float, height: float, fall: float, end: float) -> None:
         """Play a part of a punch or defence, its phases turned into times."""
 
         def at(phase: float, later: bool) -> float:
@@ -298,7 +298,7 @@ class Choreographer:
         return self.score
 
 
-def _share(part: Part, wound: bool, low: float) -> float:
+def _share(part: Accent, wound: bool, low: float) -> float:
     """Return how much of a part of a punch is played.
 
     Args:

@@ -19,11 +19,11 @@ from crowdsim.performer.curves import noise, pulse, smooth_below, soft_cap, soft
 from crowdsim.performer.joints import (
     LEG_REACH,
     NECK_SHARE,
+    about_x,
     ankle_position,
     bend_arm,
     foot_rotation,
     hip_offset,
-    level_toes,
     pose_leg,
     pose_trunk,
     triangle,
@@ -91,12 +91,7 @@ def _mixed(guard: Array, fallen: Array, weight: Array) -> Array:
 
 
 def fall_over(
-    skeleton: Skeleton,
-    root_positions: Array,
-    rotations: Array,
-    score: Score,
-    times: Array,
-    rng: np.random.Generator,
+    skeleton: Skeleton, root_positions: Array, rotations: Array, score: Score, times: Array, rng: np.random.Generator
 ) -> tuple[Array, Array, Array]:
     """Return the motion with the fall of a score laid over the guard.
 
@@ -165,7 +160,8 @@ def _set_legs(
         soles.append(quat.slerp(rotations[:, bones.FEET[foot]], sole, weight))
         ball = tumble.balls[:, foot] + [0.0, bones.BALL_HEIGHT, 0.0]
         ankles[:, foot] = ankle_position(_mixed(positions[:, bones.TOES[foot]], ball, weight), soles[foot])
-        toes = level_toes(np.clip(tumble.pitches[:, foot], -0.3, _MOST_TOES), _near_floor(ball[:, 1]))
+        near = np.clip((0.10 - ball[:, 1]) / 0.06, 0.0, 1.0)
+        toes = about_x(-np.clip(tumble.pitches[:, foot], -0.3, _MOST_TOES) * near)
         found[:, bones.TOES[foot]] = quat.slerp(found[:, bones.TOES[foot]], toes, weight)
     ankles[..., 1] += weight[:, None] * _clear_feet(body, ankles, (soles[0], soles[1]))
     sockets = [quat.rotate(turned, hip_offset(foot)) for foot in range(2)]
@@ -185,11 +181,6 @@ def _set_legs(
     for foot, (hip, ankle, ahead) in enumerate(legs(np.zeros(len(hips)))):
         thigh, shank, sole = pose_leg(turned, hip, ankle, soles[foot], ahead)
         found[:, bones.UP_LEGS[foot]], found[:, bones.LEGS[foot]], found[:, bones.FEET[foot]] = thigh, shank, sole
-
-
-def _near_floor(height: Array) -> Array:
-    """Return 1 where the ball of a foot is on the floor, 0 where it is in the air. Shape (F,)."""
-    return np.asarray(np.clip((0.10 - height) / 0.06, 0.0, 1.0))
 
 
 def _knee_lift(legs: Callable[[Array], list[tuple[Array, Array, Array]]], count: int) -> Array:

@@ -7,8 +7,8 @@ or, face down, the other way round, and the stance to which it *rises*. Lengths 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -16,9 +16,9 @@ from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion import quaternion as quat
 from crowdsim.performer.choreographer import Choreographer
-from crowdsim.performer.moves import Part, part
+from crowdsim.performer.moves import part
 from crowdsim.performer.phrases import exchange_blows
-from crowdsim.performer.score import Fall, Pose, Score, Span, Style, Vector
+from crowdsim.performer.score import Accent, Fall, Pose, Score, Span, Style, Vector
 
 STANCE, LYING, RISEN = "stance", "lying", "risen"
 
@@ -97,7 +97,7 @@ class Plunge:
 
     lying: Vector
     risen: Vector
-    down: tuple[Key, ...]
+    down: Sequence[Key]
     lies: Key
     up: tuple[Key, ...]
 
@@ -106,19 +106,11 @@ def _floor(x: float, z: float, elbow: float = 40.0) -> Hand:
     return Hand(prop=(x, 0.05, z), elbow=elbow)
 
 
+# fmt: off
 _ON_BACK = Key(
-    0.0,
-    LYING,
-    (0.0, 0.05, -0.30),
-    (0.0, -90.0, 0.0, 0.0),
-    (0.0, 4.0, 0.0),
-    (10.0, 8.0),
-    _floor(0.38, -0.58, 80.0),
-    _floor(-0.40, -0.48, 80.0),
-    Foot((0.13, 0.0, 0.22), 0.0, 8.0, 6.0),
-    Foot((-0.19, 0.0, 0.52), -72.0, -20.0, 20.0),
-)
-
+    0.0, LYING, (0.0, 0.05, -0.30), (0.0, -90.0, 0.0, 0.0), (0.0, 4.0, 0.0), (10.0, 8.0),
+    _floor(0.38, -0.58, 80.0), _floor(-0.40, -0.48, 80.0),
+    Foot((0.13, 0.0, 0.22), 0.0, 8.0, 6.0), Foot((-0.19, 0.0, 0.52), -72.0, -20.0, 20.0))
 _UP_FROM_BACK = (
     Key(0.42, RISEN, (-0.03, 0.10, -0.26), (-14.0, -30.0, 0.0, 0.0), (0.0, 34.0, -8.0), (0.0, 6.0),
         Hand((0.20, -0.02, 0.34), elbow=20.0), _floor(-0.36, -0.50, 60.0),
@@ -135,12 +127,10 @@ _UP_FROM_BACK = (
     Key(1.45, RISEN, (-0.03, 0.66, -0.02), (-26.0, 26.0, 0.0, 0.0), (0.0, 18.0, 0.0), (-5.0, 4.0),
         Hand((0.17, -0.06, 0.30)), Hand((-0.14, -0.02, 0.26)),
         Foot(pitch=4.0), Foot((-0.15, 0.0, -0.47), 62.0, -35.0, 0.0)),
-)  # fmt: skip
+)
 
 _BACKWARD = Plunge(
-    (0.0, -0.27, 0.0),
-    (0.0, -0.24, 0.0),
-    (
+    (0.0, -0.27, 0.0), (0.0, -0.24, 0.0), (
         Key(0.19, STANCE, (-0.01, 0.83, -0.11), (-26.0, -8.0, 0.0, 0.0), (4.0, -14.0, 0.0), (-14.0, 0.0),
             Hand((0.34, 0.16, 0.26), elbow=30.0), Hand((-0.08, 0.14, 0.30), elbow=30.0),
             Foot(pitch=4.0), Foot(pitch=10.0)),
@@ -153,72 +143,15 @@ _BACKWARD = Plunge(
         Key(0.86, LYING, (0.0, 0.06, -0.29), (-2.0, -80.0, 0.0, 0.0), (0.0, 18.0, 0.0), (30.0, 0.0),
             _floor(0.45, -0.60, 80.0), _floor(-0.48, -0.50, 5.0),
             Foot((0.14, 0.14, 0.33), -18.0, 6.0, 6.0), Foot((-0.19, 0.12, 0.50), -60.0, -22.0, 20.0)),
-    ),
-    _ON_BACK,
-    _UP_FROM_BACK,
-)  # fmt: skip
-
-
-def _sideways(side: float) -> Plunge:
-    """Return the fall to the left (1) or right (-1): onto the hip, over onto the back, up again turned half away."""
-
-    def hands(near: Hand, other: Hand) -> dict[str, Any]:
-        return {"lead": near, "rear": other} if side > 0.0 else {"lead": other, "rear": near}
-
-    def feet(near: Foot, other: Foot) -> dict[str, Any]:
-        return {"lead_foot": near, "rear_foot": other} if side > 0.0 else {"lead_foot": other, "rear_foot": near}
-
-    out, held = _floor(0.92 * side, -0.06, 60.0), Hand((-0.16 * side, 0.08, 0.30), elbow=25.0)
-    near = 0.20 if side > 0.0 else -0.20
-    down = (
-        Key(0.16, STANCE, (0.09 * side, 0.83, -0.01), (-28.0, 8.0, 10.0 * side, 0.0), (0.0, 8.0, 16.0 * side),
-            (0.0, 0.0), **hands(Hand(elbow=30.0), Hand(elbow=30.0)), **feet(Foot(pitch=6.0), Foot(pitch=16.0))),
-        Key(0.40, STANCE, (0.27 * side, 0.60, -0.03), (-24.0, 10.0, 24.0 * side, 0.0), (0.0, 14.0, 10.0 * side),
-            (6.0, 0.0), **hands(Hand((0.44 * side, -0.06, 0.22), elbow=50.0), held),
-            **feet(Foot((0.15 * side, 0.0, near), 24.0, -10.0, 10.0),
-                   Foot((-0.06 * side, 0.06, -0.16 if side > 0.0 else 0.20), 14.0, -20.0))),
-        Key(0.62, STANCE, (0.44 * side, 0.18, -0.06), (-18.0, 4.0, 48.0 * side, 0.0), (0.0, 20.0, -6.0 * side),
-            (10.0, 0.0), **hands(out, held),
-            **feet(Foot((0.02 * side, 0.0, 0.16), 20.0, -30.0 * side, 10.0),
-                   Foot((-0.18 * side, 0.16, 0.04), -10.0, -40.0 * side))),
-        Key(0.88, LYING, (0.0, 0.06, -0.30), (0.0, -82.0, 0.0, 58.0 * side), (0.0, 22.0, 0.0), (16.0, 0.0),
-            **hands(_floor(0.42 * side, -0.70, 80.0), Hand((0.02 * side, 0.02, 0.32), elbow=25.0)),
-            **feet(Foot((0.24 * side, 0.0, 0.22), -20.0, 30.0 * side, 10.0),
-                   Foot((-0.02 * side, 0.16, 0.34), -20.0, 10.0 * side))),
-    )  # fmt: skip
-    lies = Key(
-        0.0,
-        LYING,
-        (0.0, 0.05, -0.30),
-        (0.0, -90.0, 0.0, 34.0 * side),
-        (4.0 * side, 12.0, 0.0),
-        (10.0, 6.0 * side),
-        **hands(_floor(0.42 * side, -0.70, 80.0), Hand((0.02 * side, -0.08, 0.30), elbow=30.0)),
-        **feet(
-            Foot((0.20 * side, 0.0, 0.24 if side > 0.0 else 0.30), -4.0, 18.0 * side, 6.0),
-            Foot((-0.04 * side, 0.0, 0.30 if side > 0.0 else 0.24), -4.0, 18.0 * side, 6.0),
-        ),
-    )
-    return Plunge((0.58 * side, -0.10, -78.0 * side), (0.30 * side, -0.02, -42.0 * side), down, lies, _UP_FROM_BACK)
-
+    ), _ON_BACK, _UP_FROM_BACK)
 
 _FACE_DOWN = Key(
-    0.0,
-    LYING,
-    (0.0, 0.05, -0.19),
-    (0.0, 93.0, 0.0, 0.0),
-    (0.0, 2.0, 0.0),
-    (-14.0, 48.0),
-    _floor(0.42, 0.52, -6.0),
-    _floor(-0.42, 0.50, -6.0),
-    Foot((0.14, 0.0, -1.27), 146.0, 10.0, 5.0),
-    Foot((-0.14, 0.0, -1.28), 146.0, -10.0, 5.0),
-)
+    0.0, LYING, (0.0, 0.05, -0.19), (0.0, 93.0, 0.0, 0.0), (0.0, 2.0, 0.0), (-14.0, 48.0),
+    _floor(0.42, 0.52, -6.0), _floor(-0.42, 0.50, -6.0),
+    Foot((0.14, 0.0, -1.27), 146.0, 10.0, 5.0), Foot((-0.14, 0.0, -1.28), 146.0, -10.0, 5.0))
 
 _FORWARD = Plunge(
-    (0.0, 0.95, 0.0),
-    (0.0, 0.95, 0.0),
-    (
+    (0.0, 0.95, 0.0), (0.0, 0.95, 0.0), (
         Key(0.16, STANCE, (-0.01, 0.83, 0.08), (-26.0, 12.0, 0.0, 0.0), (0.0, 24.0, 0.0), (-6.0, 0.0),
             Hand((0.28, 0.10, 0.34), elbow=25.0), Hand((0.02, 0.10, 0.34), elbow=25.0),
             Foot(pitch=20.0), Foot(pitch=32.0)),
@@ -231,9 +164,7 @@ _FORWARD = Plunge(
         Key(0.72, STANCE, (0.0, 0.35, 0.62), (0.0, 66.0, 0.0, 0.0), (0.0, 0.0, 0.0), (-34.0, 10.0),
             _floor(0.38, 1.44, 20.0), _floor(-0.38, 1.42, 20.0),
             Foot((0.14, 0.02, -0.17), 104.0, 0.0, 5.0), Foot((-0.14, 0.02, -0.20), 102.0, -4.0, 5.0)),
-    ),
-    _FACE_DOWN,
-    (
+    ), _FACE_DOWN, (
         Key(0.28, RISEN, (0.0, 0.20, -0.16), (0.0, 72.0, 0.0, 0.0), (0.0, -6.0, 0.0), (-20.0, 10.0),
             _floor(0.38, 0.51, 12.0), _floor(-0.38, 0.49, 12.0),
             Foot((0.13, 0.02, -1.02), 126.0, 0.0, 5.0), Foot((-0.14, 0.02, -1.04), 126.0, 0.0, 5.0)),
@@ -249,9 +180,41 @@ _FORWARD = Plunge(
         Key(1.45, RISEN, (-0.03, 0.66, -0.02), (-24.0, 28.0, 0.0, 0.0), (0.0, 20.0, 0.0), (-5.0, 4.0),
             Hand((0.17, -0.06, 0.30)), Hand((-0.14, -0.04, 0.28)),
             Foot(pitch=4.0), Foot((-0.14, 0.0, -0.50), 64.0, -30.0, 0.0)),
-    ),
-)  # fmt: skip
+    ))
 
+
+def _sideways(side: float) -> Plunge:
+    """Return the fall to the left (1) or right (-1): onto the hip, over onto the back, up again turned half away."""
+    out, held = _floor(0.92 * side, -0.06, 60.0), Hand((-0.16 * side, 0.08, 0.30), elbow=25.0)
+    near, far = (0.20, -0.16) if side > 0.0 else (-0.20, 0.20)
+    ahead, behind = (0.24, 0.30) if side > 0.0 else (0.30, 0.24)
+    # Hands and feet: first those of the side that the body falls to.
+    keys = (
+        Key(0.16, STANCE, (0.09 * side, 0.83, -0.01), (-28.0, 8.0, 10.0 * side, 0.0), (0.0, 8.0, 16.0 * side),
+            (0.0, 0.0), Hand(elbow=30.0), Hand(elbow=30.0), Foot(pitch=6.0), Foot(pitch=16.0)),
+        Key(0.40, STANCE, (0.27 * side, 0.60, -0.03), (-24.0, 10.0, 24.0 * side, 0.0), (0.0, 14.0, 10.0 * side),
+            (6.0, 0.0), Hand((0.44 * side, -0.06, 0.22), elbow=50.0), held,
+            Foot((0.15 * side, 0.0, near), 24.0, -10.0, 10.0), Foot((-0.06 * side, 0.06, far), 14.0, -20.0)),
+        Key(0.62, STANCE, (0.44 * side, 0.18, -0.06), (-18.0, 4.0, 48.0 * side, 0.0), (0.0, 20.0, -6.0 * side),
+            (10.0, 0.0), out, held, Foot((0.02 * side, 0.0, 0.16), 20.0, -30.0 * side, 10.0),
+            Foot((-0.18 * side, 0.16, 0.04), -10.0, -40.0 * side)),
+        Key(0.88, LYING, (0.0, 0.06, -0.30), (0.0, -82.0, 0.0, 58.0 * side), (0.0, 22.0, 0.0), (16.0, 0.0),
+            _floor(0.42 * side, -0.70, 80.0), Hand((0.02 * side, 0.02, 0.32), elbow=25.0),
+            Foot((0.24 * side, 0.0, 0.22), -20.0, 30.0 * side, 10.0),
+            Foot((-0.02 * side, 0.16, 0.34), -20.0, 10.0 * side)),
+        Key(0.0, LYING, (0.0, 0.05, -0.30), (0.0, -90.0, 0.0, 34.0 * side), (4.0 * side, 12.0, 0.0), (10.0, 6.0 * side),
+            _floor(0.42 * side, -0.70, 80.0), Hand((0.02 * side, -0.08, 0.30), elbow=30.0),
+            Foot((0.20 * side, 0.0, ahead), -4.0, 18.0 * side, 6.0),
+            Foot((-0.04 * side, 0.0, behind), -4.0, 18.0 * side, 6.0)),
+    )
+    if side < 0.0:
+        keys = tuple(replace(one, lead=one.rear, rear=one.lead, lead_foot=one.rear_foot, rear_foot=one.lead_foot)
+                     for one in keys)
+    *down, lies = keys
+    return Plunge((0.58 * side, -0.10, -78.0 * side), (0.30 * side, -0.02, -42.0 * side), down, lies, _UP_FROM_BACK)
+
+
+# fmt: on
 PLUNGES = {"forward": _FORWARD, "backward": _BACKWARD, "left": _sideways(1.0), "right": _sideways(-1.0)}
 """Kinds of falls by where the trunk goes."""
 
@@ -443,7 +406,7 @@ def write_stagger(kind: str, rng: np.random.Generator, facing: float | None = No
     return plan.finish(_go_on(plan, done, fights))
 
 
-def _thrown(ahead: float, left: float) -> tuple[Part, ...]:
+def _thrown(ahead: float, left: float) -> tuple[Accent, ...]:
     """Return what a hit does to a body whose trunk it throws ahead or to the left."""
     return (
         *part(0.0, 0.0, 0.0, 0.0, SHIFT_X=0.03 * left, SHIFT_Z=0.06 * ahead, PELVIS_TILT=0.44 * ahead),

@@ -83,8 +83,8 @@ def lead_fists(
         hand = planned.hand
         at = min(int(np.rint((planned.hit - times[0]) / spacing)), len(times) - 1)
         target = _target(planned, trunk.hips[at], float(heading[at]), shoulders[at, hand], centre[at]) - centre[at]
-        first = min([accent.start for accent in planned.path], default=planned.start)
-        last = max([accent.end for accent in planned.path], default=planned.end)
+        first = min([accent.at[0] for accent in planned.path], default=planned.start)
+        last = max([accent.at[3] for accent in planned.path], default=planned.end)
         part = window(times, min(first, planned.start) - 0.1, max(last, planned.end))
         swing, arc = _bends(planned, times[part])
         swing = quat.rotate(frame[part], swing)
@@ -119,7 +119,7 @@ def _bends(reach: Reach, times: Array) -> tuple[Array, Array]:
     bends = np.zeros((len(times), 4))
     for accent in reach.path:
         column = BENDS[reach.hand].index(accent.channel)
-        bends[:, column] += accent.size * pulse(times, accent.start, accent.peak, accent.fall, accent.end)
+        bends[:, column] += accent.size * pulse(times, *accent.at)
     return bends[:, :3], bends[:, 3]
 
 

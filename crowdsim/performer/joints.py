@@ -43,14 +43,17 @@ class Trunk:
 
 def pose_trunk(skeleton: Skeleton, hips: Array, hips_rotation: Array, twist: Array, flex: Array, bend: Array) -> Trunk:
     """Bend the spine by angles (F,) [rad] that its three joints share."""
-    spine = np.stack(
-        [quat.from_euler(np.stack([twist, flex, -bend], axis=-1) * share, "YXZ") for share in _SPINE_SHARES], axis=1
-    )
+    spine = np.stack([turned(twist * share, flex * share, bend * share) for share in _SPINE_SHARES], axis=1)
     position, rotation = hips, hips_rotation
     for index, joint in enumerate((bones.SPINE, bones.SPINE1, bones.SPINE2)):
         position = position + quat.rotate(rotation, skeleton.offsets[joint])
         rotation = quat.multiply(rotation, spine[:, index])
     return Trunk(hips, hips_rotation, spine, position, rotation)
+
+
+def turned(turn: Array, tilt: Array, bend: Array) -> Array:
+    """Return rotations (F, 4) that turn to the left, tilt forward and bend to the left by angles (F,) [rad]."""
+    return quat.from_euler(np.stack([turn, tilt, -bend], axis=-1), "YXZ")
 
 
 def pose_head(chest_rotation: Array, gaze: Array) -> Array:
@@ -173,12 +176,13 @@ def bend_arm(
     upper_rotation = frame_of(x, np.cross(z, x), z)
     half = np.zeros_like(upper_rotation)
     half[:, 0], half[:, 2] = np.cos(0.5 * fold), -sign * np.sin(0.5 * fold)
-    forearm = quat.multiply(half, _about_x(0.6 * roll))
-    hand = _about_x(0.4 * roll)
+    forearm = quat.multiply(half, about_x(0.6 * roll))
+    hand = about_x(0.4 * roll)
     return quat.multiply(quat.conjugate(collar), upper_rotation), forearm, hand
 
 
-def _about_x(angle: Array) -> Array:
+def about_x(angle: Array) -> Array:
+    """Return rotations (F, 4) that tilt forward by angles (F,) [rad]."""
     rotation = np.zeros((*np.shape(angle), 4))
     rotation[..., 0], rotation[..., 1] = np.cos(0.5 * angle), np.sin(0.5 * angle)
     return rotation
@@ -186,7 +190,7 @@ def _about_x(angle: Array) -> Array:
 
 def foot_rotation(yaw: Array, heel: Array) -> Array:
     """Return the rotation of a foot (F, 4) that looks along ``yaw`` with the heel up by ``heel`` (F,) [rad]."""
-    return quat.multiply(quat.about_y(yaw), _about_x(heel))
+    return quat.multiply(quat.about_y(yaw), about_x(heel))
 
 
 def ankle_position(ball: Array, rotation: Array) -> Array:
@@ -208,15 +212,6 @@ def pose_leg(hips_rotation: Array, hip: Array, ankle: Array, foot: Array, ahead:
     bone, away, fold = triangle(axis, distance, bones.THIGH, bones.SHANK, pole)
     y, z = -bone, away
     thigh = frame_of(np.cross(y, z), y, z)
-    shank = _about_x(fold)
+    shank = about_x(fold)
     lower = quat.multiply(thigh, shank)
-    return (
-        quat.multiply(quat.conjugate(hips_rotation), thigh),
-        shank,
-        quat.multiply(quat.conjugate(lower), foot),
-    )
-
-
-def level_toes(heel: Array, points: Array) -> Array:
-    """Return the local rotation of the toes (F, 4) that keeps them level while the heel is up."""
-    return _about_x(-heel * points)
+    return (quat.multiply(quat.conjugate(hips_rotation), thigh), shank, quat.multiply(quat.conjugate(lower), foot))

@@ -10,25 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowdsim.performer.score import LEAD, REAR, Channel
+from crowdsim.performer.score import LEAD, REAR, Accent, Channel
 
 
-@dataclass(frozen=True)
-class Part:
-    """A part of a move that one channel plays: up from ``at[0]`` to ``at[1]``, held until ``at[2]``, gone at ``at[3]``.
-
-    ``at`` are phases of a punch or defence: 0 is its beginning, 1 its height (a punch's hit), 2 its end. In other moves
-    they are offsets from four times of the move [s].
-    """
-
-    channel: Channel
-    size: float
-    at: tuple[float, float, float, float]
-
-
-def part(start: float, peak: float, fall: float, end: float, **sizes: float) -> tuple[Part, ...]:
-    """Return parts of channels, given by name with their sizes, that share their times."""
-    return tuple(Part(Channel[name], size, (start, peak, fall, end)) for name, size in sizes.items())
+def part(start: float, peak: float, fall: float, end: float, **sizes: float) -> tuple[Accent, ...]:
+    """Return accents of channels, given by name with their sizes, that share their times."""
+    return tuple(Accent(Channel[name], size, (start, peak, fall, end)) for name, size in sizes.items())
 
 
 @dataclass(frozen=True)
@@ -58,7 +45,7 @@ class Punch:
     extra: float
     skew: float
     early: float
-    parts: tuple[Part, ...]
+    parts: tuple[Accent, ...]
     inside: float = np.inf
 
 
@@ -67,10 +54,10 @@ class Guarding:
     """A kind of defence: how long it takes to its height, there, and back [s], and what the body does."""
 
     seconds: tuple[float, float, float]
-    parts: tuple[Part, ...]
+    parts: tuple[Accent, ...]
 
 
-def _joined(*parts: tuple[Part, ...]) -> tuple[Part, ...]:
+def _joined(*parts: tuple[Accent, ...]) -> tuple[Accent, ...]:
     return tuple(one for group in parts for one in group)
 
 

@@ -19,15 +19,16 @@ from crowdsim.performer.idle_motion import add_idle_motion
 from crowdsim.performer.joints import (
     LEG_REACH,
     Trunk,
+    about_x,
     ankle_position,
     foot_rotation,
     girdle,
     hip_offset,
-    level_toes,
     pose_arm,
     pose_head,
     pose_leg,
     pose_trunk,
+    turned,
     within_reach,
 )
 from crowdsim.performer.score import Channel, Reach, Score, Style
@@ -73,9 +74,8 @@ def add_accents(score: Score, times: Array) -> Array:
     """Return the sum of all accents. Shape (F, channels)."""
     channels = np.zeros((len(times), len(Channel)))
     for accent in score.accents:
-        part = window(times, accent.start, accent.end)
-        shape = pulse(times[part], accent.start, accent.peak, accent.fall, accent.end)
-        channels[part, accent.channel] += accent.size * shape
+        part = window(times, accent.at[0], accent.at[3])
+        channels[part, accent.channel] += accent.size * pulse(times[part], *accent.at)
     return channels
 
 
@@ -99,16 +99,10 @@ def _resting(score: Score, times: Array) -> Array:
 def _carry_pelvis(score: Score, times: Array, feet: Footwork, channels: Array, ankles: Array) -> tuple[Array, Array]:
     """Return position and rotation of the pelvis, as high as both legs let it be. Shapes (F, 3) and (F, 4)."""
     style = score.style
-    rotation = quat.from_euler(
-        np.stack(
-            [
-                feet.heading + style.blade + channels[:, Channel.PELVIS_TURN],
-                0.45 * style.lean + channels[:, Channel.PELVIS_TILT],
-                -channels[:, Channel.PELVIS_BEND],
-            ],
-            axis=-1,
-        ),
-        "YXZ",
+    rotation = turned(
+        feet.heading + style.blade + channels[:, Channel.PELVIS_TURN],
+        0.45 * style.lean + channels[:, Channel.PELVIS_TILT],
+        channels[:, Channel.PELVIS_BEND],
     )
     base = np.stack([feet.carried[:, 0], feet.carried[:, 1], feet.heading], axis=-1)
     shift = np.stack([channels[:, Channel.SHIFT_X], np.zeros(len(base)), channels[:, Channel.SHIFT_Z]], axis=-1)
@@ -193,7 +187,7 @@ def _set_feet(
         ball = np.stack([feet.balls[:, foot, 0], bones.BALL_HEIGHT + lift, feet.balls[:, foot, 1]], axis=-1)
         soles.append(foot_rotation(yaw, heel - feet.toes_up[:, foot]))
         ankles[:, foot] = ankle_position(ball, soles[foot])
-        rotations[:, bones.TOES[foot]] = level_toes(heel, feet.points[:, foot])
+        rotations[:, bones.TOES[foot]] = about_x(-heel * feet.points[:, foot])
         yaws.append(yaw)
     return ankles, soles, yaws
 
@@ -202,16 +196,10 @@ def _turn_head(
     style: Style, skeleton: Skeleton, feet: Footwork, channels: Array, trunk: Trunk, rotations: Array
 ) -> Array:
     """Write the rotations of neck and head, and return the centre of the head [m]. Shape (F, 3)."""
-    gaze = quat.from_euler(
-        np.stack(
-            [
-                feet.heading + channels[:, Channel.HEAD_TURN],
-                0.2 + channels[:, Channel.HEAD_NOD] + 0.35 * channels[:, Channel.FLEX],
-                -channels[:, Channel.HEAD_BEND] - 0.45 * channels[:, Channel.BEND],
-            ],
-            axis=-1,
-        ),
-        "YXZ",
+    gaze = turned(
+        feet.heading + channels[:, Channel.HEAD_TURN],
+        0.2 + channels[:, Channel.HEAD_NOD] + 0.35 * channels[:, Channel.FLEX],
+        channels[:, Channel.HEAD_BEND] + 0.45 * channels[:, Channel.BEND],
     )
     facing = quat.multiply(trunk.chest_rotation, quat.about_y(-style.blade - style.twist))
     gaze = quat.slerp(gaze, facing, _GAZE_FOLLOWS)

@@ -42,14 +42,15 @@ BENDS = tuple(
 
 @dataclass(frozen=True)
 class Accent:
-    """A smooth pulse of one channel: up from ``start`` to ``peak``, held until ``fall``, gone at ``end`` [s]."""
+    """A smooth pulse of one channel: up from ``at[0]`` to ``at[1]``, held until ``at[2]``, gone at ``at[3]`` [s].
+
+    In tables of punches and defences ``at`` are phases of the move: 0 is its beginning, 1 its height (a punch's hit), 2
+    its end. In those of other moves they are offsets from four times of the move [s].
+    """
 
     channel: Channel
     size: float
-    start: float
-    peak: float
-    fall: float
-    end: float
+    at: tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.performer.choreographer import Choreographer
-from crowdsim.performer.moves import Part, part
-from crowdsim.performer.score import GUARD_SWING, LEAD, REAR, Style, Swing
+from crowdsim.performer.moves import part
+from crowdsim.performer.score import GUARD_SWING, LEAD, REAR, Accent, Style, Swing
 from crowdsim.performer.score import Channel as C
 
 _WALK_SWING = Swing(push=0.29, settle=0.27, ramps=(0.23, 0.24), toe_off=1.0, roll=0.26, toe_up=0.20, load=0.0)
@@ -49,11 +49,11 @@ class Gait:
     lift: float
     bob: float
     lowest: float
-    posture: tuple[Part, ...]
-    swung: tuple[Part, ...]
+    posture: tuple[Accent, ...]
+    swung: tuple[Accent, ...]
 
 
-def _posture(**sizes: float) -> tuple[Part, ...]:
+def _posture(**sizes: float) -> tuple[Accent, ...]:
     return part(0.0, 0.0, 0.0, 0.0, **sizes)
 
 

@@ -80,20 +80,9 @@ def find_truth(score: Score, played: Played, times: Array) -> Truth:
         frame = first + int(np.argmax(far[first:last, hand]))
         begin = max(int(reach.start * fps), 0)
         peak = begin + int(np.argmax(speed[begin : frame + 1, hand]))
-        position = ground.to_local(stance[frame], fists[frame, hand])
-        strikes.append(
-            TrueStrike(
-                reach.kind,
-                hand,
-                frame,
-                peak,
-                float(speed[peak, hand]),
-                (float(position[0]), float(position[1]), float(position[2])),
-                float(reach.start),
-                float(reach.hit),
-                float(reach.end),
-            )
-        )
+        x, y, z = (float(value) for value in ground.to_local(stance[frame], fists[frame, hand]))
+        times_of = (float(time) for time in (reach.start, reach.hit, reach.end))
+        strikes.append(TrueStrike(reach.kind, hand, frame, peak, float(speed[peak, hand]), (x, y, z), *times_of))
     defences = tuple(
         Span(d.kind, int(np.ceil(d.start * fps)), int(d.end * fps) + 1)
         for d in sorted(score.defences, key=lambda d: d.start)
@@ -108,30 +97,23 @@ def find_truth(score: Score, played: Played, times: Array) -> Truth:
     return Truth(played.footwork.planted.copy(), tuple(strikes), defences, travels, stance, falls, staggers, rests)
 
 
-_OTHER_SIDE = {
-    "slip_left": "slip_right",
-    "slip_right": "slip_left",
-    "left": "right",
-    "right": "left",
-    "stagger_left": "stagger_right",
-    "stagger_right": "stagger_left",
-    "walk_off_left": "walk_off_right",
-    "walk_off_right": "walk_off_left",
-}
+def _other_side(kind: str) -> str:
+    sides = {"left": "right", "right": "left"}
+    return "_".join(sides.get(word, word) for word in kind.split("_"))
 
 
 def mirror_truth(truth: Truth) -> Truth:
     """Return the truth of the mirrored clip."""
-    return Truth(
+    return replace(
+        truth,
         contacts=truth.contacts[:, ::-1].copy(),
         strikes=tuple(
             replace(strike, hand=1 - strike.hand, position=(-strike.position[0], *strike.position[1:]))
             for strike in truth.strikes
         ),
-        defences=tuple(replace(d, kind=_OTHER_SIDE.get(d.kind, d.kind)) for d in truth.defences),
-        travels=truth.travels,
+        defences=tuple(replace(one, kind=_other_side(one.kind)) for one in truth.defences),
         stance=truth.stance * np.array([-1.0, 1.0, -1.0]),
-        falls=tuple(replace(f, kind=_OTHER_SIDE.get(f.kind, f.kind)) for f in truth.falls),
-        staggers=tuple(replace(s, kind=_OTHER_SIDE.get(s.kind, s.kind)) for s in truth.staggers),
-        rests=tuple(replace(r, kind=_OTHER_SIDE.get(r.kind, r.kind)) for r in truth.rests),
+        falls=tuple(replace(one, kind=_other_side(one.kind)) for one in truth.falls),
+        staggers=tuple(replace(one, kind=_other_side(one.kind)) for one in truth.staggers),
+        rests=tuple(replace(one, kind=_other_side(one.kind)) for one in truth.rests),
     )
