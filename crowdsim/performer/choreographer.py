@@ -24,7 +24,6 @@ from crowdsim.performer.score import (
     Score,
     Span,
     Swing,
-    Travel,
     Turn,
     draw_style,
 )
@@ -191,15 +190,6 @@ class Choreographer:
         self.score.turns.append(Turn(start - 0.05, end + 0.05, turn))
         self._turn_head(turn, start, end)
 
-    def travelled(self, gait: str, start: float, end: float) -> None:
-        """Note travel in one gait between ``start`` and ``end`` [s]."""
-        self.score.travels.append(Travel(gait, start, end))
-
-    @property
-    def last_hit(self) -> float:
-        """When the last punch so far reaches its target [s]; 0 before the first."""
-        return self.score.reaches[-1].hit if self.score.reaches else 0.0
-
     def draw_speed(self, kind: str) -> float:
         """Draw the highest speed of a punching fist relative to the pelvis, roughly [m/s]."""
         middle, spread = PUNCHES[kind].speed
@@ -301,10 +291,7 @@ class Choreographer:
 def _share(part: Accent, wound: bool, low: float) -> float:
     """Return how much of a part of a punch is played.
 
-    Args:
-        part: The part.
-        wound: Whether the punch before turned the body already.
-        low: How far the target lies under where a guard looks [m].
+    ``wound``: the punch before turned the body already. The target lies ``low`` [m] under where a guard looks.
     """
     size = 1.0
     if wound and part.at[0] < 0.0 and part.at[3] < 1.2:

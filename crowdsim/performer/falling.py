@@ -14,22 +14,9 @@ from crowdsim.motion import quaternion as quat
 from crowdsim.motion.body import Body, build_body
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.performer import joints
 from crowdsim.performer import skeleton as bones
 from crowdsim.performer.curves import noise, pulse, smooth_below, soft_cap, soft_floor, window
-from crowdsim.performer.joints import (
-    LEG_REACH,
-    NECK_SHARE,
-    about_x,
-    ankle_position,
-    bend_arm,
-    foot_rotation,
-    hip_offset,
-    pose_leg,
-    pose_trunk,
-    triangle,
-    unit,
-    within_reach,
-)
 from crowdsim.performer.score import Fall, Pose, Score
 
 _ONSET, _RETURN = 0.22, 0.48
@@ -53,8 +40,8 @@ _HIP, _KNEE, _ELBOW, _FIST = 0.092, 0.054, 0.046, 0.062
 """Radii of thighs at the hip, knees, elbows and fists, and a little more [m]."""
 _LEAST_LEG = 0.24
 """Least distance from hip to ankle [m]: thigh and shank have flesh."""
-_DOWN, _AHEAD, _LEFT = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
-_HANGS, _BACK = (_DOWN + _AHEAD) / np.sqrt(2.0), (_DOWN - _AHEAD) / np.sqrt(2.0)
+_HANGS, _BACK = (joints.DOWN + joints.AHEAD) / np.sqrt(2.0), (joints.DOWN - joints.AHEAD) / np.sqrt(2.0)
+"""Where an arm hangs, and where its elbow points then."""
 
 
 def trace_fall(fall: Fall[float], poses: Sequence[Pose], times: Array, rng: np.random.Generator) -> tuple[Pose, Array]:
@@ -111,10 +98,10 @@ def fall_over(
     body, found = build_body(skeleton), rotations.copy()
     hips = _mixed(root_positions, tumble.hips, weight)
     found[:, bones.HIPS] = quat.slerp(rotations[:, bones.HIPS], tumble.rotation, weight)
-    spine = pose_trunk(skeleton, hips, found[:, bones.HIPS], *tumble.spine.T).spine
+    spine = joints.pose_trunk(skeleton, hips, found[:, bones.HIPS], *tumble.spine.T).spine
     for index, joint in enumerate((bones.SPINE, bones.SPINE1, bones.SPINE2)):
         found[:, joint] = quat.slerp(rotations[:, joint], spine[:, index], weight)
-    for joint, share in ((bones.NECK, NECK_SHARE), (bones.HEAD, 1.0 - NECK_SHARE)):
+    for joint, share in ((bones.NECK, joints.NECK_SHARE), (bones.HEAD, 1.0 - joints.NECK_SHARE)):
         nod, turn = share * tumble.head.T
         local = quat.from_euler(np.stack([turn, nod, np.zeros_like(nod)], axis=-1), "YXZ")
         found[:, joint] = quat.slerp(rotations[:, joint], local, weight)
@@ -151,20 +138,20 @@ def _set_legs(
     """
     positions, rotations = guard
     turned = found[:, bones.HIPS]
-    axis = unit(positions[:, list(bones.FEET)] - positions[:, list(bones.UP_LEGS)])
+    axis = joints.unit(positions[:, list(bones.FEET)] - positions[:, list(bones.UP_LEGS)])
     out = positions[:, list(bones.LEGS)] - positions[:, list(bones.UP_LEGS)]
-    knees = unit(out - axis * np.sum(out * axis, axis=-1, keepdims=True))
+    knees = joints.unit(out - axis * np.sum(out * axis, axis=-1, keepdims=True))
     soles, ankles = [], np.empty((len(hips), 2, 3))
     for foot in range(2):
-        sole = foot_rotation(tumble.yaws[:, foot], tumble.pitches[:, foot])
+        sole = joints.foot_rotation(tumble.yaws[:, foot], tumble.pitches[:, foot])
         soles.append(quat.slerp(rotations[:, bones.FEET[foot]], sole, weight))
         ball = tumble.balls[:, foot] + [0.0, bones.BALL_HEIGHT, 0.0]
-        ankles[:, foot] = ankle_position(_mixed(positions[:, bones.TOES[foot]], ball, weight), soles[foot])
+        ankles[:, foot] = joints.ankle_position(_mixed(positions[:, bones.TOES[foot]], ball, weight), soles[foot])
         near = np.clip((0.10 - ball[:, 1]) / 0.06, 0.0, 1.0)
-        toes = about_x(-np.clip(tumble.pitches[:, foot], -0.3, _MOST_TOES) * near)
+        toes = joints.about_x(-np.clip(tumble.pitches[:, foot], -0.3, _MOST_TOES) * near)
         found[:, bones.TOES[foot]] = quat.slerp(found[:, bones.TOES[foot]], toes, weight)
     ankles[..., 1] += weight[:, None] * _clear_feet(body, ankles, (soles[0], soles[1]))
-    sockets = [quat.rotate(turned, hip_offset(foot)) for foot in range(2)]
+    sockets = [quat.rotate(turned, joints.hip_offset(foot)) for foot in range(2)]
 
     def legs(lift: Array) -> list[tuple[Array, Array, Array]]:
         """Return hip, ankle and direction of the knee of each leg, the pelvis lifted (F,)."""
@@ -172,14 +159,18 @@ def _set_legs(
         for foot, socket in enumerate(sockets):
             hip = hips + socket
             hip[:, 1] += lift
-            ankle = _mixed(ankles[:, foot], _within_leg(ankles[:, foot], hip), weight)
-            ahead = _knee_direction(turned, hip, ankle, tumble.splays[:, foot], 1 - 2 * foot)
-            parts.append((hip, ankle, unit(_mixed(knees[:, foot], ahead, weight))))
+            held = joints.within_limb(ankles[:, foot], hip, _LEAST_LEG, 0.02, joints.LEG_REACH)
+            held[:, 1] = soft_floor(held[:, 1], ankles[:, foot, 1], 0.003)
+            ankle = _mixed(ankles[:, foot], held, weight)
+            # The knee is ahead of the pelvis where the leg hangs.
+            ahead, out = joints.carry(turned, joints.DOWN, ankle - hip, joints.AHEAD, foot)
+            ahead = joints.swung(ahead, out, tumble.splays[:, foot])
+            parts.append((hip, ankle, joints.unit(_mixed(knees[:, foot], ahead, weight))))
         return parts
 
     hips[:, 1] += weight * -smooth_below(-_knee_lift(legs, len(hips)), around)
     for foot, (hip, ankle, ahead) in enumerate(legs(np.zeros(len(hips)))):
-        thigh, shank, sole = pose_leg(turned, hip, ankle, soles[foot], ahead)
+        thigh, shank, sole = joints.pose_leg(turned, hip, ankle, soles[foot], ahead)
         found[:, bones.UP_LEGS[foot]], found[:, bones.LEGS[foot]], found[:, bones.FEET[foot]] = thigh, shank, sole
 
 
@@ -188,7 +179,8 @@ def _knee_lift(legs: Callable[[Array], list[tuple[Array, Array, Array]]], count:
     low, high = np.zeros(count), np.full(count, _KNEE_LIFT)
     for _ in range(24):
         middle = 0.5 * (low + high)
-        least = np.min([_knee_height(*leg) for leg in legs(middle)], axis=0)
+        solved = [(leg, joints.solve_leg(*leg)) for leg in legs(middle)]
+        least = np.min([leg[0][:, 1] + bones.THIGH * bone[:, 1] for leg, (bone, _, _) in solved], axis=0)
         sunk = least < _KNEE
         low, high = np.where(sunk, middle, low), np.where(sunk, high, middle)
     return high
@@ -202,12 +194,13 @@ def _set_arms(skeleton: Skeleton, tumble: Pose, weight: Array, hips: Array, rota
         shoulder, collar = positions[:, bones.ARMS[side]], turned[:, bones.SHOULDERS[side]]
         fist = chest + quat.rotate(chest_rotation, tumble.hands[:, side])
         fist = _mixed(fist, tumble.props[:, side], tumble.propped[:, side])
-        fist = within_reach(fist, shoulder)
+        fist = joints.within_reach(fist, shoulder)
         fist[:, 1] = soft_floor(fist[:, 1], _FIST, 0.004)
-        back, out = _elbow_frame(chest_rotation, unit(fist - shoulder), 1 - 2 * side)
+        # Arms of a falling body go any way but up and back, where these directions would be undefined.
+        back, out = joints.carry(chest_rotation, _HANGS, fist - shoulder, _BACK, side)
         swivel = _clear_elbow(shoulder, fist, back, out, tumble.elbows[:, side])
-        pole = np.cos(swivel)[:, None] * back + np.sin(swivel)[:, None] * out
-        posed = bend_arm(side, collar, shoulder, fist, pole, np.full(len(hips), _FIST_ROLL))
+        pole, roll = joints.swung(back, out, swivel), np.full(len(hips), _FIST_ROLL)
+        posed = joints.bend_arm(side, collar, shoulder, fist, pole, roll)
         for joint, local in zip((bones.ARMS, bones.FOREARMS, bones.HANDS), posed, strict=True):
             found[:, joint[side]] = quat.slerp(rotations[:, joint[side]], local, weight)
 
@@ -222,45 +215,6 @@ def _clear_feet(body: Body, ankles: Array, soles: tuple[Array, Array]) -> Array:
             low = np.minimum(low, ankles[:, foot, 1] + quat.rotate(soles[foot], end[shoe])[:, 1] - radius)
         lifts[:, foot] = soft_floor(-low, 0.0, 0.003)
     return lifts
-
-
-def _within_leg(ankle: Array, hip: Array) -> Array:
-    """Return ankles (F, 3) drawn to where legs from their hips (F, 3) reach, neither folded up nor stretched."""
-    gap = ankle - hip
-    far = np.linalg.norm(gap, axis=-1, keepdims=True)
-    held = soft_cap(soft_floor(far, _LEAST_LEG, 0.02), LEG_REACH * (bones.THIGH + bones.SHANK), 0.008)
-    found = hip + gap * (held / np.maximum(far, 1e-9))
-    found[:, 1] = soft_floor(found[:, 1], ankle[:, 1], 0.003)
-    return np.asarray(found)
-
-
-def _knee_direction(hips_rotation: Array, hip: Array, ankle: Array, splay: Array, sign: int) -> Array:
-    """Return where the knee of a leg in any position points: ahead of the pelvis where the leg hangs. Shape (F, 3)."""
-    axis = unit(ankle - hip)
-    carried = quat.multiply(quat.between(quat.rotate(hips_rotation, _DOWN), axis), hips_rotation)
-    ahead, out = quat.rotate(carried, _AHEAD), quat.rotate(carried, _LEFT) * sign
-    return np.asarray(np.cos(splay)[:, None] * ahead + np.sin(splay)[:, None] * out)
-
-
-def _knee_height(hip: Array, ankle: Array, ahead: Array) -> Array:
-    """Return how high the knee is between a hip and an ankle [m]. Shape (F,)."""
-    gap = ankle - hip
-    distance = np.linalg.norm(gap, axis=-1)
-    axis = gap / distance[:, None]
-    pole = unit(ahead - axis * np.sum(axis * ahead, axis=-1, keepdims=True))
-    distance = np.minimum(distance, 0.9995 * (bones.THIGH + bones.SHANK))
-    thigh, _, _ = triangle(axis, distance, bones.THIGH, bones.SHANK, pole)
-    return np.asarray(hip[:, 1] + bones.THIGH * thigh[:, 1])
-
-
-def _elbow_frame(chest_rotation: Array, axis: Array, sign: int) -> tuple[Array, Array]:
-    """Return where the elbow of an arm along ``axis`` points at a swivel of 0, and outwards. All of shape (F, 3).
-
-    Both are carried from an arm that hangs down and ahead, whose elbow points back and down: arms of a falling body go
-    any way but up and back, where they would be undefined.
-    """
-    carried = quat.multiply(quat.between(quat.rotate(chest_rotation, _HANGS), axis), chest_rotation)
-    return quat.rotate(carried, _BACK), quat.rotate(carried, _LEFT) * sign
 
 
 def _clear_elbow(shoulder: Array, fist: Array, down: Array, out: Array, swivel: Array) -> Array:

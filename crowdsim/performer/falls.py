@@ -189,7 +189,7 @@ def _sideways(side: float) -> Plunge:
     near, far = (0.20, -0.16) if side > 0.0 else (-0.20, 0.20)
     ahead, behind = (0.24, 0.30) if side > 0.0 else (0.30, 0.24)
     # Hands and feet: first those of the side that the body falls to.
-    keys = (
+    keys: tuple[Key, ...] = (
         Key(0.16, STANCE, (0.09 * side, 0.83, -0.01), (-28.0, 8.0, 10.0 * side, 0.0), (0.0, 8.0, 16.0 * side),
             (0.0, 0.0), Hand(elbow=30.0), Hand(elbow=30.0), Foot(pitch=6.0), Foot(pitch=16.0)),
         Key(0.40, STANCE, (0.27 * side, 0.60, -0.03), (-24.0, 10.0, 24.0 * side, 0.0), (0.0, 14.0, 10.0 * side),
@@ -216,8 +216,6 @@ def _sideways(side: float) -> Plunge:
 
 # fmt: on
 PLUNGES = {"forward": _FORWARD, "backward": _BACKWARD, "left": _sideways(1.0), "right": _sideways(-1.0)}
-"""Kinds of falls by where the trunk goes."""
-
 FALLS = tuple(PLUNGES)
 """Kinds of falls, by where the trunk goes."""
 _GUARD, _AFTER = 1.15, 1.15
@@ -229,17 +227,12 @@ _STEPS = (1.66, 1.90, 2.38)
 [s]."""
 
 
-def write_fall(kind: str, rng: np.random.Generator, facing: float | None = None, fights: bool = False) -> Score:
+def write_fall(plan: Choreographer, kind: str, fights: bool) -> Score:
     """Plan a clip of one fall: a second in the guard, the fall, lying, getting up, and a second in the guard.
 
-    Args:
-        kind: A word of ``FALLS``.
-        rng: Where every number is drawn from.
-        facing: Heading of the stance at the start [rad]; drawn when None.
-        fights: Whether the boxer fights before the fall and after it, instead of standing in the guard.
+    Where the boxer ``fights``, it does so before the fall and after it, instead of standing in the guard.
     """
-    plunge = PLUNGES[kind]
-    plan = Choreographer(rng, facing)
+    rng, plunge = plan.rng, PLUNGES[kind]
     start = _hit(plan, fights)
     quick, slow = float(rng.uniform(0.94, 1.06)), float(rng.uniform(0.94, 1.08))
     before, prints = plan.ground_frame.copy(), plan.prints.copy()
@@ -268,7 +261,8 @@ def _hit(plan: Choreographer, fights: bool) -> float:
     if not fights:
         return _GUARD + float(rng.uniform(0.0, 0.15))
     over = exchange_blows(plan, float(rng.uniform(0.3, 0.5)), _GUARD)
-    return max(over - float(rng.uniform(0.05, 0.45)), plan.feet_free, plan.last_hit + 0.05)
+    last_hit = plan.score.reaches[-1].hit if plan.score.reaches else 0.0
+    return max(over - float(rng.uniform(0.05, 0.45)), plan.feet_free, last_hit + 0.05)
 
 
 def _go_on(plan: Choreographer, end: float, fights: bool) -> float:
@@ -383,17 +377,12 @@ STAGGERS = {"stagger_back": (-1.0, 0.0), "stagger_left": (0.0, 1.0), "stagger_ri
 """Kinds of staggers, by where the trunk is thrown: ahead, to the left."""
 
 
-def write_stagger(kind: str, rng: np.random.Generator, facing: float | None = None, fights: bool = False) -> Score:
+def write_stagger(plan: Choreographer, kind: str, fights: bool) -> Score:
     """Plan a clip of one stagger: a second in the guard, catching steps after a hit, and a second in the guard.
 
-    Args:
-        kind: A key of ``STAGGERS``.
-        rng: Where every number is drawn from.
-        facing: Heading of the stance at the start [rad]; drawn when None.
-        fights: Whether the boxer fights before and after that, instead of standing in the guard.
+    Where the boxer ``fights``, it does so before and after that, instead of standing in the guard.
     """
-    ahead, left = STAGGERS[kind]
-    plan = Choreographer(rng, facing)
+    rng, (ahead, left) = plan.rng, STAGGERS[kind]
     start = _hit(plan, fights)
     hit = float(rng.uniform(1.02, 1.12))
     end = start + 0.10

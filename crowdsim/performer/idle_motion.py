@@ -44,17 +44,11 @@ def add_idle_motion(
 ) -> None:
     """Add what never stops to the channels (F, channels), in place.
 
-    Args:
-        channels: Sums of the accents.
-        style: How the boxer stands.
-        times: Times of the frames [s], evenly spaced. Shape (F,).
-        loads: Share of the weight that steps put on the lead foot. Shape (F,).
-        riding: 1 where a gait carries the body, and 0 where the guard bounces and rocks. Shape (F,).
-        rng: Where phases are drawn from.
+    ``loads`` (F,) is the share of the weight that steps put on the lead foot. ``riding`` (F,) is 1 where a gait carries
+    the body, and 0 where the guard bounces and rocks.
     """
-    spacing = times[1] - times[0] if len(times) > 1 else 0.0
     breath = np.sin(2.0 * np.pi * style.breath * times + 0.6 * noise(times, rng, 0.05, 0.15))
-    _add_bounce(channels, style, times, spacing, riding, rng)
+    _add_bounce(channels, style, times, riding, rng)
     channels[:, C.HEIGHT] += 0.003 * breath + 0.006 * noise(times, rng, 0.1, 0.5)
     channels[:, C.FLEX] -= 0.012 * breath
     for channel in (C.LEAD_RAISE, C.REAR_RAISE):
@@ -70,10 +64,9 @@ def add_idle_motion(
             channels[:, channel] -= 0.85 * tremor
 
 
-def _add_bounce(
-    channels: Array, style: Style, times: Array, spacing: float, riding: Array, rng: np.random.Generator
-) -> None:
+def _add_bounce(channels: Array, style: Style, times: Array, riding: Array, rng: np.random.Generator) -> None:
     """Bounce on the balls of the feet; trunk and hands follow a little later."""
+    spacing = times[1] - times[0] if len(times) > 1 else 0.0
     rate = style.bounce[1] * (1.0 + 0.06 * noise(times, rng, 0.05, 0.2))
     phase = 2.0 * np.pi * np.cumsum(rate) * spacing
     eager = soft_floor(0.55 + 0.5 * noise(times, rng, 0.06, 0.3), 0.0, 0.15) * (1.0 - riding)

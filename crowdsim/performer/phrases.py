@@ -10,7 +10,7 @@ from crowdsim.motion import ground
 from crowdsim.performer.choreographer import Choreographer
 from crowdsim.performer.free_footwork import ROOM, bounce, in_and_out, run_up, shuffle_any_way
 from crowdsim.performer.moves import DEFENCES, PUNCHES
-from crowdsim.performer.score import Score
+from crowdsim.performer.score import Score, Travel
 
 Theme = namedtuple("Theme", "strike steps turn defend counter stand travel shuffle press bounce pause")
 """What a clip is about: weights of phrases, methods of ``_Boxer``, and the longest pause between two of them [s]."""
@@ -200,7 +200,7 @@ class _Boxer:
                 kinds = self.draw(_PRESSING)
                 fists = self._punch_far(start + rng.uniform(-0.06, 0.04), kinds)
                 punching += int(rng.integers(2, 4))
-        plan.travelled("shuffle", begin, feet)
+        plan.score.travels.append(Travel("shuffle", begin, feet))
         return max(feet, fists)
 
     def _punch_far(self, onset: float, kinds: list[str]) -> float:

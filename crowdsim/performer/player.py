@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,27 +11,13 @@ from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion import quaternion as quat
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.performer import joints
 from crowdsim.performer import skeleton as bones
 from crowdsim.performer.curves import pulse, smooth_below, soft_cap, soft_floor, window
 from crowdsim.performer.falling import fall_over
 from crowdsim.performer.fists import clear_head, lead_fists
 from crowdsim.performer.footwork import Footwork, trace_feet
 from crowdsim.performer.idle_motion import add_idle_motion
-from crowdsim.performer.joints import (
-    LEG_REACH,
-    Trunk,
-    about_x,
-    ankle_position,
-    foot_rotation,
-    girdle,
-    hip_offset,
-    pose_arm,
-    pose_head,
-    pose_leg,
-    pose_trunk,
-    turned,
-    within_reach,
-)
 from crowdsim.performer.score import Channel, Reach, Score, Style
 
 _SINKS = 0.31
@@ -79,27 +66,18 @@ def add_accents(score: Score, times: Array) -> Array:
     return channels
 
 
-def _riding(score: Score, times: Array) -> Array:
-    """Return 1 where the boxer walks, jogs or rests, 0 elsewhere, and what lies between on the way. Shape (F,)."""
-    riding = np.zeros(len(times))
-    for travel in score.travels:
-        if travel.gait in ("walk", "jog"):
-            riding += pulse(times, travel.start - 0.2, travel.start + 0.2, travel.end - 0.2, travel.end + 0.2)
-    return np.minimum(riding + _resting(score, times), 1.0)
-
-
-def _resting(score: Score, times: Array) -> Array:
-    """Return 1 where the boxer is at ease, 0 in the guard, and what lies between on the way. Shape (F,)."""
-    resting = np.zeros(len(times))
-    for rest in score.rests:
-        resting += pulse(times, rest.start, rest.down, rest.up, rest.end)
-    return resting
+def _add_pulses(times: Array, pulses: Sequence[tuple[float, float, float, float]]) -> Array:
+    """Return a sum of pulses: 1 in them, 0 elsewhere, and what lies between on the way. Shape (F,)."""
+    total = np.zeros(len(times))
+    for at in pulses:
+        total += pulse(times, *at)
+    return total
 
 
 def _carry_pelvis(score: Score, times: Array, feet: Footwork, channels: Array, ankles: Array) -> tuple[Array, Array]:
     """Return position and rotation of the pelvis, as high as both legs let it be. Shapes (F, 3) and (F, 4)."""
     style = score.style
-    rotation = turned(
+    rotation = joints.turned(
         feet.heading + style.blade + channels[:, Channel.PELVIS_TURN],
         0.45 * style.lean + channels[:, Channel.PELVIS_TILT],
         channels[:, Channel.PELVIS_BEND],
@@ -109,12 +87,12 @@ def _carry_pelvis(score: Score, times: Array, feet: Footwork, channels: Array, a
     hips = ground.to_world(base, shift)
     height = soft_floor(style.height + channels[:, Channel.HEIGHT], _LOWEST, 0.04)
     highest = np.full(len(base), np.inf)
-    reach = LEG_REACH * (bones.THIGH + bones.SHANK)
     for foot in range(2):
-        drop = quat.rotate(rotation, hip_offset(foot))
+        drop = quat.rotate(rotation, joints.hip_offset(foot))
         flat = ankles[:, foot] - hips - drop
         far = flat[:, 0] ** 2 + flat[:, 2] ** 2
-        highest = np.minimum(highest, ankles[:, foot, 1] + np.sqrt(np.maximum(reach**2 - far, 0.05)) - drop[:, 1])
+        up = np.sqrt(np.maximum(joints.LEG_REACH**2 - far, 0.05))
+        highest = np.minimum(highest, ankles[:, foot, 1] + up - drop[:, 1])
     most = round(_SINKS * (len(times) - 1) / max(float(times[-1] - times[0]), 1e-9))
     hips[:, 1] = soft_cap(height, smooth_below(highest, most), 0.008)
     return hips, rotation
@@ -125,7 +103,10 @@ def play_score(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Ge
     feet = trace_feet(score, times)
     style = score.style
     channels = add_accents(score, times)
-    add_idle_motion(channels, score.style, times, feet.loads, _riding(score, times), rng)
+    walks = [(one.start, one.end) for one in score.travels if one.gait in ("walk", "jog")]
+    riding = _add_pulses(times, [(start - 0.2, start + 0.2, end - 0.2, end + 0.2) for start, end in walks])
+    resting = _add_pulses(times, [(rest.start, rest.down, rest.up, rest.end) for rest in score.rests])
+    add_idle_motion(channels, style, times, feet.loads, np.minimum(riding + resting, 1.0), rng)
     for channel, (least, most) in ((Channel.FLEX, _MOST_FLEX), (Channel.BEND, _MOST_BEND)):
         channels[:, channel] = soft_cap(soft_floor(channels[:, channel], least, 0.06), most, 0.06)
     rotations = np.zeros((len(times), skeleton.joint_count, 4))
@@ -133,7 +114,7 @@ def play_score(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Ge
 
     ankles, soles, yaws = _set_feet(style, feet, channels, rotations)
     hips, hips_rotation = _carry_pelvis(score, times, feet, channels, ankles)
-    trunk = pose_trunk(
+    trunk = joints.pose_trunk(
         skeleton,
         hips,
         hips_rotation,
@@ -144,17 +125,17 @@ def play_score(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Ge
     rotations[:, bones.HIPS] = hips_rotation
     rotations[:, bones.SPINE : bones.SPINE2 + 1] = trunk.spine
     for foot in range(2):
-        hip = hips + quat.rotate(hips_rotation, hip_offset(foot))
+        hip = hips + quat.rotate(hips_rotation, joints.hip_offset(foot))
         ahead = np.stack([np.sin(yaws[foot]), np.zeros(len(times)), np.cos(yaws[foot])], axis=-1)
-        posed = pose_leg(hips_rotation, hip, ankles[:, foot], soles[foot], ahead)
-        for joints, local in zip((bones.UP_LEGS, bones.LEGS, bones.FEET), posed, strict=True):
-            rotations[:, joints[foot]] = local
+        posed = joints.pose_leg(hips_rotation, hip, ankles[:, foot], soles[foot], ahead)
+        for bone, local in zip((bones.UP_LEGS, bones.LEGS, bones.FEET), posed, strict=True):
+            rotations[:, bone[foot]] = local
     head = _turn_head(style, skeleton, feet, channels, trunk, rotations)
     collars, shoulders = _raise_shoulders(skeleton, channels, trunk, rotations)
-    reached, reaches = lead_fists(score, times, feet.heading, trunk, channels, shoulders, _resting(score, times))
-    fists = within_reach(clear_head(reached, head), shoulders)
+    reached, reaches = lead_fists(score, times, feet.heading, trunk, channels, shoulders, resting)
+    fists = joints.within_reach(clear_head(reached, head), shoulders)
     for side in range(2):
-        posed = pose_arm(
+        posed = joints.pose_arm(
             side,
             trunk.chest_rotation,
             collars[side],
@@ -163,8 +144,8 @@ def play_score(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Ge
             style.elbows[side] + channels[:, Channel.LEAD_ELBOW + side],
             0.3 + channels[:, Channel.LEAD_ROLL + side],
         )
-        for joints, local in zip((bones.ARMS, bones.FOREARMS, bones.HANDS), posed, strict=True):
-            rotations[:, joints[side]] = local
+        for bone, local in zip((bones.ARMS, bones.FOREARMS, bones.HANDS), posed, strict=True):
+            rotations[:, bone[side]] = local
     if score.falls:
         hips, rotations, weight = fall_over(skeleton, hips, rotations, score, times, rng)
         feet = replace(feet, planted=feet.planted & (weight == 0.0)[:, None])
@@ -185,25 +166,25 @@ def _set_feet(
         # A foot on its heel has its ball as high as the heel is low.
         lift = feet.lifts[:, foot] + _SOLE * np.sin(feet.toes_up[:, foot])
         ball = np.stack([feet.balls[:, foot, 0], bones.BALL_HEIGHT + lift, feet.balls[:, foot, 1]], axis=-1)
-        soles.append(foot_rotation(yaw, heel - feet.toes_up[:, foot]))
-        ankles[:, foot] = ankle_position(ball, soles[foot])
-        rotations[:, bones.TOES[foot]] = about_x(-heel * feet.points[:, foot])
+        soles.append(joints.foot_rotation(yaw, heel - feet.toes_up[:, foot]))
+        ankles[:, foot] = joints.ankle_position(ball, soles[foot])
+        rotations[:, bones.TOES[foot]] = joints.about_x(-heel * feet.points[:, foot])
         yaws.append(yaw)
     return ankles, soles, yaws
 
 
 def _turn_head(
-    style: Style, skeleton: Skeleton, feet: Footwork, channels: Array, trunk: Trunk, rotations: Array
+    style: Style, skeleton: Skeleton, feet: Footwork, channels: Array, trunk: joints.Trunk, rotations: Array
 ) -> Array:
     """Write the rotations of neck and head, and return the centre of the head [m]. Shape (F, 3)."""
-    gaze = turned(
+    gaze = joints.turned(
         feet.heading + channels[:, Channel.HEAD_TURN],
         0.2 + channels[:, Channel.HEAD_NOD] + 0.35 * channels[:, Channel.FLEX],
         channels[:, Channel.HEAD_BEND] + 0.45 * channels[:, Channel.BEND],
     )
     facing = quat.multiply(trunk.chest_rotation, quat.about_y(-style.blade - style.twist))
     gaze = quat.slerp(gaze, facing, _GAZE_FOLLOWS)
-    rotations[:, [bones.NECK, bones.HEAD]] = pose_head(trunk.chest_rotation, gaze)
+    rotations[:, [bones.NECK, bones.HEAD]] = joints.pose_head(trunk.chest_rotation, gaze)
     neck = trunk.chest + quat.rotate(trunk.chest_rotation, skeleton.offsets[bones.NECK])
     neck_rotation = quat.multiply(trunk.chest_rotation, rotations[:, bones.NECK])
     skull = neck + quat.rotate(neck_rotation, skeleton.offsets[bones.HEAD])
@@ -211,13 +192,15 @@ def _turn_head(
     return np.asarray(skull + quat.rotate(head_rotation, np.array([0.0, bones.HEAD_CENTRE, 0.0])))
 
 
-def _raise_shoulders(skeleton: Skeleton, channels: Array, trunk: Trunk, rotations: Array) -> tuple[list[Array], Array]:
+def _raise_shoulders(
+    skeleton: Skeleton, channels: Array, trunk: joints.Trunk, rotations: Array
+) -> tuple[list[Array], Array]:
     """Write the rotations of the collar bones, and return them in the world, (F, 4) each, and shoulders (F, 2, 3)."""
     collars, shoulders = [], np.empty((len(rotations), 2, 3))
     for side in range(2):
-        local = girdle(
-            side, 0.12 + channels[:, Channel.LEAD_FORTH + side], 0.08 + channels[:, Channel.LEAD_RAISE + side]
-        )
+        forth, raised = 0.12 + channels[:, Channel.LEAD_FORTH + side], 0.08 + channels[:, Channel.LEAD_RAISE + side]
+        sign = 1 - 2 * side
+        local = quat.from_euler(np.stack([-forth * sign, raised * sign, np.zeros_like(forth)], axis=-1), "YZX")
         rotations[:, bones.SHOULDERS[side]] = local
         collars.append(quat.multiply(trunk.chest_rotation, local))
         root = trunk.chest + quat.rotate(trunk.chest_rotation, skeleton.offsets[bones.SHOULDERS[side]])

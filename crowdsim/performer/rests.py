@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.performer.choreographer import Choreographer
 from crowdsim.performer.footwork import stance_prints
 from crowdsim.performer.moves import part
-from crowdsim.performer.score import GUARD_SWING, LEAD, REAR, Channel, Rest, Score, Style
+from crowdsim.performer.score import GUARD_SWING, LEAD, REAR, Accent, Channel, Rest, Score
 from crowdsim.performer.travel import STROLL, Stride, stance_on, travel
 
 _GUARD, _AFTER = 1.15, 1.15
@@ -66,21 +66,15 @@ def _stand_easy(plan: Choreographer, start: float, down: float, up: float, end: 
             plan.accent(Channel(_HANDS[side] + axis), size, start + late, down, up, end - late)
 
 
-def _shift_weight(plan: Choreographer, start: float, end: float) -> None:
-    """Shift the weight from one leg to the other, and look aside."""
+def _to_both_sides(
+    overlap: float, plays: Sequence[tuple[tuple[Accent, ...], float]], plan: Choreographer, start: float, end: float
+) -> None:
+    """Play accents, drawn by a spread each, to one side and then to the other, which begins ``overlap`` earlier [s]."""
     side = float(plan.rng.choice([-1.0, 1.0]))
     middle = 0.5 * (start + end)
-    for sign, first, last in ((side, start, middle), (-side, middle - 0.2, end)):
-        plan.play(_SHIFT, (first, first, last, last), sign, 0.1)
-        plan.play(_GLANCE, (first, first, last, last), sign, 0.2)
-
-
-def _look_about(plan: Choreographer, start: float, end: float) -> None:
-    """Look over one shoulder, then over the other."""
-    side = float(plan.rng.choice([-1.0, 1.0]))
-    middle = 0.5 * (start + end)
-    for sign, first, last in ((side, start, middle), (-side, middle, end)):
-        plan.play(_LOOK, (first, first, last, last), sign, 0.1)
+    for sign, first, last in ((side, start, middle), (-side, middle - overlap, end)):
+        for accents, spread in plays:
+            plan.play(accents, (first, first, last, last), sign, spread)
 
 
 def _shake_arms(plan: Choreographer, start: float, end: float) -> None:
@@ -108,9 +102,10 @@ def _roll_shoulders(plan: Choreographer, start: float, end: float) -> None:
         plan.play(_NECK, (first,) * 4, sign, unit=lasts)
 
 
+_shift_weight = partial(_to_both_sides, 0.2, ((_SHIFT, 0.1), (_GLANCE, 0.2)))
 _IDLE: dict[str, Callable[[Choreographer, float, float], None]] = {
     "at_ease": _shift_weight,
-    "look_about": _look_about,
+    "look_about": partial(_to_both_sides, 0.0, ((_LOOK, 0.1),)),
     "shake_arms": _shake_arms,
     "roll_shoulders": _roll_shoulders,
 }
@@ -121,16 +116,12 @@ RESTS = (*AT_EASE, *_WALKS)
 """Kinds of rests: on the spot, and walking off by a turn to either side."""
 
 
-def write_rest(kind: str, rng: np.random.Generator, facing: float | None = None, moves: bool = False) -> Score:
+def write_rest(plan: Choreographer, kind: str, moves: bool) -> Score:
     """Plan a clip of one rest: a second in the guard, the rest, and a second in the guard.
 
-    Args:
-        kind: A word of ``RESTS``.
-        rng: Where every number is drawn from.
-        facing: Heading of the stance at the start [rad]; drawn when None.
-        moves: Whether the boxer is on the move in the guard, before the rest and after it, instead of standing.
+    Where the boxer ``moves``, it steps about in the guard before the rest and after it, instead of standing.
     """
-    plan = Choreographer(rng, facing)
+    rng = plan.rng
     start = _step_about(plan, 0.4, _GUARD) if moves else _GUARD
     start += float(rng.uniform(0.0, 0.15))
     down = start + plan.about(_LOWERS, 0.06)
@@ -144,7 +135,9 @@ def write_rest(kind: str, rng: np.random.Generator, facing: float | None = None,
         # The guard keeps the lead foot where it is, and looks where the body does.
         plan.ground_frame = stance_on(plan, plan.style, LEAD, float(plan.ground_frame[2]))
         prints = stance_prints(plan.style, plan.ground_frame)
-    _step_back(plan, up + 0.15, prints)
+    back, returned = up + 0.15, up + 0.15 + plan.about(0.42, 0.06)
+    plan.plant(REAR, back, returned, prints[REAR], plan.about(0.045, 0.1), GUARD_SWING)
+    plan.twist_foot(LEAD, back + 0.1, returned + 0.1, float(prints[LEAD, 2] - plan.prints[LEAD, 2]))
     end = up + plan.about(_RAISES, 0.05)
     _stand_easy(plan, start, down, up, end)
     last = _step_about(plan, end, end + _AFTER) + 0.3 if moves else end + _AFTER
@@ -162,11 +155,6 @@ def _step_about(plan: Choreographer, begin: float, until: float) -> float:
     return end
 
 
-def _square(plan: Choreographer) -> Style:
-    """Return how the boxer stands at ease: feet side by side."""
-    return replace(plan.style, balls=((_HALF_WIDTH, 0.0), (-_HALF_WIDTH, 0.0)), foot_yaws=_TOE_OUT, blade=0.0)
-
-
 def _stand_square(plan: Choreographer, start: float) -> float:
     """Step up beside the lead foot with the rear one; return when both stand side by side [s]."""
     lead = plan.prints[LEAD]
@@ -179,18 +167,12 @@ def _stand_square(plan: Choreographer, start: float) -> float:
     return end + 0.3
 
 
-def _step_back(plan: Choreographer, start: float, prints: Array) -> float:
-    """Step back into a guard with the rear foot, whose prints are given; return when it stands [s]."""
-    end = start + plan.about(0.42, 0.06)
-    plan.plant(REAR, start, end, prints[REAR], plan.about(0.045, 0.1), GUARD_SWING)
-    plan.twist_foot(LEAD, start + 0.1, end + 0.1, float(prints[LEAD, 2] - plan.prints[LEAD, 2]))
-    return end + 0.1
-
-
 def _walk_off(plan: Choreographer, start: float, side: float) -> float:
     """Look and turn away, walk some metres and stop, feet side by side; return when both stand [s]."""
     turn, count = side * float(plan.rng.uniform(1.8, 2.8)), 4
     plan.accent(Channel.HEAD_TURN, 0.35 * side, start - 0.45, start + 0.15, start + 0.3, start + 1.2)
     around = [Stride(STROLL, 0.42, turn / count)] * count
     straight = [Stride(STROLL, float(share)) for share in plan.rng.uniform(0.95, 1.05, 5)]
-    return travel(plan, start, [*around, *straight, Stride(STROLL, 0.8)], closing=_square(plan))
+    balls = ((_HALF_WIDTH, 0.0), (-_HALF_WIDTH, 0.0))
+    square = replace(plan.style, balls=balls, foot_yaws=_TOE_OUT, blade=0.0)
+    return travel(plan, start, [*around, *straight, Stride(STROLL, 0.8)], closing=square)

@@ -16,6 +16,7 @@ import numpy as np
 from crowdsim.core.types import Progress
 from crowdsim.errors import nearest
 from crowdsim.motion.skeleton import Clip
+from crowdsim.performer.choreographer import Choreographer
 from crowdsim.performer.falls import FALLS, STAGGERS, write_fall, write_stagger
 from crowdsim.performer.moves import DEFENCES, PUNCHES
 from crowdsim.performer.phrases import THEMES, write_score
@@ -80,7 +81,6 @@ def perform(
     """
     if not (seconds > 0.0 and fps > 0.0):
         raise ValueError(f"seconds {seconds} and fps {fps}; expected both above 0")
-    _check_stance(stance)
     root = np.random.SeedSequence(seed)
     lengths = clip_lengths(seconds, fps, np.random.default_rng(root.spawn(1)[0]))
     performances = []
@@ -112,16 +112,12 @@ def _perform_each(
 
 def _write_move(move: str, facing: float | None, amid: bool, rng: np.random.Generator) -> Score:
     """Return the score of one move: of a fall, stagger or rest amid other moves, or between two guards."""
+    plan = Choreographer(rng, facing)
     if move in FALLS:
-        return write_fall(move, rng, facing, amid)
+        return write_fall(plan, move, amid)
     if move in STAGGERS:
-        return write_stagger(move, rng, facing, amid)
-    return write_rest(move, rng, facing, amid) if move in RESTS else write_solo(move, rng)
-
-
-def _check_stance(stance: str) -> None:
-    if stance not in STANCES:
-        raise ValueError(f"unknown stance {stance!r}; expected one of {', '.join(STANCES)}")
+        return write_stagger(plan, move, amid)
+    return write_rest(plan, move, amid) if move in RESTS else write_solo(plan, move)
 
 
 def perform_solo(move: str, seed: int = 1, fps: float = 60.0, stance: str = "orthodox") -> Performance:
@@ -138,13 +134,14 @@ def perform_solo(move: str, seed: int = 1, fps: float = 60.0, stance: str = "ort
     """
     if move not in MOVES:
         raise ValueError(f"unknown move {move!r}; expected one of {', '.join(MOVES)}{nearest(move, MOVES)}")
-    _check_stance(stance)
     return _perform(move, partial(_write_move, move, 0.0, False), np.random.SeedSequence(seed), fps, stance)
 
 
 def _perform(
     name: str, write: Callable[[np.random.Generator], Score], seeds: np.random.SeedSequence, fps: float, stance: str
 ) -> Performance:
+    if stance not in STANCES:
+        raise ValueError(f"unknown stance {stance!r}; expected one of {', '.join(STANCES)}")
     plan, idle = (np.random.default_rng(child) for child in seeds.spawn(2))
     score, skeleton = write(plan), build_skeleton()
     times = np.arange(round(score.seconds * fps)) / fps

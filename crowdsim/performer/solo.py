@@ -63,9 +63,8 @@ FOOTWORK: dict[str, _Move] = {
 """Footwork by name; each writes its steps from a time on [s] and returns when the last foot is down [s]."""
 
 
-def write_solo(move: str, rng: np.random.Generator) -> Score:
-    """Plan a short clip of one move alone, facing heading 0: a punch, a defence, or a word of ``FOOTWORK``."""
-    plan = Choreographer(rng, facing=0.0)
+def write_solo(plan: Choreographer, move: str) -> Score:
+    """Plan a short clip of one move alone: a punch, a defence, or a word of ``FOOTWORK``."""
     start = 0.5
     if move in PUNCHES:
         recipe = PUNCHES[move]

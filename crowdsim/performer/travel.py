@@ -15,7 +15,7 @@ from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.performer.choreographer import Choreographer
 from crowdsim.performer.moves import part
-from crowdsim.performer.score import GUARD_SWING, LEAD, REAR, Accent, Style, Swing
+from crowdsim.performer.score import GUARD_SWING, LEAD, REAR, Accent, Style, Swing, Travel
 from crowdsim.performer.score import Channel as C
 
 _WALK_SWING = Swing(push=0.29, settle=0.27, ramps=(0.23, 0.24), toe_off=1.0, roll=0.26, toe_up=0.20, load=0.0)
@@ -111,7 +111,7 @@ def shuffle(
     end = begin = max(start, plan.feet_free)
     for _ in range(count):
         end = plan.move(end, plan.about(ahead, 0.05), plan.about(left, 0.05), turn, tempo, quick=True)
-    plan.travelled("shuffle", begin, end)
+    plan.score.travels.append(Travel("shuffle", begin, end))
     return end
 
 
@@ -137,13 +137,19 @@ def travel(
     heading = float(plan.ground_frame[2]) + strides[0].turn
     foot, point = _first_foot(plan, heading, strides[0].turn)
     landed = [-np.inf, -np.inf]
-    touchdowns: list[float] = []
+    times, feet = [start], []
     for index, stride in enumerate(strides):
         gait = stride.gait
         if index:
             heading += stride.turn
         point = ground.compose([point[0], point[1], heading], [0.0, stride.share * gait.step, 0.0])
-        down, lift_off = _swing_times(plan, start, touchdowns, strides, index)
+        if index:
+            # The rhythm is that of the gait before.
+            before = strides[index - 1].gait
+            seconds = 0.5 * (gait.seconds + before.seconds) * (0.85 + 0.15 * stride.share) * plan.about(1.0, 0.015)
+            down, lift_off = times[-1] + seconds, times[-1] - before.seconds * (2.0 * before.aloft - 1.0)
+        else:
+            down, lift_off = start + 2.0 * gait.seconds * gait.aloft * plan.about(1.0, 0.02), start
         lift_off = max(lift_off, landed[foot] + _LEAST_STAND, start)
         side = gait.width if foot == LEAD else -gait.width
         toe_out = 0.10 if foot == LEAD else -0.14
@@ -155,32 +161,20 @@ def travel(
             if abs(stride.turn) > 0.3:
                 plan.twist_foot(1 - foot, max(lift_off, landed[1 - foot]), down, 0.6 * stride.turn)
         landed[foot] = down
-        touchdowns.append(down)
+        times.append(down)
+        feet.append(foot)
         foot = 1 - foot
-    end = _close(plan, closing or plan.style, foot, touchdowns[-1], strides[-1].gait, heading, facing)
-    _ride(plan, start, touchdowns, end, strides, 1 - foot, relaxed)
+    end = _close(plan, closing or plan.style, foot, times[-1], strides[-1].gait, heading, facing)
+    _ride(plan, [*times, end], strides, feet, relaxed)
     begin = start
     for index, stride in enumerate(strides):
         last = index + 1 == len(strides)
         if last or strides[index + 1].gait is not stride.gait:
-            finish = end if last else touchdowns[index]
-            plan.travelled(stride.gait.name, begin, finish)
+            finish = end if last else times[index + 1]
+            plan.score.travels.append(Travel(stride.gait.name, begin, finish))
             begin = finish
     plan.feet_free = end + 0.02
     return end
-
-
-def _swing_times(
-    plan: Choreographer, start: float, touchdowns: Sequence[float], strides: Sequence[Stride], index: int
-) -> tuple[float, float]:
-    """Return when the foot of a stride is down and when it leaves the floor, in the rhythm of the gait before [s]."""
-    stride = strides[index]
-    gait = stride.gait
-    if index == 0:
-        return start + 2.0 * gait.seconds * gait.aloft * plan.about(1.0, 0.02), start
-    before = strides[index - 1].gait
-    seconds = 0.5 * (gait.seconds + before.seconds) * (0.85 + 0.15 * stride.share) * plan.about(1.0, 0.015)
-    return touchdowns[-1] + seconds, touchdowns[-1] - before.seconds * (2.0 * before.aloft - 1.0)
 
 
 def _first_foot(plan: Choreographer, heading: float, turn: float) -> tuple[int, Array]:
@@ -222,23 +216,19 @@ def _close(
 
 
 def _ride(
-    plan: Choreographer,
-    start: float,
-    touchdowns: Sequence[float],
-    end: float,
-    strides: Sequence[Stride],
-    last_foot: int,
-    relaxed: float,
+    plan: Choreographer, times: Sequence[float], strides: Sequence[Stride], feet: Sequence[int], relaxed: float
 ) -> None:
-    """Let the body go along: each touchdown has a posture, and between touchdowns one passes into the next."""
+    """Let the body go along: each touchdown has a posture, and between touchdowns one passes into the next.
+
+    ``times`` are the start, all touchdowns and the end [s], ``feet`` those of the strides.
+    """
+    start, *touchdowns, end = times
     times = [start - 0.16, *touchdowns, end + 0.16]
-    count = len(strides)
     for index, stride in enumerate(strides):
         gait = stride.gait
         before, now, after = times[index : index + 3]
-        foot = last_foot if (count - 1 - index) % 2 == 0 else 1 - last_foot
-        side = 1.0 if foot == LEAD else -1.0
-        ends = 0.75 if index in (0, count - 1) else 1.0
+        side = 1.0 if feet[index] == LEAD else -1.0
+        ends = 0.75 if index in (0, len(strides) - 1) else 1.0
         for held in gait.posture:
             size = held.size * ends * (relaxed if held.channel >= C.LEAD_RAISE else 1.0)
             plan.accent(held.channel, size, before, now, now, after)
