@@ -164,7 +164,7 @@ def _set_legs(
             ankle = _mixed(ankles[:, foot], held, weight)
             # The knee is ahead of the pelvis where the leg hangs.
             ahead, out = joints.carry(turned, joints.DOWN, ankle - hip, joints.AHEAD, foot)
-            ahead = joints.swung(ahead, out, tumble.splays[:, foot])
+            ahead = joints.swivelled(ahead, out, tumble.splays[:, foot])
             parts.append((hip, ankle, joints.unit(_mixed(knees[:, foot], ahead, weight))))
         return parts
 
@@ -199,7 +199,7 @@ def _set_arms(skeleton: Skeleton, tumble: Pose, weight: Array, hips: Array, rota
         # Arms of a falling body go any way but up and back, where these directions would be undefined.
         back, out = joints.carry(chest_rotation, _HANGS, fist - shoulder, _BACK, side)
         swivel = _clear_elbow(shoulder, fist, back, out, tumble.elbows[:, side])
-        pole, roll = joints.swung(back, out, swivel), np.full(len(hips), _FIST_ROLL)
+        pole, roll = joints.swivelled(back, out, swivel), np.full(len(hips), _FIST_ROLL)
         posed = joints.bend_arm(side, collar, shoulder, fist, pole, roll)
         for joint, local in zip((bones.ARMS, bones.FOREARMS, bones.HANDS), posed, strict=True):
             found[:, joint[side]] = quat.slerp(rotations[:, joint[side]], local, weight)

@@ -136,7 +136,7 @@ def carry(rotation: Array, hangs: Array, gap: Array, towards: Array, side: int) 
     return quat.rotate(carried, towards), quat.rotate(carried, LEFT) * (1 - 2 * side)
 
 
-def swung(down: Array, out: Array, swivel: Array) -> Array:
+def swivelled(down: Array, out: Array, swivel: Array) -> Array:
     """Return the direction (F, 3) that a swivel (F,) [rad] turns from ``down`` towards ``out``, both (F, 3)."""
     return np.asarray(np.cos(swivel)[:, None] * down + np.sin(swivel)[:, None] * out)
 
@@ -154,7 +154,7 @@ def pose_arm(
     # when the fist is up, and behind it when the fist is down, and only an arm that points back would leave it
     # undefined.
     down, out = carry(chest_rotation, AHEAD, fist - shoulder, DOWN, side)
-    return bend_arm(side, collar, shoulder, fist, swung(down, out, swivel), roll)
+    return bend_arm(side, collar, shoulder, fist, swivelled(down, out, swivel), roll)
 
 
 def bend_arm(

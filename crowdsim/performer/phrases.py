@@ -217,25 +217,19 @@ class _Boxer:
 
     def phrase(self) -> None:
         """Draw the next phrase and write it."""
-        phrases = (self.strike, self.steps, self.turn, self.defend, self.counter, self.stand, self.travel, self.shuffle)
+        first = (self.strike, self.steps, self.turn, self.defend, self.counter)
+        phrases = (*first, self.stand, self.travel, self.shuffle, self.press, self.bounce)
         weights = np.array(self.theme[:-1])
-        choice = int(np.searchsorted(np.cumsum(weights) / weights.sum(), self.rng.uniform()))
-        end = (*phrases, self.press, self.bounce)[choice]()
+        end = phrases[int(np.searchsorted(np.cumsum(weights) / weights.sum(), self.rng.uniform()))]()
         self.now = max(end, self.plan.feet_free - 0.15) + float(self.rng.uniform(0.0, self.theme.pause))
 
-    def fill(self) -> Score:
-        """Write phrases until the clip is full, with the guard at both ends."""
-        while True:
-            before = self.now
-            if before > self.seconds - 2.9:
-                return self.plan.finish(self.seconds)
-            self.phrase()
 
-
-def write_score(seconds: float, theme: Theme, rng: np.random.Generator) -> Score:
-    """Plan a clip of a given length [s] on a theme."""
-    plan = Choreographer(rng)
-    return _Boxer(plan, seconds, theme, float(rng.uniform(0.35, 0.7))).fill()
+def write_score(plan: Choreographer, seconds: float, theme: Theme) -> Score:
+    """Plan a clip of a given length [s] on a theme: phrases until it is full, with the guard at both ends."""
+    boxer = _Boxer(plan, seconds, theme, float(plan.rng.uniform(0.35, 0.7)))
+    while boxer.now <= seconds - 2.9:
+        boxer.phrase()
+    return plan.finish(seconds)
 
 
 def exchange_blows(plan: Choreographer, begin: float, least: float) -> float:

@@ -85,7 +85,7 @@ def perform(
     lengths = clip_lengths(seconds, fps, np.random.default_rng(root.spawn(1)[0]))
     performances = []
     for index, (frames, sequence) in enumerate(zip(lengths, root.spawn(len(lengths)), strict=True)):
-        write = partial(write_score, frames / fps, THEMES[index % len(THEMES)])
+        write = partial(write_score, seconds=frames / fps, theme=THEMES[index % len(THEMES)])
         performances.append(_perform(f"performer_{index:02d}", write, sequence, fps, stance))
         if progress is not None:
             progress("perform", index + 1, len(lengths))
@@ -106,13 +106,12 @@ def _perform_each(
         for take in range(count):
             name = f"performer_fall_{kind}_{take:02d}" if kind in FALLS else f"performer_{kind}_{take:02d}"
             sequence = np.random.SeedSequence(seed, spawn_key=(stream, index, take))
-            performances.append(_perform(name, partial(_write_move, kind, None, True), sequence, fps, stance))
+            performances.append(_perform(name, partial(_write_move, move=kind, amid=True), sequence, fps, stance))
     return performances
 
 
-def _write_move(move: str, facing: float | None, amid: bool, rng: np.random.Generator) -> Score:
+def _write_move(plan: Choreographer, move: str, amid: bool) -> Score:
     """Return the score of one move: of a fall, stagger or rest amid other moves, or between two guards."""
-    plan = Choreographer(rng, facing)
     if move in FALLS:
         return write_fall(plan, move, amid)
     if move in STAGGERS:
@@ -134,16 +133,22 @@ def perform_solo(move: str, seed: int = 1, fps: float = 60.0, stance: str = "ort
     """
     if move not in MOVES:
         raise ValueError(f"unknown move {move!r}; expected one of {', '.join(MOVES)}{nearest(move, MOVES)}")
-    return _perform(move, partial(_write_move, move, 0.0, False), np.random.SeedSequence(seed), fps, stance)
+    write = partial(_write_move, move=move, amid=False)
+    return _perform(move, write, np.random.SeedSequence(seed), fps, stance, facing=0.0)
 
 
 def _perform(
-    name: str, write: Callable[[np.random.Generator], Score], seeds: np.random.SeedSequence, fps: float, stance: str
+    name: str,
+    write: Callable[[Choreographer], Score],
+    seeds: np.random.SeedSequence,
+    fps: float,
+    stance: str,
+    facing: float | None = None,
 ) -> Performance:
     if stance not in STANCES:
         raise ValueError(f"unknown stance {stance!r}; expected one of {', '.join(STANCES)}")
     plan, idle = (np.random.default_rng(child) for child in seeds.spawn(2))
-    score, skeleton = write(plan), build_skeleton()
+    score, skeleton = write(Choreographer(plan, facing)), build_skeleton()
     times = np.arange(round(score.seconds * fps)) / fps
     played = play_score(score, skeleton, times, idle)
     clip = Clip(name, skeleton, fps, played.root_positions, played.rotations)
