@@ -50,7 +50,7 @@ class Punch:
 
 
 @dataclass(frozen=True)
-class Guarding:
+class Defence:
     """A kind of defence: how long it takes to its height, there, and back [s], and what the body does."""
 
     seconds: tuple[float, float, float]
@@ -61,6 +61,7 @@ def _joined(*parts: tuple[Accent, ...]) -> tuple[Accent, ...]:
     return tuple(one for group in parts for one in group)
 
 
+# Every accent draws random numbers in its turn: accents in another order are another boxer.
 # fmt: off
 PUNCHES = {
     "jab": Punch(
@@ -155,7 +156,7 @@ PUNCHES = {
 }
 
 DEFENCES = {
-    "duck": Guarding((0.38, 0.10, 0.46), _joined(
+    "duck": Defence((0.38, 0.10, 0.46), _joined(
         part( 0.00,  0.95,  1.00,  2.00, HEIGHT=-0.235, PELVIS_TILT=0.18),
         part( 0.05,  1.00,  1.00,  1.90, FLEX=0.34),         part( 0.00,  0.90,  1.00,  2.00, SHIFT_Z=-0.03),
         part( 0.00,  0.95,  1.00,  2.00, REAR_HEEL=0.42),    part( 0.10,  0.95,  1.00,  2.00, LEAD_HEEL=0.10),
@@ -163,7 +164,7 @@ DEFENCES = {
         part( 0.00,  0.80,  1.00,  2.00, LEAD_HAND_Y=0.05, LEAD_HAND_Z=-0.10, REAR_HAND_Y=0.03, LEAD_RAISE=0.12,
                                          REAR_RAISE=0.12),
     )),
-    "slip_left": Guarding((0.24, 0.06, 0.30), _joined(
+    "slip_left": Defence((0.24, 0.06, 0.30), _joined(
         part(-0.10,  0.90,  1.00,  2.00, HEIGHT=-0.075),
         part(-0.10,  0.95,  1.00,  2.00, SHIFT_X=0.06, SHIFT_Z=0.04),
         part(-0.10,  0.90,  1.00,  2.00, PELVIS_TURN=0.20),
@@ -173,7 +174,7 @@ DEFENCES = {
         part( 0.10,  1.00,  1.00,  2.00, HEAD_BEND=0.06),
         part( 0.00,  0.90,  1.00,  2.00, LEAD_HAND_Z=-0.07, LEAD_HAND_Y=0.03),
     )),
-    "slip_right": Guarding((0.24, 0.06, 0.30), _joined(
+    "slip_right": Defence((0.24, 0.06, 0.30), _joined(
         part(-0.10,  0.90,  1.00,  2.00, HEIGHT=-0.075),
         part(-0.10,  0.95,  1.00,  2.00, SHIFT_X=-0.06, SHIFT_Z=-0.02),
         part(-0.10,  0.90,  1.00,  2.00, PELVIS_TURN=-0.14),
@@ -183,41 +184,41 @@ DEFENCES = {
         part( 0.10,  1.00,  1.00,  2.00, HEAD_BEND=-0.06),
         part( 0.00,  0.90,  1.00,  2.00, REAR_HAND_Y=0.03, LEAD_HAND_Z=-0.05),
     )),
-    "lean_back": Guarding((0.28, 0.08, 0.34), _joined(
+    "lean_back": Defence((0.28, 0.08, 0.34), _joined(
         part(-0.10,  0.90,  1.00,  2.10, SHIFT_Z=-0.12, SHIFT_X=-0.03),
         part(-0.05,  0.90,  1.00,  2.00, HEIGHT=-0.045),     part(-0.05,  0.80,  1.05,  2.10, REAR_HEEL=-0.22),
         part( 0.00,  0.90,  1.00,  2.00, PELVIS_TILT=-0.16, PELVIS_TURN=-0.12),
         part( 0.05,  1.00,  1.00,  1.95, FLEX=-0.50, TWIST=-0.08), part( 0.10,  1.00,  1.00,  2.00, HEAD_NOD=0.12),
         part( 0.00,  0.90,  1.00,  2.00, LEAD_HAND_Z=-0.06, REAR_HAND_Z=-0.02),
     )),
-    "block_high_lead": Guarding((0.20, 0.14, 0.28), _joined(
+    "block_high_lead": Defence((0.20, 0.14, 0.28), _joined(
         part( 0.00,  0.95,  1.00,  2.00, LEAD_HAND_X=0.07, LEAD_HAND_Y=0.11, LEAD_HAND_Z=-0.20, LEAD_RAISE=0.30,
                                          LEAD_ELBOW=0.25, TWIST=0.10, BEND=-0.07, HEIGHT=-0.03, SHIFT_X=-0.03,
                                          HEAD_NOD=0.12, HEAD_BEND=-0.06),
     )),
-    "block_high_rear": Guarding((0.20, 0.14, 0.28), _joined(
+    "block_high_rear": Defence((0.20, 0.14, 0.28), _joined(
         part( 0.00,  0.95,  1.00,  2.00, REAR_HAND_X=-0.06, REAR_HAND_Y=0.11, REAR_HAND_Z=-0.09, REAR_RAISE=0.30,
                                          REAR_ELBOW=0.25, TWIST=-0.10, BEND=0.07, HEIGHT=-0.03, SHIFT_X=0.03,
                                          HEAD_NOD=0.12, HEAD_BEND=0.06),
     )),
-    "block_low_lead": Guarding((0.22, 0.12, 0.30), _joined(
+    "block_low_lead": Defence((0.22, 0.12, 0.30), _joined(
         part( 0.00,  0.95,  1.00,  2.00, LEAD_HAND_X=0.02, LEAD_HAND_Y=-0.17, LEAD_HAND_Z=-0.17, LEAD_RAISE=-0.06,
                                          BEND=0.20, FLEX=0.16, TWIST=-0.08),
         part(-0.05,  0.90,  1.00,  2.00, HEIGHT=-0.07),      part( 0.00,  0.90,  1.00,  2.00, REAR_HEEL=0.10),
     )),
-    "block_low_rear": Guarding((0.22, 0.12, 0.30), _joined(
+    "block_low_rear": Defence((0.22, 0.12, 0.30), _joined(
         part( 0.00,  0.95,  1.00,  2.00, REAR_HAND_X=-0.03, REAR_HAND_Y=-0.18, REAR_HAND_Z=-0.04, REAR_RAISE=-0.06,
                                          BEND=-0.20, FLEX=0.16, TWIST=0.10),
         part(-0.05,  0.90,  1.00,  2.00, HEIGHT=-0.07),      part( 0.00,  0.90,  1.00,  2.00, REAR_HEEL=0.08),
     )),
-    "cover": Guarding((0.24, 0.35, 0.34), _joined(
+    "cover": Defence((0.24, 0.35, 0.34), _joined(
         part(-0.05,  0.90,  1.00,  2.00, HEIGHT=-0.09),      part( 0.00,  1.00,  1.00,  2.00, FLEX=0.24),
         part( 0.00,  0.90,  1.00,  2.00, PELVIS_TURN=0.15, REAR_HEEL=0.10),
         part( 0.00,  0.95,  1.00,  2.00, LEAD_HAND_X=-0.02, LEAD_HAND_Y=0.08, LEAD_HAND_Z=-0.13, REAR_HAND_Y=0.09,
                                          LEAD_RAISE=0.28, REAR_RAISE=0.28, LEAD_FORTH=0.20, REAR_FORTH=0.20,
                                          LEAD_ELBOW=-0.25, REAR_ELBOW=-0.25, HEAD_NOD=0.22),
     )),
-    "weave": Guarding((0.42, 0.00, 0.50), _joined(
+    "weave": Defence((0.42, 0.00, 0.50), _joined(
         part(-0.10,  0.50,  0.55,  1.20, BEND=0.22, SHIFT_X=0.05, TWIST=0.12),
         part( 0.00,  1.00,  1.00,  2.00, HEIGHT=-0.22, PELVIS_TILT=0.14),
         part( 0.05,  1.00,  1.00,  1.95, FLEX=0.30),         part( 0.00,  1.00,  1.00,  2.00, REAR_HEEL=0.36),
