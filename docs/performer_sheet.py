@@ -17,8 +17,7 @@ from PIL import Image
 
 from crowdsim.motion.body import PARTS, build_body
 from crowdsim.motion.kinematics import clip_kinematics
-from crowdsim.performer.defences import DEFENCES
-from crowdsim.performer.punches import PUNCHES
+from crowdsim.performer.moves import DEFENCES, PUNCHES
 from crowdsim.performer.rests import RESTS
 from crowdsim.performer.session import Performance, perform_solo
 from crowdsim.performer.solo import FOOTWORK

@@ -17,14 +17,9 @@ def step(times: Array, start: float, end: float, skew: float = 1.0) -> Array:
 
 
 def glide(times: Array, start: float, end: float, gain: float, loss: float) -> Array:
-    """Return a step from 0 at ``start`` to 1 at ``end`` at an even speed, but for smooth ramps at both ends.
+    """Return a step from 0 at ``start`` to 1 at ``end`` [s] at an even speed, but for smooth ramps at both ends.
 
-    Args:
-        times: Times [s].
-        start: When the step begins [s].
-        end: When it is done [s].
-        gain: Share of the time in which the speed grows.
-        loss: Share of the time in which it falls; both together at most 1.
+    ``gain`` is the share of the time in which the speed grows, and ``loss`` that in which it falls; together at most 1.
     """
     x = np.clip((times - start) / (end - start), 0.0, 1.0)
     risen, fallen = np.minimum(x / gain, 1.0), np.maximum((x - 1.0) / loss + 1.0, 0.0)

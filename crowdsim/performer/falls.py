@@ -1,18 +1,221 @@
-"""Falls of the embedded boxer: to the floor after a hit, lying there, and up again; and staggers."""
+"""Falls of the embedded boxer: to the floor after a hit, lying there, and up again; and staggers.
+
+The poses that a body goes through as it falls and gets up are keys by hand. A key is written in one of three ground
+frames: the *stance* in which the body was hit, the frame in which it *lies*, with the head behind and the feet ahead
+or, face down, the other way round, and the stance to which it *rises*. Lengths [m], angles [degrees].
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
 import numpy as np
-from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion import quaternion as quat
-from crowdsim.performer.fall_poses import LYING, PLUNGES, RISEN, STANCE, Foot, Hand, Key
+from crowdsim.performer.choreographer import Choreographer
+from crowdsim.performer.moves import part
 from crowdsim.performer.phrases import exchange_blows
-from crowdsim.performer.plan import Choreographer
-from crowdsim.performer.score import Channel, Fall, Pose, Score, Stagger, Style, Vector
+from crowdsim.performer.score import Accent, Fall, Pose, Score, Span, Style, Vector
 
+STANCE, LYING, RISEN = "stance", "lying", "risen"
+
+
+@dataclass(frozen=True)
+class Hand:
+    """Where a fist is.
+
+    Attributes:
+        at: Its position in the chest's frame. None: as in the guard.
+        prop: Point of the floor or of a knee that it holds on to instead, in the key's ground frame.
+        elbow: Swivel of the elbow from hanging to the outside [degrees].
+    """
+
+    at: Vector | None = None
+    prop: Vector | None = None
+    elbow: float = 15.0
+
+
+@dataclass(frozen=True)
+class Foot:
+    """Where a foot is, in the key's ground frame.
+
+    Attributes:
+        ball: Position of its ball. None: its print in the key's stance.
+        pitch: Lift of the heel, below 0 that of the toes [degrees].
+        yaw: Its heading [degrees]; that of its print where ``ball`` is None.
+        splay: How far the knee points outwards [degrees].
+    """
+
+    ball: Vector | None = None
+    pitch: float = 0.0
+    yaw: float = 0.0
+    splay: float = 0.0
+
+
+@dataclass(frozen=True)
+class Key:
+    """A pose at a time after the hit, or after the body begins to rise [s].
+
+    Attributes:
+        time: That time.
+        frame: The ground frame in which it is written.
+        hips: Position of the pelvis.
+        turned: Heading, forward tilt, tilt to the left of the pelvis, and its rotation about the body's own axis after
+            these, to the left [degrees].
+        spine: Twist, flexion and bend of the spine [degrees].
+        head: Nod and turn of the head [degrees].
+        lead, rear: The hands.
+        lead_foot, rear_foot: The feet.
+    """
+
+    time: float
+    frame: str
+    hips: Vector
+    turned: tuple[float, float, float, float]
+    spine: Vector = (0.0, 10.0, 0.0)
+    head: tuple[float, float] = (5.0, 0.0)
+    lead: Hand = Hand()
+    rear: Hand = Hand()
+    lead_foot: Foot = Foot()
+    rear_foot: Foot = Foot()
+
+
+@dataclass(frozen=True)
+class Plunge:
+    """A kind of fall.
+
+    Attributes:
+        lying: Ground frame in which the body lies, in the stance: to the left, ahead [m], heading [degrees].
+        risen: Ground frame of the stance after it, likewise.
+        down: Keys of the fall.
+        lies: How the body lies then; the key's time is not read.
+        up: Keys of getting up.
+    """
+
+    lying: Vector
+    risen: Vector
+    down: Sequence[Key]
+    lies: Key
+    up: tuple[Key, ...]
+
+
+def _floor(x: float, z: float, elbow: float = 40.0) -> Hand:
+    return Hand(prop=(x, 0.05, z), elbow=elbow)
+
+
+# fmt: off
+_ON_BACK = Key(
+    0.0, LYING, (0.0, 0.05, -0.30), (0.0, -90.0, 0.0, 0.0), (0.0, 4.0, 0.0), (10.0, 8.0),
+    _floor(0.38, -0.58, 80.0), _floor(-0.40, -0.48, 80.0),
+    Foot((0.13, 0.0, 0.22), 0.0, 8.0, 6.0), Foot((-0.19, 0.0, 0.52), -72.0, -20.0, 20.0))
+_UP_FROM_BACK = (
+    Key(0.42, RISEN, (-0.03, 0.10, -0.26), (-14.0, -30.0, 0.0, 0.0), (0.0, 34.0, -8.0), (0.0, 6.0),
+        Hand((0.20, -0.02, 0.34), elbow=20.0), _floor(-0.36, -0.50, 60.0),
+        Foot(), Foot((-0.17, 0.0, 0.17), 0.0, -30.0, 15.0)),
+    Key(0.62, RISEN, (-0.05, 0.27, -0.22), (-18.0, -4.0, -10.0, 0.0), (0.0, 32.0, -12.0), (0.0, 6.0),
+        Hand((0.22, -0.04, 0.30), elbow=20.0), _floor(-0.36, -0.48, 45.0),
+        Foot(), Foot((-0.24, 0.05, 0.06), 8.0, -38.0, 30.0)),
+    Key(0.86, RISEN, (-0.05, 0.40, -0.17), (-22.0, 22.0, -14.0, 0.0), (0.0, 30.0, -16.0), (0.0, 8.0),
+        Hand((0.22, -0.04, 0.30), elbow=20.0), _floor(-0.36, -0.46, 30.0),
+        Foot(), Foot((-0.22, 0.05, -0.30), 56.0, -35.0, 22.0)),
+    Key(1.12, RISEN, (-0.04, 0.48, -0.13), (-22.0, 22.0, -3.0, 0.0), (0.0, 20.0, -4.0), (-5.0, 6.0),
+        Hand(prop=(0.13, 0.50, 0.10), elbow=35.0), Hand((-0.20, -0.16, 0.24)),
+        Foot(), Foot((-0.15, 0.0, -0.47), 74.0, -25.0, 5.0)),
+    Key(1.45, RISEN, (-0.03, 0.66, -0.02), (-26.0, 26.0, 0.0, 0.0), (0.0, 18.0, 0.0), (-5.0, 4.0),
+        Hand((0.17, -0.06, 0.30)), Hand((-0.14, -0.02, 0.26)),
+        Foot(pitch=4.0), Foot((-0.15, 0.0, -0.47), 62.0, -35.0, 0.0)),
+)
+
+_BACKWARD = Plunge(
+    (0.0, -0.27, 0.0), (0.0, -0.24, 0.0), (
+        Key(0.19, STANCE, (-0.01, 0.83, -0.11), (-26.0, -8.0, 0.0, 0.0), (4.0, -14.0, 0.0), (-14.0, 0.0),
+            Hand((0.34, 0.16, 0.26), elbow=30.0), Hand((-0.08, 0.14, 0.30), elbow=30.0),
+            Foot(pitch=4.0), Foot(pitch=10.0)),
+        Key(0.40, STANCE, (-0.01, 0.60, -0.30), (-14.0, -18.0, 0.0, 0.0), (0.0, 10.0, 0.0), (12.0, 0.0),
+            Hand((0.42, -0.10, 0.22), elbow=50.0), Hand((-0.40, -0.14, 0.16), elbow=50.0),
+            Foot((0.12, 0.06, 0.26), -14.0, -8.0), Foot((-0.15, 0.0, -0.10), -6.0, -36.0, 10.0)),
+        Key(0.62, STANCE, (-0.01, 0.17, -0.50), (-5.0, -38.0, 0.0, 0.0), (0.0, 28.0, 0.0), (26.0, 0.0),
+            _floor(0.42, -0.76, 60.0), _floor(-0.42, -0.72, 60.0),
+            Foot((0.14, 0.13, 0.20), -30.0, 4.0, 5.0), Foot((-0.18, 0.05, 0.20), -40.0, -24.0, 15.0)),
+        Key(0.86, LYING, (0.0, 0.06, -0.29), (-2.0, -80.0, 0.0, 0.0), (0.0, 18.0, 0.0), (30.0, 0.0),
+            _floor(0.45, -0.60, 80.0), _floor(-0.48, -0.50, 5.0),
+            Foot((0.14, 0.14, 0.33), -18.0, 6.0, 6.0), Foot((-0.19, 0.12, 0.50), -60.0, -22.0, 20.0)),
+    ), _ON_BACK, _UP_FROM_BACK)
+
+_FACE_DOWN = Key(
+    0.0, LYING, (0.0, 0.05, -0.19), (0.0, 93.0, 0.0, 0.0), (0.0, 2.0, 0.0), (-14.0, 48.0),
+    _floor(0.42, 0.52, -6.0), _floor(-0.42, 0.50, -6.0),
+    Foot((0.14, 0.0, -1.27), 146.0, 10.0, 5.0), Foot((-0.14, 0.0, -1.28), 146.0, -10.0, 5.0))
+
+_FORWARD = Plunge(
+    (0.0, 0.95, 0.0), (0.0, 0.95, 0.0), (
+        Key(0.16, STANCE, (-0.01, 0.83, 0.08), (-26.0, 12.0, 0.0, 0.0), (0.0, 24.0, 0.0), (-6.0, 0.0),
+            Hand((0.28, 0.10, 0.34), elbow=25.0), Hand((0.02, 0.10, 0.34), elbow=25.0),
+            Foot(pitch=20.0), Foot(pitch=32.0)),
+        Key(0.36, STANCE, (-0.01, 0.62, 0.20), (-12.0, 20.0, 0.0, 0.0), (0.0, 18.0, 0.0), (-10.0, 0.0),
+            Hand((0.24, 0.06, 0.40), elbow=30.0), Hand((-0.20, 0.06, 0.40), elbow=30.0),
+            Foot((0.12, 0.06, 0.12), 60.0, -10.0), Foot((-0.13, 0.0, -0.20), 62.0, -20.0)),
+        Key(0.54, STANCE, (-0.01, 0.47, 0.36), (-4.0, 38.0, 0.0, 0.0), (0.0, 12.0, 0.0), (-20.0, 0.0),
+            Hand((0.24, 0.12, 0.46), elbow=30.0), Hand((-0.24, 0.12, 0.46), elbow=30.0),
+            Foot((0.14, 0.02, -0.10), 84.0, 0.0, 5.0), Foot((-0.14, 0.0, -0.20), 80.0, -8.0, 5.0)),
+        Key(0.72, STANCE, (0.0, 0.35, 0.62), (0.0, 66.0, 0.0, 0.0), (0.0, 0.0, 0.0), (-34.0, 10.0),
+            _floor(0.38, 1.44, 20.0), _floor(-0.38, 1.42, 20.0),
+            Foot((0.14, 0.02, -0.17), 104.0, 0.0, 5.0), Foot((-0.14, 0.02, -0.20), 102.0, -4.0, 5.0)),
+    ), _FACE_DOWN, (
+        Key(0.28, RISEN, (0.0, 0.20, -0.16), (0.0, 72.0, 0.0, 0.0), (0.0, -6.0, 0.0), (-20.0, 10.0),
+            _floor(0.38, 0.51, 12.0), _floor(-0.38, 0.49, 12.0),
+            Foot((0.13, 0.02, -1.02), 126.0, 0.0, 5.0), Foot((-0.14, 0.02, -1.04), 126.0, 0.0, 5.0)),
+        Key(0.60, RISEN, (-0.02, 0.44, -0.10), (0.0, 66.0, 0.0, 0.0), (0.0, 8.0, 0.0), (-16.0, 0.0),
+            _floor(0.38, 0.51, 25.0), _floor(-0.38, 0.49, 25.0),
+            Foot((0.13, 0.03, -0.60), 104.0, 0.0, 5.0), Foot((-0.14, 0.02, -0.58), 96.0, -4.0, 5.0)),
+        Key(0.86, RISEN, (-0.04, 0.50, -0.12), (-6.0, 52.0, 0.0, 0.0), (0.0, 24.0, 0.0), (-10.0, 0.0),
+            _floor(0.38, 0.51, 30.0), _floor(-0.38, 0.49, 40.0),
+            Foot((0.17, 0.08, -0.10), 20.0, 4.0, 16.0), Foot((-0.14, 0.0, -0.54), 84.0, -10.0, 5.0)),
+        Key(1.14, RISEN, (-0.04, 0.52, -0.10), (-14.0, 40.0, 0.0, 0.0), (0.0, 26.0, 0.0), (-10.0, 0.0),
+            Hand(prop=(0.14, 0.50, 0.12), elbow=35.0), _floor(-0.38, 0.49, 40.0),
+            Foot(), Foot((-0.14, 0.0, -0.52), 78.0, -16.0, 5.0)),
+        Key(1.45, RISEN, (-0.03, 0.66, -0.02), (-24.0, 28.0, 0.0, 0.0), (0.0, 20.0, 0.0), (-5.0, 4.0),
+            Hand((0.17, -0.06, 0.30)), Hand((-0.14, -0.04, 0.28)),
+            Foot(pitch=4.0), Foot((-0.14, 0.0, -0.50), 64.0, -30.0, 0.0)),
+    ))
+
+
+def _sideways(side: float) -> Plunge:
+    """Return the fall to the left (1) or right (-1): onto the hip, over onto the back, up again turned half away."""
+    out, held = _floor(0.92 * side, -0.06, 60.0), Hand((-0.16 * side, 0.08, 0.30), elbow=25.0)
+    near, far = (0.20, -0.16) if side > 0.0 else (-0.20, 0.20)
+    ahead, behind = (0.24, 0.30) if side > 0.0 else (0.30, 0.24)
+    # Hands and feet: first those of the side that the body falls to.
+    keys: tuple[Key, ...] = (
+        Key(0.16, STANCE, (0.09 * side, 0.83, -0.01), (-28.0, 8.0, 10.0 * side, 0.0), (0.0, 8.0, 16.0 * side),
+            (0.0, 0.0), Hand(elbow=30.0), Hand(elbow=30.0), Foot(pitch=6.0), Foot(pitch=16.0)),
+        Key(0.40, STANCE, (0.27 * side, 0.60, -0.03), (-24.0, 10.0, 24.0 * side, 0.0), (0.0, 14.0, 10.0 * side),
+            (6.0, 0.0), Hand((0.44 * side, -0.06, 0.22), elbow=50.0), held,
+            Foot((0.15 * side, 0.0, near), 24.0, -10.0, 10.0), Foot((-0.06 * side, 0.06, far), 14.0, -20.0)),
+        Key(0.62, STANCE, (0.44 * side, 0.18, -0.06), (-18.0, 4.0, 48.0 * side, 0.0), (0.0, 20.0, -6.0 * side),
+            (10.0, 0.0), out, held, Foot((0.02 * side, 0.0, 0.16), 20.0, -30.0 * side, 10.0),
+            Foot((-0.18 * side, 0.16, 0.04), -10.0, -40.0 * side)),
+        Key(0.88, LYING, (0.0, 0.06, -0.30), (0.0, -82.0, 0.0, 58.0 * side), (0.0, 22.0, 0.0), (16.0, 0.0),
+            _floor(0.42 * side, -0.70, 80.0), Hand((0.02 * side, 0.02, 0.32), elbow=25.0),
+            Foot((0.24 * side, 0.0, 0.22), -20.0, 30.0 * side, 10.0),
+            Foot((-0.02 * side, 0.16, 0.34), -20.0, 10.0 * side)),
+        Key(0.0, LYING, (0.0, 0.05, -0.30), (0.0, -90.0, 0.0, 34.0 * side), (4.0 * side, 12.0, 0.0), (10.0, 6.0 * side),
+            _floor(0.42 * side, -0.70, 80.0), Hand((0.02 * side, -0.08, 0.30), elbow=30.0),
+            Foot((0.20 * side, 0.0, ahead), -4.0, 18.0 * side, 6.0),
+            Foot((-0.04 * side, 0.0, behind), -4.0, 18.0 * side, 6.0)),
+    )
+    if side < 0.0:
+        keys = tuple(replace(one, lead=one.rear, rear=one.lead, lead_foot=one.rear_foot, rear_foot=one.lead_foot)
+                     for one in keys)
+    *down, lies = keys
+    return Plunge((0.58 * side, -0.10, -78.0 * side), (0.30 * side, -0.02, -42.0 * side), down, lies, _UP_FROM_BACK)
+
+
+# fmt: on
+PLUNGES = {"forward": _FORWARD, "backward": _BACKWARD, "left": _sideways(1.0), "right": _sideways(-1.0)}
 FALLS = tuple(PLUNGES)
 """Kinds of falls, by where the trunk goes."""
 _GUARD, _AFTER = 1.15, 1.15
@@ -24,17 +227,12 @@ _STEPS = (1.66, 1.90, 2.38)
 [s]."""
 
 
-def write_fall(kind: str, rng: np.random.Generator, facing: float | None = None, fights: bool = False) -> Score:
+def write_fall(plan: Choreographer, kind: str, fights: bool) -> Score:
     """Plan a clip of one fall: a second in the guard, the fall, lying, getting up, and a second in the guard.
 
-    Args:
-        kind: A word of ``FALLS``.
-        rng: Where every number is drawn from.
-        facing: Heading of the stance at the start [rad]; drawn when None.
-        fights: Whether the boxer fights before the fall and after it, instead of standing in the guard.
+    Where the boxer ``fights``, it does so before the fall and after it, instead of standing in the guard.
     """
-    plunge = PLUNGES[kind]
-    plan = Choreographer(rng, facing)
+    rng, plunge = plan.rng, PLUNGES[kind]
     start = _hit(plan, fights)
     quick, slow = float(rng.uniform(0.94, 1.06)), float(rng.uniform(0.94, 1.08))
     before, prints = plan.ground_frame.copy(), plan.prints.copy()
@@ -42,22 +240,19 @@ def write_fall(kind: str, rng: np.random.Generator, facing: float | None = None,
     rise = down + _LIES
     left, ahead, turn = _drawn(plunge.risen, rng)
     plan.move(down + 0.5, ahead, left, turn)
-    frames = {
-        STANCE: before,
-        LYING: ground.compose(before, _drawn(plunge.lying, rng)),
-        RISEN: plan.ground_frame,
-    }
-    writer = _Writer(plan.style, frames, {STANCE: prints, LYING: prints, RISEN: plan.prints}, rng)
+    lying = ground.compose(before, _drawn(plunge.lying, rng))
+    frames = {STANCE: before, LYING: lying, RISEN: plan.ground_frame}
+    writer = _Writer(plan.style, frames, {STANCE: prints, LYING: prints, RISEN: plan.prints})
     end = rise + slow * _STEPS[2]
     poses = [writer.guard(start - 0.2, STANCE), writer.guard(start, STANCE)]
     poses += [writer.pose(key, start + quick * key.time) for key in plunge.down]
-    lain = writer.pose(plunge.lies, down)
-    poses += [lain, writer.at(lain, rise)]
+    poses += [writer.pose(plunge.lies, time) for time in (down, rise)]
     poses += [writer.pose(key, rise + slow * key.time) for key in plunge.up]
     landed = writer.guard(rise + slow * _STEPS[1], RISEN)
-    poses += [writer.stepping(poses[-1], landed, rise + slow * _STEPS[0]), landed, writer.at(landed, end)]
-    fall = Fall(kind, start, down, rise, end, tuple(_with_props(poses)))
-    return plan.finish(_go_on(plan, end, fights), falls=(fall,))
+    poses += [_step(poses[-1], landed, rise + slow * _STEPS[0]), landed, replace(landed, time=np.array(end))]
+    plan.score.falls.append(Fall(kind, start, down, rise, end))
+    plan.score.poses += _with_props(poses)
+    return plan.finish(_go_on(plan, end, fights))
 
 
 def _hit(plan: Choreographer, fights: bool) -> float:
@@ -66,7 +261,8 @@ def _hit(plan: Choreographer, fights: bool) -> float:
     if not fights:
         return _GUARD + float(rng.uniform(0.0, 0.15))
     over = exchange_blows(plan, float(rng.uniform(0.3, 0.5)), _GUARD)
-    return max(over - float(rng.uniform(0.05, 0.45)), plan.feet_free, plan.last_hit + 0.05)
+    last_hit = plan.score.reaches[-1].hit if plan.score.reaches else 0.0
+    return max(over - float(rng.uniform(0.05, 0.45)), plan.feet_free, last_hit + 0.05)
 
 
 def _go_on(plan: Choreographer, end: float, fights: bool) -> float:
@@ -90,16 +286,18 @@ class _Writer:
         style: How the boxer stands.
         frames: Ground transform of each frame that keys are written in.
         prints: Footprints (x, z, yaw) in each of them, lead and rear. Shape (2, 3).
-        rng: Where small differences are drawn from.
     """
 
-    def __init__(self, style: Style, frames: dict[str, Array], prints: dict[str, Array], rng: np.random.Generator):
-        self.style, self.frames, self.prints, self.rng = style, frames, prints, rng
+    def __init__(self, style: Style, frames: dict[str, Array], prints: dict[str, Array]) -> None:
+        self.style, self.frames, self.prints = style, frames, prints
+        towards = quat.from_euler(np.array([style.blade + style.twist, style.lean, 0.0]), "YXZ")
+        self._guard = quat.rotate(quat.conjugate(towards), np.array(style.fists))
 
     def guard(self, time: float, frame: str) -> Pose:
         """Return the guard in a frame."""
         style = self.style
         middle = ground.to_local(self.frames[frame], np.insert(self.prints[frame][:, :2].mean(axis=0), 1, 0.0))
+        elbows, heels = np.degrees(style.elbows), np.degrees(style.heels)
         key = Key(
             0.0,
             frame,
@@ -107,10 +305,10 @@ class _Writer:
             (np.degrees(style.blade), np.degrees(0.45 * style.lean), 0.0, 0.0),
             (np.degrees(style.twist), np.degrees(0.55 * style.lean), 0.0),
             (-4.0, -np.degrees(style.blade + style.twist) * 0.75),
-            Hand(elbow=np.degrees(style.elbows[0])),
-            Hand(elbow=np.degrees(style.elbows[1])),
-            Foot(pitch=np.degrees(style.heels[0])),
-            Foot(pitch=np.degrees(style.heels[1])),
+            Hand(elbow=elbows[0]),
+            Hand(elbow=elbows[1]),
+            Foot(pitch=heels[0]),
+            Foot(pitch=heels[1]),
         )
         return self.pose(key, time)
 
@@ -119,70 +317,47 @@ class _Writer:
         frame = self.frames[key.frame]
         yaw, pitch, bend, spin = np.radians(key.turned)
         turned = quat.multiply(quat.from_euler(np.array([yaw, pitch, -bend]), "YXZ"), quat.about_y(spin))
-        hands = [self._hand(hand, side, key.frame) for side, hand in enumerate((key.lead, key.rear))]
-        feet = [self._foot(foot, side, key.frame) for side, foot in enumerate((key.lead_foot, key.rear_foot))]
+        hands, feet = (key.lead, key.rear), (key.lead_foot, key.rear_foot)
+        prints = [self._print(foot, side, key.frame) for side, foot in enumerate(feet)]
+        held = [self._guard[side] if hand.at is None else hand.at for side, hand in enumerate(hands)]
+        nowhere = np.full(3, np.nan)
         return Pose(
-            time=time,
-            hips=_vector(ground.to_world(frame, np.array(key.hips))),
-            rotation=tuple(quat.multiply(quat.about_y(frame[2]), turned).tolist()),
-            spine=_vector(np.radians(key.spine)),
-            head=_pair(np.radians(key.head)),
-            hands=(hands[0][0], hands[1][0]),
-            props=(hands[0][1], hands[1][1]),
-            propped=(float(key.lead.propped), float(key.rear.propped)),
-            elbows=_pair(np.radians([key.lead.elbow, key.rear.elbow])),
-            balls=(feet[0][0], feet[1][0]),
-            yaws=(feet[0][1], feet[1][1]),
-            pitches=_pair(np.radians([key.lead_foot.pitch, key.rear_foot.pitch])),
-            splays=_pair(np.radians([key.lead_foot.splay, key.rear_foot.splay])),
+            time=np.array(time),
+            hips=ground.to_world(frame, np.array(key.hips)),
+            rotation=quat.multiply(quat.about_y(frame[2]), turned),
+            spine=np.radians(key.spine),
+            head=np.radians(key.head),
+            hands=np.array(held),
+            props=np.array([ground.to_world(frame, hand.prop) if hand.prop else nowhere for hand in hands]),
+            propped=np.array([float(hand.prop is not None) for hand in hands]),
+            elbows=np.radians([hand.elbow for hand in hands]),
+            balls=np.array([ball for ball, _ in prints]),
+            yaws=np.array([yaw for _, yaw in prints]),
+            pitches=np.radians([foot.pitch for foot in feet]),
+            splays=np.radians([foot.splay for foot in feet]),
         )
 
-    def _hand(self, hand: Hand, side: int, frame: str) -> tuple[Vector, Vector]:
-        """Return a fist in the chest's frame, and in the world where it is propped."""
-        style = self.style
-        if hand.at is None or hand.propped:
-            rest = np.array((style.lead_fist, style.rear_fist)[side])
-            towards = quat.from_euler(np.array([style.blade + style.twist, style.lean, 0.0]), "YXZ")
-            held = quat.rotate(quat.conjugate(towards), rest)
-        else:
-            held = np.array(hand.at)
-        nowhere = (np.nan, np.nan, np.nan)
-        prop = _vector(ground.to_world(self.frames[frame], np.array(hand.at))) if hand.propped else nowhere
-        return _vector(held), prop
-
-    def _foot(self, foot: Foot, side: int, frame: str) -> tuple[Vector, float]:
+    def _print(self, foot: Foot, side: int, frame: str) -> tuple[Array, float]:
         """Return the ball of a foot in the world, and its heading."""
         x, z, yaw = self.prints[frame][side]
         if foot.ball is None:
-            return (float(x), 0.0, float(z)), float(yaw)
+            return np.array([x, 0.0, z]), float(yaw)
         at = self.frames[frame]
         # A heading continues from that of the print.
-        turned = float(yaw + ground.wrap(at[2] + np.radians(foot.yaw) - yaw))
-        return _vector(ground.to_world(at, np.array(foot.ball))), turned
+        return ground.to_world(at, foot.ball), float(yaw + ground.wrap(at[2] + np.radians(foot.yaw) - yaw))
 
-    @staticmethod
-    def at(pose: Pose, time: float) -> Pose:
-        """Return a pose at another time [s]."""
-        return Pose(**{**vars(pose), "time": time})
 
-    @staticmethod
-    def stepping(before: Pose, after: Pose, time: float) -> Pose:
-        """Return the pose halfway between two, the rear foot in the air."""
-
-        def halfway(a: ArrayLike, b: ArrayLike) -> Array:
-            return 0.5 * (np.asarray(a, float) + np.asarray(b, float))
-
-        ball = halfway(before.balls[1], after.balls[1]) + np.array([0.0, 0.07, 0.0])
-        return Pose(
-            **{
-                **vars(after),
-                "time": time,
-                "hips": _vector(halfway(before.hips, after.hips)),
-                "spine": _vector(halfway(before.spine, after.spine)),
-                "balls": (after.balls[0], _vector(ball)),
-                "pitches": (after.pitches[0], 0.7 * before.pitches[1] + 0.3 * after.pitches[1]),
-            }
-        )
+def _step(before: Pose, after: Pose, time: float) -> Pose:
+    """Return the pose halfway between two, the rear foot in the air."""
+    ball = 0.5 * (before.balls[1] + after.balls[1]) + np.array([0.0, 0.07, 0.0])
+    return replace(
+        after,
+        time=np.array(time),
+        hips=0.5 * (before.hips + after.hips),
+        spine=0.5 * (before.spine + after.spine),
+        balls=np.array([after.balls[0], ball]),
+        pitches=np.array([after.pitches[0], 0.7 * before.pitches[1] + 0.3 * after.pitches[1]]),
+    )
 
 
 def _with_props(poses: list[Pose]) -> list[Pose]:
@@ -190,66 +365,43 @@ def _with_props(poses: list[Pose]) -> list[Pose]:
     props = np.array([pose.props for pose in poses])
     for side in range(2):
         known = np.flatnonzero(np.isfinite(props[:, side, 0]))
-        if not len(known):
+        if len(known):
+            following = known[np.minimum(np.searchsorted(known, np.arange(len(props))), len(known) - 1)]
+            props[:, side] = props[following, side]
+        else:
             props[:, side] = 0.0
-            continue
-        following = known[np.minimum(np.searchsorted(known, np.arange(len(props))), len(known) - 1)]
-        props[:, side] = props[following, side]
-    return [
-        Pose(**{**vars(pose), "props": tuple(_vector(prop) for prop in row)})
-        for pose, row in zip(poses, props, strict=True)
-    ]
-
-
-def _vector(values: Array) -> Vector:
-    x, y, z = (float(value) for value in values)
-    return x, y, z
-
-
-def _pair(values: Array) -> tuple[float, float]:
-    return float(values[0]), float(values[1])
+    return [replace(pose, props=row) for pose, row in zip(poses, props, strict=True)]
 
 
 STAGGERS = {"stagger_back": (-1.0, 0.0), "stagger_left": (0.0, 1.0), "stagger_right": (0.0, -1.0)}
 """Kinds of staggers, by where the trunk is thrown: ahead, to the left."""
 
 
-def write_stagger(kind: str, rng: np.random.Generator, facing: float | None = None, fights: bool = False) -> Score:
+def write_stagger(plan: Choreographer, kind: str, fights: bool) -> Score:
     """Plan a clip of one stagger: a second in the guard, catching steps after a hit, and a second in the guard.
 
-    Args:
-        kind: A key of ``STAGGERS``.
-        rng: Where every number is drawn from.
-        facing: Heading of the stance at the start [rad]; drawn when None.
-        fights: Whether the boxer fights before and after that, instead of standing in the guard.
+    Where the boxer ``fights``, it does so before and after that, instead of standing in the guard.
     """
-    ahead, left = STAGGERS[kind]
-    plan = Choreographer(rng, facing)
+    rng, (ahead, left) = plan.rng, STAGGERS[kind]
     start = _hit(plan, fights)
     hit = float(rng.uniform(1.02, 1.12))
     end = start + 0.10
     for share in (1.0, 0.9, 0.45)[: 3 if rng.uniform() < 0.5 or left == 0.0 else 2]:
         far = hit * share * float(rng.uniform(0.33, 0.39))
         end = plan.move(end, far * ahead, far * left, float(rng.normal(0.0, 0.05)), 1.25, quick=True)
-    peak, fall = start + 0.24, start + 0.36
-
-    def throw(channel: Channel, size: float, late: float = 0.0) -> None:
-        plan.accent(channel, hit * size, start, peak + late, fall + late, end + 0.25)
-
-    throw(Channel.SHIFT_X, 0.03 * left)
-    throw(Channel.SHIFT_Z, 0.06 * ahead)
-    throw(Channel.HEIGHT, -0.05, 0.1)
-    throw(Channel.PELVIS_TILT, 0.44 * ahead)
-    throw(Channel.FLEX, 0.44 * ahead)
-    throw(Channel.PELVIS_BEND, 0.46 * left)
-    throw(Channel.BEND, 0.66 * left)
-    throw(Channel.HEAD_NOD, 0.32 * ahead, -0.06)
-    throw(Channel.HEAD_BEND, 0.25 * left, -0.06)
-    for side, lead in ((Channel.LEAD_HAND_X, 1.0), (Channel.REAR_HAND_X, -1.0)):
-        throw(side, 0.12 * lead, 0.05)
-    for side in (Channel.LEAD_HAND_Y, Channel.REAR_HAND_Y):
-        throw(side, -0.14, 0.08)
-    for side in (Channel.LEAD_ELBOW, Channel.REAR_ELBOW):
-        throw(side, 0.5, 0.05)
+    plan.play(_thrown(ahead, left), (start, start + 0.24, start + 0.36, end + 0.25), hit)
     done = end + 0.30
-    return plan.finish(_go_on(plan, done, fights), staggers=(Stagger(kind, start, done),))
+    plan.score.staggers.append(Span(kind, start, done))
+    return plan.finish(_go_on(plan, done, fights))
+
+
+def _thrown(ahead: float, left: float) -> tuple[Accent, ...]:
+    """Return what a hit does to a body whose trunk it throws ahead or to the left."""
+    return (
+        *part(0.0, 0.0, 0.0, 0.0, SHIFT_X=0.03 * left, SHIFT_Z=0.06 * ahead, PELVIS_TILT=0.44 * ahead),
+        *part(0.0, 0.0, 0.0, 0.0, FLEX=0.44 * ahead, PELVIS_BEND=0.46 * left, BEND=0.66 * left),
+        *part(0.0, 0.1, 0.1, 0.0, HEIGHT=-0.05),
+        *part(0.0, -0.06, -0.06, 0.0, HEAD_NOD=0.32 * ahead, HEAD_BEND=0.25 * left),
+        *part(0.0, 0.05, 0.05, 0.0, LEAD_HAND_X=0.12, REAR_HAND_X=-0.12, LEAD_ELBOW=0.5, REAR_ELBOW=0.5),
+        *part(0.0, 0.08, 0.08, 0.0, LEAD_HAND_Y=-0.14, REAR_HAND_Y=-0.14),
+    )

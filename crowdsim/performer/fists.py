@@ -11,8 +11,8 @@ from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion import quaternion as quat
 from crowdsim.performer import skeleton as bones
-from crowdsim.performer.curves import pulse, soft_cap, soft_floor, step, window
-from crowdsim.performer.pose import Trunk
+from crowdsim.performer.curves import pulse, soft_cap, soft_floor, window
+from crowdsim.performer.joints import Trunk
 from crowdsim.performer.score import BENDS, Channel, Reach, Score
 
 _GUARD_FOLLOWS = 0.45
@@ -36,27 +36,6 @@ _SHORTEST = 0.105
 """Least time of a fist from guard to target [s]."""
 
 
-def hold_guard(score: Score, heading: Array, trunk: Trunk, channels: Array) -> tuple[Array, Array]:
-    """Return where the fists are held in the guard (F, 2, 3), and the frame of the guard (F, 4)."""
-    style = score.style
-    stance = quat.about_y(heading)
-    rest = quat.about_y(style.blade + style.twist)
-    deviation = quat.multiply(quat.multiply(quat.conjugate(stance), trunk.chest_rotation), quat.conjugate(rest))
-    part = quat.from_rotation_vector(_GUARD_FOLLOWS * quat.to_rotation_vector(deviation))
-    frame = quat.multiply(stance, part)
-    fists = np.stack(
-        [
-            trunk.chest + quat.rotate(frame, np.array(offset) + channels[:, first : first + 3])
-            for offset, first in (
-                (style.lead_fist, Channel.LEAD_HAND_X),
-                (style.rear_fist, Channel.REAR_HAND_X),
-            )
-        ],
-        axis=1,
-    )
-    return fists, frame
-
-
 def lead_fists(
     score: Score, times: Array, heading: Array, trunk: Trunk, channels: Array, shoulders: Array, resting: Array
 ) -> tuple[Array, tuple[Reach, ...]]:
@@ -76,7 +55,13 @@ def lead_fists(
     Returns:
         Position of the fists [m], shape (F, 2, 3), and the reaches as they were carried out.
     """
-    guards, frame = hold_guard(score, heading, trunk, channels)
+    style, stance = score.style, quat.about_y(heading)
+    rest = quat.about_y(style.blade + style.twist)
+    deviation = quat.multiply(quat.multiply(quat.conjugate(stance), trunk.chest_rotation), quat.conjugate(rest))
+    frame = quat.multiply(stance, quat.from_rotation_vector(_GUARD_FOLLOWS * quat.to_rotation_vector(deviation)))
+    held = zip(style.fists, (Channel.LEAD_HAND_X, Channel.REAR_HAND_X), strict=True)
+    offsets = [np.array(fist) + channels[:, first : first + 3] for fist, first in held]
+    guards = np.stack([trunk.chest + quat.rotate(frame, offset) for offset in offsets], axis=1)
     centre = shoulders.mean(axis=1)
     spacing = times[1] - times[0] if len(times) > 1 else 1.0
     ahead = quat.rotate(trunk.chest_rotation, np.array([0.0, 0.0, 1.0]))
@@ -86,20 +71,21 @@ def lead_fists(
         hand = planned.hand
         at = min(int(np.rint((planned.hit - times[0]) / spacing)), len(times) - 1)
         target = _target(planned, trunk.hips[at], float(heading[at]), shoulders[at, hand], centre[at]) - centre[at]
-        first = min([accent.start for accent in planned.path], default=planned.start)
-        last = max([accent.end for accent in planned.path], default=planned.end)
+        first = min([accent.at[0] for accent in planned.path], default=planned.start)
+        last = max([accent.at[3] for accent in planned.path], default=planned.end)
         part = window(times, min(first, planned.start) - 0.1, max(last, planned.end))
-        swing, arc = _bends(planned, times[part])
-        swing = quat.rotate(frame[part], swing)
+        bends = np.zeros((part.stop - part.start, 4))
+        for accent in planned.path:
+            bends[:, BENDS[hand].index(accent.channel)] += accent.size * pulse(times[part], *accent.at)
+        swing, arc = quat.rotate(frame[part], bends[:, :3]), bends[:, 3]
         inside = at - part.start
-        out = (times[part] >= 0.4 * planned.start + 0.6 * planned.hit - spacing) & (
-            times[part] <= planned.hit - 0.5 * spacing
-        )
+        begin, end = 0.4 * planned.start + 0.6 * planned.hit - spacing, planned.hit - 0.5 * spacing
+        out = (times[part] >= begin) & (times[part] <= end)
         reach, size = planned, 1.0
         for attempt in range(_ATTEMPTS):
             rotation = quat.about_y(arcs[part, hand] + size * arc)
             aim = centre[at] + quat.rotate(quat.conjugate(rotation[inside]), target) - size * swing[inside]
-            gone = _gone(reach, times[part])[:, None]
+            gone = pulse(times[part], reach.start, reach.hit, reach.fall, reach.end, reach.skew)[:, None]
             path = fists[part, hand] + size * swing + gone * (aim - guards[part, hand])
             bent = centre[part] + quat.rotate(rotation, path - centre[part])
             relative = keep_ahead(bent, shoulders[part, hand], ahead[part])[out] - trunk.hips[part][out]
@@ -115,20 +101,6 @@ def lead_fists(
         done.append(reach)
     fists = centre[:, None] + quat.rotate(quat.about_y(arcs), fists - centre[:, None])
     return keep_ahead(fists, shoulders, ahead[:, None], _BEHIND * resting[:, None, None]), tuple(done)
-
-
-def _bends(reach: Reach, times: Array) -> tuple[Array, Array]:
-    """Return swing (F, 3) [m] and arc (F,) [rad] of the path of a fist."""
-    bends = np.zeros((len(times), 4))
-    for accent in reach.path:
-        column = BENDS[reach.hand].index(accent.channel)
-        bends[:, column] += accent.size * pulse(times, accent.start, accent.peak, accent.fall, accent.end)
-    return bends[:, :3], bends[:, 3]
-
-
-def _gone(reach: Reach, times: Array) -> Array:
-    """Share of the path to the target: 0 in the guard, 1 at the hit."""
-    return step(times, reach.start, reach.hit, reach.skew) * (1.0 - step(times, reach.fall, reach.end))
 
 
 def _target(reach: Reach, hips: Array, heading: float, shoulder: Array, centre: Array) -> Array:

@@ -49,9 +49,7 @@ class Footwork:
 
 def stance_prints(style: Style, ground_frame: ArrayLike) -> Array:
     """Return where the feet stand in a stance whose ground transform is given: (x, z, yaw), lead and rear. (2, 3)."""
-    ground_frame = np.asarray(ground_frame, dtype=float)
-    balls = np.array([style.lead_ball, style.rear_ball])
-    return ground.compose(ground_frame, np.column_stack([balls, np.array(style.foot_yaws)]))
+    return ground.compose(ground_frame, np.column_stack([style.balls, style.foot_yaws]))
 
 
 def trace_feet(score: Score, times: Array) -> Footwork:
@@ -95,19 +93,7 @@ def trace_feet(score: Score, times: Array) -> Footwork:
         leaning = window(times, start - _LEAN, end + _LEAN)
         at = np.clip((times[leaning] - start + _LEAN) / (length + 2.0 * _LEAN), 0.0, 1.0)
         loads[leaning] += swing.load * (1.0 if foot else -1.0) * _bump(at)
-    return Footwork(
-        heading=heading,
-        balls=balls,
-        lifts=lifts,
-        yaws=yaws,
-        heels=heels,
-        rolls=rolls,
-        toes_up=toes_up,
-        points=points,
-        planted=planted,
-        carried=carried,
-        loads=loads,
-    )
+    return Footwork(heading, balls, lifts, yaws, heels, rolls, toes_up, points, planted, carried, loads)
 
 
 def _bump(x: Array, fall: float = 3.0) -> Array:

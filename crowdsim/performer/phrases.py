@@ -2,50 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import namedtuple
 
 import numpy as np
 
 from crowdsim.motion import ground
-from crowdsim.performer.defences import DEFENCES
-from crowdsim.performer.plan import Choreographer
-from crowdsim.performer.punches import PUNCHES
-from crowdsim.performer.roam import ROOM, bounce, in_and_out, run_up, shuffle_any_way
-from crowdsim.performer.score import Score
-from crowdsim.performer.themes import EXCHANGE, Theme
+from crowdsim.performer.choreographer import Choreographer
+from crowdsim.performer.free_footwork import ROOM, bounce, in_and_out, run_up, shuffle_any_way
+from crowdsim.performer.moves import DEFENCES, PUNCHES
+from crowdsim.performer.score import Score, Travel
 
-COMBINATIONS = (
-    ("jab",),
-    ("straight",),
-    ("lead_hook",),
-    ("rear_hook",),
-    ("lead_uppercut",),
-    ("rear_uppercut",),
-    ("jab", "jab"),
-    ("jab", "straight"),
-    ("jab", "straight"),
-    ("straight", "lead_hook"),
-    ("lead_hook", "straight"),
-    ("jab", "rear_uppercut"),
-    ("jab", "rear_hook"),
-    ("lead_uppercut", "rear_hook"),
-    ("rear_uppercut", "lead_hook"),
-    ("lead_hook", "rear_uppercut"),
-    ("jab", "jab", "straight"),
-    ("jab", "straight", "lead_hook"),
-    ("jab", "straight", "lead_uppercut"),
-    ("straight", "lead_hook", "straight"),
-    ("lead_hook", "rear_hook", "lead_hook"),
-    ("lead_uppercut", "rear_uppercut", "lead_hook"),
-    ("rear_hook", "lead_hook"),
-    ("rear_uppercut", "lead_uppercut", "rear_hook"),
-    ("jab", "rear_hook", "lead_uppercut"),
-    ("jab", "straight", "lead_hook", "straight"),
-    ("jab", "straight", "lead_uppercut", "rear_hook"),
-    ("lead_hook", "rear_uppercut", "lead_hook", "straight"),
-    ("jab", "straight", "jab", "straight", "lead_hook"),
+Theme = namedtuple("Theme", "strike steps turn defend counter stand travel shuffle press bounce pause")
+"""What a clip is about: weights of phrases, methods of ``_Boxer``, and the longest pause between two of them [s]."""
+THEMES = (
+    Theme(6.5, 0.3, 0.20, 0.9, 2.0, 0.10, 0.65, 0.6, 0.9, 0.35, pause=0.18),
+    Theme(8.0, 0.2, 0.15, 0.5, 1.6, 0.08, 0.65, 0.6, 0.9, 0.40, pause=0.18),
+    Theme(5.5, 0.4, 0.30, 0.7, 1.6, 0.10, 0.65, 1.2, 0.7, 0.50, pause=0.18),
+    Theme(5.5, 0.2, 0.15, 1.1, 3.4, 0.10, 0.65, 0.6, 0.7, 0.35, pause=0.18),
+    Theme(3.0, 0.2, 0.10, 0.4, 0.8, 0.05, 3.00, 1.0, 1.2, 0.30, pause=0.16),
 )
-_PRESSING = (("jab",), ("jab",), ("straight",), ("jab", "straight"), ("lead_hook",), ("jab", "jab"))
+_EXCHANGE = Theme(6.0, 1.2, 0.3, 1.0, 1.5, 0.0, 0.0, 1.6, 0.0, 0.0, pause=0.12)
+"""What a boxer does in an exchange of blows."""
+_COMBINATIONS = (
+    "1 2 3 4 5 6 11 12 12 23 32 16 14 54 63 36 112 123 125 232 343 563 43 654 145 1232 1254 3632 12123"
+).split()
+"""Punches by the numbers that boxers give them: 1 is the first of ``PUNCHES``, the jab."""
+_PRESSING = "1 1 2 12 3 11".split()
 """Combinations that are thrown on the way."""
 _CLOSE = frozenset({"lead_hook", "rear_hook", "lead_uppercut", "rear_uppercut"})
 
@@ -68,7 +50,12 @@ class _Boxer:
         far = float(rng.uniform(0.07, 0.25))
         return far * float(np.cos(angle)), far * float(np.sin(angle)) * 0.85
 
-    def combination(self, begin: float, kinds: tuple[str, ...], bearing: float = 0.0) -> float:
+    def draw(self, combinations: list[str]) -> list[str]:
+        """Draw a combination; return its kinds of punches."""
+        kinds = list(PUNCHES)
+        return [kinds[int(number) - 1] for number in combinations[int(self.rng.integers(len(combinations)))]]
+
+    def combination(self, begin: float, kinds: list[str], bearing: float = 0.0) -> float:
         """Throw a combination, with or without steps; return when the last fist is back [s]."""
         rng, plan = self.rng, self.plan
         stepping = rng.uniform()
@@ -77,19 +64,13 @@ class _Boxer:
             plan.move(begin - 0.12, rng.uniform(0.0, 0.15), 0.08 * np.sign(bearing), bearing, plan.about(1.25))
             bearing = 0.0
         elif stepping < 0.40:
-            plan.move(
-                begin - rng.uniform(0.0, 0.1), rng.uniform(0.06, 0.28), rng.uniform(-0.08, 0.08), 0.0, plan.about(1.2)
-            )
+            early, ahead, left = rng.uniform(0.0, 0.1), rng.uniform(0.06, 0.28), rng.uniform(-0.08, 0.08)
+            plan.move(begin - early, ahead, left, 0.0, plan.about(1.2))
         elif stepping < 0.46:
             plan.move(begin - 0.05, -rng.uniform(0.1, 0.24), rng.uniform(-0.08, 0.08), 0.0, plan.about(1.2))
         elif stepping < 0.55:
-            plan.move(
-                begin - 0.05,
-                rng.uniform(-0.05, 0.15),
-                rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.2),
-                0.0,
-                plan.about(1.2),
-            )
+            ahead, left = rng.uniform(-0.05, 0.15), rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.2)
+            plan.move(begin - 0.05, ahead, left, 0.0, plan.about(1.2))
         inside = close == len(kinds) and rng.uniform() < 0.62
         tempo = rng.uniform(0.85, 1.12)
         onset = begin + rng.uniform(0.0, 0.06)
@@ -98,11 +79,9 @@ class _Boxer:
             recipe = PUNCHES[kind]
             to_body = bool(rng.uniform() < 0.22)
             least, most = recipe.distance
-            if inside:
-                distance = float(rng.uniform(recipe.inside, least))
-            else:
-                distance = float(rng.uniform(least, most if close < len(kinds) else 0.9 * most + 0.1 * least))
-            speed = tempo * (recipe.speed[0] + recipe.speed[1] * plan.normal(1.6, 2.4))
+            furthest = most if close < len(kinds) else 0.9 * most + 0.1 * least
+            distance = float(rng.uniform(recipe.inside, least) if inside else rng.uniform(least, furthest))
+            speed = tempo * plan.draw_speed(kind)
             if previous is not None:
                 load = 0.10 if kind in _CLOSE else 0.02
                 onset = previous.hit + load + abs(float(rng.normal(0.0, 0.05)))
@@ -124,7 +103,7 @@ class _Boxer:
     def strike(self) -> float:
         """Throw a combination, sometimes at an opponent who is not straight ahead; return when it is over [s]."""
         rng = self.rng
-        kinds = COMBINATIONS[int(rng.integers(len(COMBINATIONS)))]
+        kinds = self.draw(_COMBINATIONS)
         bearing = float(rng.uniform(-1.1, 1.3)) if rng.uniform() < 0.16 else 0.0
         return self.combination(self.now, kinds, bearing)
 
@@ -153,18 +132,16 @@ class _Boxer:
         if rng.uniform() < 0.3:
             far = float(rng.uniform(0.1, 0.26))
             end = plan.move(end, far, rng.uniform(-0.06, 0.06), 0.0, 1.1 * tempo)
-            return plan.move(
-                end + rng.uniform(0.0, 0.25), -far * rng.uniform(0.8, 1.1), rng.uniform(-0.1, 0.1), 0.0, 1.15 * tempo
-            )
+            start, back = end + rng.uniform(0.0, 0.25), -far * rng.uniform(0.8, 1.1)
+            return plan.move(start, back, rng.uniform(-0.1, 0.1), 0.0, 1.15 * tempo)
         ahead, left = self.direction()
         for _ in range(int(rng.integers(1, 4))):
-            end = plan.move(
-                end + rng.uniform(0.0, 0.12), plan.about(ahead), plan.about(left), float(rng.normal(0.0, 0.12)), tempo
-            )
+            start, forth, aside = end + rng.uniform(0.0, 0.12), plan.about(ahead), plan.about(left)
+            end = plan.move(start, forth, aside, float(rng.normal(0.0, 0.12)), tempo)
         return end
 
-    def defence(self, counter: bool) -> float:
-        """Defend once or twice, and perhaps hit back; return when that is over [s]."""
+    def defend(self) -> float:
+        """Defend once or twice; return when that is over [s]."""
         rng, plan = self.rng, self.plan
         kinds = list(DEFENCES)
         end = self.now
@@ -174,10 +151,25 @@ class _Boxer:
                 plan.move(end - 0.05, -rng.uniform(0.08, 0.2), 0.0, 0.0, plan.about(1.2))
             begin = end - (0.1 if end > self.now else 0.0)
             end = plan.defend(kind, begin, tempo=rng.uniform(0.85, 1.2))
-        if counter:
-            kinds_back = COMBINATIONS[int(rng.integers(len(COMBINATIONS)))]
-            end = self.combination(end - rng.uniform(0.04, 0.2), kinds_back)
         return end
+
+    def counter(self) -> float:
+        """Defend once or twice, and hit back; return when that is over [s]."""
+        end = self.defend()
+        kinds = self.draw(_COMBINATIONS)
+        return self.combination(end - self.rng.uniform(0.04, 0.2), kinds)
+
+    def stand(self) -> float:
+        """Stand still in the guard; return when that is over [s]."""
+        return self.now + float(self.rng.uniform(0.5, 1.6))
+
+    def shuffle(self) -> float:
+        """Take quick steps in the guard, any way; return when the last is done [s]."""
+        return shuffle_any_way(self.plan, self.now)
+
+    def bounce(self) -> float:
+        """Take quick steps on the spot; return when the last is done [s]."""
+        return bounce(self.plan, self.now, min(self.seconds - self.now - 0.9, 3.2))
 
     def travel(self) -> float:
         """Walk, jog or shuffle up to an opponent, and perhaps strike on arrival; return when that is over [s]."""
@@ -187,8 +179,8 @@ class _Boxer:
             return self.steps()
         end = run_up(plan, self.now, spare) if rng.uniform() < 0.85 else in_and_out(plan, self.now, ahead=True)
         if rng.uniform() < 0.5 and end < self.seconds - 2.9:
-            kinds = COMBINATIONS[int(rng.integers(len(COMBINATIONS)))]
-            end = self.combination(end - rng.uniform(0.0, 0.25), kinds)
+            kinds = self.draw(_COMBINATIONS)
+            return self.combination(end - rng.uniform(0.0, 0.25), kinds)
         return end
 
     def press(self) -> float:
@@ -205,13 +197,13 @@ class _Boxer:
             start, side = feet, float(rng.uniform(-0.03, 0.03))
             feet = plan.move(start, plan.about(far, 0.05), side, turn, plan.about(1.0, 0.04), quick=True)
             if step == punching and step < last:
-                kinds = _PRESSING[int(rng.integers(len(_PRESSING)))]
+                kinds = self.draw(_PRESSING)
                 fists = self._punch_far(start + rng.uniform(-0.06, 0.04), kinds)
                 punching += int(rng.integers(2, 4))
-        plan.travelled("shuffle", begin, feet)
+        plan.score.travels.append(Travel("shuffle", begin, feet))
         return max(feet, fists)
 
-    def _punch_far(self, onset: float, kinds: tuple[str, ...]) -> float:
+    def _punch_far(self, onset: float, kinds: list[str]) -> float:
         """Throw punches near the end of their reach from ``onset`` on [s]; return when the last fist is back [s]."""
         end = onset
         for kind in kinds:
@@ -219,44 +211,25 @@ class _Boxer:
             least, most = recipe.distance
             to_body = bool(self.rng.uniform() < 0.15)
             distance = float(self.rng.uniform(0.6 * least + 0.4 * most, most))
-            speed = recipe.speed[0] + recipe.speed[1] * self.plan.normal(1.6, 2.4)
-            reach = self.plan.punch(kind, onset, to_body, distance=distance, speed=speed)
+            reach = self.plan.punch(kind, onset, to_body, 0.0, distance, self.plan.draw_speed(kind))
             onset, end = reach.hit + 0.02 + abs(float(self.rng.normal(0.0, 0.05))), reach.end
         return end
 
     def phrase(self) -> None:
         """Draw the next phrase and write it."""
-        rng, theme = self.rng, self.theme
-        phrases: tuple[tuple[float, Callable[[], float]], ...] = (
-            (theme.combination, self.strike),
-            (theme.stepping, self.steps),
-            (theme.turning, self.turn),
-            (theme.defence, lambda: self.defence(counter=False)),
-            (theme.counter, lambda: self.defence(counter=True)),
-            (theme.rest, lambda: self.now + float(rng.uniform(0.5, 1.6))),
-            (theme.travel, self.travel),
-            (theme.shuffling, lambda: shuffle_any_way(self.plan, self.now)),
-            (theme.pressing, self.press),
-            (theme.bouncing, lambda: bounce(self.plan, self.now, min(self.seconds - self.now - 0.9, 3.2))),
-        )
-        weights = np.array([weight for weight, _ in phrases])
-        choice = int(np.searchsorted(np.cumsum(weights) / weights.sum(), rng.uniform()))
-        end = phrases[choice][1]()
-        self.now = max(end, self.plan.feet_free - 0.15) + float(rng.uniform(0.0, theme.pause))
-
-    def fill(self) -> Score:
-        """Write phrases until the clip is full, with the guard at both ends."""
-        while True:
-            before = self.now
-            if before > self.seconds - 2.9:
-                return self.plan.finish(self.seconds)
-            self.phrase()
+        first = (self.strike, self.steps, self.turn, self.defend, self.counter)
+        phrases = (*first, self.stand, self.travel, self.shuffle, self.press, self.bounce)
+        weights = np.array(self.theme[:-1])
+        end = phrases[int(np.searchsorted(np.cumsum(weights) / weights.sum(), self.rng.uniform()))]()
+        self.now = max(end, self.plan.feet_free - 0.15) + float(self.rng.uniform(0.0, self.theme.pause))
 
 
-def write_score(seconds: float, theme: Theme, rng: np.random.Generator) -> Score:
-    """Plan a clip of a given length [s] on a theme."""
-    plan = Choreographer(rng)
-    return _Boxer(plan, seconds, theme, float(rng.uniform(0.35, 0.7))).fill()
+def write_score(plan: Choreographer, seconds: float, theme: Theme) -> Score:
+    """Plan a clip of a given length [s] on a theme: phrases until it is full, with the guard at both ends."""
+    boxer = _Boxer(plan, seconds, theme, float(plan.rng.uniform(0.35, 0.7)))
+    while boxer.now <= seconds - 2.9:
+        boxer.phrase()
+    return plan.finish(seconds)
 
 
 def exchange_blows(plan: Choreographer, begin: float, least: float) -> float:
@@ -267,7 +240,7 @@ def exchange_blows(plan: Choreographer, begin: float, least: float) -> float:
         begin: When the first one begins [s], later where a foot is still off the floor.
         least: Shortest time from there until the last one is over [s].
     """
-    boxer = _Boxer(plan, np.inf, EXCHANGE, max(begin, plan.feet_free))
+    boxer = _Boxer(plan, np.inf, _EXCHANGE, max(begin, plan.feet_free))
     while boxer.now < begin + least:
         boxer.phrase()
     return boxer.now

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from crowdsim.core.types import Array
 from crowdsim.motion import ground
-from crowdsim.performer.gait import GUARD_SWING, STROLL
-from crowdsim.performer.plan import Choreographer
-from crowdsim.performer.score import LEAD, REAR, Channel, Rest, Score, Style
-from crowdsim.performer.travel import Stride, travel
+from crowdsim.performer.choreographer import Choreographer
+from crowdsim.performer.footwork import stance_prints
+from crowdsim.performer.moves import part
+from crowdsim.performer.score import GUARD_SWING, LEAD, REAR, Accent, Channel, Rest, Score
+from crowdsim.performer.travel import STROLL, Stride, stance_on, travel
 
 _GUARD, _AFTER = 1.15, 1.15
 """Time in the guard before a rest, and after it [s]."""
@@ -20,124 +21,91 @@ _LOWERS, _RAISES = 1.15, 0.95
 """Time in which the guard is lowered, and in which it is raised again [s]."""
 _HALF_WIDTH, _TOE_OUT = 0.125, (0.14, -0.16)
 """Distance of each foot from the middle of a body at ease [m], and headings of the feet, lead and rear [rad]."""
-_EASE = (
-    (Channel.HEIGHT, 0.052),
-    (Channel.SHIFT_Z, -0.045),
-    (Channel.PELVIS_TURN, 0.52),
-    (Channel.PELVIS_TILT, -0.12),
-    (Channel.TWIST, 0.06),
-    (Channel.FLEX, -0.13),
-    (Channel.HEAD_NOD, -0.13),
-    (Channel.LEAD_HEEL, -0.20),
-    (Channel.REAR_HEEL, -0.40),
-    (Channel.LEAD_RAISE, -0.05),
-    (Channel.REAR_RAISE, -0.05),
-    (Channel.LEAD_FORTH, -0.10),
-    (Channel.REAR_FORTH, -0.10),
-)
-"""What takes the body from the guard to standing at ease, but for the hands."""
 _HANGING = (0.225, -0.465, 0.085)
 """A hanging fist from the chest joint, outwards, up and ahead [m]."""
-_HANDS = (
-    (Channel.LEAD_HAND_X, Channel.LEAD_HAND_Y, Channel.LEAD_HAND_Z),
-    (Channel.REAR_HAND_X, Channel.REAR_HAND_Y, Channel.REAR_HAND_Z),
+# fmt: off
+_EASE = part(
+    0.0, 0.0, 0.0, 0.0, HEIGHT=0.052, SHIFT_Z=-0.045, PELVIS_TURN=0.52, PELVIS_TILT=-0.12, TWIST=0.06, FLEX=-0.13,
+    HEAD_NOD=-0.13, LEAD_HEEL=-0.20, REAR_HEEL=-0.40, LEAD_RAISE=-0.05, REAR_RAISE=-0.05, LEAD_FORTH=-0.10,
+    REAR_FORTH=-0.10)
+"""What takes the body from the guard to standing at ease, but for the hands."""
+_SHIFT = part(0.0, 0.8, -0.8, 0.0, SHIFT_X=0.045, PELVIS_BEND=-0.07, BEND=0.09, TWIST=0.08)
+_GLANCE = part(0.2, 0.8, -0.7, 0.0, HEAD_TURN=0.35)
+"""The weight on one leg, and a look aside."""
+_LOOK = (
+    *part(0.0, 0.75, -0.75, 0.0, HEAD_TURN=0.85),
+    *part(0.07, 0.75, -0.75, -0.07, TWIST=0.22),
+    *part(0.14, 0.75, -0.75, -0.14, PELVIS_TURN=0.07),
+    *part(0.07 * 3, 0.75, -0.75, -0.07 * 3, SHIFT_X=0.02),
 )
-
-
-def _lower_hands(plan: Choreographer, start: float, down: float, up: float, end: float) -> None:
-    """Lower the fists from the guard, let them hang from ``down`` to ``up``, and raise them again [s]."""
-    style = plan.style
-    for side, fist in enumerate((style.lead_fist, style.rear_fist)):
-        out, high, ahead = _HANGING
-        wanted = (out if side == LEAD else -out, high, ahead)
-        late = float(plan.rng.uniform(0.0, 0.08))
-        for channel, here, there in zip(_HANDS[side], fist, wanted, strict=True):
-            plan.accent(channel, plan.about(there - here, 0.03), start + late, down, up, end - late)
+"""A look over one shoulder."""
+_SHAKES = (
+    part(0.0, 0.5, 0.5, 1.0, LEAD_ROLL=0.5, LEAD_HAND_X=0.022, LEAD_RAISE=0.03),
+    part(0.0, 0.5, 0.5, 1.0, REAR_ROLL=0.5, REAR_HAND_X=-0.022, REAR_RAISE=0.03),
+)
+"""One beat of shaking an arm, lead and rear."""
+_SHOULDERS = (
+    *part(0.0, 0.42, 0.50, 1.0, LEAD_RAISE=0.34, REAR_RAISE=0.34),
+    *part(0.3, 0.65, 0.70, 1.0, LEAD_FORTH=-0.22, REAR_FORTH=-0.22),
+)
+_FORTH = part(0.0, 0.20, 0.25, 0.6, LEAD_FORTH=0.16, REAR_FORTH=0.16)
+_NECK = part(0.0, 0.30, 0.32, 0.7, HEAD_BEND=0.32)
+"""One roll of the shoulders backwards, in shares of its time; forward before that; and one of the neck."""
+# fmt: on
+_HANDS = (Channel.LEAD_HAND_X, Channel.REAR_HAND_X)
 
 
 def _stand_easy(plan: Choreographer, start: float, down: float, up: float, end: float) -> None:
     """Bring the whole body to ease from ``start`` to ``down``, and back from ``up`` to ``end`` [s]."""
-    for channel, size in _EASE:
-        plan.accent(channel, plan.about(size, 0.05), start, down, up, end)
-    _lower_hands(plan, start, down, up, end)
+    plan.play(_EASE, (start, down, up, end), spread=0.05)
+    for side, fist in enumerate(plan.style.fists):
+        out, high, ahead = _HANGING
+        late = float(plan.rng.uniform(0.0, 0.08))
+        for axis, there in enumerate((out if side == LEAD else -out, high, ahead)):
+            size = plan.about(there - fist[axis], 0.03)
+            plan.accent(Channel(_HANDS[side] + axis), size, start + late, down, up, end - late)
 
 
-def _shift_weight(plan: Choreographer, start: float, end: float) -> None:
-    """Shift the weight from one leg to the other, and look aside."""
+def _to_both_sides(
+    overlap: float, plays: Sequence[tuple[tuple[Accent, ...], float]], plan: Choreographer, start: float, end: float
+) -> None:
+    """Play accents, drawn by a spread each, to one side and then to the other, which begins ``overlap`` earlier [s]."""
     side = float(plan.rng.choice([-1.0, 1.0]))
     middle = 0.5 * (start + end)
-    for sign, first, last in ((side, start, middle), (-side, middle - 0.2, end)):
-        parts = ((Channel.SHIFT_X, 0.045), (Channel.PELVIS_BEND, -0.07), (Channel.BEND, 0.09), (Channel.TWIST, 0.08))
-        for channel, size in parts:
-            plan.accent(channel, plan.about(size * sign, 0.1), first, first + 0.8, last - 0.8, last)
-        turn = plan.about(0.35 * sign, 0.2)
-        plan.accent(Channel.HEAD_TURN, turn, first + 0.2, first + 0.8, last - 0.7, last)
-
-
-def _look_about(plan: Choreographer, start: float, end: float) -> None:
-    """Look over one shoulder, then over the other."""
-    side = float(plan.rng.choice([-1.0, 1.0]))
-    middle = 0.5 * (start + end)
-    for sign, first, last in ((side, start, middle), (-side, middle, end)):
-        parts = ((Channel.HEAD_TURN, 0.85), (Channel.TWIST, 0.22), (Channel.PELVIS_TURN, 0.07), (Channel.SHIFT_X, 0.02))
-        for number, (channel, size) in enumerate(parts):
-            late = 0.07 * number
-            plan.accent(channel, plan.about(size * sign, 0.1), first + late, first + 0.75, last - 0.75, last - late)
+    for sign, first, last in ((side, start, middle), (-side, middle - overlap, end)):
+        for accents, spread in plays:
+            plan.play(accents, (first, first, last, last), sign, spread)
 
 
 def _shake_arms(plan: Choreographer, start: float, end: float) -> None:
     """Shake the hanging arms loose, one after the other."""
-    rng = plan.rng
-    for side, first in ((LEAD, start), (REAR, start + 0.45 * (end - start))):
+    rng, lasts = plan.rng, end - start
+    for side, first in ((LEAD, start), (REAR, start + 0.45 * lasts)):
         beat = float(rng.uniform(0.21, 0.25))
-        sign = 1.0 if side == LEAD else -1.0
-        for number in range(int(0.5 * (end - start) / beat)):
-            now = first + number * beat
+        for number in range(int(0.5 * lasts / beat)):
             size = (0.6, 1.0)[number > 0] * (1.0 if number % 2 == 0 else -1.0)
-            times = (now, now + 0.5 * beat, now + 0.5 * beat, now + beat)
-            plan.accent(Channel(Channel.LEAD_ROLL + side), 0.5 * size, *times)
-            plan.accent(_HANDS[side][0], 0.022 * size * sign, *times)
-            plan.accent(Channel(Channel.LEAD_RAISE + side), 0.03 * size, *times)
-        plan.accent(_HANDS[side][1], 0.05, first - 0.2, first + 0.2, first + 0.5 * (end - start), end + 0.2)
-        plan.accent(Channel.BEND, -0.06 * sign, first - 0.2, first + 0.3, first + 0.4 * (end - start), end)
-        plan.accent(Channel.HEAD_NOD, 0.12, first - 0.1, first + 0.4, first + 0.4 * (end - start), end)
+            plan.play(_SHAKES[side], (first + number * beat,) * 4, size, unit=beat)
+        sign = 1.0 if side == LEAD else -1.0
+        plan.accent(Channel(_HANDS[side] + 1), 0.05, first - 0.2, first + 0.2, first + 0.5 * lasts, end + 0.2)
+        plan.accent(Channel.BEND, -0.06 * sign, first - 0.2, first + 0.3, first + 0.4 * lasts, end)
+        plan.accent(Channel.HEAD_NOD, 0.12, first - 0.1, first + 0.4, first + 0.4 * lasts, end)
 
 
 def _roll_shoulders(plan: Choreographer, start: float, end: float) -> None:
     """Roll the shoulders backwards, twice, and the neck after them."""
     lasts = (end - start) / 2.6
-    for number in range(2):
-        now = start + number * lasts
-        for side in (LEAD, REAR):
-            plan.accent(
-                Channel(Channel.LEAD_RAISE + side), 0.34, now, now + 0.42 * lasts, now + 0.5 * lasts, now + lasts
-            )
-            plan.accent(
-                Channel(Channel.LEAD_FORTH + side),
-                0.16,
-                now - 0.1,
-                now + 0.2 * lasts,
-                now + 0.25 * lasts,
-                now + 0.6 * lasts,
-            )
-            plan.accent(
-                Channel(Channel.LEAD_FORTH + side),
-                -0.22,
-                now + 0.3 * lasts,
-                now + 0.65 * lasts,
-                now + 0.7 * lasts,
-                now + lasts,
-            )
+    for now in (start, start + lasts):
+        plan.play(_FORTH, (now - 0.1, now, now, now), unit=lasts)
+        plan.play(_SHOULDERS, (now, now, now, now), unit=lasts)
     now = start + 2.0 * lasts
     for sign, first in ((1.0, now - 0.2), (-1.0, now + 0.35 * lasts)):
-        plan.accent(
-            Channel.HEAD_BEND, 0.32 * sign, first, first + 0.3 * lasts, first + 0.32 * lasts, first + 0.7 * lasts
-        )
+        plan.play(_NECK, (first,) * 4, sign, unit=lasts)
 
 
+_shift_weight = partial(_to_both_sides, 0.2, ((_SHIFT, 0.1), (_GLANCE, 0.2)))
 _IDLE: dict[str, Callable[[Choreographer, float, float], None]] = {
     "at_ease": _shift_weight,
-    "look_about": _look_about,
+    "look_about": partial(_to_both_sides, 0.0, ((_LOOK, 0.1),)),
     "shake_arms": _shake_arms,
     "roll_shoulders": _roll_shoulders,
 }
@@ -148,16 +116,12 @@ RESTS = (*AT_EASE, *_WALKS)
 """Kinds of rests: on the spot, and walking off by a turn to either side."""
 
 
-def write_rest(kind: str, rng: np.random.Generator, facing: float | None = None, moves: bool = False) -> Score:
+def write_rest(plan: Choreographer, kind: str, moves: bool) -> Score:
     """Plan a clip of one rest: a second in the guard, the rest, and a second in the guard.
 
-    Args:
-        kind: A word of ``RESTS``.
-        rng: Where every number is drawn from.
-        facing: Heading of the stance at the start [rad]; drawn when None.
-        moves: Whether the boxer is on the move in the guard, before the rest and after it, instead of standing.
+    Where the boxer ``moves``, it steps about in the guard before the rest and after it, instead of standing.
     """
-    plan = Choreographer(rng, facing)
+    rng = plan.rng
     start = _step_about(plan, 0.4, _GUARD) if moves else _GUARD
     start += float(rng.uniform(0.0, 0.15))
     down = start + plan.about(_LOWERS, 0.06)
@@ -167,11 +131,18 @@ def write_rest(kind: str, rng: np.random.Generator, facing: float | None = None,
         stands = _walk_off(plan, stands + float(rng.uniform(1.2, 1.5)), _WALKS[kind])
     up = stands + float(rng.uniform(4.6, 5.6))
     _IDLE.get(kind, _shift_weight)(plan, stands + 0.2, up - 0.3)
-    _step_back(plan, up + 0.15, _guard_about(plan, LEAD) if kind in _WALKS else prints)
+    if kind in _WALKS:
+        # The guard keeps the lead foot where it is, and looks where the body does.
+        plan.ground_frame = stance_on(plan, plan.style, LEAD, float(plan.ground_frame[2]))
+        prints = stance_prints(plan.style, plan.ground_frame)
+    back, returned = up + 0.15, up + 0.15 + plan.about(0.42, 0.06)
+    plan.plant(REAR, back, returned, prints[REAR], plan.about(0.045, 0.1), GUARD_SWING)
+    plan.twist_foot(LEAD, back + 0.1, returned + 0.1, float(prints[LEAD, 2] - plan.prints[LEAD, 2]))
     end = up + plan.about(_RAISES, 0.05)
     _stand_easy(plan, start, down, up, end)
     last = _step_about(plan, end, end + _AFTER) + 0.3 if moves else end + _AFTER
-    return plan.finish(last, rests=(Rest(kind, start, down, up, end),))
+    plan.score.rests.append(Rest(kind, start, down, up, end))
+    return plan.finish(last)
 
 
 def _step_about(plan: Choreographer, begin: float, until: float) -> float:
@@ -182,13 +153,6 @@ def _step_about(plan: Choreographer, begin: float, until: float) -> float:
         far = float(rng.uniform(0.2, 0.4) if quick else rng.uniform(0.07, 0.25))
         end = plan.move(end, far * np.cos(angle), far * np.sin(angle), turn, plan.about(1.1), quick)
     return end
-
-
-def _square(plan: Choreographer) -> Style:
-    """Return how the boxer stands at ease: feet side by side."""
-    return replace(
-        plan.style, lead_ball=(_HALF_WIDTH, 0.0), rear_ball=(-_HALF_WIDTH, 0.0), foot_yaws=_TOE_OUT, blade=0.0
-    )
 
 
 def _stand_square(plan: Choreographer, start: float) -> float:
@@ -203,27 +167,12 @@ def _stand_square(plan: Choreographer, start: float) -> float:
     return end + 0.3
 
 
-def _guard_about(plan: Choreographer, foot: int) -> Array:
-    """Return the footprints of a guard that keeps one foot where it is, and looks where the body does. Shape (2, 3)."""
-    style, heading = plan.style, float(plan.ground_frame[2])
-    balls = (style.lead_ball, style.rear_ball)
-    guard = ground.compose([*plan.prints[foot, :2], heading], [-balls[foot][0], -balls[foot][1], 0.0])
-    plan.ground_frame = guard
-    return np.asarray(ground.compose(guard, np.column_stack([balls, style.foot_yaws])))
-
-
-def _step_back(plan: Choreographer, start: float, prints: Array) -> float:
-    """Step back into a guard with the rear foot, whose prints are given; return when it stands [s]."""
-    end = start + plan.about(0.42, 0.06)
-    plan.plant(REAR, start, end, prints[REAR], plan.about(0.045, 0.1), GUARD_SWING)
-    plan.twist_foot(LEAD, start + 0.1, end + 0.1, float(prints[LEAD, 2] - plan.prints[LEAD, 2]))
-    return end + 0.1
-
-
 def _walk_off(plan: Choreographer, start: float, side: float) -> float:
     """Look and turn away, walk some metres and stop, feet side by side; return when both stand [s]."""
     turn, count = side * float(plan.rng.uniform(1.8, 2.8)), 4
     plan.accent(Channel.HEAD_TURN, 0.35 * side, start - 0.45, start + 0.15, start + 0.3, start + 1.2)
     around = [Stride(STROLL, 0.42, turn / count)] * count
     straight = [Stride(STROLL, float(share)) for share in plan.rng.uniform(0.95, 1.05, 5)]
-    return travel(plan, start, [*around, *straight, Stride(STROLL, 0.8)], closing=_square(plan))
+    balls = ((_HALF_WIDTH, 0.0), (-_HALF_WIDTH, 0.0))
+    square = replace(plan.style, balls=balls, foot_yaws=_TOE_OUT, blade=0.0)
+    return travel(plan, start, [*around, *straight, Stride(STROLL, 0.8)], closing=square)

@@ -6,8 +6,9 @@ seed. ``perform`` gives clips with their ground truth, ``write_performance`` wri
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,16 +16,15 @@ import numpy as np
 from crowdsim.core.types import Progress
 from crowdsim.errors import nearest
 from crowdsim.motion.skeleton import Clip
-from crowdsim.performer.defences import DEFENCES
+from crowdsim.performer.choreographer import Choreographer
 from crowdsim.performer.falls import FALLS, STAGGERS, write_fall, write_stagger
-from crowdsim.performer.phrases import write_score
-from crowdsim.performer.punches import PUNCHES
+from crowdsim.performer.moves import DEFENCES, PUNCHES
+from crowdsim.performer.phrases import THEMES, write_score
+from crowdsim.performer.player import play_score
 from crowdsim.performer.rests import RESTS, write_rest
 from crowdsim.performer.score import Score
 from crowdsim.performer.skeleton import build_skeleton, mirror_joints
 from crowdsim.performer.solo import FOOTWORK, write_solo
-from crowdsim.performer.stage import stage
-from crowdsim.performer.themes import THEMES
 from crowdsim.performer.truth import Truth, find_truth, mirror_truth
 
 CLIP_SECONDS = 30.0
@@ -81,14 +81,12 @@ def perform(
     """
     if not (seconds > 0.0 and fps > 0.0):
         raise ValueError(f"seconds {seconds} and fps {fps}; expected both above 0")
-    _check_stance(stance)
     root = np.random.SeedSequence(seed)
     lengths = clip_lengths(seconds, fps, np.random.default_rng(root.spawn(1)[0]))
     performances = []
     for index, (frames, sequence) in enumerate(zip(lengths, root.spawn(len(lengths)), strict=True)):
-        plan, life = (np.random.default_rng(child) for child in sequence.spawn(2))
-        score = write_score(frames / fps, THEMES[index % len(THEMES)], plan)
-        performances.append(_perform_score(f"performer_{index:02d}", score, frames, fps, stance, life))
+        write = partial(write_score, seconds=frames / fps, theme=THEMES[index % len(THEMES)])
+        performances.append(_perform(f"performer_{index:02d}", write, sequence, fps, stance))
         if progress is not None:
             progress("perform", index + 1, len(lengths))
     performances += _perform_each((*FALLS, *STAGGERS), falls, _FALLS_STREAM, seed, fps, stance)
@@ -106,25 +104,19 @@ def _perform_each(
     performances = []
     for index, kind in enumerate(kinds):
         for take in range(count):
-            root = np.random.SeedSequence(seed, spawn_key=(stream, index, take))
-            plan, life = (np.random.default_rng(child) for child in root.spawn(2))
-            score = _write_alone(kind, plan, None, True)
-            word = f"fall_{kind}" if kind in FALLS else kind
-            name, frames = f"performer_{word}_{take:02d}", round(score.seconds * fps)
-            performances.append(_perform_score(name, score, frames, fps, stance, life))
+            name = f"performer_fall_{kind}_{take:02d}" if kind in FALLS else f"performer_{kind}_{take:02d}"
+            sequence = np.random.SeedSequence(seed, spawn_key=(stream, index, take))
+            performances.append(_perform(name, partial(_write_move, move=kind, amid=True), sequence, fps, stance))
     return performances
 
 
-def _write_alone(kind: str, rng: np.random.Generator, facing: float | None, amid: bool) -> Score:
-    """Return the score of a fall, stagger or rest, amid other moves or between two guards."""
-    if kind in FALLS:
-        return write_fall(kind, rng, facing, amid)
-    return write_stagger(kind, rng, facing, amid) if kind in STAGGERS else write_rest(kind, rng, facing, amid)
-
-
-def _check_stance(stance: str) -> None:
-    if stance not in STANCES:
-        raise ValueError(f"unknown stance {stance!r}; expected one of {', '.join(STANCES)}")
+def _write_move(plan: Choreographer, move: str, amid: bool) -> Score:
+    """Return the score of one move: of a fall, stagger or rest amid other moves, or between two guards."""
+    if move in FALLS:
+        return write_fall(plan, move, amid)
+    if move in STAGGERS:
+        return write_stagger(plan, move, amid)
+    return write_rest(plan, move, amid) if move in RESTS else write_solo(plan, move)
 
 
 def perform_solo(move: str, seed: int = 1, fps: float = 60.0, stance: str = "orthodox") -> Performance:
@@ -141,21 +133,26 @@ def perform_solo(move: str, seed: int = 1, fps: float = 60.0, stance: str = "ort
     """
     if move not in MOVES:
         raise ValueError(f"unknown move {move!r}; expected one of {', '.join(MOVES)}{nearest(move, MOVES)}")
-    _check_stance(stance)
-    plan, life = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
-    alone = move in (*FALLS, *STAGGERS, *RESTS)
-    score = _write_alone(move, plan, 0.0, False) if alone else write_solo(move, plan)
-    return _perform_score(move, score, round(score.seconds * fps), fps, stance, life)
+    write = partial(_write_move, move=move, amid=False)
+    return _perform(move, write, np.random.SeedSequence(seed), fps, stance, facing=0.0)
 
 
-def _perform_score(
-    name: str, score: Score, frames: int, fps: float, stance: str, life: np.random.Generator
+def _perform(
+    name: str,
+    write: Callable[[Choreographer], Score],
+    seeds: np.random.SeedSequence,
+    fps: float,
+    stance: str,
+    facing: float | None = None,
 ) -> Performance:
-    times = np.arange(frames) / fps
-    skeleton = build_skeleton()
-    staged = stage(score, skeleton, times, life)
-    clip = Clip(name, skeleton, fps, staged.root_positions, staged.rotations)
-    truth = find_truth(score, staged, times)
+    if stance not in STANCES:
+        raise ValueError(f"unknown stance {stance!r}; expected one of {', '.join(STANCES)}")
+    plan, idle = (np.random.default_rng(child) for child in seeds.spawn(2))
+    score, skeleton = write(Choreographer(plan, facing)), build_skeleton()
+    times = np.arange(round(score.seconds * fps)) / fps
+    played = play_score(score, skeleton, times, idle)
+    clip = Clip(name, skeleton, fps, played.root_positions, played.rotations)
+    truth = find_truth(score, played, times)
     if stance == "southpaw":
         return Performance(mirror_performed(clip), mirror_truth(truth))
     return Performance(clip, truth)

@@ -25,57 +25,45 @@ HIPS, SPINE, SPINE1, SPINE2, NECK, HEAD = range(6)
 SHOULDERS, ARMS, FOREARMS, HANDS = (6, 10), (7, 11), (8, 12), (9, 13)
 UP_LEGS, LEGS, FEET, TOES = (14, 18), (15, 19), (16, 20), (17, 21)
 
-_TRUNK = (
+_JOINTS = (
     ("Hips", -1, (0.0, PELVIS_HEIGHT, 0.0)),
     ("Spine", HIPS, (0.0, 0.095, -0.01)),
     ("Spine1", SPINE, (0.0, 0.12, -0.005)),
     ("Spine2", SPINE1, (0.0, 0.12, 0.0)),
     ("Neck", SPINE2, (0.0, 0.165, 0.0)),
     ("Head", NECK, (0.0, 0.09, 0.015)),
+    ("LeftShoulder", SPINE2, (0.03, 0.115, 0.01)),
+    ("LeftArm", SHOULDERS[0], (0.155, 0.0, -0.015)),
+    ("LeftForeArm", ARMS[0], (UPPER_ARM, 0.0, 0.0)),
+    ("LeftHand", FOREARMS[0], (FOREARM, 0.0, 0.0)),
+    ("RightShoulder", SPINE2, (-0.03, 0.115, 0.01)),
+    ("RightArm", SHOULDERS[1], (-0.155, 0.0, -0.015)),
+    ("RightForeArm", ARMS[1], (-UPPER_ARM, 0.0, 0.0)),
+    ("RightHand", FOREARMS[1], (-FOREARM, 0.0, 0.0)),
+    ("LeftUpLeg", HIPS, (HIP_HALF, -HIP_DROP, 0.0)),
+    ("LeftLeg", UP_LEGS[0], (0.0, -THIGH, 0.0)),
+    ("LeftFoot", LEGS[0], (0.0, -SHANK, 0.0)),
+    ("LeftToe", FEET[0], (0.0, BALL_HEIGHT - ANKLE_HEIGHT, BALL_AHEAD)),
+    ("RightUpLeg", HIPS, (-HIP_HALF, -HIP_DROP, 0.0)),
+    ("RightLeg", UP_LEGS[1], (0.0, -THIGH, 0.0)),
+    ("RightFoot", LEGS[1], (0.0, -SHANK, 0.0)),
+    ("RightToe", FEET[1], (0.0, BALL_HEIGHT - ANKLE_HEIGHT, BALL_AHEAD)),
 )
-
-
-def _side(name: str, sign: float) -> list[tuple[str, str, tuple[float, float, float]]]:
-    return [
-        (f"{name}Shoulder", "Spine2", (0.03 * sign, 0.115, 0.01)),
-        (f"{name}Arm", f"{name}Shoulder", (0.155 * sign, 0.0, -0.015)),
-        (f"{name}ForeArm", f"{name}Arm", (UPPER_ARM * sign, 0.0, 0.0)),
-        (f"{name}Hand", f"{name}ForeArm", (FOREARM * sign, 0.0, 0.0)),
-    ]
-
-
-def _leg(name: str, sign: float) -> list[tuple[str, str, tuple[float, float, float]]]:
-    return [
-        (f"{name}UpLeg", "Hips", (HIP_HALF * sign, -HIP_DROP, 0.0)),
-        (f"{name}Leg", f"{name}UpLeg", (0.0, -THIGH, 0.0)),
-        (f"{name}Foot", f"{name}Leg", (0.0, -SHANK, 0.0)),
-        (f"{name}Toe", f"{name}Foot", (0.0, BALL_HEIGHT - ANKLE_HEIGHT, BALL_AHEAD)),
-    ]
+_END_SITES = (
+    (HEAD, (0.0, 0.195, 0.0)),
+    (HANDS[0], (0.105, 0.0, 0.0)),
+    (HANDS[1], (-0.105, 0.0, 0.0)),
+    (TOES[0], (0.0, -0.005, 0.065)),
+    (TOES[1], (0.0, -0.005, 0.065)),
+)
 
 
 def build_skeleton() -> Skeleton:
     """Return the boxer in a T-pose: facing +z, arms along x, soles on y = 0, 1.75 m tall."""
-    names = [name for name, _, _ in _TRUNK]
-    parents = [parent for _, parent, _ in _TRUNK]
-    offsets = [offset for _, _, offset in _TRUNK]
-    limbs = [*_side("Left", 1.0), *_side("Right", -1.0), *_leg("Left", 1.0), *_leg("Right", -1.0)]
-    for name, parent_name, offset in limbs:
-        parents.append(names.index(parent_name))
-        names.append(name)
-        offsets.append(offset)
-    ends = [
-        (HEAD, (0.0, 0.195, 0.0)),
-        (HANDS[0], (0.105, 0.0, 0.0)),
-        (HANDS[1], (-0.105, 0.0, 0.0)),
-        (TOES[0], (0.0, -0.005, 0.065)),
-        (TOES[1], (0.0, -0.005, 0.065)),
-    ]
+    names, parents, offsets = zip(*_JOINTS, strict=True)
+    end_parents, end_offsets = zip(*_END_SITES, strict=True)
     return Skeleton(
-        names=tuple(names),
-        parents=np.array(parents, np.int32),
-        offsets=np.array(offsets, float),
-        end_parents=np.array([joint for joint, _ in ends], np.int32),
-        end_offsets=np.array([offset for _, offset in ends], float),
+        names, np.array(parents, np.int32), np.array(offsets), np.array(end_parents, np.int32), np.array(end_offsets)
     )
 
 

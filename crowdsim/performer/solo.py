@@ -6,16 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from crowdsim.performer.defences import DEFENCES
-from crowdsim.performer.gait import JOG, WALK
-from crowdsim.performer.plan import Choreographer
-from crowdsim.performer.punches import PUNCHES
-from crowdsim.performer.roam import quick_turn
+from crowdsim.performer.choreographer import Choreographer
+from crowdsim.performer.free_footwork import quick_turn
+from crowdsim.performer.moves import DEFENCES, PUNCHES
 from crowdsim.performer.score import Score
-from crowdsim.performer.steps import Stepper
-from crowdsim.performer.travel import Stride, shuffle, travel
+from crowdsim.performer.travel import JOG, WALK, Stride, shuffle, travel
 
-_Move = Callable[[Stepper, float], float]
+_Move = Callable[[Choreographer, float], float]
 
 
 def _step(ahead: float, left: float) -> _Move:
@@ -30,7 +27,7 @@ def _travel(*strides: Stride) -> _Move:
     return lambda plan, start: travel(plan, start, strides)
 
 
-def _turn(plan: Stepper, start: float) -> float:
+def _turn(plan: Choreographer, start: float) -> float:
     for _ in range(4):
         start = plan.pivot(start, np.pi / 4)
     return start
@@ -66,13 +63,12 @@ FOOTWORK: dict[str, _Move] = {
 """Footwork by name; each writes its steps from a time on [s] and returns when the last foot is down [s]."""
 
 
-def write_solo(move: str, rng: np.random.Generator) -> Score:
-    """Plan a short clip of one move alone, facing heading 0: a punch, a defence, or a word of ``FOOTWORK``."""
-    plan = Choreographer(rng, facing=0.0)
+def write_solo(plan: Choreographer, move: str) -> Score:
+    """Plan a short clip of one move alone: a punch, a defence, or a word of ``FOOTWORK``."""
     start = 0.5
     if move in PUNCHES:
         recipe = PUNCHES[move]
-        end = plan.punch(move, start, distance=0.5 * sum(recipe.distance), speed=recipe.speed[0], height=1.45).end
+        end = plan.punch(move, start, False, 0.0, 0.5 * sum(recipe.distance), recipe.speed[0], 1.45).end
     elif move in DEFENCES:
         end = plan.defend(move, start, depth=1.0)
     else:

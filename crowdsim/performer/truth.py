@@ -8,8 +8,8 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.motion import ground
-from crowdsim.performer.score import Score
-from crowdsim.performer.stage import Staged
+from crowdsim.performer.player import Played
+from crowdsim.performer.score import Fall, Rest, Score, Span, Travel
 
 
 @dataclass(frozen=True)
@@ -40,61 +40,6 @@ class TrueStrike:
 
 
 @dataclass(frozen=True)
-class TrueDefence:
-    """A defence of one kind over frames ``start`` to ``end``, half-open."""
-
-    kind: str
-    start: int
-    end: int
-
-
-@dataclass(frozen=True)
-class TrueTravel:
-    """Travel in one gait over frames ``start`` to ``end``, half-open: "shuffle", "walk" or "jog"."""
-
-    gait: str
-    start: int
-    end: int
-
-
-@dataclass(frozen=True)
-class TrueFall:
-    """A fall: hit at frame ``start``, lying from ``down`` to ``rise``, and in the guard again from ``end`` on.
-
-    ``kind`` is a word of ``falls.FALLS``, seen by an orthodox boxer.
-    """
-
-    kind: str
-    start: int
-    down: int
-    rise: int
-    end: int
-
-
-@dataclass(frozen=True)
-class TrueStagger:
-    """A stagger of one kind over frames ``start`` to ``end``, half-open."""
-
-    kind: str
-    start: int
-    end: int
-
-
-@dataclass(frozen=True)
-class TrueRest:
-    """A rest: in the guard until frame ``start``, at ease from ``down`` to ``up``, in the guard again from ``end`` on.
-
-    ``kind`` is a word of ``rests.RESTS``, seen by an orthodox boxer.
-    """
-
-    kind: str
-    start: int
-    down: int
-    up: int
-    end: int
-
-
-@dataclass(frozen=True)
 class Truth:
     """Ground truth of one clip.
 
@@ -111,82 +56,64 @@ class Truth:
 
     contacts: Array
     strikes: tuple[TrueStrike, ...]
-    defences: tuple[TrueDefence, ...]
-    travels: tuple[TrueTravel, ...]
+    defences: tuple[Span[int], ...]
+    travels: tuple[Travel[int], ...]
     stance: Array
-    falls: tuple[TrueFall, ...] = ()
-    staggers: tuple[TrueStagger, ...] = ()
-    rests: tuple[TrueRest, ...] = ()
+    falls: tuple[Fall[int], ...]
+    staggers: tuple[Span[int], ...]
+    rests: tuple[Rest[int], ...]
 
 
-def find_truth(score: Score, staged: Staged, times: Array) -> Truth:
+def find_truth(score: Score, played: Played, times: Array) -> Truth:
     """Read the truth off a score and the motion that came of it."""
     fps = 1.0 / (times[1] - times[0])
-    hips, fists = staged.root_positions, staged.fists
-    stance = np.stack([hips[:, 0], hips[:, 2], staged.footwork.heading], axis=-1)
+    hips, fists = played.root_positions, played.fists
+    stance = np.stack([hips[:, 0], hips[:, 2], played.footwork.heading], axis=-1)
     relative = fists - hips[:, None]
     speed = np.linalg.norm(np.gradient(relative, axis=0), axis=-1) * fps
-    far = np.linalg.norm(fists - staged.shoulders.mean(axis=1, keepdims=True), axis=-1)
+    far = np.linalg.norm(fists - played.shoulders.mean(axis=1, keepdims=True), axis=-1)
     strikes = []
-    for reach in sorted(staged.reaches, key=lambda reach: reach.hit):
+    for reach in sorted(played.reaches, key=lambda reach: reach.hit):
         hand = reach.hand
         first = max(int(np.ceil((reach.hit - 0.05) * fps)), 0)
         last = min(int((reach.hit + 0.07) * fps) + 1, len(times))
         frame = first + int(np.argmax(far[first:last, hand]))
         begin = max(int(reach.start * fps), 0)
         peak = begin + int(np.argmax(speed[begin : frame + 1, hand]))
-        position = ground.to_local(stance[frame], fists[frame, hand])
-        strikes.append(
-            TrueStrike(
-                reach.kind,
-                hand,
-                frame,
-                peak,
-                float(speed[peak, hand]),
-                (float(position[0]), float(position[1]), float(position[2])),
-                float(reach.start),
-                float(reach.hit),
-                float(reach.end),
-            )
-        )
+        x, y, z = (float(value) for value in ground.to_local(stance[frame], fists[frame, hand]))
+        times_of = (float(time) for time in (reach.start, reach.hit, reach.end))
+        strikes.append(TrueStrike(reach.kind, hand, frame, peak, float(speed[peak, hand]), (x, y, z), *times_of))
     defences = tuple(
-        TrueDefence(d.kind, int(np.ceil(d.start * fps)), int(d.end * fps) + 1)
+        Span(d.kind, int(np.ceil(d.start * fps)), int(d.end * fps) + 1)
         for d in sorted(score.defences, key=lambda d: d.start)
     )
     travels = tuple(
-        TrueTravel(t.gait, int(np.ceil(t.start * fps)), min(int(t.end * fps) + 1, len(times)))
+        Travel(t.gait, int(np.ceil(t.start * fps)), min(int(t.end * fps) + 1, len(times)))
         for t in sorted(score.travels, key=lambda t: t.start)
     )
-    falls = tuple(TrueFall(f.kind, *(round(t * fps) for t in (f.start, f.down, f.rise, f.end))) for f in score.falls)
-    staggers = tuple(TrueStagger(s.kind, round(s.start * fps), round(s.end * fps)) for s in score.staggers)
-    rests = tuple(TrueRest(r.kind, *(round(t * fps) for t in (r.start, r.down, r.up, r.end))) for r in score.rests)
-    return Truth(staged.footwork.planted.copy(), tuple(strikes), defences, travels, stance, falls, staggers, rests)
+    falls = tuple(Fall(f.kind, *(round(t * fps) for t in (f.start, f.down, f.rise, f.end))) for f in score.falls)
+    staggers = tuple(Span(s.kind, round(s.start * fps), round(s.end * fps)) for s in score.staggers)
+    rests = tuple(Rest(r.kind, *(round(t * fps) for t in (r.start, r.down, r.up, r.end))) for r in score.rests)
+    return Truth(played.footwork.planted.copy(), tuple(strikes), defences, travels, stance, falls, staggers, rests)
 
 
-_OTHER_SIDE = {
-    "slip_left": "slip_right",
-    "slip_right": "slip_left",
-    "left": "right",
-    "right": "left",
-    "stagger_left": "stagger_right",
-    "stagger_right": "stagger_left",
-    "walk_off_left": "walk_off_right",
-    "walk_off_right": "walk_off_left",
-}
+def _other_side(kind: str) -> str:
+    sides = {"left": "right", "right": "left"}
+    return "_".join(sides.get(word, word) for word in kind.split("_"))
 
 
 def mirror_truth(truth: Truth) -> Truth:
     """Return the truth of the mirrored clip."""
-    return Truth(
+    return replace(
+        truth,
         contacts=truth.contacts[:, ::-1].copy(),
         strikes=tuple(
             replace(strike, hand=1 - strike.hand, position=(-strike.position[0], *strike.position[1:]))
             for strike in truth.strikes
         ),
-        defences=tuple(replace(d, kind=_OTHER_SIDE.get(d.kind, d.kind)) for d in truth.defences),
-        travels=truth.travels,
+        defences=tuple(replace(one, kind=_other_side(one.kind)) for one in truth.defences),
         stance=truth.stance * np.array([-1.0, 1.0, -1.0]),
-        falls=tuple(replace(f, kind=_OTHER_SIDE.get(f.kind, f.kind)) for f in truth.falls),
-        staggers=tuple(replace(s, kind=_OTHER_SIDE.get(s.kind, s.kind)) for s in truth.staggers),
-        rests=tuple(replace(r, kind=_OTHER_SIDE.get(r.kind, r.kind)) for r in truth.rests),
+        falls=tuple(replace(one, kind=_other_side(one.kind)) for one in truth.falls),
+        staggers=tuple(replace(one, kind=_other_side(one.kind)) for one in truth.staggers),
+        rests=tuple(replace(one, kind=_other_side(one.kind)) for one in truth.rests),
     )

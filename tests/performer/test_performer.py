@@ -12,8 +12,9 @@ from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import build_body
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.tracks import build_tracks
-from crowdsim.performer.defences import DEFENCES
-from crowdsim.performer.punches import PUNCHES
+from crowdsim.performer.choreographer import Choreographer
+from crowdsim.performer.moves import DEFENCES, PUNCHES, part
+from crowdsim.performer.score import Accent, Channel
 from crowdsim.performer.session import perform, perform_solo, write_performance
 from crowdsim.performer.skeleton import (
     BALL_HEIGHT,
@@ -375,6 +376,26 @@ def test_a_duck_takes_the_head_down_by_knees_and_spine():
     drop = positions[0, [HEAD, 0], 1] - positions[:, [HEAD, 0], 1].min(axis=0)
     assert drop[0] > 0.28
     assert 0.15 < drop[1] < drop[0]
+
+
+@pytest.mark.parametrize("move", [*PUNCHES, *DEFENCES])
+def test_accents_of_a_move_rise_before_they_fall(move):
+    for accent in {**PUNCHES, **DEFENCES}[move].parts:
+        start, peak, fall, end = accent.at
+        assert start < peak <= fall < end, accent
+
+
+def test_parts_are_played_around_the_times_of_a_move():
+    plan = Choreographer(np.random.default_rng(1), facing=0.0)
+    plan.play(part(0.0, 0.25, -0.5, 0.0, FLEX=0.2, TWIST=-0.1), (1.0, 1.0, 4.0, 4.0), scale=2.0, unit=2.0)
+    at = (1.0, 1.5, 3.0, 4.0)
+    assert plan.score.accents == [Accent(Channel.FLEX, 0.4, at), Accent(Channel.TWIST, -0.2, at)]
+
+
+def test_accents_are_no_faster_than_a_body():
+    plan = Choreographer(np.random.default_rng(1), facing=0.0)
+    plan.accent(Channel.FLEX, 0.3, 1.0, 1.01, 1.02, 1.03)
+    assert plan.score.accents[0].at == pytest.approx((1.0, 1.07, 1.07, 1.18))
 
 
 def test_an_unknown_move_is_refused_with_the_choices():

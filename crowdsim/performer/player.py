@@ -1,8 +1,9 @@
-"""From a score to a clip: adds up the accents, carries the pelvis, leads the fists, and poses every joint."""
+"""The player turns a score into motion: it adds up accents, carries pelvis and fists, and poses all joints."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,26 +11,13 @@ from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion import quaternion as quat
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.performer import joints
 from crowdsim.performer import skeleton as bones
 from crowdsim.performer.curves import pulse, smooth_below, soft_cap, soft_floor, window
-from crowdsim.performer.falling import fall_over, without_plants
+from crowdsim.performer.falling import fall_over
 from crowdsim.performer.fists import clear_head, lead_fists
 from crowdsim.performer.footwork import Footwork, trace_feet
-from crowdsim.performer.gait import GAITS
-from crowdsim.performer.life import add_life
-from crowdsim.performer.pose import (
-    LEG_REACH,
-    Trunk,
-    ankle_position,
-    foot_rotation,
-    girdle,
-    level_toes,
-    pose_arm,
-    pose_head,
-    pose_leg,
-    pose_trunk,
-    within_reach,
-)
+from crowdsim.performer.idle_motion import add_idle_motion
 from crowdsim.performer.score import Channel, Reach, Score, Style
 
 _SINKS = 0.31
@@ -49,7 +37,7 @@ _GAZE_FOLLOWS = 0.25
 
 
 @dataclass(frozen=True)
-class Staged:
+class Played:
     """Motion of an orthodox boxer over F frames, with what the ground truth needs.
 
     Attributes:
@@ -73,88 +61,60 @@ def add_accents(score: Score, times: Array) -> Array:
     """Return the sum of all accents. Shape (F, channels)."""
     channels = np.zeros((len(times), len(Channel)))
     for accent in score.accents:
-        part = window(times, accent.start, accent.end)
-        shape = pulse(times[part], accent.start, accent.peak, accent.fall, accent.end)
-        channels[part, accent.channel] += accent.size * shape
+        part = window(times, accent.at[0], accent.at[3])
+        channels[part, accent.channel] += accent.size * pulse(times[part], *accent.at)
     return channels
 
 
-def _riding(score: Score, times: Array) -> Array:
-    """Return 1 where the boxer walks, jogs or rests, 0 elsewhere, and what lies between on the way. Shape (F,)."""
-    riding = np.zeros(len(times))
-    for travel in score.travels:
-        if travel.gait in GAITS:
-            riding += pulse(times, travel.start - 0.2, travel.start + 0.2, travel.end - 0.2, travel.end + 0.2)
-    return np.minimum(riding + _resting(score, times), 1.0)
-
-
-def _resting(score: Score, times: Array) -> Array:
-    """Return 1 where the boxer is at ease, 0 in the guard, and what lies between on the way. Shape (F,)."""
-    resting = np.zeros(len(times))
-    for rest in score.rests:
-        resting += pulse(times, rest.start, rest.down, rest.up, rest.end)
-    return resting
+def _add_pulses(times: Array, pulses: Sequence[tuple[float, float, float, float]]) -> Array:
+    """Return a sum of pulses: 1 in them, 0 elsewhere, and what lies between on the way. Shape (F,)."""
+    total = np.zeros(len(times))
+    for at in pulses:
+        total += pulse(times, *at)
+    return total
 
 
 def _carry_pelvis(score: Score, times: Array, feet: Footwork, channels: Array, ankles: Array) -> tuple[Array, Array]:
     """Return position and rotation of the pelvis, as high as both legs let it be. Shapes (F, 3) and (F, 4)."""
     style = score.style
-    rotation = quat.from_euler(
-        np.stack(
-            [
-                feet.heading + style.blade + channels[:, Channel.PELVIS_TURN],
-                0.45 * style.lean + channels[:, Channel.PELVIS_TILT],
-                -channels[:, Channel.PELVIS_BEND],
-            ],
-            axis=-1,
-        ),
-        "YXZ",
+    rotation = joints.turned(
+        feet.heading + style.blade + channels[:, Channel.PELVIS_TURN],
+        0.45 * style.lean + channels[:, Channel.PELVIS_TILT],
+        channels[:, Channel.PELVIS_BEND],
     )
     base = np.stack([feet.carried[:, 0], feet.carried[:, 1], feet.heading], axis=-1)
     shift = np.stack([channels[:, Channel.SHIFT_X], np.zeros(len(base)), channels[:, Channel.SHIFT_Z]], axis=-1)
     hips = ground.to_world(base, shift)
     height = soft_floor(style.height + channels[:, Channel.HEIGHT], _LOWEST, 0.04)
     highest = np.full(len(base), np.inf)
-    reach = LEG_REACH * (bones.THIGH + bones.SHANK)
     for foot in range(2):
-        drop = quat.rotate(rotation, np.array([bones.HIP_HALF * (1 - 2 * foot), -bones.HIP_DROP, 0.0]))
+        drop = quat.rotate(rotation, joints.hip_offset(foot))
         flat = ankles[:, foot] - hips - drop
         far = flat[:, 0] ** 2 + flat[:, 2] ** 2
-        highest = np.minimum(highest, ankles[:, foot, 1] + np.sqrt(np.maximum(reach**2 - far, 0.05)) - drop[:, 1])
+        up = np.sqrt(np.maximum(joints.LEG_REACH**2 - far, 0.05))
+        highest = np.minimum(highest, ankles[:, foot, 1] + up - drop[:, 1])
     most = round(_SINKS * (len(times) - 1) / max(float(times[-1] - times[0]), 1e-9))
     hips[:, 1] = soft_cap(height, smooth_below(highest, most), 0.008)
     return hips, rotation
 
 
-@dataclass(frozen=True)
-class _Soles:
-    """Feet over F frames, lead and rear.
-
-    Attributes:
-        ankles: Position of the ankles [m]. Shape (F, 2, 3).
-        rotations: Rotation of each foot. Shape (F, 4).
-        yaws: Heading of each foot [rad]. Shape (F,).
-    """
-
-    ankles: Array
-    rotations: tuple[Array, Array]
-    yaws: tuple[Array, Array]
-
-
-def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generator) -> Staged:
+def play_score(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generator) -> Played:
     """Perform a score at the given times [s], evenly spaced from 0. Shape (F,)."""
     feet = trace_feet(score, times)
     style = score.style
     channels = add_accents(score, times)
-    add_life(channels, score.style, times, feet.loads, _riding(score, times), rng)
+    walks = [(one.start, one.end) for one in score.travels if one.gait in ("walk", "jog")]
+    riding = _add_pulses(times, [(start - 0.2, start + 0.2, end - 0.2, end + 0.2) for start, end in walks])
+    resting = _add_pulses(times, [(rest.start, rest.down, rest.up, rest.end) for rest in score.rests])
+    add_idle_motion(channels, style, times, feet.loads, np.minimum(riding + resting, 1.0), rng)
     for channel, (least, most) in ((Channel.FLEX, _MOST_FLEX), (Channel.BEND, _MOST_BEND)):
         channels[:, channel] = soft_cap(soft_floor(channels[:, channel], least, 0.06), most, 0.06)
     rotations = np.zeros((len(times), skeleton.joint_count, 4))
     rotations[..., 0] = 1.0
 
-    soles = _set_feet(style, feet, channels, rotations)
-    hips, hips_rotation = _carry_pelvis(score, times, feet, channels, soles.ankles)
-    trunk = pose_trunk(
+    ankles, soles, yaws = _set_feet(style, feet, channels, rotations)
+    hips, hips_rotation = _carry_pelvis(score, times, feet, channels, ankles)
+    trunk = joints.pose_trunk(
         skeleton,
         hips,
         hips_rotation,
@@ -164,13 +124,18 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
     )
     rotations[:, bones.HIPS] = hips_rotation
     rotations[:, bones.SPINE : bones.SPINE2 + 1] = trunk.spine
-    _bend_legs(trunk, soles, rotations)
-    head = _look(style, skeleton, feet, channels, trunk, rotations)
+    for foot in range(2):
+        hip = hips + quat.rotate(hips_rotation, joints.hip_offset(foot))
+        ahead = np.stack([np.sin(yaws[foot]), np.zeros(len(times)), np.cos(yaws[foot])], axis=-1)
+        posed = joints.pose_leg(hips_rotation, hip, ankles[:, foot], soles[foot], ahead)
+        for bone, local in zip((bones.UP_LEGS, bones.LEGS, bones.FEET), posed, strict=True):
+            rotations[:, bone[foot]] = local
+    head = _turn_head(style, skeleton, feet, channels, trunk, rotations)
     collars, shoulders = _raise_shoulders(skeleton, channels, trunk, rotations)
-    reached, reaches = lead_fists(score, times, feet.heading, trunk, channels, shoulders, _resting(score, times))
-    fists = within_reach(clear_head(reached, head), shoulders)
+    reached, reaches = lead_fists(score, times, feet.heading, trunk, channels, shoulders, resting)
+    fists = joints.within_reach(clear_head(reached, head), shoulders)
     for side in range(2):
-        upper, forearm, hand = pose_arm(
+        posed = joints.pose_arm(
             side,
             trunk.chest_rotation,
             collars[side],
@@ -179,17 +144,18 @@ def stage(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Generat
             style.elbows[side] + channels[:, Channel.LEAD_ELBOW + side],
             0.3 + channels[:, Channel.LEAD_ROLL + side],
         )
-        rotations[:, bones.ARMS[side]] = upper
-        rotations[:, bones.FOREARMS[side]] = forearm
-        rotations[:, bones.HANDS[side]] = hand
+        for bone, local in zip((bones.ARMS, bones.FOREARMS, bones.HANDS), posed, strict=True):
+            rotations[:, bone[side]] = local
     if score.falls:
-        hips, rotations, weight = fall_over(skeleton, hips, rotations, score.falls, times, rng)
-        feet = without_plants(feet, weight)
-    return Staged(hips, quat.continuous(rotations), feet, fists, shoulders, reaches)
+        hips, rotations, weight = fall_over(skeleton, hips, rotations, score, times, rng)
+        feet = replace(feet, planted=feet.planted & (weight == 0.0)[:, None])
+    return Played(hips, quat.continuous(rotations), feet, fists, shoulders, reaches)
 
 
-def _set_feet(style: Style, feet: Footwork, channels: Array, rotations: Array) -> _Soles:
-    """Return where the feet are, heels and toes lifted, and write the rotations of the toes."""
+def _set_feet(
+    style: Style, feet: Footwork, channels: Array, rotations: Array
+) -> tuple[Array, list[Array], list[Array]]:
+    """Write the rotations of the toes, and return positions of ankles (F, 2, 3), rotations and headings of the feet."""
     ankles = np.empty((len(rotations), 2, 3))
     soles, yaws = [], []
     for foot in range(2):
@@ -200,42 +166,25 @@ def _set_feet(style: Style, feet: Footwork, channels: Array, rotations: Array) -
         # A foot on its heel has its ball as high as the heel is low.
         lift = feet.lifts[:, foot] + _SOLE * np.sin(feet.toes_up[:, foot])
         ball = np.stack([feet.balls[:, foot, 0], bones.BALL_HEIGHT + lift, feet.balls[:, foot, 1]], axis=-1)
-        soles.append(foot_rotation(yaw, heel - feet.toes_up[:, foot]))
-        ankles[:, foot] = ankle_position(ball, soles[foot])
-        rotations[:, bones.TOES[foot]] = level_toes(heel, feet.points[:, foot])
+        soles.append(joints.foot_rotation(yaw, heel - feet.toes_up[:, foot]))
+        ankles[:, foot] = joints.ankle_position(ball, soles[foot])
+        rotations[:, bones.TOES[foot]] = joints.about_x(-heel * feet.points[:, foot])
         yaws.append(yaw)
-    return _Soles(ankles, (soles[0], soles[1]), (yaws[0], yaws[1]))
+    return ankles, soles, yaws
 
 
-def _bend_legs(trunk: Trunk, soles: _Soles, rotations: Array) -> None:
-    """Write the rotations of the legs between pelvis and feet."""
-    for foot in range(2):
-        sign = 1 - 2 * foot
-        hip = trunk.hips + quat.rotate(trunk.hips_rotation, np.array([bones.HIP_HALF * sign, -bones.HIP_DROP, 0.0]))
-        yaw = soles.yaws[foot]
-        ahead = np.stack([np.sin(yaw), np.zeros_like(yaw), np.cos(yaw)], axis=-1)
-        thigh, shank, sole = pose_leg(trunk.hips_rotation, hip, soles.ankles[:, foot], soles.rotations[foot], ahead)
-        rotations[:, bones.UP_LEGS[foot]] = thigh
-        rotations[:, bones.LEGS[foot]] = shank
-        rotations[:, bones.FEET[foot]] = sole
-
-
-def _look(style: Style, skeleton: Skeleton, feet: Footwork, channels: Array, trunk: Trunk, rotations: Array) -> Array:
+def _turn_head(
+    style: Style, skeleton: Skeleton, feet: Footwork, channels: Array, trunk: joints.Trunk, rotations: Array
+) -> Array:
     """Write the rotations of neck and head, and return the centre of the head [m]. Shape (F, 3)."""
-    gaze = quat.from_euler(
-        np.stack(
-            [
-                feet.heading + channels[:, Channel.HEAD_TURN],
-                0.2 + channels[:, Channel.HEAD_NOD] + 0.35 * channels[:, Channel.FLEX],
-                -channels[:, Channel.HEAD_BEND] - 0.45 * channels[:, Channel.BEND],
-            ],
-            axis=-1,
-        ),
-        "YXZ",
+    gaze = joints.turned(
+        feet.heading + channels[:, Channel.HEAD_TURN],
+        0.2 + channels[:, Channel.HEAD_NOD] + 0.35 * channels[:, Channel.FLEX],
+        channels[:, Channel.HEAD_BEND] + 0.45 * channels[:, Channel.BEND],
     )
     facing = quat.multiply(trunk.chest_rotation, quat.about_y(-style.blade - style.twist))
     gaze = quat.slerp(gaze, facing, _GAZE_FOLLOWS)
-    rotations[:, [bones.NECK, bones.HEAD]] = pose_head(trunk.chest_rotation, gaze)
+    rotations[:, [bones.NECK, bones.HEAD]] = joints.pose_head(trunk.chest_rotation, gaze)
     neck = trunk.chest + quat.rotate(trunk.chest_rotation, skeleton.offsets[bones.NECK])
     neck_rotation = quat.multiply(trunk.chest_rotation, rotations[:, bones.NECK])
     skull = neck + quat.rotate(neck_rotation, skeleton.offsets[bones.HEAD])
@@ -243,13 +192,15 @@ def _look(style: Style, skeleton: Skeleton, feet: Footwork, channels: Array, tru
     return np.asarray(skull + quat.rotate(head_rotation, np.array([0.0, bones.HEAD_CENTRE, 0.0])))
 
 
-def _raise_shoulders(skeleton: Skeleton, channels: Array, trunk: Trunk, rotations: Array) -> tuple[list[Array], Array]:
+def _raise_shoulders(
+    skeleton: Skeleton, channels: Array, trunk: joints.Trunk, rotations: Array
+) -> tuple[list[Array], Array]:
     """Write the rotations of the collar bones, and return them in the world, (F, 4) each, and shoulders (F, 2, 3)."""
     collars, shoulders = [], np.empty((len(rotations), 2, 3))
     for side in range(2):
-        local = girdle(
-            side, 0.12 + channels[:, Channel.LEAD_FORTH + side], 0.08 + channels[:, Channel.LEAD_RAISE + side]
-        )
+        forth, raised = 0.12 + channels[:, Channel.LEAD_FORTH + side], 0.08 + channels[:, Channel.LEAD_RAISE + side]
+        sign = 1 - 2 * side
+        local = quat.from_euler(np.stack([-forth * sign, raised * sign, np.zeros_like(forth)], axis=-1), "YZX")
         rotations[:, bones.SHOULDERS[side]] = local
         collars.append(quat.multiply(trunk.chest_rotation, local))
         root = trunk.chest + quat.rotate(trunk.chest_rotation, skeleton.offsets[bones.SHOULDERS[side]])

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from crowdsim.motion import ground
-from crowdsim.performer.gait import JOG, WALK, Gait
-from crowdsim.performer.steps import Stepper
-from crowdsim.performer.travel import Stride, shuffle, travel
+from crowdsim.performer.choreographer import Choreographer
+from crowdsim.performer.travel import JOG, WALK, Gait, Stride, shuffle, travel
 
 ROOM = 4.5
 """Distance from the middle of the floor that travel keeps within [m]."""
@@ -15,7 +14,7 @@ _SHARPEST = 0.95
 """Most that one step turns [rad]."""
 
 
-def run_up(plan: Stepper, start: float, seconds: float, sharp: float = 0.5) -> float:
+def run_up(plan: Choreographer, start: float, seconds: float, sharp: float = 0.5) -> float:
     """Walk or jog a distance and end in the guard; return when the last foot is down [s].
 
     Args:
@@ -43,7 +42,7 @@ def run_up(plan: Stepper, start: float, seconds: float, sharp: float = 0.5) -> f
     return travel(plan, start, _strides(plan, far, turn, jog), facing, relaxed)
 
 
-def _strides(plan: Stepper, far: float, turn: float, jog: bool) -> list[Stride]:
+def _strides(plan: Choreographer, far: float, turn: float, jog: bool) -> list[Stride]:
     """Return steps over a distance ``far`` [m], the first of which turn by ``turn`` [rad]."""
     rng = plan.rng
     strides, left = [], far - 0.35
@@ -74,7 +73,7 @@ def _strides(plan: Stepper, far: float, turn: float, jog: bool) -> list[Stride]:
     return strides
 
 
-def quick_turn(plan: Stepper, start: float, turn: float) -> float:
+def quick_turn(plan: Choreographer, start: float, turn: float) -> float:
     """Turn in the guard by at most a right angle at a time; return when that is done [s]."""
     count = int(np.ceil(abs(turn) / 1.65))
     for _ in range(count):
@@ -82,7 +81,7 @@ def quick_turn(plan: Stepper, start: float, turn: float) -> float:
     return start
 
 
-def shuffle_any_way(plan: Stepper, start: float, most: int = 6) -> float:
+def shuffle_any_way(plan: Choreographer, start: float, most: int = 6) -> float:
     """Shuffle some steps in any direction, straight or about an opponent; return when that is done [s]."""
     rng = plan.rng
     x, z, heading = plan.ground_frame
@@ -97,13 +96,13 @@ def shuffle_any_way(plan: Stepper, start: float, most: int = 6) -> float:
     return shuffle(plan, start, ahead, left, int(rng.integers(1, most + 1)), turn, plan.about(1.0, 0.04))
 
 
-def in_and_out(plan: Stepper, start: float, ahead: bool) -> float:
+def in_and_out(plan: Choreographer, start: float, ahead: bool) -> float:
     """Shuffle up to an opponent, or away from one; return when that is done [s]."""
     far = float(plan.rng.uniform(0.32, 0.43))
     return shuffle(plan, start, far if ahead else -far, 0.0, int(plan.rng.integers(1, 5)))
 
 
-def bounce(plan: Stepper, start: float, seconds: float) -> float:
+def bounce(plan: Choreographer, start: float, seconds: float) -> float:
     """Bounce on the spot, or circle a little, for some seconds at most; return when that is done [s]."""
     rng = plan.rng
     end = start
