@@ -171,9 +171,7 @@ def open_stage(base: Path, name: str, key: str, report: Mapping[str, Any] | None
     path = base / name
     try:
         note = read_note(path)
-        # A command that was killed before its note had its name has left half of it.
-        is_used = any(held != f".{NOTE}.part" for held in walk(path)) if is_folder(base, name) else lexists(path)
-        if note is None and is_used:
+        if note is None and lexists(path) and not _is_empty(base, name):
             raise OutputError(f"{path}: is in the way, and no command of crowdsim has made it; move it")
         goes_on = note is not None and note["key"] == key and not anew
         if note is not None and not goes_on:
@@ -185,6 +183,11 @@ def open_stage(base: Path, name: str, key: str, report: Mapping[str, Any] | None
     except OSError as error:
         raise OutputError(f"{error.filename or path}: cannot be made: {error.strerror or error}") from None
     return Stage(base, path, goes_on, is_safe, perf_counter())
+
+
+def _is_empty(base: Path, name: str) -> bool:
+    """Whether a stage holds nothing, or half of a note: its command was killed as it began or ended."""
+    return is_folder(base, name) and all(held == f".{NOTE}.part" for held in walk(base / name))
 
 
 def read_note(path: Path) -> dict[str, Any] | None:
@@ -231,6 +234,9 @@ def complete(base: Path) -> list[str]:
         OutputError: Files cannot be moved, or something is in their way.
     """
     found = []
+    for name in _empty_stages(base):
+        with suppress(OSError):
+            remove_tree(base, name)
     for stage in stages(base):
         note = read_note(stage) or {}
         try:
@@ -244,6 +250,10 @@ def complete(base: Path) -> list[str]:
     return found
 
 
+def _empty_stages(base: Path) -> list[str]:
+    return [name for name in STAGES if _is_empty(base, name)]
+
+
 def complete_alone(base: Path) -> None:
     """Complete what a killed command has left in a folder, for a command that does not hold it and may write.
 
@@ -252,7 +262,7 @@ def complete_alone(base: Path) -> None:
         OutputError: Files cannot be moved, or another process holds the folder.
     """
     left = any(is_complete(stage) or (read_note(stage) or {}).get("done") for stage in stages(base))
-    if left or (exists_plain(base, LOCK) and find_owner(base) is None):
+    if left or _empty_stages(base) or (exists_plain(base, LOCK) and find_owner(base) is None):
         with hold_folder(base):
             complete(base)
 

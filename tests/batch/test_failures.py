@@ -63,7 +63,7 @@ def at_work(folder: Path) -> list[int]:
             owner = json.loads((run / ".crowdsim-lock.json").read_text())
         except (OSError, ValueError):
             continue
-        if list(run.glob("take.zarr.partial/x/*.0")) and psutil.pid_exists(owner["pid"]):
+        if list(run.glob(".run.partial/take.zarr.partial/x/*.0")) and psutil.pid_exists(owner["pid"]):
             found.append(owner["pid"])
     return found
 

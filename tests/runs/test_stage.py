@@ -121,3 +121,18 @@ def test_another_export_removes_what_one_has_left(exported: Path, monkeypatch) -
         assert not [path for path in folder.rglob(".*") if "take.zarr" not in path.parts and path.name != OUTPUTS]
     assert crowdsim("verify", exported) == 0
     assert names_of(exported) == set(tree_of(exported.parent / "elsewhere"))
+
+
+@pytest.mark.parametrize("held", [(), ("bvh",), (".stage.json.part",)])
+def test_what_is_left_of_a_stage_goes_with_the_next_command(exported: Path, held: tuple[str, ...]) -> None:
+    for words in (
+        FIRST,
+        ("run", "four.yaml", "--out", "run"),
+        ("render", "run", "--png", "--size", "32x24", "--frames", "0:1"),
+    ):
+        for name in stage.STAGES:
+            (exported / name).mkdir()
+            for one in held:
+                (exported / name / one).write_text("{") if one.endswith("part") else (exported / name / one).mkdir()
+        assert crowdsim(*words) == 0
+        assert not [path for path in exported.iterdir() if path.name.startswith(".")], words
