@@ -249,7 +249,8 @@ def test_a_worker_that_differs_is_refused_at_the_start_and_not_used_later(workpl
     write_batch(workplace, {"duration": 3000}, axes=[{"seed": "0:12"}])
     other = workplace / "other.py"
     other.write_text(
-        "from crowdsim.runs import provenance\nprovenance.sources_hash = lambda: 'another'\ndef dask_setup(worker):\n    pass\n"
+        "from crowdsim.runs import provenance\nprovenance.sources_hash = lambda: 'another'\n"
+        "def dask_setup(worker):\n    pass\n"
     )
     with farm(workplace, ["--preload", str(other)]) as (address, processes):
         words = ("batch", "trial.yaml", "--insecure", "--scheduler", address, "--out")
