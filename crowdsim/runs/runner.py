@@ -31,8 +31,8 @@ from crowdsim.runs.checkpoint import Checkpoint, read_checkpoint
 from crowdsim.runs.folder import RESOLVED, check_begun, check_folder
 from crowdsim.runs.lock import hold_folder
 from crowdsim.runs.manifest import NAME as MANIFEST
-from crowdsim.runs.manifest import NOTE, checksums, read_ledger, read_manifest
 from crowdsim.runs.manifest import RUN as STAGE
+from crowdsim.runs.manifest import checksums, read_ledger, read_manifest
 from crowdsim.runs.outputs import expect_outputs, plan_outputs, write_outputs
 from crowdsim.runs.provenance import Origin, origin_of
 from crowdsim.runs.run import Report, Run
@@ -178,11 +178,12 @@ def write_run(
     own = _OWN | {name.split("/")[0] for name in _inputs(one.scenario)}
     planned = {kind: count for kind, count in plan.counts().items() if kind not in own}
     note = {"origin": origin.document(), "planned": planned}
-    stage = open_stage(one.folder, STAGE, origin.checksum, note, one.force)
+    survives = (RESOLVED, CHECKPOINT, TAKE, f"{TAKE}.partial")
+    stage = open_stage(one.folder, STAGE, origin.checksum, note, one.force, survives)
     if seed is not None and not exists_plain(stage.path, CHECKPOINT):
         seed(stage.path)
-    # Half-written files; outputs as well where the machine went down while they were written.
-    remove_plain(stage.path, [name for name in walk(stage.path) if _is_left(name, stage.is_safe)])
+    # What is half-written.
+    remove_plain(stage.path, [name for name in walk(stage.path) if name.endswith((".part", ".partial"))])
     begun = _find_begun(one, origin) if stage.goes_on or seed is not None else None
     for name in () if begun else (TAKE, f"{TAKE}.partial"):
         if is_folder(stage.path, name):
@@ -195,11 +196,6 @@ def write_run(
         raise RunError(
             f"{error.filename or one.folder}: cannot be read or written: {error.strerror or error}"
         ) from error
-
-
-def _is_left(name: str, is_safe: bool) -> bool:
-    is_own = name.split("/")[0] in (TAKE, f"{TAKE}.partial", RESOLVED, CHECKPOINT, NOTE)
-    return name.endswith((".part", ".partial")) or not (is_own or is_safe)
 
 
 def _find_begun(one: Run, origin: Origin) -> Checkpoint | None:

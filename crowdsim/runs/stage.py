@@ -8,7 +8,7 @@ comes last; where the process ends on the way, the next command that writes comp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from os.path import lexists, realpath
@@ -20,6 +20,7 @@ from crowdsim.config.documents import parse_json
 from crowdsim.errors import OutputError, TakeError, under_way
 from crowdsim.files import (
     NotPlainError,
+    entries,
     exists_plain,
     is_folder,
     make_folder,
@@ -127,14 +128,12 @@ class Stage(NamedTuple):
         base: The folder that its files go to.
         path: The folder itself.
         goes_on: Whether an earlier command has left it.
-        is_safe: Whether all that it holds was on disk: the machine has not been started again since.
         since: When the command took it up [s].
     """
 
     base: Path
     path: Path
     goes_on: bool
-    is_safe: bool
     since: float
 
     def publish(self, report: Mapping[str, Any], files: Mapping[str, Mapping[str, Any]], name: str = NAME) -> None:
@@ -155,7 +154,14 @@ class Stage(NamedTuple):
         complete(self.base)
 
 
-def open_stage(base: Path, name: str, key: str, report: Mapping[str, Any] | None = None, anew: bool = False) -> Stage:
+def open_stage(
+    base: Path,
+    name: str,
+    key: str,
+    report: Mapping[str, Any] | None = None,
+    anew: bool = False,
+    survives: Iterable[str] = (),
+) -> Stage:
     """Return the stage of a command in a folder that this process holds, as an earlier process has left it, or anew.
 
     Args:
@@ -164,6 +170,7 @@ def open_stage(base: Path, name: str, key: str, report: Mapping[str, Any] | None
         key: Checksum of all that the files depend on; what was left under another key is removed.
         report: What the note says besides.
         anew: Whether what was left is removed in any case.
+        survives: What is kept where the machine has been started again since: all else may not have been on disk.
 
     Raises:
         OutputError: It cannot be made, or no command has made what is there.
@@ -176,13 +183,16 @@ def open_stage(base: Path, name: str, key: str, report: Mapping[str, Any] | None
         goes_on = note is not None and note["key"] == key and not anew
         if note is not None and not goes_on:
             discard(base, name)
+        elif note is not None and note["boot"] != boot_id():
+            # Before the note says that it is of this boot.
+            for entry in sorted(set(entries(path)) - {NOTE, *survives}):
+                remove_tree(path, entry)
         make_inside(base, name)
-        is_safe = not goes_on or note is None or note["boot"] == boot_id()
         document = {"format": FORMAT, "key": key, "boot": boot_id(), **(report or {})}
         write_plain(path, NOTE, signed_text(document), lasts=True)
     except OSError as error:
         raise OutputError(f"{error.filename or path}: cannot be made: {error.strerror or error}") from None
-    return Stage(base, path, goes_on, is_safe, perf_counter())
+    return Stage(base, path, goes_on, perf_counter())
 
 
 def _is_empty(base: Path, name: str) -> bool:
@@ -221,7 +231,7 @@ def discard(base: Path, name: str) -> None:
         OSError: It cannot be removed.
     """
     path = base / name
-    for entry in sorted({held.split("/")[0] for held in walk(path)} - {NOTE}):
+    for entry in sorted(set(entries(path)) - {NOTE}):
         remove_tree(path, entry)
     remove_tree(base, name)
 
@@ -372,7 +382,6 @@ def write_together(
     replaces: Sequence[str] = (),
     force: bool = False,
     threads: int = 1,
-    found: Callable[[Sequence[Path]], None] | None = None,
 ) -> Iterator[Writing]:
     """Let a command write files that appear in a folder all together when this context ends, and are recorded there.
 
@@ -387,7 +396,6 @@ def write_together(
         replaces: Folders in ``out`` whose files before are removed.
         force: Whether files that a command has written into another folder may be replaced.
         threads: Threads that sum up files.
-        found: Called with the files in their places.
 
     Raises:
         TakeError: A list of files is damaged.
@@ -439,8 +447,6 @@ def write_together(
         report = {**ledger.document, "exports": {**exports, **dict.fromkeys(names, facts)}}
         with under_way():
             held.publish(report, {**kept, **checksums(held.path, written, threads)}, ledger.name)
-        if found is not None:
-            found([base / name for name in written])
 
 
 def _refuse(base: Path, plan: Plan, ledger: Ledger, may_replace: bool) -> None:

@@ -127,3 +127,21 @@ def test_a_run_goes_on_after_a_power_cut_to_the_same_bytes(workplace: Path, monk
     assert contents(workplace / "run") == contents(workplace / "undisturbed")
     assert verify(workplace / "run").findings == ()
     assert not [path for path in (workplace / "run").iterdir() if path.name.startswith(".")]
+
+
+def test_an_export_after_a_power_cut_has_the_same_bytes(workplace: Path, monkeypatch) -> None:
+    write_scene(workplace / "four.yaml")
+    assert crowdsim("run", "four.yaml", "--out", "run") == 0
+    words = ("export", "run", "--ply", "--every", "9", "--points", "20", "--threads", "1")
+    assert crowdsim(*words, "--out", "undisturbed") == 0
+    with monkeypatch.context() as patch:
+        disk = Disk(workplace / "run" / ".export.partial", patch)
+        at_cloud(5)(patch)
+        with pytest.raises(Cut):
+            crowdsim(*words)
+        assert disk.cut() == 5
+    for module in (lock, stage):
+        monkeypatch.setattr(module, "boot_id", lambda: "the next one")
+    assert crowdsim(*words) == 0
+    clouds = {path.name: path.read_bytes() for path in (workplace / "run" / "ply").iterdir()}
+    assert clouds == {path.name: path.read_bytes() for path in (workplace / "undisturbed" / "ply").iterdir()}
