@@ -115,7 +115,7 @@ def find_certificates(options: BatchOptions) -> Security | None:
     is_tls, where = options.scheduler.startswith("tls://"), f"--scheduler {options.scheduler}"
     if not is_tls and not options.insecure:
         what = "without TLS everybody who reaches the scheduler runs programs as you do"
-        raise BatchError(f"{where}: {what}; expected tls://HOST:8786, or --insecure where nobody else reaches it")
+        raise BatchError(f"{where}: {what}; expected tls://HOST:8786, or --insecure where only trusted users reach it")
     if is_tls == options.insecure or (given and not is_tls):
         raise BatchError(f"{where}: expected {'no --insecure with' if is_tls else 'certificates only for'} tls://")
     if not is_tls:

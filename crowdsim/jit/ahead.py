@@ -61,7 +61,7 @@ def compile_ahead(uses: Collection[str], workers: int) -> Iterator[str]:
 def _is_compiled(entry: Listed) -> bool:
     """Return whether a kernel has been compiled for Python and these arguments, on whatever processor.
 
-    True as well where it cannot be kept, and compiling it ahead helps nobody.
+    True as well where it cannot be kept, so that compiling it ahead is of no use.
     """
     from crowdsim.jit.folders import Folder
 

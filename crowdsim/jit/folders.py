@@ -66,7 +66,7 @@ class Folder:
         return self._stamp
 
     def ensure_cache_path(self) -> None:
-        """Create the folder, so that nobody else may write there.
+        """Create the folder, so that only this user may write there.
 
         Raises:
             OSError: It cannot be created, or others may write there.

@@ -1,4 +1,4 @@
-"""Files of compiled kernels: whole, with a checksum, and written by nobody else, or not read.
+"""Files of compiled kernels, which are read only if they are whole, pass their checksum and are the user's own.
 
 A file begins with the checksum of its name and of what follows. A checksum finds damage, not forgery: files that other
 users may write are therefore refused as well.

@@ -83,7 +83,8 @@ def check_strikes(events: Mapping[str, Array]) -> None:
     """Hold the variables of strikes, which have passed their table, against one another.
 
     Raises:
-        ArrayFault: One lands on nobody, or on who threw it, or its outcome is impossible, or not what ``landed`` says.
+        ArrayFault: A strike lands on no avatar, or on its own attacker, or its outcome is impossible, or not what
+            ``landed`` says.
     """
     victim, outcome = events["victim"], events.get("outcome")
     impossible = (victim == -1) | (victim == events["attacker"])

@@ -78,7 +78,7 @@ EVENTS = {
 }
 AVATARS_A_CHUNK = 65536
 _CHUNK_AVATAR_FRAMES = 1 << 18
-"""Avatar-frames of a chunk whose length nobody chose: 1 MiB of each variable."""
+"""Avatar-frames of a chunk where the scenario sets no length: 1 MiB of each variable."""
 _MOST_AVATAR_FRAMES = 4_000_000
 """Most avatar-frames of as many control frames as were chosen for a chunk."""
 EVENTS_A_CHUNK = 32768

@@ -31,7 +31,7 @@ class Recent:
     """Chunks that were unpacked last, since most readers ask for a stretch that is next to the one before.
 
     Attributes:
-        chunks: Number along each axis and entries of each, the latest first. Nobody writes to them, and threads
+        chunks: Number along each axis and entries of each, the latest first. They are never written to, and threads
             replace them as a whole.
     """
 

@@ -242,7 +242,7 @@ class TakeWriter:
         """Write every chunk, those of zeros too, and report errors of writing by the take's own name."""
         import zarr
 
-        # Else nobody could tell a chunk of zeros from one that is lost; older versions of the library always did so.
+        # Without it a chunk of zeros looks like one that is lost. Older versions of the library write every chunk.
         config = getattr(zarr, "config", None)
         try:
             with nullcontext() if config is None else config.set({"array.write_empty_chunks": True}):

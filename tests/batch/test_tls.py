@@ -120,7 +120,8 @@ def test_certificates_are_those_of_files(files: dict[str, Any]) -> None:
     ("words", "said"),
     [
         (["--scheduler", "tcp://127.0.0.1:1"], "--scheduler tcp://127.0.0.1:1: without TLS everybody who reaches the "
-         "scheduler runs programs as you do; expected tls://HOST:8786, or --insecure where nobody else reaches it"),
+         "scheduler runs programs as you do; expected tls://HOST:8786, or --insecure where only "
+         "trusted users reach it"),
         (["--scheduler", "nowhere"], "--scheduler nowhere: without TLS everybody"),
         (["--scheduler", "tls://127.0.0.1:1"], "--scheduler tls://127.0.0.1:1: needs certificates; expected "
          "--tls-ca-file, --tls-cert and --tls-key, or distributed.comm.tls in Dask's configuration"),
