@@ -16,20 +16,57 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 LEFT_OUT = {"manifest.json", "profile.csv", "policy.json", "timings.json"}
-# Control frames, share of the avatars, what is exported of every tenth frame, and output frames to draw.
-SCENES: dict[str, tuple[int, float, list[str], str]] = {
-    "duel": (600, 1.0, ["--bvh", "--ply", "--pcd"], "0:60"),
-    "moving_target": (300, 1.0, ["--bvh"], "100:110"),
-    "moving_target_fast": (300, 1.0, ["--bvh"], "100:110"),
-    "brawl_30": (600, 1.0, ["--pcd"], "300:306"),
-    "brawl_30_cmu": (600, 1.0, ["--ply"], "300:306"),
-    "armies_200": (120, 1.0, ["--bvh"], "100:102"),
-    "crowd_10k": (60, 1.0, [], "50:51"),
-    "crowd_100k": (30, 1.0, [], ""),
-    "crowd_1m": (10, 0.3, [], ""),
+
+
+class Scene(NamedTuple):
+    """What is made of a scenario.
+
+    Attributes:
+        frames: Control frames.
+        exports: What is exported of every tenth frame.
+        pictures: Output frames that are drawn.
+        scenario: The scenario, where it is not called as the scene is.
+        sets: What is changed in it.
+        fraction: Share of the avatars.
+        extend: Control frames by which the run is extended.
+    """
+
+    frames: int
+    exports: tuple[str, ...] = ()
+    pictures: str = ""
+    scenario: str = ""
+    sets: tuple[str, ...] = ()
+    fraction: float = 1.0
+    extend: int = 0
+
+
+SCENES = {
+    "duel": Scene(400, ("--bvh", "--ply", "--pcd"), "0:60", extend=200),
+    "moving_target": Scene(300, ("--bvh",), "100:110"),
+    "moving_target_fast": Scene(300, ("--bvh",), "100:110"),
+    "bout": Scene(1500, ("--bvh",), "900:906"),
+    "defenders": Scene(600, ("--bvh",), "300:306", "duel", ("types.boxer.policy=boxer_defender",)),
+    "brawl_30": Scene(600, ("--pcd",), "300:306"),
+    "builds": Scene(
+        300,
+        ("--bvh", "--ply"),
+        "200:206",
+        "brawl_30",
+        tuple(
+            f"types.boxer.{key}={{kind: normal, mean: 1, deviation: 0.04}}"
+            for key in ("scale", "girth", "legs", "arms", "speed")
+        ),
+    ),
+    "brawl_last_standing": Scene(600, ("--bvh",), "300:306"),
+    "brawl_30_cmu": Scene(600, ("--ply",), "300:306"),
+    "armies_200": Scene(120, ("--bvh",), "100:102"),
+    "crowd_10k": Scene(60, (), "50:51"),
+    "crowd_100k": Scene(30),
+    "crowd_1m": Scene(10, fraction=0.3),
 }
 
 
@@ -56,17 +93,20 @@ def measure(names: list[str]) -> dict[str, str]:
         command("perform", "--seconds", "60", "--seed", "3", "-o", str(folder / "performer"))
         found["performer"] = digest(folder / "performer")
         for scene in names:
-            frames, fraction, exports, pictures = SCENES[scene]
-            run = folder / scene
-            command("run", scene, "--out", str(run), "--frames", str(frames), "--fraction", str(fraction))
+            about, run = SCENES[scene], folder / scene
+            sets = [item for change in about.sets for item in ("--set", change)]
+            amount = ["--frames", str(about.frames), "--fraction", str(about.fraction)]
+            command("run", about.scenario or scene, "--out", str(run), *amount, *sets)
+            if about.extend:
+                command("run", about.scenario or scene, "--out", str(run), *sets, "--extend", str(about.extend))
             found[f"{scene}: run"] = digest(run)
-            if exports:
+            if about.exports:
                 out = folder / f"{scene}_export"
-                command("export", str(run), *exports, "--every", "10", "--out", str(out))
+                command("export", str(run), *about.exports, "--every", "10", "--out", str(out))
                 found[f"{scene}: export"] = digest(out)
-            if pictures:
+            if about.pictures:
                 out = folder / f"{scene}_pictures"
-                command("render", str(run), "--png", "--frames", pictures, "--size", "320x180", "--out", str(out))
+                command("render", str(run), "--png", "--frames", about.pictures, "--size", "320x180", "--out", str(out))
                 found[f"{scene}: pictures"] = digest(out)
             print(scene, file=sys.stderr)
     for policy in sorted((ROOT / "policies").glob("*/policy.json")):
