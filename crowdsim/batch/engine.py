@@ -7,6 +7,7 @@ import os
 import platform
 import signal
 import socket
+import sys
 import urllib.request
 import uuid
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -139,7 +140,7 @@ def connect(options: BatchOptions, security: Security | None) -> Iterator[Client
         security: Certificates, see ``find_certificates``.
 
     Raises:
-        BatchError: The scheduler does not answer.
+        BatchError: The scheduler does not answer, or workers do not start.
     """
     import dask
     from distributed import Client, LocalCluster
@@ -152,16 +153,20 @@ def connect(options: BatchOptions, security: Security | None) -> Iterator[Client
             # All processes load modules from there first, this one too; Dask's own place may be another user's.
             private = TemporaryDirectory(prefix="crowdsim-batch-", ignore_cleanup_errors=True)
             stack.enter_context(dask.config.set({"temporary-directory": stack.enter_context(private)}))
-            cluster = LocalCluster(
-                n_workers=options.jobs,
-                threads_per_worker=1,
-                processes=True,
-                memory_limit="auto" if options.memory is None else options.memory,
-                security=security,
-                dashboard_address="127.0.0.1:0",
-                scheduler_kwargs={"dashboard": options.dashboard},
-                silence_logs=quiet,
-            )
+            try:
+                cluster = LocalCluster(
+                    n_workers=options.jobs,
+                    threads_per_worker=1,
+                    processes=True,
+                    memory_limit="auto" if options.memory is None else options.memory,
+                    security=security,
+                    dashboard_address="127.0.0.1:0",
+                    scheduler_kwargs={"dashboard": options.dashboard},
+                    silence_logs=quiet,
+                )
+            except RuntimeError as error:
+                what = f"workers of this machine do not start: {error}"
+                raise BatchError(f"{what}; expected that this user may execute {sys.executable}") from error
             stack.enter_context(cluster)
             client = stack.enter_context(Client(cluster, set_as_default=False))
             stack.callback(_end_workers, cluster)

@@ -2,17 +2,27 @@
 
 import subprocess
 import sys
+from multiprocessing import spawn
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from crowdsim.batch.attempts import TaskError, attempt, read_attempts
-from crowdsim.batch.engine import TOKEN, describe_environment, describe_worker, place_token, worker_findings
+from crowdsim.batch.engine import (
+    TOKEN,
+    BatchOptions,
+    connect,
+    describe_environment,
+    describe_worker,
+    place_token,
+    worker_findings,
+)
 from crowdsim.batch.estimates import estimate
 from crowdsim.batch.failures import describe_failure
 from crowdsim.batch.plan import PlannedRun
 from crowdsim.batch.tasks import Job
+from crowdsim.errors import BatchError
 from crowdsim.scenario.outputs import Outputs
 
 OWN = describe_environment()
@@ -134,3 +144,10 @@ def test_a_run_that_a_scheduler_gives_up_has_the_cause_of_its_deaths(tmp_path: P
         "took more memory than its worker may (process 7 on here)",
     )
     assert describe_failure(tmp_path, run, RuntimeError("given up"), "two")["cause"] == "lost"
+
+
+def test_workers_that_cannot_be_started_are_an_error_about_that(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(spawn, "_python_exe", b"/nowhere/python")
+    expected = r"workers of this machine do not start: .*expected that this user may execute"
+    with pytest.raises(BatchError, match=expected), connect(BatchOptions(jobs=1), None):
+        pass
