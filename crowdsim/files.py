@@ -181,7 +181,7 @@ def make_inside(folder: Path, name: str) -> Path:
 def write_plain(
     folder: Path,
     name: str,
-    data: str | bytes | Iterable[bytes],
+    data: str | bytes | Iterable[bytes | memoryview],
     lasts: bool = False,
     settle: Callable[[Path], None] | None = None,
 ) -> None:
