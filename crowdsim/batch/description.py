@@ -55,7 +55,8 @@ class Batch(StrictModel):
         description="Combinations that are left out: values, or lists of them, by key; `scenario` is a key too.",
     )
     outputs: Outputs | None = Field(
-        default=None, description="Outputs of all runs, in place of those that the scenarios name."
+        default=None,
+        description="Outputs of all runs, in place of those that the scenarios name; null: those that they name.",
     )
     frames_per_task: int = Field(
         default=SEGMENT,

@@ -18,7 +18,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, ValidationError
 
 from crowdsim.config.collection import collection_paused
-from crowdsim.config.findings import Fault, Faults, show, translate
+from crowdsim.config.findings import Fault, Faults, refused_nulls, show, translate
 from crowdsim.config.nodes import MAXIMUM_BYTES
 from crowdsim.config.overrides import override
 from crowdsim.config.schema import Part, join, schema_of
@@ -173,6 +173,10 @@ def _validate(
         return None, _first(findings)
     for text in overrides:
         findings += [replace(finding, source=f"--set {text}") for finding in override(document, text, schema_of(model))]
+    if document.nulls:
+        refused = refused_nulls(document, schema_of(model))
+        findings += map(document.place, refused)
+        document.unreadable.update(finding.loc for finding in refused)
     try:
         # JSON is where pydantic's strict mode takes lists for tuples and whole numbers for floats, yet no other mix.
         value = model.model_validate_json(json.dumps(document.data), strict=True, context=context)

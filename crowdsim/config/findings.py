@@ -86,6 +86,22 @@ def translate(error: ValidationError, document: Document, top: Part) -> list[Fin
     return findings
 
 
+def refused_nulls(document: Document, top: Part) -> list[Finding]:
+    """Return the findings of values that are empty, or null where the documentation gives that no meaning."""
+    found = []
+    for loc, what in document.nulls.items():
+        above, part, value = top, top, document.data
+        for at in loc:
+            above = chosen(part, value)
+            part = step(above, at)
+            value = value[at] if holds(value, at) else None
+        said = part.get("description", "") + above.get("description", "")
+        has_meaning = "null" in said.lower() or "without it" in said
+        if what.startswith("is empty") or (part and not has_meaning):
+            found.append(Finding(loc, f"{what}, expected {describe(part)}"))
+    return found
+
+
 def _locate(location: tuple[Any, ...], data: Any, top: Part, labels: dict[Loc, list[str]]) -> _Located:
     """Follow a location of pydantic through data and schema.
 

@@ -52,5 +52,9 @@ def override(document: Document, text: str, top: Part) -> list[Finding]:
     for end in range(1, len(loc) + 1):
         document.marks.setdefault(loc[:end], (mark, mark))
     document.unreadable = {other for other in document.unreadable if other[: len(loc)] != loc}
+    document.nulls = {other: what for other, what in document.nulls.items() if other[: len(loc)] != loc}
+    document.nulls |= {(*loc, *inner): what for inner, what in given.nulls.items()}
+    if given.data is None and not given.findings and not written.strip():
+        document.nulls[loc] = "is empty"
     document.unreadable |= {(*loc, *inner) for inner in given.unreadable}
     return [Finding((*loc, *finding.loc), finding.message) for finding in given.findings]

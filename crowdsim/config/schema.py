@@ -54,7 +54,10 @@ def _resolve(part: Any, definitions: Part) -> Any:
     part = {**definitions.get(part.get("$ref", "").rpartition("/")[2], {}), **part}
     part = {key: _resolve(value, definitions) for key, value in part.items() if key not in ("$ref", "$defs")}
     choices = members(part)
-    return {**part, **choices[0], "anyOf": choices[0].get("anyOf", [])} if len(choices) == 1 else part
+    if len(choices) != 1:
+        return part
+    # What a key means is said where it is, not by the model of its value.
+    return {**choices[0], **part, "anyOf": choices[0].get("anyOf", [])}
 
 
 def members(part: Part) -> list[Part]:

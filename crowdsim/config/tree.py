@@ -89,6 +89,7 @@ class Document:
         data: The data; None where a value could not be read.
         marks: Where each value is written and where its key is: source, line and column.
         unreadable: Locations of values that could not be read; a finding says why.
+        nulls: What the values that are null or empty are called.
         findings: What is wrong with the text.
     """
 
@@ -96,6 +97,7 @@ class Document:
     data: Any = None
     marks: dict[Loc, tuple[Mark, Mark]] = field(default_factory=dict)
     unreadable: set[Loc] = field(default_factory=set)
+    nulls: dict[Loc, str] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
 
     def place(self, finding: Finding) -> Finding:
@@ -146,7 +148,9 @@ def read_document(data: bytes, source: str) -> Document:
     """Return the data of a file's bytes with positions, and what is wrong with them as findings."""
     builder = _Builder(Document(source))
     try:
-        node = compose(_decode(data))
+        text = _decode(data)
+        builder.lines = text.split("\n")
+        node = compose(text)
         builder.document.data = None if node is None else builder.build(node, ())
         return builder.document
     except Enough:
@@ -184,6 +188,7 @@ class _Builder:
 
     def __init__(self, document: Document) -> None:
         self.document = document
+        self.lines: list[str] = []
         self.count = 0
         self.above: list[Node] = []
 
@@ -206,6 +211,8 @@ class _Builder:
             self.note(node, loc, wrong)
             self.document.unreadable.add(loc)
             return None
+        if value is None:
+            self.document.nulls[loc] = "is null" if node.value else f"is empty{self.comment_behind(key or node)}"
         self.enter(node)
         if node.kind == MAPPING:
             value = {key: self.build(inner, (*loc, key), at) for key, (at, inner) in self.pairs(node, loc).items()}
@@ -213,6 +220,12 @@ class _Builder:
             value = [self.build(item, (*loc, i)) for i, item in enumerate(node.items)]
         self.above.pop()
         return value
+
+    def comment_behind(self, node: Node) -> str:
+        """Say that a comment stands where the value that follows a node should be, such as a colour without quotes."""
+        _, mark, rest = self.lines[node.line - 1][node.column - 1 :].partition("#") if self.lines else ("", "", "")
+        word = rest.split(maxsplit=1)[0] if rest[:1].strip() else ""
+        return f", since # begins a comment where '#{shortened(word)}' has no quotes" if mark and word else ""
 
     def pairs(self, node: Node, loc: Loc) -> dict[str, tuple[Node, Node]]:
         """Return the nodes of key and value by key; each key once, those merged in by ``<<`` last."""

@@ -80,7 +80,7 @@ class Description(StrictModel):
     until: End | None = Field(
         default=None,
         description="What ends the run before its duration: `last_standing` (one avatar is left that is not down for "
-        "good), `last_team` (those left are of one team), or a mapping with `down` or `landed`.",
+        "good), `last_team` (those left are of one team), or a mapping with `down` or `landed`; null: nothing does.",
     )
     linger: float = Field(
         default=LINGERS, ge=0, le=3600, description="For how long the run goes on once `until` is met [s]."
@@ -89,7 +89,9 @@ class Description(StrictModel):
     events: tuple[Event, ...] = Field(
         default=(), max_length=_MOST, description="Changes during the run; each happens once."
     )
-    outputs: Outputs = Field(default_factory=Outputs, description="What a run writes beside its take.")
+    outputs: Outputs = Field(
+        default_factory=Outputs, description="What a run writes beside its take; what is null is not written."
+    )
 
     _folder: Path = PrivateAttr(default=Path())
     _source: Path | None = PrivateAttr(default=None)
