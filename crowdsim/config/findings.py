@@ -198,6 +198,12 @@ def _no_member(here: _Located) -> Finding:
         if other not in known and is_near(other, key):
             loc = (*here.loc, other)
             return Finding(loc, f"unknown key, expected {key}: {quoted(tags)} (did you mean '{key}'?)", of_key=loc)
+    for tag, choice in tags.items():
+        others = [nearest(name, keys(choice)) for name in islice(here.value, _MOST_KEYS)]
+        if others and all(others):
+            names = [other.split("'")[1] for other in others]
+            near = f" (did you mean {join([f'{key}: {tag}', *names], 'and')}?)"
+            return Finding((*here.loc, key), f"missing, expected {quoted(tags)}{near}")
     return Finding((*here.loc, key), f"missing, expected {quoted(tags)}")
 
 

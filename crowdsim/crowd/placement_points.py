@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +17,7 @@ from crowdsim.scenario.scenario import Scenario
 
 FARTHEST = 100_000.0
 _LONGEST_LINE = 1000
+_COLUMNS = "x", "z", "heading"
 
 
 def read_points(scenario: Scenario, group: int, placement: PointsPlacement) -> Array:
@@ -78,7 +80,7 @@ def _read_npy(path: Path, most: int) -> Array:
 
 
 def _read_csv(path: Path, most: int) -> Array:
-    """Read the first ``most`` rows of numbers between commas, semicolons or blanks, below a line of names if any.
+    """Read the first ``most`` rows of numbers between commas, semicolons or blanks, below the names of columns if any.
 
     Raises:
         ValueError: It is no such text.
@@ -93,6 +95,8 @@ def _read_csv(path: Path, most: int) -> Array:
             if not words or _is_number(words[0]):
                 file.seek(0)
                 lines = _Lines(file)
+            else:
+                _check_names(words)
             with warnings.catch_warnings():
                 # A file without rows is one without points, which is reported as such.
                 warnings.simplefilter("ignore", UserWarning)
@@ -104,6 +108,18 @@ def _read_csv(path: Path, most: int) -> Array:
     points = points if points.size else np.empty((0, 2))
     _check_columns(points.shape)
     return points
+
+
+def _check_names(words: list[str]) -> None:
+    """Check the names of columns, which may have a unit: ``x [m]``.
+
+    Raises:
+        ValueError: They are others, or in another order.
+    """
+    names = [re.split(r"[^a-z]", word.strip(" \"'\n").lower())[0] for word in words]
+    if names != list(_COLUMNS[: len(names)]):
+        found = ", ".join(word.strip()[:20] for word in words[:6])
+        raise ValueError(f"names its columns {found}, expected {_COLUMNS[0]}, {_COLUMNS[1]} and perhaps {_COLUMNS[2]}")
 
 
 class _Lines(Iterator[str]):

@@ -101,7 +101,10 @@ KEYS = "name, seed, duration, size, places, either, named, mode"
             "name: a\nplaces: [{kind: dics}]",
             "2:17: places[0].kind: is 'dics', expected 'disc' or 'grid' (did you mean 'disc'?)",
         ),
-        ("name: a\nplaces: [{radius: 1}]", "2:10: places[0].kind: missing, expected 'disc' or 'grid'"),
+        (
+            "name: a\nplaces: [{radius: 1}]",
+            "2:10: places[0].kind: missing, expected 'disc' or 'grid' (did you mean kind: disc and radius?)",
+        ),
         ("name: a\nplaces: [3]", "2:10: places[0]: is 3, expected a mapping with kind: 'disc' or 'grid'"),
         (
             "name: a\nplaces:\n- {kind: disc, radius: 1, share: 2}",
@@ -162,6 +165,10 @@ KEYS = "name, seed, duration, size, places, either, named, mode"
         ),
         ("name: a\nnote: ~", "2:7: note: is null, expected text"),
         ("name: a\nplaces:\n-", "3:2: places[0]: is empty, expected a mapping with kind: 'disc' or 'grid'"),
+        (
+            "name: a\nplaces: [{radus: 1}]",
+            "2:10: places[0].kind: missing, expected 'disc' or 'grid' (did you mean kind: disc and radius?)",
+        ),
         ("name: a\nloop: fast", "2:1: loop: unknown key, it is now called 'mode'"),
         ("title: a", "1:1: title: unknown key, it is now called 'name'"),
         ("nmae: a", f"1:1: nmae: unknown key, expected {KEYS} or note (did you mean 'name'?)"),

@@ -183,7 +183,7 @@ def test_facing_sets_headings():
 def test_points_come_from_text_and_binary_files_alike(tmp_path):
     points = np.array([[0, 0, 90], [1, 2, -90], [3.5, -1, 0]])
     np.save(tmp_path / "p.npy", points.astype(np.float32))
-    (tmp_path / "p.csv").write_text("x,z,heading\n" + "\n".join(",".join(map(str, row)) for row in points))
+    (tmp_path / "p.csv").write_text("X [m],z (m),heading\n" + "\n".join(",".join(map(str, row)) for row in points))
     (tmp_path / "q.csv").write_text("\n".join(" ".join(map(str, row)) for row in points))
     (tmp_path / "r.csv").write_text("\ufeff0;0;90\n1;2;-90\n3.5;-1;0\n", encoding="utf-8")
     for file in ("p.npy", "p.csv", "q.csv", "r.csv"):

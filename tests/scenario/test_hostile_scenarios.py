@@ -132,6 +132,8 @@ def header(shape: str, kind: str = "<f8") -> bytes:
         ("a.csv", b"0,0\n1,nan\n", "row 2 is 1, nan, expected finite numbers up to 100000 m"),
         ("a.csv", b"1," * 5_000_000, "line 1: is longer than 1000 characters, expected x, z and perhaps a heading"),
         ("a.csv", b"0,0\n\xff,1\n", "line 1 is no UTF-8, expected a text file"),
+        ("a.csv", b"z,x\n0,1\n", "line 1: names its columns z, x, expected x, z and perhaps heading"),
+        ("a.csv", b"x,y,z\n0,1,2\n", "line 1: names its columns x, y, z, expected x, z and perhaps heading"),
         ("a.csv", b"0,0\n1,x\n", "line 2: could not convert string 'x' to float64"),
         ("a.csv", b"0,0\n1\n", "line 2: the number of columns changed from 2 to 1"),
         ("a.csv", b"", "0 of 2 avatars fit, for there are 0 points, expected 2 or more"),
