@@ -10,14 +10,19 @@ from naive_legs import crosses_legs
 from naive_opponents import nearest, neighbours
 from naive_strikes import at, thrown, what_is_seen
 
-from crowdsim.crowd.kernels import variety
-from crowdsim.crowd.kernels.choice import ASTRAY, AWAY, BESIDE, BOLDNESS, BURSTS, CALM, FACING, NEAR, REDRAWN, REST
-from crowdsim.crowd.kernels.collision_avoidance import BYSTANDERS, HALTED, STAGGER, STEP
+from crowdsim.crowd.kernels.choose import BURSTS, REDRAWN
 from crowdsim.crowd.kernels.intents import CLOSEST, SHYNESS
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
-from crowdsim.crowd.kernels.legs import CROSSED
 from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REMEMBERED
-from crowdsim.crowd.kernels.outcomes import AIR
+from crowdsim.crowd.kernels.shown_motion import CELL, LATEST
+from crowdsim.crowd.kernels.terms import variety
+from crowdsim.crowd.kernels.terms.collision_avoidance import BYSTANDERS, HALTED, STAGGER, STEP
+from crowdsim.crowd.kernels.terms.stance import ASTRAY
+from crowdsim.crowd.kernels.terms.stillness import BESIDE, CALM, FACING
+from crowdsim.crowd.kernels.terms.strikes import AWAY, BOLDNESS, NEAR, REST
+from crowdsim.crowd.kernels.vetoes.crossed_legs import CROSSED
+from crowdsim.crowd.kernels.vetoes.same_strike import TOGETHER, TWICE
+from crowdsim.crowd.kernels.vetoes.strike_at_air import AIR
 from crowdsim.crowd.model import AT_REST, FULL_REACH, STRONG
 from crowdsim.crowd.model_stillness import STILL
 from crowdsim.crowd.model_tables import BRAKING
@@ -302,7 +307,7 @@ def decide(one, avatars, crowd, targets, frame, marks):
     varied, apart = opponent >= 0 and crowd.varieties[one.cohort] > 0, crowd.crowding.end > 0
     for _ in range(REDRAWN):
         if varied and counts[place] > 0 and throws_too(one, avatars[opponent], choices[place], frame):
-            values[place] -= variety.TWICE
+            values[place] -= TWICE
             place = pick(values, one, crowd)
         elif apart and crosses_legs(one, choices[place], mine, [avatars[j] for j in near]):
             values[place] -= CROSSED
@@ -385,8 +390,8 @@ def crowding(one, action, mine, near, positions, crowd, opponent):
 
 def mark_of(position, state, avatars, aside=0.0, onwards=0.0):
     """Place of a mark: a hash of the cell that a position is in, or so many sides of a cell from it, and the state."""
-    column = math.floor(position[0] / variety.CELL + aside)
-    row = math.floor(position[1] / variety.CELL + onwards)
+    column = math.floor(position[0] / CELL + aside)
+    row = math.floor(position[1] / CELL + onwards)
     size = 1 << 14
     while size < 32 * avatars:
         size *= 2
@@ -398,14 +403,14 @@ def repetition(one, action, frame, marks, avatars):
     state = twin_of(one, action)
     last = marks.get(mark_of(one.stands(), state, avatars), -math.inf)
     lately = frame - last < variety.LATELY
-    return (variety.OTHERS if lately else 0.0) + variety.OWN * (state in one.shown[-variety.LATEST :])
+    return (variety.OTHERS if lately else 0.0) + variety.OWN * (state in one.shown[-LATEST:])
 
 
 def throws_too(one, other, action, frame):
     """Whether an opponent throws the strikes of an action too, or they are left to it where both decide."""
     piece, ends = twin_of(one, action), frame + int(one.policy.actions.lengths[action] / one.speed)
     left = ((piece * 40503 + frame * 30011) >> 7) % 2 != (one.number > other.number)
-    same = piece == other.thrown and abs(ends - other.thrown_until) < variety.TOGETHER
+    same = piece == other.thrown and abs(ends - other.thrown_until) < TOGETHER
     return same or (left and other.phase >= other.length)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from naive_strikes import gap_to, trunk
 
 from crowdsim.core.threats import ASIDE, DISTANCES, HEIGHTS, SEEN_CELLS, SIDES, SOON
-from crowdsim.crowd.kernels.defence import HIT, MARGIN, NEAR
+from crowdsim.crowd.kernels.terms.defence import HIT, MARGIN, NEAR
 from crowdsim.crowd.model import TOLERANCE
 from crowdsim.motion import ground
 

@@ -3,7 +3,7 @@
 import numpy as np
 from naive_separation import distance
 
-from crowdsim.crowd.kernels.legs import APART, WITHIN
+from crowdsim.crowd.kernels.vetoes.crossed_legs import APART, WITHIN
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 

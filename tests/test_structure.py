@@ -66,7 +66,7 @@ def holds_kernels(path: Path) -> bool:
     """Kernels are in files whose names end so, in packages of that name, and in core, but for two."""
     return (
         path.stem.endswith("kernels")
-        or path.parent.name == "kernels"
+        or "kernels" in path.parts
         or (path.parent.name == "core" and path.stem not in ("types", "workers"))
     )
 

@@ -13,7 +13,7 @@ from crowdsim.crowd.arrays import Avatars, Model
 from crowdsim.crowd.distributions import EVEN_TEMPERED
 from crowdsim.crowd.initial_states import first_actions
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.kernels.variety import LATEST, NONE
+from crowdsim.crowd.kernels.shown_motion import LATEST, NONE
 from crowdsim.errors import RunError
 
 ANYONE, SCRIPTED = -1, -2

@@ -10,8 +10,8 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World
 from crowdsim.crowd.buffers import empty_scratch, empty_strikes
 from crowdsim.crowd.crowd import Crowd
-from crowdsim.crowd.kernels.choice import choose
 from crowdsim.crowd.kernels.damage import hurt
+from crowdsim.crowd.kernels.decide import decide
 from crowdsim.crowd.kernels.layout import ACTION_BEFORE, ENTERED, PHASE, PHASE_BEFORE, Now, Observed
 from crowdsim.crowd.kernels.motion import advance, switch
 from crowdsim.crowd.kernels.record import write_record
@@ -115,7 +115,7 @@ class Stages:
         lost: list[int] = []
         spent = [0, 1]
 
-        def decide(first: int, last: int) -> None:
+        def decide_some(first: int, last: int) -> None:
             room = min(_TOGETHER, last - first)
             neighbours = np.empty((room, near.most), np.int32)
             observed = Observed(np.empty(room, np.int32), np.empty(room, np.int32), neighbours)
@@ -125,7 +125,7 @@ class Stages:
                 begun = perf_counter_ns()
                 self._index.observe(self._avatars, some, near.reach, observed)
                 seen = perf_counter_ns()
-                slot = choose(
+                slot = decide(
                     self._model, self._avatars, world, now, some, len(some), observed, scratch, chosen[start:last]
                 )
                 if slot >= 0:
@@ -133,7 +133,7 @@ class Stages:
                 spent[0] += seen - begun
                 spent[1] += perf_counter_ns() - begun
 
-        self._workers.each(decide, len(due), grain=1024)
+        self._workers.each(decide_some, len(due), grain=1024)
         if lost:
             raise lost_avatar(self._avatars, min(lost, key=lambda slot: self._avatars.number[slot]), now.frame)
         return spent[0] / spent[1]

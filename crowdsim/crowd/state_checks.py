@@ -11,7 +11,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Model, World
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.kernels.variety import NONE
+from crowdsim.crowd.kernels.shown_motion import NONE
 from crowdsim.crowd.opponents import Index
 from crowdsim.crowd.outcome import Outcome
 from crowdsim.crowd.script import Agenda, Script

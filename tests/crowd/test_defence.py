@@ -11,8 +11,8 @@ from synthetic_policy import policy
 from crowdsim.core.threats import CELLS, SEEN_CELLS
 from crowdsim.crowd.crowd import build_crowd
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.kernels.defence import see_threat
 from crowdsim.crowd.kernels.layout import Now, Observed
+from crowdsim.crowd.kernels.terms.defence import see_threat
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.script import Change, Script
 from crowdsim.crowd.simulation import Simulation

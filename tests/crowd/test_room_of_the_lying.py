@@ -7,12 +7,13 @@ from test_damage import POLICIES, falling, fighters, with_falls
 from test_lying import placed_beside
 
 from crowdsim.crowd.crowd import enter
-from crowdsim.crowd.kernels import collision_avoidance, layout
+from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.fall_clearance import SLIDES, crowded, slide
 from crowdsim.crowd.kernels.falling import _unfit
 from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.kernels.lying import axis_of, floor_transform
 from crowdsim.crowd.kernels.sole_contact import treads_on
+from crowdsim.crowd.kernels.terms import collision_avoidance
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 

@@ -8,7 +8,7 @@ import pytest
 from synthetic_policy import policy
 
 from crowdsim.crowd.crowd import Crowding, build_crowd
-from crowdsim.crowd.kernels.choice import BURSTS
+from crowdsim.crowd.kernels.choose import BURSTS
 from crowdsim.crowd.kernels.layout import RESTED
 from crowdsim.crowd.model_stillness import calm_rows
 from crowdsim.crowd.simulate import simulate

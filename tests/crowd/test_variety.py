@@ -6,10 +6,10 @@ from synthetic_policy import policy
 
 from crowdsim.crowd.arrays import Strikes
 from crowdsim.crowd.crowd import Crowding, build_avatars, build_crowd
-from crowdsim.crowd.kernels.collision_avoidance import STAGGER
 from crowdsim.crowd.kernels.layout import END_X, END_Z, HIT_BY, HIT_FRAME, HIT_X, HIT_Z, X, Z
+from crowdsim.crowd.kernels.shown_motion import LATEST
 from crowdsim.crowd.kernels.strikes import note_hits
-from crowdsim.crowd.kernels.variety import LATEST
+from crowdsim.crowd.kernels.terms.collision_avoidance import STAGGER
 from crowdsim.crowd.model import build_model, strong_speed
 from crowdsim.crowd.simulate import simulate
 from crowdsim.crowd.simulation import Simulation

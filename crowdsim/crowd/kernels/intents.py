@@ -9,7 +9,6 @@ of strikes, by its range and aggression.
 import math
 
 from crowdsim.core.angles import cos_sin
-from crowdsim.crowd.kernels.collision_avoidance import NEARBY
 from crowdsim.crowd.kernels.layout import (
     AGGRESSION,
     ATTACKERS,
@@ -39,6 +38,7 @@ from crowdsim.crowd.kernels.obstacle_steering import go_around
 from crowdsim.crowd.kernels.resting import may_get_opponent
 from crowdsim.jit import kernel
 
+NEARBY = 1.2  # distance of an opponent from which on an avatar is on its way to it [m]
 FIGHTING = 0.9  # how far apart avatars are that fight [m]
 CLOSEST = 0.3  # how near an opponent seems at the most to one that watches [m]
 FLIGHT = 10.0  # how far away the point is that an avatar flees to [m]

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from crowdsim.crowd.kernels.choice import choose
 from crowdsim.crowd.kernels.clock import note_time
 from crowdsim.crowd.kernels.damage import hurt
+from crowdsim.crowd.kernels.decide import decide
 from crowdsim.crowd.kernels.layout import SIGHT, Now, Observed
 from crowdsim.crowd.kernels.motion import advance, switch
 from crowdsim.crowd.kernels.opponents import observe_all
@@ -40,7 +40,7 @@ def run_frames(model, avatars, world, now, count, fresh, scratch, record, strike
         note_time(timings, clock, 1)
         observe_all(avatars, present, due, dues, world.crowding[SIGHT], observed, distances, hits)
         note_time(timings, clock, 2)
-        lost = _choose_all(model, avatars, world, then, due[:dues], observed, scratch, chosen)
+        lost = _decide_all(model, avatars, world, then, due[:dues], observed, scratch, chosen)
         if lost >= 0:
             return k, held, lost
         note_time(timings, clock, 3)
@@ -70,13 +70,13 @@ def _find_due(model, avatars, present, due, fresh):
 
 
 @kernel(inline=True)
-def _choose_all(model, avatars, world, now, due, observed, scratch, out_chosen):
-    """Let avatars ``due`` choose, as many at a time as scratch space has room for."""
+def _decide_all(model, avatars, world, now, due, observed, scratch, out_chosen):
+    """Let avatars ``due`` decide, as many at a time as scratch space has room for."""
     room, lost = scratch.states.shape[0], -1
     for start in range(0, due.shape[0], room):
         some = Observed(observed.opponents[start:], observed.counts[start:], observed.neighbours[start:])
         count = min(room, due.shape[0] - start)
-        lost = max(lost, choose(model, avatars, world, now, due[start:], count, some, scratch, out_chosen[start:]))
+        lost = max(lost, decide(model, avatars, world, now, due[start:], count, some, scratch, out_chosen[start:]))
     return lost
 
 

@@ -49,7 +49,7 @@ from crowdsim.crowd.kernels.layout import (
     Z,
 )
 from crowdsim.crowd.kernels.prefetch import ask_for, ask_for_rows
-from crowdsim.crowd.kernels.variety import ask_for_marks, is_varied, note_shown
+from crowdsim.crowd.kernels.shown_motion import ask_for_marks, is_varied, note_shown
 from crowdsim.jit import kernel
 
 # Rows of ``Avatars.whole`` and ``Avatars.real`` that ``switch`` reads or writes.

@@ -16,11 +16,7 @@ from crowdsim.crowd.kernels.layout import (
     ACTION,
     BLOCKED,
     DECISIONS,
-    END_X,
-    END_Z,
     EVADED,
-    FIST_X,
-    FIST_Z,
     HEAD_RADIUS,
     HEADING,
     LANDED,
@@ -42,19 +38,14 @@ from crowdsim.crowd.kernels.layout import (
     SEEN_Z,
     SPEED,
     STRIDE,
-    STRIKES,
     TOLERANCE,
     TORSO_RADIUS,
     WIDTH,
-    Axis,
     X,
     Z,
 )
-from crowdsim.crowd.kernels.lying import from_axis
 from crowdsim.crowd.kernels.postures import Standing, posed_body, standing
 from crowdsim.jit import kernel
-
-AIR = 0.6  # how far from an opponent a strike is thrown at air [m]
 
 
 class Strike(NamedTuple):
@@ -101,22 +92,6 @@ def note_seen(model, avatars, world, now, own):
         row[half + SEEN_FRAME] = frame
     else:
         row[half + SEEN_FRAME] = -1.0
-
-
-@kernel(inline=True)
-def strikes_air(model, avatars, now, own, action):
-    """Return whether the first strike of an action would end far from its opponent's way to the end of its own one."""
-    whole, real, strikes = avatars.whole, avatars.real, model.strikes
-    first, opponent = model.actions[action, STRIKES], whole[NEXT_OPPONENT, own]
-    if first == model.actions[action + 1, STRIKES] or opponent < 0:
-        return False
-    j = avatars.slot_of[opponent]
-    if j >= now.present:
-        return False
-    cos, sin = cos_sin(real[HEADING, own])
-    fx, fz = strikes[first, FIST_X] * real[SCALE, own], strikes[first, FIST_Z] * real[SCALE, own]
-    x, z = real[X, own] + fx * cos + fz * sin, real[Z, own] - fx * sin + fz * cos
-    return from_axis(Axis(real[X, j], real[Z, j], real[END_X, j], real[END_Z, j]), x, z) > AIR
 
 
 @kernel(inline=True)

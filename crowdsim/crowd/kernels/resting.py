@@ -29,13 +29,11 @@ from crowdsim.crowd.kernels.layout import (
     STANDING,
     TAKES,
     TEAM,
-    UNTIL,
 )
 from crowdsim.crowd.kernels.walking import free_walk, sets_off
 from crowdsim.jit import kernel
 
 NO_WAY = 255  # instead of the number of actions until a rest can be entered, where the policy has no rests
-TOWARDS = 1.0  # what it costs an avatar to be an action further from where a rest begins, in normalised values
 
 
 @kernel(inline=True)
@@ -66,17 +64,6 @@ def resting_action(model, avatars, world, now, own):
         return np.int64(-1)
     row[PIECE] = way[ROW] + 1.0
     return np.int64(way[ENTER])
-
-
-@kernel(inline=True)
-def favour_rest(model, avatars, own, values):
-    """Where an avatar is to rest, add to the values of its actions what they are worth on the way there."""
-    if avatars.conditions[avatars.whole[NUMBER, own], DOES_NEXT] != RESTS:
-        return
-    state = model.actions[avatars.whole[ACTION, own], NEXT]
-    for k in range(model.offsets[state + 1] - model.offsets[state]):
-        until = model.ways_to_rest[model.actions[model.offsets[state] + k, NEXT], UNTIL]
-        values[k] -= TOWARDS * until
 
 
 @kernel(inline=True)

@@ -9,6 +9,7 @@ import numpy as np
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.arena import may_leave, outside
+from crowdsim.crowd.kernels.intents import NEARBY
 from crowdsim.crowd.kernels.layout import (
     ACTION,
     BACK,
@@ -54,46 +55,40 @@ ON_BODY = 2.0  # what it costs to end there, over the cost of ending in a body t
 IN_PASSING, ON_APPROACH = 0.5, 0.15  # instead of that, for those whose opponent is far away, or not near
 STEPS_OVER = 0.05  # what it costs to be halfway there
 TREADS = 0.125  # what it costs to end with a sole at its surface
-NEARBY, FAR = 1.2, 2.5  # distance of an opponent from which on an avatar is on its way to it, and far from it [m]
+FAR = 2.5  # distance of an opponent from which on it is far away [m]
 ON_FLOOR = -1.0  # instead of the frames that are left of an action, of bodies on the floor
 BYSTANDERS = 0.66  # how much of the gap and of the cost counts for those whom an avatar does not fight
 STAGGER, STEP = 8, 0.3  # for how long a strong hit counts [control frames], and how long a step back should be [m]
 
 
 @kernel(inline=True)
-def avoid(model, avatars, world, frame, due, count, observed, scratch):
-    """Lower the values of actions that end, or pass, inside a neighbour or outside the arena; or do not step back.
-
-    For avatars ``due[:count]``, with which observations and values run along.
-    """
+def avoid_collisions(model, avatars, world, now, own, observed, q, scratch):
+    """Lower the values of actions that end, or pass, inside a neighbour or outside the arena; or do not step back."""
     whole, real, work = avatars.whole, avatars.real, scratch.work
     worst = work[3]
-    keeps_apart = world.crowding[END_COST] > 0.0 or world.crowding[PATH_COST] > 0.0
-    for q in range(count):
-        own = due[q]
-        state = model.actions[whole[ACTION, own], NEXT]
-        furthest = model.reaches[state] * real[SCALE, own] + 1e-6  # moves are single numbers
-        close = 0
-        if keeps_apart:
-            close = _list_close(model, avatars, world.crowding, own, observed, q, furthest, scratch.near)
-        leaves = may_leave(world.arena, real[X, own], real[Z, own], furthest)
-        staggers = frame - real[HIT_FRAME, own] <= STAGGER and real[HIT_X, own] ** 2 + real[HIT_Z, own] ** 2 >= 1.0
-        if close == 0 and not leaves and not staggers:
-            continue
-        lanes = _find_ends(model, avatars, own, work)
-        for m in range(np.uint64(close)):
-            if scratch.near[m, 5] == ON_FLOOR:
-                _add_lying(model, avatars, own, scratch.near, m, work)
-            else:
-                _add_neighbour(world.crowding, scratch.near, m, lanes, work)
-        if leaves:
-            x, z, cost = real[X, own], real[Z, own], world.crowding[OUTSIDE_COST]
-            for k in range(lanes):
-                worst[k] += cost * outside(world.arena, x + work[0, k], z + work[1, k])
-        if staggers:
-            _step_back(real, world.crowding[BACK], own, lanes, work)
+    state = model.actions[whole[ACTION, own], NEXT]
+    furthest = model.reaches[state] * real[SCALE, own] + 1e-6  # moves are single numbers
+    close = 0
+    if world.crowding[END_COST] > 0.0 or world.crowding[PATH_COST] > 0.0:
+        close = _list_close(model, avatars, world.crowding, own, observed, q, furthest, scratch.near)
+    leaves = may_leave(world.arena, real[X, own], real[Z, own], furthest)
+    staggers = now.frame - real[HIT_FRAME, own] <= STAGGER and real[HIT_X, own] ** 2 + real[HIT_Z, own] ** 2 >= 1.0
+    if close == 0 and not leaves and not staggers:
+        return
+    lanes = _find_ends(model, avatars, own, work)
+    for m in range(np.uint64(close)):
+        if scratch.near[m, 5] == ON_FLOOR:
+            _add_lying(model, avatars, own, scratch.near, m, work)
+        else:
+            _add_neighbour(world.crowding, scratch.near, m, lanes, work)
+    if leaves:
+        x, z, cost = real[X, own], real[Z, own], world.crowding[OUTSIDE_COST]
         for k in range(lanes):
-            scratch.values[q, k] -= worst[k]
+            worst[k] += cost * outside(world.arena, x + work[0, k], z + work[1, k])
+    if staggers:
+        _step_back(real, world.crowding[BACK], own, lanes, work)
+    for k in range(lanes):
+        scratch.values[q, k] -= worst[k]
 
 
 @kernel(inline=True)

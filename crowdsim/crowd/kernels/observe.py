@@ -1,4 +1,4 @@
-"""The situations in which avatars choose: their targets, seen from where their actions end."""
+"""What avatars observe before they choose: opponents, and where these will be, seen from where their actions end."""
 
 import math
 
@@ -49,7 +49,7 @@ from crowdsim.crowd.kernels.opponents import change_opponent
 from crowdsim.crowd.kernels.prefetch import ask_for, ask_for_rows
 from crowdsim.jit import kernel
 
-# Rows of ``Avatars.whole`` and ``Avatars.real`` that ``aim`` reads of an avatar, and of its opponent.
+# Rows of ``Avatars.whole`` and ``Avatars.real`` that ``observe`` reads of an avatar, and of its opponent.
 _OWN = (OPPONENT, SKIP, ACTION, COHORT, POLICY, HIT_BY, NUMBER, NEXT_OPPONENT)
 _OWN_REAL = (X, Z, SCALE, HEADING, SPEED, HIT_FRAME)
 _OTHERS = (OPPONENT, ACTION, POLICY, TEAM, NUMBER)
@@ -57,7 +57,7 @@ _OTHERS_REAL = (X, Z, SCALE, HEADING, PHASE, SPEED, END_X, END_Z, BASE_TURN)
 
 
 @kernel(inline=True)
-def aim(model, avatars, world, now, due, count, observed, scratch):
+def observe(model, avatars, world, now, due, count, observed, scratch):
     """Choose opponents for avatars ``due[:count]`` and write their situations (``values.value_actions``).
 
     The state is that in which the action ends, or -1 where there is no opponent. Opponents change when the next

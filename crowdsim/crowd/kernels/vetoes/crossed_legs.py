@@ -1,4 +1,4 @@
-"""Whether an action ends with a leg in the leg of a neighbour."""
+"""Crossed legs: actions that end with a leg in the leg of a neighbour."""
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.segments import square_between
@@ -32,11 +32,11 @@ WIDE = 12  # column of ``Model.legs``
 
 
 @kernel(inline=True)
-def crosses_legs(model, avatars, crowding, own, action, observed, q):
-    """Return whether legs meet those of a neighbour where an action ends; the neighbour is where its own one ends."""
+def crosses_legs(model, avatars, world, now, own, observed, q, action):
+    """Return what an action costs that ends with a leg in a neighbour's, which is where its own action ends; else 0."""
     whole, real, moves = avatars.whole, avatars.real, model.moves
-    if crowding[END_COST] <= 0.0:
-        return False
+    if world.crowding[END_COST] <= 0.0:
+        return 0.0
     size = real[SCALE, own]
     cos, sin = cos_sin(real[HEADING, own])
     ex, ez = moves[action, MOVE_X] * size, moves[action, MOVE_Z] * size
@@ -73,8 +73,8 @@ def crosses_legs(model, avatars, crowding, own, action, observed, q):
                 knee_2 = _leg_point(model.legs, theirs, 6 * their, dx, dz, scale, cos_2, sin_2)
                 sole_2 = _leg_point(model.legs, theirs, 6 * their + 3, dx, dz, scale, cos_2, sin_2)
                 if square_between(knee, sole, knee_2, sole_2) < reach * reach:
-                    return True
-    return False
+                    return CROSSED
+    return 0.0
 
 
 @kernel(inline=True)

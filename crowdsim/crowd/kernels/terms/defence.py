@@ -67,26 +67,24 @@ class Threat(NamedTuple):
 
 
 @kernel(inline=True)
-def defend(model, avatars, world, now, due, count, observed, scratch):
-    """Lower the values of actions by the hits that they cost, for avatars ``due[:count]`` that defend themselves."""
+def defend(model, avatars, world, now, own, observed, q, scratch):
+    """Lower the values of actions by the hits that they cost an avatar that defends itself."""
     if model.defence.shape[0] == 0:
         return
     whole, defence = avatars.whole, model.defence
-    for q in range(count):
-        own = due[q]
-        cost = HIT * world.cohorts[whole[COHORT, own], DEFENCE]
-        whole[THREAT, own] = -1
-        state = scratch.states[q]
-        if cost <= 0.0 or state < 0:
-            continue
-        threat = see_threat(model, avatars, world.cohorts, now, own, observed, q)
-        whole[THREAT, own] = threat.cell
-        for k in range(model.offsets[state + 1] - model.offsets[state]):
-            action = model.offsets[state] + k
-            if threat.cell < SEEN_CELLS:
-                scratch.values[q, k] -= cost * _endured(model, avatars, own, action, threat)
-            else:
-                scratch.values[q, k] -= cost * defence[action, threat.cell]
+    cost = HIT * world.cohorts[whole[COHORT, own], DEFENCE]
+    whole[THREAT, own] = -1
+    state = scratch.states[q]
+    if cost <= 0.0 or state < 0:
+        return
+    threat = see_threat(model, avatars, world.cohorts, now, own, observed, q)
+    whole[THREAT, own] = threat.cell
+    for k in range(model.offsets[state + 1] - model.offsets[state]):
+        action = model.offsets[state] + k
+        if threat.cell < SEEN_CELLS:
+            scratch.values[q, k] -= cost * _endured(model, avatars, own, action, threat)
+        else:
+            scratch.values[q, k] -= cost * defence[action, threat.cell]
 
 
 @kernel(inline=True)

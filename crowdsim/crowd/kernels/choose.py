@@ -1,0 +1,149 @@
+"""The choice of the next action: a draw among those whose values are near the best one, unless one is forced."""
+
+import numpy as np
+
+from crowdsim.core.candidates import CandidateRules, draw_candidate
+from crowdsim.core.random import uniform
+from crowdsim.crowd.kernels.forced_actions import special_action
+from crowdsim.crowd.kernels.intents import is_resting
+from crowdsim.crowd.kernels.layout import (
+    ACTION,
+    AHEAD,
+    BURST,
+    BURST_STREAM,
+    CHOICE_STREAM,
+    COHORT,
+    DECISIONS,
+    END_X,
+    END_Z,
+    HEADING,
+    INTERVAL,
+    MARGIN,
+    MOST,
+    NEXT,
+    NEXT_OPPONENT,
+    NUMBER,
+    PHASE,
+    PIECE,
+    RESTED,
+    STAMINA,
+    STRIKES,
+    TEMPERATURE,
+    TEMPO,
+    THROWN,
+    THROWN_UNTIL,
+    X,
+    Z,
+)
+from crowdsim.crowd.kernels.outcomes import note_seen
+from crowdsim.crowd.kernels.prefetch import ask_for, ask_for_rows
+from crowdsim.crowd.kernels.resting import resting_action
+from crowdsim.crowd.kernels.vetoes.crossed_legs import crosses_legs
+from crowdsim.crowd.kernels.vetoes.same_strike import mirrors_opponent
+from crowdsim.crowd.kernels.vetoes.strike_at_air import strikes_air
+from crowdsim.jit import kernel
+
+BURSTS = (2, 5)  # least and most strikes of a burst
+WEARY = 3.0  # how much longer it takes an exhausted avatar to recover from a strike, over one that is not tired
+REDRAWN = 4  # how often an avatar draws again that has drawn an action to which there is a veto
+
+
+@kernel(inline=True)
+def choose(model, avatars, world, now, due, count, observed, scratch, out_chosen):
+    """Draw the next action of avatars ``due[:count]`` by its value; return -1, or a slot without numbers."""
+    for q in range(count):
+        _ask_for_drawing(avatars, due, count, q)
+        own = due[q]
+        action = _forced_action(model, avatars, world, now, own, observed, q)
+        if action < 0:
+            action = _draw(model, avatars, world, now, own, observed, q, scratch)
+            if action < 0:
+                return own
+            _note_strikes(model, avatars, world, now, own, action)
+        out_chosen[q] = action
+    return -1
+
+
+@kernel(inline=True)
+def _ask_for_drawing(avatars, due, count, q):
+    """Ask memory for what avatars soon after the ``q``-th one will read of themselves and of their opponents."""
+    whole, real = avatars.whole, avatars.real
+    if q + 3 * AHEAD < count:
+        own = due[q + 3 * AHEAD]
+        ask_for_rows(whole, (NUMBER, COHORT, DECISIONS, BURST, NEXT_OPPONENT), own)
+        ask_for_rows(real, (RESTED,), own)
+    if q + 2 * AHEAD < count:
+        ask_for(avatars.slot_of, max(whole[NEXT_OPPONENT, due[q + 2 * AHEAD]], 0))
+    if q + AHEAD < count:
+        j = avatars.slot_of[max(whole[NEXT_OPPONENT, due[q + AHEAD]], 0)]
+        ask_for_rows(whole, (ACTION, THROWN, THROWN_UNTIL), j)
+        ask_for_rows(real, (X, Z, HEADING, PHASE, END_X, END_Z), j)
+
+
+@kernel(inline=True)
+def _forced_action(model, avatars, world, now, own, observed, q):
+    """Return the action of an avatar that falls, is down or rests; -1 where it may choose."""
+    if avatars.conditions.shape[0] == 0:
+        return -1
+    action = special_action(model, avatars, world, now.frame, own, observed, q)
+    if action >= 0:
+        avatars.conditions[avatars.whole[NUMBER, own], PIECE] = 0.0
+    elif model.ways_to_rest.shape[0] > 0:
+        action = resting_action(model, avatars, world, now, own)
+    return action
+
+
+@kernel(inline=True)
+def _draw(model, avatars, world, now, own, observed, q, scratch):
+    """Draw among the actions of an avatar by their values, again while there is a veto; -1 where none is a number."""
+    whole, cohorts, values = avatars.whole, world.cohorts, scratch.values[q]
+    cohort, state = whole[COHORT, own], model.actions[whole[ACTION, own], NEXT]
+    offset, count = model.offsets[state], model.offsets[state + 1] - model.offsets[state]
+    number = uniform(world.stream[CHOICE_STREAM], np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own]))
+    rules = CandidateRules(cohorts[cohort, MARGIN], cohorts[cohort, MOST], cohorts[cohort, TEMPERATURE])
+    picked = draw_candidate(values, count, rules, number, scratch.rows)
+    for _ in range(REDRAWN):
+        if picked < 0:
+            return -1
+        cost = _object_to(model, avatars, world, now, own, observed, q, offset + picked)
+        if cost == 0.0:
+            break
+        values[picked] -= cost
+        picked = draw_candidate(values, count, rules, number, scratch.rows)
+    return offset + picked if picked >= 0 else -1
+
+
+@kernel(inline=True)
+def _object_to(model, avatars, world, now, own, observed, q, action):
+    """Return what the first veto to an action costs it; 0 where there is none."""
+    cost = mirrors_opponent(model, avatars, world, now, own, observed, q, action)
+    if cost == 0.0:
+        cost = crosses_legs(model, avatars, world, now, own, observed, q, action)
+    if cost == 0.0:
+        cost = strikes_air(model, avatars, world, now, own, observed, q, action)
+    return cost
+
+
+@kernel(inline=True)
+def _note_strikes(model, avatars, world, now, own, action):
+    """Let an avatar note the strikes of the action that it has chosen: what it saw, and how long it has to recover.
+
+    A strike takes ``INTERVAL`` frames to recover from, an exhausted avatar ``WEARY`` times as long again; the tempo is
+    the avatar's own. One that has recovered draws how many strikes its next burst has.
+    """
+    whole, real, number = avatars.whole, avatars.real, avatars.whole[NUMBER, own]
+    thrown = model.actions[action + 1, STRIKES] - model.actions[action, STRIKES]
+    if thrown > 0:
+        note_seen(model, avatars, world, now, own)
+    interval = world.cohorts[whole[COHORT, own], INTERVAL]
+    if avatars.conditions.shape[0] > 0:
+        row = avatars.conditions[number]
+        interval *= row[TEMPO] * (1.0 + WEARY * (1.0 - row[STAMINA]))
+    if interval <= 0.0:
+        return
+    if whole[BURST, own] <= 0 and not is_resting(avatars, world, now.frame, own):
+        least, most = BURSTS
+        drawn = uniform(world.stream[BURST_STREAM], np.int64(number), np.int64(whole[DECISIONS, own]))
+        whole[BURST, own] = least + int(drawn * (most - least + 1))
+    whole[BURST, own] = max(whole[BURST, own] - thrown, 0)
+    real[RESTED, own] = max(real[RESTED, own], np.float64(now.frame)) + interval * thrown
